@@ -89,10 +89,8 @@ class Pose:
         return Rotation.from_quat([x, y, z, w])
 
     def __getstate__(self) -> dict[str, Array]:
-        return {
-            "position": self.position,
-            "quaternion": self.quaternion,
-        }  # not the cached rotation
+        # Not the cached rotation.
+        return {"position": self.position, "quaternion": self.quaternion}
 
     @property
     def rpy(self) -> Array:

@@ -130,17 +130,14 @@ class Brief:
     generation: int
     agent: int  # its number in the generation
     seed: int  # for a model that draws random numbers
-    elites: tuple[
-        Evaluation, ...
-    ] = ()  # the best first; empty: the agent starts from nothing
+    # The best first; empty: the agent starts from nothing.
+    elites: tuple[Evaluation, ...] = ()
     actions: ActionRepresentation = field(kw_only=True)
-    tried: tuple[
-        Evaluation, ...
-    ] = ()  # all of earlier generations, if the prompt may show them
+    # All of earlier generations, if the prompt may show them.
+    tried: tuple[Evaluation, ...] = ()
     style: str = ""  # what a strategy adds to the prompt
-    critiques: Mapping[str, str] = field(
-        default_factory=dict
-    )  # a critic's words, by candidate
+    # A critic's words, by candidate.
+    critiques: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,9 +208,8 @@ class ToolRepresentation(Variable[Tool], ABC):
     robot: (
         Robot  # the arm that tools are for; the program makes a representation for one
     )
-    shapes: tuple[str, ...] = (
-        "box",
-    )  # what a component may be: box, cylinder, capsule, sphere
+    # What a component may be: box, cylinder, capsule, sphere.
+    shapes: tuple[str, ...] = ("box",)
     material: Material = PAPER  # the program makes it for one, and weighs by it what `parse` and `given` return
 
     @abstractmethod

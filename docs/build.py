@@ -199,9 +199,8 @@ def notebook(file: Path) -> None:
         ).execute()
     for cell in document.cells:
         for output in cell.get("outputs", []):
-            output.get("data", {}).pop(
-                "image/jpeg", None
-            )  # Pillow offers it beside the PNG
+            # Pillow offers it beside the PNG.
+            output.get("data", {}).pop("image/jpeg", None)
     nbformat.write(document, file)
 
 

@@ -15,9 +15,8 @@ LITTER_X = (0.5, 0.9)
 LITTER_Y = (-0.2, 0.2)
 CIRCLE = (1.1, 0.0)  # x, y of its centre
 RADIUS = 0.15
-INSIDE = (
-    RADIUS + 0.01
-)  # a cube counts as swept in if its centre is within this distance of the circle's
+# A cube counts as swept in if its centre is within this distance of the circle's.
+INSIDE = RADIUS + 0.01
 DUST = tuple(f"dust_{i}" for i in range(1, COUNT + 1))
 
 COLORS = (

@@ -30,16 +30,11 @@ DISC_TOP = 0.024
 # The rim leans outward, from the disc's edge.
 RIM_RADIUS = 0.13
 RIM_TOP = 0.036
-RIM_INSIDE = (
-    0.095,
-    0.127,
-)  # radii of the rim's inner face, at FOOT_HEIGHT (within the disc) and at RIM_TOP
+# Radii of the rim's inner face, at FOOT_HEIGHT (within the disc) and at RIM_TOP.
+RIM_INSIDE = (0.095, 0.127)
 MASS = 0.5
-START = (
-    0.75,
-    0.0,
-    0.0,
-)  # the plate's frame is in the middle of its foot, at the bottom
+# The plate's frame is in the middle of its foot, at the bottom.
+START = (0.75, 0.0, 0.0)
 LIFT = 0.4
 
 CHINA = (0.95, 0.95, 0.93, 1.0)
@@ -50,9 +45,8 @@ BLUE = (0.20, 0.36, 0.62, 1.0)
 def plate() -> Body:
     """The plate. Visual: a solid of revolution with a hollow foot and a blue line; collision: two discs and a ring."""
     slope = (RIM_TOP - FOOT_HEIGHT) / (RIM_INSIDE[1] - RIM_INSIDE[0])
-    face = (
-        RIM_INSIDE[0] + (DISC_TOP - FOOT_HEIGHT) / slope
-    )  # where the rim rises from the disc's upper face
+    # Where the rim rises from the disc's upper face.
+    face = RIM_INSIDE[0] + (DISC_TOP - FOOT_HEIGHT) / slope
     china = [
         (0.0, 0.012),
         (FOOT_RADIUS - 0.006, 0.012),

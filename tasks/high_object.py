@@ -15,10 +15,8 @@ SHELF_X = 1.3
 SHELF_DEPTH = 0.4
 SHELF_WIDTH = 1.2
 BOARD = 0.03
-BOARD_HEIGHTS = (
-    0.435,
-    0.885,
-)  # of the boards' middles; the upper board's top face is at z = 0.9
+# Of the boards' middles; the upper board's top face is at z = 0.9.
+BOARD_HEIGHTS = (0.435, 0.885)
 SHELF_TOP = 0.9
 
 BIN_CENTER = (0.8, 0.0, 0.05)

@@ -37,10 +37,8 @@ MOUTH = 0.25
 COOKIES = 12
 RADIUS = 0.04
 THICKNESS = 0.014
-COLUMN_X = (
-    -0.0445,
-    0.0445,
-)  # of the two columns, from the jar's middle; six cookies in each
+# Of the two columns, from the jar's middle; six cookies in each.
+COLUMN_X = (-0.0445, 0.0445)
 OUT_Z = 0.3  # a cookie whose centre is above this is out
 
 GLASS = (0.62, 0.80, 0.86, 0.3)

@@ -49,16 +49,8 @@ BOX_HEIGHT = 0.105
 BOX_WALL = 0.006
 
 LEGS = tuple(f"leg_{i}" for i in range(1, 6))
-MEAT_X = (
-    -0.059,
-    -0.055,
-    -0.048,
-    -0.038,
-    -0.008,
-    0.004,
-    0.013,
-    0.02,
-)  # along the leg; MEAT_RADIUS is its radius there
+# Along the leg; MEAT_RADIUS is its radius there.
+MEAT_X = (-0.059, -0.055, -0.048, -0.038, -0.008, 0.004, 0.013, 0.02)
 MEAT_RADIUS = (0.004, 0.011, 0.018, 0.022, 0.022, 0.0185, 0.013, 0.006)
 BONE_RADIUS = 0.006
 BONE_LENGTH = 0.04

@@ -27,9 +27,8 @@ for name, examples in {"patient": 30, "ci": 100, "nightly": 100}.items():
 settings.load_profile(PROFILE)
 
 PYBULLET = importlib.util.find_spec("pybullet") is not None
-FUZZ_CASES = {"ci": 1_000, "nightly": 10_000}.get(
-    PROFILE, 150
-)  # of tools, and as many of replies
+# Of tools, and as many of replies.
+FUZZ_CASES = {"ci": 1_000, "nightly": 10_000}.get(PROFILE, 150)
 POPULATION = 60 if PROFILE == "patient" else 200  # one in ten of which breaks
 
 
@@ -38,9 +37,8 @@ def lacks_pybullet(error: BaseException) -> bool:
     refusal = "sim=pybullet needs PyBullet: "
     if isinstance(error, UserError):
         return str(error).startswith(refusal)
-    message, asserted, _ = str(error).partition(
-        "\nassert "
-    )  # what stands after `assert done.returncode == 0,`
+    # What stands after `assert done.returncode == 0,`.
+    message, asserted, _ = str(error).partition("\nassert ")
     return bool(asserted) and any(
         line.strip().startswith(f"error: {refusal}") for line in message.splitlines()
     )

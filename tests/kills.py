@@ -106,13 +106,11 @@ def session(
 
 def main(folder: Path, points: int, words: Sequence[str]) -> None:
     offer(installed())
-    time.process_time = lambda: (
-        0.0
-    )  # what trials took, and others saved, is stored, and differs from run to run
+    # What trials took, and others saved, is stored, and differs from run to run.
+    time.process_time = lambda: 0.0
     warm = folder / "warm"
-    run(
-        several(warm / "notes", *words), warm / "run"
-    )  # what it leaves in caches, each child inherits
+    # What it leaves in caches, each child inherits.
+    run(several(warm / "notes", *words), warm / "run")
     (folder / "whole").mkdir()
     moments = session(folder / "whole", words, resumed=False, last=None)
     for point in range(points):

@@ -31,9 +31,8 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))[
     "project"
 ]
 NAME = PROJECT["name"]
-OFFERED = set(
-    PROJECT["entry-points"]["vlmgineer"].values()
-)  # modules and packages, each of which is a plugin
+# Modules and packages, each of which is a plugin.
+OFFERED = set(PROJECT["entry-points"]["vlmgineer"].values())
 COMMANDS = {
     ".".join(re.split("[.:]", str(command.main))[:2]) for command in commands().values()
 }
@@ -66,9 +65,8 @@ def imported(tree, runtime_only=False):
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, "imports are absolute"
             yield node.module
-            yield from (
-                f"{node.module}.{alias.name}" for alias in node.names
-            )  # some of them are modules too
+            # Some of them are modules too.
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
 def dotted(file):
@@ -127,9 +125,8 @@ def test_modules_import_each_other_without_circles(folder):
         module: {*imported(tree, runtime_only=True)} & {*trees} - {module}
         for module, tree in trees.items()
     }
-    assert len(list(graphlib.TopologicalSorter(graph).static_order())) == len(
-        trees
-    )  # raises where there is a circle
+    # Raises where there is a circle.
+    assert len(list(graphlib.TopologicalSorter(graph).static_order())) == len(trees)
 
 
 def test_the_core_knows_no_plugin_no_engine_and_no_model():
@@ -214,9 +211,8 @@ def test_every_robot_that_is_offered_has_a_name_that_is_looked_for():
         for offer in installed().offers.values()
         if (offer.kind, offer.distribution) == ("robot", NAME)
     ]
-    assert [name for name in own if not ROBOTS.search(name)] == [
-        "urdf"
-    ]  # one's own, from a file
+    # One's own, from a file.
+    assert [name for name in own if not ROBOTS.search(name)] == ["urdf"]
 
 
 def test_plugins_do_not_know_each_other():

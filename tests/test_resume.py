@@ -42,14 +42,8 @@ KILLED = {  # settings of the runs that are killed
     ],
 }
 TIMES = ("wall_time_s", "rollouts_per_s")
-LOCAL = (
-    "notes",
-    "members",
-    "limit",
-    "down",
-    "fails_at",
-    "workers",
-)  # settings that may differ between sessions
+# Settings that may differ between sessions.
+LOCAL = ("notes", "members", "limit", "down", "fails_at", "workers")
 
 
 @pytest.fixture
@@ -194,9 +188,8 @@ def test_a_run_killed_at_any_moment_comes_to_the_same_end_and_repeats_nothing(
         assert not known & set("".join(later).split("\n"))
         stored.append(len(known))
     assert stored == sorted(stored)
-    assert (
-        len(set(stored)) > min(points, 25) / 3
-    )  # the moments are spread over the run's life
+    # The moments are spread over the run's life.
+    assert len(set(stored)) > min(points, 25) / 3
 
 
 def what_is_stored(folder):
@@ -408,9 +401,8 @@ def test_a_run_that_had_ended_and_was_killed_while_it_went_on_has_not_ended(
     run(toys.config(tmp_path / "other notes", "budget.n_iteration=2"), whole)
     begin(toy, folder)
     with monkeypatch.context() as patched:
-        patched.setattr(
-            "core.search.best.save_design", lambda *_: 1 / 0
-        )  # nothing after this is written
+        # Nothing after this is written.
+        patched.setattr("core.search.best.save_design", lambda *_: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             resume(folder, ["budget.n_iteration=2"])
     resume(folder)

@@ -116,9 +116,8 @@ class SceneConfig:
     """
 
     task: dict[str, Any] = MISSING
-    robot: dict[str, Any] = field(
-        default_factory=dict
-    )  # empty: the default robot, as in runs of earlier versions
+    # Empty: the default robot, as in runs of earlier versions.
+    robot: dict[str, Any] = field(default_factory=dict)
     sim: dict[str, Any] = MISSING
     material: Material = field(default_factory=Material)
     seed: int = 0

@@ -18,9 +18,8 @@ from core.support.secrets import holds_secret, is_secret_name
 from core.support.text import clean
 
 MAX_BYTES = 100_000  # of a stored configuration
-_NAMED = re.compile(
-    r"(?:[{,?&]|\.env:)\s*['\"]?([\w-]+)"
-)  # in a mapping or an address's query, or of a variable
+# In a mapping or an address's query, or of a variable.
+_NAMED = re.compile(r"(?:[{,?&]|\.env:)\s*['\"]?([\w-]+)")
 _HINT = "it would be stored with the run; set the provider's environment variable instead, such as OPENAI_API_KEY"
 
 

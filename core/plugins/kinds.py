@@ -36,13 +36,11 @@ class Kind(Generic[T]):
 
     name: str  # its config group, as in ``sim=NAME``
     hook: str  # the hook that offers its parts, of `core.hooks.Parts`
-    interface: (
-        type[T] | None
-    )  # the class of its parts; None: a part implements some of `core.hooks.Events`
+    # The class of its parts; None: a part implements some of `core.hooks.Events`.
+    interface: type[T] | None
     attributes: tuple[str, ...] = ()  # what its parts have beside methods
-    provided: tuple[
-        str, ...
-    ] = ()  # the arguments of its factories that the program provides; the others are settings
+    # The arguments of its factories that the program provides; the others are settings.
+    provided: tuple[str, ...] = ()
     defaults: Mapping[str, Any] = field(default_factory=dict)
     checked: Literal["made", "factory", "named"] = "made"
 

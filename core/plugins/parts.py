@@ -17,9 +17,10 @@ from core.values.materials import PAPER, Material
 
 T_co = TypeVar("T_co", covariant=True, default=Any)
 _Number = pydantic.FiniteFloat
+# X, y, z and yaw.
 _BASE = pydantic.TypeAdapter(
     tuple[_Number, _Number, _Number, _Number], config={"strict": True}
-)  # x, y, z and yaw
+)
 
 
 @dataclass(frozen=True)

@@ -25,9 +25,8 @@ from core.solids.tracks import Indices, Look, Pair, Track, Tracks, angles, lengt
 
 DEEP_M = 0.01  # penetration allowed under pressure; at most half of what it takes to reach the other side
 THIN_M = 0.003  # but for thin solids, pressed into a thick one too, as much as they are thick, and at least this much
-THROUGH = (
-    2 / 3
-)  # share of the way to the middle from which on leaving on another side is a passage
+# Share of the way to the middle from which on leaving on another side is a passage.
+THROUGH = 2 / 3
 # A cut is deeper along the side than the shortest way out by twice the thickness, within these limits.
 CUT_LEAST_M = 0.001
 CUT_MOST_M = 0.003

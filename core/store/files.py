@@ -25,9 +25,8 @@ def write_request(folder: Path, request: Request) -> None:
 
     for message in request.messages:
         for part in message.parts:
-            if (
-                isinstance(part, Picture) and part.name != "scene"
-            ):  # which the run's folder has already
+            # Which the run's folder has already.
+            if isinstance(part, Picture) and part.name != "scene":
                 (folder / f"{part.name}.png").write_bytes(part.png)
 
     write_text(folder / f"{request.id}.md", _as_text(request))

@@ -43,9 +43,8 @@ Id = Annotated[str, Field(max_length=200)]
 Ids = Json[tuple[Id, ...]]
 Key = tuple[int, int, int]  # generation, agent and strategy of a design
 
-adapter: Callable[[Any], TypeAdapter[Any]] = lru_cache(maxsize=64)(
-    TypeAdapter
-)  # slow to make
+# Slow to make.
+adapter: Callable[[Any], TypeAdapter[Any]] = lru_cache(maxsize=64)(TypeAdapter)
 
 
 def validated(schema: type[T], value: object) -> T:

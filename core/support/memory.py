@@ -6,7 +6,6 @@ import ctypes
 
 def release_memory() -> None:
     """Give free memory back, where the allocator is GNU's; by itself it keeps ever more."""
-    with contextlib.suppress(
-        AttributeError, OSError, TypeError
-    ):  # other systems have other allocators
+    # Other systems have other allocators.
+    with contextlib.suppress(AttributeError, OSError, TypeError):
         ctypes.CDLL(None).malloc_trim(0)

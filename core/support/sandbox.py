@@ -72,9 +72,8 @@ def _main(module: str, function: str, *words: str) -> None:
     """Call a function with what is piped in, and write the bytes that it returns to the file that comes last."""
     *given, out = words
 
-    with contextlib.suppress(
-        ValueError, OSError
-    ):  # a system that has no such limit, or a lower one
+    # A system that has no such limit, or a lower one.
+    with contextlib.suppress(ValueError, OSError):
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
 
     try:

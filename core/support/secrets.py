@@ -21,9 +21,8 @@ _NAME = re.compile(
 )
 _IN_ADDRESS = re.compile(r"://[^/\s:@]*:([^/\s@]+)@")
 
-_sent: deque[str] = deque(
-    maxlen=50
-)  # what requests carried lately, such as a session's token
+# What requests carried lately, such as a session's token.
+_sent: deque[str] = deque(maxlen=50)
 
 
 def is_secret_name(name: str) -> bool:

@@ -26,9 +26,8 @@ def run_in_thread(
             raised = RuntimeError(
                 f"{type(error).__name__} ended the thread {name!r}: {error}"
             )
-            raised = raised.with_traceback(
-                error.__traceback__
-            )  # which shows whose code it was
+            # Which shows whose code it was.
+            raised = raised.with_traceback(error.__traceback__)
             raised.__cause__ = error
 
         ended(raised)

@@ -239,9 +239,8 @@ def simulators() -> Iterator[tuple[str, Simulator]]:
     for offer in sorted(
         offers, key=lambda offer: (offer.distribution != PROJECT, offer.name)
     ):
-        with suppress(
-            UserError
-        ):  # for example an engine whose library is not installed
+        # For example an engine whose library is not installed.
+        with suppress(UserError):
             yield offer.name, PluginPart("sim", offer.name).create()
             made = True
 

@@ -92,9 +92,8 @@ def check_blow_of_the_wrist_has_its_motor_behind_it(simulator: Simulator) -> Non
     times = np.array([0.0, 0.05, 0.1, struck + 0.02])
     turned = rate * np.array([0.0, 0.0125, 0.05, struck - 0.03])
     joints = np.tile(arm().home_for(Pose(np.array([0.5, 0.0, 0.3]))), (len(times), 1))
-    joints[:, 6] += (
-        rate * (struck - 0.05) - turned
-    )  # the flange looks down: about z this is to the left
+    # The flange looks down: about z this is to the left.
+    joints[:, 6] += rate * (struck - 0.05) - turned
     job = Rollout(
         Tool((post, bar)),
         JointTrajectory(times, joints, opened(len(times))),

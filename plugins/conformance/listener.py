@@ -175,12 +175,8 @@ def check_a_run_may_break_off(make: Make) -> None:
     """After an error ``run_ended`` comes, wherever the run was; the same folder then sees the run go on."""
     with scratch() as folder:
         events = script(folder)
-        for count in (
-            1,
-            3,
-            5,
-            8,
-        ):  # until it started, a request, an evaluation, a generation
+        # Until it started, a request, an evaluation, a generation.
+        for count in (1, 3, 5, 8):
             play(make(), events[:count])
         play(make(), events)
 

@@ -47,9 +47,8 @@ def dispatch(
     results: queue.SimpleQueue[tuple[A, B | Exception] | _Raised | None] = (
         queue.SimpleQueue()
     )
-    room = threading.Semaphore(
-        2 * len(workers)
-    )  # a chunk holds it until its result is taken
+    # A chunk holds it until its result is taken.
+    room = threading.Semaphore(2 * len(workers))
     stop = threading.Event()
 
     def read() -> None:

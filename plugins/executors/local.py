@@ -44,9 +44,8 @@ _ONE_THREAD = dict.fromkeys(
 _START_S = 120.0  # for a process to take its first chunk
 
 _spawn = multiprocessing.get_context("spawn")
-_reaping = (
-    threading.Lock()
-)  # if two threads wait for one process, one does not get its exit code
+# If two threads wait for one process, one does not get its exit code.
+_reaping = threading.Lock()
 
 
 class LocalExecutor(Executor):
@@ -229,9 +228,8 @@ class _Worker:
 
     def _bury(self) -> None:
         """End the process at once."""
-        if (
-            self._process is not None and self._process.pid is not None
-        ):  # it was started
+        # It was started.
+        if self._process is not None and self._process.pid is not None:
             self._process.kill()
             with _reaping:
                 self._process.join()

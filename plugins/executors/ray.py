@@ -64,9 +64,8 @@ class RayExecutor(Executor):
         check_positive("executor.", num_cpus=num_cpus)
         if not 0 <= num_gpus < math.inf:
             raise UsageError(f"executor.num_gpus must be 0 or greater, got {num_gpus}")
-        os.environ.setdefault(
-            "RAY_ENABLE_AUTO_CONNECT", "0"
-        )  # or it starts a cluster where it has lost one
+        # Or it starts a cluster where it has lost one.
+        os.environ.setdefault("RAY_ENABLE_AUTO_CONNECT", "0")
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         if address is not None:  # a cluster that is there answers the first time
             os.environ.setdefault("RAY_NUM_REDIS_GET_RETRIES", "3")
@@ -126,9 +125,8 @@ class RayExecutor(Executor):
             except lost.RayError as error:
                 if self._closed:
                     break
-                machine = isinstance(
-                    error, lost.OutOfMemoryError | lost.NodeDiedError
-                )  # no fault of the chunk
+                # No fault of the chunk.
+                machine = isinstance(error, lost.OutOfMemoryError | lost.NodeDiedError)
                 why = f"{type(error).__name__}: {str(error).strip()}".splitlines()[0]
                 continue
 

@@ -146,9 +146,8 @@ class HangRing(Task):
         root = end.position("peg_b")
         middle = end.position("ring")
         reach, beside, slope = self.crossing(end, "peg_b")
-        inner = np.clip(
-            self.crossing(start, "peg_a")[1], *INNER
-        )  # at the start it hangs by its inner radius
+        # At the start it hangs by its inner radius.
+        inner = np.clip(self.crossing(start, "peg_a")[1], *INNER)
         around_it = (
             (reach > 0)
             & (reach < PEG)

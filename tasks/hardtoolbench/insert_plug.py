@@ -175,9 +175,8 @@ class InsertPlug(Task):
         whole = length((start.position("plug") - there)[..., :2])
         depth = (there - plug)[..., 2]
         upright = z_axis(end, "plug")[..., 2] > 0.95
-        inside = (
-            off < 0.007
-        )  # its end can't be at such a place in any other way, below the mouth
+        # Its end can't be at such a place in any other way, below the mouth.
+        inside = off < 0.007
         above = 0.15 * progress(off, whole) * (depth < 0.001)
         sunk = 0.15 + 0.85 * share(depth / DEEP)
         return np.where(inside & (depth > 0), sunk, above) * upright

@@ -38,15 +38,11 @@ BRIDGE = 0.08
 BRIDGE_HEIGHT = 0.04
 BOWL_RADIUS = 0.045
 BOWL_HEIGHT = 0.035
-ASIDE = (
-    0.13,
-    0.25,
-)  # of the lid's middle from the pot's, m: from the first on it counts, from the second on fully
+# Of the lid's middle from the pot's, m: from the first on it counts, from the second on fully.
+ASIDE = (0.13, 0.25)
 STILL_M_S = 0.05
-GENTLE = (
-    0.4,
-    0.8,
-)  # m/s; up to the first the lid was put down, from the second on dropped
+# M/s; up to the first the lid was put down, from the second on dropped.
+GENTLE = (0.4, 0.8)
 
 IRON = (0.30, 0.34, 0.40, 1.0)
 TIN = (0.62, 0.65, 0.70, 1.0)

@@ -42,11 +42,8 @@ BOWL_RADIUS = 0.075
 BOWL_HEIGHT = 0.055
 CHINA_WALL = 0.005
 GRAIN = 0.007
-RINGS = (
-    (0.0, 1),
-    (0.0152, 6),
-    (0.0298, 12),
-)  # of grains on the crucible's bottom: radius and number
+# Of grains on the crucible's bottom: radius and number.
+RINGS = ((0.0, 1), (0.0152, 6), (0.0298, 12))
 GRAINS = tuple(f"grain_{i}" for i in range(1, sum(count for _, count in RINGS) + 1))
 STILL_M_S = 0.05
 

@@ -20,10 +20,8 @@ from core.values.layouts import around, within
 from tasks.assets import board, raised
 from tasks.rewards import share, speed, split
 
-PLACE = (
-    0.68,
-    0.0,
-)  # of the track's frame: x points across it and away from the robot, y back to where the carts start
+# Of the track's frame: x points across it and away from the robot, y back to where the carts start.
+PLACE = (0.68, 0.0)
 # Height of the track and half its width.
 TOP = 0.06
 TRACK = 0.04

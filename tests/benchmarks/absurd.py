@@ -281,9 +281,8 @@ def tried(
     assert evaluation.candidate.tool is not None
     tool = evaluation.candidate.tool
     still = _still(job.trajectory, scene)
-    loose = np.zeros(
-        (len(still.times), len(tool.bearers))
-    )  # the tool's own joints stay as they were built
+    # The tool's own joints stay as they were built.
+    loose = np.zeros((len(still.times), len(tool.bearers)))
     held = replace(still, fingers=np.hstack([still.fingers, loose]))
     commanded = robot_tracks(PANDA, tool, held)[-len(tool.components) :]
     return Tried(

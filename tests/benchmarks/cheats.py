@@ -57,12 +57,8 @@ FOUND = 0.3
 PARENTS = 10
 CHILDREN = 12
 FIRST = 24
-SHARES = {
-    "HangRing": 0.5,
-    "StopCart": 0.5,
-    "SweepCards": 0.25,
-    "PourGrains": 0.05,
-}  # of rollouts, by their cost
+# Of rollouts, by their cost.
+SHARES = {"HangRing": 0.5, "StopCart": 0.5, "SweepCards": 0.25, "PourGrains": 0.05}
 SHARES |= {
     "GatherSpheres": 0.05,
     "TurkeyLegs": 0.15,

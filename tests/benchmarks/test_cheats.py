@@ -51,9 +51,8 @@ def test_a_sheet_is_inside_of_a_cube_by_its_area(task):
     area, where = absurd.inside(scene, tool, recording(task, [at]))
     assert area == pytest.approx((7 - 2 * 0.3) ** 2, rel=0.15)
     assert where == "sheet in cube at 0.04 s"
-    assert (
-        absurd.inside(scene, tool, recording(task, [moved(at, 0.0, 0.034)]))[0] == 0
-    )  # 1 mm deep: engines are soft
+    # 1 mm deep: engines are soft.
+    assert absurd.inside(scene, tool, recording(task, [moved(at, 0.0, 0.034)]))[0] == 0
     plate = installed().create("task", "ElevatePlate")
     seam = moved(at, 0.0, -0.018)  # between its foot and its disc, which touch
     assert absurd.inside(plate.scene(0), tool, recording(plate, [seam]))[0] > 50

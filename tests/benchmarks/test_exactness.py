@@ -23,9 +23,8 @@ def test_the_stored_figures_are_those_of_the_engine(engine):
     assert measured.keys() == stored.keys()
     for name, figure in stored.items():
         least = 2e-4 if "rad" in name else 0.1  # radians; millimetres and newtons
-        wanted = (
-            figure if figure is None else pytest.approx(figure, rel=0.1, abs=least)
-        )  # None: too stiff to be seen
+        # None: too stiff to be seen.
+        wanted = figure if figure is None else pytest.approx(figure, rel=0.1, abs=least)
         assert measured[name] == wanted, name
 
 
@@ -43,9 +42,8 @@ def test_a_slower_servo_is_less_exact_and_presses_less():
     assert lazy["push_n_per_mm"] * lazy["sag_mm_1kg"] == pytest.approx(
         GRAVITY, rel=0.05
     )
-    assert lazy["most_n"] == pytest.approx(
-        usual["most_n"], rel=0.2
-    )  # of the joints' torques
+    # Of the joints' torques.
+    assert lazy["most_n"] == pytest.approx(usual["most_n"], rel=0.2)
 
 
 class Broken(Simulator):

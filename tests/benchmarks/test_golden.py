@@ -39,9 +39,8 @@ def test_the_same_code_earns_the_same_bits(tmp_path, monkeypatch, capsys):
         call(monkeypatch, "compare", "before", "after")
     assert "| BringCube | mujoco | 3 | 1 | 1 | 1.11e-16 |" in capsys.readouterr().out
 
-    kept = [
-        {**found, "rewards": [0.123] * 2}
-    ]  # what is there is read, not measured again
+    # What is there is read, not measured again.
+    kept = [{**found, "rewards": [0.123] * 2}]
     rewards = Path("before/rewards/BringCube.json")
     rewards.write_text(json.dumps(kept))
     call(

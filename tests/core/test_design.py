@@ -136,9 +136,8 @@ def test_the_order_does_not_depend_on_arrival(entries, random, tie):
         lengths = [
             math.inf if math.isnan(e.distance_m) else e.distance_m for e in equal
         ]
-        assert lengths == sorted(
-            lengths
-        )  # ...the shorter ones before the longer ones...
+        # ...the shorter ones before the longer ones...
+        assert lengths == sorted(lengths)
         found = found[len(equal) :]  # ...and the same holds for the rest
 
 

@@ -50,9 +50,8 @@ def test_the_inverse_undoes(pose):
 
 @given(vectors, turns)
 def test_there_and_back_by_roll_pitch_yaw(xyz, rpy):
-    assume(
-        abs(rpy[1]) < math.pi / 2 - 1e-3
-    )  # beyond, other angles name the same orientation
+    # Beyond, other angles name the same orientation.
+    assume(abs(rpy[1]) < math.pi / 2 - 1e-3)
     pose = Pose.xyz_rpy(xyz, rpy)
     difference = np.subtract(pose.rpy, rpy)
     np.testing.assert_allclose(np.angle(np.exp(1j * difference)), 0, atol=1e-9)

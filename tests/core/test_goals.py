@@ -278,9 +278,8 @@ def test_one_after_another():
     assert reward(goals, put, film(START, opened, put), every=True) == 1
     assert reward(goals, put, film(START, put, put), every=True) == 0
     both = at(opened, cube=put.position("cube"))
-    assert (
-        reward(goals, both, film(START, put, both, both), every=True) == 0.5
-    )  # in the wrong order
+    # In the wrong order.
+    assert reward(goals, both, film(START, put, both, both), every=True) == 0.5
     closed = (goals[0], JointAt(joint="drawer", to=0.0, after=0))
     assert reward(closed, START, film(START, opened, START), every=True) == 1
     assert reward(closed, START, film(START, START), every=True) == 0
@@ -329,9 +328,8 @@ def test_margins_say_how_far_the_end_is_from_the_limits_of_goals():
     ) == {"way of cube": (0.15, 0.1, 0.5)}
     upright = Turned(bodies=("cube",), axis=(0, 0, 1), tolerance_deg=10)
     assert margins(upright, end=START)["angle of cube"][2] == 1
-    assert (
-        margins(Placed(bodies=("cube",), place=(0.5, 0, 0)), end=START) == {}
-    )  # no tolerance, no room
+    # No tolerance, no room.
+    assert margins(Placed(bodies=("cube",), place=(0.5, 0, 0)), end=START) == {}
 
 
 def test_margins_of_what_must_not_be_touched_or_pressed():
@@ -364,9 +362,8 @@ def test_without_a_limit_the_margin_is_what_the_reward_exceeds_success_by(
     (found,) = margins_of(Untold(success), START, START, None, reward)
     assert (found.name, found.value, found.limit) == ("reward", reward, success)
     assert found.margin == pytest.approx(margin)
-    assert (
-        margins_of(Untold(1.0), START, START, None, reward) == ()
-    )  # no room above success
+    # No room above success.
+    assert margins_of(Untold(1.0), START, START, None, reward) == ()
 
 
 class Untold(Task):

@@ -47,9 +47,8 @@ def test_guards_find_what_was_seen_wrong(file):
 def test_guards_are_worth_it_in_unseen_layouts(file, engine):
     task = installed().create("task", file.stem, variation="wide")
     layouts = range(PROTOCOL.protocol.layouts)
-    blind = rewards(
-        anchored(file.stem), task, engine, layouts
-    )  # of paper: of PLA four of them would bend or break
+    # Of paper: of PLA four of them would bend or break.
+    blind = rewards(anchored(file.stem), task, engine, layouts)
     felt = rewards(guarded(file, task), task, engine, layouts)
     assert sum(felt) / len(felt) >= 0.75
     assert sum(felt) > sum(blind)

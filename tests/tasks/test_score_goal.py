@@ -37,9 +37,8 @@ def lying(x, y):
 
 @pytest.mark.parametrize("friction", ["puck", 0.5])
 def test_what_slides_on_the_floor_slides_as_if_on_ice(friction):
-    other = (
-        SCENE[friction].friction if isinstance(friction, str) else friction
-    )  # 0.5: tools
+    # 0.5: tools.
+    other = SCENE[friction].friction if isinstance(friction, str) else friction
     assert np.sqrt(SCENE["floor"].friction * other) == pytest.approx(0.1)
 
 

@@ -316,9 +316,8 @@ def test_the_reward_rises_from_0_to_1_on_the_way_to_the_goal(name, data):
         assert reward(0) == pytest.approx(0, abs=1e-9)
         assert reward(1) >= 0.95
         assert 0 <= reward(less) <= reward(more) + 1e-9 <= 1 + 1e-9
-        assert any(
-            0.02 < reward(share) < 0.98 for share in np.linspace(0, 1, 50)
-        )  # progress counts
+        # Progress counts.
+        assert any(0.02 < reward(share) < 0.98 for share in np.linspace(0, 1, 50))
 
 
 @every_task

@@ -102,9 +102,8 @@ class PyBulletRenderer(Renderer):
             behind, _ = self._draw(camera, width, height)
             for number, pose in poses.items():
                 self._client.resetBasePositionAndOrientation(number, *pose)
-            opacity = np.ones(
-                max(numbers.max(), *self._clear) + 2
-            )  # by number; the last is the background's, -1
+            # By number; the last is the background's, -1.
+            opacity = np.ones(max(numbers.max(), *self._clear) + 2)
             opacity[list(self._clear)] = list(self._clear.values())
             weight = opacity[numbers][..., None]
             picture = (weight * picture + (1 - weight) * behind).astype(np.uint8)

@@ -14,8 +14,7 @@ except ImportError as error:
         f"sim=sapien needs SAPIEN: pip install 'sapien>=3.0.3' ({error})"
     ) from error
 
-sapien.set_log_level(
-    "critical"
-)  # it warns of missing graphics; errors are raised anyway
+# It warns of missing graphics; errors are raised anyway.
+sapien.set_log_level("critical")
 
 __all__ = ["physx", "sapien"]

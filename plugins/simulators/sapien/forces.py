@@ -40,9 +40,8 @@ class Forces(Impulses):
         self._fixed = frozenset(
             (rank, body.name) for rank, body in enumerate(scene.bodies) if body.fixed
         )
-        self._still: dict[
-            tuple[Any, ...], float
-        ] = {}  # the impulses of shapes at rest, which stay the same
+        # The impulses of shapes at rest, which stay the same.
+        self._still: dict[tuple[Any, ...], float] = {}
         ranks = {body.name: rank for rank, body in enumerate(scene.bodies)}
 
         for component in (
@@ -63,9 +62,8 @@ class Forces(Impulses):
         for component in system.articulation_link_components:
             parts = links[component.entity.name]
             shapes = component.collision_shapes
-            for number, shape in enumerate(
-                shapes
-            ):  # of each part there are as many copies
+            # Of each part there are as many copies.
+            for number, shape in enumerate(shapes):
                 part = parts[number * len(parts) // len(shapes)].part
                 self._things[shape] = -1, "tool" if part in tool.borne_on else part
 

@@ -112,14 +112,8 @@ VALUES: dict[str, Callable[[Evaluation], float]] = {
     "touch": touch,
     "time": motion,
 }
-COLUMNS = (
-    "mass_kg",
-    "extent_m",
-    "components",
-    "distance_m",
-    "touch_m",
-    "motion_s",
-)  # of these values
+# Of these values.
+COLUMNS = ("mass_kg", "extent_m", "components", "distance_m", "touch_m", "motion_s")
 MEASURES = {
     measure.name: measure
     for measure in (

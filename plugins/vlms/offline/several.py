@@ -29,12 +29,8 @@ from plugins.vlms.offline.tools import find_part, task_suffix, working_part
 
 _TRIES = 12
 _FRESH = 0.4  # the chance of a fresh part for a task that is not done
-_DIRECTIONS = (
-    0,
-    90,
-    -90,
-    180,
-)  # degrees about the mount's axis, one after the other for the tasks
+# Degrees about the mount's axis, one after the other for the tasks.
+_DIRECTIONS = (0, 90, -90, 180)
 _ABOVE_M = 0.02  # clearance of all parts above the highest body below home
 
 

@@ -17,9 +17,10 @@ from tests.core.plugins.offering import Engine, Offering
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[3]
+# It has no settings.
 BUILT_IN = sorted(
     part for part in installed().offers if part[0] in KINDS.keys() - {"command"}
-)  # it has no settings
+)
 
 
 @pytest.mark.parametrize(("kind", "name"), BUILT_IN)
@@ -90,9 +91,8 @@ def test_a_part_without_a_config_file_has_its_signature(extended):
         "time_step": 0.01,
         "walls": ["a"],
     }
-    assert cfg.listener == {
-        "shout": {"color": "blue"}
-    }  # what YAML can't say is left out
+    # What YAML can't say is left out.
+    assert cfg.listener == {"shout": {"color": "blue"}}
     assert cfg.executor == {"name": "gone"}
     assert load("config", ["sim=grid", "sim.grid=4"]).sim.grid == 4
     with pytest.raises(

@@ -213,9 +213,8 @@ def test_contents_of_every_prompt(brief: Brief) -> None:
         assert str(folder) not in text
     schema = json.dumps(answer_schema(brief), separators=(",", ":"))
     assert schema in text
-    assert schema not in words(
-        PromptComposer().compose(brief, [PICTURE], schema=False)
-    )  # the model gets it otherwise
+    # The model gets it otherwise.
+    assert schema not in words(PromptComposer().compose(brief, [PICTURE], schema=False))
 
 
 def test_elites_are_shown() -> None:
@@ -332,9 +331,8 @@ def test_feedback(feedback: str) -> None:
         shown if feedback != "paper" else dict.fromkeys(shown)
     )
     assert second.get("distance_m") is None  # nan
-    assert ("[0.4, 0.0, 0.1, 0.0, 0.0, 0.0]" in listed) == (
-        feedback != "paper"
-    )  # one line per waypoint
+    # One line per waypoint.
+    assert ("[0.4, 0.0, 0.1, 0.0, 0.0, 0.0]" in listed) == (feedback != "paper")
     assert ("that earned the rewards are not shown" in text) == (feedback == "paper")
     for name in shown:
         assert (f"`{name}`" in text) == (feedback != "paper")

@@ -33,11 +33,8 @@ pytestmark = pytest.mark.slow
 
 URDF = installed().create("tool", "urdf")
 LIMITS = {"workers": 1, "timeout_s": 60.0, "memory_mb": 1024}
-HARMLESS = {
-    "texture",
-    "stylesheet",
-    "million plans",
-}  # what is hostile in them is dropped, what is left is sound
+# What is hostile in them is dropped, what is left is sound.
+HARMLESS = {"texture", "stylesheet", "million plans"}
 
 
 def reading(text):
@@ -99,9 +96,8 @@ def test_the_worst_tools_are_read_in_two_seconds(text):
     reading(reply_of(sound()))
     began = time.process_time()
     reading(reply_of(sound(tool_urdf=text)))
-    assert (
-        time.process_time() - began < 3 * 2.0
-    )  # on a machine three times as slow as any of this decade
+    # On a machine three times as slow as any of this decade.
+    assert time.process_time() - began < 3 * 2.0
 
 
 @pytest.mark.thorough

@@ -76,9 +76,13 @@ def test_strategies_after_a_malformed_one_are_kept():
     broken = whole[1].replace("[[", "[[;", 1)
     text = '{"strategies": [' + ",\n".join([first, broken, broken, whole[3]]) + "]}"
     candidates = read_designs(parse_reply(text), Rod(), TASK)
+    # Fmt: skip.
     assert [(c.strategy, c.problem is None) for c in candidates] == [
-        *([(0, True)] * 2), (1, False), (2, False), *([(3, True)] * 2)
-    ]  # fmt: skip
+        *([(0, True)] * 2),
+        (1, False),
+        (2, False),
+        *([(3, True)] * 2),
+    ]
     assert candidates[-1].strategy_name == "3"
     assert "line 2 " in candidates[2].problem
     assert "line 3 " in candidates[3].problem

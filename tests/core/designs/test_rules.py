@@ -300,9 +300,8 @@ def test_tools_that_start_clear_pass(spawn):
 
 
 def test_a_tool_in_the_arm(spawn):
-    spawn.check(
-        rigid(box(at=(0, 0, 0.01), size=(0.02, 0.02, 0.02)))
-    )  # inside the link that carries it
+    # Inside the link that carries it.
+    spawn.check(rigid(box(at=(0, 0, 0.01), size=(0.02, 0.02, 0.02))))
     with pytest.raises(
         DesignError,
         match=r"component 'a' starts [0-9.]+ mm inside the arm \(panda_link6\); move it",

@@ -54,9 +54,8 @@ def test_attachments_to_the_fingers_are_weighed_where_the_open_fingers_are():
         for side in ("left", "right")
     )
     moment = flange_moment(Tool(tuple(pads), gripper=True), PANDA)
-    assert moment == pytest.approx(
-        9.81 * 0.0584, rel=1e-3
-    )  # the fingers' frames lie 58.4 mm below the mount
+    # The fingers' frames lie 58.4 mm below the mount.
+    assert moment == pytest.approx(9.81 * 0.0584, rel=1e-3)
 
 
 def test_what_is_too_heavy_is_refused_with_the_figures():

@@ -72,9 +72,8 @@ def test_an_import_that_fails_is_remembered_and_hurts_nobody(monkeypatch):
 
 def test_no_other_package_replaces_a_built_in_part(monkeypatch):
     own = list(importlib.metadata.entry_points(group=PROJECT))
-    other = importlib.metadata.EntryPoint(
-        "other", "tasks", PROJECT
-    )  # as if listed first, it offers BringCube too
+    # As if listed first, it offers BringCube too.
+    other = importlib.metadata.EntryPoint("other", "tasks", PROJECT)
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda **how: [other, *own])
     found = Plugins()
     assert found.offers["task", "BringCube"].distribution == PROJECT

@@ -186,11 +186,8 @@ def whole_inertia(model):
     data = model.createData()
     pin.ccrba(model, data, home(model), np.zeros(model.nv))
     pin.centerOfMass(model, data, home(model))
-    return (
-        data.mass[0],
-        data.com[0].copy(),
-        data.Ig.inertia.copy(),
-    )  # the data's own arrays die with it
+    # The data's own arrays die with it.
+    return (data.mass[0], data.com[0].copy(), data.Ig.inertia.copy())
 
 
 @every_tool
@@ -198,9 +195,8 @@ def test_fused_or_not_the_robot_weighs_the_same(tool):
     apart, fused = model_of(tool), model_of(tool, fused=True)
     for one, other in zip(whole_inertia(apart), whole_inertia(fused), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-7)
-    for one, other in zip(
-        apart.inertias, fused.inertias, strict=True
-    ):  # of what moves with each joint
+    # Of what moves with each joint.
+    for one, other in zip(apart.inertias, fused.inertias, strict=True):
         np.testing.assert_allclose(one.matrix(), other.matrix(), rtol=1e-6, atol=1e-8)
     bare = whole_inertia(model_of(Tool(gripper=tool is None or tool.gripper)))[0]
     assert whole_inertia(apart)[0] - bare == pytest.approx(

@@ -69,10 +69,11 @@ def test_whatever_is_asked_for_limits_hold_and_the_miss_is_told_truthfully(
     assert solution.error_m == pytest.approx(metres, abs=1e-9)
     assert solution.error_rad == pytest.approx(radians, abs=1e-6)
     worse = miss(type(solution)(start, 0.0, 0.0), pose)
+    # Never worse than the seed.
     assert (
         metres**2 + (0.3 * radians) ** 2
         <= worse[0] ** 2 + (0.3 * worse[1]) ** 2 + 1e-12
-    )  # never worse than the seed
+    )
 
 
 def test_a_home_out_of_reach():

@@ -205,9 +205,8 @@ def test_out_of_reach_the_miss_is_told(x):
     assert motion.ik_error_m >= there - 1e-4
     assert there > 0.05
     there_from_home = np.linalg.norm(plan[0, :3] - HOME.position)
-    assert (
-        motion.distance_m < there_from_home + 2 * (x - 0.6) - 0.1
-    )  # as far as it came, not as far as it was sent
+    # As far as it came, not as far as it was sent.
+    assert motion.distance_m < there_from_home + 2 * (x - 0.6) - 0.1
 
 
 def test_a_miss_on_the_way_from_home_to_the_first_waypoint_does_not_count():

@@ -109,12 +109,8 @@ def test_the_best_elite_and_the_most_instructive_failure_are_shown_and_their_cri
     ]
     asked = [name for what, name in listener.received if what == "asked"]
     answered = [name for what, name in listener.received if what == "answered"]
-    assert asked == [
-        "g1-critic0",
-        "g1-critic1",
-        "g1-a0",
-        "g1-a1",
-    ]  # the others wait for critiques
+    # The others wait for critiques.
+    assert asked == ["g1-critic0", "g1-critic1", "g1-a0", "g1-a1"]
     assert sorted(answered) == sorted(asked)
 
 

@@ -68,9 +68,8 @@ class Diary:
     @hookimpl
     def candidate_evaluated(self, evaluation):
         self.entries.append(evaluation.candidate.id)
-        assert (
-            len(self.strategy.evaluated) == evaluation.candidate.generation
-        )  # before tell
+        # Before tell.
+        assert len(self.strategy.evaluated) == evaluation.candidate.generation
 
     @hookimpl
     def generation_finished(self, generation):
@@ -221,9 +220,8 @@ def test_what_breaks_a_rule_is_never_tried():
     assert [(e.status, e.reason) for e in evaluated] == [("ok", "")] * 4 + [
         ("rejected", "it has no boxes")
     ] * 2
-    assert sorted(diary[1:-1]) == sorted(
-        c.id for c in mixed
-    )  # listeners receive the rejected ones too
+    # Listeners receive the rejected ones too.
+    assert sorted(diary[1:-1]) == sorted(c.id for c in mixed)
     assert result.generations[0].count("rejected") == 2
     assert result.n_evaluations == 4
 
@@ -272,9 +270,8 @@ def test_a_fault_of_the_machine_is_no_verdict(error):
     ):
         evaluations.extend(evaluate_all(population(0, 3), fail, Inline()))
     assert faults == [error]
-    _, strategy, _ = run(
-        [population(0, 3)], burst
-    )  # it has passed when the candidates are tried again
+    # It has passed when the candidates are tried again.
+    _, strategy, _ = run([population(0, 3)], burst)
     assert [e.status for e in strategy.evaluated[0]] == ["ok"] * 3
 
 
@@ -401,9 +398,10 @@ def test_identical_candidates_are_tried_once_and_earn_the_same():
         == evaluated["g0-a2-s0-p0"]
         == evaluated["g1-a0-s0-p0"]
     )
+    # Each is reported once.
     assert sorted(diary) == sorted(
         ["start 0", "finish 0", "start 1", "finish 1", *evaluated]
-    )  # each is reported once
+    )
     in_order = sorted(first, key=lambda candidate: candidate.key)
     assert [e.candidate.strategy_name for e in strategy.evaluated[0]] == [
         c.strategy_name for c in in_order

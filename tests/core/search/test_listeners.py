@@ -127,9 +127,8 @@ def come_to(tmp_path, listener=None, vlm=None, evolution=None):
     return run(cfg, tmp_path / "run")
 
 
-ONCE = [
-    event for event in EVENTS if event != "finalist_tried"
-]  # the toy task has one layout, so no finalists
+# The toy task has one layout, so no finalists.
+ONCE = [event for event in EVENTS if event != "finalist_tried"]
 
 
 @pytest.mark.parametrize("event", ONCE)
@@ -146,9 +145,8 @@ def test_a_listener_that_raises_is_left_out_and_the_run_goes_on(
     assert [
         line for line in capfd.readouterr().err.splitlines() if "jitter" in line
     ] == [said.format(event) + " events"]
-    calm = {
-        name: jitter.received.count(name) for name in ONCE
-    }  # both listeners' together
+    # Both listeners' together.
+    calm = {name: jitter.received.count(name) for name in ONCE}
     assert calm["run_started"] == calm["run_ended"] == 2
     once = {
         "run_started": 1,

@@ -226,12 +226,8 @@ def test_the_force_is_that_on_the_tool_less_what_was_felt_when_the_way_began():
         guards.feel(begin + 0.01 * k, joints[0], points, held + more * (k > 1))
         for k in range(4)
     ]
-    assert [reading is None for reading in readings] == [
-        True,
-        True,
-        True,
-        False,
-    ]  # of three the middle one counts
+    # Of three the middle one counts.
+    assert [reading is None for reading in readings] == [True, True, True, False]
     assert guards.felt[0].force_n == pytest.approx(5.0, abs=0.01)
 
 

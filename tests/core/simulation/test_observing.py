@@ -27,9 +27,8 @@ from tests.panda import PANDA, on_panda
 from tests.playing import evaluate_batch
 from tests.rare import rare
 
-FAILURES = (
-    Path(__file__).parents[2] / "failures"
-)  # the names of the strategies say how they fail
+# The names of the strategies say how they fail.
+FAILURES = Path(__file__).parents[2] / "failures"
 SOLUTIONS = Path(__file__).parents[2] / "tasks" / "solutions"
 OBSERVED = RolloutSettings(observe=True)
 

@@ -36,14 +36,12 @@ def test_a_film_shows_the_motion_and_lasts_as_long(tmp_path):
         film.seek(frame)
         durations.append(film.info["duration"])
         frames.append(np.asarray(film.convert("RGB")).astype(int))
-    assert sum(durations) / 1000 == pytest.approx(
-        0.6 + 0.2, abs=0.2
-    )  # the last frame stays for its own time
+    # The last frame stays for its own time.
+    assert sum(durations) / 1000 == pytest.approx(0.6 + 0.2, abs=0.2)
     assert 0 < film.n_frames <= 0.8 * FILM_HZ + 2
     at_home = engine.render(task, tool=Tool(), width=400, height=300)
-    differ = [
-        (np.abs(frame - at_home).max(axis=-1) > 30).mean() for frame in frames
-    ]  # of 255; a film has 96 colours
+    # Of 255; a film has 96 colours.
+    differ = [(np.abs(frame - at_home).max(axis=-1) > 30).mean() for frame in frames]
     assert differ[0] < 0.002
     assert differ[-1] > 0.005  # the hand has moved
 
@@ -104,9 +102,8 @@ def test_a_run_shows_its_best_elite_and_so_does_one_that_goes_on(engine, tmp_pat
         strip = open_picture(file)
         assert strip.shape == (480, 960)
         halves = strip[20:240, :320], strip[260:, 640:]
-        assert all(
-            half.std() > 10 for half in halves
-        )  # neither blank nor of one colour
+        # Neither blank nor of one colour.
+        assert all(half.std() > 10 for half in halves)
         assert (halves[0] != halves[1]).mean() > 0.001  # something has moved
     assert "strip_g0" in (tmp_path / "requests" / "g1-a0.md").read_text()
     assert "strip_g" in (tmp_path / "requests" / "g2-a0.md").read_text()

@@ -155,10 +155,8 @@ def test_a_reward_may_read_a_trace_of_many_worlds():
     assert [(job.record_hz, job.forces, job.hold_s) for job in simulator.jobs] == [
         (25, True, 0.4)
     ] * 2
-    assert (near.status, near.reward) == (
-        "ok",
-        0.75,
-    )  # 5 N on average since the sample before
+    # 5 N on average since the sample before.
+    assert (near.status, near.reward) == ("ok", 0.75)
     assert (far.status, far.reward) == ("ok", 0.0)
     (alone,) = evaluated(candidate(30), task=Traced(), engine=simulator, settings=LOOSE)
     assert alone.reward == far.reward

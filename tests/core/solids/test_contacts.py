@@ -202,9 +202,8 @@ def test_a_trace_of_worlds_that_end_at_different_times():
         long.states.position("cube")[5, 0], abs=0.021
     )
     assert np.ptp(trace.states.position("cube")[1, 5:], axis=0).max() == 0
-    assert trace.force_n("cube").tolist() == pytest.approx(
-        [19.5, 0]
-    )  # the mean of the last two samples
+    # The mean of the last two samples.
+    assert trace.force_n("cube").tolist() == pytest.approx([19.5, 0])
     (contact,) = worlds[0].all
     assert contact.force_n == pytest.approx(9.5, abs=1.01)  # while it lasts
     assert "wall" in trace.states.places

@@ -122,9 +122,8 @@ def test_a_sheet_that_pushes_the_cube_ahead(thick):
 def test_a_wedge_that_lifts_the_cube(pitch):
     """A tilted plate under the cube's edge: the cube rides up on it, 0.3 mm deep, on and on."""
     size, tilt = (0.2, 0.2, 0.002), (0.0, pitch, 0.0)
-    edge = Pose.xyz_rpy((0.0, 0.0, 0.0), tilt).apply(
-        (0.1, 0.0, 0.001)
-    )  # the upper front edge, from the middle
+    # The upper front edge, from the middle.
+    edge = Pose.xyz_rpy((0.0, 0.0, 0.0), tilt).apply((0.1, 0.0, 0.001))
     wedge = body("sheet", Box(size), np.array([0.465, 0.0, 0.0003]) - edge, rpy=tilt)
     scene = Scene((wedge, cube()))
     rise = 0.05 * np.tan(pitch)

@@ -240,9 +240,10 @@ def test_a_tool_that_goes_through_a_wall(count):
     )
     (found,) = penetrations(scene, recording(scene, {}, arms=sweep(0.4, count)))
     assert found.startswith("'rod'")
+    # The bare arm is above it.
     assert (
         penetrations(scene, recording(scene, {}, arms=sweep(0.4, count)), Tool()) == []
-    )  # the bare arm is above it
+    )
 
 
 # --- what is no penetration -------------------------------------------------------------------------------------
@@ -274,9 +275,8 @@ def test_over_the_wall_and_along_it_is_no_penetration(speed):
 
 def test_a_bounce_and_a_hard_blow_are_no_penetration():
     scene = Scene((WALL, body("ball", Sphere(0.02), (0.2, 0, 0.25))))
-    out = straight(
-        (0.1, 0.0, 0.25), (0.49, 0.0, 0.25), 6
-    )  # 15 mm into the wall for a moment
+    # 15 mm into the wall for a moment.
+    out = straight((0.1, 0.0, 0.25), (0.49, 0.0, 0.25), 6)
     path = np.vstack([out, out[::-1]])
     assert findings(scene, PANDA, ROD, recording(scene, {"ball": path})) == []
 

@@ -21,9 +21,8 @@ def signals(monkeypatch):
     happened = {"time": 100.0, "left": None}
     monkeypatch.setattr(cli.time, "monotonic", lambda: happened["time"])
     monkeypatch.setattr(cli.os, "_exit", lambda code: happened.update(left=code))
-    monkeypatch.setattr(
-        cli, "remove_scratch", lambda: None
-    )  # engines of other tests keep files there
+    # Engines of other tests keep files there.
+    monkeypatch.setattr(cli, "remove_scratch", lambda: None)
     return happened
 
 

@@ -37,9 +37,8 @@ def test_a_box_is_weighed_by_its_walls_and_infill():
         (8000 - 0.75 * 4096) * 1e-9
     )
     assert Material("m", 1000).volume_of(cube) == pytest.approx(8e-6)
-    assert Material("m", 1000, 0.25, 10.0).volume_of(cube) == pytest.approx(
-        8e-6
-    )  # all wall
+    # All wall.
+    assert Material("m", 1000, 0.25, 10.0).volume_of(cube) == pytest.approx(8e-6)
     tool = Tool((Component("a", "tool_mount", Pose(), cube, 0.9),))
     assert Material("m", 1000).made(tool).mass == pytest.approx(0.008)
 

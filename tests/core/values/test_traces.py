@@ -123,11 +123,8 @@ def test_the_largest_force_of_one_thing():
 
 
 def test_held_is_by_the_robot_and_off_all_that_is_fixed():
-    assert np.flatnonzero(ONE.held("cube")).tolist() == [
-        1,
-        2,
-        3,
-    ]  # at last by the tray, which the link carries
+    # At last by the tray, which the link carries.
+    assert np.flatnonzero(ONE.held("cube")).tolist() == [1, 2, 3]
     assert np.flatnonzero(ONE.held("tray")).tolist() == [2, 3]
     assert both().held("cube").tolist() == [[False, True, True, True], [False] * 4]
 

@@ -61,9 +61,8 @@ class ToySimulator(Simulator):
 def boxes(robot, tool, joints, opening):
     """Yield pose in the world and shape of each of the tool's boxes."""
     hand = arm_of(robot).forward(joints)
-    left, right = (
-        Pose(np.array([0.0, side * opening, -0.045])) for side in (1, -1)
-    )  # roughly where fingers are
+    # Roughly where fingers are.
+    left, right = (Pose(np.array([0.0, side * opening, -0.045])) for side in (1, -1))
     mounts = {
         RIGID_MOUNT: hand,
         **dict(zip(GRIPPER_MOUNTS, (hand @ left, hand @ right), strict=True)),

@@ -399,9 +399,8 @@ def test_a_touch_corrects_bodies_along_the_way_that_led_to_it():
         *({"anchor": a, "offset": [0, 0, 0]} for a in ("cube", "goal", "world")),
     )
     nominal = steps.resolve(SEEN).poses
-    lower = Pose(
-        nominal[1, :3] + [0.004, 0.003, 0.015]
-    )  # 5 mm lower than 2 cm above; aside counts for nothing
+    # 5 mm lower than 2 cm above; aside counts for nothing.
+    lower = Pose(nominal[1, :3] + [0.004, 0.003, 0.015])
     found = steps.resolve(Seen(SEEN.poses, (lower,))).poses
     shifts = found[:, :3] - nominal[:, :3]
     np.testing.assert_allclose(

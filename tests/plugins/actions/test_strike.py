@@ -88,9 +88,8 @@ def swing(tempo):
 
 @pytest.mark.parametrize("engine", ["pybullet", "sapien", "mujoco"])
 def test_a_strike_needs_its_tempo(engine):
-    stroke = np.array(
-        [[0.6, y, 0.31, 0.0, 0.0, 0.0] for y in (-0.4, 0.4)]
-    )  # as fast as a straight way allows
+    # As fast as a straight way allows.
+    stroke = np.array([[0.6, y, 0.31, 0.0, 0.0, 0.0] for y in (-0.4, 0.4)])
     candidates = [
         Candidate(PADDLE, plan)
         for plan in (swing(tempo=True), swing(tempo=False), stroke)

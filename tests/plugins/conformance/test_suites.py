@@ -385,9 +385,8 @@ def test_the_command_counts_what_failed(offered, monkeypatch, capsys):
     out = capsys.readouterr().out
     assert "tool none\n" in out
     assert "one seed gives one layout: FAILED: nothing in the scene can move" in out
-    assert "(" in next(
-        line for line in out.splitlines() if "TypeError" in line
-    )  # with the place in the code
+    # With the place in the code.
+    assert "(" in next(line for line in out.splitlines() if "TypeError" in line)
 
 
 def test_something_must_be_named(monkeypatch):

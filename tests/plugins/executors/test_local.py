@@ -79,9 +79,8 @@ def test_each_chunk_comes_with_its_result(workers):
         again = list(pool.map(double, chunks[:2]))
     assert sorted(found) == [(chunk, [2 * x for x in chunk]) for chunk in chunks]
     assert len(again) == 2
-    assert all(
-        any(chunk is own for own in chunks) for chunk, _ in found
-    )  # the very chunk, not a copy that travelled
+    # The very chunk, not a copy that travelled.
+    assert all(any(chunk is own for own in chunks) for chunk, _ in found)
 
 
 def test_what_befalls_a_chunk_befalls_no_other():

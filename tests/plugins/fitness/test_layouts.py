@@ -85,9 +85,8 @@ def test_layouts_that_are_all_the_same_are_refused():
         match=r"all layouts of BringCube are the same; add task.variation=near or task.varia",
     ):
         fitness(usual)
-    fitness(
-        replace(WIDE, task=PluginPart("task", "CleanTable"))
-    )  # its dust lies at random in any variation
+    # Its dust lies at random in any variation.
+    fitness(replace(WIDE, task=PluginPart("task", "CleanTable")))
 
 
 def test_it_combines_the_rewards_of_the_layouts_from_the_runs_seed_on():

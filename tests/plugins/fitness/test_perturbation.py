@@ -132,13 +132,10 @@ def test_something_changes_and_every_draw_is_another(name):
 
 
 def test_what_stands_together_moves_as_one():
-    assert sorted(len(group) for group in groups(plain("SnatchCookie"))) == [
-        6,
-        6,
-    ]  # two columns
-    assert [len(group) for group in groups(plain("TurkeyLegs"))] == [
-        6
-    ]  # the pot and what lies in it
+    # Two columns.
+    assert sorted(len(group) for group in groups(plain("SnatchCookie"))) == [6, 6]
+    # The pot and what lies in it.
+    assert [len(group) for group in groups(plain("TurkeyLegs"))] == [6]
     assert [len(group) for group in groups(plain("OneBook"))] == [5]
     assert all(len(group) == 1 for group in groups(plain("GatherSpheres")))
     before, after = (

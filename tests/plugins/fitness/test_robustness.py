@@ -75,10 +75,8 @@ def test_the_worst_engines_mean_counts():
     evaluation = evaluated(*good, *bad)
     assert evaluation.status == "ok"
     assert evaluation.reward == pytest.approx(0.4)
-    assert (evaluation.distance_m, evaluation.shown.ik_error_m) == (
-        4.0,
-        0.5,
-    )  # the mean, and the worst trial's
+    # The mean, and the worst trial's.
+    assert (evaluation.distance_m, evaluation.shown.ik_error_m) == (4.0, 0.5)
     assert not evaluation.warnings
     assert evaluation.combined
     assert evaluation.by_engine == {"one": [1.0, 0.8], "other": [0.2, 0.6]}

@@ -25,10 +25,8 @@ pytestmark = pytest.mark.slow
 
 DESIGNS = ROOT / "tests/tasks/solutions"
 SOLVED = [f"RoboToolBench/{file.stem}" for file in sorted(DESIGNS.glob("*.json"))]
-HARD = (
-    "HardToolBench/StopCart",
-    "HardToolBench/TwoStations",
-)  # one reads a trace and moves, one has joints
+# One reads a trace and moves, one has joints.
+HARD = ("HardToolBench/StopCart", "HardToolBench/TwoStations")
 
 
 def test_the_twelve_are_environments():
@@ -106,9 +104,8 @@ def test_observations_have_what_the_docstring_says():
 def test_a_variation_draws_the_layout_and_shows_its_marks():
     env = gymnasium.make("RoboToolBench/BringCube-v0", words=["task.variation=wide"])
     seen = [env.reset(seed=seed)[0] for seed in (0, 0, 1)]
-    assert (
-        env.observation_space.shape == seen[0].shape == (9 + 13 + 3 * 7,)
-    )  # floor, table, mark
+    # Floor, table, mark.
+    assert env.observation_space.shape == seen[0].shape == (9 + 13 + 3 * 7,)
     np.testing.assert_array_equal(seen[0], seen[1])
     task = env.unwrapped.task
     mark = task.scene(env.unwrapped._layout)["mark"].pose.position

@@ -166,9 +166,8 @@ def test_the_arm_the_tool_and_the_scene_move(recorded, generations):
         assert numbers == sorted(numbers)
     assert 0.03 < np.median(np.diff(times)) < 0.05  # 25 frames a second
 
-    starts = np.flatnonzero(
-        np.diff(times, prepend=-1.0) > 0.4
-    )  # a pause lies between rollouts
+    # A pause lies between rollouts.
+    starts = np.flatnonzero(np.diff(times, prepend=-1.0) > 0.4)
     assert len(starts) == 3
     last = starts[1] - 1
     assert recording.column(f"/reward/{solved.id}", "sim_time")[-1] == times[last]

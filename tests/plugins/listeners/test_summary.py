@@ -117,9 +117,8 @@ def test_the_least_margin_of_the_best(capsys):
     margins = (Margin.at_most("force on board", 6, 15, "N"),)
     said = summary(capsys, [0.5], trials=[{}, {"margins": margins}])
     assert "least margin of the best 0.60: force on board 6 N, limit 15 N\n" in said
-    reward = (
-        Margin.at_least("reward", 0.6, 0.95, "", 0.05),
-    )  # of a task without limits
+    # Of a task without limits.
+    reward = (Margin.at_least("reward", 0.6, 0.95, "", 0.05),)
     assert "least margin" not in summary(capsys, [0.6], trials=[{"margins": reward}])
 
 

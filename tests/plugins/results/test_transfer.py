@@ -191,9 +191,8 @@ def test_an_arm_that_cannot_do_it_is_a_row_with_the_reason(arms):
     )
     assert found["weak"]["robust"] == found[far]["robust"] == 0
     assert found["weak"]["ik_error_m"] is None
-    assert (
-        found["panda"] | {"robot": "foreign"} == found["foreign"]
-    )  # the same tool and plan, also by the paper's names
+    # The same tool and plan, also by the paper's names.
+    assert found["panda"] | {"robot": "foreign"} == found["foreign"]
     assert found["panda"]["ik_error_m"] < 1e-3
 
 

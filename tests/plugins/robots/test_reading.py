@@ -64,12 +64,10 @@ def test_meshes_of_all_formats_and_units_have_their_size(file):
     robot = read_robot(file, HOME, FLANGE)
     half = {solid.name: solid.bounds()[1] for solid in robot_solids(robot, False)}
     assert len(half) == 7
-    np.testing.assert_allclose(
-        half["upper_arm"], (0.065, 0.06, 0.2125), atol=1e-3
-    )  # Collada in centimetres
-    np.testing.assert_allclose(
-        half["forearm"], (0.055, 0.06, 0.1325), atol=1e-3
-    )  # STL in millimetres, scaled
+    # Collada in centimetres.
+    np.testing.assert_allclose(half["upper_arm"], (0.065, 0.06, 0.2125), atol=1e-3)
+    # STL in millimetres, scaled.
+    np.testing.assert_allclose(half["forearm"], (0.055, 0.06, 0.1325), atol=1e-3)
 
 
 @pytest.mark.parametrize(

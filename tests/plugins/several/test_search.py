@@ -170,18 +170,16 @@ def test_a_run_that_was_cut_short_comes_to_the_same_end_and_repeats_nothing(
 
 
 def test_a_replay_tries_the_same_designs(toy, tmp_path):  # noqa: F811
-    first = run(
-        toys.several(toy.file, *TOYS[:2]), tmp_path / "run"
-    )  # some joined plans follow ones that failed
+    # Some joined plans follow ones that failed.
+    first = run(toys.several(toy.file, *TOYS[:2]), tmp_path / "run")
     cfg = toys.config(toy.file, *TOYS[:2])
     OmegaConf.update(
         cfg, "vlm", {"name": "replay", "run": str(tmp_path / "run")}, merge=False
     )
     again = run(cfg, tmp_path / "again")
     assert rewards(again) == rewards(first)
-    assert (
-        "NaN" not in (tmp_path / "run" / "result.json").read_text()
-    )  # distances of joined plans are not known
+    # Distances of joined plans are not known.
+    assert "NaN" not in (tmp_path / "run" / "result.json").read_text()
     assert max(reward for _, reward, _ in rewards(first).values()) > 0.1
 
 

@@ -101,9 +101,8 @@ def test_joints_close_in_on_their_targets_at_the_tracking_rate(time_step, rate):
     first = round(0.5 / rate / time_step)
     last = len(left) - 1
     found = np.log(left[first] / left[last]) / ((last - first) * time_step)
-    np.testing.assert_allclose(
-        found, rate, rtol=0.25
-    )  # a joint's inertia is not that of its link alone
+    # A joint's inertia is not that of its link alone.
+    np.testing.assert_allclose(found, rate, rtol=0.25)
 
 
 def test_a_world_that_explodes_is_an_error_and_nothing_else(

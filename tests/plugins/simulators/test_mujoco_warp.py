@@ -218,9 +218,8 @@ def test_a_run_on_the_processor(tmp_path):
     done = python_m(tmp_path, "core.run", *words, *budget)
     assert done.returncode == 0, done.stderr
     assert "4 rollouts in" in done.stderr
-    assert (
-        "Warp" not in done.stderr
-    )  # it reports kernels and a missing driver by default
+    # It reports kernels and a missing driver by default.
+    assert "Warp" not in done.stderr
 
 
 def test_what_it_lacks_names_the_engine_that_has_it(warped):

@@ -109,9 +109,8 @@ def test_what_happens_hardly_depends_on_the_time_step(engine, time_step, off):
 def test_joints_close_in_on_their_targets_at_the_tracking_rate(
     engine, time_step, most, rate
 ):
-    arms = (
-        still().arm + np.array([[0.0], [0.002]]) * np.eye(7)[0]
-    )  # the first joint's target jumps
+    # The first joint's target jumps.
+    arms = still().arm + np.array([[0.0], [0.002]]) * np.eye(7)[0]
     jump = JointTrajectory(np.array([0.0, 1e-4]), arms, np.full(2, FINGER_OPEN))
     job = Rollout(BARE, jump, settle_s=0.1, hold_s=0.1, record_hz=250)
     (outcome,) = made(engine, time_step=time_step, tracking_rate=rate).rollout(

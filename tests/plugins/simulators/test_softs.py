@@ -55,9 +55,8 @@ def test_a_cloth_hangs_over_a_bar_at_rest_and_presses_it():
     assert state.extent("soft")[2] > 0.12
     assert state.nodes("soft")[:, 2].max() > 0.31
     assert np.abs(state.linear_velocity("soft")).max() < 0.02
-    assert (
-        weight < film(outcome).forces["bar", "soft"][-10:].mean() < 1.6 * weight
-    )  # around half of the bar: pi / 2
+    # Around half of the bar: pi / 2.
+    assert weight < film(outcome).forces["bar", "soft"][-10:].mean() < 1.6 * weight
     trace = make_trace(
         task.scene(0), [find_contacts(task.scene(0), task.robot, BARE, film(outcome))]
     )[0]
@@ -97,9 +96,10 @@ def test_a_slab_that_is_pressed_hard_pushes_back_as_rubber_does():
     slab = soft(Filling(Box((side, side, high))), elastic, high / 2 + 0.001)
     guide = Joint("guide", "slider", "plate")
     found = end(played(Bodies(slab, ground, plate, joints=(guide,)), 3.0)).nodes("soft")
+    # Neo-Hookean, incompressible.
     due = brentq(
         lambda part: 5e3 * side**2 / 3 * (part**-2 - part) - 9.81 * load, 0.1, 1.0
-    )  # neo-Hookean, incompressible
+    )
     assert np.ptp(found[:, 2]) / high == pytest.approx(due, rel=0.05)
 
 

@@ -85,9 +85,8 @@ def test_every_value_has_a_bin(distance, bins):
 
 
 def test_the_extent_is_the_longest_side_of_all_components_together():
-    assert extent(hook(0.3)) == pytest.approx(
-        0.303
-    )  # the blade's other half lies below the shaft's end
+    # The blade's other half lies below the shaft's end.
+    assert extent(hook(0.3)) == pytest.approx(0.303)
     assert extent(Tool()) == 0
     pad = Component(
         "pad", "left_finger", Pose(np.array([9.0, 0.0, 0.0])), Box((0.02, 0.01, 0.05))

@@ -181,9 +181,8 @@ def test_a_run_is_refined_alike_from_the_start_and_once_it_is_finished(
 
     Experiment(*words, "executor.workers=2").run(tmp_path / "later")
     resume(tmp_path / "later", ["evolution.refine=5"])
-    resume(
-        tmp_path / "later", ["evolution.refine=24"]
-    )  # the generation that was cut short goes on
+    # The generation that was cut short goes on.
+    resume(tmp_path / "later", ["evolution.refine=24"])
     stored = [
         json.loads((tmp_path / name / "result.json").read_text())
         for name in ("whole", "later")

@@ -122,9 +122,8 @@ def test_attachments_name_their_finger():
 
 def test_a_mass_that_is_left_out_is_one_that_can_be():
     assert parse(box()).components[0].mass == 0.005
-    assert parse(box(size=[0.3, 0.3, 0.3])).components[0].mass == pytest.approx(
-        0.027
-    )  # as light as air
+    # As light as air.
+    assert parse(box(size=[0.3, 0.3, 0.3])).components[0].mass == pytest.approx(0.027)
 
 
 @given(tools())

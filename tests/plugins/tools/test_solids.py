@@ -198,9 +198,8 @@ def test_what_is_not_convex_has_convex_parts_within_1_mm(name):
         part.is_watertight and part.volume == pytest.approx(part.convex_hull.volume)
         for part in parts
     )
-    near_solid = cKDTree(
-        surface.sample(200_000, seed=0)
-    )  # its points are a tenth of a millimetre or two apart
+    # Its points are a tenth of a millimetre or two apart.
+    near_solid = cKDTree(surface.sample(200_000, seed=0))
     out = np.vstack([part.sample(60, seed=1) for part in parts])
     out = out[~within(surface, out)]
     assert near_solid.query(out)[0].max(initial=0.0) < 0.0012

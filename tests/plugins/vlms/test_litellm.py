@@ -64,9 +64,8 @@ def test_the_request_arrives_in_the_protocols_form(protocol):
         "".join(call.texts).replace("\n", "").partition("JSON schema of the answer:")
     )
     assert said == "I am agent 0.Design."
-    assert bool(schema) == (
-        protocol == "ollama"
-    )  # which holds the model to it without showing it
+    # Which holds the model to it without showing it.
+    assert bool(schema) == (protocol == "ollama")
     sent = call.body
     if protocol == "openai":
         assert sent["response_format"]["json_schema"]["schema"] == SCHEMA
@@ -77,9 +76,8 @@ def test_the_request_arrives_in_the_protocols_form(protocol):
         assert call.headers["x-goog-api-key"] == KEYS["google"]
     elif protocol == "anthropic":
         numbers = sent["output_format"]["schema"]["properties"]["numbers"]
-        assert numbers["items"] == {
-            "type": "number"
-        }  # LiteLLM turns limits that Claude refuses into words
+        # LiteLLM turns limits that Claude refuses into words.
+        assert numbers["items"] == {"type": "number"}
         assert "minimum number of items: 2" in numbers["description"]
         assert call.headers["x-api-key"] == KEYS["anthropic"]
     else:

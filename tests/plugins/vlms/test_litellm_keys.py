@@ -104,11 +104,8 @@ def test_what_is_openais_goes_to_no_other_provider(api_base, sent, monkeypatch):
         text, refused = tried(provider, None, sent)
         wrong += [(provider, name)] if refused or (text and OWN not in text) else []
         monkeypatch.delenv(name)
-    asking_first = {
-        "huggingface",
-        "replicate",
-        "text-completion-codestral",
-    }  # for something else, without a key
+    # For something else, without a key.
+    asking_first = {"huggingface", "replicate", "text-completion-codestral"}
     assert {provider for provider, _ in wrong} <= asking_first
 
 

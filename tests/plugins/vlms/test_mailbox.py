@@ -341,13 +341,14 @@ def test_a_reply_to_another_request_is_refused(tmp_path):
     box = tmp_path / "g0-a0"
     box.mkdir()
     (box / "prompt.md").write_text("another")
+    # Unanswered: written anew.
     answered(
         tmp_path,
         (
             lambda: "Design." in (box / "prompt.md").read_text(),
             writes(box / "reply.json", GOOD),
         ),
-    )  # unanswered: written anew
+    )
     with pytest.raises(
         UserError, match=r"g0-a0 has a reply to a different request; move it away"
     ):

@@ -19,9 +19,8 @@ except ModuleNotFoundError as error:
         "sim=mujoco_warp needs MuJoCo Warp: pip install 'mujoco-warp>=4,<5' 'warp-lang>=1.19'"
     ) from error
 
-warp.config.log_level = (
-    warp.LOG_ERROR
-)  # otherwise it reports each kernel that it compiles, and a missing driver
+# Otherwise it reports each kernel that it compiles, and a missing driver.
+warp.config.log_level = warp.LOG_ERROR
 
 # On a GPU, several groups of threads may sum the terms of one world's constraints, more groups for fewer worlds. A
 # world's numbers would then depend on how many others there are. With many worlds each has one group anyway.

@@ -91,9 +91,8 @@ def test_the_page_needs_nothing_and_says_so(made):
     assert "http://" not in re.sub(
         r'xmlns(:\w+)?="http://www\.w3\.org/[^"]+"', "", text
     )
-    assert not [
-        a for a in page.attributes if a[1] == "style"
-    ]  # the policy forbids them
+    # The policy forbids them.
+    assert not [a for a in page.attributes if a[1] == "style"]
     identities = [v for _, key, v in page.attributes if key == "id"]
     assert len(identities) == len(set(identities))
 

@@ -138,9 +138,10 @@ def test_a_store_that_is_being_written(tmp_path):
         writer.kill()
         writer.wait()
     before = folder_state(tmp_path / "run").keys()
+    # Of its log.
     assert read_run(tmp_path / "run").reason.startswith(
         "2 generations and 2 candidates done"
-    )  # of its log
+    )
     assert folder_state(tmp_path / "run").keys() == before
 
 

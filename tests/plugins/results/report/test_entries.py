@@ -247,9 +247,8 @@ RECORDS = sorted((ROOT / "docs/entries").glob("*.json"))
 def test_records_follow_their_protocol_and_hold_their_designs(file):
     entry = read_entry(file)
     assert all(run.design for run in entry.runs)
-    if (
-        entry.protocol == "lean" and entry.name == "reference"
-    ):  # by definition, but for rounded references
+    # By definition, but for rounded references.
+    if entry.protocol == "lean" and entry.name == "reference":
         assert entry.scores == {
             task: pytest.approx([1], abs=1e-3) for task in entry.tasks
         }

@@ -66,9 +66,8 @@ def test_a_method_is_called_as_the_user_says():
             "ours",
         )
     ]
-    assert (
-        labels(ours, config(seed=1) | {"name": "ours"}) == ["ours"] * 2
-    )  # whatever else differs
+    # Whatever else differs.
+    assert labels(ours, config(seed=1) | {"name": "ours"}) == ["ours"] * 2
     assert labels(config() | {"name": ["no name"]}) == [
         "tool=urdf evolution=vlmgineer vlm=offline"
     ]

@@ -39,9 +39,8 @@ def test_stratified_intervals_are_rliables(statistic, monkeypatch):
     monkeypatch.setattr(statistics, "RESAMPLES", 20_000)
     low, high = interval(SCORES, statistic)
     assert (low, high) == interval(SCORES, statistic)
-    assert low == pytest.approx(
-        RLIABLE[statistic][1], abs=0.002
-    )  # of 50,000 samples of theirs, 20,000 of ours
+    # Of 50,000 samples of theirs, 20,000 of ours.
+    assert low == pytest.approx(RLIABLE[statistic][1], abs=0.002)
     assert high == pytest.approx(RLIABLE[statistic][2], abs=0.002)
 
 

@@ -67,9 +67,8 @@ def test_torques_of_an_arm_at_rest_are_those_of_weights():
             q = HOME.copy()
             q[joint] += sign * step
             ends.append(arm.forward(q).apply(np.array([0, 0, -0.1]))[2])
-        lever = (ends[1] - ends[0]) / (
-            2 * step
-        )  # virtual work: how the weight rises with the joint
+        # Virtual work: how the weight rises with the joint.
+        lever = (ends[1] - ends[0]) / (2 * step)
         assert laden[joint] - bare[joint] == pytest.approx(
             2 * 9.81 * lever, rel=0.01, abs=0.02
         )
@@ -81,9 +80,8 @@ def test_a_box_below_the_flange():
     found = payload(PANDA, Tool((box,)))
     assert found["frame"] == "panda_link8"
     assert found["mass_kg"] == pytest.approx(2.0)
-    assert found["center_m"] == pytest.approx(
-        [0, 0, 0.1], abs=1e-6
-    )  # the flange's z points out, the mount's in
+    # The flange's z points out, the mount's in.
+    assert found["center_m"] == pytest.approx([0, 0, 0.1], abs=1e-6)
     assert np.diag(found["inertia_kg_m2"]) == pytest.approx(
         [2 / 12 * 0.05, 2 / 12 * 0.05, 2 / 12 * 0.02], rel=1e-6
     )

@@ -126,9 +126,8 @@ def test_a_sleeve_slides_over_the_finger_and_does_not_meet_it(mount):
             (sleeve.translate((0, 0, back)) ^ part).volume() < 1e-6 for part in finger
         )
     tip = max(part.bounding_box()[5] for part in finger)
-    assert (
-        max((sleeve.translate((0, 0, -0.5)) ^ part).volume() for part in finger) > 1
-    )  # it comes to rest at the tip
+    # It comes to rest at the tip.
+    assert max((sleeve.translate((0, 0, -0.5)) ^ part).volume() for part in finger) > 1
     low, high = np.reshape(sleeve.bounding_box(), (2, 3))
     assert low[2] < tip - 24
     (bore,) = {round(d, 1) for _, d in circles(sleeve.rotate((0, -90, 0)), high[0] - 1)}

@@ -116,9 +116,8 @@ def test_a_long_piece_is_laid_across_the_plate():
     assert fits
     assert lying.extents[0] <= 250
     assert lying.extents[1] <= 210
-    assert not lay(trimesh.creation.box((340, 10, 10)), (250, 210, 220))[
-        1
-    ]  # its diagonal is 326.5 mm
+    # Its diagonal is 326.5 mm.
+    assert not lay(trimesh.creation.box((340, 10, 10)), (250, 210, 220))[1]
 
 
 def test_attachments_of_a_gripper_are_two_pieces():

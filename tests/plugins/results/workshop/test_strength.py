@@ -70,9 +70,8 @@ def test_a_chain_of_two_bars_bears_and_bends_by_both():
     assert rows["lower"].bend_m == pytest.approx(
         NEWTONS * parts / 3 / SOLID.young_pa, rel=0.05
     )
-    assert set(pressed(Tool(bars), across("upper", -upper))) == {
-        "upper"
-    }  # what hangs below bears nothing of it
+    # What hangs below bears nothing of it.
+    assert set(pressed(Tool(bars), across("upper", -upper))) == {"upper"}
 
 
 def test_forces_that_oppose_each_other_do_so_in_each_section():
@@ -104,9 +103,8 @@ def test_the_weight_counts_with_the_acceleration_of_the_motion():
         tool, PANDA, Sampled(times, turning, 0 * turning, 0 * turning, 0 * times)
     )
     assert (name, center.tolist()) == ("post", [0, 0, -0.1])
-    assert pulls[100] == pytest.approx(
-        [0, 0, -0.5 * 9.81], abs=0.01
-    )  # the mount's z points up at home
+    # The mount's z points up at home.
+    assert pulls[100] == pytest.approx([0, 0, -0.5 * 9.81], abs=0.01)
     turning[:, 0] += 2.0 * times**2 / 2  # about the upright axis: 2 rad/s^2
     ((*_, pulls),) = weights(
         tool, PANDA, Sampled(times, turning, 0 * turning, 0 * turning, 0 * times)

@@ -58,18 +58,16 @@ def test_the_file_is_the_tool(written):
         [(c.shape, made.mounted.placed()[c.name][1]) for c in made.mounted.components]
     )
     beyond = (whole - simulated).trim_by_plane((0, 0, -1), -0.1)
-    assert (
-        beyond.volume() < 0.02 * simulated.surface_area()
-    )  # the weld of 0.01 mm; above is the boss
+    # The weld of 0.01 mm; above is the boss.
+    assert beyond.volume() < 0.02 * simulated.surface_area()
     assert (simulated - whole).volume() < 0.01 * simulated.volume()  # bores
     assert faults(made) == []
 
 
 def test_figures_and_the_list(written):
     folder, made = written
-    assert (
-        made.parts[0].mass_g < 1.24 * made.parts[0].mesh.volume / 1000
-    )  # it is filled to a fifth
+    # It is filled to a fifth.
+    assert made.parts[0].mass_g < 1.24 * made.parts[0].mesh.volume / 1000
     assert 1000 * made.printed.mass == pytest.approx(1000 * made.mounted.mass, rel=0.2)
     assert [file.name for file in folder.iterdir()] == ["tool.stl"]
     assert "4 x M6 x 12" in made.hardware

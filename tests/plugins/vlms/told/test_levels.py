@@ -125,9 +125,8 @@ def test_no_level_without_numbers_has_one_of_the_scene(task, monkeypatch):
     words = ("task.variation=wide", "seed=7", "prompt.picture=false")
     known = usual() + made.in_words + home + arm
     assert leaked(prompt(task, "pictures", *words), made, 7, known) == set()
-    assert leaked(
-        prompt(task, "words", *words), made, 7, usual()
-    )  # what is there is found
+    # What is there is found.
+    assert leaked(prompt(task, "words", *words), made, 7, usual())
 
 
 def test_no_request_of_a_run_has_a_number_of_the_scene(tmp_path, monkeypatch):
@@ -156,9 +155,8 @@ def test_no_request_of_a_run_has_a_number_of_the_scene(tmp_path, monkeypatch):
     assert any("in the picture" in text for text in texts)
     assert any('"contacts"' in text for text in texts)
     for text in texts:
-        assert not re.search(
-            r"`by`|error_m|path_m|clearance_m", text
-        )  # what is not shown is not explained
+        # What is not shown is not explained.
+        assert not re.search(r"`by`|error_m|path_m|clearance_m", text)
         assert leaked(text, task, 7, known) | leaked(text, task, 8, known) == set()
 
 

@@ -94,9 +94,8 @@ def test_frames_and_limits_are_those_of_the_description(robot, tool):
         frames(rebuilt(robot, tool)),
         frames(assemble(robot, tool, visuals=False)),
     )
-    assert set(placed) - set(shown) <= {
-        "panda_hand_tcp"
-    }  # it has no shape, and bears nothing
+    # It has no shape, and bears nothing.
+    assert set(placed) - set(shown) <= {"panda_hand_tcp"}
     for name, pose in shown.items():
         np.testing.assert_allclose(pose, placed[name], atol=3e-4)
     for name in ("lowerPositionLimit", "upperPositionLimit", "velocityLimit"):

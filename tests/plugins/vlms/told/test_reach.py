@@ -57,9 +57,8 @@ def test_the_reach_is_that_of_the_base(at):
     """Distances go from its axis, ahead of it; heights are the world's."""
     elsewhere = arm_of(replace(PANDA, base=Pose.xyz_rpy(at, (0.0, 0.0, 0.7))))
     reach = compute_reach(elsewhere, (0.0,))
-    assert (
-        min(reach) == {0.0: 0.0, 0.9: 0.6, -0.1: 0.0}[at[2]]
-    )  # low ones are out of reach
+    # Low ones are out of reach.
+    assert min(reach) == {0.0: 0.0, 0.9: 0.6, -0.1: 0.0}[at[2]]
     for height, row in reach.items():
         if (own := round(height - at[2], 1)) in REACH:
             assert row[0.0] == REACH[own][0.0]
