@@ -356,7 +356,7 @@ class Reach(Goal):
             f"weight {self.weight:g}": self.weight != 1,
         }
         asked = [part.asks() for part in self.parts]
-        asked += [words for words, said in when.items() if said]
+        asked += [words for words, applies in when.items() if applies]
         described = f"{self.subject} {'; '.join(filter(None, asked))}"
         return f"{self.name}: {described}" if self.name else described
 

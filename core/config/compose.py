@@ -191,10 +191,10 @@ def check_seed(seed: int) -> None:
         raise UsageError(f"seed must be 0 or greater, got {seed}")
 
 
-def node(config: DictConfig, of: type[T]) -> T:
+def node(config: DictConfig, kind: type[T]) -> T:
     """Convert a typed node of a configuration to its dataclass."""
     value = OmegaConf.to_object(config)
-    assert isinstance(value, of)
+    assert isinstance(value, kind)
     return value
 
 

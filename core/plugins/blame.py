@@ -36,8 +36,8 @@ def describe_failure(
         modules.setdefault(_module(offer), offer)  # the first, of several in a module
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     for frame in reversed(frames):
-        made = Plugins.origin(frame.f_locals.get("self"))
-        blamed = made or modules.get(frame.f_globals.get("__name__", ""))
+        origin = Plugins.origin(frame.f_locals.get("self"))
+        blamed = origin or modules.get(frame.f_globals.get("__name__", ""))
         if blamed is not None:
             owner = f"{blamed.kind} {blamed.name!r} of {blamed.distribution}"
             return f"{owner} raised {type(error).__name__}: {error}"

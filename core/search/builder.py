@@ -160,15 +160,15 @@ def check_level(parts: DesignerParts) -> None:
     Raises:
         UsageError: they are not.
     """
-    told = parts.prompts.settings.told
+    name = parts.prompts.settings.told
     level = parts.prompts.level
     task = parts.assignment.task
     if level.in_words and not task.in_words:
         raise UsageError(
-            f"{task.name} has no text without numbers for prompt.told={told}: give it `in_words`"
+            f"{task.name} has no text without numbers for prompt.told={name}: give it `in_words`"
         )
 
     if not level.numbers and not parts.vlm.sees:
         raise UsageError(
-            f"{parts.vlm.model} reads the scene's numbers, not pictures: prompt.told={told} needs a model that sees"
+            f"{parts.vlm.model} reads the scene's numbers, not pictures: prompt.told={name} needs a model that sees"
         )

@@ -93,7 +93,10 @@ def choose(
         left = _keep_better_half(left, earned, result.tie)
 
     winner = replace(left[0], finals=finals[left[0].candidate.id])
-    earned_by = {name: fitness.rewards(own) for name, own in finals.items() if own}
+    earned_by = {}
+    for name, known in finals.items():
+        if known:
+            earned_by[name] = fitness.rewards(known)
     return winner, earned_by
 
 
@@ -101,7 +104,7 @@ def _try_all(
     trials: Trials, conditions: Sequence[Condition], candidates: Sequence[Candidate]
 ) -> dict[str, tuple[Trial, ...]]:
     tried = trials.try_in(conditions, candidates)
-    return {candidate.id: own for candidate, own in tried}
+    return {candidate.id: found for candidate, found in tried}
 
 
 def _keep_better_half(

@@ -25,11 +25,11 @@ def _environment(package: str) -> jinja2.Environment:
     loader = jinja2.FunctionLoader(
         lambda name: (folder / f"{name}.md.j2").read_text("utf-8")
     )
-    made = jinja2.Environment(  # noqa: S701 - nothing is markup
+    environment = jinja2.Environment(  # noqa: S701 - nothing is markup
         loader=loader,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters["g"] = lambda number, digits=6: f"{number:.{digits}g}"
-    return made
+    environment.filters["g"] = lambda number, digits=6: f"{number:.{digits}g}"
+    return environment

@@ -65,8 +65,8 @@ def on_slope(
 ) -> tuple[Body, Body]:
     """A slope, and ``body`` on it, whose middle is ``high`` above it."""
     hill = slope(tilt, slope_friction)
-    at = hill.pose.apply([0, 0, 0.05 + high])
-    return hill, make_body("body", shape, at, mass=1.0, rpy=rpy, **more)
+    place = hill.pose.apply([0, 0, 0.05 + high])
+    return hill, make_body("body", shape, place, mass=1.0, rpy=rpy, **more)
 
 
 def way(acceleration: float) -> float:
@@ -77,13 +77,15 @@ def way(acceleration: float) -> float:
 @compare
 def check_friction_is_the_geometric_mean() -> Iterator[Case]:
     """A block slides if the slope is steeper than the geometric mean of both frictions: g (sin a - mean cos a)."""
-    for one, other in ((0.5, 0.5), (0.1, 0.9), (1.0, 0.25)):
-        mean = math.sqrt(one * other)
+    for first, second in ((0.5, 0.5), (0.1, 0.9), (1.0, 0.25)):
+        mean = math.sqrt(first * second)
         for steepness in (0.85, 1.15):
             tilt = math.atan(steepness * mean)
-            what = f"the way of a block in 1 s, frictions {one} and {other}, on a slope of {tilt:.3f} rad, m"
+            what = f"the way of a block in 1 s, frictions {first} and {second}, on a slope of {tilt:.3f} rad, m"
             block = Box((0.2, 0.2, 0.04))
-            bodies = on_slope(block, 0.02, tilt, (0.0, tilt, 0.0), one, friction=other)
+            bodies = on_slope(
+                block, 0.02, tilt, (0.0, tilt, 0.0), first, friction=second
+            )
             due = way(GRAVITY * (math.sin(tilt) - mean * math.cos(tilt)))
             yield Case(what, bodies, moved("body"), due, 5e-3 + 0.15 * due)
 

@@ -151,9 +151,9 @@ WILD: tuple[object, ...] = (
 
 
 def read_or_refused(
-    parse: Callable[..., object], made: type, documents: Iterable[object]
+    parse: Callable[..., object], kind: type, documents: Iterable[object]
 ) -> None:
-    """Check that whatever a model may write is read as a ``made``, or refused with a DesignError that says why."""
+    """Check that whatever a model may write is read as a ``kind``, or refused with a DesignError that says why."""
     for data in documents:
         try:
             found = parse(data, gripper=False)
@@ -167,7 +167,7 @@ def read_or_refused(
             raise AssertionError(what) from error
         else:
             expect(
-                isinstance(found, made),
+                isinstance(found, kind),
                 f"parse returned a {type(found).__name__} for {shorten(repr(data))}",
             )
 
@@ -189,13 +189,13 @@ def brief(
     )
 
 
-def request(of: Brief) -> Request:
+def request(brief: Brief) -> Request:
     """A short request for a brief."""
-    fields = ", ".join([*of.representation.schema(), "gripper", "action_sets"])
-    text = f"{of.task.description} Answer with JSON: strategies, a list of {of.n_tool} objects with {fields}."
+    fields = ", ".join([*brief.representation.schema(), "gripper", "action_sets"])
+    text = f"{brief.task.description} Answer with JSON: strategies, a list of {brief.n_tool} objects with {fields}."
     return Request(
-        f"g{of.generation}-a{of.agent}",
-        of,
+        f"g{brief.generation}-a{brief.agent}",
+        brief,
         (Message("user", (Text(text),)),),
         {"type": "object"},
         1.0,
@@ -234,7 +234,7 @@ def simulators() -> Iterator[tuple[str, Simulator]]:
     Raises:
         UserError: there is none.
     """
-    made = False
+    any_made = False
     offers = [offer for offer in installed().offers.values() if offer.kind == "sim"]
     for offer in sorted(
         offers, key=lambda offer: (offer.distribution != PROJECT, offer.name)
@@ -242,9 +242,9 @@ def simulators() -> Iterator[tuple[str, Simulator]]:
         # For example an engine whose library is not installed.
         with suppress(UserError):
             yield offer.name, PluginPart("sim", offer.name).create()
-            made = True
+            any_made = True
 
-    if not made:
+    if not any_made:
         raise UserError(
             "no simulator can be made; a check needs one. `python -m core.plugins` lists what is installed"
         )

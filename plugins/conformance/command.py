@@ -47,10 +47,10 @@ def main(words: list[str]) -> None:
     if not parts:
         raise UsageError(f"name a part to check; {USAGE}")
     failed = count = 0
-    for one in parts:
+    for checked in parts:
         if len(parts) > 1:
-            say(f"{one.kind} {one.name}")
-        for verdict in examine(one.kind, subject(one)):
+            say(f"{checked.kind} {checked.name}")
+        for verdict in examine(checked.kind, subject(checked)):
             count += 1
             failed += verdict.problem is not None
             remark = f" ({verdict.remark})" if verdict.remark else ""

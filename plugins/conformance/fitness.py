@@ -8,7 +8,7 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from itertools import islice
+from itertools import chain, islice
 
 import numpy as np
 
@@ -44,9 +44,10 @@ def trials(
     """A trial in each condition of a fitness, with these rewards in turn."""
     name = candidate().id
     found = []
-    for number, where in enumerate(each.where for each in fitness.conditions()):
+    for number, tried_in in enumerate(fitness.conditions()):
         reward = rewards[number % len(rewards)]
         reason = "" if status == "ok" else "it broke"
+        where = tried_in.where
         trial = Trial(where, name, status, reward, reason, distance_m=1.0, motion_s=2.0)
         found.append(trial)
     return found
@@ -66,20 +67,19 @@ def check_it_names_conditions(make: Make) -> None:
     for what, found in {
         "conditions": fitness.conditions(),
         "unseen": fitness.unseen(),
-        "finals": [
-            each for alike in islice(fitness.finals(), MOST_FINALS) for each in alike
-        ],
+        "finals": list(chain(*islice(fitness.finals(), MOST_FINALS))),
     }.items():
-        for each in found:
+        for value in found:
             expect(
-                isinstance(each, Condition),
-                f"{what} has a {type(each).__name__}, not a Condition",
+                isinstance(value, Condition),
+                f"{what} has a {type(value).__name__}, not a Condition",
             )
 
-        places = [each.where for each in found]
-        twice = sorted({str(place) for place in places if places.count(place) > 1})
+        places = [value.where for value in found]
+        repeated = sorted({str(place) for place in places if places.count(place) > 1})
         expect(
-            not twice, f"{what} repeats {', '.join(twice)}; each place is tried once"
+            not repeated,
+            f"{what} repeats {', '.join(repeated)}; each place is tried once",
         )
 
     expect(
@@ -90,21 +90,22 @@ def check_it_names_conditions(make: Make) -> None:
 
 def check_the_search_does_not_see_the_unseen(make: Make) -> None:
     fitness = make(condition())
-    seen = {each.where for each in fitness.conditions()}
-    both = sorted(str(each.where) for each in fitness.unseen() if each.where in seen)
+    seen = {searched.where for searched in fitness.conditions()}
+    unseen = [last.where for last in fitness.unseen()]
+    both = sorted(str(where) for where in unseen if where in seen)
     expect(not both, f"the search sees what should be unseen: {', '.join(both)}")
 
 
 def check_conditions_travel_to_workers(make: Make) -> None:
-    for each in make(condition()).conditions():
+    for sent in make(condition()).conditions():
         try:
-            copy = pickle.loads(pickle.dumps(each))  # noqa: S301 - written in this line
+            copy = pickle.loads(pickle.dumps(sent))  # noqa: S301 - written in this line
         except RAISED as error:
             raise AssertionError(
                 f"a condition can't be pickled, and workers need a copy: {error}"
             ) from error
         expect(
-            copy == each,
+            copy == sent,
             "a pickled condition is another one; let what it holds be compared by value",
         )
 

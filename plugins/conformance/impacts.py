@@ -57,8 +57,8 @@ def check_oblique_impact_on_a_slope() -> Iterator[Case]:
     for friction, degrees in product((0.1, 0.5), (30, 60)):
         tilt = math.radians(degrees)
         hill = replace(slope(tilt, friction), restitution=restitution)
-        at = np.add(hill.pose.apply([0, 0, 0.05 + radius]), [0, 0, 0.5])
-        ball = make_body("ball", Sphere(radius), at, mass=1.0, friction=friction)
+        place = np.add(hill.pose.apply([0, 0, 0.05 + radius]), [0, 0, 0.5])
+        ball = make_body("ball", Sphere(radius), place, mass=1.0, friction=friction)
 
         braked = min(
             friction * (1 + restitution) * math.cos(tilt), 2 / 7 * math.sin(tilt)

@@ -58,15 +58,15 @@ def check_tools_of_every_shape_push_where_they_are(simulator: Simulator) -> None
         tool = Tool((*stick(_SHAFT).components, head))
         pose = tool.placed()["head"][1]
         front = float(pose.apply(shape.to_trimesh().vertices)[:, 0].max())
-        at = (0.45 + front + 0.05, 0.0, 0.03)
-        puck = make_body("puck", Cylinder(0.03, 0.06), at, mass=0.2, friction=1)
+        place = (0.45 + front + 0.05, 0.0, 0.03)
+        puck = make_body("puck", Cylinder(0.03, 0.06), place, mass=0.2, friction=1)
         plan = [
             [x, 0.0, z, 0, 0, 0]
             for x, z in ((0.45, 0.4), (0.45, 0.035 + _SHAFT), (0.65, 0.035 + _SHAFT))
         ]
         pushed = (
             end(move(simulator, plan, table(), puck, tool=tool)).position("puck")[0]
-            - at[0]
+            - place[0]
         )
         near(
             f"how far a head of the shape {type(shape).__name__} pushes a puck, m",

@@ -212,6 +212,6 @@ def _given(value: T | None, problem: str) -> T:
     return value
 
 
-def turn(one: Pose, other: Pose) -> float:
+def turn(first: Pose, second: Pose) -> float:
     """The angle between two poses, radians."""
-    return float((one.rotation.inv() * other.rotation).magnitude())
+    return float((first.rotation.inv() * second.rotation).magnitude())

@@ -140,10 +140,10 @@ def try_on_each(
     with part(EXECUTOR, cfg.executor).create() as executor, progress:
         for name, robot in robots.items():
             conditions = bench.conditions(robot)
-            own = candidates[name]
-            bar = progress.add_task(f"trials on {name}", total=len(own))
+            tools = candidates[name]
+            bar = progress.add_task(f"trials on {name}", total=len(tools))
             trials = Trials(executor)  # a robot's own: trials don't say which it is
-            for candidate, tried in trials.try_in(conditions, own):
+            for candidate, tried in trials.try_in(conditions, tools):
                 progress.advance(bar)
                 all_tried = tried or _reject(candidate, conditions)
                 designs.append(record(candidate, name, all_tried, bench.robust))

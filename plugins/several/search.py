@@ -56,8 +56,8 @@ class SeveralSearch(SearchBuilder):
             )
             drawable = drawable and can_draw
             pictures[part.name] = {
-                gripper: tuple(_name(picture, part, number) for picture in own)
-                for gripper, own in drawn.items()
+                gripper: tuple(_name(picture, part, number) for picture in shown)
+                for gripper, shown in drawn.items()
             }
 
         designer = SeveralDesigner(

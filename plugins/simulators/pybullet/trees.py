@@ -146,7 +146,7 @@ class PreparedTree:
             links[root.name] = _ROOT
 
         inertias = {body.name: inertia_of(body) for body in bodies}
-        made = {_ROOT: RobotLink(_ROOT)} if root is None else {}
+        tree_links = {_ROOT: RobotLink(_ROOT)} if root is None else {}
 
         for body in bodies:
             name = links[body.name]
@@ -154,7 +154,7 @@ class PreparedTree:
             place = frames[body.name].inverse() @ body.pose  # of the body in the link
             moved = replace(inertia, frame=place @ inertia.frame)
             shapes = collisions_of(body, folder, place)
-            made[name] = RobotLink(name, inertial(moved), shapes)
+            tree_links[name] = RobotLink(name, inertial(moved), shapes)
 
         hung = dict[str, RobotJoint]()
         for joint in joints:
@@ -169,7 +169,7 @@ class PreparedTree:
             name = links[joint.body]
             hung[name] = _joint(joint, name, above, pose)
 
-        file = text_file(folder, write(Description("tree", made, hung)), "urdf")
+        file = text_file(folder, write(Description("tree", tree_links, hung)), "urdf")
         dynamics = {body.name: dynamics_of(body) for body in bodies}
         offsets = {name: offset_of(inertia) for name, inertia in inertias.items()}
         lightness = Lightness.of({body.name: body for body in bodies}, joints, inertias)
@@ -215,10 +215,10 @@ class PreparedTree:
         client.changeDynamics(number, -1, linearDamping=0, angularDamping=0)
         for body, dynamics in self.dynamics.items():
             client.changeDynamics(*places[body], **dynamics)
-        for one, other in combinations(places, 2):
-            touch = int(frozenset((one, other)) not in self.joined)
+        for first, second in combinations(places, 2):
+            touch = int(frozenset((first, second)) not in self.joined)
             client.setCollisionFilterPair(
-                number, number, places[one][1], places[other][1], touch
+                number, number, places[first][1], places[second][1], touch
             )
 
         for joint in self.joints:

@@ -211,12 +211,16 @@ class World:
         near = {*bearers(robot, tool)}
         base = self.client.getBodyInfo(self.robot)[0].decode()
         everything = {base: -1, **links}
-        for one, other in combinations(everything, 2):
-            pair = {one, other}
+        for first, second in combinations(everything, 2):
+            pair = {first, second}
             at_flange = pair & near and pair & {*tool.mounts}
             touch = bool(pair & components) and not at_flange and pair not in joined
             self.client.setCollisionFilterPair(
-                self.robot, self.robot, everything[one], everything[other], int(touch)
+                self.robot,
+                self.robot,
+                everything[first],
+                everything[second],
+                int(touch),
             )
 
     def step(

@@ -65,7 +65,7 @@ def robot_links(robot: Robot, tool: Tool) -> tuple[ArticulationLink, ...]:
         (name for name in arm.links if name in heads),
         key=lambda name: len(arm.above(name)),
     )
-    made = []
+    found = []
     for name in order:
         links = [
             (arm.links[part], pose)
@@ -91,9 +91,9 @@ def robot_links(robot: Robot, tool: Tool) -> tuple[ArticulationLink, ...]:
             parent = order.index(head)
             joint = _along_x(arm.joints[name], pose)
 
-        made.append(ArticulationLink(name, parent, joint, inertia, collisions))
+        found.append(ArticulationLink(name, parent, joint, inertia, collisions))
 
-    return tuple(made)
+    return tuple(found)
 
 
 def _along_x(joint: RobotJoint, parent: Pose) -> AxisJoint:

@@ -20,12 +20,12 @@ def pushes(system: Any, shapes: Collection[Any]) -> tuple[Array, Array]:
     points = []
     forces = []
     for contact in system.get_contacts():
-        one, other = (shape in shapes for shape in contact.shapes)
-        if one != other:
+        first, second = (shape in shapes for shape in contact.shapes)
+        if first != second:
             for point in contact.points:
                 points.append(point.position)
                 forces.append(
-                    (point.impulse if one else -point.impulse) / system.timestep
+                    (point.impulse if first else -point.impulse) / system.timestep
                 )
     return np.reshape(points, (-1, 3)), np.reshape(forces, (-1, 3))
 
@@ -54,8 +54,8 @@ class Forces(Impulses):
             )
 
         self._free = [
-            (each, self._things[each.collision_shapes[0]])
-            for each in system.rigid_dynamic_components
+            (component, self._things[component.collision_shapes[0]])
+            for component in system.rigid_dynamic_components
         ]
         links = {link.name: link.collisions for link in robot_links(robot, tool)}
 
@@ -76,9 +76,9 @@ class Forces(Impulses):
         self._still = {}
         for contact in self._system.get_contacts():
             shapes = tuple(contact.shapes)
-            one, other = (self._things[shape] for shape in shapes)
-            still = one in resting and other in resting
-            met = meeting(one, other)
+            first, second = (self._things[shape] for shape in shapes)
+            still = first in resting and second in resting
+            met = meeting(first, second)
             impulse = before.get(shapes) if still else None
             if impulse is None:
                 impulse = sum(

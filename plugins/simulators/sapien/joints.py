@@ -108,8 +108,8 @@ class Joints:
     def act(self) -> None:
         """Set what changes for the next time step."""
         self._steps += self._begun
-        for each in self._acting:
-            each.act(self._steps * self._time_step)
+        for acting in self._acting:
+            acting.act(self._steps * self._time_step)
 
 
 class _Hung:

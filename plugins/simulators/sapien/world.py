@@ -135,12 +135,12 @@ class World:
     def _beyond(self) -> set[Any]:
         """The collision shapes of what the arm's last joint moves."""
         links = beyond(*self._held)
-        own = [
+        moved = [
             link
             for link in self._system.articulation_link_components
             if link.entity.name in links
         ]
-        return {shape for link in own for shape in link.collision_shapes}
+        return {shape for link in moved for shape in link.collision_shapes}
 
     def launch(self) -> None:
         self._robot.launch()

@@ -82,7 +82,10 @@ def extent(tool: Tool) -> float:
         )
 
     return max(
-        (float(np.ptp(np.concatenate(of), axis=0).max()) for of in corners.values()),
+        (
+            float(np.ptp(np.concatenate(points), axis=0).max())
+            for points in corners.values()
+        ),
         default=0.0,
     )
 
