@@ -81,12 +81,13 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
 
 def _transfer(cfg: DictConfig, task: PluginPart[Task]) -> dict[str, Any]:
     """Try every design in one task (see `transfer`)."""
-    robots = make_robots(list(cfg.robots), robot_part(cfg.robot))
-    candidates = read_on_each(cfg, task, robots)
+    # Settings first: what is wrong with them is said before anything is made.
     sims = engines(list(cfg.sims))
     settings = node(cfg.rollout, RolloutSettings)
     first = next(iter(sims.values()))
     robust = make_robust(cfg, Condition(task, first, cfg.seed, settings))
+    robots = make_robots(list(cfg.robots), robot_part(cfg.robot))
+    candidates = read_on_each(cfg, task, robots)
     bench = Bench(task, sims, robust, cfg.seed, settings)
     designs = try_on_each(cfg, bench, robots, candidates)
     return {

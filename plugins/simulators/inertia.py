@@ -49,4 +49,4 @@ def principal(mass: float, center: Array, tensor: Array) -> Inertia:
     moments, axes = np.linalg.eigh(tensor)
     axes[:, 2] *= np.sign(np.linalg.det(axes))
     frame = Pose.from_rotation(center, Rotation.from_matrix(axes))
-    return Inertia(mass, frame, moments)
+    return Inertia(mass, frame, frozen_array(moments))

@@ -194,9 +194,8 @@ class ComponentTools(VariedTools):
         if self.joints:
             known.add("joint")
         check_keys(item, known, where)
-        parent = item.get("parent")
-        if parent is None and len(mounts) == 1:
-            parent = mounts[0]
+        usual = mounts[0] if len(mounts) == 1 else None
+        parent = item.get("parent", usual)
         if not isinstance(parent, str):
             raise DesignError(
                 f"{where}: parent must be the name of a component or of {' or '.join(mounts)}"

@@ -204,10 +204,12 @@ class Letter:
         problems: Sequence[str],
         ending: str = "",
     ) -> None:
-        """Args:
-        heading: what became of the reply.
-        problems: a line each; none: the file of an earlier reply goes.
-        ending: what to do.
+        """Write ``problem.md``, or remove that of an earlier reply.
+
+        Args:
+            heading: what became of the reply.
+            problems: a line each; none: the file of an earlier reply goes.
+            ending: what to do.
         """
         file = self.folder / "problem.md"
         if not problems:

@@ -162,12 +162,12 @@ class StopCart(Task):
             "red_behind": at + draw("behind.gap", GAP),
         }
         carts = []
-        for name, aside in places.items():
+        for name, along in places.items():
             body = (
                 Geom(Box((SIDE, SIDE, HEIGHT)), color=BLUE if name == "cart" else RED),
             )
             stripe = Geom(Box((0.006, SIDE - 0.01, 0.001)), raised(HEIGHT / 2))
-            pose = frame @ Pose.xyz_rpy((0.0, aside, TOP + HEIGHT / 2))
+            pose = frame @ Pose.xyz_rpy((0.0, along, TOP + HEIGHT / 2))
             x, y, z = velocity
             carts.append(
                 Body(

@@ -222,7 +222,8 @@ def _check_seeds(entry: Entry) -> None:
             )
 
     layouts = 0
-    for key in ("fitness.layouts", "budget.n_final"):
+    # Entries of before the first release say `fitness.final`.
+    for key in ("fitness.layouts", "budget.n_final", "fitness.final"):
         count = entry.settings.get(key, "")
         if re.fullmatch(r"\d{1,9}", count):
             layouts += int(count)

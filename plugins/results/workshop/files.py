@@ -1,4 +1,4 @@
-"""Write what an export export to a folder: the motion as samples and programs, the scene, the checklist, the design."""
+"""Write an export to a folder: the motion as samples and programs, the scene, the checklist, the design."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def new_folder(folder: Path) -> Path:
     """Make a folder to write to.
 
     Raises:
-        UserError: it has something in it, or can't be export.
+        UserError: it has something in it, or can't be made.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

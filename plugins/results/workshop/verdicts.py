@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from core.design import Tool
 from core.designs.statics import flange_moment, mass_limit, moment_limit
-from core.goals import JointAt, Placed
+from core.goals import JointAt, reaches
 from core.interfaces import Task
 from core.values.materials import Material
 from core.values.robots import Robot
@@ -137,10 +137,10 @@ def tolerance(task: Task) -> float:
     """Return the least tolerance of a task's goals that is a length, metres."""
     kinds = {joint.name: joint.kind for joint in task.scene(0).joints}
     lengths = []
-    for goal in task.goals:
-        if isinstance(goal, Placed) or (
-            isinstance(goal, JointAt) and kinds.get(goal.joint) == "slider"
-        ):
-            lengths.append(goal.tolerance)
+    for goal in reaches(task.goals):
+        for part in goal.parts:
+            turns = isinstance(part, JointAt) and kinds.get(part.joint) != "slider"
+            if not turns:
+                lengths.append(getattr(part, "tolerance", 0.0))
 
     return min((length for length in lengths if length > 0), default=TOLERANCE_M)

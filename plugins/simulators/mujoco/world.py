@@ -120,17 +120,21 @@ class World:
 
         guards = schedule.job.guards
         if guards is not None:
-            return self._run_guarded(schedule, guards, states, meter)
+            return self._run_guarded(schedule, guards, controls, states, meter)
         played = self._steps(self._data, states, controls[schedule.settle :], meter)
         return schedule, self._split(played)
 
     def _run_guarded(
-        self, schedule: Schedule, guards: Guards, states: Array, meter: Meter | None
+        self,
+        schedule: Schedule,
+        guards: Guards,
+        controls: Array,
+        states: Array,
+        meter: Meter | None,
     ) -> tuple[Schedule, tuple[Array, Array]]:
         """Do the steps after the settling as `_run` does, some readings at once; where a guard ends, go back to it."""
         data = self._data
         kept = mujoco.MjData(self._model)
-        controls = self._controls(schedule)
         tick = schedule.tick
         done = schedule.settle
         found = [states]

@@ -277,6 +277,7 @@ class World:
         return {self._links[name] for name in beyond(*self._held) & {*self._links}}
 
     def launch(self) -> None:
+        self._springs = []
         for number, joint in self._hung:
             motor = {"targetVelocity": 0, "force": joint.friction}
             self.client.setJointMotorControl2(  # a motor at rest is dry friction

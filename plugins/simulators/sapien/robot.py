@@ -109,6 +109,7 @@ class ArticulatedArm:
 
         With dry friction it is that: a damper that gives up at a torque. Then the spring is applied in each step.
         """
+        self._pull = []
         for number, joint, moving in self._hung:
             if moving.friction > 0:
                 joint.set_drive_properties(0.0, _STICKS, moving.friction, "force")

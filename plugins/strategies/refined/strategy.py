@@ -163,6 +163,8 @@ class Refined(Refinement):
     def observes(cls, settings: Mapping[str, Any]) -> bool:
         inner = settings.get("of", "vlmgineer")
         given = {"name": inner} if isinstance(inner, str) else inner
+        if "name" not in given:  # told when the strategy is made
+            return super().observes(settings)
         strategy = installed().factory("evolution", str(given["name"]))
         return bool(getattr(strategy, "observes", super().observes)(given))
 

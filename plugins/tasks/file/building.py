@@ -164,7 +164,8 @@ def _check_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> None:
                 check_names(goal, scene)
             for reach in reaches(entry):
                 if reach.after is not None and reach.after not in names:
-                    raise choices("goal", str(reach.after), map(str, names))
+                    problem = choices("goal", str(reach.after), map(str, names))
+                    raise tree.error(("goals", number, "after"), str(problem))
                 _check_softness(reach, scene)
         except UsageError as error:
             raise tree.error(("goals", number), str(error)) from None

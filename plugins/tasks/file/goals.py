@@ -36,6 +36,7 @@ class Places(Reach):
     places: tuple[Coordinates, ...]
     at: str | None = None
     tolerance: float = 0.0
+    node: int | None = None
 
     def __post_init__(self) -> None:
         if len(self.places) != len(self.bodies):
@@ -57,7 +58,7 @@ class Places(Reach):
     def _placed(self, body: str) -> Placed:
         """Return the goal of one of the bodies."""
         place = self.places[self.bodies.index(body)]
-        return Placed(place=place, at=self.at, tolerance=self.tolerance)
+        return Placed(place=place, at=self.at, tolerance=self.tolerance, node=self.node)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,8 +124,9 @@ def read_entry(given: Mapping[str, Any]) -> Entry:
         ValueError: there is nothing to reach, two ways to go, a key that is missing, or one that says nothing.
     """
     kinds = {key: kind for key, kind in KINDS.items() if key in given}
-    if not kinds and {"rest", "held"} & given.keys():
-        kinds = {"bodies": Reach}
+    reaching = any(issubclass(kind, Reach) for kind in kinds.values())
+    if not reaching and {"rest", "held"} & given.keys():
+        kinds = {"bodies": Reach, **kinds}
     if not kinds or len(WAYS.keys() & kinds.keys()) > 1:
         raise ValueError(
             "a goal needs either place or away (the distance from the start), or places, or joint and to, not two of "
@@ -145,7 +147,7 @@ def read_entry(given: Mapping[str, Any]) -> Entry:
         return tuple(limits)
     first, *others = reached
     if bool(first.bodies) == isinstance(first, JointAt):
-        raise ValueError("a goal needs either bodies, the names of these, or a joint")
+        raise ValueError("a goal needs either 'bodies', a list of names, or a 'joint'")
     return (replace(first, also=tuple(others)), *limits)
 
 
@@ -154,7 +156,7 @@ def _make(key: str, kind: type[Goal], given: Mapping[str, Any]) -> Goal:
     taken = [field for field in fields(kind) if field.init]  # type: ignore[arg-type]
     for field in taken:
         if field.default is MISSING and field.name not in given:
-            raise ValueError(f"a goal with {key} needs {field.name} too")
+            raise ValueError(f"a goal with {key!r} needs {field.name!r}, too")
     return kind(**{f.name: given[f.name] for f in taken if f.name in given})
 
 

@@ -140,7 +140,8 @@ def _parts(tree: Node, solid: Manifold, most: int) -> tuple[Mesh, ...]:
         with suppress(TooManyPieces):
             parts = convex_parts(tree, tolerance)
             parts = [part for part in parts if part.volume() >= SLIVER]
-            needed = str(len(parts))
+            if parts:
+                needed = str(len(parts))
 
         if not 0 < len(parts) <= most:
             left = ""

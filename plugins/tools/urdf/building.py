@@ -362,7 +362,14 @@ def _nearest(holders: list[_Holder], box: Box, pose: Pose) -> tuple[str, Pose]:
     """
     nearest = holders[0]
     if len(holders) > 1:
-        nearest = min(holders, key=lambda holder: _gap_to(holder, box, pose))
+        least = math.inf
+        for holder in holders:
+            distance = _gap_to(holder, box, pose)
+            if distance < least:
+                nearest = holder
+                least = distance
+            if least == 0:
+                break
     return nearest.name, nearest.frame @ pose
 
 

@@ -260,9 +260,11 @@ class Dealer:
     """
 
     def __init__(self, members: Sequence[str], seed: int) -> None:
-        """Args:
-        members: their labels, in the order in which they have their first request.
-        seed: of the draws.
+        """Begin with no answers heard.
+
+        Args:
+            members: their labels, in the order in which they have their first request.
+            seed: of the draws.
         """
         self._seed = seed
         self._rewards: dict[str, list[float]] = {name: [] for name in members}

@@ -160,11 +160,13 @@ class Client:
         timeout_s: float,
         max_output_tokens: int | None,
     ) -> None:
-        """Args:
-        model: in LiteLLM's notation.
-        api_base: address of the server; None: the provider's own.
-        timeout_s: after which a call is abandoned.
-        max_output_tokens: of an answer; None: the provider's maximum.
+        """Find the provider, its key, and what it accepts.
+
+        Args:
+            model: in LiteLLM's notation.
+            api_base: address of the server; None: the provider's own.
+            timeout_s: after which a call is abandoned.
+            max_output_tokens: of an answer; None: the provider's maximum.
         """
         self._litellm = load()
         try:

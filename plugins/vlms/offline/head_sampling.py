@@ -99,7 +99,7 @@ def draw_head(subgoal: Subgoal, rng: Generator, thickness_factor: float) -> Head
 
 @dataclass(frozen=True, eq=False)
 class _HookSide:
-    """A side on which a hook\'s arm can pass the bodies.
+    """A side on which a hook's arm can pass the bodies.
 
     Attributes:
         clearance: metres.

@@ -62,7 +62,8 @@ class SceneAnalysis:
 
         if not scene.free:
             raise NothingToMove(
-                "the task has no goals and no body that can move; give it a Goal"
+                "the task has no goals and no body that can move; give it a goal, such as "
+                "Placed(bodies=('cube',), place=(0.6, 0, 0.05))"
             )
 
         self.groups = [[Target((scene.free[0].name,), away=_AWAY_M)]]

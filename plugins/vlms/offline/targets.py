@@ -69,7 +69,9 @@ def find_targets(goal: Reach, scene: Scene) -> list[Target]:
 
 
 def _find_place(goal: Reach, body: str, state: State) -> Coordinates | None:
-    place = goal.place_of(body, state)
+    """Return where a goal, or what it also asks, wants a body; None: it says no place."""
+    places = [part.place_of(body, state) for part in goal.parts]
+    place = next((place for place in places if place is not None), None)
     if place is None:
         return None
     x, y, z = (None if np.isnan(wanted) else wanted for wanted in place.tolist())

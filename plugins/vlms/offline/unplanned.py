@@ -29,7 +29,7 @@ def find_unplanned(task: Task, seed: int) -> list[str]:
         "a height, an area or a node": any(_names_no_place(goal) for goal in reached),
         "a limit of force": _has_force_limit(task),
         "a second goal, where one is a joint's or a turn (each tool is made for one)": _has_second(
-            task, targets
+            task, reached, targets
         ),
         "anything but its first free body, as the task has no goals": not targets,
     }
@@ -70,15 +70,18 @@ def _names_no_way(goal: Reach) -> bool:
     return type(goal).place_of is Reach.place_of
 
 
-def _has_second(task: Task, targets: Sequence[Target]) -> bool:
-    """Report whether there are several goals, one of which needs a head of its own.
+def _has_second(
+    task: Task, reached: Sequence[Reach], targets: Sequence[Target]
+) -> bool:
+    """Report whether there are several goals to reach, one of which needs a head of its own.
 
     Args:
         task: whose goals may all count.
-        targets: of all goals.
+        reached: the goals to reach.
+        targets: of all of them.
     """
     guided = any(target.joint or target.axis for target in targets)
-    return task.every and len(targets) > 1 and guided
+    return task.every and len(reached) > 1 and guided
 
 
 def _turns_level(goal: Target, scene: Scene) -> bool:
