@@ -37,7 +37,7 @@ def fault(error: BaseException | None) -> str | None:
     """
     cause = error
     while cause is not None:
-        no_thread = "can't start new thread" in str(cause)
+        no_thread = isinstance(cause, RuntimeError) and "new thread" in str(cause)
         if no_thread or isinstance(cause, Fault | OSError | MemoryError | ImportError):
             text = str(error)
             if cause is error and not isinstance(error, Fault | UserError):

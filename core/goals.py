@@ -16,7 +16,7 @@ from typing import Protocol
 
 import numpy as np
 
-from core.errors import choices
+from core.errors import UsageError, choices, refuse
 from core.geometry import Array, Vector
 from core.scene import Scene
 from core.values.joints import rotate
@@ -177,6 +177,24 @@ class Reach(Goal):
     weight: float = 1.0
     name: str = ""
 
+    def __post_init__(self) -> None:
+        least = 0.0  # of what kinds have as a tolerance or a way
+        for name in ("tolerance", "tolerance_deg", "away"):
+            least = min(least, getattr(self, name, 0.0))
+
+        only_bodies = type(self) is Reach and not (self.rest or self.held or self.also)
+        held = any(part.held > self.held or part.rest > self.rest for part in self.also)
+        refuse(
+            "a goal's ",
+            {
+                "tolerances and ways must be 0 or more": least < 0,
+                "weight must be above 0": not 0 < self.weight < np.inf,
+                "by_s must be above 0": self.by_s is not None and not self.by_s > 0,
+                "kind must say what is to be reached, or rest or held": only_bodies,
+                "rest and held stand in the goal itself, not in also": held,
+            },
+        )
+
     # What a kind says:
 
     def measures(self, body: str, start: State) -> Sequence[Measure]:
@@ -205,7 +223,7 @@ class Reach(Goal):
     @property
     def subject(self) -> str:
         """What it is about, in words."""
-        return (" or " if self.any else ", ").join(self.bodies)
+        return (" or " if self.any else ", ").join(self.bodies[:3])
 
     # What follows from it:
 
@@ -248,6 +266,8 @@ class Reach(Goal):
                 reached = reached * hold(body)
             shares.append(reached)
 
+        if not shares:
+            raise ValueError("a goal to reach needs bodies")
         if self.any:
             return np.asarray(np.max(shares, axis=0))
         return np.asarray(np.mean(shares, axis=0))
@@ -406,15 +426,22 @@ class Placed(Reach):
 
 @dataclass(frozen=True, kw_only=True)
 class Away(Reach):
-    """Bodies that must end so far ``away`` from where they start, m, in any direction."""
+    """Bodies that must end so far ``away`` from where they start, m, in any direction.
+
+    Attributes:
+        at: the body or mark that they get away from, by which a program may plan; the way counts from their start.
+        node: of soft bodies, the node that counts, from 0; None: the middle.
+    """
 
     away: float
+    at: str | None = None
+    node: int | None = None
 
     def measures(self, body: str, start: State) -> Sequence[Measure]:
-        begin = start.position(body)
+        begin = start.position(body, self.node)
 
         def way(state: State) -> Array:
-            return _length(state.position(body) - begin)
+            return _length(state.position(body, self.node) - begin)
 
         return [Measure(f"way of {body}", way, self.away, SLIP_M, "m", at_least=True)]
 
@@ -482,6 +509,7 @@ class Turned(Reach):
     tolerance_deg: float = 10.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not (np.any(self.axis) and np.any(self.points)):
             raise ValueError("a goal's axis and points need a length")
 
@@ -524,6 +552,9 @@ class Kept(Limit):
     keep: tuple[str, ...]
     kept_m: float = KEPT_M
 
+    def __post_init__(self) -> None:
+        refuse("a goal's ", {"kept_m must be above 0": not self.kept_m > 0})
+
     def share(self, evidence: Evidence) -> Array:
         most = STRAYED * self.kept_m
         factor: Array = np.ones(evidence.end.positions.shape[:-2])
@@ -562,6 +593,9 @@ class Untouched(Limit):
 
     untouched: tuple[str, ...]
     max_force_n: float = 0.0
+
+    def __post_init__(self) -> None:
+        refuse("a goal's ", {"max_force_n must be 0 or more": self.max_force_n < 0})
 
     @property
     def needs_trace(self) -> bool:
@@ -694,26 +728,6 @@ def limits_margins(
     return found
 
 
-def describe_goals(goals: Sequence[Goal], every: bool = False) -> list[str]:
-    """Describe goals and the reward that `goals_reward` makes of them, in lines."""
-    lines = [f"{number}. {goal.words()}" for number, goal in enumerate(goals)]
-    wanted = reaches(goals)
-    if wanted:
-        lines.append(
-            "The progress of a goal is max(0, 1 - d / d0). Here d is how far its bodies are from it at the end, beyond "
-            "the tolerance or limit, d0 the same at the start; of several bodies it is the mean, and any one is the "
-            "best."
-        )
-
-    counts = "the mean of the goals' progress, by weight"
-    if len(wanted) < 2:
-        counts = "the progress"
-    elif not every:
-        counts = "the progress of the best goal"
-
-    return [*lines, f"The reward is {counts}."]
-
-
 def reaches(goals: Iterable[Goal]) -> list[Reach]:
     """Return the goals that want something reached."""
     return [goal for goal in goals if isinstance(goal, Reach)]
@@ -740,6 +754,8 @@ def check_names(goal: Goal, scene: Scene) -> None:
         "body": [body.name for body in scene.bodies],
         "joint": [joint.name for joint in scene.joints],
     }
+    if isinstance(goal, Reach) and not (goal.bodies or isinstance(goal, JointAt)):
+        raise UsageError("a goal to reach needs bodies")
     for part in getattr(goal, "parts", [goal]):
         for field, what in _NAMES.items():
             names = getattr(part, field, None) or ()

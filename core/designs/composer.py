@@ -172,19 +172,21 @@ class PromptComposer:
     def _parts(self, brief: Brief) -> Sequence[str]:
         """Choose the parts of a request."""
         settings = self.settings
+        use = "initial"
         if brief.representation.given(brief.task) is not None:
-            return settings.given
-        if not brief.n_action:
-            return settings.tools
-        if brief.elites:
-            return settings.evolution
-        if not settings.initial:
+            use = "given"
+        elif not brief.n_action:
+            use = "tools"
+        elif brief.elites:
+            use = "evolution"
+
+        parts: Sequence[str] = getattr(settings, use)
+        if not parts:
             raise UserError(
-                "this prompt evolves elites, and there are none: it has no parts for a first sampling; "
+                f"this prompt has no parts for such a request (prompt.{use}): if it evolves elites, there are none; "
                 "use prompt=vlmgineer, or add designs=FILE with elites to python -m core.prompt"
             )
-
-        return settings.initial
+        return parts
 
     def _system(self, values: dict[str, Any]) -> list[Message]:
         parts = self.settings.system

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
 from itertools import zip_longest
 from typing import Any
 
@@ -87,8 +88,9 @@ def _failures(evaluations: Iterable[Evaluation]) -> list[Evaluation]:
     ]
 
 
+@lru_cache(maxsize=2)
 def generation_lines(
-    evaluations: Iterable[Evaluation], budget: int, sight: Sight = ALL
+    evaluations: tuple[Evaluation, ...], budget: int, sight: Sight = ALL
 ) -> str:
     """Write a line for each candidate, the best first.
 
@@ -96,11 +98,10 @@ def generation_lines(
     as the others, and the last line counts what is left out.
 
     Args:
-        evaluations: those of a generation.
+        evaluations: those of a generation; all agents are shown the same, so that it is kept.
         budget: about how many characters there may be.
         sight: what may be said of bodies.
     """
-    evaluations = list(evaluations)
     others = [e for e in evaluations if e.status != "ok"]
     others.sort(key=lambda e: (e.status, e.candidate.key))
     groups: dict[str, list[Evaluation]] = {}
@@ -110,9 +111,11 @@ def generation_lines(
 
     lines = {text: f"- {_ids(group)}: {text}" for text, group in groups.items()}
     left_out: list[Evaluation] = []
-    for text in _alternate(groups):
+    best, *others_texts = _alternate(groups) or [""]
+    budget -= len(lines.get(best, "")) + 1
+    for text in others_texts:
         budget -= len(lines[text]) + 1
-        if budget < 0 and len(lines) > 1:
+        if budget < 0:
             left_out += groups[text]
             del lines[text]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -15,7 +17,7 @@ MAX_WAYPOINTS = 200
 """The most waypoints of a plan."""
 
 MAX_REACH_M = 3.0
-"""The largest coordinate of a waypoint, along each axis of the world."""
+"""How far a waypoint may be from the world's origin."""
 
 MAX_ANGLE_RAD = 100.0
 """The largest roll, pitch or yaw of a waypoint."""
@@ -95,6 +97,12 @@ def _check_waypoint(waypoint: object, where: str, gripper: bool) -> None:
             raise DesignError(
                 f"{where}: {name} is {number!r:.20}; it must be between {least:g} and {most:g} {unit}"
             )
+
+    away = math.hypot(*waypoint[:3])
+    if away > MAX_REACH_M:
+        raise DesignError(
+            f"{where} is {away:.2f} m from the world's origin; at most {MAX_REACH_M:g} m are allowed"
+        )
 
 
 def _check_length(poses: Array) -> None:

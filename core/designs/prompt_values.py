@@ -77,10 +77,14 @@ def _assignment_values(facts: RunFacts, brief: Brief) -> dict[str, Any]:
 
 
 def _scene_values(facts: RunFacts, brief: Brief) -> dict[str, Any]:
-    """The task and the arm, and how plans are executed; plugins add to it."""
+    """The task and the arm, and how plans are executed; what plugins add comes after it."""
     task = brief.task
     mounted = brief.representation.given(task) or Tool(gripper=brief.gripper)
-    values = {
+    values = {}
+    for name, compute in installed().factories("prompt_value").items():
+        values[name] = compute(brief, mounted, facts.rollout, facts.engine)
+
+    return values | {
         "task": task,
         "told": facts.settings.told,
         "unseen": not facts.level.numbers,
@@ -94,9 +98,6 @@ def _scene_values(facts: RunFacts, brief: Brief) -> dict[str, Any]:
         **NOTHING_TOLD,
         **facts.level.values(task, brief.scene_seed),
     }
-    for name, compute in installed().factories("prompt_value").items():
-        values[name] = compute(brief, mounted, facts.rollout, facts.engine)
-    return values
 
 
 def _feedback_values(facts: RunFacts, brief: Brief, criticised: bool) -> dict[str, Any]:

@@ -80,12 +80,14 @@ def parse_reply(text: str) -> object:
         DesignError: there is no object, or it is malformed and has no sound strategy; gives line and column.
     """
     text = text[:MAX_REPLY]
-    objects: list[object] = []
+    first: object = None
     failures: list[tuple[int, Malformed]] = []
     start = text.find("{")
     # Each failure counts all lines before it; this many take a second or two.
     tries = 100 + 1_000_000_000 // max(1, len(text))
-    while start >= 0 and len(failures) < tries:
+    for _ in range(tries):
+        if start < 0:
+            break
         try:
             document, end = decode(text, start, "the reply")
         except Malformed as error:
@@ -95,7 +97,7 @@ def parse_reply(text: str) -> object:
         else:
             if "strategies" in document:
                 return document
-            objects.append(document)
+            first = first or document
         start = text.find("{", end)
 
     if failures:
@@ -105,9 +107,9 @@ def parse_reply(text: str) -> object:
         _, longest = max(failures, key=lambda failure: failure[0])
         raise longest
 
-    if not objects:
+    if first is None:
         raise DesignError(f"the reply has no JSON object; {EXPECTED}")
-    return objects[0]
+    return first
 
 
 def _save_strategies(text: str) -> list[Any]:

@@ -236,21 +236,19 @@ def given_tool(representation: ToolRepresentation, task: Task) -> Tool | None:
     Raises:
         UserError: it gives something else, or a tool that breaks a rule; the message names the plugin.
     """
-    tool = representation.given(task)
-    if tool is None:
-        return None
-    if not isinstance(tool, Tool):
-        wrong = shorten(repr(tool))
-        raise UserError(
-            f"{describe_part(representation)}: given returned {wrong}; expected a Tool or None"
-        )
-
     try:
-        tool = representation.material.made(tool)
-        if tool.components:
-            check_tool(tool, task.robot, representation.material)
+        tool = representation.given(task)
+        if isinstance(tool, Tool):
+            tool = representation.material.made(tool)
+            if tool.components:
+                check_tool(tool, task.robot, representation.material)
     except DesignError as error:
         what = f"the tool that it gives for {task.name} breaks a rule"
         raise UserError(f"{describe_part(representation)}: {what}: {error}") from error
 
+    if tool is not None and not isinstance(tool, Tool):
+        wrong = shorten(repr(tool))
+        raise UserError(
+            f"{describe_part(representation)}: given returned {wrong}; expected a Tool or None"
+        )
     return tool

@@ -127,7 +127,7 @@ def _check_range(joint: ToolJoint) -> None:
             f"{span}; give it a range of {limits.least_range:g} or more, or no joint"
         )
 
-    if abs(joint.rest) > limits.most:
+    if not abs(joint.rest) <= limits.most:
         raise DesignError(
             f"has a spring that is relaxed at {joint.rest:g} {limits.unit}; at most {limits.most:.3g}"
         )
@@ -209,12 +209,19 @@ def weigh_moved(tool: Tool, bearer: Bearer) -> tuple[float, float]:
 def _check_pin(bearer: Bearer, solids: Mapping[str, Sequence[Solid]]) -> None:
     """Refuse a hinge whose axis passes one of its two sides too far off for a pin.
 
-    The pin reaches as far as what turns on it.
+    The pin is as long as what turns on it.
     """
-    reach = max(map(_reach, solids[bearer.name]))
-    turn, _ = Rotation.align_vectors([bearer.joint.axis], [[0.0, 0.0, 1.0]])
-    pose = Pose.from_rotation(np.zeros(3), turn)
-    pin = Solid("pin", solid_geometry(Cylinder(1e-4, 2 * reach)), pose)
+    axis = np.array(bearer.joint.axis)
+    middles, halves = zip(
+        *[solid.bounds() for solid in solids[bearer.name]], strict=True
+    )
+    along = np.array(middles) @ axis
+    reach = np.array(halves) @ np.abs(axis)
+    low = float((along - reach).min())
+    high = float((along + reach).max())
+    turn, _ = Rotation.align_vectors([axis], [[0.0, 0.0, 1.0]])
+    pose = Pose.from_rotation((low + high) / 2 * axis, turn)
+    pin = Solid("pin", solid_geometry(Cylinder(1e-4, high - low)), pose)
 
     on_parent = replace(pin, pose=bearer.pose @ pin.pose)
     for side, placed in ((bearer.name, pin), (bearer.parent, on_parent)):

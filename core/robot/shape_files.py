@@ -24,8 +24,9 @@ def urdf_shapes(shape: Shape, pose: Pose) -> list[RobotShape]:
             return shapes
         case Mesh():
             file = scratch() / f"{shape.content}.obj"
-            mesh = shape.to_trimesh()
-            write_once(file, lambda: str(mesh.export(file_type="obj", digits=12)))
+            write_once(
+                file, lambda: str(shape.to_trimesh().export(file_type="obj", digits=12))
+            )
             return [RobotShape(file, origin)]
         case _:
             return [RobotShape(rounded_shape(shape), origin)]

@@ -15,10 +15,9 @@ from core.interfaces import JointTrajectory, RolloutSettings, Task, Tempo, Waypo
 from core.robot.kinematics import Arm, arm_of
 from core.robot.paths import APART_M, place_knots
 from core.robot.timing import PEAK, Leg, time_leg
-from core.support.text import clean
 
 _SLOWED = 1.05  # from here on it is reported
-_MAX_NAMES = 30  # characters of the waypoints' numbers
+_NAMED = 3  # waypoints that are named
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +56,9 @@ class Motion:
         late = np.flatnonzero(self.slowed > _SLOWED) + 1
         if len(late) == 0:
             return []
-        names = clean(", ".join(map(str, late)), _MAX_NAMES)
+        names = ", ".join(map(str, late[:_NAMED]))
+        if len(late) > _NAMED:
+            names += f" and {len(late) - _NAMED} more"
         return [
             f"waypoint {names}: the arm's limits make the way there up to {self.slowed.max():.1f} times slower "
             "than asked"
@@ -130,7 +131,8 @@ def plan_motion(
     )
     knots = np.vstack([begin.joints, solved])
 
-    asked = ask_seconds(tempo, positions, segment_s)
+    wanted = ask_seconds(tempo, positions)
+    asked = np.where(np.isfinite(wanted), wanted, segment_s)
     hurried = np.isfinite(tempo.seconds) | np.isfinite(tempo.speeds)
     legs = []
     for first, last in pairwise(stops):
@@ -157,19 +159,21 @@ def plan_motion(
         reached,
         np.maximum.reduceat(errors, counted, axis=0),
         plan.poses,
-        compare_with_asked(reached, asked, tempo),
+        compare_with_asked(reached, wanted, tempo.waits),
     )
 
 
-def ask_seconds(tempo: Tempo, positions: Array, segment_s: float) -> Array:
+def ask_seconds(tempo: Tempo, positions: Array) -> Array:
     """The time that each way between positions (N + 1, 3) is asked to take (N,), if it begins and ends at rest.
+
+    nan: nothing is asked. A speed asks for nothing where the position does not move.
+
 
     A speed is that of the middle of the way, of which a fifth of the time is for each of acceleration and braking.
     """
     ways = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     by_speed = np.where(ways > APART_M, PEAK * ways / tempo.speeds, np.nan)
-    asked = np.where(np.isfinite(tempo.seconds), tempo.seconds, by_speed)
-    return np.where(np.isfinite(asked), asked, segment_s)
+    return np.where(np.isfinite(tempo.seconds), tempo.seconds, by_speed)
 
 
 def join_legs(
@@ -209,13 +213,11 @@ def close_fingers(grips: Array, times: Array, reached: list[float]) -> Array:
     return closed
 
 
-def compare_with_asked(reached: Array, asked: Array, tempo: Tempo) -> Array:
-    """How many times longer each way takes than its seconds or speed ask for (N,); 1 where nothing is asked."""
-    begins = np.concatenate([[0.0], reached[:-1] + tempo.waits[:-1]])
-    slowed: Array = np.maximum(1.0, (reached - begins) / asked)
-    free = ~(np.isfinite(tempo.seconds) | np.isfinite(tempo.speeds))
-    slowed[free] = 1.0
-    return slowed
+def compare_with_asked(reached: Array, wanted: Array, waits: Array) -> Array:
+    """How many times longer each way takes than ``wanted`` (N,); 1 where that is nan: nothing is asked."""
+    begins = np.concatenate([[0.0], reached[:-1] + waits[:-1]])
+    slowed = np.maximum(1.0, (reached - begins) / wanted)
+    return np.where(np.isfinite(wanted), slowed, 1.0)
 
 
 def at_home(task: Task) -> JointTrajectory:

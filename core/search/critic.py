@@ -31,24 +31,25 @@ class Critic:
     prompts: PromptComposer
     temperature: float
     film: Callable[[Evaluation], Picture | None] | None
-    _shown: set[str] = field(default_factory=set)  # candidates, by their ids
+    _shown: dict[str, int] = field(default_factory=dict)  # generations, by candidate
     _words: dict[str, str] = field(default_factory=dict)  # by candidate
 
     def requests(self, brief: Brief) -> list[Request]:
         """Compose the requests before a generation, at most `PromptSettings.critic` of them.
 
-        ``brief`` has its elites, and all that was tried before.
+        ``brief`` has its elites, and all that was tried before. A strategy may ask more than once for a generation.
         """
+        first = list(self._shown.values()).count(brief.generation)
         telling = most_telling(brief.elites, last_generation(brief.tried))
         new = [e for e in telling if e.candidate.id not in self._shown]
-        chosen = new[: self.prompts.settings.critic]
+        chosen = new[: max(0, self.prompts.settings.critic - first)]
         return [
             self._request(brief, number, evaluation)
-            for number, evaluation in enumerate(chosen)
+            for number, evaluation in enumerate(chosen, first)
         ]
 
     def _request(self, brief: Brief, number: int, shown: Evaluation) -> Request:
-        self._shown.add(shown.candidate.id)
+        self._shown[shown.candidate.id] = brief.generation
         tool = shown.candidate.tool
         task, elite = shown_in(brief.task, shown)
         rng = np.random.default_rng([brief.seed, _CRITIC + number])

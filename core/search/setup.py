@@ -12,6 +12,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import part
 from core.config.trust import refuse_keys
+from core.errors import UsageError
 from core.events import Run
 from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Reply
 from core.plugins import EVOLUTION, EXECUTOR, MODEL, SIMULATOR, event_hub, installed
@@ -89,6 +90,10 @@ def _build_strategy(
         UserError: it can't be used.
     """
     rollouts = settings.get("refine", 0)
+    if type(rollouts) is not int or rollouts < 0:
+        raise UsageError(
+            f"evolution.refine must be a whole number from 0 on, got {rollouts!r}"
+        )
     if rollouts:
         settings = {
             "name": REFINED,

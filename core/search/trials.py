@@ -175,27 +175,30 @@ class Trials:
                 if candidate.problem is not None:
                     self._settled.append((candidate, ()))
                 else:
-                    self._register(candidate, to_try)
+                    self._register(candidate, conditions, to_try)
 
             for condition, members in to_try.items():
                 if members:
                     yield Chunk(condition, tuple(members))
 
     def _register(
-        self, candidate: Candidate, to_try: dict[Condition, list[Candidate]]
+        self,
+        candidate: Candidate,
+        conditions: Sequence[Condition],
+        to_try: dict[Condition, list[Candidate]],
     ) -> None:
         """Note which trials of a candidate are missing, and add it where nobody is tried for it yet."""
-        keys = [key_of(candidate, condition) for condition in to_try]
+        keys = [key_of(candidate, condition) for condition in conditions]
         waiting = _Waiting(candidate, keys)
         with self._lock:
-            for members, key in zip(to_try.values(), keys, strict=True):
+            for condition, key in zip(conditions, keys, strict=True):
                 if key in self.known:
                     continue
                 waiting.missing += 1
 
                 if key not in self._waiting:
                     self._waiting[key] = []
-                    members.append(candidate)
+                    to_try[condition].append(candidate)
 
                 self._waiting[key].append(waiting)
 

@@ -58,11 +58,10 @@ def _find_failure(stage: Stage, attempt: Attempt) -> str | None:
         if wanted and outcome.error is None and is_finite(recording):
             attempt.contacts = find_contacts(*parts)
 
-    failure = attempt.problem or outcome.error
-    if failure is not None:
-        return failure
-    if outcome.start is None or outcome.end is None:
-        return "the simulator returned no state"
+    if attempt.problem is not None:
+        return attempt.problem
+    if outcome.error is not None or outcome.start is None or outcome.end is None:
+        return outcome.error or "the simulator returned no state"
     if stage.task.reads_trace and attempt.contacts is None:
         return "the reward reads a trace, and the simulator returned no recording of finite states"
     return None

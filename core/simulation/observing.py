@@ -221,12 +221,12 @@ class _Case:
 
     def _is_in_place(self, name: str) -> bool:
         enough = all if self.task.every else any
-        return enough(
-            goal.is_in_place(name, self.start, self.end)
-            and not (goal.held and not self.contacts.held(name)[-1])
-            for goal in self.reaches
-            if name in goal.subjects(self.start)
-        )
+        found = []
+        for goal in self.reaches:
+            if name in goal.subjects(self.start):
+                held = not goal.held or self.contacts.held(name)[-1]
+                found.append(held and goal.is_in_place(name, self.start, self.end))
+        return bool(found) and enough(found)
 
     def _measure_left(self, goal: Reach) -> float:
         """Measure how far a goal's bodies are from where it wants them, on average."""

@@ -49,10 +49,11 @@ def save_film(
         NoPicture: nothing here can draw.
     """
     recording, draw = filmed(task, simulator, candidate, seed, settings, size)
-    pictures = [Pillow.fromarray(draw(k)) for k in range(len(recording.times))]
-    first, *others = (
-        picture.quantize(96, dither=Pillow.Dither.NONE) for picture in pictures
-    )
+    frames = []
+    for number in range(len(recording.times)):
+        picture = Pillow.fromarray(draw(number))
+        frames.append(picture.quantize(96, dither=Pillow.Dither.NONE))
+    first, *others = frames
     first.save(
         file,
         save_all=True,

@@ -57,16 +57,17 @@ class StoredProgress:
 
         agents = set(self.again.values())
         self.designs = set(stored.designs())
+        rows = stored.trials()
         self._contents = {
             evaluation.candidate: (evaluation.status, evaluation.content)
-            for evaluation in stored.evaluations()
+            for evaluation in stored.evaluations(rows)
             if evaluation.status != "rejected" or evaluation.design[:2] not in agents
         }
         self.candidates = set(self._contents)
 
         self.trials: dict[TrialKey, Trial] = {}
         self.numbers: dict[TrialKey, int] = {}
-        for row in stored.trials():
+        for row in rows:
             key = row.content, row.trial.where
             self.trials[key] = row.trial
             self.numbers[key] = row.number

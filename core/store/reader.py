@@ -113,9 +113,15 @@ class StoredRun:
             StoredTrial(row["number"], row["content"], load_trial(row)) for row in rows
         ]
 
-    def evaluations(self) -> list[StoredEvaluation]:
-        """Return the evaluations of all candidates, in the order of `Candidate.key`."""
-        trials = {stored.number: stored.trial for stored in self.trials()}
+    def evaluations(
+        self, tried: Iterable[StoredTrial] | None = None
+    ) -> list[StoredEvaluation]:
+        """Return the evaluations of all candidates, in the order of `Candidate.key`.
+
+        ``tried`` are `trials`, where they were read already.
+        """
+        known = self.trials() if tried is None else tried
+        trials = {stored.number: stored.trial for stored in known}
         order = "generation, agent, strategy, plan"
         return [
             replace(

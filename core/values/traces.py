@@ -118,7 +118,8 @@ class Trace:
         found = np.zeros(self.shape)
         for (presser, other), force in self.forces.items():
             # A component of the tool presses with the tool's force while it touches.
-            touches = self.touching.get(("tool", by or "", body))
+            named = by not in (None, "robot", "tool", "arm")
+            touches = self.touching.get(("tool", by or "", body)) if named else None
             if (presser, other) == ("tool", body) and touches is not None:
                 found = np.maximum(found, force * touches)
             elif _is_between(self._kind(presser), presser, other, body, by):

@@ -166,7 +166,8 @@ def _find_kept(
     try:
         kept = set[str]()
         for link in order.static_order():
-            if link not in without and parents.get(link, link) in {link, *kept}:
+            borne = link not in parents or parents[link] in kept
+            if borne and link not in without:
                 kept.add(link)
     except CycleError as error:
         loop = " -> ".join(error.args[1])

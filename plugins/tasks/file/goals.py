@@ -19,6 +19,7 @@ from core.goals import (
     Turned,
     Untouched,
     describe_place,
+    reaches,
 )
 from core.values.states import State
 
@@ -177,3 +178,25 @@ def join_entries(entries: Sequence[Entry]) -> tuple[Goal, ...]:
                 goals.append(goal)
 
     return tuple(goals)
+
+
+def describe_goals(goals: Sequence[Goal], every: bool = False) -> list[str]:
+    """Describe goals and the reward that `goals_reward` makes of them, in lines."""
+    lines = [f"{number}. {goal.words()}" for number, goal in enumerate(goals)]
+    wanted = reaches(goals)
+    if wanted:
+        lines.append(
+            "The progress of a goal is max(0, 1 - d / d0). Here d is how far its bodies are from it at the end, beyond "
+            "the tolerance or limit, d0 the same at the start; of several bodies it is the mean, and any one is the "
+            "best."
+        )
+
+    counts = "the mean of the goals' progress, by weight"
+    if len(wanted) < 2:
+        counts = "the progress"
+    elif not every:
+        counts = "the progress of the best goal"
+
+    if not wanted:
+        counts = "0: nothing is to be reached"
+    return [*lines, f"The reward is {counts}."]

@@ -11,7 +11,7 @@ import numpy as np
 
 from core.errors import UserError
 from core.geometry import Array, Pose
-from core.goals import describe_goals, goals_reward, needs_trace
+from core.goals import goals_reward, needs_trace
 from core.interfaces import Picture, Task
 from core.scene import Scene, State, Trace
 from core.values.layouts import NONE
@@ -173,7 +173,7 @@ class FileTask(Task):
         return goals_reward(self, start, end, trace)
 
     def reward_in_words(self) -> list[str]:
-        return describe_goals(self.goals, self.every)
+        return goals.describe_goals(self.goals, self.every)
 
     def source(self) -> str:
         return self._text

@@ -96,8 +96,10 @@ def _ignores_goals(members: list[ast.stmt]) -> bool:
 def helpers(task: Task) -> str:
     """Take the heads and docstrings of the functions that a task's file imports from its own package.
 
-    A function without a docstring is taken whole.
+    A function without a docstring is taken whole. A task whose text is no Python has none.
     """
+    if task.language != "python":
+        return ""
     module = sys.modules[type(task).__module__]
     package = module.__name__.partition(".")[0]
     heads = []

@@ -17,13 +17,13 @@ from core.goals import (
     Kept,
     Placed,
     Untouched,
-    describe_goals,
 )
 from core.interfaces import JointTrajectory, Rollout, RolloutSettings
 from core.plugins import PluginPart
 from core.robot.kinematics import arm_of
 from plugins.conformance.suites import SUITES, examine
 from plugins.new.packages import write_scene
+from plugins.tasks.file.goals import describe_goals
 from plugins.tasks.file.task import FileTask
 from plugins.vlms.told.bodies import bodies_table
 from plugins.vlms.told.excerpts import helpers, task_source
