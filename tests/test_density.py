@@ -94,7 +94,7 @@ def measure(folder):
 @pytest.mark.parametrize(
     ("folder", "nodes", "in_thousand_lines"),
     [
-        ("core", 80_000, 3_950),
+        ("core", 80_400, 3_950),
         ("plugins", 162_000, 4_020),
         ("tasks", 20_600, 4_500),
     ],
