@@ -90,6 +90,43 @@ def shifted(share, name="cube", by=(0.2, 0, 0)):
     return at(**{name: START.position(name) + share * np.array(by)})
 
 
+CUBE = ("cube",)
+
+
+@pytest.mark.parametrize(
+    ("make", "wrong"),
+    [
+        (lambda: Placed(bodies=CUBE, place=(0, 0, 0), tolerance=-1), "tolerances"),
+        (
+            lambda: Turned(bodies=CUBE, axis=(0, 0, 1), tolerance_deg=-1),
+            "tolerances and ways",
+        ),
+        (lambda: Away(bodies=CUBE, away=-0.1), "tolerances and ways must be 0 or more"),
+        (lambda: Reach(bodies=CUBE, rest=True, weight=0), "weight must be above 0"),
+        (lambda: Reach(bodies=CUBE, rest=True, weight=np.inf), "weight must be above"),
+        (lambda: Reach(bodies=CUBE, rest=True, by_s=0), "by_s must be above 0"),
+        (lambda: Reach(bodies=CUBE), "must say what is to be reached, or rest or held"),
+        (
+            lambda: Away(bodies=CUBE, away=0.1, also=(Reach(bodies=CUBE, held=True),)),
+            "rest and held stand in the goal itself",
+        ),
+        (lambda: Kept(keep=CUBE, kept_m=0), "kept_m must be above 0"),
+        (
+            lambda: Untouched(untouched=CUBE, max_force_n=-1),
+            "max_force_n must be 0 or more",
+        ),
+    ],
+)
+def test_a_goal_that_makes_no_sense_is_refused(make, wrong):
+    with pytest.raises(ValueError, match=f"a goal's .*{wrong}"):
+        make()
+
+
+def test_a_goal_to_reach_needs_bodies():
+    with pytest.raises(UsageError, match="needs bodies"):
+        check_names(Away(bodies=(), away=0.1), SCENE)
+
+
 def test_an_axis_needs_a_length():
     with pytest.raises(ValueError, match="need a length"):
         Turned(("cube",), axis=(0, 0, 0))
