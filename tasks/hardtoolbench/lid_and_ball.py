@@ -117,7 +117,7 @@ class LidAndBall(Task):
         "ball out and leave it in the clay bowl."
     )
     goals = (
-        Away(bodies=("lid",), away=ASIDE[1]),
+        Away(bodies=("lid",), at="pot", away=ASIDE[1]),
         Placed(
             bodies=("ball",),
             at="bowl",

@@ -33,3 +33,7 @@ def test_one_tool_does_three_tasks(file: Path) -> None:
 def test_there_are_three_sets() -> None:
     assert len(FILES) == 3
     assert len({frozenset(file.stem.split("_")) for file in FILES}) == 3
+    for file in FILES:
+        (strategy,) = json.loads(file.read_text())["strategies"]
+        (plans,) = strategy["action_sets"]
+        assert [plan["task"] for plan in plans] == file.stem.split("_")

@@ -127,6 +127,15 @@ def test_each_candidate_is_shown_once_and_an_elite_keeps_its_critique():
     assert "seen as g2-critic0" in text
 
 
+def test_a_strategy_that_asks_twice_in_a_generation_has_as_many_critiques():
+    made, vlm = criticised(says("seen"), count=2)
+    evaluations = tried(0, 0.9, 0.1)
+    ask(made, 1, evaluations[:1], evaluations)
+    list(made.design(1, evaluations[:1]))
+    asked = [request.id for request in vlm.requests if request.critique]
+    assert asked == ["g1-critic0", "g1-critic1"]
+
+
 @pytest.mark.parametrize("feedback", ["paper", "full"])
 def test_without_a_critic_or_anything_tried_nothing_is_asked(feedback):
     made, vlm = criticised(says("?"), count=0, feedback=feedback)

@@ -1,6 +1,7 @@
 """The last stage of a search: numbers of the best candidates are varied, without a model."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -129,10 +130,18 @@ def test_any_number_of_rollouts_is_spent_and_begins_as_a_larger_one(rollouts):
     assert few == many[:rollouts]
 
 
-@pytest.mark.parametrize("rollouts", [-1, 0, 12.5, "many"])
-def test_rollouts_that_mean_nothing(rollouts):
+@pytest.mark.parametrize(
+    ("rollouts", "wrong"),
+    [
+        (-1, "evolution.rollouts must be greater than 0, got -1"),
+        (0, "evolution.rollouts must be greater than 0, got 0"),
+        (12.5, "setting 'rollouts' can't be 12.5"),
+        ("many", "setting 'rollouts' can't be 'many'"),
+    ],
+)
+def test_rollouts_that_mean_nothing(rollouts, wrong):
     settings = {"rollouts": rollouts}
-    with pytest.raises(UserError, match="rollouts"):
+    with pytest.raises(UserError, match=re.escape(wrong)):
         installed().create(
             "evolution", "refined", settings, designer=Plans(), budget=BUDGET
         )
