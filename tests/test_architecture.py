@@ -269,36 +269,21 @@ def test_no_function_is_too_long_or_takes_too_much(folder):
     assert not wrong
 
 
-def test_every_module_of_core_has_its_tests():
-    """At the same place in ``tests/core``, or in the files that the table in CONTRIBUTING.md names."""
-    table = (
-        (ROOT / "CONTRIBUTING.md")
-        .read_text(encoding="utf-8")
-        .partition("## Tests of another name")[2]
-    )
-    rows = (
-        re.findall(r"`([^`]+)`", line)
-        for line in table.splitlines()
-        if line.startswith("| `")
-    )
-    named = {module: tests for module, *tests in rows}
-    for module, tests in named.items():
-        assert all(
-            (ROOT / name).is_file()
-            for name in (module, *(f"tests/{test}" for test in tests))
-        ), module
-    missing = []
-    for file, tree in modules("core"):
-        if file.name == "__init__.py" and len(tree.body) <= 1:
-            continue
-        own = (
-            ROOT
-            / "tests"
-            / file.relative_to(ROOT).with_name(f"test_{file.stem.strip('_')}.py")
-        )
-        if not own.is_file() and file.relative_to(ROOT).as_posix() not in named:
-            missing.append(dotted(file))
-    assert missing == []
+def test_tests_mirror_the_rooms_and_plugin_packages():
+    """A test of ``core/store`` is in ``tests/core/store``; each folder of tests has its folder of code."""
+    rooms = set()
+    for folder in ("core", "plugins"):
+        for file, _ in modules(folder):
+            parent = file.relative_to(ROOT).parent
+            rooms.add(Path(*parent.parts[:2]))
+
+    tested = set()
+    for folder in ("core", "plugins", "tasks"):
+        for file in (ROOT / "tests" / folder).rglob("test_*.py"):
+            tested.add(file.relative_to(ROOT / "tests").parent)
+
+    assert rooms - {Path("plugins")} <= {Path(*path.parts[:2]) for path in tested}
+    assert [path for path in sorted(tested) if not (ROOT / path).is_dir()] == []
 
 
 def test_text_goes_to_the_terminal_one_way():
