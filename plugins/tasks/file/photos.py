@@ -39,7 +39,7 @@ def read_photograph(
 
 
 def as_png(data: bytes) -> bytes:
-    """Convert an untrusted picture; what a camera wrote into the file is left out.
+    """Convert an untrusted picture: only its pixels go on, without profiles, places or texts that the file holds.
 
     Raises:
         UserError: it is too large, or no picture.
@@ -64,6 +64,8 @@ def as_png(data: bytes) -> bytes:
 
     photograph.thumbnail((SIDE, SIDE))
     stream = io.BytesIO()
-    photograph.save(stream, "PNG")
+    # Pillow would hand on what else it read of the file, such as a colour profile.
+    pixels = Image.frombytes("RGB", photograph.size, photograph.tobytes())
+    pixels.save(stream, "PNG")
 
     return stream.getvalue()

@@ -3,7 +3,7 @@
 import io
 
 import pytest
-from PIL import Image
+from PIL import Image, PngImagePlugin
 
 from core.config.compose import load
 from core.errors import UserError
@@ -22,13 +22,35 @@ def scene(folder, pictures):
     return str(folder / "scene.yaml")
 
 
+def chunks(png):
+    """The kinds of what a PNG file consists of."""
+    kinds = set()
+    position = 8  # after the signature
+    while position < len(png):
+        length = int.from_bytes(png[position : position + 4], "big")
+        kinds.add(png[position + 4 : position + 8])
+        position += length + 12
+
+    return kinds
+
+
 @pytest.fixture
 def bench(tmp_path):
     exif = Image.Exif()
     exif[0x0112] = 6  # to be turned by 90 degrees
     exif[0x010E] = "the bench of Mary"  # a description
-    Image.new("RGB", (2000, 1000), (200, 30, 30)).save(tmp_path / "a.jpg", exif=exif)
-    Image.new("RGBA", (640, 480), (0, 200, 0, 255)).save(tmp_path / "b.png")
+    written = {
+        "exif": exif,
+        "icc_profile": b"the display of Mary",
+        "comment": b"Mary was here",
+        "dpi": (72, 72),
+    }
+    Image.new("RGB", (2000, 1000), (200, 30, 30)).save(tmp_path / "a.jpg", **written)
+    texts = PngImagePlugin.PngInfo()
+    texts.add_text("Author", "Mary", zip=True)
+    texts.add_itxt("XML:com.adobe.xmp", "<x>Mary</x>")
+    written |= {"exif": b"", "pnginfo": texts}
+    Image.new("RGBA", (640, 480), (0, 200, 0, 255)).save(tmp_path / "b.png", **written)
     return tmp_path
 
 
@@ -53,8 +75,8 @@ def test_they_are_sent_beside_the_drawn_picture_or_alone(bench):
     assert [picture.name for picture in alone] == ["photo1", "photo2"]
     first = Image.open(io.BytesIO(alone[0].png))
     assert (first.format, first.size) == ("PNG", (640, 1280))
-    assert not first.info
-    assert not first.getexif()
+    for photograph in alone:
+        assert chunks(photograph.png) == {b"IHDR", b"IDAT", b"IEND"}
     assert "not known" in alone[0].caption
     assert "camera at (1.400, -0.900, 0.800)" in alone[1].caption
     assert "640 x 480 pixels, focal length 625.2 pixels" in alone[1].caption
