@@ -380,10 +380,14 @@ def test_the_same_seed_gives_the_same_result_whatever_the_number_of_workers(
     ).read_bytes()
 
 
-@pytest.mark.thorough
 def test_a_folder_with_a_run_is_not_written_over(tiny):
-    before = (tiny[0] / "result.json").read_bytes()
-    done = call(tiny[0].parent, "run", *TINY, f"hydra.run.dir={tiny[0]}")
-    assert done.returncode in (1, 2)
-    assert "already holds a run" in done.stderr
-    assert (tiny[0] / "result.json").read_bytes() == before
+    folder, _ = tiny
+    files = [folder / "result.json", *(folder / ".hydra").iterdir()]
+    before = [file.read_bytes() for file in files]
+    run = call(folder.parent, "run", *TINY, "name=other", f"hydra.run.dir={folder}")
+    into = ("hydra.sweep.dir=.", f"hydra.sweep.subdir={folder.name}")
+    sweep = call(folder.parent, "run", "-m", *TINY, "name=other", *into)
+    for done in (run, sweep):
+        assert done.returncode in (1, 2)
+        assert "already holds a run" in done.stderr
+        assert [file.read_bytes() for file in files] == before

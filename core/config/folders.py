@@ -35,6 +35,11 @@ def run_folder(name: str) -> str:
     return new_folder(name)
 
 
+def notes_folder(folder: str) -> str | None:
+    """Name the folder in a run's folder for Hydra's notes; None: a run is there already, whose notes stay."""
+    return None if (Path(folder) / "run.sqlite").exists() else ".hydra"
+
+
 def stamp() -> str:
     """Return the local time as it stands in the names of folders."""
     return datetime.now().strftime("%Y-%m-%d_%H-%M-%S")

@@ -18,7 +18,7 @@ from hydra.plugins.config_source import ConfigResult, ConfigSource
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import MISSING, DictConfig, OmegaConf
 
-from core.config.folders import run_folder, task_folder
+from core.config.folders import notes_folder, run_folder, task_folder
 from core.errors import UserError
 from core.plugins import KINDS, installed
 
@@ -139,5 +139,10 @@ def register() -> None:
     """Register the sources, and what configurations call, with Hydra; call it before composing."""
     for source in (PluginConfigs, PartConfigs):
         HydraPlugins.instance().register(source)
-    OmegaConf.register_new_resolver("new_folder", run_folder, replace=True)
-    OmegaConf.register_new_resolver("task_folder", task_folder, replace=True)
+    resolvers = {
+        "new_folder": run_folder,
+        "notes_folder": notes_folder,
+        "task_folder": task_folder,
+    }
+    for name, resolver in resolvers.items():
+        OmegaConf.register_new_resolver(name, resolver, replace=True)
