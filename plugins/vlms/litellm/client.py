@@ -18,13 +18,13 @@ from typing import Any
 
 import httpx
 
-from core.errors import UserError
+from core.errors import UsageError, UserError
 from core.interfaces import Estimate, Message, Picture, Reply, Request, Text
 from core.support.secrets import is_secret_name
 from core.support.text import clean, kind
 from core.values.messages import checked
 from plugins.vlms.litellm.failures import explain
-from plugins.vlms.litellm.transport import OPENAI, BadAnswer, sender, transport
+from plugins.vlms.litellm.transport import OPENAI, BadAnswer, calling, transport
 
 _log = logging.getLogger(__name__)
 
@@ -150,7 +150,7 @@ class Client:
     """Calls ``model``; see `LanguageModel` for the settings.
 
     Raises:
-        UserError: LiteLLM does not know the provider, refuses the model, or finds no API key.
+        UserError: LiteLLM does not know the provider, refuses the model, or finds no API key; or the address is none.
     """
 
     def __init__(
@@ -169,6 +169,7 @@ class Client:
             max_output_tokens: of an answer; None: the provider's maximum.
         """
         self._litellm = load()
+        self._server = None if api_base is None else _server(api_base)
         try:
             self._bare, self._provider, key, _ = self._litellm.get_llm_provider(
                 model, api_base=api_base
@@ -382,23 +383,16 @@ class Client:
         messages: list[dict[str, Any]],
         settings: Mapping[str, Any],
     ) -> Any:
-        """Call LiteLLM. It hides an answer that is not read in an error of its own: that is found again.
+        """Call LiteLLM.
 
         Args:
             messages: in LiteLLM's form.
             settings: of this call.
         """
-        sender.provider = self._provider
-
-        try:
+        with calling(self._provider, self._server):
             return self._litellm.completion(
                 model=self.model, messages=messages, drop_params=True, **settings
             )
-        except Exception as error:
-            cause: BaseException | None = error
-            while cause is not None and not isinstance(cause, BadAnswer):
-                cause = cause.__cause__ or cause.__context__
-            raise cause or error from None
 
     def _cost(self, response: Any) -> float | None:
         """US dollars, by LiteLLM's price list, which has 0 for an unknown price; None: unknown."""
@@ -413,6 +407,24 @@ class Client:
         # a model that is not in the list; the class of the error varies
         except Exception:
             return None
+
+
+def _server(address: str) -> httpx.URL:
+    """Read the address of a server.
+
+    Raises:
+        UsageError: it is none.
+    """
+    try:
+        url = httpx.URL(address)
+    except httpx.InvalidURL:
+        url = httpx.URL()
+    is_host = url.host and "%" not in url.host  # what no host has is escaped
+    if url.scheme in ("http", "https") and is_host:
+        return url
+    raise UsageError(
+        f"vlm.api_base={clean(address, 200)} is no address; write it as http://HOST:PORT/v1"
+    )
 
 
 def explained(request: Request) -> tuple[Message, ...]:

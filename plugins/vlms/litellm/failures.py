@@ -10,11 +10,10 @@ from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from typing import TypeVar
 
-from core.errors import fault
 from core.support.secrets import scrub
 from core.support.text import clean
 from core.support.threads import run_in_thread
-from plugins.vlms.litellm.transport import BadAnswer, Redirected
+from plugins.vlms.litellm.transport import BadAnswer, Unanswered
 
 T = TypeVar("T")
 
@@ -79,16 +78,16 @@ def pause(error: Exception, tries: int) -> float | None:
 
 
 def unanswered(error: Exception) -> bool:
-    """Say if a call failed for a reason that may pass: an outage, a limit, an account, an address or this machine."""
+    """Say if a call that failed is to be made again when the run goes on.
+
+    It is, unless the provider refused the request itself, or its answer is not read.
+    """
+    if isinstance(error, BadAnswer):
+        return isinstance(error, Unanswered)
     status = _status(error)
-    account = 400 <= status < 500 and _ACCOUNT.search(str(error)) is not None
-    passing = status in (401, 402, 403, 404, 407, 408, 429) or status >= 500
-    return (
-        passing
-        or account
-        or isinstance(error, TimedOut | Redirected)
-        or fault(error) is not None
-    )
+    passing = status in (401, 402, 403, 404, 407, 408, 429)
+    account = _ACCOUNT.search(str(error)) is not None
+    return not 400 <= status < 500 or passing or account
 
 
 def _status(error: Exception) -> int:
@@ -114,7 +113,7 @@ def _retry_after(error: Exception) -> float | None:
         try:
             date = parsedate_to_datetime(header)
             return max(0.0, (date - datetime.now(UTC)).total_seconds())
-        except (ValueError, TypeError):
+        except (ValueError, TypeError, OverflowError):
             return None
 
     body = re.search(r'"retryDelay":\s*"(\d+(?:\.\d+)?)s"', str(error))
@@ -125,7 +124,8 @@ def explain(error: Exception) -> str:
     """Say in one line what went wrong, without keys."""
     line = " ".join(str(error).split())[:LONGEST_READ]
     text = line.partition("Traceback (most recent call last)")[0]
+    text = text.replace("litellm.", "")
     if not isinstance(error, TimedOut | BadAnswer):
         name = f"{type(error).__name__}: "
-        text = name + text.replace("litellm.", "").replace(name, "")
+        text = name + text.replace(name, "")
     return clean(scrub(text), MAX_MESSAGE)

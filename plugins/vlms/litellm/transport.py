@@ -1,5 +1,5 @@
-"""Send HTTP requests for LiteLLM: OpenAI's key goes to no other provider, no redirect is followed, and an answer is
-bounded while it arrives.
+"""Send HTTP requests for LiteLLM: those of a call alone, to the server that the user named, and OpenAI's key to no
+other provider. No redirect is followed, and an answer is bounded while it arrives.
 """
 
 from __future__ import annotations
@@ -7,6 +7,8 @@ from __future__ import annotations
 import os
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import httpx
@@ -21,20 +23,56 @@ OPENAI = ("openai", "text-completion-openai")
 
 
 class _Sender(threading.local):
-    """The provider that a thread's requests are for."""
+    """The call that a thread is making: ``provider`` is empty where it makes none.
+
+    ``server`` is the address that the user named, None: the provider's own. ``answered``: an answer came that tells of
+    no error.
+    """
 
     provider = ""
+    server: httpx.URL | None = None
+    answered = False
 
 
-sender = _Sender()
+_sender = _Sender()
 
 
 class BadAnswer(Exception):
-    """An answer that is not read; the message is one line, without keys."""
+    """An answer that is not read; the message is one line, without keys. Another try would come to the same."""
 
 
-class Redirected(BadAnswer):
-    """An answer that only names another address."""
+class Unanswered(BadAnswer):
+    """No answer came, or none that says anything of the request."""
+
+
+class Unreadable(Unanswered):
+    """An answer that tells of no error, and that LiteLLM can't read, such as a web page; it is asked for again."""
+
+    status_code = 502  # what a gateway calls that
+
+
+@contextmanager
+def calling(provider: str, server: httpx.URL | None) -> Iterator[None]:
+    """Let the requests of a call pass while this thread makes it.
+
+    Raises:
+        BadAnswer: of an answer that is not read, whatever LiteLLM makes of it.
+    """
+    _sender.provider = provider
+    _sender.server = server
+    _sender.answered = False
+    try:
+        yield
+    except Exception as error:
+        cause: BaseException | None = error
+        while cause is not None and not isinstance(cause, BadAnswer):
+            cause = cause.__cause__ or cause.__context__
+        if cause is None and _sender.answered:
+            why = f"{type(error).__name__}: {error}"
+            cause = Unreadable(f"the answer can't be read: {why}")
+        raise cause or error from None
+    finally:
+        _sender.provider = ""
 
 
 def transport(**settings: Any) -> httpx.BaseTransport:
@@ -59,9 +97,9 @@ class _Transport(httpx.BaseTransport):
         """Send the request.
 
         Raises:
-            BadAnswer: the answer is a redirect or too large; or OpenAI's key would go to another provider, or another's
-                request to OpenAI.
+            BadAnswer: the answer is a redirect or too large; or the request would go where the user did not send it.
         """
+        _check_server(request.url)
         _keep_openai(request)
 
         for name, value in request.headers.items():
@@ -76,6 +114,7 @@ class _Transport(httpx.BaseTransport):
         finally:
             answer.close()
 
+        _sender.answered = answer.is_success
         if answer.is_error:
             content = content[:LONGEST_ERROR]  # LiteLLM searches errors for many words
 
@@ -90,14 +129,38 @@ class _Transport(httpx.BaseTransport):
         )
 
 
+def _check_server(target: httpx.URL) -> None:
+    """Check that a request belongs to a call, and goes to the server that the user named.
+
+    LiteLLM looks models up at addresses of its own, and some of its providers know no other address than their maker's.
+
+    Raises:
+        Unanswered: it does not.
+    """
+    if not _sender.provider:
+        raise Unanswered(f"LiteLLM asks {target.host} without a call; that is not sent")
+    named = _sender.server
+    if named is None or _origin(target) == _origin(named):
+        return
+    raise Unanswered(
+        f"LiteLLM would send requests of {_sender.provider} to {target.host}, not to {named.host}: they are not sent; "
+        "for a server of your own write vlm.model=openai/NAME, for the provider's leave out vlm.api_base"
+    )
+
+
+def _origin(url: httpx.URL) -> tuple[str, int]:
+    ports = {"http": 80, "https": 443}
+    return url.host, url.port or ports.get(url.scheme, 0)
+
+
 def _keep_openai(request: httpx.Request) -> None:
     """Take what is OpenAI's out of requests to others, since LiteLLM puts it into all that lack something of their own.
 
     Raises:
-        BadAnswer: it is the key, or the request is another provider's and would go to OpenAI.
+        Unanswered: it is the key, or the request is another provider's and would go to OpenAI.
     """
     host = request.url.host
-    is_openai = sender.provider in OPENAI
+    is_openai = _sender.provider in OPENAI
     if is_openai and f".{host}".endswith(".openai.com"):
         return
 
@@ -105,8 +168,8 @@ def _keep_openai(request: httpx.Request) -> None:
         del request.headers[name]
     # LiteLLM's default for servers of one's own
     if host == "api.openai.com" and not is_openai:
-        raise BadAnswer(
-            f"requests of {sender.provider} would go to {host}; set vlm.api_base"
+        raise Unanswered(
+            f"requests of {_sender.provider} would go to {host}; set vlm.api_base"
         )
 
     key = os.environ.get("OPENAI_API_KEY")
@@ -115,13 +178,13 @@ def _keep_openai(request: httpx.Request) -> None:
         and not is_openai
         and any(key in value for value in request.headers.values())
     ):
-        raise BadAnswer(
-            f"OPENAI_API_KEY would go to {host}; set the variable of {sender.provider or 'that provider'}"
+        raise Unanswered(
+            f"OPENAI_API_KEY would go to {host}; set the variable of {_sender.provider or 'that provider'}"
         )
 
 
 def _refuse_redirect(answer: httpx.Response) -> None:
-    """Raise Redirected for a redirect.
+    """Raise Unanswered for a redirect.
 
     It names the host, but neither path nor query, which may repeat a key.
     """
@@ -136,7 +199,7 @@ def _refuse_redirect(answer: httpx.Response) -> None:
     except (httpx.InvalidURL, ValueError, TypeError):
         there = "an address that can't be read"
 
-    raise Redirected(
+    raise Unanswered(
         f"{answer.url.host} redirects to {there or 'nowhere'} (status {answer.status_code}), which is not followed: "
         "the key would go there; set vlm.api_base to the right address"
     )

@@ -352,6 +352,31 @@ def test_the_wait_that_a_server_requests_is_observed(protocol):
     assert second - first >= 0.5
 
 
+@pytest.mark.parametrize(
+    "when", ["Fri, 31 Dec 99999999999999999999 23:59:59 GMT", "soon", "9" * 400, "-1"]
+)
+def test_a_wait_that_cannot_be_read_is_no_answer(when):
+    """Parsing the first raises an OverflowError, which was stored as the answer."""
+    busy = Send("{}", 429, (("Retry-After", when),))
+    with serving(in_turn(busy)) as server:
+        reply = ask(server, "openai", retries=1)[0]
+    assert "RateLimitError" in reply.error
+    assert reply.unanswered
+    assert len(server.calls) == (1 if when.startswith("9") else 2)
+
+
+@pytest.mark.parametrize("body", ["<html>log in</html>", "", "null", "[1]"])
+@pytest.mark.parametrize("protocol", PAID)
+def test_an_answer_that_cannot_be_read_is_asked_for_again(protocol, body):
+    with serving(in_turn(Send(body), FINE)) as server:
+        assert ask(server, protocol)[0].text == FINE.text
+    assert len(server.calls) == 2
+    with serving(in_turn(Send(body))) as server:
+        reply = ask(server, protocol, retries=0)[0]
+    assert reply.unanswered
+    assert reply.error.isprintable()
+
+
 @pytest.mark.parametrize("agents", [1, 5])
 def test_a_thread_that_ends_is_not_waited_for(agents, monkeypatch):
     """Whatever fails in the handling of a failure too."""

@@ -7,7 +7,7 @@ import socket
 import httpx
 import pytest
 
-from core.errors import UserError
+from core.errors import UsageError, UserError
 from plugins.vlms.litellm.client import load
 from plugins.vlms.litellm.model import LanguageModel
 from plugins.vlms.litellm.transport import OPENAI
@@ -107,6 +107,46 @@ def test_what_is_openais_goes_to_no_other_provider(api_base, sent, monkeypatch):
     # For something else, without a key.
     asking_first = {"huggingface", "replicate", "text-completion-codestral"}
     assert {provider for provider, _ in wrong} <= asking_first
+
+
+def test_requests_go_to_the_server_that_was_named_or_nowhere(sent, monkeypatch):
+    """Of all providers: some know no other address than their maker's, some look a model up beside the call."""
+    for name in ("OLLAMA", "LEMONADE", "REPLICATE", "BYTEZ", "HUGGINGFACE", "COHERE"):
+        monkeypatch.setenv(f"{name}_API_KEY", OWN)
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", OWN)
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", OWN)
+    monkeypatch.setenv("AWS_REGION_NAME", "us-east-1")
+    elsewhere = []
+    for provider in providers():
+        tried(provider, "http://127.0.0.1:9/v1", sent)
+        elsewhere += [
+            (provider, str(one.url))
+            for one in sent
+            if (one.url.host, one.url.port) != ("127.0.0.1", 9)
+        ]
+    assert elsewhere == []
+
+
+@pytest.mark.parametrize("model", ["replicate/m", "sagemaker_chat/m"])
+def test_what_would_go_elsewhere_is_not_sent_and_a_line_says_so(model, monkeypatch):
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", OWN)
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", OWN)
+    monkeypatch.setenv("AWS_REGION_NAME", "us-east-1")
+    monkeypatch.setenv("REPLICATE_API_KEY", OWN)
+    with serving(lambda call: Say()) as server:
+        vlm = LanguageModel(model, server.url, retries=0)
+        (reply,) = vlm.complete([request(0)])
+    assert server.calls == []
+    provider = model.partition("/")[0]
+    assert f"would send requests of {provider} to " in reply.error
+    assert "not to 127.0.0.1: they are not sent; for a server of" in reply.error
+    assert reply.unanswered
+
+
+@pytest.mark.parametrize("address", ["here", "http:/h", "ftp://h", "http://[", "\x00"])
+def test_what_is_no_address_is_refused(address):
+    with pytest.raises(UsageError, match="is no address; write it as http://HOST"):
+        LanguageModel("openai/m", address)
 
 
 def test_a_server_of_ones_own_gets_the_key_that_is_named_for_it(monkeypatch):
