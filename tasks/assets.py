@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import trimesh
 
@@ -89,6 +91,31 @@ def round_wall(
         ]
         parts.append(Geom(hull(points), color=color))
     return tuple(parts)
+
+
+@cache
+def vessel(
+    radius: float, height: float, wall: float, floor: float, color: Color
+) -> tuple[Geom, ...]:
+    """A round bottom and a wall, by its inner radius; the frame is below, in the middle."""
+    outer = radius + wall
+    bottom = disc(outer, floor, floor / 2, color)
+    return bottom, *round_wall(
+        (radius, radius), (outer, outer), floor, height, color, 20
+    )
+
+
+@cache
+def ringed_post(
+    radius: float, height: float, bottom: float, color: Color
+) -> tuple[Geom, ...]:
+    """A post from ``bottom`` up that ends in a ring, 4 mm high, on which a ball stays."""
+    ring = 0.004
+    top = bottom + height
+    post = disc(radius, height - ring, (bottom + top - ring) / 2, color)
+    return post, *round_wall(
+        (0.007, 0.007), (radius, radius), top - ring, top, color, 8
+    )
 
 
 def revolved(

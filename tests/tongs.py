@@ -2,7 +2,7 @@
 
 from core.design import Component, Tool, ToolJoint
 from core.geometry import Box, Pose
-from plugins.conformance.worlds import box
+from plugins.conformance.scenery import box
 
 JAW, GAP, THICK = 0.12, 0.034, 0.006  # of the jaws: length, distance and thickness
 

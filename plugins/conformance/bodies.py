@@ -12,16 +12,9 @@ from core.interfaces import Simulator
 from core.scene import Body, Scene, table
 from plugins.conformance.cases import Case, compare, moved, place, play, velocity
 from plugins.conformance.checking import near
+from plugins.conformance.scenery import compound, cube, make_body, part, slope, turn
 from plugins.conformance.shapes import arch
-from plugins.conformance.worlds import (
-    GRAVITY,
-    compound,
-    cube,
-    make_body,
-    part,
-    slope,
-    turn,
-)
+from plugins.conformance.worlds import GRAVITY
 
 LYING = (math.pi / 2, 0.0, 0.0)
 L_SHAPE = (  # its frame is at a corner

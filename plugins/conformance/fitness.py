@@ -18,7 +18,7 @@ from core.interfaces import Condition, Fitness, Score, Task, Trial, Waypoints
 from core.plugins import PluginPart, installed
 from core.trial import Evaluation, Status
 from plugins.conformance.checking import as_json, expect, some_simulator, some_task
-from plugins.conformance.worlds import stick
+from plugins.conformance.scenery import stick
 
 Make = Callable[[Condition], Fitness]
 MOST_FINALS = 100  # that are looked at: there may be no end to them

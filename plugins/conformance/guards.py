@@ -21,16 +21,8 @@ from core.scene import Body
 from core.simulation.guards import PlannedGuards
 from core.values.jobs import FEEL_S, Rollout
 from plugins.conformance.checking import LeftOut, expect, near
-from plugins.conformance.worlds import (
-    HOME,
-    Bodies,
-    arm,
-    cube,
-    film,
-    make_body,
-    play,
-    stick,
-)
+from plugins.conformance.scenery import cube, make_body, stick
+from plugins.conformance.worlds import HOME, Bodies, arm, film, play
 
 _STICK = 0.2  # m
 _TOP = 0.1  # m: of the block

@@ -21,19 +21,8 @@ from core.interfaces import JointTrajectory, Rollout, Simulator
 from core.scene import table
 from plugins.conformance.cases import Case, compare, velocity
 from plugins.conformance.checking import between, near
-from plugins.conformance.worlds import (
-    GRAVITY,
-    arm,
-    box,
-    cube,
-    film,
-    make_body,
-    motion,
-    opened,
-    run,
-    slope,
-    stick,
-)
+from plugins.conformance.scenery import box, cube, make_body, slope, stick
+from plugins.conformance.worlds import GRAVITY, arm, film, motion, opened, run
 
 _OFF = 0.08  # of the speed of an impact
 _LIGHTER = 0.1  # of the speed after a blow: all engines are within 5 %. Without the motor's inertia it is half

@@ -12,17 +12,15 @@ from core.geometry import Array, Box, Cylinder, Sphere
 from core.interfaces import Image, JointTrajectory, Outcome, Rollout, Simulator
 from core.scene import table
 from plugins.conformance.checking import between, expect, near
+from plugins.conformance.scenery import cube, make_body, stick
 from plugins.conformance.worlds import (
     HAND,
     Bodies,
-    cube,
     end,
     film,
-    make_body,
     motion,
     opened,
     start,
-    stick,
     still,
     wait,
 )

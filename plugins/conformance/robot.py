@@ -10,18 +10,15 @@ from core.interfaces import Simulator
 from core.scene import Body, table
 from plugins.conformance.checking import between, near
 from plugins.conformance.robots import follow, hold
+from plugins.conformance.scenery import box, cube, make_body, stick
 from plugins.conformance.worlds import (
     BARE,
     HAND,
     arm,
-    box,
-    cube,
     end,
     film,
-    make_body,
     move,
     opened,
-    stick,
     still,
     wait,
 )

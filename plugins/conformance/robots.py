@@ -24,7 +24,8 @@ from core.robot.kinematics import arm_of
 from core.robot.solids import robot_solids
 from core.robot.trajectory import plan_motion
 from plugins.conformance.checking import between, expect, near, simulators
-from plugins.conformance.worlds import Bodies, box, film, play
+from plugins.conformance.scenery import box
+from plugins.conformance.worlds import Bodies, film, play
 
 # The radius of gyration of a link, about the middle of its collision shapes, is at most this many diagonals of the box
 # around them. Of the default arm's links, whose identified inertias shift mass between neighbours, one has over 1.1.

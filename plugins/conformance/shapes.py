@@ -21,7 +21,8 @@ from core.geometry import (
 from core.interfaces import Simulator
 from core.scene import table
 from plugins.conformance.checking import near
-from plugins.conformance.worlds import end, make_body, move, stick
+from plugins.conformance.scenery import make_body, stick
+from plugins.conformance.worlds import end, move
 
 _SHAFT = 0.2
 

@@ -10,7 +10,8 @@ import numpy as np
 from core.geometry import Pose
 from core.scene import Elastic, Form, Rope, Soft
 from plugins.conformance.cases import Case, Film, compare
-from plugins.conformance.worlds import FAR, GRAVITY, GREY
+from plugins.conformance.scenery import FAR, GREY
+from plugins.conformance.worlds import GRAVITY
 
 
 def soft(

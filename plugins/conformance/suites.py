@@ -19,9 +19,11 @@ from plugins.conformance import (
     executor,
     fitness,
     guards,
+    idle,
     impacts,
     joints,
     listener,
+    mechanisms,
     output,
     robot,
     robots,
@@ -48,8 +50,10 @@ def _checks(*modules: ModuleType) -> tuple[Check, ...]:
 
 
 SUITES = {
-    "sim": _checks(output, robot, bodies, shapes, joints, impacts, guards, softs),
-    "task": _checks(task),
+    "sim": _checks(
+        output, robot, bodies, shapes, joints, mechanisms, impacts, guards, softs
+    ),
+    "task": _checks(task, idle),
     "robot": _checks(robots),
     "vlm": _checks(vlm),
     "tool": _checks(tool),

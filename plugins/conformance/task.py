@@ -1,6 +1,6 @@
 """Checks that every task must pass. Each takes a task and raises an AssertionError that says what is wrong.
 
-The last ones step the first engine that is installed, with the arm at home and no tool, and return its name.
+Nothing is stepped here; `plugins.conformance.idle` has the check that does.
 """
 
 from __future__ import annotations
@@ -13,25 +13,18 @@ import numpy as np
 
 from core.design import Tool
 from core.designs.start import SpawnRules
-from core.errors import UsageError, UserError
+from core.errors import UsageError
 from core.geometry import Array
 from core.goals import check_names, reaches
-from core.interfaces import Rollout, Task
+from core.interfaces import Task
 from core.robot.kinematics import arm_of
 from core.robot.solids import Obstacles, body_solids
-from core.robot.trajectory import at_home
 from core.scene import Scene, Soft, State, Trace
-from core.solids.contacts import find_contacts, make_trace
-from core.solids.tracks import SAMPLE_HZ
 from core.task import reward_of
-from plugins.conformance.checking import LeftOut, between, expect, near, some_simulator
-from plugins.conformance.worlds import end, film, play, start
+from plugins.conformance.checking import between, expect, near
 
 SEEDS = (0, 1, 2)  # layouts that are looked at
 MAX_OVERLAP_M = 0.001
-MAX_DRIFT_M = 0.005  # of a body that nothing touches but what it rests on, in
-REST_S = 2.0
-MAX_IDLE_REWARD = 0.02
 
 
 def check_it_is_described(task: Task) -> None:
@@ -102,17 +95,19 @@ def check_rewards_work_for_one_world_or_many(task: Task) -> None:
         for reach in (0.0, 0.05, 0.3, 1.0, 30.0)
     ]
     ends = [replace(begin, positions=begin.positions + shift) for shift in shifts]
-    many = _reward(task, State.stack([begin] * len(ends)), State.stack(ends))
+    many = reward_for(task, State.stack([begin] * len(ends)), State.stack(ends))
     expect(
         many.shape == (5,),
         f"the reward of 5 worlds has the shape {many.shape}, not (5,)",
     )
     near("rewards", many, 0.5, 0.5)
-    alone = [float(_reward(task, begin, last)) for last in ends]
+    alone = [float(reward_for(task, begin, last)) for last in ends]
     near("what worlds earn together, and one by one", many, alone, 1e-9)
 
 
-def _reward(task: Task, first: State, last: State, trace: Trace | None = None) -> Array:
+def reward_for(
+    task: Task, first: State, last: State, trace: Trace | None = None
+) -> Array:
     """What a task pays; without a ``trace`` nothing touched anything in between."""
     between_them = Trace.of(first, last, forces={}) if trace is None else trace
     return np.asarray(reward_of(task, first, last, between_them))
@@ -157,56 +152,3 @@ def check_variations_draw_layouts(task: Task) -> str:
         )
         check_nothing_overlaps_at_spawn(varied)
     return ", ".join(task.variations) or "it has none"
-
-
-def check_nothing_happens_while_the_arm_waits(task: Task) -> str:
-    """Nothing drifts, and nothing is earned, while the arm is at home without a tool: a scene must not solve itself."""
-    try:
-        still = at_home(task)
-    except UserError as error:  # reported by the check of home
-        raise LeftOut("the arm does not reach home") from error
-
-    scene = task.scene(SEEDS[0])
-    spawn = scene.state()
-    between(
-        "what doing nothing earns at spawn",
-        _reward(task, spawn, spawn),
-        0.0,
-        MAX_IDLE_REWARD,
-    )
-
-    name, simulator = some_simulator(soft=bool(scene.softs))
-    job = Rollout(
-        Tool(),
-        still,
-        SEEDS[0],
-        hold_s=REST_S,
-        record_hz=SAMPLE_HZ,
-        forces=task.reads_trace,
-    )
-    outcome = play(simulator, task, job)
-    begin = scene.complete(start(outcome))
-    last = scene.complete(end(outcome))
-    moving = any(body.launched for body in scene.bodies) or any(
-        joint.drive is not None for joint in scene.joints
-    )
-    ways = np.linalg.norm(last.positions - begin.positions, axis=-1)
-    for body, way in zip(begin.names, ways, strict=True):
-        what = f"in {name} {body!r} moves {1000 * way:.0f} mm within {REST_S:g} s while the arm waits at home"
-        expect(
-            moving or way < MAX_DRIFT_M,
-            f"{what}; put it where it can rest, or give it friction",
-        )
-
-    trace = make_trace(
-        scene, [find_contacts(scene, task.robot, Tool(), film(outcome))]
-    )[0]
-    earned = _reward(task, begin, last, trace)
-    between(
-        f"what doing nothing earns after {REST_S:g} s in {name}",
-        earned,
-        0.0,
-        MAX_IDLE_REWARD,
-    )
-
-    return f"in {name}"

@@ -1,5 +1,3 @@
-from functools import cache
-
 import numpy as np
 
 from core.geometry import Array
@@ -8,9 +6,6 @@ from core.interfaces import Task
 from core.scene import (
     Body,
     Camera,
-    Color,
-    Cylinder,
-    Geom,
     Pose,
     Scene,
     Sphere,
@@ -20,7 +15,7 @@ from core.scene import (
     table,
 )
 from core.values.layouts import around, within
-from tasks.assets import board, disc, round_wall
+from tasks.assets import board, disc, ringed_post, vessel
 from tasks.rewards import apart, length, progress, speed, split, z_axis
 
 POT_RADIUS = 0.095
@@ -50,32 +45,11 @@ YELLOW = (0.93, 0.72, 0.20, 1.0)
 CLAY = (0.72, 0.42, 0.30, 1.0)
 
 
-@cache
-def vessel(radius: float, height: float, color: Color) -> tuple[Geom, ...]:
-    """A round bottom and a wall; the frame is below, in the middle."""
-    bottom = disc(radius + WALL, FLOOR, FLOOR / 2, color)
-    outer = radius + WALL
-    return bottom, *round_wall(
-        (radius, radius), (outer, outer), FLOOR, height, color, 20
-    )
-
-
-@cache
-def cup() -> tuple[Geom, ...]:
-    """The post that the ball stands on, with a ring on top; its frame is that of the pot."""
-    top = FLOOR + CUP_HEIGHT
-    ring = 0.004
-    post = disc(CUP_RADIUS, CUP_HEIGHT - ring, (FLOOR + top - ring) / 2, TIN)
-    return post, *round_wall(
-        (0.007, 0.007), (CUP_RADIUS, CUP_RADIUS), top - ring, top, TIN, 8
-    )
-
-
 def lid(pose: Pose, mass: float, friction: float) -> Body:
     """A flat lid with a bridge across its middle, along y; its frame is in the middle of the plate."""
     thick = 0.008
     post = BRIDGE_HEIGHT - 0.008
-    plate = Geom(Cylinder(LID_RADIUS, LID_THICKNESS), color=TIN)
+    plate = disc(LID_RADIUS, LID_THICKNESS, 0.0, TIN)
     posts = (
         board(
             (thick, thick, post),
@@ -144,8 +118,11 @@ class LidAndBall(Task):
         turned = Pose.xyz_rpy(
             (0.0, 0.0, POT_HEIGHT + LID_THICKNESS / 2), (0.0, 0.0, draw("lid.yaw", 0.0))
         )
-        parts = (*vessel(POT_RADIUS, POT_HEIGHT, IRON), *cup())
-        bowl = vessel(BOWL_RADIUS, BOWL_HEIGHT, CLAY)
+        parts = (
+            *vessel(POT_RADIUS, POT_HEIGHT, WALL, FLOOR, IRON),
+            *ringed_post(CUP_RADIUS, CUP_HEIGHT, FLOOR, TIN),
+        )
+        bowl = vessel(BOWL_RADIUS, BOWL_HEIGHT, WALL, FLOOR, CLAY)
         stands = pose.apply(
             (0.0, 0.0, FLOOR + CUP_HEIGHT + np.sqrt(BALL_RADIUS**2 - 0.007**2) + 1e-4)
         )

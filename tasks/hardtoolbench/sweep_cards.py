@@ -5,11 +5,8 @@ from core.goals import Kept, Placed, Untouched, limits_margins
 from core.interfaces import Task
 from core.scene import (
     Body,
-    Box,
     Camera,
     Color,
-    Cylinder,
-    Geom,
     Margin,
     Pose,
     Scene,
@@ -19,7 +16,7 @@ from core.scene import (
     table,
 )
 from core.values.layouts import around, within
-from tasks.assets import board, open_box, raised, revolved
+from tasks.assets import board, disc, open_box, raised, revolved
 from tasks.rewards import moved, split
 
 # The middle of the board's near edge, on top; its x axis points from the robot.
@@ -59,7 +56,7 @@ def vase(pose: Pose) -> Body:
         (0.016, VASE_HEIGHT),
         (0, VASE_HEIGHT),
     ]
-    shape = Geom(Cylinder(VASE_RADIUS, VASE_HEIGHT), raised(VASE_HEIGHT / 2))
+    shape = disc(VASE_RADIUS, VASE_HEIGHT, VASE_HEIGHT / 2, CHINA)
     return Body(
         "vase", pose, 0.2, (revolved(profile, CHINA, 40),), (shape,), friction=0.6
     )
@@ -144,7 +141,7 @@ class SweepCards(Task):
         for number, (name, (x, y)) in enumerate(zip(CARDS, CELLS, strict=True)):
             lies = draw.pose(name) @ raised(CARD[2] / 2)
             pose = frame @ Pose.xyz_rpy((x, y, 0.0)) @ lies
-            looks = (Geom(Box(CARD), color=PAPER[number % 2]),)
+            looks = (board(CARD, (0.0, 0.0, 0.0), PAPER[number % 2]),)
             cards.append(Body(name, pose, mass, looks, looks, friction))
         return Scene(
             (

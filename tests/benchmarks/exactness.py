@@ -21,7 +21,8 @@ from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.scene import Body, State, table
 from core.support.cli import command, say, write_bytes
-from plugins.conformance.worlds import GRAVITY, HOME, Bodies, cube, motion, stick, still
+from plugins.conformance.scenery import cube, stick
+from plugins.conformance.worlds import GRAVITY, HOME, Bodies, motion, still
 from tests.benchmarks import measuring
 
 USAGE = "usage: python -m tests.benchmarks.exactness [robot=NAME] [sims=NAME,NAME,...] [output=FILE.json]"

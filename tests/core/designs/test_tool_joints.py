@@ -10,7 +10,7 @@ from core.designs.start import SpawnRules
 from core.designs.tool_joints import check_joints, weigh_moved
 from core.geometry import Box, Pose
 from core.values.materials import PAPER, Material
-from plugins.conformance.joints import hinged, sliding
+from plugins.conformance.releases import hinged, sliding
 from tests.core.designs.test_rules import CubeOnTable
 from tests.panda import PANDA, on_panda
 from tests.tongs import tongs

@@ -16,7 +16,8 @@ from core.scene import Body
 from core.simulation.attempt import prepare
 from core.simulation.guards import PlannedGuards
 from plugins.actions.anchored import AnchoredActions
-from plugins.conformance.worlds import GREY, HOME, Bodies, arm, stick
+from plugins.conformance.scenery import GREY, stick
+from plugins.conformance.worlds import HOME, Bodies, arm
 from tests.engines import every_simulator, simulator
 from tests.faults import Faulty
 from tests.playing import evaluate_batch

@@ -12,7 +12,8 @@ from core.scene import table
 from core.search.experiment import Experiment
 from core.search.orchestration import resume, run
 from core.simulation.pictures import FILM_HZ, png, save_film
-from plugins.conformance.worlds import Bodies, cube, stick
+from plugins.conformance.scenery import cube, stick
+from plugins.conformance.worlds import Bodies
 from tests import toys
 from tests.engines import mujoco_first, simulator
 

@@ -25,7 +25,7 @@ from core.interfaces import (
 from core.plugins import installed
 from core.scene import Body, Scene, State, table
 from core.solids.penetration import Explosion, findings
-from plugins.conformance.joints import hinge, hinged
+from plugins.conformance.releases import hinge, hinged
 from tests.panda import ARM, PANDA
 from tests.playing import evaluate_batch
 

@@ -28,8 +28,8 @@ from core.interfaces import (
 from core.plugins import KINDS, Offer, PluginPart, installed
 from core.scene import Body, Box, Scene, Sphere, floor, table
 from plugins.conformance import command as conformance
+from plugins.conformance.scenery import GREY
 from plugins.conformance.suites import SUITES, examine, subject
-from plugins.conformance.worlds import GREY
 from tests.panda import on_panda
 
 pytestmark = pytest.mark.slow

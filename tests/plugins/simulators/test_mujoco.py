@@ -13,20 +13,17 @@ from core.plugins import installed
 from core.scene import Body, table
 from core.simulation.playback import play
 from plugins.conformance.output import bits
+from plugins.conformance.scenery import GREY, cube, slope, stick
 from plugins.conformance.worlds import (
     BARE,
     GRAVITY,
-    GREY,
     HAND,
     Bodies,
-    cube,
     end,
     film,
     motion,
     move,
-    slope,
     start,
-    stick,
     still,
     wait,
 )

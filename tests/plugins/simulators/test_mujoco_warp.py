@@ -17,18 +17,8 @@ from core.plugins import installed
 from core.scene import Body, Joint, Scene, table
 from plugins.conformance import bodies, joints, output, robot, shapes
 from plugins.conformance.output import bits
-from plugins.conformance.worlds import (
-    BARE,
-    GREY,
-    Bodies,
-    cube,
-    end,
-    film,
-    motion,
-    start,
-    stick,
-    still,
-)
+from plugins.conformance.scenery import GREY, cube, stick
+from plugins.conformance.worlds import BARE, Bodies, end, film, motion, start, still
 from tests.playing import evaluate_batch
 
 pytest.importorskip("mujoco_warp")

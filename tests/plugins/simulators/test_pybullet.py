@@ -6,7 +6,8 @@ from core.geometry import Box, Pose
 from core.plugins import installed
 from core.scene import Body, Geom, table
 from plugins.conformance.output import bits
-from plugins.conformance.worlds import cube, move, stick
+from plugins.conformance.scenery import cube, stick
+from plugins.conformance.worlds import move
 
 pytest.importorskip("pybullet")
 

@@ -10,16 +10,8 @@ from core.geometry import Box
 from core.interfaces import Rollout
 from core.plugins import installed
 from core.scene import Body, Drive, Joint, Latch, Scene, table
-from plugins.conformance.worlds import (
-    BARE,
-    FAR,
-    GRAVITY,
-    GREY,
-    Bodies,
-    cube,
-    film,
-    still,
-)
+from plugins.conformance.scenery import FAR, GREY, cube
+from plugins.conformance.worlds import BARE, GRAVITY, Bodies, film, still
 from tests.plugins.simulators.test_pybullet import hammer
 
 pytest.importorskip("pybullet")

@@ -11,18 +11,8 @@ from core.geometry import Box
 from core.interfaces import Rollout
 from core.plugins import installed
 from core.scene import Body, Joint, table
-from plugins.conformance.worlds import (
-    BARE,
-    GRAVITY,
-    GREY,
-    Bodies,
-    cube,
-    end,
-    film,
-    slope,
-    still,
-    wait,
-)
+from plugins.conformance.scenery import GREY, cube, slope
+from plugins.conformance.worlds import BARE, GRAVITY, Bodies, end, film, still, wait
 
 pytest.importorskip("sapien", exc_type=ImportError)
 

@@ -11,18 +11,8 @@ from core.geometry import Box
 from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
 from core.scene import Body, floor, table
-from plugins.conformance.worlds import (
-    BARE,
-    GREY,
-    HAND,
-    Bodies,
-    cube,
-    end,
-    film,
-    move,
-    stick,
-    still,
-)
+from plugins.conformance.scenery import GREY, cube, stick
+from plugins.conformance.worlds import BARE, HAND, Bodies, end, film, move, still
 from tests.engines import every_simulator, simulator
 from tests.packages import without
 from tests.panda import FINGER_OPEN

@@ -11,7 +11,7 @@ from core.design import DesignError, ToolJoint
 from core.interfaces import Brief
 from core.plugins import installed
 from plugins.actions.waypoints import WaypointActions
-from plugins.conformance.joints import hinge, hinged, sliding
+from plugins.conformance.releases import hinge, hinged, sliding
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda
 from tests.tongs import tongs
