@@ -183,7 +183,7 @@ class PromptComposer:
         parts: Sequence[str] = getattr(settings, use)
         if not parts:
             raise UserError(
-                f"this prompt has no parts for such a request (prompt.{use}): if it evolves elites, there are none; "
+                f"this prompt evolves elites, and there are none: prompt.{use} names no parts; "
                 "use prompt=vlmgineer, or add designs=FILE with elites to python -m core.prompt"
             )
         return parts

@@ -113,6 +113,7 @@ def test_there_is_a_recording_for_each_task(found):
     ]
 
 
+@pytest.mark.thorough
 def test_transfer_tries_each_task(found):
     folder, result = found
     words = [f"designs={folder}", "sims=[mujoco]", "seeds=[0]", "executor.workers=1"]
@@ -122,6 +123,7 @@ def test_transfer_tries_each_task(found):
     } == result.best.figures
 
 
+@pytest.mark.thorough
 def test_export_writes_one_tool_and_a_motion_for_each_task(found, tmp_path):
     folder, _ = found
     made = export(
@@ -169,6 +171,7 @@ def test_a_run_that_was_cut_short_comes_to_the_same_end_and_repeats_nothing(
         assert set(toy.lines(kind)) == whole
 
 
+@pytest.mark.thorough
 def test_a_replay_tries_the_same_designs(toy, tmp_path):  # noqa: F811
     # Some joined plans follow ones that failed.
     first = run(toys.several(toy.file, *TOYS[:2]), tmp_path / "run")

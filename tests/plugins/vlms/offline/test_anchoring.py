@@ -109,6 +109,7 @@ def test_the_bare_hand_feels_for_nothing():
     assert not any("until" in step for plan in plans for step in plan)
 
 
+@pytest.mark.thorough
 def test_what_feels_for_the_ground_minds_heights_less():
     given, found = feeling("ElevatePlate", n_tool=4)
     blind = [
