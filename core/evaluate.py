@@ -13,11 +13,12 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import load, task_part, tool_part
+from core.config.schemas import PromptSettings
 from core.design import Candidate
-from core.designs.feedback import combined_figures, describe
 from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError
 from core.interfaces import Task
+from core.plugins import installed
 from core.plugins.blame import refuse_exit
 from core.search.judging import build_fitness, try_all
 from core.simulation.play import find_problems
@@ -76,7 +77,8 @@ def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
             f"stopped or held back on its way: a joint of the arm fell {lag_rad:.2f} rad behind its target"
         )
 
-    entry: dict[str, Any] = {
+    level = installed().factory("level", PromptSettings.told)()
+    return {
         "strategy": evaluation.candidate.strategy,
         "plan": evaluation.candidate.action,
         "reward": evaluation.reward,
@@ -85,13 +87,8 @@ def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
         "reason": evaluation.reason,
         **misses,
         "warnings": warnings,
+        **level.report(evaluation, task),
     }
-    if evaluation.observation is not None:
-        entry["observed"] = describe(evaluation)
-    details = combined_figures(evaluation, task)
-    if details:
-        entry["details"] = details
-    return entry
 
 
 def _known(number: float) -> float | None:

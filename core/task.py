@@ -172,6 +172,14 @@ class Level(ABC):
         """Return what feedback may say of the bodies of the layout of ``seed``."""
         return Sight()
 
+    def report(self, evaluation: Any, task: Task) -> dict[str, Any]:
+        """Describe what was observed of a `core.trial.Evaluation`, as JSON, with all numbers; by default nothing.
+
+        Returns:
+            ``observed``, a line about the trial that stands for all, and ``details`` of several; each if there is any.
+        """
+        return {}
+
     def draw(
         self, task: Task, seed: int, render: Callable[..., Any]
     ) -> tuple[Picture, ...]:

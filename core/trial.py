@@ -335,6 +335,15 @@ def rewards_by_engine(trials: Iterable[Trial]) -> dict[str, list[float]]:
     return rewards
 
 
+def summarise_rewards(rewards: Sequence[float]) -> dict[str, Any]:
+    """Summarise rewards, as JSON: their mean, standard deviation, and the rewards."""
+    return {
+        "mean": float(np.mean(rewards)),
+        "std": float(np.std(rewards)),
+        "rewards": list(rewards),
+    }
+
+
 def count_rollouts(candidate: str, trials: Iterable[Trial]) -> int:
     """Count the rollouts that were played for the candidate of an id: not those that it shares with another one."""
     return sum(

@@ -8,17 +8,12 @@ from typing import Any
 
 from core.config.schemas import PromptSettings
 from core.design import Tool
-from core.designs.elites import critiques_text, elites_text
-from core.designs.feedback import generation_lines, last_generation
 from core.designs.plan_rules import plan_limits
 from core.interfaces import Brief, RolloutSettings
 from core.plugins import installed
 from core.robot.trajectory import plan_motion
 from core.support.text import function_source, short_numbers
 from core.task import NOTHING_TOLD, Level
-
-PromptValue = Callable[[Brief, Tool, RolloutSettings, str], Any]
-"""Computes what templates show under a name: of a brief, what is mounted, how plans are executed, and the engine."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +28,7 @@ class RunFacts:
         tie: see `core.trial.ranked`.
         judged: what a design is judged by; empty: the reward of one rollout.
         idea: a person's text, if templates quote it.
+        criticised: whether the request is one for a critique.
     """
 
     settings: PromptSettings
@@ -42,22 +38,31 @@ class RunFacts:
     tie: float
     judged: str
     idea: str | None
+    criticised: bool = False
 
 
-def prompt_values(
-    facts: RunFacts, brief: Brief, *, criticised: bool = False
-) -> dict[str, Any]:
-    """Return the names that templates may use, and their values; ``criticised``: the request is one for a critique."""
+PromptValue = Callable[[Brief, Tool, RunFacts], Any]
+"""Computes what templates show under a name: of a brief, what is mounted, and the run."""
+
+
+def prompt_values(facts: RunFacts, brief: Brief) -> dict[str, Any]:
+    """Return the names that templates may use, and their values: those of plugins, and of core."""
+    given = brief.representation.given(brief.task)
+    mounted = given or Tool(gripper=brief.gripper)
+    values = {}
+    for name, compute in installed().factories("prompt_value").items():
+        values[name] = compute(brief, mounted, facts)
     return {
-        **_assignment_values(facts, brief),
-        **_scene_values(facts, brief),
-        **_feedback_values(facts, brief, criticised),
+        **values,
+        **_assignment_values(facts, brief, given),
+        **_scene_values(facts, brief, mounted),
     }
 
 
-def _assignment_values(facts: RunFacts, brief: Brief) -> dict[str, Any]:
-    """What is asked for, of which kind, and by which rules."""
-    given = brief.representation.given(brief.task)
+def _assignment_values(
+    facts: RunFacts, brief: Brief, given: Tool | None
+) -> dict[str, Any]:
+    """What is asked for, of which kind, by which rules, and after what was tried before."""
     bare = given is not None and not given.components
     head = "tool"
     if bare:
@@ -72,19 +77,17 @@ def _assignment_values(facts: RunFacts, brief: Brief) -> dict[str, Any]:
         "action_rules": brief.actions.instructions(brief).strip(),
         "judged": facts.judged,
         "tie": f"{facts.tie:g}",
+        "feedback": facts.settings.feedback,
+        "detailed": any(elite.combined or elite.figures for elite in brief.elites),
+        "solved": any(elite.reward >= 1 - facts.tie for elite in brief.elites),
         **plan_limits(),
     }
 
 
-def _scene_values(facts: RunFacts, brief: Brief) -> dict[str, Any]:
-    """The task and the arm, and how plans are executed; what plugins add comes after it."""
+def _scene_values(facts: RunFacts, brief: Brief, mounted: Tool) -> dict[str, Any]:
+    """The task and the arm, and how plans are executed."""
     task = brief.task
-    mounted = brief.representation.given(task) or Tool(gripper=brief.gripper)
-    values = {}
-    for name, compute in installed().factories("prompt_value").items():
-        values[name] = compute(brief, mounted, facts.rollout, facts.engine)
-
-    return values | {
+    return {
         "task": task,
         "told": facts.settings.told,
         "unseen": not facts.level.numbers,
@@ -97,30 +100,4 @@ def _scene_values(facts: RunFacts, brief: Brief) -> dict[str, Any]:
         "hold_s": max(facts.rollout.hold_s, task.hold_s),
         **NOTHING_TOLD,
         **facts.level.values(task, brief.scene_seed),
-    }
-
-
-def _feedback_values(facts: RunFacts, brief: Brief, criticised: bool) -> dict[str, Any]:
-    """What was tried before, and what came of it."""
-    task = brief.task
-    sight = facts.level.sight(task, brief.scene_seed)
-    paper = facts.settings.feedback == "paper"
-    candidates = ""
-    if not paper:
-        last = last_generation(brief.tried)
-        most = facts.settings.generation_characters
-        candidates = generation_lines(last, most, sight)
-
-    # Plans and their rollouts are all that plans for a given tool differ in.
-    given = brief.representation.given(task) is not None
-    numbers = criticised or given or not paper
-    return {
-        "feedback": facts.settings.feedback,
-        "elites": elites_text(
-            brief.elites, brief.representation, task, numbers=numbers, sight=sight
-        ),
-        "critiques": critiques_text(brief),
-        "candidates": candidates,
-        "detailed": any(elite.combined or elite.figures for elite in brief.elites),
-        "solved": any(elite.reward >= 1 - facts.tie for elite in brief.elites),
     }

@@ -13,13 +13,12 @@ from rich.progress import Progress
 
 from core.config.compose import part, read_parts, task_part, tool_part
 from core.design import Candidate
-from core.designs.feedback import statistics
 from core.errors import UserError
 from core.interfaces import Fitness, RolloutSettings, Simulator, Task
 from core.plugins import EXECUTOR, FITNESS, ROBOT, PluginPart, RobotPart, installed
 from core.robot.kinematics import arm_of
 from core.search.trials import Trials
-from core.trial import Condition, Evaluation, Trial
+from core.trial import Condition, Evaluation, Trial, summarise_rewards
 from plugins.results.chosen import chosen_evaluations
 
 
@@ -179,7 +178,7 @@ def record(
         "reason": robust.reason,
         "ik_error_m": None if math.isnan(missed_m) else missed_m,
         "engines": {
-            engine: {"nominal": nominal[engine], **statistics(rewards)}
+            engine: {"nominal": nominal[engine], **summarise_rewards(rewards)}
             for engine, rewards in robust.by_engine.items()
         },
         "warnings": list(robust.warnings),

@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from core.design import Tool
+from core.designs.prompt_values import RunFacts
 from core.designs.statics import moment_limit
 from core.geometry import Array, Pose
 from core.interfaces import Brief, Robot, RolloutSettings, Task, Waypoints
@@ -96,14 +97,9 @@ class ArmSheet:
     fingers: tuple[FingerSheet, ...]
 
 
-def arm_value(
-    brief: Brief,
-    mounted: Tool,
-    rollout: RolloutSettings,
-    engine: str,
-) -> ArmSheet:
+def arm_value(brief: Brief, mounted: Tool, facts: RunFacts) -> ArmSheet:
     """Describe the arm for templates: their ``arm``."""
-    return describe_arm(brief.task, rollout, engine, brief.gripper)
+    return describe_arm(brief.task, facts.rollout, facts.engine, brief.gripper)
 
 
 def describe_arm(

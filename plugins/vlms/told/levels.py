@@ -6,12 +6,13 @@ from abc import abstractmethod
 from collections.abc import Callable
 from typing import Any
 
-from core.interfaces import Image, Observation, Picture, Recording, Task
+from core.interfaces import Evaluation, Image, Observation, Picture, Recording, Task
 from core.scene import Body
 from core.task import NOTHING_TOLD, Level
 from core.values.observations import Sight
 from plugins.vlms.told.bodies import bodies_table
 from plugins.vlms.told.excerpts import BODY, class_source, helpers, task_source
+from plugins.vlms.told.feedback import report
 from plugins.vlms.told.layout import layout_table
 from plugins.vlms.told.sight import Hidden
 from plugins.vlms.told.strip import SIZE, draw_strip
@@ -34,6 +35,9 @@ class Told(Level):
             values = self.values_of_part(part, seed)
             several.append({"task": part, **NOTHING_TOLD, **values})
         return {"several": several}
+
+    def report(self, evaluation: Evaluation, task: Task) -> dict[str, Any]:
+        return report(evaluation, task)
 
     def strip(
         self,

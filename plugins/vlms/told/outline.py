@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
+from core.designs.prompt_values import RunFacts
 from core.geometry import Array, Pose
-from core.interfaces import Brief, Robot, RolloutSettings
+from core.interfaces import Brief, Robot
 from core.robot.description import assembled
 from core.robot.extents import Extent, extents_of, link_extents
 from core.robot.kinematics import arm_of, link_poses, robot_model
@@ -37,12 +38,7 @@ _NEAR_M = (
 )
 
 
-def outline_value(
-    brief: Brief,
-    mounted: Tool,
-    rollout: RolloutSettings,
-    engine: str,
-) -> str:
+def outline_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
     """Write the outline for templates: their ``urdf``."""
     return outline(brief.task.robot, mounted)
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from core.config.compose import load, part
-from core.designs.feedback import describe, elite_feedback
 from core.designs.reading import load_designs, read_designs
 from core.goals import Away, JointAt, Placed, Turned, Untouched
 from core.interfaces import Observation, Outcome, Recording, RolloutSettings
@@ -19,6 +18,7 @@ from core.store.columns import trial_row
 from core.store.rows import load_trial
 from core.trial import Evaluation
 from plugins.conformance.evaluations import tried_once
+from plugins.vlms.told.feedback import describe, elite_feedback
 from tasks.bring_cube import BringCube
 from tests import solutions
 from tests.engines import simulator

@@ -11,7 +11,6 @@ from omegaconf import OmegaConf
 from core.config.compose import load, part
 from core.design import Candidate, Component, Tool
 from core.designs.composer import as_markdown
-from core.designs.feedback import describe
 from core.designs.reading import read_designs
 from core.errors import UserError
 from core.geometry import Box, Pose
@@ -20,6 +19,7 @@ from core.plugins import PluginPart
 from core.prompt import compose
 from core.values.materials import Material
 from plugins.fitness.nominal import Nominal
+from plugins.vlms.told.feedback import describe
 from tests.plugins.fitness.judging import judged
 
 pytestmark = pytest.mark.slow

@@ -13,7 +13,6 @@ from omegaconf import OmegaConf
 
 from core.config.compose import load, part
 from core.design import Candidate, Component, Tool
-from core.designs.feedback import combined_figures
 from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import Condition, Perception, RolloutSettings, Waypoints
@@ -23,6 +22,7 @@ from core.simulation.play import play
 from plugins.fitness.layouts import UNSEEN, worst_quarter
 from plugins.fitness.nominal import Nominal
 from plugins.results.pages.runs import read_run
+from plugins.vlms.told.feedback import combined_figures
 from tests.plugins.fitness.judging import judged
 
 QUICK = RolloutSettings(segment_s=0.2, settle_s=0.05, hold_s=0.1)

@@ -7,53 +7,49 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from core.designs.feedback import combined_figures, elite_feedback
+from core.design import Tool
+from core.designs.prompt_values import RunFacts
 from core.designs.reading import dump_names
-from core.interfaces import Brief, Task, ToolRepresentation, Waypoints
+from core.interfaces import Brief, Evaluation, ToolRepresentation, Waypoints
 from core.support.text import clean
-from core.trial import Evaluation
 from core.values.observations import Sight
+from plugins.vlms.told.feedback import combined_figures, elite_feedback
 
 _LONGEST = 240  # characters of an elite's description
 _NUMBERS = re.compile(r'(\[)\n([^][{}"]*)\n *(\])')
 _INNERMOST = re.compile(r"(\{)\n([^{}]*)\n *(\})")
 
 
-def elites_text(
-    elites: Sequence[Evaluation],
-    representation: ToolRepresentation,
-    task: Task,
-    *,
-    numbers: bool,
-    sight: Sight,
-) -> str:
-    """Write elites as JSON, each list of numbers and each innermost object on one line.
+def elites_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
+    """Write elites as JSON for templates, their ``elites``: each list of numbers and each innermost object on one line.
 
-    With ``numbers`` each has its plan, and what was observed of its rollout; with ``sight`` without bodies' numbers.
+    Plans and their rollouts are all that plans for a given tool differ in; else the paper shows none.
 
     Raises:
         ValueError: an elite has no tool.
     """
+    task = brief.task
+    sight = facts.level.sight(task, brief.scene_seed)
+    given = brief.representation.given(task) is not None
+    plans = facts.criticised or given or facts.settings.feedback != "paper"
     entries = []
-    for elite in elites:
-        entry = _describe_design(elite, representation)
+    for elite in brief.elites:
+        entry = _describe_design(elite, brief.representation)
         figures = combined_figures(elite, task, sight)
         if figures:
             entry["details"] = _round_numbers(figures)
-        if numbers:
+        if plans:
             entry |= _describe_rollout(elite, sight)
         entries.append(entry)
 
-    text = json.dumps(entries, indent=1, ensure_ascii=False)
+    text = _dump(entries)
     for pattern in (_NUMBERS, _INNERMOST):
         text = pattern.sub(_join_lines, text)
     return text
 
 
-def critiques_text(brief: Brief) -> str:
-    """Write the critiques in a brief, of its elites and of what was tried, as JSON; empty: there are none."""
-    if not brief.critiques:
-        return ""
+def critiques_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
+    """Write critiques of elites and of what was tried as JSON for templates, their ``critiques``; empty: no critic."""
     known = {e.candidate.id: e for e in (*brief.tried, *brief.elites)}
     entries = []
     for name, critique in brief.critiques.items():
@@ -62,6 +58,10 @@ def critiques_text(brief: Brief) -> str:
         if tool is not None and tool.name:
             entry["tool_name"] = tool.name
         entries.append({**entry, "critique": critique})
+    return _dump(entries) if entries else ""
+
+
+def _dump(entries: Sequence[dict[str, Any]]) -> str:
     return json.dumps(entries, indent=1, ensure_ascii=False)
 
 

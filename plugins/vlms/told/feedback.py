@@ -1,0 +1,312 @@
+"""Write what was observed of rollouts: a line for each candidate of a generation, more for elites."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+from operator import itemgetter
+from typing import Any
+
+from core.design import Tool
+from core.designs.feedback import last_generation, outcome_of
+from core.designs.prompt_values import RunFacts
+from core.interfaces import Brief, Contact, Evaluation, Observation, Task, Trial
+from core.support.templates import macros
+from core.support.text import by_reason, clean, short_numbers
+from core.trial import best_first, summarise_rewards
+from core.values.observations import Sight
+
+ALL = Sight()
+"""All may be said of bodies."""
+
+# What moved or tilted less is not worth its words.
+_MOVED_M = 0.001
+_TILT_DEG = 1.0
+
+# The most that is written of an elite.
+_CONTACTS = 8
+_BODIES = 4
+_LAYOUTS = 3
+_OUTCOMES = 6
+
+# The most that is written in a candidate's line.
+_TOUCHES = 2
+_REASON = 300  # characters
+_OUTCOME = 100  # characters
+
+_REASONS = 3  # of candidates without a line of their own
+_FREE = (None, None, None)  # the error of a body whose place does not matter
+
+
+def candidates_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
+    """Write the lines about the last generation for templates, their ``candidates``; the paper shows none."""
+    settings = facts.settings
+    if settings.feedback == "paper":
+        return ""
+    sight = facts.level.sight(brief.task, brief.scene_seed)
+    last = last_generation(brief.tried)
+    return generation_lines(last, settings.generation_characters, sight)
+
+
+@lru_cache(maxsize=2)
+def generation_lines(
+    evaluations: tuple[Evaluation, ...], budget: int, sight: Sight = ALL
+) -> str:
+    """Write a line for each candidate, the best first.
+
+    Candidates with equal lines share one. Where they would be too long, each kind of outcome keeps as many of its best
+    as the others, and the last line counts what is left out.
+
+    Args:
+        evaluations: those of a generation; all agents are shown the same, so that it is kept.
+        budget: about how many characters there may be.
+        sight: what may be said of bodies.
+    """
+    others = [e for e in evaluations if e.status != "ok"]
+    others.sort(key=lambda e: (e.status, e.candidate.key))
+    groups: dict[str, list[Evaluation]] = {}
+    for evaluation in (*best_first(evaluations, tie=0.0), *others):
+        text = describe(evaluation, sight)
+        groups.setdefault(text, []).append(evaluation)
+
+    lines: dict[str, str] = {}
+    left_out: list[Evaluation] = []
+    for text in _alternate(groups):
+        line = f"- {_ids(groups[text])}: {text}"
+        budget -= len(line) + 1
+        if budget < 0 and lines:  # the best one has its line in any case
+            left_out += groups[text]
+        else:
+            lines[text] = line
+
+    shown = [lines[text] for text in groups if text in lines]
+    if left_out:
+        shown.append(_count_left_out(left_out, sight))
+    return "\n".join(shown)
+
+
+def _alternate(groups: dict[str, list[Evaluation]]) -> list[str]:
+    """Order the texts of groups: first the best one of each kind of outcome, then the second of each..."""
+    counts = Counter[str]()
+    ranks: dict[str, int] = {}
+    for text, group in groups.items():
+        outcome = outcome_of(group[0])
+        ranks[text] = counts[outcome]
+        counts[outcome] += 1
+    return sorted(groups, key=lambda text: ranks[text])
+
+
+def _count_left_out(evaluations: Sequence[Evaluation], sight: Sight) -> str:
+    """Write the line about candidates that have none: their outcomes, and the commonest reasons."""
+    counts = Counter(map(outcome_of, evaluations)).most_common()
+    kinds = ", ".join(f"{count} {outcome}" for outcome, count in counts)
+    parts = [f"{len(evaluations)} candidates: {kinds}"]
+    for reason in by_reason((e.candidate.id, e.reason) for e in evaluations)[:_REASONS]:
+        parts.append(sight.text(clean(reason, _OUTCOME)))
+    return f"- Left out: {'; '.join(parts)}."
+
+
+def _ids(group: Sequence[Evaluation]) -> str:
+    """Name the first candidates of a group, and count the others."""
+    ids = ", ".join(evaluation.candidate.id for evaluation in group[:3])
+    return ids if len(group) <= 3 else f"{ids} and {len(group) - 3} more"
+
+
+def report(evaluation: Evaluation, task: Task) -> dict[str, Any]:
+    """Describe what was observed of a candidate, see `core.task.Level.report`."""
+    found: dict[str, Any] = {}
+    if evaluation.observation is not None:
+        found["observed"] = describe(evaluation)
+    details = combined_figures(evaluation, task)
+    if details:
+        found["details"] = details
+    return found
+
+
+def combined_figures(
+    evaluation: Evaluation, task: Task, sight: Sight = ALL
+) -> dict[str, Any]:
+    """Describe what a fitness made of several trials, as JSON: the same for the same trials, however long they took.
+
+    Args:
+        evaluation: of the trials.
+        task: what they were tried in.
+        sight: what may be said of bodies.
+
+    Returns:
+        Of several trials a line for each kind of end, the rewards by engine, and the layouts that failed; and the
+        figures of the fitness.
+    """
+    figures: dict[str, Any] = {}
+    if evaluation.combined:
+        figures["trials"] = trial_lines(evaluation, sight)
+        figures["engines"] = {
+            engine: summarise_rewards(rewards)
+            for engine, rewards in evaluation.by_engine.items()
+        }
+        poor = _poor_layouts(evaluation, task)
+        if poor and sight.numbers:
+            figures["poor_layouts"] = poor
+
+    return figures | dict(evaluation.figures)
+
+
+def _poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
+    """List the layouts in which a plan failed, the worst first, each with the numbers that were drawn for it."""
+    if evaluation.status == "rejected" or len(task.parts) > 1:
+        return []
+
+    poor: list[dict[str, Any]] = []
+    for trial in sorted(evaluation.trials, key=lambda trial: trial.reward):
+        if trial.change is not None or trial.reward >= task.success_reward:
+            continue
+        described = {
+            "layout": trial.layout,
+            "engine": trial.engine,
+            "reward": round(trial.reward, 3),
+        }
+        draw = task.draw(trial.layout)
+        for name in draw.ranges:
+            described[name] = round(draw(name, math.nan), 3)
+        poor.append(described)
+
+    return poor[:_LAYOUTS]
+
+
+def describe(evaluation: Evaluation, sight: Sight = ALL) -> str:
+    """Say in one line what became of a candidate.
+
+    It is why it was not played to its end; or else its reward, and what was observed of the trial that stands for all.
+    """
+    reason = sight.text(clean(evaluation.reason, _REASON))
+    if evaluation.status != "ok":
+        return f"{evaluation.status}: {reason}"
+
+    seen = evaluation.observation
+    if seen is None:
+        head = f"{evaluation.reward:.3f}"
+        return f"{head} invalid: {reason}" if reason else head
+
+    first: dict[str, Contact] = {}  # of the robot, by body
+    for contact in seen.contacts:
+        if contact.kind != "body":
+            first.setdefault(contact.other, contact)
+
+    told = elite_feedback(evaluation, sight)
+    trials = trial_lines(evaluation, sight) if evaluation.combined else []
+    touches = list(first.values())[:_TOUCHES]
+    rewarded = (evaluation.reward, reason, trials)
+    return _say("line", *rewarded, seen, told, touches, sight.numbers)
+
+
+def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
+    """Say what became of each trial: those that are alike in one line, the worst first."""
+    places: dict[str, list[str]] = {}
+    for trial in sorted(evaluation.trials, key=lambda trial: trial.reward):
+        outcome = trial.outcome
+        if trial.status != "ok" or trial.reason:
+            outcome = f"{trial.status}: {trial.reason}"
+        outcome = sight.text(clean(outcome, _OUTCOME))
+        text = f"{trial.reward:.3f} {outcome}".rstrip()
+        places.setdefault(text, []).append(_name_trial(trial, evaluation))
+
+    if len(places) == 1:
+        return [f"{text} in all {len(evaluation.trials)} trials" for text in places]
+    lines = [f"{text} in {', '.join(names)}" for text, names in places.items()]
+    if len(lines) > _OUTCOMES:
+        lines[_OUTCOMES:] = [f"{len(lines) - _OUTCOMES} others"]
+    return lines
+
+
+def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
+    """Describe what was observed of the trial that stands for an elite, as JSON; empty: nothing was.
+
+    Lengths are metres, times seconds from the start of the motion. What is empty, or not worth its words, is left out.
+    """
+    trial = elite.shown
+    seen = elite.observation
+    if trial is None or seen is None:
+        return {}
+
+    # Those of the tool with the goal's bodies come first.
+    contacts = sorted(
+        seen.contacts, key=lambda c: c.kind != "tool" or c.other not in seen.errors
+    )
+    touches = [_say("touch", contact, sight.numbers) for contact in contacts]
+    described: dict[str, Any] = {
+        "trial": _name_trial(trial, elite),
+        "result": sight.text(_say("result", seen)),
+        # Rounded down, since 100 % means all of it.
+        "goals": {name: f"{int(100 * share)} %" for name, share in trial.goals},
+        "margins": [sight.text(str(margin)) for margin in trial.margins[:_BODIES]],
+        "moved": _moves(seen, sight),
+        "arrivals_s": list(seen.arrivals),
+        "guards": list(seen.felt),
+        "contacts": touches[:_CONTACTS],
+        "missed": _say("miss", seen),
+        "lag": _say("lag", seen),
+    }
+    if sight.numbers:
+        described |= _places(seen)
+
+    return {key: value for key, value in described.items() if value}
+
+
+def _places(seen: Observation) -> dict[str, Any]:
+    """Tell in numbers how far bodies are from their goals, where they were and when, and what the robot came near."""
+    errors = [
+        (name, list(offset)) for name, offset in seen.errors.items() if offset != _FREE
+    ]
+    errors.sort(key=lambda error: error[0] not in seen.left)
+    nearest = sorted(seen.clearances.items(), key=itemgetter(1))
+    places: dict[str, Any] = {
+        "error_m": dict(errors[:_BODIES]),
+        "clearance_m": dict(nearest[:_BODIES]),
+    }
+    if seen.paths:
+        places["path_m"] = {name: _path(path) for name, path in seen.paths.items()}
+        places["times_s"] = list(seen.instants)
+
+    return places
+
+
+def _path(points: Iterable[Sequence[float]]) -> str:
+    """Write the places of a body, one after another."""
+    return " ".join(f"({short_numbers(point, 3, ', ')})" for point in points)
+
+
+def _name_trial(trial: Trial, evaluation: Evaluation) -> str:
+    """Name a trial: the task of several, the engine, the layout's number, and that of a perturbation."""
+    name = f"{trial.engine} layout {trial.layout}"
+    if len(evaluation.tasks) > 1:
+        name = f"{trial.task} {name}"
+    if trial.change is not None:
+        name = f"{name} change {trial.change}"
+    return name
+
+
+def _moves(seen: Observation, sight: Sight) -> dict[str, str]:
+    """Describe how bodies moved: of several those of the goal that are not in place, then those that moved most."""
+    ways = {name: math.hypot(*moved.by) for name, moved in seen.moved.items()}
+    stirred = [
+        name
+        for name, moved in seen.moved.items()
+        if ways[name] > _MOVED_M or moved.tilt_deg >= _TILT_DEG
+    ]
+    stirred.sort(key=lambda name: (name not in seen.left, -ways[name]))
+
+    described = {}
+    for name in stirred[:_BODIES]:
+        moved = seen.moved[name]
+        described[name] = _say("move", moved, sight.way(moved))
+
+    if len(stirred) > _BODIES:
+        described[f"{len(stirred) - _BODIES} others"] = "moved too"
+    return described
+
+
+def _say(phrase: str, *values: object) -> str:
+    """Fill in a macro of ``templates/observed.md.j2``."""
+    return str(getattr(macros("plugins.vlms.told", "observed"), phrase)(*values))
