@@ -142,7 +142,7 @@ def plan_attempt(stage: Stage, candidate: Candidate) -> Attempt | Trial:
 
     if stage.task.reads_trace:
         job = replace(job, record_hz=job.record_hz or TRACE_HZ, forces=True)
-    attempt = Attempt(planned, job.tool, motion, job)
+    attempt = Attempt(planned, job.tool, motion, job, tuple(motion.doubts()))
     _check_self_collision(stage, attempt)
     if attempt.problem is not None:
         return _reject(stage, planned, attempt.problem)

@@ -9,9 +9,8 @@ import numpy as np
 from core.geometry import Array
 from core.robot.solids import body_solids
 from core.scene import Body, Scene, Soft
+from core.values.doubts import find_doubt
 
-HEAVY_KG = 50.0
-LONG_M = 2.0
 FALLS_M = 0.002  # more than engines need to settle what rests
 
 Box = tuple[Array, Array]
@@ -31,11 +30,9 @@ def find_doubts(scene: Scene) -> Iterator[str]:
         if body.name not in boxes:
             continue
         low, high = boxes[body.name]
-        size = float((high - low).max())
-        if body.mass > HEAVY_KG:
-            yield f"body {body.name} weighs {body.mass:g} kg, more than any arm here moves; grams?"
-        if size > LONG_M:
-            yield f"body {body.name} is {size:.3g} m long; millimetres?"
+        where = f"body {body.name}"
+        yield from find_doubt(where, "body mass", body.mass)
+        yield from find_doubt(where, "length", float((high - low).max()))
         if body.name in hanging or any(body.velocity):
             continue
 

@@ -28,7 +28,7 @@ def doubts(tmp_path, text, body=""):
         (
             "mass: 0.2",
             "mass: 250",
-            "body tin weighs 250 kg, more than any arm here moves; grams?",
+            "body tin weighs 250 kg; grams?",
         ),
         ("length: 0.1", "length: 10", "body tin is 10 m long; millimetres?"),
         (
@@ -77,6 +77,6 @@ def test_they_are_said_once_for_a_file(tmp_path, text, caplog):
             "none",
         )
     assert [record.message.partition(": ")[2] for record in caplog.records] == [
-        "body tin weighs 250 kg, more than any arm here moves; grams?"
+        "body tin weighs 250 kg; grams?"
     ]
     assert isinstance(FileTask(str(tmp_path / "scene.yaml")), FileTask)
