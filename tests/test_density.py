@@ -85,8 +85,8 @@ def measure(folder):
 @pytest.mark.parametrize(
     ("folder", "nodes", "in_thousand_lines"),
     [
-        ("core", 78_400, 3_950),
-        ("plugins", 162_900, 4_020),
+        ("core", 78_610, 3_950),
+        ("plugins", 167_650, 4_020),
         ("tasks", 20_600, 4_500),
     ],
 )

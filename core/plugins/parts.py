@@ -68,7 +68,8 @@ class RobotPart(PluginPart[Robot]):
     __hash__ = PluginPart.__hash__
 
     def create(self, **given: Any) -> Robot:
-        return replace(super().create(**given), base=self.pose)
+        robot = super().create(**given)
+        return replace(robot, base=self.pose) if any(self.base) else robot
 
     @property
     def pose(self) -> Pose:

@@ -49,22 +49,26 @@ def keep_file(
     Raises:
         UserError: it can't be made, or not be written.
     """
-    name = hashlib.sha256(f"{_VERSION} ".encode() + content).hexdigest()[:32]
-    folder = platformdirs.user_cache_path("vlmgineer") / "meshes" / kind
-    file = folder / f"{name}.{suffix}"
-
+    file = kept_file(kind, suffix, content)
     try:
         # A power cut may leave it empty.
         if not (file.is_file() and file.stat().st_size):
-            folder.mkdir(parents=True, exist_ok=True)
+            file.parent.mkdir(parents=True, exist_ok=True)
             write_whole(file, make(), shared=True)
     except OSError as error:
         raise UserError(
-            f"meshes can't be kept in {folder}: {error.strerror}; make the folder writable, or choose another with "
-            "XDG_CACHE_HOME"
+            f"meshes can't be kept in {file.parent}: {error.strerror}; make the folder writable, or choose another "
+            "with XDG_CACHE_HOME"
         ) from error
 
     return file
+
+
+def kept_file(kind: str, suffix: str, content: bytes) -> Path:
+    """Name the file that `keep_file` makes of a content."""
+    name = hashlib.sha256(f"{_VERSION} ".encode() + content).hexdigest()[:32]
+    folder = platformdirs.user_cache_path("vlmgineer") / "meshes" / kind
+    return folder / f"{name}.{suffix}"
 
 
 def farthest(corners: Array) -> Array:

@@ -393,10 +393,14 @@ def find_mesh(name: str, file: Path, where: str) -> Path:
         path = unquote(path)
     if scheme == "package":
         folders = [*file.resolve().parents, *_package_folders()]
-        mend = (
-            f"; package {shorten(path.partition('/')[0])} must lie beside or above the URDF, or in a folder of "
-            f"{_PACKAGE_PATHS[0]}"
-        )
+        package = path.partition("/")[0]
+        there = [folder for folder in folders if (folder / package).is_dir()]
+        folders = there or folders
+        if not there:
+            mend = (
+                f"; package {shorten(package)} must lie beside or above the URDF, or in a folder of "
+                f"{_PACKAGE_PATHS[0]}"
+            )
 
     for folder in folders:
         with contextlib.suppress(OSError):  # of a name that is too long

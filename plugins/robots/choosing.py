@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -13,13 +13,93 @@ from core.errors import UsageError, UserError, choices
 from core.geometry import Array, Pose
 from core.interfaces import Gripper
 from core.values.descriptions import DIGITS, Description, Limits, Origin, RobotJoint
+from plugins.robots.completing import complete
+from plugins.robots.naming import names_jaw
 from plugins.robots.normalise import Problems
-from plugins.robots.settings import GripperOptions
+from plugins.robots.settings import ArmSettings, GripperOptions
 
+# Where limits that a file lacks are given.
+_SETTINGS = {
+    ("N m", "effort"): "robot.effort=[...], a number for each joint or one for all",
+    (
+        "rad/s",
+        "velocity",
+    ): "robot.velocity=[...], a number for each joint or one for all",
+    ("N", "effort"): "robot.gripper with force_n",
+    ("m/s", "velocity"): 'its <limit velocity="...">',
+}
 TURNING = ("revolute", "continuous")
 _TURN = 2 * math.pi  # a continuous joint turns so far each way: limits are finite
 _MOST_JOINTS = 7  # of an arm
 _NAMED = 20  # names that a message lists
+# A joint that turns no farther, from about here, may open a jaw.
+_JAW_RAD = 2.4
+_CLOSED_RAD = 0.35
+
+
+@dataclass(frozen=True)
+class ArmParts:
+    """The arm in a description, and all that was wrong with it.
+
+    Attributes:
+        description: of the whole robot, as it is held and filled in.
+        flange: the link that bears tools.
+        joints: of the arm, with finite limits.
+        home: a value for each, if one was given.
+        gripper: if one was chosen.
+        drives: all joints that move, by name.
+        wrong: what was wrong.
+    """
+
+    description: Description
+    flange: str
+    joints: list[RobotJoint]
+    home: tuple[float, ...] | None
+    gripper: Gripper | None
+    drives: dict[str, RobotJoint]
+    wrong: Problems
+
+
+def choose_arm(
+    description: Description, chosen: ArmSettings, notes: list[str], *, anywhere: bool
+) -> ArmParts:
+    """Choose the arm in a description; with ``anywhere`` its home is in the middle of the joints' limits.
+
+    Raises:
+        UserError: there is no such flange, or none that is plain.
+    """
+    wrong = Problems()
+    description = hold_joints(description, chosen.fixed or {})
+    flange = choose_flange(description, chosen.flange, notes)
+    description = complete(description, chosen.collision, chosen.mass_kg)
+    driven = find_arm(description, flange)
+    driven = set_limits(driven, "velocity", chosen.velocity)
+    driven = set_limits(driven, "effort", chosen.effort)
+    arm = [wrong.attempt(limit_turning, joint) or joint for joint in driven]
+    middle = tuple(sum(joint.range) / 2 for joint in arm)
+    home = wrong.attempt(check_home, middle if anywhere else chosen.home, arm)
+
+    gripper = None
+    fingers = list[RobotJoint]()
+    if chosen.gripper is not None:
+        found = wrong.attempt(choose_gripper, description, chosen.gripper, flange, arm)
+        if found is not None:
+            gripper, fingers = found
+
+    drives = {joint.name: joint for joint in (*arm, *fingers)}
+    if chosen.gripper is None or gripper is not None:
+        wrong.attempt(check_rest, description, drives)
+
+    parts = description.rigid_parts(joint.child for joint in arm)
+    moving = [name for name, (head, _) in parts.items() if head != description.root]
+    if not any(description.links[link].collisions for link in moving):
+        wrong.append(
+            UserError(
+                "the arm has no collision shape; let it collide as it is drawn, robot.collision=visual, or repeat each "
+                "<visual> as <collision>: its hull counts"
+            )
+        )
+    return ArmParts(description, flange, arm, home, gripper, drives, wrong)
 
 
 def hold_joints(
@@ -64,8 +144,10 @@ def _move(joint: RobotJoint, value: float) -> Pose:
     return Pose(way)
 
 
-def choose_flange(description: Description, flange: str | None) -> str:
-    """Return the link that bears tools; None: the only one that bears no other.
+def choose_flange(
+    description: Description, flange: str | None, notes: list[str]
+) -> str:
+    """Return the link that bears tools; None: the only one that bears no other, if that is no jaw.
 
     Raises:
         UserError: there is no such link, or several could be meant; names them.
@@ -78,6 +160,8 @@ def choose_flange(description: Description, flange: str | None) -> str:
     parents = {joint.parent for joint in description.joints.values()}
     leaves = sorted(description.links.keys() - parents)
     if len(leaves) == 1:
+        _refuse_jaw(description, leaves[0])
+        notes.append(f"tools are bolted to {leaves[0]!r}, as no other link hangs on it")
         return leaves[0]
 
     after: dict[int, list[str]] = {}  # links by the number of joints that turn them
@@ -96,6 +180,35 @@ def choose_flange(description: Description, flange: str | None) -> str:
     )
 
 
+def _refuse_jaw(description: Description, leaf: str) -> None:
+    """Refuse the only link that bears no other where it may be a gripper's jaw.
+
+    Raises:
+        UsageError: asks, with both answers.
+    """
+    moving = [j for j in joints_before(description, leaf) if j.kind != "fixed"]
+    if len(moving) < 2:
+        return
+    last = moving[-1]
+    lower, upper = last.range
+    reasons = {
+        "by its name": names_jaw(leaf, last.name, last.child),
+        f"as joint {last.name!r} is {last.kind}": last.kind not in TURNING,
+        f"as joint {last.name!r} mimics another one": last.mimic,
+        f"as joint {last.name!r} opens from about 0 by {upper - lower:.2g} rad": (
+            last.kind == "revolute"
+            and upper - lower < _JAW_RAD
+            and min(abs(lower), abs(upper)) < _CLOSED_RAD
+        ),
+    }
+    found = [reason for reason, speaks in reasons.items() if speaks]
+    if found:
+        raise UsageError(
+            f"which link bears tools? {leaf!r}, the only one that bears no other, may be a gripper's jaw, {found[0]}: "
+            f"if so, robot.flange={last.parent} robot.without=[{last.child}]; if not, robot.flange={leaf}"
+        )
+
+
 def joints_before(description: Description, link: str) -> list[RobotJoint]:
     """List the joints between the base and a link."""
     return [description.joints[child] for child in description.above(link)[-2::-1]]
@@ -110,6 +223,34 @@ def find_arm(description: Description, flange: str) -> list[RobotJoint]:
             f"no joint moves between base {description.root!r} and flange {flange!r}"
         )
     return arm
+
+
+def set_limits(
+    arm: Sequence[RobotJoint],
+    name: str,
+    values: float | Sequence[float] | None,
+) -> list[RobotJoint]:
+    """Set the limit of ``velocity`` or ``effort`` of all joints or of each; None: the file's stay.
+
+    Raises:
+        UsageError: there is another number of joints.
+    """
+    if values is None:
+        return list(arm)
+    if isinstance(values, float | int):
+        values = [values] * len(arm)
+    if len(values) != len(arm):
+        raise UsageError(
+            f"robot.{name} has {len(values)} numbers for {len(arm)} joints: {_list_names(arm)}"
+        )
+    return [
+        replace(joint, limits=joint.limits._replace(**{name: value}))
+        for joint, value in zip(arm, values, strict=True)
+    ]
+
+
+def _list_names(arm: Sequence[RobotJoint]) -> str:
+    return ", ".join(joint.name for joint in arm)
 
 
 def limit_turning(joint: RobotJoint) -> RobotJoint:
@@ -156,7 +297,8 @@ def read_limit(joint: RobotJoint, name: str, unit: str) -> float:
     if value is None or value <= 0:
         found = "has no" if value is None else f"has {value:g} as"
         raise UserError(
-            f"joint {joint.name!r} {found} {name} limit; take it from the arm's data sheet, {unit}"
+            f"joint {joint.name!r} {found} {name} limit; take it from the arm's data sheet, {unit}: "
+            f"{_SETTINGS[unit, name]}"
         )
     return value
 
@@ -171,8 +313,9 @@ def check_home(
         )
 
     if len(home) != len(arm):
-        names = ", ".join(joint.name for joint in arm)
-        raise UsageError(f"home has {len(home)} numbers for {len(arm)} joints: {names}")
+        raise UsageError(
+            f"home has {len(home)} numbers for {len(arm)} joints: {_list_names(arm)}"
+        )
 
     for value, joint in zip(home, arm, strict=True):
         lower, upper = joint.range

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,16 +12,18 @@ from omegaconf import MISSING
 from core.config.compose import load, robot_part
 from core.design import RIGID_MOUNT
 from core.errors import UsageError, UserError
+from core.geometry import Pose
 from core.interfaces import Robot
 from core.plugins.registry import check_settings
 from core.robot.kinematics import arm_of, link_poses
 from core.robot.solids import corners, robot_solids
 from core.support.cli import arguments, say
 from core.support.text import short_numbers
-from core.values.descriptions import Description
-from plugins.robots.home_search import HOME_DIGITS, find_home
+from plugins.robots.files import read_source
+from plugins.robots.home_search import HOME_DIGITS, find_home, find_smaller
+from plugins.robots.mounting import START
 from plugins.robots.normalise import ALSO
-from plugins.robots.reading import build_unmounted, describe
+from plugins.robots.reading import Unmounted, build_unmounted
 from plugins.robots.settings import ArmSettings
 from plugins.robots.urdf import urdf
 
@@ -34,10 +36,10 @@ _BEYOND_M = 1e-3  # what reaches less beyond the mount is nothing
 
 @dataclass
 class HomeConfig:
-    """Settings of ``vlmgineer home``."""
+    """Settings of ``vlmgineer home``; ``at``: None: where most tasks begin."""
 
     robot: dict[str, Any] = MISSING
-    at: list[float] = field(default_factory=lambda: [0.5, 0.0, 0.5])
+    at: list[float] | None = None
 
 
 def main(words: list[str]) -> None:
@@ -48,35 +50,41 @@ def main(words: list[str]) -> None:
             f"robot={part.name} has a home; give your own arm: robot=urdf robot.path=FILE"
         )
 
-    if len(cfg.at) != 3 or not all(map(math.isfinite, cfg.at)):
-        raise UsageError(f"at must be three numbers, metres, got {list(cfg.at)}")
+    at = list(START) if cfg.at is None else list(cfg.at)
+    if len(at) != 3 or not all(map(math.isfinite, at)):
+        raise UsageError(f"at must be three numbers, metres, got {at}")
 
     chosen = ArmSettings(**check_settings(urdf, dict(part.settings), "robot=urdf", {}))
-    place = part.pose.inverse().apply(np.array(cfg.at, dtype=float))
-    description = describe(chosen)
+    source = read_source(chosen)
     try:
-        robot, axis = build_unmounted(description, chosen, anywhere=True)
-        robot = find_home(robot, axis, chosen, place)
+        arm = build_unmounted(source, chosen, anywhere=True)
+        base = part.pose if any(part.base) else arm.robot.base
+        # Joints are found in the base's frame.
+        arm = replace(arm, robot=replace(arm.robot, base=Pose()))
+        placed = base != Pose() or cfg.at is not None
+        search = find_home if placed else find_smaller
+        found = search(arm, chosen, base.inverse().apply(np.array(at)))
     except UserError as error:  # a line for each problem
         raise type(error)(str(error).replace(ALSO, "\n- ")) from error
 
-    arm = arm_of(robot)
-    room = np.minimum(arm.home - arm.lower, arm.upper - arm.home)
-    found = part.pose.apply(arm.forward(arm.home).position)
+    say(*arm.notes)
+    model = arm_of(found.robot)
+    room = np.minimum(model.home - model.lower, model.upper - model.home)
+    place = base.apply(model.forward(model.home).position) + found.moved
     say(
-        f"the flange {robot.mount_link!r}, borne by {', '.join(robot.arm_joints)}, is at "
-        f"({short_numbers(found, 3, ', ')}) and looks down; joint {robot.arm_joints[int(room.argmin())]!r} is nearest "
+        f"the flange {arm.flange!r}, borne by {', '.join(arm.joints)}, is at "
+        f"({short_numbers(place, 3, ', ')}) and looks down; joint {arm.joints[int(room.argmin())]!r} is nearest "
         f"to a limit, {room.min():.2f} rad from it"
     )
-    say(f"robot.home=[{short_numbers(arm.home, HOME_DIGITS, ',')}]")
-    if robot.gripper is None:
-        _describe_beyond(description, robot)
+    say(f"robot.home=[{short_numbers(model.home, HOME_DIGITS, ',')}]", *found.words)
+    if found.robot.gripper is None:
+        _describe_beyond(arm, found.robot)
 
 
-def _describe_beyond(description: Description, robot: Robot) -> None:
+def _describe_beyond(arm: Unmounted, robot: Robot) -> None:
     """Say what is in the way of tools, and how to take it out."""
-    flange = robot.mount_link
-    beyond = _links_on(description, flange)
+    flange = arm.flange
+    beyond = _links_on(arm)
     if beyond:
         names = ",".join(beyond)
         say(
@@ -95,8 +103,9 @@ def _describe_beyond(description: Description, robot: Robot) -> None:
         )
 
 
-def _links_on(description: Description, flange: str) -> list[str]:
+def _links_on(arm: Unmounted) -> list[str]:
     """List the links on the flange, where a tool is to go, that have shapes or bear some."""
+    description = arm.description
     bearing = set[str]()
     for name, link in description.links.items():
         if link.visuals or link.collisions:
@@ -104,7 +113,7 @@ def _links_on(description: Description, flange: str) -> list[str]:
     return [
         child
         for child, joint in description.joints.items()
-        if joint.parent == flange and child in bearing
+        if joint.parent == arm.flange and child in bearing
     ]
 
 

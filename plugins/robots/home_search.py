@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from core.design import Tool
+from core.design import RIGID_MOUNT, Tool
 from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory, Robot
 from core.robot.kinematics import Arm, Solution, arm_of, link_poses
+from core.robot.solids import robot_solids
 from core.solids.self_collision import find_self_collision
 from core.support.text import short_numbers
-from plugins.robots.mounting import turn_mount, wrist_height
+from plugins.robots.mounting import stand_nearer, turn_mount, wrist_height
+from plugins.robots.reading import Unmounted
 from plugins.robots.settings import ArmSettings
 
+_ONWARD = 0.7  # cosine between a tool's direction and the last link's
+_UPRIGHT = 0.94  # of the last joint's axis, where a square flange looks down
+_REACHES = (0.7, 0.6, 0.5, 0.4, 0.35, 0.3, 0.25, 0.2)  # metres
 HOME_DIGITS = 3  # of a joint
 _TRIES = 10  # starts for each way the flange may be turned
 _NEAR_M = 1e-3
@@ -29,81 +34,150 @@ _STRAIGHT = 0.08
 _RADIAN_M = 0.3  # a turn of the flange weighs as much as this way
 
 
-def find_home(robot: Robot, axis: Array, chosen: ArmSettings, place: Array) -> Robot:
-    """Find a home at which the flange is at ``place`` (3,) in the base's frame, and looks down with its mount.
+@dataclass(frozen=True)
+class Found:
+    """An arm with its mount, at a home; words that are needed beside it, and by how much they move the base (3,)."""
 
-    Prefer one far from the joints' limits and from singularities, with the links high above the base.
+    robot: Robot
+    words: tuple[str, ...] = ()
+    moved: Array = field(default_factory=lambda: np.zeros(3))
 
-    Args:
-        robot: made by `plugins.robots.reading.build_unmounted`, as ``axis`` is.
-        axis: the last joint's (3,) in the flange's frame.
-        chosen: the settings of the arm.
-        place: metres.
+
+def find_smaller(arm: Unmounted, chosen: ArmSettings, place: Array) -> Found:
+    """Find a home at ``place`` (3,) from the base, or where it is from the base of a smaller arm.
+
+    Raises:
+        UserError: see `find_home`.
+    """
+    try:
+        return find_home(arm, chosen, place)
+    except UserError as error:
+        missed = error
+
+    for reach in _REACHES:
+        moved = stand_nearer(reach, []).position
+        try:
+            found = find_home(arm, chosen, place - moved)
+        except UserError:
+            continue
+        arm.notes.append(
+            "most tasks begin at (0.5, 0, 0.5), which is out of its reach; robot.reach brings them nearer"
+        )
+        words = (*found.words, f"robot.reach={reach}")
+        return replace(found, words=words, moved=moved)
+    raise missed
+
+
+def find_home(arm: Unmounted, chosen: ArmSettings, place: Array) -> Found:
+    """Find a home at which the flange is at ``place`` (3,) from the base, and looks down with its mount.
+
+    Prefer one far from the joints' limits and from singularities, with the links high above the base. The mount is
+    square to the last joint. Where that can't look down, it is turned by other right angles, so that tools go on in the
+    last link's own direction.
 
     Raises:
         UserError: none is found; says what came nearest.
     """
-    arm = arm_of(robot)
-    tried = []
-    for goal in _goals(axis, chosen.mount_rpy, place):
-        for start in _starts(arm):
-            tried.append(arm.inverse(goal, start))
+    model = arm_of(arm.robot)
+    square = Rotation.create_group("O")
+    upright = np.abs(square.inv().apply(arm.axis)[:, 2]) > _UPRIGHT
+    outward = _find_outward(arm.robot)
+    onward = -square.apply((0.0, 0.0, 1.0)) @ outward > _ONWARD
+    turns = [square[upright], square[onward & ~upright]]
+    if chosen.mount_rpy is not None:
+        turns = [Rotation.from_euler("xyz", [chosen.mount_rpy])]
 
-    found = [s for s in tried if s.error_m < _NEAR_M and s.error_rad < _NEAR_RAD]
-    found.sort(key=lambda solution: -_rate(arm, solution.joints))
+    tried = list[Solution]()
+    problem = ""
+    for number, group in enumerate(turns):
+        for solution, turn in _solve(model, group, place, tried):
+            robot = replace(
+                arm.robot, home=tuple(solution.joints.round(HOME_DIGITS).tolist())
+            )
+            rpy = chosen.mount_rpy
+            words: tuple[str, ...] = ()
+            if number:
+                rpy = Pose.from_rotation(np.zeros(3), turn).rpy.round(4).tolist()
+                words = (f"robot.mount_rpy=[{short_numbers(rpy, 4, ',')}]",)
+            try:
+                return Found(_mount(robot, arm.axis, rpy), words)
+            except UserError as error:
+                problem = problem or str(error)
 
     nearest = min(tried, key=lambda solution: solution.error_m + solution.error_rad)
-    problem = _describe_miss(arm, nearest)
-    for solution in found:
-        home = tuple(solution.joints.round(HOME_DIGITS).tolist())
-        try:
-            upright = turn_mount(replace(robot, home=home), axis, chosen.mount_rpy)
-        except UserError as error:
-            problem = str(error)
-            continue
-
-        still = JointTrajectory(np.zeros(1), np.array([upright.home]), np.zeros(1))
-        met = find_self_collision(upright, Tool(), still)
-        if met is None:
-            return upright
-        problem = f"there {met.describe(np.zeros(1))}"
-
+    problem = problem or _describe_miss(arm, model, nearest)
     where = short_numbers(place, 3, ", ")
-    raise UserError(
-        f"no joints bring the flange to ({where}) from its base, looking down: {problem}; choose another at=, or place "
-        "the arm elsewhere with robot.base=[x,y,z,yaw]"
-    )
+    raise UserError(f"no joints bring the flange to ({where}), looking down: {problem}")
 
 
-def _goals(
-    axis: Array, rpy: tuple[float, float, float] | None, place: Array
-) -> Iterator[Pose]:
-    """Yield the flange's poses at which a mount on it can have the axes of the base."""
-    if rpy is not None:
-        yield Pose.from_rotation(place, Rotation.from_euler("xyz", rpy).inv())
-        return
-    for turn in Rotation.create_group("O").inv():
-        if abs(turn.apply(axis)[2]) > 0.94:
-            yield Pose.from_rotation(place, turn)
+def _find_outward(robot: Robot) -> Array:
+    """Find the direction (3,) in which the last link leads on from its joint, in the flange's frame."""
+    poses = link_poses(robot, False, np.array(robot.home))
+    head = robot.near_mount[0]
+    mount = poses[RIGID_MOUNT]
+    points = [mount.position]
+    for solid in robot_solids(robot, False):
+        if solid.name == head:
+            middle, _ = solid.bounds()
+            points.append(poses[head].apply(middle))
+
+    way = np.mean(points, axis=0) - poses[head].position
+    outward = mount.rotation.inv().apply(way)
+    return np.asarray(outward / max(float(np.linalg.norm(outward)), 1e-3))
+
+
+def _solve(
+    arm: Arm, turns: Rotation, place: Array, tried: list[Solution]
+) -> list[tuple[Solution, Rotation]]:
+    """Find joints that bring mounts with the world's axes to a place, the best first; note all that was tried."""
+    found = []
+    with_home = (arm.home, *_starts(arm))
+    for turn in turns:
+        goal = Pose.from_rotation(place, turn.inv())
+        for start in with_home:
+            solution = arm.inverse(goal, start)
+            tried.append(solution)
+            if solution.error_m < _NEAR_M and solution.error_rad < _NEAR_RAD:
+                found.append((solution, turn))
+    return sorted(found, key=lambda pair: -_rate(arm, pair[0].joints))
+
+
+def _mount(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Robot:
+    """Mount tools at a home.
+
+    Raises:
+        UserError: the flange does not look down there, or the arm meets itself.
+    """
+    upright = turn_mount(robot, axis, rpy)
+    still = JointTrajectory(np.zeros(1), np.array([upright.home]), np.zeros(1))
+    met = find_self_collision(upright, Tool(), still)
+    if met is not None:
+        raise UserError(f"there {met.describe(np.zeros(1))}")
+    return upright
 
 
 def _starts(arm: Arm) -> Iterator[Array]:
-    """Yield joints (J,) from which to search: home, and some at random, the same for each goal."""
-    yield arm.home
+    """Yield joints (J,) at random, from which to search, the same for each goal."""
     lower = np.maximum(arm.lower, -math.pi)
     upper = np.minimum(arm.upper, math.pi)
     yield from np.random.default_rng(0).uniform(lower, upper, (_TRIES, lower.size))
 
 
-def _describe_miss(arm: Arm, nearest: Solution) -> str:
-    """Say how far the wanted pose is beyond reach, and which joints are at their limits where the arm is nearest."""
-    room = np.minimum(nearest.joints - arm.lower, arm.upper - nearest.joints)
-    held = [repr(arm.robot.arm_joints[i]) for i in np.flatnonzero(room < _NEAR_RAD)]
+def _describe_miss(arm: Unmounted, model: Arm, nearest: Solution) -> str:
+    """Say how far the wanted pose is beyond reach, which joints are at their limits there, and what mends it."""
+    room = np.minimum(nearest.joints - model.lower, model.upper - nearest.joints)
+    held = [repr(arm.joints[i]) for i in np.flatnonzero(room < _NEAR_RAD)]
     missed = (
         f"the nearest misses it by {nearest.error_m:.3f} m and "
         f"{math.degrees(nearest.error_rad):.0f} degrees"
     )
-    return f"{missed}, with {', '.join(held)} at the limit" if held else missed
+    if held:
+        missed += f", with {', '.join(held)} at the limit"
+    if nearest.error_m < _NEAR_M:
+        return (
+            f"{missed}: the place is reached, the direction is not; choose another at="
+        )
+    return f"{missed}; choose another at=, nearer to the arm, or place the arm elsewhere with robot.base=[x,y,z,yaw]"
 
 
 def _rate(arm: Arm, joints: Array) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +14,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from core.errors import UserError
 from core.geometry import Color
-from core.robot.meshes import farthest, keep_file
+from core.robot.meshes import farthest, keep_file, kept_file
 from core.support.files import read_untrusted
 from core.support.sandbox import isolated
 from core.values.descriptions import ONE, Scale
@@ -39,12 +41,13 @@ def hull_file(mesh: Path, scale: Scale = ONE, *, ours: bool = False) -> Path:
     Raises:
         UserError: the mesh can't be read, is too large or flat, or its hull can't be written.
     """
-    key = f"{mesh.suffix.lower()} {tuple(map(float, scale))}"
-    content = key.encode() + _content(mesh)
+    content = _content(mesh, scale)
     return keep_file("hulls", "stl", content, lambda: _run_build(ours, mesh, *scale))
 
 
-def visual_file(mesh: Path, color: Color, scale: Scale = ONE) -> Path:
+def visual_file(
+    mesh: Path, color: Color, scale: Scale = ONE, *, ours: bool = False
+) -> Path:
     """Write what is drawn of a mesh as a Collada file in metres, z up, or find it as it was written before.
 
     It keeps its own colours, one for each of its parts. Corners of a mesh with more than `MAX_DRAWN` triangles are
@@ -54,16 +57,50 @@ def visual_file(mesh: Path, color: Color, scale: Scale = ONE) -> Path:
         mesh: an STL, OBJ, Collada or PLY file.
         color: of parts that have none, red, green, blue and opacity, 0..1.
         scale: multiplies x, y and z.
+        ours: see `hull_file`.
 
     Raises:
         UserError: the mesh can't be read or is too large, or the file can't be written.
     """
-    key = f"{mesh.suffix.lower()} {tuple(map(float, scale))} {color}"
-    content = key.encode() + _content(mesh)
+    content = _content(mesh, scale, color)
     numbers = (*scale, *color)
     return keep_file(
-        "visuals", "dae", content, lambda: _run_build(False, mesh, *numbers)
+        "visuals", "dae", content, lambda: _run_build(ours, mesh, *numbers)
     )
+
+
+Job = tuple[str, Scale, Color | None]
+"""A mesh file and its scale, of which a hull is to be made, or with a colour what is drawn."""
+
+
+def make_all(jobs: Sequence[Job]) -> None:
+    """Make what is not there yet of many meshes in one process, so that `hull_file` and `visual_file` find it.
+
+    What fails is left to them.
+    """
+    waiting = []
+    for name, scale, color in dict.fromkeys(jobs):
+        kind, suffix = ("hulls", "stl") if color is None else ("visuals", "dae")
+        with contextlib.suppress(UserError):
+            content = _content(Path(name), scale, color)
+            if not kept_file(kind, suffix, content).is_file():
+                waiting.append((name, scale, color))
+
+    if len(waiting) > 1:
+        data = json.dumps(waiting).encode()
+        with contextlib.suppress(UserError):
+            isolated(build_all, "meshes", data, limit_s=LIMIT_S)
+
+
+def build_all(data: bytes) -> bytes:
+    """Keep what `make_all` asks for."""
+    for name, scale, color in json.loads(data):
+        with contextlib.suppress(UserError):
+            if color is None:
+                hull_file(Path(name), tuple(scale), ours=True)
+            else:
+                visual_file(Path(name), tuple(color), tuple(scale), ours=True)
+    return b""
 
 
 def main_color(drawn: Path) -> Color | None:
@@ -76,16 +113,19 @@ def main_color(drawn: Path) -> Color | None:
     return red, green, blue, opacity
 
 
-def _content(mesh: Path) -> bytes:
-    """Read a file's bytes.
+def _content(mesh: Path, scale: Scale, color: Color | None = None) -> bytes:
+    """Read a file's bytes, after what else tells what is made of it.
 
     Raises:
         UserError: it is missing, of another kind, or too large.
     """
     if mesh.suffix.lower() not in KINDS:
         raise UserError(f"mesh {mesh} is of no kind that is read: {', '.join(KINDS)}")
+    key = f"{mesh.suffix.lower()} {tuple(map(float, scale))}"
+    if color is not None:
+        key += f" {color}"
     try:
-        return read_untrusted(mesh, int(MAX_MB * 1_000_000))
+        return key.encode() + read_untrusted(mesh, int(MAX_MB * 1_000_000))
     except UserError as error:
         raise UserError(
             f"mesh {error}; a large one needs fewer triangles, as MeshLab's edge collapse makes"

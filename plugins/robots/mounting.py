@@ -10,17 +10,37 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import RIGID_MOUNT
-from core.errors import UsageError, UserError
+from core.errors import UsageError, UserError, check_positive
 from core.geometry import Array, Pose
 from core.interfaces import Robot
 from core.robot.kinematics import Arm, link_poses
 from core.robot.solids import robot_solids
 from core.support.text import short_numbers
 
+START = (0.5, 0.0, 0.5)  # where most tasks begin
+REACH_M = 0.8  # of the arm that tasks are for
 _TILT_RAD = 0.35  # at most between the mount's axes at home and the world's
 # Of the middle of the link before the last joint: a flange that looks up is above it.
 _UNDER_M = 0.005
+_ALONG = 0.5  # cosine: the last joint turns about something like the vertical
 _EXACT = 1e-3  # metres and radians
+
+
+def stand_nearer(reach: float | None, notes: list[str]) -> Pose:
+    """Place the base so that tasks stand as much nearer as the arm is smaller than one of `REACH_M`; None: nowhere.
+
+    Raises:
+        UsageError: the reach is not positive.
+    """
+    if reach is None:
+        return Pose()
+    check_positive("robot.", reach=reach)
+    nearer = (1 - reach / REACH_M) * np.array(START)
+    notes.append(
+        f"for a reach of {reach:g} m the base stands at ({short_numbers(nearer, 3, ', ')}), so that tasks are nearer; "
+        "what is under it is not modelled"
+    )
+    return Pose(nearer)
 
 
 def turn_mount(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Robot:
@@ -125,6 +145,8 @@ def wrist_height(robot: Robot, joints: Array) -> float:
     for link in robot.description.above(last.parent):
         if link in middles:
             along = poses[last.child].rotation.apply(last.direction)
+            if abs(along[2]) < _ALONG:  # the flange is not square to it
+                along = np.array([0.0, 0.0, 1.0])
             way = np.mean(middles[link], axis=0) - poses[RIGID_MOUNT].position
             return float(way @ along * along[2])
 

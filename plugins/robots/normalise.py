@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -22,7 +22,7 @@ from core.values.descriptions import (
     RobotShape,
     Weight,
 )
-from plugins.robots.hulls import hull_file, main_color, visual_file
+from plugins.robots.hulls import Job, hull_file, main_color, make_all, visual_file
 
 ALSO = "; and "  # between one problem and the next
 _ROUNDED = 0.01  # of the largest moment: an inertia that is off by less was rounded
@@ -56,7 +56,7 @@ def normalise(
     flange: str,
     detached: Sequence[str],
 ) -> Description:
-    """Make each group of rigidly joined links one link, under the name of the first.
+    """Make each group of rigidly joined links one link, under the name of the first. No mesh is read.
 
     Args:
         description: of the robot.
@@ -65,7 +65,7 @@ def normalise(
         detached: links that are not always there, and so stay apart from what bears them.
 
     Raises:
-        UserError: a link that moves lacks mass or a physical inertia, or a mesh can't be used.
+        UserError: a link that moves lacks mass or a physical inertia.
     """
     heads = [
         name
@@ -83,7 +83,7 @@ def normalise(
             if first == head
         ]
         links[head] = wrong.attempt(
-            _joined, head, joined, head == description.root
+            _join, head, joined, head == description.root
         ) or RobotLink(head)
 
     wrong.report()
@@ -114,9 +114,7 @@ def normalise(
     return Description(description.name, links, joints)
 
 
-def _joined(
-    head: str, parts: Sequence[tuple[RobotLink, Pose]], base: bool
-) -> RobotLink:
+def _join(head: str, parts: Sequence[tuple[RobotLink, Pose]], base: bool) -> RobotLink:
     """Make rigidly joined links, at poses in the frame of the first, one. A base needs no inertia of its own."""
     try:
         inertial = Inertial.from_tensor(*_inertia(head, parts), form=DIGITS)
@@ -127,15 +125,20 @@ def _joined(
         solid = any(link.collisions for link, _ in parts)
         inertial = _BASE if solid else Inertial()
 
-    visuals = []
-    collisions = []
+    visuals = list[RobotShape]()
+    collisions = list[RobotShape]()
     for link, pose in parts:
-        for shape in link.visuals or link.collisions:
-            visuals.append(_read_alike(shape, pose, True))
-        for shape in link.collisions:
-            collisions.append(_read_alike(shape, pose, False))
+        drawn = link.visuals or link.collisions
+        visuals += [_place(shape, pose) for shape in drawn]
+        collisions += [_place(shape, pose) for shape in link.collisions]
 
     return RobotLink(head, inertial, tuple(collisions), tuple(visuals))
+
+
+def _place(shape: RobotShape, pose: Pose) -> RobotShape:
+    """Place a shape in the frame of another link."""
+    origin = Origin.from_pose(pose @ shape.origin.pose, DIGITS)
+    return replace(shape, origin=origin, color=shape.color or _GREY)
 
 
 def _inertia(head: str, parts: Sequence[tuple[RobotLink, Pose]]) -> Weight:
@@ -154,14 +157,16 @@ def _inertia(head: str, parts: Sequence[tuple[RobotLink, Pose]]) -> Weight:
 
     if not heavy:
         raise UserError(
-            f"{where} moves, but has no mass; give it <inertial> with mass and inertia"
+            f"{where} moves, but has no mass; give it <inertial> with mass and inertia, or the mass of the whole arm, "
+            "which is spread over the links that have none: robot.mass_kg=KG"
         )
 
     mass, center, tensor = merge_inertias(heavy)
     moments = np.linalg.eigvalsh(tensor)
     if not moments[0] > 0:
         raise UserError(
-            f"{where} has {mass:g} kg, but an inertia that is not positive; give ixx, iyy and izz, kg m^2"
+            f"{where} has {mass:g} kg, but an inertia that is not positive; give ixx, iyy and izz, kg m^2, or "
+            "robot.mass_kg=KG of the whole arm, so that it is computed"
         )
 
     lacking = float(moments[2] - moments[0] - moments[1])
@@ -175,14 +180,52 @@ def _inertia(head: str, parts: Sequence[tuple[RobotLink, Pose]]) -> Weight:
     return mass, center, tensor + max(0.0, lacking * 1.001) * np.eye(3)
 
 
-def _read_alike(shape: RobotShape, pose: Pose, drawn: bool) -> RobotShape:
-    """Place a shape in the frame of another link, with a mesh that every engine reads alike."""
+def read_meshes(description: Description, notes: list[str]) -> Description:
+    """Replace meshes by those that every engine reads alike; what can't be drawn is noted.
+
+    Raises:
+        UserError: a mesh that collides can't be used; names all of them.
+    """
+    make_all([job for link in description.links.values() for job in _list_jobs(link)])
+    wrong = Problems()
+    links = {}
+    for name, link in description.links.items():
+        visuals = list[RobotShape]()
+        collisions = [wrong.attempt(_as_hull, shape) for shape in link.collisions]
+        solid = tuple(filter(None, collisions))
+        for shape in link.visuals:
+            try:
+                visuals.append(_as_drawn(shape))
+            except UserError as error:
+                notes.append(f"link {name!r}: not drawn: {error}")
+
+        drawn = tuple(visuals) or solid
+        links[name] = replace(link, collisions=solid, visuals=drawn)
+
+    wrong.report()
+    return replace(description, links=links)
+
+
+def _list_jobs(link: RobotLink) -> Iterator[Job]:
+    """Yield what is to be made of a link's meshes."""
+    for shape in link.collisions:
+        if isinstance(shape.shape, Path):
+            yield str(shape.shape), shape.scale, None
+    for shape in link.visuals:
+        if isinstance(shape.shape, Path):
+            yield str(shape.shape), shape.scale, shape.color or _GREY
+
+
+def _as_hull(shape: RobotShape) -> RobotShape:
+    if not isinstance(shape.shape, Path):
+        return shape
+    hull = hull_file(shape.shape, shape.scale)
+    return RobotShape(hull, shape.origin, shape.color)
+
+
+def _as_drawn(shape: RobotShape) -> RobotShape:
+    if not isinstance(shape.shape, Path):
+        return shape
     color = shape.color or _GREY
-    file = shape.shape
-    origin = Origin.from_pose(pose @ shape.origin.pose, DIGITS)
-    if not isinstance(file, Path):
-        return RobotShape(file, origin, color)
-    if not drawn:
-        return RobotShape(hull_file(file, shape.scale), origin, color)
-    visual = visual_file(file, color, shape.scale)
-    return RobotShape(visual, origin, main_color(visual) or color)
+    visual = visual_file(shape.shape, color, shape.scale)
+    return RobotShape(visual, shape.origin, main_color(visual) or color)

@@ -1,37 +1,55 @@
-"""Make a robot of a URDF file, of which the arm, its home and its flange are chosen."""
+"""Make a robot of a URDF or MJCF file, of which the arm, its home and its flange are chosen."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any
 
 from core.errors import UserError
 from core.geometry import Array, Pose
-from core.interfaces import Robot
-from core.robot.description import RESERVED
+from core.interfaces import Gripper, Robot
 from core.robot.writing import write
-from core.support.files import read_untrusted
 from core.support.text import clean
-from core.values.descriptions import Description, RobotJoint
-from core.values.urdf import MAX_BYTES, read_description
-from plugins.robots.choosing import (
-    check_home,
-    check_rest,
-    choose_flange,
-    choose_gripper,
-    find_arm,
-    hold_joints,
-    limit_turning,
-)
-from plugins.robots.mounting import turn_mount
-from plugins.robots.normalise import Problems, normalise
+from core.values.descriptions import Description
+from plugins.robots.choosing import choose_arm
+from plugins.robots.doubting import find_doubts
+from plugins.robots.files import Source, read_source
+from plugins.robots.mounting import stand_nearer, turn_mount
+from plugins.robots.naming import choose_all_names, rename
+from plugins.robots.normalise import normalise, read_meshes
 from plugins.robots.settings import ArmSettings, BoltOptions
+
+_log = logging.getLogger(__name__)
 
 # A URDF has neither; each is a setting.
 REACHES_SPEED_S = 0.5  # in which a joint reaches its speed limit; arms that are built in need 0.13 to 0.79 s
 # kg m^2, as MuJoCo Menagerie has it for arms that carry 3.5 to 12.5 kg.
 MOTOR_INERTIA = 0.1
+
+
+@dataclass(frozen=True)
+class Unmounted:
+    """An arm whose mount is the flange, as it is turned.
+
+    Attributes:
+        robot: with names that every engine reads.
+        axis: the last joint's (3,) in the flange's frame.
+        description: as the file has it.
+        flange: the link's name in the file.
+        joints: the arm's joints, by their names in the file.
+        notes: what was assumed or left out, and what is hardly meant, a line each.
+    """
+
+    robot: Robot
+    axis: Array
+    description: Description
+    flange: str
+    joints: tuple[str, ...]
+    notes: list[str]
 
 
 def read_robot(
@@ -58,97 +76,86 @@ def read_robot(
     if home is not None:
         home = list(home)
     chosen = ArmSettings(path, home, flange, **settings)
-    description = describe(chosen)
+    source = read_source(chosen)
     try:
-        return turn_mount(*build_unmounted(description, chosen, name), chosen.mount_rpy)
+        arm = build_unmounted(source, chosen, name)
+        robot = turn_mount(arm.robot, arm.axis, chosen.mount_rpy)
     except UserError as error:
         raise type(error)(f"{chosen.path}: {error}") from error
 
-
-def describe(chosen: ArmSettings) -> Description:
-    """Read the description that is chosen.
-
-    Raises:
-        UserError: the file can't be used.
-    """
-    path = chosen.path
-    if path.suffix == ".xacro":
-        suffix = "" if path.stem.endswith(".urdf") else ".urdf"
-        raise UserError(
-            f"{path} is Xacro, of which a URDF is to be made first: pip install 'xacrodoc>=2,<3', then: "
-            f"xacrodoc {path} -o {path.with_suffix(suffix).name}"
-        )
-
-    data = read_untrusted(path, MAX_BYTES)
-    return read_description(data, path, chosen.without or (), taken=RESERVED)
+    if parent_process() is None:  # workers stay silent
+        for note in arm.notes:
+            _log.warning("%s: %s", chosen.path, note)
+    return robot
 
 
 def build_unmounted(
-    description: Description,
+    source: Source,
     chosen: ArmSettings,
     name: str = "urdf",
     *,
     anywhere: bool = False,
-) -> tuple[Robot, Array]:
-    """Make a robot whose mount is the flange, as it is turned; and the last joint's axis (3,) in the flange's frame.
+) -> Unmounted:
+    """Make a robot whose mount is the flange, as it is turned.
 
     With ``anywhere`` its home is in the middle of the joints' limits.
 
     Raises:
-        UserError: names all that is wrong with the arm.
+        UserError: names all that is wrong with the arm; then all that is wrong with its meshes.
     """
-    wrong = Problems()
-    description = hold_joints(description, chosen.fixed or {})
-    flange = choose_flange(description, chosen.flange)
-
-    arm = []
-    for joint in find_arm(description, flange):
-        arm.append(wrong.attempt(limit_turning, joint) or joint)
-    middle = tuple(sum(joint.range) / 2 for joint in arm)
-    home = wrong.attempt(check_home, middle if anywhere else chosen.home, arm)
-
-    gripper = None
-    fingers = list[RobotJoint]()
-    if chosen.gripper is not None:
-        found = wrong.attempt(choose_gripper, description, chosen.gripper, flange, arm)
-        if found is not None:
-            gripper, fingers = found
-
-    drives = {joint.name: joint for joint in (*arm, *fingers)}
-    if chosen.gripper is None or gripper is not None:
-        wrong.attempt(check_rest, description, drives)
-
-    parts = description.rigid_parts(joint.child for joint in arm)
-    moving = [name for name, (head, _) in parts.items() if head != description.root]
-    if not any(description.links[link].collisions for link in moving):
-        wrong.append(
-            UserError(
-                "the arm has no collision shape; repeat each <visual> as <collision>: its hull counts"
-            )
-        )
-
+    notes = list(source.notes)
+    parts = choose_arm(source.description, chosen, notes, anywhere=anywhere)
+    arm = parts.joints
+    gripper = parts.gripper
+    flange = parts.flange
     detached = [] if gripper is None else [gripper.link]
-    whole = wrong.attempt(normalise, description, drives, flange, detached)
-    wrong.report()
+    whole = parts.wrong.attempt(
+        normalise, parts.description, parts.drives, flange, detached
+    )
+    parts.wrong.report()
     assert whole is not None
-    assert home is not None
+    assert parts.home is not None
+    whole = read_meshes(whole, notes)
+    notes += find_doubts(parts.description, arm)
+
+    head, in_head = parts.description.rigid_parts(joint.child for joint in arm)[flange]
+    links, joints = choose_all_names(whole, notes)
+    if gripper is not None:
+        gripper = _rename_gripper(gripper, links, joints)
 
     speeds = [joint.limits.velocity or 0.0 for joint in arm]
     accelerations = chosen.acceleration or [speed / REACHES_SPEED_S for speed in speeds]
+    motors = [source.armature.get(joint.name) or MOTOR_INERTIA for joint in arm]
     robot = Robot(
         name=name,
-        title=chosen.title or clean(description.name, 60),
-        urdf=write(whole),
-        arm_joints=tuple(joint.name for joint in arm),
-        home=home,
+        title=chosen.title or clean(source.description.name, 60),
+        urdf=write(rename(whole, links, joints)),
+        arm_joints=tuple(joints[joint.name] for joint in arm),
+        home=parts.home,
         acceleration_limits=tuple(accelerations),
-        motor_inertia=tuple(chosen.motor_inertia or [MOTOR_INERTIA] * len(arm)),
-        mount_link=flange,
+        motor_inertia=tuple(chosen.motor_inertia or motors),
+        mount_link=links[flange],
         mount=Pose(),
-        near_mount=tuple(dict.fromkeys([parts[flange][0], flange])),
+        near_mount=tuple(dict.fromkeys([links[head], links[flange]])),
         payload_kg=chosen.payload_kg,
         gripper=gripper,
         flange=(chosen.bolts or BoltOptions()).flange(),
+        base=stand_nearer(chosen.reach, notes),
     )
-    _, in_head = parts[flange]
-    return robot, in_head.rotation.inv().apply(arm[-1].direction)
+    axis = in_head.rotation.inv().apply(arm[-1].direction)
+    names = tuple(joint.name for joint in arm)
+    return Unmounted(robot, axis, source.description, flange, names, notes)
+
+
+def _rename_gripper(
+    gripper: Gripper, links: dict[str, str], joints: dict[str, str]
+) -> Gripper:
+    left, right = gripper.links
+    left_joint, right_joint = gripper.joints
+    return replace(
+        gripper,
+        link=links[gripper.link],
+        near_mount=tuple(links[link] for link in gripper.near_mount),
+        joints=(joints[left_joint], joints[right_joint]),
+        links=(links[left], links[right]),
+    )

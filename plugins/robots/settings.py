@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from pydantic import ConfigDict
 
@@ -78,15 +78,21 @@ class ArmSettings:
     """What is chosen of a file, and what a description does not say of its arm.
 
     Attributes:
-        path: a URDF file.
+        path: a URDF or MJCF file.
         home: joints (J,) from the base on, radians; there the flange looks down. ``vlmgineer home`` finds some.
         flange: the link that bears tools; None: the only one that bears no other link.
         title: as people call it; empty: the name in the description.
         mount_rpy: how the mount is turned in the flange's frame, radians; None: by right angles, so that its axes at
             home are nearest to the world's.
         payload_kg: what it carries at most.
+        mass_kg: of the whole arm: what the file's masses lack is spread over the hulls of links that have none.
+        collision: ``visual``: links without collision shapes collide as they are drawn; ``file``: they don't.
+        velocity: limits, rad/s, of all joints or each (J,); None: the file's.
+        effort: the same, N m.
+        reach: how far the arm reaches, metres: tasks, which are for one of 0.8 m, then stand nearer to its base, and
+            lower, in proportion; None: where they are.
         acceleration: limits (J,), rad/s^2; None: each joint reaches its speed limit in half a second.
-        motor_inertia: (J,), reflected through the gears, kg m^2; None: 0.1 each.
+        motor_inertia: (J,), reflected through the gears, kg m^2; None: the file's, or 0.1 each.
         gripper: the parallel gripper, if there is one.
         bolts: of the flange; None: those of ISO 9409-1-50-4-M6.
         fixed: joints that are held at 0, or each at its value, radians or metres.
@@ -99,6 +105,11 @@ class ArmSettings:
     title: str = ""
     mount_rpy: tuple[float, float, float] | None = None
     payload_kg: float = PAYLOAD_KG
+    mass_kg: float | None = None
+    collision: Literal["file", "visual"] = "file"
+    velocity: float | list[float] | None = None
+    effort: float | list[float] | None = None
+    reach: float | None = None
     acceleration: list[float] | None = None
     motor_inertia: list[float] | None = None
     gripper: GripperOptions | None = None

@@ -73,8 +73,8 @@ def test_all_that_is_wrong_is_said_at_once(file):
             == 1
         )
     assert (
-        "- joint 'joint_4' has no effort limit; take it from the arm's data sheet, N m"
-        in lines
+        "- joint 'joint_4' has no effort limit; take it from the arm's data sheet, N m: "
+        "robot.effort=[...], a number for each joint or one for all" in lines
     )
     assert lines[-1].startswith(
         "- link 'hand' with what is fixed to it (1 more) moves, but has no mass"

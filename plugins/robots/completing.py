@@ -1,0 +1,87 @@
+"""Fill in what industrial arms' files lack, as settings say: collision shapes, and masses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import trimesh
+
+from core.errors import UsageError, check_positive
+from core.robot.description import merge_inertias
+from core.values.descriptions import (
+    DIGITS,
+    Description,
+    Inertial,
+    RobotLink,
+    Weight,
+)
+from plugins.robots.hulls import hull_file
+
+
+def complete(
+    description: Description, collision: str, mass_kg: float | None
+) -> Description:
+    """Fill in what is missing, as `plugins.robots.settings.ArmSettings` has it.
+
+    Raises:
+        UserError: see `_spread_mass`.
+    """
+    if collision == "visual":
+        links = {
+            name: replace(link, collisions=link.collisions or link.visuals)
+            for name, link in description.links.items()
+        }
+        description = replace(description, links=links)
+    if mass_kg is None:
+        return description
+    return _spread_mass(description, mass_kg)
+
+
+def _spread_mass(description: Description, mass_kg: float) -> Description:
+    """Give links without mass or inertia those of their hulls, at one density for all.
+
+    Args:
+        description: of the robot.
+        mass_kg: of all links together; masses that the file has stay.
+
+    Raises:
+        UsageError: it is no more than what the file has.
+        UserError: a mesh can't be used.
+    """
+    check_positive("robot.", mass_kg=mass_kg)
+    known = sum(link.inertial.mass for link in description.links.values())
+    solids = {
+        name: merge_inertias(_weigh(link))
+        for name, link in description.links.items()
+        if link.collisions and not any(link.inertial.moments)
+    }
+    volume = sum(
+        solid[0]
+        for name, solid in solids.items()
+        if not description.links[name].inertial.mass
+    )
+    if volume and mass_kg <= known:
+        raise UsageError(
+            f"robot.mass_kg={mass_kg:g} is for the whole arm, but the masses in the file are {known:g} kg already"
+        )
+
+    links = dict(description.links)
+    for name, (space, center, tensor) in solids.items():
+        mass = links[name].inertial.mass or (mass_kg - known) * space / volume
+        whole = Inertial.from_tensor(mass, center, tensor * mass / space, DIGITS)
+        links[name] = replace(links[name], inertial=whole)
+    return replace(description, links=links)
+
+
+def _weigh(link: RobotLink) -> list[Weight]:
+    """Weigh the hulls of a link's collision shapes at 1 kg/m^3, in its frame."""
+    weights = []
+    for shape in link.collisions:
+        if isinstance(shape.shape, Path):
+            solid = trimesh.load_mesh(hull_file(shape.shape, shape.scale))
+        else:
+            solid = shape.shape.to_trimesh()
+        solid.apply_transform(shape.origin.pose.matrix)
+        weights.append((float(solid.volume), solid.center_mass, solid.moment_inertia))
+    return weights

@@ -1,0 +1,292 @@
+"""Describe an arm in an MJCF file, as MuJoCo's own compiler reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from core.errors import UserError, choices
+from core.geometry import Array, Box, Capsule, Cylinder, Pose, Shape, Sphere
+from core.robot.meshes import keep_file
+from core.robot.shape_files import urdf_shapes
+from core.support.text import clean
+from core.values.descriptions import (
+    DIGITS,
+    Description,
+    Inertial,
+    Limits,
+    Origin,
+    RobotJoint,
+    RobotLink,
+    RobotShape,
+)
+from plugins.robots.naming import names_tool_frame
+
+WORLD = "world"
+SPEED = 3.14  # rad/s or m/s: MJCF has no limits of speed
+_FREE = 0  # MuJoCo's numbers of joints
+_SLIDE = 2
+_DRAWN_GROUPS = 3  # MuJoCo's viewer shows the groups before
+_SHAPES: dict[str, Callable[[float, float, float], Shape]] = {
+    "SPHERE": lambda x, y, z: Sphere(x),
+    "CAPSULE": lambda x, y, z: Capsule(x, 2 * y),
+    "CYLINDER": lambda x, y, z: Cylinder(x, 2 * y),
+    "BOX": lambda x, y, z: Box((2 * x, 2 * y, 2 * z)),
+}
+
+
+def read_mjcf(
+    file: Path, without: Sequence[str] = ()
+) -> tuple[Description, list[str], dict[str, float]]:
+    """Describe what stands in the world and has joints; its meshes become files in the user's cache folder.
+
+    Args:
+        file: the MJCF file.
+        without: links that are left out, with all that they bear.
+
+    Returns:
+        links and joints; what was assumed or left out, a line each; the motors' inertias by joint, kg m^2.
+
+    Raises:
+        UserError: MuJoCo refuses the file, or nothing moves.
+    """
+    notes = [
+        f"MJCF has no limits of speed, {SPEED} rad/s is taken; robot.velocity=[...] says others"
+    ]
+    model = _compile(file, notes)
+    reading = _Reading(model, notes)
+    reading.read()
+    joints = map(model.joint, range(model.njnt))
+    motors = {
+        joint.name: float(model.dof_armature[joint.dofadr[0]]) for joint in joints
+    }
+    whole = Description(file.stem, reading.links, reading.joints)
+    for link in without:
+        if link not in whole.links:
+            raise choices("link", link, whole.links)
+    return _stand_alone(whole.without(*without), notes), notes, motors
+
+
+def _stand_alone(description: Description, notes: list[str]) -> Description:
+    """Take one arm out of its world: where it stands there means nothing here."""
+    tops = [j for j in description.joints.values() if j.parent == WORLD]
+    if len(tops) != 1 or tops[0].kind != "fixed":
+        return description
+    if tops[0].origin.pose != Pose():
+        notes.append(
+            "where it stands in the file's world is left out; robot.base=[x,y,z,yaw] places it"
+        )
+    joints = {**description.joints}
+    links = {**description.links}
+    del joints[tops[0].child]
+    del links[WORLD]
+    return Description(description.name, links, joints)
+
+
+def _compile(file: Path, notes: list[str]) -> Any:
+    """Compile a model without what only pictures need."""
+    try:
+        spec = mujoco.MjSpec.from_file(str(file))
+        for thing in (*spec.textures, *spec.keys, *spec.skins):
+            spec.delete(thing)
+        for material in spec.materials:
+            material.textures = [""] * len(material.textures)
+        _leave_out_missing(spec, notes)
+        return spec.compile()
+    except (ValueError, mujoco.FatalError) as error:
+        reason = clean(str(error), 300)
+        raise UserError(f"{file} is refused by MuJoCo: {reason}") from error
+
+
+def _leave_out_missing(spec: Any, notes: list[str]) -> None:
+    """Leave out missing meshes that are only drawn, and refuse all others in one go."""
+    folder = Path(spec.modelfiledir, spec.meshdir)
+    missing = {}
+    for mesh in list(spec.meshes):
+        if mesh.file and not (folder / mesh.file).is_file():
+            missing[mesh.name] = folder / mesh.file
+            spec.delete(mesh)
+
+    needed = set[str]()
+    for geom in list(spec.geoms):
+        if geom.meshname in missing:
+            if geom.contype or geom.conaffinity:
+                needed.add(str(missing[geom.meshname]))
+            spec.delete(geom)
+
+    if needed:
+        raise UserError(f"there are no mesh files {', '.join(sorted(needed))}")
+    for wanted in missing.values():
+        notes.append(f"not drawn, as there is no file {wanted}")
+
+
+class _Reading:
+    """Links and joints of a compiled model, by its names."""
+
+    def __init__(self, model: Any, notes: list[str]) -> None:
+        self.links = {WORLD: RobotLink(WORLD)}
+        self.joints = dict[str, RobotJoint]()
+        self._model = model
+        self._notes = notes
+        # Of each body: its link, and its frame in the link's.
+        self._frames = {0: (WORLD, Pose())}
+
+    def read(self) -> None:
+        """Add the links of all bodies that count, and frames for tools."""
+        model = self._model
+        kept = self._find_kept()
+        for number in range(1, model.nbody):
+            if model.body_rootid[number] in kept:
+                self._add(model.body(number))
+
+        for site in map(model.site, range(model.nsite)):
+            if site.bodyid[0] in self._frames and names_tool_frame(site.name):
+                parent, frame = self._frames[site.bodyid[0]]
+                self._bear(site.name, parent, frame @ _pose(site.pos, site.quat))
+
+        if model.neq or model.ntendon:
+            self._notes.append(
+                f"left out: {model.neq} equality constraints, {model.ntendon} tendons"
+            )
+
+    def _find_kept(self) -> set[int]:
+        """Find what stands in the world and has joints; what is free to move counts if nothing else does."""
+        model = self._model
+        roots = model.body_rootid[model.jnt_bodyid]
+        free = {*roots[model.jnt_type == _FREE].tolist()}
+        moving = {*roots[model.jnt_type != _FREE].tolist()}
+        kept = moving - free or moving
+        if not kept:
+            raise UserError(
+                "no joint moves in this MJCF file; give the file that includes the arm, or that it includes"
+            )
+
+        if kept & free:
+            self._notes.append("its base, which is free there, is fixed here")
+        others = {*model.body_rootid.tolist()} - kept - {0}
+        if others:
+            names = [model.body(number).name for number in sorted(others)]
+            self._notes.append(f"left out, as no arms: {', '.join(names)}")
+        return kept
+
+    def _add(self, body: Any) -> None:
+        """Add a body's link; of several joints each but the last bears a link without mass."""
+        name = body.name or f"body{body.id}"
+        parent, frame = self._frames[body.parentid[0]]
+        frame = frame @ _pose(body.pos, body.quat)
+        numbers = range(body.jntadr[0], body.jntadr[0] + body.jntnum[0])
+        joints = [joint for joint in map(self._model.joint, numbers) if joint.type[0]]
+        for count, joint in enumerate(joints, 1):
+            child = name if count == len(joints) else f"{name}_{count}"
+            anchor = Pose(joint.pos)
+            self._bear(child, parent, frame @ anchor, joint)
+            frame = anchor.inverse()
+            parent = child
+
+        if not joints:
+            self._bear(name, parent, frame)
+            frame = Pose()
+        self._frames[body.id] = name, frame
+        self._fill(name, body, frame)
+
+    def _bear(self, name: str, parent: str, place: Pose, joint: Any = None) -> None:
+        """Add a link without shapes, and the joint that bears it, at 0 of that."""
+        self.links[name] = RobotLink(name)
+        fixed = RobotJoint(f"{name}_joint", "fixed", parent, name)
+        self.joints[name] = replace(fixed, origin=Origin.from_pose(place, DIGITS))
+        if joint is None:
+            return
+
+        # The file's poses are those at qpos0.
+        back = -joint.qpos0[0] * joint.axis
+        kind = "prismatic"
+        away = Pose(back)
+        if joint.type[0] != _SLIDE:
+            kind = "revolute"
+            away = Pose.from_rotation(np.zeros(3), Rotation.from_rotvec(back))
+        lower, upper = joint.range.tolist()
+        if not joint.limited[0] and kind == "revolute":
+            kind = "continuous"
+
+        x, y, z = joint.axis.tolist()
+        self.joints[name] = replace(
+            fixed,
+            name=joint.name or fixed.name,
+            kind=kind,
+            origin=Origin.from_pose(place @ away, DIGITS),
+            axis=(x, y, z),
+            limits=Limits(lower, upper, self._find_effort(joint.id), SPEED),
+        )
+
+    def _find_effort(self, joint: int) -> float | None:
+        """Return the largest force or torque that drives a joint; None: it has no limit."""
+        model = self._model
+        forces = []
+        if model.jnt_actfrclimited[joint]:
+            forces.append(model.jnt_actfrcrange[joint])
+        for motor in map(model.actuator, range(model.nu)):
+            if motor.trnid[0] != joint or motor.trntype[0] > 1:
+                continue
+            if motor.forcelimited[0]:
+                forces.append(motor.forcerange * motor.gear[0])
+            elif motor.ctrllimited[0] and not motor.biastype[0]:
+                forces.append(motor.ctrlrange * motor.gainprm[0] * motor.gear[0])
+        most = [float(np.abs(ends).max()) for ends in forces]
+        return min(most, default=None)
+
+    def _fill(self, name: str, body: Any, frame: Pose) -> None:
+        """Give a link what its body weighs and looks like; ``frame`` is the body's in the link."""
+        place = frame @ _pose(body.ipos, body.iquat)
+        axes = place.rotation.as_matrix()
+        tensor = axes @ np.diag(body.inertia) @ axes.T
+        mass = float(body.mass[0])
+        visuals = list[RobotShape]()
+        collisions = list[RobotShape]()
+        for number in np.flatnonzero(self._model.geom_bodyid == body.id):
+            geom = self._model.geom(number)
+            if geom.contype[0] or geom.conaffinity[0]:
+                collisions += self._shapes(geom, frame)
+            elif geom.group[0] < _DRAWN_GROUPS:
+                visuals += self._shapes(geom, frame)
+
+        self.links[name] = RobotLink(
+            name,
+            Inertial.from_tensor(mass, place.position, tensor, DIGITS),
+            tuple(collisions),
+            tuple(visuals),
+        )
+
+    def _shapes(self, geom: Any, frame: Pose) -> list[RobotShape]:
+        """Make the shapes of a geom."""
+        model = self._model
+        place = frame @ _pose(geom.pos, geom.quat)
+        kind = mujoco.mjtGeom(geom.type[0]).name.removeprefix("mjGEOM_")
+        shapes = list[RobotShape]()
+        if kind == "MESH":
+            mesh = model.mesh(geom.dataid[0])
+            corners = model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]]
+            triangles = model.mesh_face[mesh.faceadr[0] :][: mesh.facenum[0]]
+            solid = trimesh.Trimesh(corners, triangles, process=False)
+            content = bytes(solid.export(file_type="stl"))
+            file = keep_file("mjcf", "stl", content, lambda: content)
+            shapes = [RobotShape(file, Origin.from_pose(place, DIGITS))]
+        elif kind in _SHAPES:
+            shapes = urdf_shapes(_SHAPES[kind](*geom.size.tolist()), place)
+
+        shown = geom.rgba if geom.matid[0] < 0 else model.mat_rgba[geom.matid[0]]
+        red, green, blue, opacity = np.clip(shown, 0, 1).tolist()
+        color = (red, green, blue, opacity or 1.0)
+        return [replace(shape, color=color) for shape in shapes]
+
+
+def _pose(position: Array, quaternion: Array) -> Pose:
+    """Make a pose of MuJoCo's numbers."""
+    rotation = Rotation.from_quat(quaternion, scalar_first=True)
+    return Pose.from_rotation(position, rotation)

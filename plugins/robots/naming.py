@@ -1,0 +1,71 @@
+"""What names in others' files say, and the names that links and joints have here."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+from core.robot.description import RESERVED
+from core.values.descriptions import Description
+
+_ODD = re.compile(r"[^A-Za-z0-9_.-]+")
+_LONGEST = 64
+_TOOL_FRAME = re.compile(r"attach|flange|tool|tcp|eef|end.?effector", re.IGNORECASE)
+_JAW = re.compile(
+    r"grip|jaw|finger|claw|thumb|pinch|clamp|knuckle|grasp", re.IGNORECASE
+)
+
+
+def names_tool_frame(name: str) -> bool:
+    """Tell whether a frame is for tools, by its name."""
+    return bool(_TOOL_FRAME.search(name))
+
+
+def names_jaw(*names: str) -> bool:
+    """Tell whether one of the names is that of a part of a gripper."""
+    return any(map(_JAW.search, names))
+
+
+def _choose_names(names: Iterable[str]) -> dict[str, str]:
+    """Give links or joints names that every engine reads, by those of the file, which stay where they can."""
+    chosen = dict[str, str]()
+    taken = {*RESERVED}
+    for name in names:
+        plain = _ODD.sub("_", name)[:_LONGEST].strip("_") if _ODD.search(name) else name
+        short = (plain or "part")[:_LONGEST]
+        count = 2
+        unused = short
+        while unused in taken:
+            unused = f"{short[: _LONGEST - 4]}_{count}"
+            count += 1
+        taken.add(unused)
+        chosen[name] = unused
+    return chosen
+
+
+def choose_all_names(
+    description: Description, notes: list[str]
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Give links and joints names that every engine reads, and note it where one had to change."""
+    links = _choose_names(description.links)
+    joints = _choose_names(description.named)
+    changed = [pair for pair in (*links.items(), *joints.items()) if len({*pair}) > 1]
+    if changed:
+        old, new = changed[0]
+        notes.append(
+            f"{len(changed)} names are others here, such as {new!r} for {old!r}; settings take the file's"
+        )
+    return links, joints
+
+
+def rename(
+    description: Description, links: Mapping[str, str], joints: Mapping[str, str]
+) -> Description:
+    """Give links and joints other names."""
+    plain = description.renamed(links)
+    borne = {
+        child: replace(joint, name=joints[joint.name])
+        for child, joint in plain.joints.items()
+    }
+    return replace(plain, joints=borne)
