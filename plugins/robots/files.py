@@ -99,9 +99,9 @@ def _find_meshes(
 
     wrong.report()
     if near:
-        named, found = next(iter(near.items()))
+        named, taken = next(iter(near.items()))
         source.notes.append(
-            f"{len(near)} meshes are not where the file says, such as {visible(named)}, which is taken to be {found}"
+            f"{len(near)} meshes are not where the file says, such as {visible(named)}, which is taken to be {taken}"
         )
     return source
 
@@ -119,11 +119,11 @@ def _find(
     try:
         return replace(shape, shape=find_mesh(plain, file, where))
     except UserError:
-        found = _find_near(plain, file)
-        if found is None:
+        alike = _find_near(plain, file)
+        if alike is None:
             raise
-    near[named] = found
-    return replace(shape, shape=found)
+    near[named] = alike
+    return replace(shape, shape=alike)
 
 
 def _find_near(name: str, file: Path) -> Path | None:

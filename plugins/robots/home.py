@@ -94,12 +94,10 @@ def _describe_beyond(arm: Unmounted, robot: Robot) -> None:
 
     depth = _measure_depth(robot)
     if depth > _BEYOND_M:
-        x, y, z = robot.mount.apply((0.0, 0.0, -depth))
         say(
-            f"tools begin at the frame of {flange!r}, and its shape reaches {1000 * depth:.0f} mm beyond; "
-            "if tools go on its face, add this link to the file and choose it with robot.flange=tool0:",
-            f'<link name="tool0"/><joint name="tool0_fixed" type="fixed"><origin xyz="{x:.4f} {y:.4f} {z:.4f}"/>'
-            f'<parent link="{flange}"/><child link="tool0"/></joint>',
+            f"tools begin at the frame of {flange!r}, and its shape reaches {1000 * depth:.0f} mm beyond; if tools go "
+            "on its face:",
+            f"robot.face_m={depth:.4f}",
         )
 
 

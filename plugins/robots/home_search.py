@@ -100,7 +100,7 @@ def find_home(arm: Unmounted, chosen: ArmSettings, place: Array) -> Found:
                 rpy = Pose.from_rotation(np.zeros(3), turn).rpy.round(4).tolist()
                 words = (f"robot.mount_rpy=[{short_numbers(rpy, 4, ',')}]",)
             try:
-                return Found(_mount(robot, arm.axis, rpy), words)
+                return Found(_mount(robot, arm.axis, rpy, chosen.face_m), words)
             except UserError as error:
                 problem = problem or str(error)
 
@@ -142,13 +142,15 @@ def _solve(
     return sorted(found, key=lambda pair: -_rate(arm, pair[0].joints))
 
 
-def _mount(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Robot:
+def _mount(
+    robot: Robot, axis: Array, rpy: Sequence[float] | None, face_m: float
+) -> Robot:
     """Mount tools at a home.
 
     Raises:
         UserError: the flange does not look down there, or the arm meets itself.
     """
-    upright = turn_mount(robot, axis, rpy)
+    upright = turn_mount(robot, axis, rpy, face_m)
     still = JointTrajectory(np.zeros(1), np.array([upright.home]), np.zeros(1))
     met = find_self_collision(upright, Tool(), still)
     if met is not None:

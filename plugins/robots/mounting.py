@@ -43,13 +43,16 @@ def stand_nearer(reach: float | None, notes: list[str]) -> Pose:
     return Pose(nearer)
 
 
-def turn_mount(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Robot:
+def turn_mount(
+    robot: Robot, axis: Array, rpy: Sequence[float] | None, face_m: float = 0.0
+) -> Robot:
     """Turn the mount of a robot as its home has it, and the arm in place until the mount is exactly upright.
 
     Args:
         robot: made by `plugins.robots.reading.build_unmounted`.
         axis: the last joint's (3,) in the flange's frame: a flange is square to it.
         rpy: how the mount is turned in the flange's frame, radians; None: by right angles, to be nearest to the world.
+        face_m: how far it is beyond the flange's frame.
 
     Raises:
         UserError: at home the flange does not look down (says which way it is off), or can't be turned so near there.
@@ -59,7 +62,7 @@ def turn_mount(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Robot:
 
     _check_upright(robot, flange, turn)
 
-    mount = Pose.from_rotation((0.0, 0.0, 0.0), turn)
+    mount = Pose.from_rotation(turn.apply((0.0, 0.0, -face_m)), turn)
     gripper = robot.gripper
     if gripper is not None:
         gripper = replace(gripper, mount=gripper.mount @ mount)

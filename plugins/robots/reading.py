@@ -79,7 +79,7 @@ def read_robot(
     source = read_source(chosen)
     try:
         arm = build_unmounted(source, chosen, name)
-        robot = turn_mount(arm.robot, arm.axis, chosen.mount_rpy)
+        robot = turn_mount(arm.robot, arm.axis, chosen.mount_rpy, chosen.face_m)
     except UserError as error:
         raise type(error)(f"{chosen.path}: {error}") from error
 

@@ -84,6 +84,7 @@ class ArmSettings:
         title: as people call it; empty: the name in the description.
         mount_rpy: how the mount is turned in the flange's frame, radians; None: by right angles, so that its axes at
             home are nearest to the world's.
+        face_m: how far beyond the flange's frame its face is, where tools begin.
         payload_kg: what it carries at most.
         mass_kg: of the whole arm: what the file's masses lack is spread over the hulls of links that have none.
         collision: ``visual``: links without collision shapes collide as they are drawn; ``file``: they don't.
@@ -104,6 +105,7 @@ class ArmSettings:
     flange: str | None = None
     title: str = ""
     mount_rpy: tuple[float, float, float] | None = None
+    face_m: float = 0.0
     payload_kg: float = PAYLOAD_KG
     mass_kg: float | None = None
     collision: Literal["file", "visual"] = "file"
