@@ -110,6 +110,10 @@ class Configs(Protocol):
         """Compute what templates of prompts show under a name: a `core.designs.prompt_values.PromptValue`."""
 
     @hookspec
+    def readers(self) -> Factories:
+        """Read designs that are not spelled as they were asked for: a `core.designs.replies.Reader`, ``designs``."""
+
+    @hookspec
     def exports(self) -> Factories:
         """Write the best design of a run as files: a `core.search.best.Export`."""
 

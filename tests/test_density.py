@@ -86,7 +86,7 @@ def measure(folder):
     ("folder", "nodes", "in_thousand_lines"),
     [
         ("core", 78_610, 3_950),
-        ("plugins", 167_650, 4_020),
+        ("plugins", 172_000, 4_020),
         ("tasks", 20_600, 4_500),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -19,8 +20,8 @@ MAX_WAYPOINTS = 200
 MAX_REACH_M = 3.0
 """How far a waypoint may be from the world's origin."""
 
-MAX_ANGLE_RAD = 100.0
-"""The largest roll, pitch or yaw of a waypoint."""
+MAX_ANGLE_RAD = 2 * math.pi
+"""The largest roll, pitch or yaw of a waypoint: a full turn. What is larger was meant in degrees."""
 
 MIN_TEMPO = 0.001
 """The least speed or time that a plan may ask for, m/s or s."""
@@ -38,7 +39,7 @@ WAYPOINT = ("x", "y", "z", "roll", "pitch", "yaw", "gripper")
 """The numbers of a waypoint; the last one is for tools with the gripper."""
 
 _METRES = (-MAX_REACH_M, MAX_REACH_M, "metres")
-_RADIANS = (-MAX_ANGLE_RAD, MAX_ANGLE_RAD, "radians")
+_RADIANS = (-MAX_ANGLE_RAD, MAX_ANGLE_RAD, "radians (90 degrees are 1.5708)")
 _GRIP = (0.0, 1.0, "(0 is open, 1 is closed)")
 _RANGES = (*[_METRES] * 3, *[_RADIANS] * 3, _GRIP)  # of the numbers of `WAYPOINT`
 
@@ -103,6 +104,15 @@ def _check_waypoint(waypoint: object, where: str, gripper: bool) -> None:
         raise DesignError(
             f"{where} is {away:.2f} m from the world's origin; at most {MAX_REACH_M:g} m are allowed"
         )
+
+
+def check_angles(angles: Iterable[float], where: str) -> None:
+    """Refuse angles of a tool that must be degrees; ``where`` names their place."""
+    for angle in angles:
+        if abs(angle) > MAX_ANGLE_RAD:
+            raise DesignError(
+                f"{where} has {angle:g}; angles are in radians, at most a full turn (90 degrees are 1.5708)"
+            )
 
 
 def _check_length(poses: Array) -> None:

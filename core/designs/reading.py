@@ -4,6 +4,7 @@ A document is an object ``{"strategies": [...]}``. A strategy holds the fields o
 ``action_sets``, a list of action plans; ``action`` (the representation of the plans, default ``waypoints``),
 ``gripper`` (default false), ``strategy_name``, ``strategy_description``, ``tool_name``, ``tool_description``,
 ``action_description`` and ``parents`` (ids of the elites that it derives from) are optional. Other fields are ignored.
+Other spellings that have one meaning are read, too (`core.designs.replies.Reader`).
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import Any
 
 from core.design import Candidate, DesignError, Tool
 from core.designs.planning import NO_PLAN, call_part, named_actions, parse_plan
-from core.designs.replies import EXPECTED, Malformed, Unread, decode
+from core.designs.replies import EXPECTED, Fields, Malformed, Unread, decode, reader
 from core.designs.rules import check_gripper, check_tool, given_tool
 from core.errors import UserError
 from core.interfaces import ActionRepresentation, Task, ToolRepresentation, Waypoints
@@ -34,8 +35,6 @@ _LONGEST = {
     "tool_description": MAX_DESCRIPTION,
     "action_description": MAX_DESCRIPTION,
 }
-
-Fields = dict[Any, Any]  # of a strategy, which may hold anything
 
 
 def read_designs(
@@ -79,6 +78,9 @@ def read_designs(
 
 
 def _strategies(document: object) -> list[Any]:
+    found = reader().list_strategies(document)
+    if found:
+        return found
     if not isinstance(document, dict):
         raise DesignError(f"the document is {kind(document)}; {EXPECTED}")
     if "strategies" not in document:
@@ -100,7 +102,7 @@ def _read_strategy(
 ) -> Iterator[Candidate]:
     """Yield the candidates of a strategy; ``base`` holds what is known of them."""
     try:
-        fields = _as_fields(strategy)
+        fields = _as_fields(strategy, representation)
         given = given_tool(representation, task)
         gripper = _read_gripper(fields, given, task)
         actions = actions or named_actions(fields)
@@ -128,13 +130,15 @@ def _read_strategy(
     base = replace(base, tool=tool, problem=problem)
 
     try:
-        plans = _read_action_sets(fields)
+        plans = _read_action_sets(fields, actions, gripper)
     except DesignError as error:
         yield replace(base, problem=problem or str(error))
         return
 
     for action, raw in enumerate(plans):
         try:
+            if isinstance(raw, DesignError):
+                raise raw
             plan = parse_plan(actions, raw, gripper)
             yield replace(base, action=action, plan=plan)
         except DesignError as error:
@@ -142,12 +146,12 @@ def _read_strategy(
             yield replace(base, action=action, problem=problem or fault)
 
 
-def _as_fields(strategy: object) -> Fields:
+def _as_fields(strategy: object, representation: ToolRepresentation) -> Fields:
     if isinstance(strategy, Unread):
         raise DesignError(strategy.reason)
     if not isinstance(strategy, dict):
         raise DesignError(f"the strategy is {kind(strategy)}, not an object")
-    return strategy
+    return reader().read_fields(strategy, call_part(representation, "schema", dict))
 
 
 def _read_parents(strategy: object, elites: tuple[str, ...]) -> tuple[str, ...]:
@@ -201,10 +205,13 @@ def _read_tool(
     return replace(weighed, name=name, description=description)
 
 
-def _read_action_sets(fields: Fields) -> list[Any]:
+def _read_action_sets(
+    fields: Fields, actions: ActionRepresentation, gripper: bool
+) -> list[Any]:
     if "action_sets" not in fields:
         raise DesignError("'action_sets' is missing; give a list of action plans")
-    plans = fields["action_sets"]
+    schema = call_part(actions, "schema", dict, gripper=gripper)
+    plans = reader().list_plans(fields["action_sets"], schema, gripper=gripper)
     if not isinstance(plans, list) or not plans:
         what = "an empty list" if plans == [] else kind(plans)
         raise DesignError(f"'action_sets' is {what}; give a list of action plans")
@@ -256,7 +263,7 @@ def load_tool(
 
     given = representation.given(task)
     try:
-        fields = _as_fields(strategies[number])
+        fields = _as_fields(strategies[number], representation)
         gripper = _read_gripper(fields, given, task)
         return given or _read_tool(fields, representation, gripper)
     except DesignError as error:

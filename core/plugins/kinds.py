@@ -126,6 +126,7 @@ KINDS: dict[str, Kind[Any]] = {
 HOOKS = {
     **{kind.hook: kind.name for kind in KINDS.values()},
     **{"levels": "level", "prompt_values": "prompt_value", "exports": "export"},
+    "readers": "reader",
 }
 """What each hook of `core.hooks` offers."""
 

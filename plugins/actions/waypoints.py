@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from typing import Any
 
@@ -17,8 +16,6 @@ from core.support.templates import fill
 STEPS = np.repeat((0.01, 0.05), 3)
 MOST = np.repeat((MAX_REACH_M, MAX_ANGLE_RAD), 3)
 DIGITS = 5  # hundredths of a millimetre
-
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 
 
 class WaypointActions(ActionRepresentation):
@@ -40,7 +37,7 @@ class WaypointActions(ActionRepresentation):
         return {"type": "array", "items": waypoint, "minItems": 1}
 
     def parse(self, data: object, *, gripper: bool) -> Waypoints:
-        return Waypoints(check_plan(_with_numbers(data), gripper=gripper))
+        return Waypoints(check_plan(data, gripper=gripper))
 
     def dump(self, waypoints: Waypoints) -> list[Any]:
         return waypoints.dump()
@@ -56,22 +53,3 @@ class WaypointActions(ActionRepresentation):
         poses = np.round(values.reshape(-1, 6), DIGITS)
         grips = plan.poses[:, 6:]
         return replace(plan, poses=np.hstack([poses, grips]))
-
-
-def _with_numbers(plan: object) -> object:
-    """``plan`` with strings in waypoints that hold plain decimal numbers replaced by these numbers."""
-    if not isinstance(plan, list):
-        return plan
-    return [_numbers_of(waypoint) for waypoint in plan]
-
-
-def _numbers_of(waypoint: object) -> object:
-    if not isinstance(waypoint, list):
-        return waypoint
-    return [_as_number(value) for value in waypoint]
-
-
-def _as_number(value: object) -> object:
-    if isinstance(value, str) and len(value) < 100 and _NUMBER.fullmatch(value.strip()):
-        return float(value)
-    return value

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from core.design import Component, DesignError, Tool, ToolJoint
+from core.designs.plan_rules import check_angles
 from core.designs.rules import MAX_COMPONENTS, MAX_DENSITY, MIN_DENSITY, NAME
 from core.geometry import Array, Compound, Pose, Shape
 from core.interfaces import Brief, Robot
@@ -205,6 +206,7 @@ class ComponentTools(VariedTools):
 
         position = read_numbers(item.get("position"), 3, f"{where}: position")
         rpy = read_numbers(item.get("rpy", _NO_TURN), 3, f"{where}: rpy")
+        check_angles(rpy, f"{where}: rpy")
         shape, place = read_shape(item, where)
         pose = Pose.xyz_rpy(position, rpy) @ place
         mass = default_mass(shape.volume)

@@ -5,6 +5,7 @@ A model wrote the text, so it is untrusted: DTD and entities are refused, and le
 
 from __future__ import annotations
 
+import html
 import math
 import re
 from collections import Counter
@@ -16,6 +17,7 @@ from typing import Literal, NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
 from core.design import Component, DesignError, Tool, ToolJoint
+from core.designs.plan_rules import check_angles
 from core.designs.rules import MAX_COMPONENTS
 from core.errors import UserError
 from core.geometry import Box, Pose
@@ -44,6 +46,7 @@ _MOVES: dict[str, Literal["hinge", "slider"]] = {
     "prismatic": "slider",
 }
 _NAME = re.compile(r"[A-Za-z0-9_.-]+")
+_ANGLE = re.compile(r"\d+(?:\.\d*)?(?:[eE][-+]?\d{1,3})?")
 _DECLARATION = re.compile(r"\A\s*<\?xml[^>]*\?>")
 # What an element may have several of.
 _MANY = ("link", "joint", "material", "collision", "visual")
@@ -103,6 +106,10 @@ def build_tool(
         tree = read_tree(root, Path("tool_urdf"))
     except UserError as error:
         raise DesignError(str(error)) from error
+
+    for origin in root.iter("origin"):
+        angles = _ANGLE.findall(origin.get("rpy", ""))
+        check_angles(map(float, angles), "an origin's rpy")
 
     components: list[Component] = []
     holders: dict[str, _Holders] = {
@@ -166,7 +173,7 @@ def _parse(text: str) -> Element:
             f"tool_urdf is {len(text)} characters long; at most {MAX_CHARACTERS} are allowed"
         )
 
-    block = _DECLARATION.sub("", text)
+    block = _DECLARATION.sub("", _unescape(text))
     try:
         root = read_xml(
             f"<robot>{block}\n</robot>".encode(errors="surrogatepass"),
@@ -178,6 +185,13 @@ def _parse(text: str) -> Element:
     if len(root) == 1 and root[0].tag == "robot":
         return root[0]
     return root
+
+
+def _unescape(text: str) -> str:
+    """Undo what was escaped once too often: ``&lt;link name=...`` and ``<link name=\\"...``."""
+    if "&lt;link" in text or "=&quot;" in text:
+        text = html.unescape(text)
+    return text.replace('\\"', '"')
 
 
 def _check(root: Element, reserved: frozenset[str], mounts: str) -> list[str]:

@@ -7,8 +7,9 @@ import pytest
 
 from core.design import DesignError
 from core.designs.reading import load_designs, read_designs
-from core.designs.replies import MAX_SAVED, parse_reply
+from core.designs.replies import parse_reply
 from core.errors import UserError
+from plugins.replies.saving import MAX_SAVED
 from tests.core.designs.test_reading import PLAN, STRATEGY, TASK, Rod
 
 pytestmark = pytest.mark.slow
@@ -39,7 +40,8 @@ def test_the_document_is_found_in_a_reply(reply):
 
 
 def test_a_reply_without_a_document():
-    assert parse_reply('so: {"a": 1} {"b": 2}') == {"a": 1}
+    with pytest.raises(DesignError, match=r"no strategies \(its JSON has a\)"):
+        parse_reply('so: {"a": 1} {"b": 2}')
     for reply in ("", "I can't help with that.", "[1, 2]", "```json\n```"):
         with pytest.raises(DesignError, match="no JSON object"):
             parse_reply(reply)
@@ -47,9 +49,9 @@ def test_a_reply_without_a_document():
 
 def test_malformed_json_is_located_at_its_outermost_object():
     with pytest.raises(
-        DesignError, match=r"malformed JSON at line 2, column 15: Expecting"
+        DesignError, match=r"malformed JSON at line 2, column 16: Expecting"
     ):
-        parse_reply('{"strategies": [\n  {"length": 1;}\n  {"length": 2}]}')
+        parse_reply('{"strategies": [\n  {"length": 2 -1}\n  {"length": 2 -1}]}')
     cut = json.dumps({"strategies": [STRATEGY]}, indent=1)[:-30]
     with pytest.raises(DesignError, match=r"malformed JSON at line \d+, column \d+"):
         parse_reply(f"Here {{it}} is:\n{cut}")
@@ -73,7 +75,7 @@ def test_strategies_after_a_malformed_one_are_kept():
     first, *_ = whole = [
         json.dumps({**STRATEGY, "strategy_name": str(n)}) for n in range(4)
     ]
-    broken = whole[1].replace("[[", "[[;", 1)
+    broken = whole[1].replace("[[", "[[0.5 -0.1, ", 1)
     text = '{"strategies": [' + ",\n".join([first, broken, broken, whole[3]]) + "]}"
     candidates = read_designs(parse_reply(text), Rod(), TASK)
     # Fmt: skip.

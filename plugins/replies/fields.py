@@ -1,0 +1,202 @@
+"""Read the fields of a strategy however they are spelled, where that has one meaning; else say which is near."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from core.design import DesignError
+from core.designs.replies import Fields
+from plugins.replies.assumptions import assume
+from plugins.replies.envelopes import PLANS, plain_name
+from plugins.replies.figures import figures_in
+from plugins.replies.mending import ELLIPSIS
+from plugins.replies.saving import BLOCK
+
+ACTION_SETS = "action_sets"
+
+_USUAL = (
+    "strategy_name",
+    "strategy_description",
+    "tool_name",
+    "tool_description",
+    "action_description",
+    "action",
+    "gripper",
+    "parents",
+)
+_ANSWERS = {"true": True, "yes": True, "false": False, "no": False}
+_PLAN = PLANS | {"plan", "action", "waypoints", "trajectory", "poses", "steps", "path"}
+_HOLDERS = {"tool", "strategy", "design", "action", "motion"}  # of a strategy's fields
+_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+")
+
+
+def read_fields(strategy: Fields, wanted: Mapping[str, Any]) -> Fields:
+    """Return the fields of a strategy by their proper names.
+
+    A name may be spelled otherwise (``toolUrdf``), be a part of the proper one (``urdf``), or stand in an object for
+    the tool. A text may be a list of lines, and a list may be JSON in a text. Other fields stay as they are.
+
+    Args:
+        strategy: what was written.
+        wanted: the JSON schemas of the fields that a tool needs, by name.
+
+    Raises:
+        DesignError: a field is given twice, or is missing and another one has nearly its name.
+    """
+    needed = [*wanted, ACTION_SETS]
+    names = {plain_name(name): name for name in (*_USUAL, *needed)}
+    fields: Fields = {}
+    others: Fields = {}
+
+    for key, value in _flatten(strategy, names):
+        name = names.get(plain_name(key))
+        if name is None:
+            others[key] = value
+        elif name in fields and fields[name] != value:
+            raise DesignError(
+                f"{name!r} is given twice, also as {key!r}; give it once, with that name"
+            )
+        else:
+            fields[name] = value
+            if key != name:
+                assume(f"{str(key)[:60]!r} is read as {name!r}")
+
+    for name in needed:
+        if name not in fields:
+            key = _find_other(name, others, needed)
+            if key is not None:
+                fields[name] = others.pop(key)
+                assume(f"{str(key)[:60]!r} is read as {name!r}")
+
+    texts = [name for name, schema in wanted.items() if schema.get("type") == "string"]
+    missing = [name for name in texts if name not in fields]
+    if BLOCK in others and len(missing) == 1:
+        fields[missing[0]] = others[BLOCK]
+
+    for name, schema in wanted.items():
+        if name in fields:
+            fields[name] = _fit(fields[name], schema.get("type"))
+    if ACTION_SETS in fields:
+        fields[ACTION_SETS] = _fit(fields[ACTION_SETS], "array")
+    gripper = fields.get("gripper")
+    if isinstance(gripper, str):
+        fields["gripper"] = _ANSWERS.get(gripper.strip().lower(), gripper)
+    elif gripper is None:
+        fields.pop("gripper", None)
+
+    return {**others, **fields}
+
+
+def list_plans(value: object, schema: Mapping[str, Any]) -> object:
+    """Return ``action_sets`` as a list of plans, where it is one plan, or plans stand in objects; else as it is.
+
+    Args:
+        value: what was written.
+        schema: the JSON schema of one plan.
+    """
+    value = _unwrap(value)
+    if not isinstance(value, list):
+        return value
+
+    plans = [_unwrap(plan) for plan in value if plan != ELLIPSIS]
+    is_of_waypoints = schema.get("items", {}).get("type") in ("array", "object")
+    if not (plans and is_of_waypoints):
+        return plans
+    if all(map(_is_waypoint, plans)):
+        assume("'action_sets' that is one plan is read as a list of it")
+        return [plans]
+    return plans
+
+
+def _flatten(strategy: Fields, names: Mapping[str, str]) -> Iterator[tuple[Any, Any]]:
+    """Yield keys and values; those in an object such as ``tool`` by their own name, or with the object's before it."""
+    for key, value in strategy.items():
+        if not isinstance(value, dict) or plain_name(key) not in _HOLDERS:
+            yield key, value
+            continue
+        for inner, held in value.items():
+            joined = f"{key}_{inner}"
+            yield (joined if plain_name(joined) in names else inner), held
+
+
+def _find_other(name: str, others: Fields, needed: list[str]) -> Any:
+    """Return the key of another field that can only mean ``name``; None: there is none.
+
+    Raises:
+        DesignError: a name is near, and may mean something else.
+    """
+    if name == ACTION_SETS:
+        same = [key for key in others if plain_name(key) in PLANS]
+    else:
+        same = [key for key in others if _is_part(key, name)]
+        rivals = [other for other in needed if other != name]
+        same = [
+            key for key in same if not any(_is_part(key, rival) for rival in rivals)
+        ]
+    if len(same) == 1:
+        return same[0]
+
+    keys = {plain_name(key): key for key in others}
+    near = difflib.get_close_matches(plain_name(name), keys, n=1, cutoff=0.7)
+    if len(same) > 1 or near:
+        found = keys[near[0]] if near else same[0]
+        raise DesignError(
+            f"{name!r} is missing; did you mean it by {str(found)[:60]!r}? Write {name!r}"
+        )
+    return None
+
+
+def _is_part(key: object, name: str) -> bool:
+    """Report whether a key has some of a name's words, and no others: ``urdf`` of ``tool_urdf``."""
+    words = {word.lower().rstrip("s") for word in _WORD.findall(str(key))}
+    whole = {word.rstrip("s") for word in name.split("_")}
+    return bool(words) and words < whole
+
+
+def _fit(value: object, wanted: object) -> object:
+    """Make a text of a list of lines, and a list of a text that holds one."""
+    is_lines = isinstance(value, list) and all(isinstance(v, str) for v in value)
+    if wanted == "string" and is_lines:
+        return "\n".join(value)
+    if wanted == "array" and isinstance(value, str) and value.lstrip().startswith("["):
+        try:
+            return json.loads(value)
+        except (ValueError, RecursionError):
+            return value
+    return value
+
+
+def _unwrap(plan: object) -> object:
+    """Return the list in an object that is a plan, beside what only describes it; anything else as it is."""
+    if not isinstance(plan, dict):
+        return plan
+    lists = [
+        inner
+        for key, inner in plan.items()
+        if plain_name(key) in _PLAN and isinstance(inner, list)
+    ]
+    return lists[0] if len(lists) == 1 and _holds_more(lists[0]) else plan
+
+
+def _is_waypoint(value: object) -> bool:
+    """Report whether a value can only be one waypoint: at least three single values, an object of them, or a text."""
+    if isinstance(value, str):
+        return len(figures_in(value)) >= 3
+    if isinstance(value, dict):
+        return bool(value) and not any(map(_holds_more, value.values()))
+    return isinstance(value, list) and len(value) >= 3 and not _holds_more(value)
+
+
+def _holds_more(value: object) -> bool:
+    """Report whether a list holds lists, objects, or texts of several numbers."""
+    if not isinstance(value, list):
+        return False
+    return any(
+        isinstance(item, list | dict)
+        or (isinstance(item, str) and len(figures_in(item)) >= 3)
+        for item in value
+    )

@@ -1,0 +1,186 @@
+"""Mend malformed JSON, or read YAML, without ever changing a number: what can't be read for certain is refused."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from typing import Any
+
+import json_repair
+import yaml
+
+from core.design import DesignError
+from core.designs.replies import DECODER
+from core.support.text import shorten
+from plugins.replies.assumptions import assume
+from plugins.replies.figures import figures_in, is_uneven, read_figure
+
+MAX_MENDED = 40_000
+"""The most characters that are mended at a time; a strategy has some 15,000. The time grows with their square."""
+
+MAX_DEPTH = 40
+"""The most brackets that may be open at a time."""
+
+ELLIPSIS = "..."
+
+# Spaces of all kinds, a mark at the beginning, and the sign of typesetters.
+_ODD = str.maketrans(
+    dict.fromkeys("\u00a0\u2007\u202f\u2009\u3000", " ")
+    | dict.fromkeys("\ufeff\u200b")
+    | {"\u2212": "-"}
+)
+_TEXT = r"\"(?:[^\"\\]++|\\.)*+\"|“[^”]*+”|(?<=[\[{,:\s])'(?:[^'\\\n]++|\\.)*+'(?=\s*[\]},:])"
+_REMARK = r"//[^\n]*|/\*.*?\*/|(?<![^\s,\]}])#[^\n]*"
+_COMMENT = re.compile(rf"({_TEXT})|{_REMARK}|,(?=\s*[\]}}])", re.DOTALL)
+_BRACE = re.compile(rf"{_TEXT}|{_REMARK}|([{{}}])", re.DOTALL)
+_BARE = re.compile(
+    rf"({_TEXT})|(?<=[\[,:])(\s*)([^\s\"'“\[\]{{}},:][^\"'“\[\]{{}},:\n]*+)(?=\s*[,\]}}])",
+    re.DOTALL,
+)
+_QUOTED = re.compile(_TEXT, re.DOTALL)
+_OPENS = {"]": "[", "}": "{"}
+_JSON_NUMBER = re.compile(r"-?\d+(\.\d+)?([eE][-+]?\d+)?\s*")
+_CODE = re.compile(r"\\u([0-9a-fA-F]{4})")
+_YAML_COMMENT = re.compile(r"(?:(?<=\s)|(?<=\A))#[^\n]*")
+_YAML_REFERENCE = re.compile(r"(?:^|[\s\[,:-])[&*]\w", re.MULTILINE)
+
+
+def mend_json(text: str) -> object:
+    """Read one malformed JSON value.
+
+    Comments are left out, sums of numbers are computed, and ``...`` becomes a text; the rest is `json_repair`'s work.
+    Its result is taken only if it has the same numbers in the same order as the text.
+
+    Raises:
+        DesignError: it is too long, too deep, or can't be read for certain.
+    """
+    if len(text) > MAX_MENDED or _depth(text) > MAX_DEPTH:
+        raise DesignError("it is malformed, and too long or too deep to be mended")
+
+    plain = text.translate(_ODD)
+    plain = _COMMENT.sub(_drop, plain)
+    plain = _BARE.sub(_compute, plain)
+    with suppress(ValueError, RecursionError):
+        return DECODER.decode(plain)
+    if not _is_nested(plain):
+        raise DesignError("it is malformed, and its brackets do not say what is whose")
+    return _read_surely(
+        plain, lambda text: json_repair.loads(text, skip_json_loads=True)
+    )
+
+
+def read_yaml(text: str) -> object:
+    """Read a YAML document.
+
+    Raises:
+        DesignError: it is too long, has references, or can't be read for certain.
+    """
+    if len(text) > MAX_MENDED or _YAML_REFERENCE.search(text):
+        raise DesignError("it is too long for YAML, or has references")
+    plain = _YAML_COMMENT.sub("", text.translate(_ODD))
+    return _read_surely(plain, yaml.safe_load)
+
+
+def closing(text: str, start: int, most: int) -> int | None:
+    """Return where the object that begins at ``start`` ends, by its braces; None: not within ``most`` characters.
+
+    Where quotes can't be trusted, braces in them count, too.
+    """
+    for pattern in (_BRACE, re.compile("([{}])")):
+        depth = 0
+        for found in pattern.finditer(text, start, start + most):
+            depth += {"{": 1, "}": -1, None: 0}[found[1]]
+            if depth == 0:
+                return found.end()
+    return None
+
+
+def _depth(text: str) -> int:
+    """Count how many brackets are open at most, whatever stands in quotes."""
+    depth = 0
+    most = 0
+    for bracket in re.finditer(r"[\[{}\]]", text):
+        depth += 1 if bracket[0] in "[{" else -1
+        most = max(most, depth)
+    return most
+
+
+def _is_nested(text: str) -> bool:
+    """Report whether brackets say what is whose: none is too many, and only a ``]`` before a ``}`` may be missing."""
+    stack: list[str] = []
+    before = ":"
+    for mark in re.findall(r"[\[{}\],:]", _QUOTED.sub("", text)):
+        if mark in "[{":
+            if stack and stack[-1] == "{" and before != ":":
+                return False
+            stack.append(mark)
+
+        if mark == "}":
+            while stack and stack[-1] == "[":
+                stack.pop()
+        if mark in "]}" and (not stack or stack.pop() != _OPENS[mark]):
+            return False
+        before = mark
+
+    return not stack
+
+
+def _drop(match: re.Match[str]) -> str:
+    """Keep a text in quotes; drop a comment, or a comma before a bracket that closes."""
+    return match[1] or " "
+
+
+def _compute(match: re.Match[str]) -> str:
+    """Keep a text in quotes; replace what stands bare as a value: a sum by its number, an ellipsis by a text.
+
+    Raises:
+        DesignError: it may be one number or two.
+    """
+    if match[1] is not None:
+        return match[1]
+
+    bare = match[3].strip()
+    if bare in (ELLIPSIS, "…"):
+        return f'{match[2]}"{ELLIPSIS}"'
+    if _JSON_NUMBER.fullmatch(bare):
+        return match[0]
+    if is_uneven(bare):
+        raise DesignError(
+            f"{shorten(bare)} may be one number or two; write the number itself"
+        )
+
+    value = read_figure(bare)
+    return match[0] if value is None else f"{match[2]}{value!r}"
+
+
+def _read_surely(text: str, read: Callable[[str], Any]) -> object:
+    """Read a text, and refuse what has other numbers than the text.
+
+    Raises:
+        DesignError: it has, or it can't be read.
+    """
+    try:
+        value: object = read(text)
+        written = " ".join(_leaves(value))
+    except (ValueError, RecursionError, yaml.YAMLError) as error:
+        raise DesignError("it is malformed, and can't be mended") from error
+
+    spelled = _CODE.sub(lambda code: chr(int(code[1], 16)), text)
+    if figures_in(written) != figures_in(spelled):
+        raise DesignError("it is malformed, and its numbers can't be read for certain")
+    assume("malformed JSON, or YAML, is read where its numbers are certain")
+    return value
+
+
+def _leaves(value: object) -> Iterator[str]:
+    """Yield all keys and values as texts, in their order."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield str(key)
+            yield from _leaves(inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from _leaves(inner)
+    else:
+        yield str(value)

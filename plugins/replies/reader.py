@@ -1,0 +1,43 @@
+"""The reader of designs: envelopes, syntax, fields and plans."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from core.design import DesignError
+from core.designs.replies import Fields, Reader
+from plugins.replies.envelopes import find_strategies
+from plugins.replies.fields import list_plans, read_fields
+from plugins.replies.saving import read_reply
+from plugins.replies.waypoints import read_waypoints
+
+
+class LenientReader(Reader):
+    """Reads what has one meaning, and says what to write where there are two."""
+
+    def read_reply(self, text: str) -> object:
+        return read_reply(text)
+
+    def list_strategies(self, document: object) -> list[Any]:
+        return find_strategies(document)
+
+    def read_fields(self, strategy: Fields, wanted: Mapping[str, Any]) -> Fields:
+        return read_fields(strategy, wanted)
+
+    def list_plans(
+        self, value: object, schema: Mapping[str, Any], *, gripper: bool
+    ) -> object:
+        plans = list_plans(value, schema)
+        is_of_numbers = schema.get("items", {}).get("items") == {"type": "number"}
+        if not (isinstance(plans, list) and is_of_numbers):
+            return plans
+        return [_read_plan(plan, gripper) for plan in plans]
+
+
+def _read_plan(plan: object, gripper: bool) -> object:
+    """Read a plan of poses; an error in its place says what is wrong."""
+    try:
+        return read_waypoints(plan, gripper=gripper)
+    except DesignError as error:
+        return error

@@ -1,0 +1,98 @@
+"""One sound design in the spellings of many models: what has one meaning is read as it, the rest names its fault."""
+
+import html
+import json
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from core.design import DesignError
+from core.designs.reading import read_designs
+from core.designs.replies import parse_reply
+from core.plugins import installed
+from plugins.actions.waypoints import WaypointActions
+from tests.hostile import bring_cube
+
+RAW = (
+    '<link name="rod"><collision><geometry><box size="0.02 0.02 0.1"/></geometry></collision></link>'
+    '<joint name="rod_joint" type="fixed"><parent link="tool_mount"/><child link="rod"/>'
+    '<origin xyz="0 0 -0.055" rpy="0 0 0"/></joint>'
+)
+POSES = [
+    [0.5, 0, 0.5, 0, 0, 1.5707963267948966],
+    [0.62, -0.25, 0.42, 0, 0, 1.5707963267948966],
+]
+GROUPS = yaml.safe_load(Path(__file__).with_name("spelled.yaml").read_text())
+ENTRIES = {
+    f"{group}: {name}": entry
+    for group, entries in GROUPS.items()
+    for name, entry in entries.items()
+}
+
+
+def spell(entry):
+    """Return the text of an entry of `ENTRIES`."""
+    waypoints = []
+    for pose in POSES:
+        waypoint = entry.get("waypoint", "[X, Y, Z, R, P, W]")
+        for letter, number in zip("XYZRPW", pose, strict=True):
+            waypoint = re.sub(rf"\b{letter}\b", str(number), waypoint)
+        waypoints.append(waypoint)
+    plan = f"[{', '.join(waypoints)}]"
+    lines = RAW.replace("><", ">\n<").splitlines()
+    strategy = f'{{"strategy_name": "s", "tool_urdf": {json.dumps(RAW)}, "action_sets": [{plan}]}}'
+    document = f'{{"strategies": [{strategy}]}}'
+    parts = {
+        "ESCAPED": json.dumps(document)[1:-1],
+        "DOC": document,
+        "STRATEGY": strategy,
+        "SECOND": strategy.replace('"s"', '"t"'),
+        "LINES": json.dumps(lines),
+        "HTML": html.escape(RAW),
+        "QUOT": RAW.replace('"', "&quot;"),
+        "TWICE": RAW.replace('"', '\\\\\\"'),
+        "URDF": json.dumps(RAW),
+        "RAW": RAW,
+        "PLAN": plan,
+    }
+    text = re.sub("|".join(parts), lambda part: parts[part[0]], entry["reply"])
+    if "swap" in entry:
+        old, new = entry["swap"]
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+def read(text):
+    """Read a reply as the designer does; return its candidates and all reasons."""
+    tools = installed().create("tool", "urdf")
+    try:
+        document = parse_reply(text)
+        found = read_designs(
+            document, tools, bring_cube(), most=(10, 10), actions=WaypointActions()
+        )
+    except DesignError as error:
+        return [], [str(error)]
+    return found, [candidate.problem for candidate in found if candidate.problem]
+
+
+@pytest.mark.parametrize("name", ENTRIES)
+def test_a_spelling_is_read_as_the_sound_design_or_refused(name):
+    entry = ENTRIES[name]
+    (sound,), _ = read(spell({"reply": "DOC"}))
+    assert sound.problem is None
+
+    found, reasons = read(spell(entry))
+
+    good = [candidate for candidate in found if candidate.problem is None]
+    expected = entry.get("n", 1)
+    assert len(found) == expected or expected == 0
+    assert (
+        [c.content for c in good] == [sound.content] * (expected - bool(reasons))
+        if expected
+        else not good
+    )
+    assert bool(reasons) == ("fault" in entry), reasons
+    assert entry.get("fault", "") in " ".join(reasons)
