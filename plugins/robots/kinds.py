@@ -29,16 +29,12 @@ _BEGINNINGS = (
     (b"\x1f\x8b", "a packed archive; unpack it: tar xf {path}"),
     (b"#usda", _USD),
     (b"pxr-usdc", _USD),
-    (b"gltf", "a mesh; give the URDF or MJCF file that names it"),
     (b"solid ", "a mesh; give the URDF or MJCF file that names it"),
 )
 # The same by the root of an XML file.
 _ROOTS = {
     "sdf": "SDF, of which MJCF is to be made first: pip install sdformat-mjcf, then: sdf2mjcf {path} {stem}.xml",
     "mujocoinclude": "a part of an MJCF model; give the file that includes it",
-    "package": "a ROS package's description; give the URDF of its urdf folder",
-    "launch": "a ROS launch file; give the URDF or Xacro file that it names",
-    "COLLADA": "a mesh; give the URDF file that names it",
 }
 
 
@@ -58,13 +54,12 @@ def read_root(data: bytes, path: Path) -> Element:
         raise UserError(f"{path} is a zip archive; {_describe_zip(data, path)}")
 
     head = data[:100].lstrip(b"\xef\xbb\xbf \r\n\t").lower()
-    for beginning, remedy in _BEGINNINGS:
-        if head.startswith(beginning):
-            raise UserError(f"{path} is {_fill(remedy, path)}")
-
-    root = read_xml(data, path)
-    if root.tag in _ROOTS:
-        raise UserError(f"{path} is {_fill(_ROOTS[root.tag], path)}")
+    known = [remedy for beginning, remedy in _BEGINNINGS if head.startswith(beginning)]
+    if not known:
+        root = read_xml(data, path)
+        known = [remedy for tag, remedy in _ROOTS.items() if tag == root.tag]
+    if known:
+        raise UserError(f"{path} is {known[0].format(path=path, stem=path.stem)}")
     if root.tag not in ("robot", "mujoco"):
         tag = shorten(root.tag)[1:-1]
         raise UserError(
@@ -75,10 +70,6 @@ def read_root(data: bytes, path: Path) -> Element:
             f"{path} is Xacro, of which a URDF is to be made first: {_describe_xacro(root, path)}"
         )
     return root
-
-
-def _fill(remedy: str, path: Path) -> str:
-    return remedy.format(path=path, stem=path.stem)
 
 
 def _describe_zip(data: bytes, path: Path) -> str:

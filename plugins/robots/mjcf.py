@@ -32,6 +32,7 @@ from plugins.robots.naming import names_tool_frame
 WORLD = "world"
 SPEED = 3.14  # rad/s or m/s: MJCF has no limits of speed
 _FREE = 0  # MuJoCo's numbers of joints
+_BALL = 1
 _SLIDE = 2
 _DRAWN_GROUPS = 3  # MuJoCo's viewer shows the groups before
 _SHAPES: dict[str, Callable[[float, float, float], Shape]] = {
@@ -83,8 +84,8 @@ def _stand_alone(description: Description, notes: list[str]) -> Description:
         notes.append(
             "where it stands in the file's world is left out; robot.base=[x,y,z,yaw] places it"
         )
-    joints = {**description.joints}
-    links = {**description.links}
+    joints = dict(description.joints)
+    links = dict(description.links)
     del joints[tops[0].child]
     del links[WORLD]
     return Description(description.name, links, joints)
@@ -93,7 +94,7 @@ def _stand_alone(description: Description, notes: list[str]) -> Description:
 def _compile(file: Path, notes: list[str]) -> Any:
     """Compile a model without what only pictures need."""
     try:
-        spec = mujoco.MjSpec.from_file(str(file))
+        spec = mujoco.MjSpec.from_file(str(file.absolute()))
         for thing in (*spec.textures, *spec.keys, *spec.skins):
             spec.delete(thing)
         for material in spec.materials:
@@ -111,7 +112,7 @@ def _leave_out_missing(spec: Any, notes: list[str]) -> None:
     missing = {}
     for mesh in list(spec.meshes):
         if mesh.file and not (folder / mesh.file).is_file():
-            missing[mesh.name] = folder / mesh.file
+            missing[mesh.name or Path(mesh.file).stem] = folder / mesh.file
             spec.delete(mesh)
 
     needed = set[str]()
@@ -147,7 +148,8 @@ class _Reading:
                 self._add(model.body(number))
 
         for site in map(model.site, range(model.nsite)):
-            if site.bodyid[0] in self._frames and names_tool_frame(site.name):
+            for_tools = names_tool_frame(site.name) and site.name not in self.links
+            if for_tools and site.bodyid[0] in self._frames:
                 parent, frame = self._frames[site.bodyid[0]]
                 self._bear(site.name, parent, frame @ _pose(site.pos, site.quat))
 
@@ -199,9 +201,13 @@ class _Reading:
     def _bear(self, name: str, parent: str, place: Pose, joint: Any = None) -> None:
         """Add a link without shapes, and the joint that bears it, at 0 of that."""
         self.links[name] = RobotLink(name)
-        fixed = RobotJoint(f"{name}_joint", "fixed", parent, name)
-        self.joints[name] = replace(fixed, origin=Origin.from_pose(place, DIGITS))
+        origin = Origin.from_pose(place, DIGITS)
+        fixed = RobotJoint(f"{name}_fixed", "fixed", parent, name, origin)
+        self.joints[name] = fixed
         if joint is None:
+            return
+        if joint.type[0] == _BALL:
+            self.joints[name] = replace(fixed, name=joint.name, kind="floating")
             return
 
         # The file's poses are those at qpos0.
@@ -218,7 +224,7 @@ class _Reading:
         x, y, z = joint.axis.tolist()
         self.joints[name] = replace(
             fixed,
-            name=joint.name or fixed.name,
+            name=joint.name or f"{name}_joint",
             kind=kind,
             origin=Origin.from_pose(place @ away, DIGITS),
             axis=(x, y, z),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from itertools import count
 
 from core.robot.description import RESERVED
 from core.values.descriptions import Description
@@ -32,13 +33,12 @@ def _choose_names(names: Iterable[str]) -> dict[str, str]:
     chosen = dict[str, str]()
     taken = {*RESERVED}
     for name in names:
-        plain = _ODD.sub("_", name)[:_LONGEST].strip("_") if _ODD.search(name) else name
-        short = (plain or "part")[:_LONGEST]
-        count = 2
-        unused = short
-        while unused in taken:
-            unused = f"{short[: _LONGEST - 4]}_{count}"
-            count += 1
+        plain = _ODD.sub("_", name)[:_LONGEST]
+        unused = plain
+        for number in count(2):
+            if unused not in taken:
+                break
+            unused = f"{plain[: _LONGEST - 4]}_{number}"
         taken.add(unused)
         chosen[name] = unused
     return chosen

@@ -116,7 +116,7 @@ def test_an_arm_of_mjcf_of_parts_with_meshes(tmp_path, package, capsys):
     shutil.copy(package.parents[1] / "meshes/forearm.stl", tmp_path / "bar.stl")
     (tmp_path / "parts.xml").write_text(
         '<mujocoinclude><asset><mesh name="bar" file="bar.stl" scale="0.001 0.001 0.001"/>'
-        '<mesh name="shine" file="shine.stl"/></asset></mujocoinclude>'
+        '<mesh file="shine.stl"/></asset></mujocoinclude>'
     )
     shown = (
         '<geom type="mesh" mesh="bar" pos="0 0 0.1" mass="0.1"/>'
@@ -152,6 +152,31 @@ def test_where_an_arm_of_mjcf_stands_in_its_world_means_nothing(tmp_path, caplog
     assert any("robot.base=[x,y,z,yaw] places it" in line for line in caplog.messages)
     with pytest.raises(UserError, match="no link 'nobody'"):
         read_robot(file, down, without=["nobody"])
+
+
+def test_a_ball_and_sliders_of_mjcf_are_held_or_left_out(tmp_path):
+    """A carriage of two joints bears the arm, a lamp hangs on a ball."""
+    lamp = '<body name="lamp"><joint name="swing" type="ball" range="0 90"/><geom size="0.02"/></body>'
+    rails = "".join(
+        f'<joint name="{axis}" type="slide" axis="{way}" range="-1 1"/>'
+        for axis, way in (("along", "1 0 0"), ("across", "0 1 0"))
+    )
+    text = mjcf().replace('<body name="base">', f'<body name="base">{rails}{lamp}')
+    file = tmp_path / "six.xml"
+    file.write_text(text)
+    down = (0.0, 0.35 + np.radians(20), 1.5, 0.0, 1.29, 0.0)
+    held = {"fixed": {"along": 0.25, "across": -0.5}, "flange": "flange"}
+    with pytest.raises(
+        UserError, match=r"'swing' is floating.*robot\.without=\[lamp\]"
+    ):
+        read_robot(file, down, **held)
+    robot = read_robot(file, down, without=["lamp"], **held)
+    file.write_text(mjcf())
+    plain = arm_of(read_robot(file, down))
+    moved = arm_of(robot).forward(np.array(down)).position
+    np.testing.assert_allclose(
+        moved - plain.forward(np.array(down)).position, (0.25, -0.5, 0.0), atol=1e-6
+    )
 
 
 def test_missing_meshes_of_mjcf_are_named_in_one_go(tmp_path):
