@@ -16,7 +16,7 @@ from core.values.descriptions import (
     RobotLink,
     Weight,
 )
-from plugins.robots.hulls import hull_file
+from plugins.robots.hulls import hull_file, list_jobs, make_all
 
 
 def complete(
@@ -51,11 +51,13 @@ def _spread_mass(description: Description, mass_kg: float) -> Description:
     """
     check_positive("robot.", mass_kg=mass_kg)
     known = sum(link.inertial.mass for link in description.links.values())
-    solids = {
-        name: merge_inertias(_weigh(link))
-        for name, link in description.links.items()
+    lacking = [
+        link
+        for link in description.links.values()
         if link.collisions and not any(link.inertial.moments)
-    }
+    ]
+    make_all([job for link in lacking for job in list_jobs(link, drawn=False)])
+    solids = {link.name: merge_inertias(_weigh(link)) for link in lacking}
     volume = sum(
         solid[0]
         for name, solid in solids.items()

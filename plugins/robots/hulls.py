@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +17,11 @@ from core.geometry import Color
 from core.robot.meshes import farthest, keep_file, kept_file
 from core.support.files import read_untrusted
 from core.support.sandbox import isolated
-from core.values.descriptions import ONE, Scale
+from core.values.descriptions import ONE, RobotLink, Scale
 
 KINDS = (".stl", ".obj", ".dae", ".ply")
 MAX_MB = 64
+GREY: Color = (0.7, 0.7, 0.7, 1.0)  # of shapes without a colour
 LIMIT_S = 120
 MAX_DRAWN = 100_000  # triangles
 _HEAD = 10_000  # bytes of a Collada file, of which the materials are the first
@@ -71,6 +72,16 @@ def visual_file(
 
 Job = tuple[str, Scale, Color | None]
 """A mesh file and its scale, of which a hull is to be made, or with a colour what is drawn."""
+
+
+def list_jobs(link: RobotLink, *, drawn: bool = True) -> Iterator[Job]:
+    """Yield what is to be made of a link's meshes."""
+    for shape in link.collisions:
+        if isinstance(shape.shape, Path):
+            yield str(shape.shape), shape.scale, None
+    for shape in link.visuals if drawn else ():
+        if isinstance(shape.shape, Path):
+            yield str(shape.shape), shape.scale, shape.color or GREY
 
 
 def make_all(jobs: Sequence[Job]) -> None:

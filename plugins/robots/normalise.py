@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from core.errors import UserError
-from core.geometry import Color, Pose
+from core.geometry import Pose
 from core.robot.description import merge_inertias
 from core.values.descriptions import (
     DIGITS,
@@ -22,13 +22,19 @@ from core.values.descriptions import (
     RobotShape,
     Weight,
 )
-from plugins.robots.hulls import Job, hull_file, main_color, make_all, visual_file
+from plugins.robots.hulls import (
+    GREY,
+    hull_file,
+    list_jobs,
+    main_color,
+    make_all,
+    visual_file,
+)
 
 ALSO = "; and "  # between one problem and the next
 _ROUNDED = 0.01  # of the largest moment: an inertia that is off by less was rounded
 # Of a base without one: it stays, but engines want a mass.
 _BASE = Inertial(1.0, moments=(0.01, 0.0, 0.0, 0.01, 0.0, 0.01))
-_GREY: Color = (0.7, 0.7, 0.7, 1.0)
 
 T = TypeVar("T")
 
@@ -138,7 +144,7 @@ def _join(head: str, parts: Sequence[tuple[RobotLink, Pose]], base: bool) -> Rob
 def _place(shape: RobotShape, pose: Pose) -> RobotShape:
     """Place a shape in the frame of another link."""
     origin = Origin.from_pose(pose @ shape.origin.pose, DIGITS)
-    return replace(shape, origin=origin, color=shape.color or _GREY)
+    return replace(shape, origin=origin, color=shape.color or GREY)
 
 
 def _inertia(head: str, parts: Sequence[tuple[RobotLink, Pose]]) -> Weight:
@@ -186,7 +192,7 @@ def read_meshes(description: Description, notes: list[str]) -> Description:
     Raises:
         UserError: a mesh that collides can't be used; names all of them.
     """
-    make_all([job for link in description.links.values() for job in _list_jobs(link)])
+    make_all([job for link in description.links.values() for job in list_jobs(link)])
     wrong = Problems()
     links = {}
     for name, link in description.links.items():
@@ -206,16 +212,6 @@ def read_meshes(description: Description, notes: list[str]) -> Description:
     return replace(description, links=links)
 
 
-def _list_jobs(link: RobotLink) -> Iterator[Job]:
-    """Yield what is to be made of a link's meshes."""
-    for shape in link.collisions:
-        if isinstance(shape.shape, Path):
-            yield str(shape.shape), shape.scale, None
-    for shape in link.visuals:
-        if isinstance(shape.shape, Path):
-            yield str(shape.shape), shape.scale, shape.color or _GREY
-
-
 def _as_hull(shape: RobotShape) -> RobotShape:
     if not isinstance(shape.shape, Path):
         return shape
@@ -226,6 +222,6 @@ def _as_hull(shape: RobotShape) -> RobotShape:
 def _as_drawn(shape: RobotShape) -> RobotShape:
     if not isinstance(shape.shape, Path):
         return shape
-    color = shape.color or _GREY
+    color = shape.color or GREY
     visual = visual_file(shape.shape, color, shape.scale)
     return RobotShape(visual, shape.origin, main_color(visual) or color)
