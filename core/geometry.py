@@ -11,8 +11,8 @@ import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, cast
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -65,14 +65,11 @@ class Pose:
         """Make a pose from a position and fixed-axis roll, pitch, yaw."""
         from scipy.spatial.transform import Rotation
 
-        return cls.from_rotation(
-            xyz, Rotation.from_euler("xyz", np.asarray(rpy, dtype=np.float64))
-        )
+        return cls.from_rotation(xyz, Rotation.from_euler("xyz", np.asarray(rpy)))
 
     @classmethod
     def from_rotation(cls, position: Vector, rotation: Rotation) -> Pose:
-        x, y, z, w = rotation.as_quat()
-        return cls(np.asarray(position, dtype=np.float64), np.array([w, x, y, z]))
+        return cls(np.asarray(position), rotation.as_quat(scalar_first=True))
 
     @classmethod
     def from_matrix(cls, matrix: Array) -> Pose:
@@ -85,8 +82,7 @@ class Pose:
     def rotation(self) -> Rotation:
         from scipy.spatial.transform import Rotation
 
-        w, x, y, z = self.quaternion
-        return Rotation.from_quat([x, y, z, w])
+        return Rotation.from_quat(self.quaternion, scalar_first=True)
 
     def __getstate__(self) -> dict[str, Array]:
         # Not the cached rotation.
@@ -125,8 +121,8 @@ class Pose:
     def __eq__(self, other: object) -> bool:
         return (
             isinstance(other, Pose)
-            and self.position.tolist()
-            == other.position.tolist()  # an eighth of the time of comparing arrays
+            # An eighth of the time of comparing arrays.
+            and self.position.tolist() == other.position.tolist()
             and self.quaternion.tolist() == other.quaternion.tolist()
         )
 
@@ -136,7 +132,7 @@ class Pose:
 
 def _positive(**lengths: float) -> None:
     for name, value in lengths.items():
-        if not (np.isfinite(value) and value > 0):
+        if not 0 < value < math.inf:
             raise ValueError(f"{name} must be a positive length in metres, got {value}")
 
 
@@ -155,7 +151,7 @@ class _Solid:
                 return math.pi * radius**2 * length
             case Capsule(radius, length):
                 return math.pi * radius**2 * (length + 4 / 3 * radius)
-        return _measured(cast("Mesh", self.drawn))[0]
+        return cast("Mesh", self.drawn).integrals.volume
 
     @property
     def area(self) -> float:
@@ -174,22 +170,22 @@ class _Solid:
     @property
     def bounds(self) -> tuple[Array, Array]:
         """The middle (3,) of the bounding box along the shape's own axes, and its full side lengths (3,)."""
+        sides: Vector
         match self:
             case Box(size):
-                return np.zeros(3), np.array(size)
+                sides = size
             case Sphere(radius):
-                return np.zeros(3), np.full(3, 2 * radius)
+                sides = [2 * radius] * 3
             case Cylinder(radius, length):
-                return np.zeros(3), np.array([2 * radius, 2 * radius, length])
+                sides = [2 * radius, 2 * radius, length]
             case Capsule(radius, length):
-                return np.zeros(3), np.array(
-                    [2 * radius, 2 * radius, length + 2 * radius]
-                )
-
-        corners = cast("Mesh", self.drawn).vertices
-        low = corners.min(axis=0)
-        high = corners.max(axis=0)
-        return (low + high) / 2, high - low
+                sides = [2 * radius, 2 * radius, length + 2 * radius]
+            case _:
+                corners = cast("Mesh", self.drawn).vertices
+                low = corners.min(axis=0)
+                high = corners.max(axis=0)
+                return (low + high) / 2, high - low
+        return np.zeros(3), np.array(sides)
 
     def to_trimesh(self) -> trimesh.Trimesh:
         import trimesh
@@ -264,6 +260,14 @@ class Capsule(_Round):
     length: float
 
 
+class Integrals(NamedTuple):
+    """The integrals over a solid of one density."""
+
+    volume: float  # m^3
+    center: Array  # (3,) of mass
+    tensor: Array  # (3, 3) of inertia about it, for 1 kg
+
+
 @dataclass(frozen=True, eq=False)
 class Mesh(_Solid):
     """Triangles: vertices (V, 3) in metres, faces (F, 3) of vertex numbers.
@@ -277,12 +281,7 @@ class Mesh(_Solid):
     def __post_init__(self) -> None:
         vertices = frozen_array(self.vertices)
         faces = np.array(self.faces, dtype=np.int64)
-        if (
-            vertices.ndim != 2
-            or vertices.shape[1] != 3
-            or faces.ndim != 2
-            or faces.shape[1] != 3
-        ):
+        if vertices.shape[1:] != (3,) or faces.shape[1:] != (3,):
             raise ValueError(
                 f"expected vertices (V, 3) and faces (F, 3), got {vertices.shape} and {faces.shape}"
             )
@@ -302,6 +301,14 @@ class Mesh(_Solid):
         return hashlib.blake2b(
             self.vertices.tobytes() + self.faces.tobytes(), digest_size=16
         ).hexdigest()
+
+    @cached_property
+    def integrals(self) -> Integrals:
+        """Those over what the mesh encloses."""
+        solid = self.to_trimesh()
+        volume = float(solid.volume)
+        tensor = frozen_array(solid.moment_inertia / volume)
+        return Integrals(volume, frozen_array(solid.center_mass), tensor)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Mesh) and self.content == other.content
@@ -340,12 +347,12 @@ def mass_properties(shape: Shape | Compound, mass: float) -> tuple[Array, Array]
     match shape:
         case Box(size):
             x, y, z = np.square(size)
-            return np.zeros(3), mass / 12 * np.diag([y + z, x + z, x + y])
+            moments = mass / 12 * np.array([y + z, x + z, x + y])
         case Sphere(radius):
-            return np.zeros(3), 2 / 5 * mass * radius**2 * np.eye(3)
+            moments = 2 / 5 * mass * radius**2 * np.ones(3)
         case Cylinder(radius, length):
             across = mass * (3 * radius**2 + length**2) / 12
-            return np.zeros(3), np.diag([across, across, mass * radius**2 / 2])
+            moments = np.array([across, across, mass * radius**2 / 2])
         case Capsule(radius, length):
             caps = mass * 4 * radius / (4 * radius + 3 * length)
             rod = mass - caps
@@ -354,23 +361,11 @@ def mass_properties(shape: Shape | Compound, mass: float) -> tuple[Array, Array]
             across += caps * (
                 2 / 5 * radius**2 + length**2 / 4 + 3 / 8 * radius * length
             )
-            return np.zeros(3), np.diag([across, across, along])
+            moments = np.array([across, across, along])
         case _:
-            _, center, tensor = _measured(
-                shape.surface if isinstance(shape, Compound) else shape
-            )
-            return center, mass * tensor
-
-
-@lru_cache(maxsize=256)
-def _measured(mesh: Mesh) -> tuple[float, Array, Array]:
-    """The volume of a closed mesh, its centre (3,), and the inertia tensor (3, 3) of 1 kg."""
-    solid = mesh.to_trimesh()
-    return (
-        float(solid.volume),
-        frozen_array(solid.center_mass),
-        frozen_array(solid.moment_inertia / solid.volume),
-    )
+            integrals = cast("Mesh", shape.drawn).integrals
+            return integrals.center, mass * integrals.tensor
+    return np.zeros(3), np.diag(moments)
 
 
 def resized(shape: Shape | Compound, size: Vector) -> Shape | Compound:
@@ -387,15 +382,13 @@ def resized(shape: Shape | Compound, size: Vector) -> Shape | Compound:
         case Capsule():
             return Capsule((x + y) / 4, max(z - (x + y) / 2, 1e-6))
         case Mesh():
-            return _stretched(shape, *shape.bounds, np.array([x, y, z]))
+            return _stretch(shape, shape, size)
         case Compound(surface, parts):
-            middle, before = surface.bounds
-            after = np.array([x, y, z])
-            outside, *inside = (
-                _stretched(mesh, middle, before, after) for mesh in (surface, *parts)
-            )
-            return Compound(outside, tuple(inside))
+            stretched = [_stretch(part, surface, size) for part in parts]
+            return Compound(_stretch(surface, surface, size), tuple(stretched))
 
 
-def _stretched(mesh: Mesh, middle: Array, before: Array, after: Array) -> Mesh:
-    return Mesh((mesh.vertices - middle) * (after / before) + middle, mesh.faces)
+def _stretch(mesh: Mesh, whole: Mesh, size: Vector) -> Mesh:
+    """Stretch a mesh about the middle of a ``whole``, whose bounding box gets these side lengths."""
+    middle, before = whole.bounds
+    return Mesh((mesh.vertices - middle) * (size / before) + middle, mesh.faces)

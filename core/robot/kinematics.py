@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.lib.stride_tricks import as_strided
 from scipy.linalg.lapack import dgesv
 from scipy.spatial.transform import Rotation
 
@@ -20,9 +18,8 @@ from core.robot.description import assemble, joint_name
 from core.values.robots import Robot
 
 
-@dataclass(frozen=True, eq=False)
 class RobotModel:
-    """The kinematic model of an arm, with its gripper or without.
+    """The kinematic model of an arm with what its tool adds: the gripper, and the tool's own joints.
 
     Joints are numbered as in Pinocchio: 0 is the world, and joint j has column j - 1 of the joints' values.
 
@@ -33,15 +30,24 @@ class RobotModel:
         links: the number of the joint that moves a link, and the link's pose in that joint's frame.
     """
 
-    model: Any
-    data: Any
-    supports: tuple[frozenset[int], ...]
-    links: dict[str, tuple[int, Pose]]
+    def __init__(self, robot: Robot, tool: Tool) -> None:
+        urdf = assemble(robot, tool, fused=True, visuals=False)
+        self.model = pin.buildModelFromXML(urdf)
+        self.data = self.model.createData()
+        self.supports = [{*joints} - {0} for joints in self.model.supports]
+        self.links: dict[str, tuple[int, Pose]] = {}
+        for frame in self.model.frames:
+            if frame.type == pin.FrameType.BODY:
+                pose = Pose.from_matrix(frame.placement.homogeneous)
+                self.links[frame.name] = frame.parentJoint, pose
 
-    @cached_property
-    def joints(self) -> tuple[str, ...]:
-        """The joints' names, but for the world's."""
-        return tuple(self.model.names)[1:]
+        loose = [joint_name(bearer.name) for bearer in tool.bearers]
+        known = [*robot.arm_joints, *robot.finger_joints, *loose]
+        self._columns = [known.index(name) for name in self.model.names[1:]]
+
+        # Views of memory that Pinocchio keeps up to date.
+        self._rotations = [frame.rotation for frame in self.data.oMi]
+        self._positions = [frame.translation for frame in self.data.oMi]
 
     @cached_property
     def reach(self) -> float:
@@ -51,26 +57,30 @@ class RobotModel:
         links = [np.linalg.norm(pose.position) for _, pose in self.links.values()]
         return chain + float(max(links))
 
-    @cached_property
-    def frames(self) -> tuple[Array, Array]:
-        """The rotations (J, 3, 3) and positions (J, 3) of all joints' frames, as of the last kinematics.
+    def order(self, arm: Array, fingers: Array) -> Array:
+        """Order the arm's joints (T, J) and the fingers' with the tool's (T, F + K) as the model has them: (T, Q)."""
+        return np.column_stack([arm, fingers]).take(self._columns, axis=1)
 
-        They are views of Pinocchio's memory, in which frames lie one after another: to copy joint by joint takes ten
-        times as long.
+    def place_joints(self, joints: Array) -> tuple[Array, Array]:
+        """Compute rotations (J, T, 3, 3) and positions (J, T, 3) of the joints' frames in the world.
+
+        ``joints`` (T, Q) are as the model orders them.
         """
-        count = self.model.njoints
-        first, second, *_ = self.data.oMi
-        rotation = first.rotation
-        position = first.translation
-        step = second.translation.ctypes.data - position.ctypes.data
-        rotations = as_strided(rotation, (count, 3, 3), (step, *rotation.strides))
-        positions = as_strided(position, (count, 3), (step, *position.strides))
-        return rotations, positions
+        rotations = np.empty((len(joints), self.model.njoints, 3, 3))
+        positions = np.empty((len(joints), self.model.njoints, 3))
+        for k, values in enumerate(joints):
+            pin.forwardKinematics(self.model, self.data, values)
+            rotations[k] = self._rotations
+            positions[k] = self._positions
+        return rotations.swapaxes(0, 1), positions.swapaxes(0, 1)
 
 
 def robot_model(robot: Robot, tool: Tool) -> RobotModel:
-    """Load the kinematic model of an arm with what its tool adds: the gripper, and the tool's own joints."""
-    return _load(robot, jointed(tool))
+    """Return the kinematic model of an arm with a tool; a process builds it once."""
+    return _build_model(robot, jointed(tool))
+
+
+_build_model = lru_cache(maxsize=8)(RobotModel)
 
 
 def jointed(tool: Tool) -> Tool:
@@ -78,48 +88,10 @@ def jointed(tool: Tool) -> Tool:
     return tool if tool.bearers else Tool(gripper=tool.gripper)
 
 
-@lru_cache(maxsize=8)
-def _load(robot: Robot, tool: Tool) -> RobotModel:
-    model = pin.buildModelFromXML(assemble(robot, tool, fused=True, visuals=False))
-    links = {}
-    for frame in model.frames:
-        if frame.type == pin.FrameType.BODY:
-            pose = Pose.from_matrix(frame.placement.homogeneous)
-            links[frame.name] = frame.parentJoint, pose
-
-    supports = tuple(frozenset(support.tolist()) - {0} for support in model.supports)
-    return RobotModel(model, model.createData(), supports, links)
-
-
-def joint_values(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> Array:
-    """Order the arm's joints (T, J) and the fingers' with the tool's (T, F + K) as the model has them: (T, Q)."""
-    borne = [joint_name(bearer.name) for bearer in tool.bearers]
-    names = (*robot.arm_joints, *robot.finger_joints, *borne)
-
-    values = np.column_stack([arm, fingers])
-    columns = dict(zip(names, values.T, strict=False))
-    return np.column_stack([columns[name] for name in robot_model(robot, tool).joints])
-
-
 def finger_values(robot: Robot, tool: Tool, opening: Array) -> Array:
     """Return the fingers' joints (T, F + K) at an ``opening`` (T,), metres, with the tool's own joints at 0."""
     shares = [1.0] * len(robot.finger_joints) + [0.0] * len(tool.bearers)
     return np.outer(opening, shares)
-
-
-def joint_frames(robot: RobotModel, joints: Array) -> tuple[Array, Array]:
-    """Compute rotations (J, T, 3, 3) and positions (J, T, 3) of the joints' frames in the world.
-
-    ``joints`` are as `joint_values` orders them.
-    """
-    now_rotations, now_positions = robot.frames
-    rotations = np.empty((len(now_rotations), len(joints), 3, 3))
-    positions = np.empty((len(now_positions), len(joints), 3))
-    for k, values in enumerate(joints):
-        pin.forwardKinematics(robot.model, robot.data, values)
-        rotations[:, k] = now_rotations
-        positions[:, k] = now_positions
-    return rotations, positions
 
 
 def link_frames(
@@ -129,9 +101,8 @@ def link_frames(
 
     ``arm`` (T, J) and ``fingers`` (T, F + K) are the joints; without the gripper the fingers do not matter.
     """
-
     model = robot_model(robot, tool)
-    rotations, positions = joint_frames(model, joint_values(robot, tool, arm, fingers))
+    rotations, positions = model.place_joints(model.order(arm, fingers))
 
     frames = {}
     for name, (joint, pose) in model.links.items():
@@ -234,9 +205,9 @@ class Arm:
         self._data = self._model.createData()
         self._frame = self._model.getFrameId(RIGID_MOUNT)
         # Views of memory that Pinocchio keeps up to date.
-        placement = self._data.oMf[self._frame]
-        self._here = placement.translation
-        self._back = placement.rotation.T
+        self._mount = self._data.oMf[self._frame]
+        self._here = self._mount.translation
+        self._back = self._mount.rotation.T
         self.lower: Array = self._model.lowerPositionLimit.copy()
         self.upper: Array = self._model.upperPositionLimit.copy()
         self.velocity_limits: Array = self._model.velocityLimit.copy()
@@ -247,10 +218,13 @@ class Arm:
 
     def forward(self, joints: Array) -> Pose:
         """Compute the pose of the tool mount in the world."""
-        pin.framesForwardKinematics(
-            self._model, self._data, np.asarray(joints, dtype=np.float64)
-        )
-        return Pose.from_matrix(self._data.oMf[self._frame].homogeneous)
+        self._move(np.asarray(joints, dtype=np.float64))
+        return Pose.from_matrix(self._mount.homogeneous)
+
+    def _move(self, joints: Array) -> None:
+        """Bring the place of the tool mount up to date."""
+        pin.forwardKinematics(self._model, self._data, joints)
+        pin.updateFramePlacement(self._model, self._data, self._frame)
 
     def jacobian(self, joints: Array) -> Array:
         """Compute (6, J): what the joints' speeds make of the tool mount's speed and turning, in the world's axes."""
@@ -261,11 +235,11 @@ class Arm:
 
     def positions(self, joints: Array) -> Array:
         """Compute positions (T, 3) of the tool mount at joints (T, J)."""
-        out = np.empty((len(joints), 3))
-        for row, q in zip(out, joints, strict=True):
-            pin.framesForwardKinematics(self._model, self._data, q)
-            row[:] = self._data.oMf[self._frame].translation
-        return out
+        positions = np.empty((len(joints), 3))
+        for k, q in enumerate(joints):
+            self._move(q)
+            positions[k] = self._here
+        return positions
 
     def inverse(self, pose: Pose, seed: Array) -> Solution:
         """Find joints near ``seed`` that bring the end-effector closest to ``pose``, within the limits (`follow`)."""
@@ -306,8 +280,7 @@ class Arm:
 
     def _miss(self, position: Array, rotation: Array, joints: Array) -> Array:
         """Compute the pose error (6,) at these joints, in the axes there: metres, and weighted radians."""
-        pin.forwardKinematics(self._model, self._data, joints)
-        pin.updateFramePlacement(self._model, self._data, self._frame)
+        self._move(joints)
         error = np.empty(6)
         error[:3] = self._back.dot(position - self._here)
         error[3:] = _RADIAN_WEIGHT * pin.log3(self._back.dot(rotation))

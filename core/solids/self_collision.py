@@ -21,7 +21,6 @@ from core.interfaces import JointTrajectory
 from core.robot.kinematics import (
     RobotModel,
     finger_values,
-    joint_values,
     jointed,
     robot_model,
 )
@@ -132,7 +131,7 @@ def find_self_collision(
     """
     pairs = self_pairs(robot, tool)
     fingers = finger_values(robot, tool, trajectory.fingers)
-    joints = joint_values(robot, tool, trajectory.arm, fingers)
+    joints = robot_model(robot, tool).order(trajectory.arm, fingers)
     numbers = np.arange(len(joints))
     rows = _choose_rows(trajectory)
     looks = np.column_stack([np.interp(rows, numbers, values) for values in joints.T])
@@ -210,7 +209,7 @@ def _link_limits(robot: Robot, tool: Tool) -> dict[tuple[int, int], float]:
             limits[first, second] = DEEP_M if apart >= _APART else DEEP_NEAR_M
 
     fingers = finger_values(robot, tool, np.array([robot.opening_m]))
-    home = joint_values(robot, tool, np.array([robot.home]), fingers)[0]
+    home = model.order(np.array([robot.home]), fingers)[0]
     depths = SolidPairs(model, links, limits).depths(home)
     return {
         pair: deep

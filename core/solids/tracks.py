@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from core.design import Tool
 from core.geometry import Array
 from core.interfaces import Recording
-from core.robot.kinematics import joint_frames, joint_values, place, robot_model, rotate
+from core.robot.kinematics import place, robot_model, rotate
 from core.robot.solids import WORLD
 from core.scene import Scene, State
 from core.solids.bodies import Solids, all_solids, scene_solids
@@ -244,8 +244,8 @@ def follow(
     """
     solids = all_solids(robot, tool, scene_solids(scene))
     model = robot_model(robot, tool)
-    joints = joint_values(robot, tool, recording.arm, recording.fingers)
-    rotations, positions = joint_frames(model, joints)
+    joints = model.order(recording.arm, recording.fingers)
+    rotations, positions = model.place_joints(joints)
     turns, shifts = _body_frames(recording.states)
     moving = solids.moving
     if only is not None:

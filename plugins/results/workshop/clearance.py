@@ -11,7 +11,7 @@ from core.design import RIGID_MOUNT, Tool
 from core.geometry import Array, Pose, mass_properties
 from core.interfaces import Recording
 from core.robot.description import assemble, merge_inertias
-from core.robot.kinematics import arm_of, joint_values, open_mounts
+from core.robot.kinematics import arm_of, open_mounts, robot_model
 from core.scene import Scene
 from core.solids.contacts import nearest
 from core.solids.record_rate import subset
@@ -85,7 +85,7 @@ def _gaps_to_itself(robot: Robot, tool: Tool, recording: Recording) -> Array:
     pairs = self_pairs(robot, tool)
     gaps = [
         -pairs.depths(joints).max(initial=-np.inf)
-        for joints in joint_values(robot, tool, recording.arm, fingers)
+        for joints in robot_model(robot, tool).order(recording.arm, fingers)
     ]
     return np.array(gaps)
 

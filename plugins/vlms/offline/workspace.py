@@ -10,7 +10,7 @@ import numpy as np
 from core.design import Tool
 from core.geometry import Array, Pose
 from core.interfaces import Robot
-from core.robot.kinematics import Arm, arm_of, joint_frames, robot_model
+from core.robot.kinematics import Arm, arm_of, robot_model
 from plugins.vlms.told.reach import Span, span_at
 
 _LOWEST_M = 0.1  # of the end-effector above the ground that bodies stand on
@@ -72,7 +72,7 @@ def compute_workspace(robot: Robot) -> Workspace:
     """
     stand = replace(robot, base=Pose())
     model = robot_model(stand, Tool())
-    height = float(joint_frames(model, np.array([robot.home]))[1][2, 0, 2])
+    height = float(model.place_joints(np.array([robot.home]))[1][2, 0, 2])
     span = _find_span(arm_of(stand), height) or Span(0.0, model.reach)
 
     # Clear of the edges, where the elbow is stretched or folded: by 6 cm inside, and by 15 % outside.
