@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 
 from core.design import Candidate, DesignError, Tool
 from core.designs.plan_rules import check_work
@@ -18,7 +18,7 @@ from core.solids.contacts import Contacts
 from core.solids.penetration import Finding
 from core.solids.record_rate import sample_hz, thinnest
 from core.solids.self_collision import find_self_collision
-from core.trial import Condition, Trial, Where
+from core.trial import Condition, Status, Trial, Where
 from core.values.traces import TRACE_HZ
 
 # Layouts and engines share what is made of one plan. A task of a third party may not be hashable.
@@ -73,17 +73,6 @@ def played(motion: Motion, job: Rollout) -> Motion:
     return job.guards.motion if isinstance(job.guards, PlannedGuards) else motion
 
 
-@lru_cache(maxsize=64)
-def scene_of(condition: Condition) -> Scene:
-    """Return the scene of a condition; a process makes it once."""
-    return condition.scene()
-
-
-@lru_cache(maxsize=64)
-def _spawn_rules(condition: Condition) -> SpawnRules:
-    return SpawnRules(condition.task.shared(), condition.layout, scene_of(condition))
-
-
 class Stage:
     """A condition with its parts made, in which candidates are tried."""
 
@@ -93,7 +82,14 @@ class Stage:
         self.settings = condition.settings
         self.task: Task = condition.task.shared()
         self.simulator: Simulator = condition.sim.shared()
-        self.scene = scene_of(condition)
+
+    @cached_property
+    def scene(self) -> Scene:
+        return self.condition.scene()
+
+    @cached_property
+    def spawn_rules(self) -> SpawnRules:
+        return SpawnRules(self.task, self.condition.layout, self.scene)
 
     @property
     def checks(self) -> bool:
@@ -106,84 +102,88 @@ class Stage:
         return self.settings.penetration == "forbid"
 
 
+stage_of = lru_cache(maxsize=64)(Stage)  # a process makes a condition's scene once
+
+
 @dataclass(eq=False)
 class Attempt:
     """A candidate that is tried, on its way through a batch.
 
     Attributes:
-        candidate: what is tried; ``tool`` is the candidate's.
+        candidate: what is tried.
         motion: its plan in this layout.
         job: what the simulator plays.
-        warnings: what is to be said of it so far.
         outcome: what the simulator made of it.
+        warnings: what is to be said of it so far.
         findings: what was unphysical.
         contacts: those of its recording; None: they are not needed, or there is no recording of finite states.
-        problem: why its motion, as planned or as guards changed it, is refused.
+        problem: why its motion, as guards changed it, is refused.
+        trial: what came of it; None: it is still on its way.
     """
 
     candidate: Candidate
-    tool: Tool
-    motion: Motion
-    job: Rollout
+    motion: Motion = field(init=False)
+    job: Rollout = field(init=False)
+    outcome: Outcome = field(init=False)
     warnings: tuple[str, ...] = ()
-    outcome: Outcome | None = None
     findings: Sequence[Finding] = ()
     contacts: Contacts | None = None
     problem: str | None = None
+    trial: Trial | None = None
+
+    def end(self, stage: Stage, status: Status, reason: str) -> None:
+        """Let it earn nothing."""
+        self.trial = Trial(stage.where, self.candidate.id, status, reason=reason)
 
 
-def plan_attempt(stage: Stage, candidate: Candidate) -> Attempt | Trial:
-    """Plan a candidate's motion; a trial: it is rejected."""
-    planned = candidate.of(stage.task.name)
+def plan_attempt(stage: Stage, candidate: Candidate) -> Attempt:
+    """Plan a candidate's motion, or reject the candidate."""
+    attempt = Attempt(candidate.of(stage.task.name))
     try:
-        motion, job = _prepare_job(stage, planned)
+        _prepare_job(stage, attempt)
+        _check_self_collision(stage, attempt)
     except DesignError as error:
-        return _reject(stage, planned, str(error))
-
-    if stage.task.reads_trace:
-        job = replace(job, record_hz=job.record_hz or TRACE_HZ, forces=True)
-    attempt = Attempt(planned, job.tool, motion, job, tuple(motion.doubts()))
-    _check_self_collision(stage, attempt)
-    if attempt.problem is not None:
-        return _reject(stage, planned, attempt.problem)
+        attempt.end(stage, "rejected", str(error))
     return attempt
 
 
 def _check_self_collision(stage: Stage, attempt: Attempt) -> None:
-    """Warn of where the motion drives the arm through itself, and refuse it, if that is forbidden."""
+    """Warn of where the motion drives the arm through itself.
+
+    Raises:
+        DesignError: it does, and that is forbidden.
+    """
     if not stage.checks:
         return
     motion = attempt.motion
-    robot = stage.task.robot
-    collision = _self_collision(robot, attempt.tool, motion.trajectory)
+    collision = _self_collision(stage.task.robot, attempt.job.tool, motion.trajectory)
     if collision is None:
         return
     warning = collision.describe(motion.arrivals)
     attempt.warnings += (warning,)
     if stage.forbids:
-        attempt.problem = f"{warning}; {collision.mend}"
+        raise DesignError(f"{warning}; {collision.mend}")
 
 
-def _reject(stage: Stage, candidate: Candidate, reason: str) -> Trial:
-    return Trial(stage.where, candidate.id, "rejected", reason=reason)
-
-
-def _prepare_job(stage: Stage, candidate: Candidate) -> tuple[Motion, Rollout]:
+def _prepare_job(stage: Stage, attempt: Attempt) -> None:
     """Plan a candidate's motion, and make the job that plays it.
 
     Raises:
         DesignError: the candidate breaks a rule, its tool starts inside something, or the plan means nothing in
             this layout, or costs too much time.
     """
+    candidate = attempt.candidate
+    condition = stage.condition
+    settings = stage.settings
     if candidate.problem is not None or candidate.tool is None:
         raise DesignError(candidate.problem or "there is no tool")
-    examiner = stage.condition.examiner
-    refusal = None if examiner is None else examiner.refuse(stage.condition, candidate)
-    if refusal is not None:
-        raise DesignError(refusal)
+    if condition.examiner is not None:
+        refusal = condition.examiner.refuse(condition, candidate)
+        if refusal is not None:
+            raise DesignError(refusal)
     _check_start(stage, candidate.tool)
     motion, job = prepare(
-        stage.task, candidate, stage.condition.layout, stage.settings, scene=stage.scene
+        stage.task, candidate, condition.layout, settings, scene=stage.scene
     )
     if job.guards is not None and not stage.simulator.supports_guards:
         raise DesignError(
@@ -191,24 +191,28 @@ def _prepare_job(stage: Stage, candidate: Candidate) -> tuple[Motion, Rollout]:
         )
 
     duration = motion.trajectory.duration
-    most = stage.settings.max_motion_s
+    most = settings.max_motion_s
     if duration > most:
         took = f"the motion takes {duration:.0f} s under the arm's limits, more than {most:.0f} s"
         raise DesignError(f"{took}; use fewer waypoints")
 
-    if stage.checks or stage.settings.observe:
+    if stage.checks or settings.observe:
         thin = thinnest(stage.scene)
         hz = sample_hz(stage.task.robot, job.tool, job.trajectory, thin)
         check_work(job.tool, duration, hz)
         job = replace(job, record_hz=hz, forces=bool(stage.scene.softs))
+    if stage.task.reads_trace:
+        job = replace(job, record_hz=job.record_hz or TRACE_HZ, forces=True)
 
-    return motion, job
+    attempt.motion = motion
+    attempt.warnings = tuple(motion.doubts())
+    attempt.job = job
 
 
 def _check_start(stage: Stage, tool: Tool) -> None:
     """Refuse a tool that does not start clear of everything in this scene."""
     try:
-        _spawn_rules(stage.condition).check(tool)
+        stage.spawn_rules.check(tool)
     except DesignError as error:
         place = "" if stage.condition.change is None else "in the perturbed scene, "
         raise DesignError(f"{place}{error}") from error
@@ -222,4 +226,7 @@ def follow_guards(stage: Stage, attempt: Attempt) -> None:
     attempt.motion = guards.motion
     if guards.problem:
         attempt.warnings += (guards.problem,)
-    _check_self_collision(stage, attempt)
+    try:
+        _check_self_collision(stage, attempt)
+    except DesignError as error:
+        attempt.problem = str(error)

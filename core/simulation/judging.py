@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,54 +23,46 @@ from core.trial import Trial
 _WARNINGS = 10  # findings of a rollout that are listed
 
 
-def judge_attempts(stage: Stage, attempts: Sequence[Attempt]) -> list[Trial]:
-    """Check what was played, and reward it."""
-    failures = [_find_failure(stage, attempt) for attempt in attempts]
-    pairs = list(zip(attempts, failures, strict=True))
-    finished = [attempt for attempt, failure in pairs if failure is None]
-    rewarded = iter(_reward(stage, finished))
-    trials = []
-    for attempt, failure in pairs:
-        if failure is None:
-            trials.append(next(rewarded))
-        else:
-            name = attempt.candidate.id
-            trials.append(Trial(stage.where, name, "failed", reason=failure))
+def judge_attempts(stage: Stage, attempts: Sequence[Attempt]) -> None:
+    """Check what was played, and make a trial of each attempt."""
+    for attempt in attempts:
+        failure = _find_failure(stage, attempt)
+        if failure is not None:
+            attempt.end(stage, "failed", failure)
 
-    return trials
+    finished = [attempt for attempt in attempts if attempt.trial is None]
+    if finished:
+        _reward(stage, finished)
 
 
 def _find_failure(stage: Stage, attempt: Attempt) -> str | None:
     """Find what was unphysical and what touched; say why a rollout failed; None: it did not."""
+    if attempt.problem is not None:
+        return attempt.problem
     outcome = attempt.outcome
-    if outcome is None:
-        return attempt.problem or "the simulator returned no state"
+    if outcome.error is not None or outcome.start is None or outcome.end is None:
+        return outcome.error or "the simulator returned no state"
+
     recording = outcome.recording
+    reads_trace = stage.task.reads_trace
     if recording is not None:
-        parts = stage.scene, stage.task.robot, attempt.tool, recording
+        parts = stage.scene, stage.task.robot, attempt.job.tool, recording
         try:
             if stage.checks:
                 attempt.findings = findings(*parts)
         except Explosion as explosion:
-            return attempt.problem or f"the simulation blew up: {explosion}"
+            return f"the simulation blew up: {explosion}"
 
-        wanted = stage.task.reads_trace or stage.settings.observe
-        if wanted and outcome.error is None and is_finite(recording):
+        if (reads_trace or stage.settings.observe) and is_finite(recording):
             attempt.contacts = find_contacts(*parts)
 
-    if attempt.problem is not None:
-        return attempt.problem
-    if outcome.error is not None or outcome.start is None or outcome.end is None:
-        return outcome.error or "the simulator returned no state"
-    if stage.task.reads_trace and attempt.contacts is None:
+    if reads_trace and attempt.contacts is None:
         return "the reward reads a trace, and the simulator returned no recording of finite states"
     return None
 
 
-def _reward(stage: Stage, finished: Sequence[Attempt]) -> Iterator[Trial]:
-    """Yield the trials of what came to its end."""
-    if not finished:
-        return
+def _reward(stage: Stage, finished: Sequence[Attempt]) -> None:
+    """Make the trials of what came to its end."""
     task = stage.task
     starts = _stack(stage, finished, "start")
     ends = _stack(stage, finished, "end")
@@ -82,13 +74,11 @@ def _reward(stage: Stage, finished: Sequence[Attempt]) -> Iterator[Trial]:
     rewards = _rewards(task, starts, ends, trace).tolist()
     shifts = np.linalg.norm(ends.positions - starts.positions, axis=-1).tolist()
     for number, attempt in enumerate(finished):
-        start = starts[number]
-        end = ends[number]
         film = None if trace is None else trace[number]
+        world = starts[number], ends[number], film
         reward = rewards[number]
         motion = attempt.motion
         outcome = attempt.outcome
-        assert outcome is not None
         trial = Trial(
             stage.where,
             attempt.candidate.id,
@@ -101,15 +91,15 @@ def _reward(stage: Stage, finished: Sequence[Attempt]) -> Iterator[Trial]:
             motion_s=float(motion.trajectory.duration),
             moved_m=dict(zip(starts.names, shifts[number], strict=True)),
             warnings=(*attempt.warnings, *motion.slowdowns(), *outcome.warnings),
-            margins=margins_of(task, start, end, film, reward),
-            goals=shares_of(task, start, end, film),
+            margins=margins_of(task, *world, reward),
+            goals=shares_of(task, *world),
         )
         if not 0.0 <= reward <= 1.0:
             reason = f"task {task.name}: the reward {reward} is not in [0, 1]"
             trial = replace(trial, status="failed", reward=0.0, reason=reason)
 
-        observed = _observe(stage, trial, attempt)
-        yield judge(observed, attempt.findings, forbid=stage.forbids)
+        trial = _observe(stage, trial, attempt)
+        attempt.trial = _add_findings(trial, attempt.findings, stage.forbids)
 
 
 def _stack(stage: Stage, finished: Sequence[Attempt], moment: str) -> State:
@@ -120,17 +110,16 @@ def _stack(stage: Stage, finished: Sequence[Attempt], moment: str) -> State:
 
 def _observe(stage: Stage, trial: Trial, attempt: Attempt) -> Trial:
     """Add what was observed of a rollout, if that is asked for."""
-    outcome = attempt.outcome
     contacts = attempt.contacts
-    if not stage.settings.observe or contacts is None or outcome is None:
+    if not stage.settings.observe or contacts is None:
         return trial
-    motion = attempt.motion
-    seen = observe(stage.task, stage.scene, motion, outcome, trial.reward, contacts)
+    played = attempt.motion, attempt.outcome
+    seen = observe(stage.task, stage.scene, *played, trial.reward, contacts)
     text = f"{seen.result} {seen.what}".strip()
     return replace(trial, touch_m=seen.touch_m, outcome=text, observation=seen)
 
 
-def judge(trial: Trial, found: Sequence[Finding], *, forbid: bool) -> Trial:
+def _add_findings(trial: Trial, found: Sequence[Finding], forbid: bool) -> Trial:
     """Add findings to a trial's warnings; with ``forbid``, penetration sets its reward to 0."""
     texts = [finding.text for finding in found]
     if len(texts) > _WARNINGS:
@@ -141,8 +130,8 @@ def judge(trial: Trial, found: Sequence[Finding], *, forbid: bool) -> Trial:
     if not (forbid and penetrations and trial.reward > 0):
         return warned
     counts = f"so that its reward of {trial.reward:.2f} does not count"
-    reason = f"{penetrations[0]}, {counts}"
-    return replace(warned, reward=0.0, reason=trial.reason or reason)
+    reason = trial.reason or f"{penetrations[0]}, {counts}"
+    return replace(warned, reward=0.0, reason=reason)
 
 
 def _rewards(task: Task, starts: State, ends: State, trace: Trace | None) -> Array:

@@ -18,8 +18,9 @@ Dropped and tipped need at least half of the bodies that are not in place, or wi
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -68,31 +69,21 @@ def observe(
     contacts: Contacts,
 ) -> Observation:
     """Observe a rollout that came to its end; ``contacts`` are those of its recording."""
-    assert outcome.start is not None
-    assert outcome.end is not None
-    case = _Case(
-        task,
-        scene,
-        motion,
-        scene.complete(outcome.start),
-        scene.complete(outcome.end),
-        contacts,
-    )
+    case = _Case(task, scene, motion, outcome, contacts)
     result, what, instant = case.classify(reward)
-    taken = contacts.taken
-    found = sorted(contacts.all, key=lambda contact: contact.kind == "body")
     moved = case.moved()
+    taken = contacts.taken
 
     instants = np.linspace(0.0, taken.times[-1], INSTANTS)
     samples = np.abs(taken.times - instants[:, None]).argmin(axis=1)
     paths = dict[str, tuple[Point, ...]]()
     for name in case.choose_paths(moved):
         places = taken.states.position(name)[samples]
-        paths[name] = tuple(_point(place, 3) for place in places)
+        paths[name] = tuple(_round_all(place, 3) for place in places)
 
     misses = motion.misses / (MISSED_M, MISSED_RAD)
     worst = int(misses.max(axis=1).argmax())
-    miss_m, miss_rad = motion.misses[worst].tolist()
+    miss_m, miss_rad = _round_all(motion.misses[worst], 4)
     # An engine may measure no lag.
     lag = float(np.nanmax([outcome.tracking_error_rad, case.lags.max()]))
 
@@ -103,16 +94,30 @@ def observe(
         left=case.left,
         moved=moved,
         errors=case.errors(),
-        contacts=tuple(_rounded(contact) for contact in found[:MAX_CONTACTS]),
+        contacts=_choose_contacts(contacts),
         clearances={name: round(gap, 4) for name, gap in contacts.clearances.items()},
         touch_m=_round(contacts.touch_m, 4),
-        miss=(worst + 1, round(miss_m, 4), round(miss_rad, 4)),
+        miss=(worst + 1, miss_m, miss_rad),
         lag_rad=round(lag, 4),
-        lag_s=round(float(taken.times[int(case.lags.argmax())]), 2),
-        arrivals=_rounded_times(motion.arrivals),
+        lag_s=round(float(taken.times[case.lags.argmax()]), 2),
+        arrivals=_round_all(motion.arrivals, 2),
         felt=tuple(map(str, outcome.felt)),
-        instants=_rounded_times(taken.times[samples]),
+        instants=_round_all(taken.times[samples], 2),
         paths=paths,
+    )
+
+
+def _choose_contacts(contacts: Contacts) -> tuple[Contact, ...]:
+    """Choose the first contacts, the robot's before those of bodies with each other."""
+    robots_first = sorted(contacts.all, key=lambda contact: contact.kind == "body")
+    return tuple(
+        replace(
+            contact,
+            first_s=round(contact.first_s, 2),
+            last_s=round(contact.last_s, 2),
+            depth_m=round(contact.depth_m, 4) + 0.0,
+        )
+        for contact in robots_first[:MAX_CONTACTS]
     )
 
 
@@ -131,33 +136,37 @@ class _Case:
         task: Task,
         scene: Scene,
         motion: Motion,
-        start: State,
-        end: State,
+        outcome: Outcome,
         contacts: Contacts,
     ) -> None:
+        assert outcome.start is not None
+        assert outcome.end is not None
         self.task = task
         self.scene = scene
         self.motion = motion
-        self.start = start
-        self.end = end
+        self.start = scene.complete(outcome.start)
+        self.end = scene.complete(outcome.end)
         self.contacts = contacts
+        self.states = contacts.taken.states
+        self.times = contacts.taken.times
         self.goals = [goal for goal in task.goals if _fits(goal, scene)]
         self.reaches = reaches(self.goals)
 
-        bodies = [body for goal in self.reaches for body in goal.subjects(start)]
-        self.names = tuple(dict.fromkeys(bodies)) or start.names
+        bodies = dict[str, None]()
+        for goal in self.reaches:
+            bodies |= dict.fromkeys(goal.subjects(self.start))
+        self.names = tuple(bodies) or self.start.names
         self.left = tuple(name for name in self.names if not self._is_in_place(name))
 
-        taken = contacts.taken
-        planned, _ = motion.trajectory.sample(taken.times)
-        off = np.abs(taken.arm - planned).max(axis=1)
-        self.lags = np.where(taken.times < 0, 0.0, off)
+        planned, _ = motion.trajectory.sample(self.times)
+        off = np.abs(contacts.taken.arm - planned).max(axis=1)
+        self.lags = np.where(self.times < 0, 0.0, off)
 
     def classify(self, reward: float) -> tuple[Class, str, float | None]:
         """Choose the class, see the module; also the thing that it is about, and when it happened, seconds."""
         if reward >= self.task.success_reward:
             return "solved", "", None
-        forbidden = min(self._breaches(), default=None, key=lambda breach: breach[0])
+        forbidden = min(self._breaches(), default=None)
         if forbidden is not None:
             instant, what = forbidden
             return "forbidden", what, instant
@@ -172,7 +181,7 @@ class _Case:
             instant, result, what = min(causes)
             return result, what, instant
 
-        if not touches.size and all(self._moved(n) <= NUDGED_M for n in self.names):
+        if not touches.size and all(self._way(n) <= NUDGED_M for n in self.names):
             return "never touched", "", None
         if len(self.left) == len(self.names):
             return "missed", "", None
@@ -185,48 +194,54 @@ class _Case:
             begin = self.start.position(name)
             end = self.end.position(name)
             tilt = 0.0
-            if not _is_ball(self.scene, name):
-                turned = self.end.quaternion(name)
-                tilt = round(float(_tilts(self.start.quaternion(name), turned)), 1)
+            if not self._is_ball(name):
+                tilt = round(float(self._tilts(name, self.end)), 1)
 
-            shifted = self._moved(name) > _STILL_M or tilt > _STILL_DEG
+            shifted = self._way(name) > _STILL_M or tilt > _STILL_DEG
             if shifted or name in self.names:
-                found[name] = Moved(_point(end - begin), _point(end), tilt)
+                by = _round_all(end - begin, 4)
+                found[name] = Moved(by, _round_all(end, 4), tilt)
 
         return found
 
-    def choose_paths(self, moved: Mapping[str, Moved]) -> list[str]:
+    def choose_paths(self, moved: Iterable[str]) -> list[str]:
         """Choose the bodies whose ways are told: those that are not in place, the goal's others, what moved most."""
-        states = self.contacts.taken.states
         ways = {
-            name: float(np.ptp(states.position(name), axis=0).max()) for name in moved
+            name: np.ptp(self.states.position(name), axis=0).max() for name in moved
         }
         strayed = [name for name, way in ways.items() if way > _STILL_M]
-        strayed.sort(key=lambda name: -ways[name])
-        strayed.sort(key=lambda name: (name not in self.left, name not in self.names))
+        strayed.sort(
+            key=lambda name: (
+                name not in self.left,
+                name not in self.names,
+                -ways[name],
+            )
+        )
         return strayed[:PATHS]
 
     def errors(self) -> dict[str, Offset]:
         """Measure how far each body of the goals ended from its place; the goal that is nearest counts."""
-        nearest_first = sorted(self.reaches, key=self._measure_left)
         found = dict[str, Offset]()
-        for goal in nearest_first:
+        for goal in sorted(self.reaches, key=self._measure_left):
             for name in goal.subjects(self.start):
                 wanted = goal.place_of(name, self.start)
                 found.setdefault(name, _offset(wanted, self.end.position(name)))
         return {name: found[name] for name in self.names if name in found}
 
-    def _moved(self, name: str) -> float:
+    def _way(self, name: str) -> float:
+        """Measure how far a body ended from its start."""
         return _length(self.end.position(name) - self.start.position(name))
 
     def _is_in_place(self, name: str) -> bool:
-        enough = all if self.task.every else any
-        found = []
-        for goal in self.reaches:
-            if name in goal.subjects(self.start):
-                held = not goal.held or self.contacts.held(name)[-1]
-                found.append(held and goal.is_in_place(name, self.start, self.end))
-        return bool(found) and enough(found)
+        found = [
+            goal.is_in_place(name, self.start, self.end)
+            and (not goal.held or self.contacts.held(name)[-1])
+            for goal in self.reaches
+            if name in goal.subjects(self.start)
+        ]
+        if not found or not self.task.every:
+            return any(found)
+        return all(found)
 
     def _measure_left(self, goal: Reach) -> float:
         """Measure how far a goal's bodies are from where it wants them, on average."""
@@ -248,20 +263,13 @@ class _Case:
 
     def _causes(self, touches: Samples) -> list[Cause]:
         """Find what may have gone wrong while the robot was at work."""
-        scene = self.scene
-        contacts = self.contacts
         work = (0.0, np.inf)
-
         if touches.size:
-            first, last = contacts.taken.times[touches[[0, -1]]].tolist()
+            first, last = self.times[touches[[0, -1]]].tolist()
             work = (first, last)
 
-        causes = [
-            *_unreachable(self.motion, work),
-            *_stuck(scene, contacts, self.lags, work),
-        ]
-
-        fallen = [_fallen(scene, contacts, name, self.start) for name in self.left]
+        causes = [*self._find_unreachable(work), *self._find_stuck(work)]
+        fallen = [self._find_fallen(name) for name in self.left]
         known = [cause for cause in fallen if cause is not None]
         needed = len(self.left) / 2
         if any(goal.any for goal in self.reaches):
@@ -269,6 +277,63 @@ class _Case:
         if len(known) >= needed:
             causes += known
         return causes
+
+    def _find_unreachable(self, work: Span) -> Iterator[Cause]:
+        """Find the waypoints that the arm misses the way to."""
+        arrivals = self.motion.arrivals
+        begins = np.append(0.0, arrivals[:-1])
+        at_work = (arrivals >= work[0]) & (begins <= work[1])
+        missed = (self.motion.misses > (MISSED_M, MISSED_RAD)).any(axis=1)
+        for number in np.flatnonzero(at_work & missed):
+            yield float(begins[number]), "unreachable", f"waypoint {number + 1}"
+
+    def _find_stuck(self, work: Span) -> Iterator[Cause]:
+        """Find stretches of large lag, at whose peak the robot touches something that does not yield."""
+        times = self.times
+        for begin, stop in _runs(self.lags > STUCK_RAD):
+            if times[stop - 1] < work[0] or times[begin] > work[1]:
+                continue
+            peak = begin + int(self.lags[begin:stop].argmax())
+            before = np.searchsorted(times, times[peak] - UNYIELDING_S)
+            for (kind, _, other), touched in self.contacts.touching.items():
+                if kind == "body" or not touched[max(0, peak - 2) : peak + 3].any():
+                    continue
+                moved = 0.0
+                if not self.scene[other].fixed:
+                    places = self.states.position(other)
+                    moved = _length(places[peak] - places[before])
+
+                if moved <= UNYIELDING_M:
+                    yield float(times[begin]), "stuck", other
+
+    def _find_fallen(self, name: str) -> Cause | None:
+        """Find when a body was dropped, or tipped over."""
+        heights = self.states.position(name)[:, 2]
+        rest = float(self.start.position(name)[2])
+        for begin, stop in _runs(~self.contacts.held(name)):
+            top = heights[begin - 1] if begin else rest
+            if top - rest >= LIFTED_M and top - heights[begin:stop].min() >= FALLEN_M:
+                return float(self.times[begin - 1]), "dropped", name
+
+        if self._is_ball(name):
+            return None
+        upright = np.flatnonzero(self._tilts(name, self.states) <= TIPPED_DEG)
+        tipped = int(upright[-1]) + 1 if upright.size else 0
+        # It stayed so, and did not fall.
+        if tipped < len(heights) and heights[tipped] >= rest - FELL_M:
+            return float(self.times[tipped]), "tipped", name
+
+        return None
+
+    def _is_ball(self, name: str) -> bool:
+        parts = self.scene[name].collisions
+        return all(isinstance(part.shape, Sphere) for part in parts)
+
+    def _tilts(self, name: str, states: State) -> Array:
+        """Compute how far a body's upward axis has turned since the start, degrees, in each state (...)."""
+        upward = rotate_back(self.start.quaternion(name), np.array([0.0, 0.0, 1.0]))
+        heights = rotate(states.quaternion(name), upward)[..., 2]
+        return np.degrees(np.arccos(np.clip(heights, -1.0, 1.0)))
 
 
 def _fits(goal: Goal, scene: Scene) -> bool:
@@ -279,78 +344,11 @@ def _fits(goal: Goal, scene: Scene) -> bool:
     return True
 
 
-def _unreachable(motion: Motion, work: Span) -> Iterator[Cause]:
-    """Find the first waypoint that the arm misses the way to."""
-    begins = np.append(0.0, motion.arrivals[:-1])
-    at_work = (motion.arrivals >= work[0]) & (begins <= work[1])
-    missed = (motion.misses > (MISSED_M, MISSED_RAD)).any(axis=1)
-    if (at_work & missed).any():
-        first = int((at_work & missed).argmax())
-        yield float(begins[first]), "unreachable", f"waypoint {first + 1}"
-
-
-def _stuck(
-    scene: Scene, contacts: Contacts, lags: Array, work: Span
-) -> Iterator[Cause]:
-    """Find stretches of large lag, at whose peak the robot touches something that does not yield."""
-    times = contacts.taken.times
-
-    for begin, stop in _runs(lags > STUCK_RAD):
-        if times[stop - 1] < work[0] or times[begin] > work[1]:
-            continue
-        peak = begin + int(lags[begin:stop].argmax())
-        before = int(np.searchsorted(times, times[peak] - UNYIELDING_S))
-        for (kind, _, other), touched in contacts.touching.items():
-            if kind == "body" or not touched[max(0, peak - 2) : peak + 3].any():
-                continue
-            moved = 0.0
-            if not scene[other].fixed:
-                places = contacts.taken.states.position(other)
-                moved = _length(places[peak] - places[before])
-
-            if moved <= UNYIELDING_M:
-                yield float(times[begin]), "stuck", other
-
-
-def _fallen(scene: Scene, contacts: Contacts, name: str, start: State) -> Cause | None:
-    """Find when a body was dropped, or tipped over."""
-    times = contacts.taken.times
-    states = contacts.taken.states
-    heights = states.position(name)[:, 2]
-    rest = float(start.position(name)[2])
-    for begin, stop in _runs(~contacts.held(name)):
-        top = heights[begin - 1] if begin else rest
-        if top - rest >= LIFTED_M and top - heights[begin:stop].min() >= FALLEN_M:
-            return float(times[begin - 1]), "dropped", name
-
-    if _is_ball(scene, name):
-        return None
-    tilted = _tilts(start.quaternion(name), states.quaternion(name)) > TIPPED_DEG
-    runs = list(_runs(tilted))
-    if runs and runs[-1][1] == len(times):  # it stayed so
-        tipped = runs[-1][0]
-        if heights[tipped] >= rest - FELL_M:
-            return float(times[tipped]), "tipped", name
-
-    return None
-
-
-def _is_ball(scene: Scene, name: str) -> bool:
-    return all(isinstance(part.shape, Sphere) for part in scene[name].collisions)
-
-
 def _runs(flags: Flags) -> Iterator[tuple[int, int]]:
     """Yield where flags begin to be set and where they end."""
     changes = np.diff(np.pad(flags.astype(np.int8), 1))
     edges = np.flatnonzero(changes).tolist()
     return zip(edges[::2], edges[1::2], strict=True)
-
-
-def _tilts(first: Array, quaternions: Array) -> Array:
-    """Compute how far a body's upward axis has turned since its ``first`` quaternion, degrees, for each of others."""
-    upward = rotate_back(first, np.array([0.0, 0.0, 1.0]))
-    heights = rotate(quaternions, upward)[..., 2]
-    return np.degrees(np.arccos(np.clip(heights, -1.0, 1.0)))
 
 
 def _offset(wanted: Array | None, position: Array) -> Offset:
@@ -364,27 +362,14 @@ def _offset(wanted: Array | None, position: Array) -> Offset:
     return x, y, z
 
 
-def _length(vector: Array | Point) -> float:
+def _length(vector: Array) -> float:
     return float(np.linalg.norm(vector))
 
 
-def _point(position: Array, digits: int = 4) -> Point:
-    x, y, z = (round(float(number), digits) + 0.0 for number in position)
-    return x, y, z
+def _round_all(values: Array, digits: int) -> Any:
+    """Round numbers (N,): a tuple of N."""
+    return tuple(round(value, digits) + 0.0 for value in values.tolist())
 
 
 def _round(number: float | None, digits: int) -> float | None:
     return None if number is None else round(number, digits)
-
-
-def _rounded_times(times: Array) -> tuple[float, ...]:
-    return tuple(round(time, 2) for time in times.tolist())
-
-
-def _rounded(contact: Contact) -> Contact:
-    return replace(
-        contact,
-        first_s=round(contact.first_s, 2),
-        last_s=round(contact.last_s, 2),
-        depth_m=round(contact.depth_m, 4) + 0.0,
-    )

@@ -13,7 +13,7 @@ from core.errors import RAISED, UserError
 from core.interfaces import Outcome, Rollout, Simulator, Task
 from core.plugins import describe_part
 from core.plugins.blame import PluginError, describe_failure
-from core.simulation.attempt import Attempt, Stage, follow_guards, plan_attempt
+from core.simulation.attempt import Stage, follow_guards, plan_attempt, stage_of
 from core.simulation.judging import judge_attempts
 from core.simulation.observing import MISSED_M, MISSED_RAD
 from core.support.text import shorten
@@ -30,7 +30,7 @@ def play(condition: Condition, candidates: Sequence[Candidate]) -> list[Trial]:
         PluginError: the code of the task or the simulator raised something; names the plugin.
     """
     try:
-        return _play(Stage(condition), candidates)
+        return _play(stage_of(condition), candidates)
     except (UserError, MemoryError):
         raise
     except RAISED as error:  # a plugin's code may raise anything
@@ -45,9 +45,9 @@ def find_problems(condition: Condition, candidate: Candidate) -> list[str]:
 
     That is why it would be rejected, or else which waypoints the arm misses or is late at, and where it meets itself.
     """
-    planned = plan_attempt(Stage(condition), candidate)
-    if isinstance(planned, Trial):
-        return [planned.reason]
+    planned = plan_attempt(stage_of(condition), candidate)
+    if planned.trial is not None:
+        return [planned.trial.reason]
 
     motion = planned.motion
     problems = []
@@ -61,21 +61,21 @@ def find_problems(condition: Condition, candidate: Candidate) -> list[str]:
 
 def _play(stage: Stage, candidates: Sequence[Candidate]) -> list[Trial]:
     """Try each candidate, and return their trials, in order."""
-    planned = [plan_attempt(stage, candidate) for candidate in candidates]
-    attempts = [step for step in planned if isinstance(step, Attempt)]
-    jobs = [attempt.job for attempt in attempts]
+    attempts = [plan_attempt(stage, candidate) for candidate in candidates]
+    planned = [attempt for attempt in attempts if attempt.trial is None]
+    jobs = [attempt.job for attempt in planned]
     outcomes = _run_engine(stage.simulator, stage.task, jobs)
-    for attempt, outcome in zip(attempts, outcomes, strict=True):
+    for attempt, outcome in zip(planned, outcomes, strict=True):
         attempt.outcome = outcome
         follow_guards(stage, attempt)
-
-    played = iter(judge_attempts(stage, attempts))
+    judge_attempts(stage, planned)
 
     condition = stage.condition
     examiner = condition.examiner
     trials = []
-    for candidate, step in zip(candidates, planned, strict=True):
-        trial = next(played) if isinstance(step, Attempt) else step
+    for candidate, attempt in zip(candidates, attempts, strict=True):
+        trial = attempt.trial
+        assert trial is not None
         if examiner is not None and trial.status == "ok":
             trial = examiner.examine(condition, candidate, trial)
         trials.append(trial)
@@ -92,13 +92,13 @@ def _run_engine(
         PluginError: the simulator returned something else; names it.
     """
     outcomes = simulator.rollout(task, jobs)
+    got = None
     listed = isinstance(outcomes, list)
     if not listed or not all(isinstance(outcome, Outcome) for outcome in outcomes):
         got = f"{shorten(repr(outcomes))}; expected a list of Outcome"
-        raise PluginError(f"{describe_part(simulator)}: rollout gave {got}")
-
-    if len(outcomes) != len(jobs):
+    elif len(outcomes) != len(jobs):
         got = f"{len(outcomes)} outcomes for {len(jobs)} jobs"
+    if got is not None:
         raise PluginError(f"{describe_part(simulator)}: rollout gave {got}")
 
     return outcomes

@@ -41,7 +41,6 @@ class Contacts:
     Attributes:
         taken: the T samples of the recording that were looked at.
         touching: for each two things that ever touched, at which samples (T,).
-        resting: the bodies among them that touched before the motion began.
         depths: the largest penetration of each two, metres.
         clearances: the smallest gap between the robot and each body that it never touched, metres.
         touch_m: how far from its mount's origin the tool first touched a body that can move; None: it touched none.
@@ -49,33 +48,43 @@ class Contacts:
 
     taken: Recording
     touching: dict[Key, Flags]
-    resting: frozenset[Key]
     depths: dict[Key, float]
     clearances: dict[str, float]
     touch_m: float | None = None
 
     @cached_property
+    def resting(self) -> set[Key]:
+        """The bodies that touched each other before the motion began."""
+        settling = self.taken.times <= 0
+        return {
+            key
+            for key, touched in self.touching.items()
+            if key[0] == "body" and (touched & settling).any()
+        }
+
+    @cached_property
     def all(self) -> tuple[Contact, ...]:
         """The contacts, the earliest first, without those of bodies that touched before the motion began."""
-        contacts = [self._describe(key) for key in self.touching.keys() - self.resting]
+        contacts = [
+            self._describe(*key) for key in self.touching if key not in self.resting
+        ]
         contacts.sort(key=lambda contact: (contact.first_s, contact.one, contact.other))
         return tuple(contacts)
 
-    def _describe(self, key: Key) -> Contact:
+    def _describe(self, kind: Any, first: str, second: str) -> Contact:
         """Describe a contact; its force is the largest normal force, N, and a component has that of the tool."""
-        kind: Any  # one of three literals
-        kind, first, second = key
-        times = self.taken.times[self.touching[key]].tolist()
+        key = (kind, first, second)
+        touched = self.touching[key]
+        begin, *_, end = self.taken.times[touched][[0, -1]].tolist()
         force = None
-        if forces := self.taken.forces:
-            one_there = "tool" if kind == "tool" else first
-            values = forces.get((one_there, second), forces.get((second, one_there)))
-            force = 0.0
-            if values is not None:
-                force = float((values * self.touching[key]).max())
+        forces = self.taken.forces
+        if forces:
+            presser = "tool" if kind == "tool" else first
+            unpressed = forces.get((second, presser), np.zeros(1))
+            values = forces.get((presser, second), unpressed)
+            force = float((values * touched).max())
 
-        depth = self.depths[key]
-        return Contact(kind, first, second, times[0], times[-1], depth, force)
+        return Contact(kind, first, second, begin, end, self.depths[key], force)
 
     def with_robot(self, body: str) -> Flags:
         """Report at which samples (T,) the arm or the tool touches a body."""
@@ -101,66 +110,57 @@ def find_contacts(
     taken = subset(recording, coarse_samples(recording))
     tracks = follow(scene, robot, tool, taken)
     robots = [track for track in tracks if track.owner == ROBOT]
-    links = len(robots) - len(tool.parts)
+    of_tool = {*tool.mounts, *tool.placed()}
     touching: dict[Key, Flags] = {}
     depths: dict[Key, float] = {}
-    earliest: tuple[int, Pair] | None = None  # of the tool with a body that can move
-    for number, pair, touched, depth in _find_touches(scene, tracks, taken):
+    first_touch: tuple[float, Pair | None] = (math.inf, None)  # of a body that can move
+    for pair, touched, depth in _find_touches(scene, tracks, taken):
+        first = pair.first
         kind = "arm"
-        if number >= len(robots):
+        if first.owner != ROBOT:
             kind = "body"
-        elif number >= links or pair.first.name in tool.mounts:
+        elif first.name in of_tool:
             kind = "tool"
 
-        key = (kind, pair.first.name, pair.second.name)
+        key = (kind, first.name, pair.second.name)
         touching[key] = touching.get(key, False) | touched
         depths[key] = max(depth, depths.get(key, depth))
 
-        if kind == "tool" and not scene[pair.second.owner].fixed:
-            sample = int(touched.argmax())
-            if earliest is None or sample < earliest[0]:
-                earliest = sample, pair
+        sample = int(touched.argmax())
+        movable = not scene[pair.second.owner].fixed
+        if kind == "tool" and movable and sample < first_touch[0]:
+            first_touch = sample, pair
 
     bodies = {body.name for body in scene.bodies}
     softs = {soft.name for soft in scene.softs}
 
-    for (first, second), force in taken.forces.items():
-        if softs & {first, second}:  # engines alone know what soft bodies touch
+    for (presser, body), force in taken.forces.items():
+        if softs & {presser, body}:  # engines alone know what soft bodies touch
             kind = "arm"
-            if first in bodies:
+            if presser in bodies:
                 kind = "body"
-            elif first == "tool" and tool.components:
+            elif presser == "tool" and tool.components:
                 kind = "tool"
 
-            key = (kind, first, second)
+            key = (kind, presser, body)
             touching[key] = force > 0
             depths[key] = 0.0
 
-    settled = int(np.searchsorted(taken.times, 0.0, side="right"))
-    resting = [
-        key
-        for key, touched in touching.items()
-        if key[0] == "body" and touched[:settled].any()
-    ]
-    missed = bodies - {second for kind, _, second in touching if kind != "body"}
+    missed = bodies - {other for kind, _, other in touching if kind != "body"}
     gaps = nearest(robots, [track for track in tracks if track.owner in missed])
     return Contacts(
         taken,
         touching,
-        frozenset(resting),
         depths,
         {name: gap for name, (gap, _) in gaps.items()},
-        None if earliest is None else _measure_touch(robot, tool, taken, *earliest),
+        _measure_touch(robot, tool, taken, *first_touch),
     )
 
 
 def _find_touches(
     scene: Scene, tracks: Tracks, taken: Recording
-) -> Iterator[tuple[int, Pair, Flags, float]]:
-    """Yield each pair of solids that touches: the first one's number, and the pair.
-
-    Also at which of the samples (T,) they touch, and how deep they are in each other at most, metres.
-    """
+) -> Iterator[tuple[Pair, Flags, float]]:
+    """Yield each pair of solids that touches, at which of the samples (T,), and how deep they get, metres."""
     pairs = neighbours(tracks, TOUCH_M + 2 * HULL_M, scene.joined)
     solids = tracks.solids
     shapes = [solid.shape for solid in solids.items]
@@ -172,15 +172,14 @@ def _find_touches(
     never = np.zeros(tracks.samples - 1, dtype=bool)
     strikes = np.array([struck.get(owner, never) for owner in solids.owners])
     within = np.full(len(pairs), -STRUCK_M)
-    either = strikes[pairs[:, 0]] | strikes[pairs[:, 1]]
-    hit = may_meet(tracks, pairs, within, either)
+    hit = may_meet(tracks, pairs, within, strikes[pairs].any(axis=1))
 
     for number in np.flatnonzero((near | hit).any(axis=1)).tolist():
         first, second = pairs[number].tolist()
         pair = Pair(tracks[first], tracks[second])
         touched, depth = _touch(pair, most[number], near[number], hit[number])
         if touched.any():
-            yield first, pair, touched, depth
+            yield pair, touched, depth
 
 
 def _touch(pair: Pair, most: float, near: Flags, hit: Flags) -> tuple[Flags, float]:
@@ -208,14 +207,16 @@ def _find_struck(recording: Recording) -> dict[str, Flags]:
 
 
 def _measure_touch(
-    robot: Robot, tool: Tool, taken: Recording, sample: int, pair: Pair
-) -> float:
+    robot: Robot, tool: Tool, taken: Recording, sample: float, pair: Pair | None
+) -> float | None:
     """Measure the distance from the mount's origin to a contact at a sample: the nearest point of the tool, metres."""
+    if pair is None:
+        return None
+    k = int(sample)
     name = pair.first.name
-    mount = name if name in tool.mounts else tool.placed()[name][0]
-    frames = link_frames(robot, tool, taken.arm[[sample]], taken.fingers[[sample]])
-    _, positions = frames[mount]
-    return float(lengths(pair.look(sample).nearest - positions[0]))
+    mount, _ = tool.placed().get(name, (name, None))
+    _, positions = link_frames(robot, tool, taken.arm[[k]], taken.fingers[[k]])[mount]
+    return float(lengths(pair.look(k).nearest - positions[0]))
 
 
 def nearest(
@@ -256,7 +257,7 @@ def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
     What the robot touched and pressed before its motion began counts at 0, and between two instants at the nearest. A
     body that it only touched between two samples of a recording is one that it pressed.
     """
-    last = max(float(world.taken.times[-1]) for world in worlds)
+    last = max(world.taken.times[-1] for world in worlds)
     instants = np.arange(math.ceil(last * TRACE_HZ - 1e-6) + 1) / TRACE_HZ
     shape = len(worlds), len(instants)
     touching: dict[Key, Flags] = defaultdict(lambda: np.zeros(shape, dtype=bool))
@@ -269,13 +270,13 @@ def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
         films.append(subset(taken, clock.chosen).states)
         for key, flags in world.touching.items():
             touching[key][number] = clock.read(flags, early=key[0] != "body")
-        for pair, values in taken.forces.items():
-            robots = pair[0] not in bodies
-            force = clock.read(values, early=robots)
-            forces[pair][number] = force
-            if robots and not world.with_robot(pair[1]).any():
-                kind = "tool" if pair[0] == "tool" else "arm"
-                touching[kind, *pair][number] |= force > 0
+        for (presser, body), values in taken.forces.items():
+            by_robot = presser not in bodies
+            force = clock.read(values, early=by_robot)
+            forces[presser, body][number] = force
+            if by_robot and not world.with_robot(body).any():
+                kind = "tool" if presser == "tool" else "arm"
+                touching[kind, presser, body][number] |= force > 0
 
     # An engine that measures no forces has none where things touch.
     measured = bool(forces) or not touching
