@@ -5,7 +5,6 @@ A mesh counts as its convex hull, as in every engine.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -56,8 +55,8 @@ class Solid:
         return self.pose.apply(middle), np.abs(self.pose.rotation.as_matrix()) @ half
 
 
-def hull(mesh: trimesh.Trimesh | trimesh.PointCloud) -> Any:
-    """Build the convex hull of a mesh or of points as a Coal shape."""
+def _hull(mesh: trimesh.Trimesh) -> Any:
+    """Build the convex hull of a mesh as a Coal shape."""
     convex = mesh.convex_hull
     points = coal.StdVec_Vec3s()
     points.extend(np.asarray(convex.vertices, dtype=np.float64))
@@ -67,8 +66,9 @@ def hull(mesh: trimesh.Trimesh | trimesh.PointCloud) -> Any:
     return coal.Convex(points, faces)
 
 
+@lru_cache(maxsize=256)
 def solid_geometry(shape: Shape) -> Any:
-    """Build a shape for Coal."""
+    """Build a shape for Coal; kept, since scenes are made anew for each rollout, mostly of equal shapes."""
     match shape:
         case Box(size):
             return coal.Box(*size)
@@ -79,7 +79,7 @@ def solid_geometry(shape: Shape) -> Any:
         case Capsule(radius, length):
             return coal.Capsule(radius, length)
         case Mesh():
-            return hull(shape.to_trimesh())
+            return _hull(shape.to_trimesh())
 
 
 def corners(geometry: Any) -> Array:
@@ -87,8 +87,7 @@ def corners(geometry: Any) -> Array:
     if isinstance(geometry, coal.ConvexBase):
         return np.asarray(geometry.points())
     middle, half = bounding_box(geometry)
-    ranges = np.column_stack([middle - half, middle + half])
-    return np.array(np.meshgrid(*ranges)).reshape(3, -1).T
+    return np.asarray(trimesh.bounds.corners([middle - half, middle + half]))
 
 
 def bounding_box(geometry: Any) -> tuple[Array, Array]:
@@ -111,22 +110,10 @@ def body_solids(body: Body) -> Iterator[Solid]:
 
 def signed_distance(a: Solid, b: Solid) -> float:
     """Measure the distance of two solids in one frame, metres; a negative one is the penetration depth."""
-    return contact(a, b)[0]
-
-
-def contact(a: Solid, b: Solid) -> tuple[float, Array]:
-    """Measure the signed distance of two solids in one frame, and find the point (3,) midway where they are closest."""
+    request = coal.DistanceRequest()
     result = coal.DistanceResult()
-    gap = coal.distance(
-        a.geometry, a.transform, b.geometry, b.transform, coal.DistanceRequest(), result
-    )
-    return float(gap), (result.getNearestPoint1() + result.getNearestPoint2()) / 2
-
-
-def closest(ones: Iterable[Solid], others: Iterable[Solid]) -> tuple[float, Array]:
-    """Measure the least signed distance of two groups of solids, and find the point (3,) midway there."""
-    contacts = itertools.starmap(contact, itertools.product(ones, others))
-    return min(contacts, key=lambda found: found[0])
+    between = (a.geometry, a.transform, b.geometry, b.transform)
+    return float(coal.distance(*between, request, result))
 
 
 class Obstacles:
@@ -148,13 +135,6 @@ class Obstacles:
             yield other.name, signed_distance(solid, other)
 
 
-def gap(a: Shape, pose_a: Pose, b: Shape, pose_b: Pose) -> float:
-    """Measure the gap between two shapes, metres, both poses in one frame; 0 if they touch or overlap."""
-    first = Solid("", solid_geometry(a), pose_a)
-    second = Solid("", solid_geometry(b), pose_b)
-    return max(0.0, signed_distance(first, second))
-
-
 @lru_cache(maxsize=8)
 def robot_solids(robot: Robot, gripper: bool) -> tuple[Solid, ...]:
     """List the collision shapes of the robot without a tool, each in the frame of its link."""
@@ -163,7 +143,7 @@ def robot_solids(robot: Robot, gripper: bool) -> tuple[Solid, ...]:
         for part in link.collisions:
             shape = part.shape
             if isinstance(shape, Path):
-                geometry = hull(trimesh.load_mesh(shape).apply_scale(part.scale))
+                geometry = _hull(trimesh.load_mesh(shape).apply_scale(part.scale))
             else:
                 geometry = solid_geometry(shape)
             solids.append(Solid(link.name, geometry, part.origin.pose))

@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
-import trimesh
 
 from core.design import Tool
 from core.geometry import Mesh, Shape, Sphere
-from core.robot.kinematics import jointed, robot_model
+from core.robot.kinematics import RobotModel, jointed, robot_model
 from core.robot.solids import (
     WORLD,
     Solid,
     bounding_box,
-    hull,
     robot_solids,
     solid_geometry,
 )
@@ -72,8 +69,7 @@ class Solids:
 @lru_cache(maxsize=512)
 def thickness(shape: Shape) -> float:
     """Measure how thick a shape is, metres: along its own axes, or square to a face of a mesh's hull."""
-    _, half = bounding_box(_geometry(shape))
-    straight = 2 * float(half.min())
+    straight = float(shape.bounds[1].min())
     if not isinstance(shape, Mesh):
         return straight
     convex = shape.to_trimesh().convex_hull
@@ -81,36 +77,29 @@ def thickness(shape: Shape) -> float:
     return min(straight, float(across.min()))
 
 
-@lru_cache(maxsize=256)
-def _geometry(shape: Shape) -> Any:
-    """Build a shape for Coal; kept, since scenes are made anew for each rollout, mostly of equal shapes."""
-    if isinstance(shape, Mesh):
-        return hull(trimesh.PointCloud(shape.vertices))
-    return solid_geometry(shape)
-
-
 @lru_cache(maxsize=8)
 def link_solids(robot: Robot, tool: Tool) -> tuple[Solid, ...]:
     """Return the solids of the links in the joints' frames; 0 is that of links that never move."""
-    links = robot_model(robot, tool).links
-    solids = []
-    for solid in robot_solids(robot, tool.gripper):
-        joint, pose = links[solid.name]
-        solids.append(replace(solid, pose=pose @ solid.pose, owner=ROBOT, frame=joint))
-    return tuple(solids)
+    model = robot_model(robot, tool)
+    solids = robot_solids(robot, tool.gripper)
+    return tuple(_hang(solid, solid.name, model) for solid in solids)
 
 
 def tool_solids(robot: Robot, tool: Tool) -> list[Solid]:
     """Return the solids of a tool's parts in the joints' frames."""
-    links = robot_model(robot, tool).links
+    model = robot_model(robot, tool)
     solids = []
     for part in tool.parts:
-        joint, pose = links[part.bearer]
-        geometry = _geometry(part.shape)
-        place = pose @ part.pose
-        solid = Solid(part.component, geometry, place, part.shape, ROBOT, joint)
-        solids.append(solid)
+        geometry = solid_geometry(part.shape)
+        solid = Solid(part.component, geometry, part.pose, part.shape)
+        solids.append(_hang(solid, part.bearer, model))
     return solids
+
+
+def _hang(solid: Solid, link: str, model: RobotModel) -> Solid:
+    """Move one of the robot's solids from a link's frame to that of the link's joint."""
+    joint, pose = model.links[link]
+    return replace(solid, pose=pose @ solid.pose, owner=ROBOT, frame=joint)
 
 
 @lru_cache(maxsize=8)
@@ -122,7 +111,7 @@ def scene_solids(scene: Scene) -> Solids:
         frame = frames.get(body.name, WORLD)
         for part in body.collisions:
             pose = body.pose @ part.pose if body.fixed else part.pose
-            geometry = _geometry(part.shape)
+            geometry = solid_geometry(part.shape)
             name = body.name
             solids.append(Solid(name, geometry, pose, part.shape, name, frame))
     return Solids(solids)

@@ -82,10 +82,8 @@ class SolidPairs:
         solids: Sequence[Solid],
         limits: dict[tuple[int, int], float],
     ) -> None:
-        self.names = [
-            (solids[first].name, solids[second].name) for first, second in limits
-        ]
-        self.deep = np.array(list(limits.values()))
+        self.names = [(solids[i].name, solids[j].name) for i, j in limits]
+        self.deep = np.array([*limits.values()])
         self._robot = robot
         self._geometry = pin.GeometryModel()
         for number, solid in enumerate(solids):
@@ -97,8 +95,7 @@ class SolidPairs:
         for pair in limits:
             self._geometry.addCollisionPair(pin.CollisionPair(*pair))
         self._data = pin.GeometryData(self._geometry)
-        requests = self._data.collisionRequests
-        for request, deep in zip(requests, limits.values(), strict=True):
+        for request, deep in zip(self._data.collisionRequests, self.deep, strict=True):
             request.security_margin = -deep
         self._near = pin.BroadPhaseManager_NaiveCollisionManager(
             robot.model, self._geometry, self._data
@@ -154,7 +151,7 @@ def find_self_collision(
 
     part, second = pairs.names[pair]
     time = float(np.interp(deepest, numbers, trajectory.times))
-    with_tool = part not in robot_model(robot, Tool(gripper=tool.gripper)).links
+    with_tool = part in tool.placed()
     return SelfCollision(time, part, second, depth, with_tool)
 
 
@@ -173,25 +170,21 @@ def self_pairs(robot: Robot, tool: Tool) -> SolidPairs:
     model = robot_model(robot, tool)
     links = link_solids(robot, jointed(tool))
     # Where a joint of the tool will be, only the engine knows.
-    loose = {
-        name for name, (bearer, _) in tool.borne.items() if bearer not in tool.mounts
-    }
-    mounted = [solid for solid in tool_solids(robot, tool) if solid.name not in loose]
-    count = len(mounted)
-    limits = {
-        (first + count, second + count): deep
-        for (first, second), deep in _link_limits(robot, jointed(tool)).items()
-    }
-
-    for first, part in enumerate(mounted):
-        for second, link in enumerate(links, start=count):
+    mounted = [
+        solid
+        for solid in tool_solids(robot, tool)
+        if tool.borne[solid.name][0] in tool.mounts
+    ]
+    limits = dict(_link_limits(robot, jointed(tool)))
+    for first, part in enumerate(mounted, start=len(links)):
+        for second, link in enumerate(links):
             before = model.supports[part.frame]
             behind = model.supports[link.frame]
             on_two_fingers = before - behind and behind - before
             if part.frame != link.frame and not on_two_fingers:
                 limits[first, second] = DEEP_M
 
-    return SolidPairs(model, [*mounted, *links], limits)
+    return SolidPairs(model, [*links, *mounted], limits)
 
 
 @lru_cache(maxsize=8)

@@ -22,7 +22,7 @@ from core.designs.rules import MAX_COMPONENTS
 from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import Robot
-from core.robot.solids import gap
+from core.robot.solids import Solid, signed_distance, solid_geometry
 from core.scene import Color
 from core.support.text import shorten
 from core.values.descriptions import RobotJoint, RobotLink
@@ -391,7 +391,9 @@ def _gap_to(holder: _Holder, box: Box, pose: Pose) -> float:
     """Measure the gap between a holder and a box at a pose in their link's frame, metres."""
     if holder.box is None:
         return 0.0
-    return gap(box, holder.frame @ pose, holder.box, Pose())
+    moved = Solid("", solid_geometry(box), holder.frame @ pose)
+    still = Solid("", solid_geometry(holder.box), Pose())
+    return max(0.0, signed_distance(moved, still))
 
 
 def _free_name(name: str, taken: set[str]) -> str:

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from core.geometry import Box, Cylinder, Mesh, Pose, Sphere
-from core.robot.solids import Obstacles, body_solids, gap, robot_solids, signed_distance
+from core.geometry import Box, Cylinder, Mesh, Sphere
+from core.robot.solids import Obstacles, body_solids, robot_solids, signed_distance
 from core.scene import Body
 from plugins.tools.solids.making import farthest_from_surface
 from tests.panda import PANDA
@@ -15,13 +15,6 @@ def solid(shape, *at):
     body = Body.of("body", shape, at, mass=1.0, color=(1, 1, 1, 1))
     (found,) = body_solids(body)
     return found
-
-
-def test_the_gap_between_boxes():
-    assert gap(CUBE, Pose(), CUBE, Pose.xyz_rpy((0, 0, 1.25))) == pytest.approx(
-        0.25, abs=1e-6
-    )
-    assert gap(CUBE, Pose(), CUBE, Pose.xyz_rpy((0, 0, 0.5))) == 0
 
 
 @pytest.mark.parametrize(
