@@ -67,16 +67,14 @@ class Schedule:
         self, start: State | None, end: State, lag: float, film: Film | None = None
     ) -> Outcome:
         """Make the outcome of what was played; ``film`` is what was seen at the samples, if the job is recorded."""
-        values = end.positions, end.quaternions, end.linear_velocities
-        if not all(np.isfinite(array).all() for array in values):
+        if not all(np.isfinite(array).all() for array in end.arrays[:3]):
             error = "the simulation blew up: a body's state is not finite"
             return Outcome(None, None, error=error)
         recording = None
         if film is not None:
             instants = np.append(self.times, self.ends[-1])[self.samples]
             recording = Recording(instants, *film)
-        guards = self.job.guards
-        felt = guards.felt if guards else ()
+        felt = self.job.guards.felt if self.job.guards else ()
         return Outcome(start, end, lag, recording=recording, felt=felt)
 
 
@@ -110,10 +108,7 @@ class _StepByStep:
         self._world = world
 
     def orders(self, *targets: Array) -> Sequence[Any]:
-        arm, fingers, speeds, finger_speeds = targets
-        return list(
-            zip(arm, fingers.tolist(), speeds, finger_speeds.tolist(), strict=True)
-        )
+        return list(zip(*targets, strict=True))
 
     def obey(self, order: Any) -> None:
         self._world.step(*order)
@@ -146,14 +141,20 @@ def begin_guards(job: Rollout) -> Rollout:
     return replace(job, trajectory=job.guards.begin()) if job.guards else job
 
 
+def refuse_targets(job: Rollout) -> Outcome | None:
+    """Refuse a job whose targets are not finite, before an engine sees it; None: they are."""
+    targets = np.column_stack([job.trajectory.arm, job.trajectory.fingers])
+    if np.isfinite(targets).all():
+        return None
+    return Outcome(None, None, error="the trajectory's targets are not finite")
+
+
 def play(world: World, job: Rollout) -> Outcome:
     """Play a job: settle, move, hold. A job with guards needs a `core.values.jobs.FeelingWorld`."""
     job = begin_guards(job)
-    trajectory = job.trajectory
-    if not (
-        np.isfinite(trajectory.arm).all() and np.isfinite(trajectory.fingers).all()
-    ):
-        return Outcome(None, None, error="the trajectory's targets are not finite")
+    refused = refuse_targets(job)
+    if refused is not None:
+        return refused
 
     bulk = world if isinstance(world, BulkWorld) else _StepByStep(world)
     schedule = Schedule(job, world.time_step)

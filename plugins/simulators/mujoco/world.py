@@ -10,7 +10,7 @@ from core.design import Tool
 from core.geometry import Array
 from core.interfaces import Guards, JointTrajectory, Outcome, Robot, Rollout
 from core.scene import Scene
-from core.simulation.playback import Schedule, begin_guards
+from core.simulation.playback import Schedule, begin_guards, refuse_targets
 from plugins.simulators.mujoco.contacts import is_discrete
 from plugins.simulators.mujoco.engine import mujoco, rollout, warnings_caught
 from plugins.simulators.mujoco.forces import Feeler, Measured, Meter
@@ -61,7 +61,11 @@ class World:
 
     def play(self, job: Rollout) -> Outcome:
         """Play a rollout as `core.simulation.playback.play` does, with all controls given at once."""
-        schedule = Schedule(begin_guards(job), self._model.opt.timestep)
+        job = begin_guards(job)
+        refused = refuse_targets(job)
+        if refused is not None:
+            return refused
+        schedule = Schedule(job, self._model.opt.timestep)
         meter = None
         if schedule.every and job.forces:
             meter = Meter(self._scene, self._model)

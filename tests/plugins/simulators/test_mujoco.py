@@ -128,6 +128,12 @@ def test_a_world_that_explodes_is_an_error_and_nothing_else(
     assert capfd.readouterr() == ("", "")
 
 
+def test_targets_that_are_not_numbers_are_refused_before_a_step():
+    broken = Rollout(BARE, replace(still(), arm=np.full_like(still().arm, np.nan)))
+    (outcome,) = mujoco().rollout(Bodies(table()), [broken])
+    assert outcome.error == "the trajectory's targets are not finite"
+
+
 # --- contacts ---------------------------------------------------------------------------------------------------
 
 

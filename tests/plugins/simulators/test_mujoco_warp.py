@@ -73,6 +73,13 @@ def test_reference_solutions_are_as_good(warped, name):
         assert one.reward == pytest.approx(other.reward, abs=0.05)
 
 
+def test_targets_that_are_not_numbers_are_refused_before_a_step(warped):
+    broken = Rollout(BARE, replace(still(), arm=np.full_like(still().arm, np.nan)))
+    played, refused = warped.rollout(Bodies(table()), [Rollout(BARE, still()), broken])
+    assert played.error is None
+    assert refused.error == "the trajectory's targets are not finite"
+
+
 def test_the_same_film(warped):
     """Start and end, the arm's lag, and all between, to within what single precision makes of it."""
     job = Rollout(

@@ -11,7 +11,7 @@ import numpy as np
 from core.errors import UsageError, UserError
 from core.interfaces import Outcome, Rollout, Task
 from core.scene import Scene
-from core.simulation.playback import Schedule
+from core.simulation.playback import Schedule, refuse_targets
 from plugins.simulators.mujoco.batched.models import (
     ModelFigures,
     Played,
@@ -78,24 +78,25 @@ class MuJoCoWarpSimulator(DrawingSimulator):
                 "sim=mujoco_warp can't measure the forces of contacts; use sim=mujoco"
             )
 
+        schedules = [Schedule(job, self._rates[0]) for job in jobs]
         figures = [self._find_figures(task, job) for job in jobs]
+        outcomes: dict[int, Outcome] = {}
         groups: dict[str, list[int]] = {}
         for number, known in enumerate(figures):
-            groups.setdefault(known.shared, []).append(number)
+            refused = refuse_targets(jobs[number])
+            if refused is None:
+                groups.setdefault(known.shared, []).append(number)
+            else:
+                outcomes[number] = refused
 
-        outcomes: dict[int, Outcome] = {}
         for members in groups.values():
             # So that neighbours end together.
-            members.sort(key=lambda number: len(self._schedule(jobs[number]).times))
-            for number, played in self._play(task, members, figures, jobs):
-                outcome = self._outcome(jobs[number], figures[number], played)
+            members.sort(key=lambda number: len(schedules[number].times))
+            for number, played in self._play(task, members, figures, schedules):
+                outcome = self._outcome(schedules[number], figures[number], played)
                 outcomes[number] = outcome
 
         return [outcomes[number] for number in range(len(jobs))]
-
-    def _schedule(self, job: Rollout) -> Schedule:
-        """Say what is done in which step of a job."""
-        return Schedule(job, self._rates[0])
 
     def _find_figures(self, task: Task, job: Rollout) -> ModelFigures:
         """Return a world's own figures for a job's scene and tool; those of the last few thousand are kept.
@@ -128,7 +129,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         task: Task,
         members: Sequence[int],
         figures: Sequence[ModelFigures],
-        jobs: Sequence[Rollout],
+        schedules: Sequence[Schedule],
     ) -> Iterator[tuple[int, Played]]:
         """Yield each member's number and result. Jobs with too many contacts are repeated with more capacity.
 
@@ -136,12 +137,12 @@ class MuJoCoWarpSimulator(DrawingSimulator):
             task: that of all jobs.
             members: the numbers of the jobs that can be in one batch.
             figures: of all jobs.
-            jobs: all of them.
+            schedules: of all jobs.
         """
         shared = figures[members[0]].shared
         waiting = list(members)
         while waiting:
-            ahead = [jobs[number] for number in waiting]
+            ahead = [schedules[number] for number in waiting]
             worlds = self._batch(task, ahead, figures[waiting[0]])
             now = waiting[: worlds.size.worlds]
             waiting = waiting[worlds.size.worlds :]
@@ -160,7 +161,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
                 waiting = again + waiting
 
     def _batch(
-        self, task: Task, jobs: Sequence[Rollout], figures: ModelFigures
+        self, task: Task, schedules: Sequence[Schedule], figures: ModelFigures
     ) -> Worlds:
         """Return worlds for the first of the jobs, which have these figures but for what is a world's own.
 
@@ -169,21 +170,23 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         contacts = self._contacts.get(figures.shared)
         if contacts is None:
             contacts = _round_up(32 + 4 * len(figures.names) + len(figures.geom_xpos))
-        frames = [len(self._schedule(job).samples) for job in jobs]
-        instants = [len(job.trajectory.times) for job in jobs]
+        frames = [len(schedule.samples) for schedule in schedules]
+        instants = [len(schedule.job.trajectory.times) for schedule in schedules]
         size = Size(
-            worlds=min(_round_up(len(jobs)), self.worlds),
+            worlds=min(_round_up(len(schedules)), self.worlds),
             frames=_round_up(max(frames)),
             instants=_round_up(max(instants)),
             contacts=contacts,
         )
 
         def build() -> Worlds:
-            return self._make(self._model(task, jobs[0]), size, self._device)
+            return self._make(self._model(task, schedules[0].job), size, self._device)
 
         return keep(self._batches, (figures.shared, size), _KEPT_BATCHES, build)
 
-    def _outcome(self, job: Rollout, figures: ModelFigures, played: Played) -> Outcome:
+    def _outcome(
+        self, schedule: Schedule, figures: ModelFigures, played: Played
+    ) -> Outcome:
         """Make a job's outcome of its world's result."""
         if played.crowded:
             problem = f"more than {_MOST_CONTACTS // 2} contacts at once"
@@ -194,7 +197,6 @@ class MuJoCoWarpSimulator(DrawingSimulator):
             return Outcome(None, None, error=f"MuJoCo Warp: {problem}")
 
         end = played.end.astype(np.float64)
-        schedule = self._schedule(job)
         film = None
         if schedule.every:
             numbers = np.concatenate([played.film.astype(np.float64), end[None]])

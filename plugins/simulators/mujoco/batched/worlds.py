@@ -9,7 +9,6 @@ import numpy as np
 
 from core.designs.tool_joints import MAX_JOINTS
 from core.geometry import Array
-from core.interfaces import Rollout
 from core.simulation.playback import LAG_EVERY, Schedule
 from plugins.simulators.mujoco.batched.engine import mujoco_warp, warp
 from plugins.simulators.mujoco.batched.kernels import (
@@ -92,17 +91,17 @@ class Worlds:
             self._graph: Any = None
 
     def play(
-        self, figures: Sequence[ModelFigures], jobs: Sequence[Rollout]
+        self, figures: Sequence[ModelFigures], schedules: Sequence[Schedule]
     ) -> list[Played]:
         """Play one job in each world; at most `Size.worlds` jobs, of trajectories and recordings that fit the size."""
         with warp.ScopedDevice(self._device):
-            last = self._load(figures, jobs)
+            last = self._load(figures, schedules)
             if self._graph is None:
                 self._step_once()  # compiles missing kernels
                 with warp.ScopedCapture() as capture:
                     self._step_once()
                 self._graph = capture.graph
-                self._load(figures, jobs)
+                self._load(figures, schedules)
 
             for _ in range(max(last)):
                 warp.capture_launch(self._graph)
@@ -116,7 +115,7 @@ class Worlds:
             every = self._every.numpy()
 
         results = []
-        for i in range(len(jobs)):
+        for i in range(len(schedules)):
             frames = 0
             if every[i]:
                 frames = -(-last[i] // every[i])
@@ -135,14 +134,14 @@ class Worlds:
         return results
 
     def _load(
-        self, figures: Sequence[ModelFigures], jobs: Sequence[Rollout]
+        self, figures: Sequence[ModelFigures], schedules: Sequence[Schedule]
     ) -> list[int]:
         """Reset all worlds, and count the steps of each. Worlds left over repeat the last job."""
         count = self.size.worlds
-        self._arm = jobs[0].trajectory.arm.shape[1]
-        which = np.minimum(np.arange(count), len(jobs) - 1)
+        self._arm = schedules[0].job.trajectory.arm.shape[1]
+        which = np.minimum(np.arange(count), len(schedules) - 1)
         figures = [figures[i] for i in which]
-        jobs = [jobs[i] for i in which]
+        schedules = [schedules[i] for i in which]
         fields = {}
         for name in PER_WORLD:
             fields[name] = np.stack([world.fields[name] for world in figures])
@@ -160,16 +159,14 @@ class Worlds:
         first = np.stack([world.fields["qpos0"] for world in figures])
         times = np.zeros(self._times.shape)
         targets = np.zeros(self._targets.shape)
-        schedules = []
         instants = []
-        for i, job in enumerate(jobs):
-            trajectory = job.trajectory
+        for i, schedule in enumerate(schedules):
+            trajectory = schedule.job.trajectory
             known = len(trajectory.times)
             times[i, :known] = trajectory.times
             targets[i, :known, : self._arm] = trajectory.arm
             targets[i, :known, self._arm :] = trajectory.fingers[:, None]
             first[i, figures[i].joints.driven] = targets[i, 0]
-            schedules.append(Schedule(job, self._dt))
             instants.append(known)
 
         last = [len(schedule.times) for schedule in schedules]
