@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from itertools import chain
 
 import numpy as np
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool, ToolJoint
-from core.geometry import (
-    Array,
-    Pose,
-    mass_properties,
-)
+from core.geometry import Array, Pose, mass_properties
 from core.robot.shape_files import urdf_shapes
 from core.robot.writing import MeshPath, write, write_part
 from core.values.descriptions import (
@@ -48,14 +44,6 @@ RESERVED = (
 )
 
 
-@lru_cache(maxsize=16)
-def beyond(robot: Robot, tool: Tool) -> frozenset[str]:
-    """Name the links that the arm's last joint moves, with those of the tool, as `assembled` for engines."""
-    arm = assembled(robot, tool, fused=True)
-    last = arm.named[robot.arm_joints[-1]].child
-    return frozenset(name for name in arm.links if last in arm.above(name))
-
-
 def assembled(
     robot: Robot, tool: Tool | None = None, *, fused: bool = False
 ) -> Description:
@@ -86,19 +74,17 @@ def assembled(
 
     links = {**arm.links, RIGID_MOUNT: RobotLink(RIGID_MOUNT)}
     joints = {**arm.joints, RIGID_MOUNT: mount}
-    for link, bearing in () if fused else tool_parts(tool):
+    parts = tool_parts(tool)
+    if fused:
+        parts = ((RobotLink(bearer.name), _joint(*bearer)) for bearer in tool.bearers)
+    for link, bearing in parts:
         links[link.name] = link
         joints[link.name] = bearing
 
-    for name, parent, pose, joint in tool.bearers if fused else ():
-        links[name] = RobotLink(name)
-        joints[name] = _joint(name, parent, pose, joint)
-
     if robot.base != Pose():
         links[BASE] = RobotLink(BASE)
-        joints[arm.root] = replace(
-            _joint(arm.root, BASE, robot.base), name=joint_name(BASE)
-        )
+        base = _joint(arm.root, BASE, robot.base)
+        joints[arm.root] = replace(base, name=joint_name(BASE))
 
     if fused:
         links = {name: _fuse(link, tool) for name, link in links.items()}
@@ -151,9 +137,8 @@ def _place_shapes(
     component: Component, pose: Pose
 ) -> tuple[tuple[RobotShape, ...], tuple[RobotShape, ...]]:
     """Make the collision and the visual shapes of a component at a pose in its link."""
-    collisions = list[RobotShape]()
-    for part in component.shape.convex_parts():
-        collisions += urdf_shapes(part, pose)
+    parts = component.shape.convex_parts()
+    collisions = chain.from_iterable(urdf_shapes(part, pose) for part in parts)
     drawn = urdf_shapes(component.shape.drawn, pose)
     visuals = [replace(shape, color=component.color) for shape in drawn]
     return tuple(collisions), tuple(visuals)
@@ -176,10 +161,7 @@ def _fuse(link: RobotLink, tool: Tool) -> RobotLink:
     if not borne:
         return link
 
-    weights = []
-    if link.inertial.mass > 0:
-        weights.append(link.inertial.placed())
-
+    weights = [link.inertial.placed()] if link.inertial.mass > 0 else []
     collisions = link.collisions
     visuals = link.visuals
 
@@ -192,9 +174,8 @@ def _fuse(link: RobotLink, tool: Tool) -> RobotLink:
         collisions += solid
         visuals += drawn
 
-    return RobotLink(
-        link.name, Inertial.from_tensor(*merge_inertias(weights)), collisions, visuals
-    )
+    inertial = Inertial.from_tensor(*merge_inertias(weights))
+    return RobotLink(link.name, inertial, collisions, visuals)
 
 
 def assemble(

@@ -37,21 +37,19 @@ class Finger(NamedTuple):
 
 def link_extents(robot: Robot, gripper: bool) -> dict[str, Extent]:
     """Measure the collision shapes of each link that has some, in its own frame."""
-    placed = []
-    for solid in robot_solids(robot, gripper):
-        placed.append((solid.name, solid.pose.apply(corners(solid.geometry))))
-    return extents_of(placed)
+    return extents_of(
+        (solid.name, solid.pose.apply(corners(solid.geometry)))
+        for solid in robot_solids(robot, gripper)
+    )
 
 
 def extents_of(placed: Iterable[tuple[str, Array]]) -> dict[str, Extent]:
     """Find the extents of named groups of points (N, 3); several of one name are one."""
-    groups: dict[str, list[Array]] = {}
+    found: dict[str, Extent] = {}
     for name, points in placed:
-        groups.setdefault(name, []).append(points)
-    found = {}
-    for name, group in groups.items():
-        points = np.concatenate(group)
-        found[name] = points.min(axis=0), points.max(axis=0)
+        low, high = found.get(name, (points[0], points[0]))
+        lowest = np.minimum(low, points.min(axis=0))
+        found[name] = lowest, np.maximum(high, points.max(axis=0))
     return found
 
 

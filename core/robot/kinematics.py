@@ -335,8 +335,7 @@ class Arm:
                     break
                 continue
 
-            gained = cost - trial_cost
-            settled = gained < 1e-6 * cost
+            settled = cost - trial_cost < 1e-6 * cost
             q = trial
             error = trial_error
             cost = trial_cost

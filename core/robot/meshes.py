@@ -99,12 +99,12 @@ def farthest(corners: Array) -> Array:
 @lru_cache(maxsize=8)
 def link_visuals(robot: Robot, gripper: bool) -> dict[str, tuple[Visual, ...]]:
     """List the visual shapes of each link of the bare arm that has some, with its gripper or without."""
-    found = {}
-    for link in assembled(robot, Tool(gripper=gripper)).links.values():
-        if link.visuals:
-            visuals = itertools.chain.from_iterable(map(_visuals, link.visuals))
-            found[link.name] = tuple(visuals)
-    return found
+    links = assembled(robot, Tool(gripper=gripper)).links.values()
+    return {
+        link.name: tuple(itertools.chain.from_iterable(map(_visuals, link.visuals)))
+        for link in links
+        if link.visuals
+    }
 
 
 def _visuals(visual: RobotShape) -> Iterator[Visual]:

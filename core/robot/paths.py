@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import accumulate, pairwise
 
 import numpy as np
@@ -53,13 +51,11 @@ def place_knots(positions: Array, rotations: Rotation, stops: Sequence[int]) -> 
     """
     ways = np.diff(positions, axis=0)
     turns = rotations[:-1].inv() * rotations[1:]
-    angles = np.asarray(turns.magnitude())
 
-    counts = []
-    for way, angle in zip(ways, angles, strict=True):
-        cells = max(float(np.linalg.norm(way)) / KNOT_M, float(angle) / KNOT_RAD)
-        counts.append(max(1, math.ceil(cells)))
-
+    # Lengths one by one: rounded otherwise, a way may get a cell more.
+    lengths = np.array([np.linalg.norm(way) for way in ways])
+    cells = np.maximum(lengths / KNOT_M, turns.magnitude() / KNOT_RAD)
+    counts = np.maximum(1, np.ceil(cells).astype(int)).tolist()
     ends = [0, *accumulate(counts)]
 
     # For each knot, the number of the way that it lies on, and its share of that way.
@@ -97,9 +93,10 @@ def _place_on_curve(
     lengths = np.maximum(ways + _LEVER_M * angles, APART_M)
     along = np.concatenate([[0.0], np.cumsum(lengths)])
 
-    places = []
-    for (begin, end), count in zip(pairwise(along), counts, strict=True):
-        places.append(np.linspace(begin, end, count + 1)[1:])
+    places = [
+        np.linspace(begin, end, count + 1)[1:]
+        for (begin, end), count in zip(pairwise(along), counts, strict=True)
+    ]
     place = np.concatenate(places)
 
     rotation = RotationSpline(along, rotations)(place)
@@ -108,10 +105,11 @@ def _place_on_curve(
 
 def join_knots(knots: Array, arm: Arm) -> JointPath:
     """Join joint knots (K, J): a cubic spline, or one without overshoot if that would exceed a limit."""
-    s, spline_knots, degree, between = _spline_places(len(knots))
-    path = make_interp_spline(s, knots, degree, spline_knots)
+    count = len(knots)
+    s = np.linspace(0.0, 1.0, count)
+    path = make_interp_spline(s, knots, min(3, count - 1))
 
-    joints = path(between)
+    joints = path(np.linspace(0.0, 1.0, 8 * count))
     below = joints < arm.lower - _ROUNDING_RAD
     above = joints > arm.upper + _ROUNDING_RAD
 
@@ -120,16 +118,6 @@ def join_knots(knots: Array, arm: Arm) -> JointPath:
     return path
 
 
-@lru_cache(maxsize=256)
-def _spline_places(count: int) -> tuple[Array, Array, int, Array]:
-    """Say where K knots are along a path: s (K,), the knots of SciPy's spline, its degree, and s (8 K,) between."""
-    s = np.linspace(0.0, 1.0, count)
-    degree = min(3, count - 1)
-    spline_knots = make_interp_spline(s, s, degree).t
-    return s, spline_knots, degree, np.linspace(0.0, 1.0, 8 * count)
-
-
-@lru_cache(maxsize=256)
 def sample_cells(cells: int) -> Array:
     """Sample a path: s (S,) from 0 to 1, including its knots, where curvature is largest."""
     return np.linspace(0.0, 1.0, cells * max(16, -(-40 // cells)) + 1)

@@ -168,17 +168,18 @@ def _time_fastest(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
         np.outer(arm.acceleration_limits * speed, both),
         discretization_scheme=DiscretizationType.Interpolation,
     )
-    slope = np.maximum(np.abs(path(s, 1)), _APART_RAD)
-    quickest = (arm.velocity_limits * speed / slope).min(axis=1)
 
+    def measure_slope(place: float | Array) -> Array:
+        return np.maximum(np.abs(path(place, 1)), _APART_RAD)
+
+    quickest = (arm.velocity_limits * speed / measure_slope(s)).min(axis=1)
     asked = leg.asked
 
     for _ in range(_ROUNDS):
         rates = np.minimum(quickest, (PEAK * np.diff(leg.ends) / last / asked)[way])
 
         def limit_velocity(place: float, rates: Array = rates) -> Array:
-            slope = np.maximum(np.abs(path(place, 1)), _APART_RAD)
-            return np.outer(slope * np.interp(place, s, rates), both)
+            return np.outer(measure_slope(place) * np.interp(place, s, rates), both)
 
         limits = [JointVelocityConstraintVarying(limit_velocity), acceleration]
         _, rate, _ = TOPPRA(limits, path, gridpoints=s).compute_parameterization(0, 0)

@@ -67,10 +67,8 @@ class Motion:
         names = ", ".join(map(str, late[:_NAMED]))
         if len(late) > _NAMED:
             names += f" and {len(late) - _NAMED} more"
-        return [
-            f"waypoint {names}: the arm's limits make the way there up to {self.slowed.max():.1f} times slower "
-            "than asked"
-        ]
+        times = f"{self.slowed.max():.1f} times slower than asked"
+        return [f"waypoint {names}: the arm's limits make the way there up to {times}"]
 
 
 class Begin(NamedTuple):
@@ -188,27 +186,27 @@ def join_legs(
     legs: Sequence[Leg], arm: Arm, speed: float
 ) -> tuple[JointTrajectory, Array]:
     """Time legs, and join them to a trajectory; return also when each of the N waypoints is reached (N,)."""
-    opening = arm.robot.opening_m
     times = [np.zeros(1)]
     targets = [legs[0].knots[:1]]
-    fingers = [opening * (1 - legs[0].grips[:1])]
+    closed = [legs[0].grips[:1]]
     reached = list[float]()
     for leg in legs:
         timed = time_leg(leg, arm, speed)
         began = times[-1][-1]
         times.append(began + timed.times)
         targets.append(np.minimum(np.maximum(timed.joints, arm.lower), arm.upper))
-        closed = close_fingers(leg.grips, timed.times, timed.reached)
-        fingers.append(opening * (1 - closed))
+        closed.append(close_fingers(leg.grips, timed.times, timed.reached))
         reached += [began + seconds for seconds in timed.reached]
 
         if leg.wait_s > 0:
             times.append(times[-1][-1:] + leg.wait_s)
             targets.append(targets[-1][-1:])
-            fingers.append(fingers[-1][-1:])
+            closed.append(closed[-1][-1:])
 
     trajectory = JointTrajectory(
-        np.concatenate(times), np.concatenate(targets), np.concatenate(fingers)
+        np.concatenate(times),
+        np.concatenate(targets),
+        arm.robot.opening_m * (1 - np.concatenate(closed)),
     )
     return trajectory, np.array(reached)
 

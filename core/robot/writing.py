@@ -8,7 +8,6 @@ from typing import Any
 
 from lxml import etree
 
-from core.geometry import Box, Capsule, Cylinder, Sphere
 from core.values.descriptions import (
     MOMENTS,
     ONE,
@@ -84,18 +83,12 @@ def _shape_element(tag: str, shape: RobotShape, mesh_path: MeshPath) -> Any:
 
 
 def _geometry_element(shape: RobotShape, mesh_path: MeshPath) -> Any:
-    match shape.shape:
-        case Box(size):
-            return _element("box", size=size)
-        case Sphere(radius):
-            return _element("sphere", radius=radius)
-        case Cylinder(radius, length):
-            return _element("cylinder", radius=radius, length=length)
-        case Capsule(radius, length):
-            return _element("capsule", radius=radius, length=length)
-        case Path() as file:
-            scale = None if shape.scale == ONE else shape.scale
-            return _element("mesh", filename=mesh_path(file), scale=scale)
+    solid = shape.shape
+    if isinstance(solid, Path):
+        scale = None if shape.scale == ONE else shape.scale
+        return _element("mesh", filename=mesh_path(solid), scale=scale)
+    # Our solids and their lengths are named as in URDF.
+    return _element(type(solid).__name__.lower(), **vars(solid))
 
 
 def _joint_element(joint: RobotJoint) -> Any:
@@ -114,10 +107,7 @@ def _joint_element(joint: RobotJoint) -> Any:
     element.append(_element("axis", xyz=joint.axis))
     if joint.limits != Limits():
         element.append(_element("limit", **joint.limits._asdict()))
-
-    resistance = {"damping": joint.damping, "friction": joint.friction}
-    element.append(_element("dynamics", **resistance))
-
+    element.append(_element("dynamics", damping=joint.damping, friction=joint.friction))
     if joint.mimic is not None:
         element.append(_element("mimic", **joint.mimic._asdict()))
     if joint.spring is not None:

@@ -16,11 +16,11 @@ from core.design import Tool, ToolJoint
 from core.errors import UsageError
 from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory
-from core.robot.description import beyond, joint_name
+from core.robot.description import joint_name
 from core.scene import Scene, State
 from core.values.robots import Robot
 from plugins.simulators.forces import Thing
-from plugins.simulators.links import bearers, friction_of
+from plugins.simulators.links import bearers, beyond, friction_of
 from plugins.simulators.pybullet.bodies import PreparedBody
 from plugins.simulators.pybullet.engine import Client
 from plugins.simulators.pybullet.engine import pybullet as p

@@ -12,9 +12,9 @@ import numpy as np
 from core.design import Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory
-from core.robot.description import beyond
 from core.scene import State
 from core.values.robots import Robot as Description
+from plugins.simulators.links import beyond
 from plugins.simulators.sapien.bodies import GRAVITY, UNKNOWN_PACK, Bodies, Weighed
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.forces import Forces, pushes
