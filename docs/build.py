@@ -67,15 +67,8 @@ def pictures(names: list[str]) -> None:
         still = simulator.render(task, tool=Tool())
         Image.fromarray(still).save(IMAGES / f"{name}.png")
         stills.append(still)
-        save_film(
-            task,
-            simulator,
-            reference(name),
-            0,
-            RolloutSettings(),
-            IMAGES / f"{name}.gif",
-            FILM_SIZE,
-        )
+        film = filmed(task, simulator, reference(name), 0, RolloutSettings(), FILM_SIZE)
+        save_film(film, IMAGES / f"{name}.gif")
         print(name)
     Image.fromarray(sheet(names, stills)).save(IMAGES / "all.png")
 

@@ -14,7 +14,7 @@ from core.events import INTERRUPTED, Result, Run
 from core.interfaces import EvolutionStrategy, Robot, Task
 from core.plugins import installed
 from core.robot.trajectory import Motion, plan_task_motion
-from core.simulation.pictures import report_missing, save_film
+from core.simulation.pictures import filmed, report_missing, save_film
 
 Export = Callable[[Candidate, Robot, Motion, Path], None]
 """Writes files of a candidate to a folder that is there: of its tool, the arm, and the planned motion."""
@@ -76,6 +76,6 @@ def _save_motion(
     file = folder / "rollout.gif"
 
     try:
-        save_film(task, simulator, candidate, run.seed, settings, file)
+        save_film(filmed(task, simulator, candidate, run.seed, settings), file)
     except RAISED as error:  # a film that fails costs the film, never the run
         report_missing("film", error)

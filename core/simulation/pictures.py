@@ -20,6 +20,9 @@ from core.support.text import clean
 SIZE = 640, 480  # pixels of the scene's picture
 FILM_HZ = 10
 
+Film = tuple[Recording, Callable[[int], Image]]
+"""What was played, and a function that draws one of its samples."""
+
 
 def png(picture: Image) -> bytes:
     """Encode a picture (H, W, 3) as a PNG file."""
@@ -33,22 +36,9 @@ def report_missing(what: str, error: BaseException) -> None:
     say(f"no {what}: {clean(str(error), 300) or type(error).__name__}", file=sys.stderr)
 
 
-def save_film(
-    task: Task,
-    simulator: Simulator,
-    candidate: Candidate,
-    seed: int,
-    settings: RolloutSettings,
-    file: Path,
-    size: tuple[int, int] = (400, 300),
-) -> None:
-    """Play a candidate again and write an animated GIF in real time; ``size`` is width and height, pixels.
-
-    Raises:
-        ValueError: the rollout fails.
-        NoPicture: nothing here can draw.
-    """
-    recording, draw = filmed(task, simulator, candidate, seed, settings, size)
+def save_film(film: Film, file: Path) -> None:
+    """Write an animated GIF in real time."""
+    recording, draw = film
     frames = []
     for number in range(len(recording.times)):
         picture = Pillow.fromarray(draw(number))
@@ -70,11 +60,16 @@ def filmed(
     candidate: Candidate,
     seed: int,
     settings: RolloutSettings,
-    size: tuple[int, int],
-) -> tuple[Recording, Callable[[int], Image]]:
-    """Play a candidate: a recording, and a function that draws one of its samples."""
+    size: tuple[int, int] = (400, 300),
+) -> Film:
+    """Play a candidate again; ``size`` is the pictures' width and height, pixels.
+
+    Raises:
+        ValueError: the rollout fails.
+        NoPicture: nothing here can draw.
+    """
     _, job = prepare(task, candidate, seed, settings, record_hz=FILM_HZ)
-    outcome = simulator.rollout(task, [job])[0]
+    (outcome,) = simulator.rollout(task, [job])
     recording = outcome.recording
     if recording is None:
         raise ValueError(f"candidate {candidate.id} can't be filmed: {outcome.error}")

@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -75,7 +75,7 @@ class Contacts:
         """Describe a contact; its force is the largest normal force, N, and a component has that of the tool."""
         key = (kind, first, second)
         touched = self.touching[key]
-        begin, *_, end = self.taken.times[touched][[0, -1]].tolist()
+        begin, end = self.taken.times[touched][[0, -1]].tolist()
         force = None
         forces = self.taken.forces
         if forces:
@@ -103,33 +103,27 @@ class Contacts:
         return held
 
 
+class _Touch(NamedTuple):
+    """Two solids that touch, at which of the samples (T,), and how deep they get, metres."""
+
+    key: Key
+    pair: Pair
+    touched: Flags
+    depth: float
+
+
 def find_contacts(
     scene: Scene, robot: Robot, tool: Tool, recording: Recording
 ) -> Contacts:
     """Find the contacts of a rollout of ``tool`` in ``scene``, at samples about `SAMPLE_HZ` apart."""
     taken = subset(recording, coarse_samples(recording))
     tracks = follow(scene, robot, tool, taken)
-    robots = [track for track in tracks if track.owner == ROBOT]
-    of_tool = {*tool.mounts, *tool.placed()}
+    touches = list(_find_touches(scene, tool, tracks, taken))
     touching: dict[Key, Flags] = {}
     depths: dict[Key, float] = {}
-    first_touch: tuple[float, Pair | None] = (math.inf, None)  # of a body that can move
-    for pair, touched, depth in _find_touches(scene, tracks, taken):
-        first = pair.first
-        kind = "arm"
-        if first.owner != ROBOT:
-            kind = "body"
-        elif first.name in of_tool:
-            kind = "tool"
-
-        key = (kind, first.name, pair.second.name)
+    for key, _, touched, depth in touches:
         touching[key] = touching.get(key, False) | touched
         depths[key] = max(depth, depths.get(key, depth))
-
-        sample = int(touched.argmax())
-        movable = not scene[pair.second.owner].fixed
-        if kind == "tool" and movable and sample < first_touch[0]:
-            first_touch = sample, pair
 
     bodies = {body.name for body in scene.bodies}
     softs = {soft.name for soft in scene.softs}
@@ -147,20 +141,26 @@ def find_contacts(
             depths[key] = 0.0
 
     missed = bodies - {other for kind, _, other in touching if kind != "body"}
+    robots = [track for track in tracks if track.owner == ROBOT]
     gaps = nearest(robots, [track for track in tracks if track.owner in missed])
+    by_tool = [
+        touch
+        for touch in touches
+        if touch.key[0] == "tool" and not scene[touch.pair.second.owner].fixed
+    ]
     return Contacts(
         taken,
         touching,
         depths,
         {name: gap for name, (gap, _) in gaps.items()},
-        _measure_touch(robot, tool, taken, *first_touch),
+        _measure_first_touch(robot, tool, taken, by_tool),
     )
 
 
 def _find_touches(
-    scene: Scene, tracks: Tracks, taken: Recording
-) -> Iterator[tuple[Pair, Flags, float]]:
-    """Yield each pair of solids that touches, at which of the samples (T,), and how deep they get, metres."""
+    scene: Scene, tool: Tool, tracks: Tracks, taken: Recording
+) -> Iterator[_Touch]:
+    """Yield each pair of solids that touches."""
     pairs = neighbours(tracks, TOUCH_M + 2 * HULL_M, scene.joined)
     solids = tracks.solids
     shapes = [solid.shape for solid in solids.items]
@@ -174,12 +174,20 @@ def _find_touches(
     within = np.full(len(pairs), -STRUCK_M)
     hit = may_meet(tracks, pairs, within, strikes[pairs].any(axis=1))
 
+    of_tool = {*tool.mounts, *tool.placed()}
     for number in np.flatnonzero((near | hit).any(axis=1)).tolist():
         first, second = pairs[number].tolist()
         pair = Pair(tracks[first], tracks[second])
         touched, depth = _touch(pair, most[number], near[number], hit[number])
-        if touched.any():
-            yield pair, touched, depth
+        if not touched.any():
+            continue
+        kind = "arm"
+        if pair.first.owner != ROBOT:
+            kind = "body"
+        elif pair.first.name in of_tool:
+            kind = "tool"
+        key = (kind, pair.first.name, pair.second.name)
+        yield _Touch(key, pair, touched, depth)
 
 
 def _touch(pair: Pair, most: float, near: Flags, hit: Flags) -> tuple[Flags, float]:
@@ -206,17 +214,18 @@ def _find_struck(recording: Recording) -> dict[str, Flags]:
     return dict(zip(states.names, (changes > limits).T, strict=True))
 
 
-def _measure_touch(
-    robot: Robot, tool: Tool, taken: Recording, sample: float, pair: Pair | None
+def _measure_first_touch(
+    robot: Robot, tool: Tool, taken: Recording, touches: Sequence[_Touch]
 ) -> float | None:
-    """Measure the distance from the mount's origin to a contact at a sample: the nearest point of the tool, metres."""
-    if pair is None:
+    """Measure the distance from the mount's origin to the first touch: the nearest point of the tool, metres."""
+    if not touches:
         return None
-    k = int(sample)
-    name = pair.first.name
+    first = min(touches, key=lambda touch: touch.touched.argmax())
+    k = int(first.touched.argmax())
+    name = first.pair.first.name
     mount, _ = tool.placed().get(name, (name, None))
     _, positions = link_frames(robot, tool, taken.arm[[k]], taken.fingers[[k]])[mount]
-    return float(lengths(pair.look(k).nearest - positions[0]))
+    return float(lengths(first.pair.look(k).nearest - positions[0]))
 
 
 def nearest(

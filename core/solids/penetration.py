@@ -78,22 +78,19 @@ def findings(
 
     pairs = neighbours(tracks, joined=scene.joined)
     depths = choose_depths(tracks.solids, pairs)
-    meetings = _find_meetings(tracks, pairs, depths, _mark_moving(tracks, pairs))
-    times = coarse.times
-    wanted = _count_looks(meetings)
+    meetings = _Meetings(tracks, pairs, depths, _mark_moving(tracks, pairs))
+    wanted = meetings.count_looks()
     if (wanted > 1).any() and len(samples) < len(recording.times):
         chosen = refined_samples(samples, wanted)  # elsewhere no two move near others
         before = np.searchsorted(samples, chosen[:-1], side="right") - 1
         closer = subset(unpressed, chosen)
         tracks = follow(scene, robot, tool, closer, only=meetings.pairs)
         within = meetings.near[:, before]
-        meetings = _find_meetings(tracks, meetings.pairs, meetings.depths, within)
-        times = closer.times
+        meetings = _Meetings(tracks, meetings.pairs, meetings.depths, within)
 
-    return [*_find_passages(meetings, times), *flung, *_find_overrun(tool, recording)]
+    return [*meetings.find_passages(), *flung, *_find_overrun(tool, recording)]
 
 
-@dataclass(frozen=True, eq=False)
 class _Meetings:
     """P pairs of solids that may get as deep in each other as counts; at least one of each is in motion.
 
@@ -103,23 +100,52 @@ class _Meetings:
         ways: (P, T - 1) how far the first moves in the frame of the second, metres, at most.
     """
 
-    tracks: Tracks
-    pairs: Indices
-    depths: Depths
-    near: Flags
-    ways: Array
+    def __init__(
+        self, tracks: Tracks, pairs: Indices, depths: Depths, within: Flags
+    ) -> None:
+        near = may_meet(tracks, pairs, depths.least, within)
+        met = near.any(axis=1)
+        self.tracks = tracks
+        self.pairs = pairs[met]
+        self.depths = Depths(*(values[met] for values in depths))
+        self.near = near[met]
+        self.ways = relative_ways(tracks, self.pairs, self.near)
 
+    def count_looks(self) -> Array:
+        """How often to look in each interval (T - 1,): once each time that solids move as far as they are thick.
 
-def _find_meetings(
-    tracks: Tracks, pairs: Indices, depths: Depths, within: Flags
-) -> _Meetings:
-    near = may_meet(tracks, pairs, depths.least, within)
-    met = near.any(axis=1)
-    pairs = pairs[met]
-    depths = Depths(*(values[met] for values in depths))
-    return _Meetings(
-        tracks, pairs, depths, near[met], relative_ways(tracks, pairs, near[met])
-    )
+        It is 0 where none are near each other, nor were shortly before.
+        """
+        tracks = self.tracks
+        pair, interval = np.nonzero(self.near)
+        first, second = self.pairs[pair].T
+        aside = tracks.rows.aside
+        away = aside[tracks.row(first, interval)] + aside[tracks.row(second, interval)]
+        ways = self.ways[pair, interval] + 2 * away  # there and back
+        looks = np.zeros(tracks.samples - 1)
+        np.maximum.at(looks, interval, np.maximum(ways / self.depths.thick[pair], 1.0))
+
+        for _ in range(math.ceil(DEEP_S * SAMPLE_HZ)):
+            # What comes to rest is near no more, but may stay too deep.
+            looks[1:] = np.maximum(looks[1:], looks[:-1] > 0)
+
+        return looks
+
+    def find_passages(self) -> Iterator[Finding]:
+        """Find the first passage of each two things."""
+        passages: dict[tuple[str, str], tuple[float, str]] = {}
+        depths = np.array(self.depths).T.tolist()
+        for number, (first, second) in enumerate(self.pairs.tolist()):
+            pair = Pair(self.tracks[first], self.tracks[second])
+            near = np.flatnonzero(self.near[number])
+            times = self.tracks.times
+            passage = find_passage(pair, near, self.ways[number], depths[number], times)
+            if passage is not None:
+                names = pair.first.name, pair.second.name
+                passages[names] = min(passages.get(names, passage), passage)
+
+        for (name, other), (_, text) in passages.items():
+            yield Finding(f"{name!r} {text.format(repr(other))}", penetration=True)
 
 
 def _mark_moving(tracks: Tracks, pairs: Indices) -> Flags:
@@ -135,52 +161,11 @@ def _mark_moving(tracks: Tracks, pairs: Indices) -> Flags:
     return marked
 
 
-def _count_looks(meetings: _Meetings) -> Array:
-    """How often to look in each interval (T - 1,): once each time that solids move as far as they are thick.
-
-    It is 0 where none are near each other, nor were shortly before.
-    """
-    tracks = meetings.tracks
-    pair, interval = np.nonzero(meetings.near)
-    first, second = meetings.pairs[pair].T
-    aside = tracks.rows.aside
-    away = aside[tracks.row(first, interval)] + aside[tracks.row(second, interval)]
-    ways = meetings.ways[pair, interval] + 2 * away  # there and back
-    looks = np.zeros(tracks.samples - 1)
-    np.maximum.at(looks, interval, np.maximum(ways / meetings.depths.thick[pair], 1.0))
-
-    for _ in range(math.ceil(DEEP_S * SAMPLE_HZ)):
-        # What comes to rest is near no more, but may stay too deep.
-        looks[1:] = np.maximum(looks[1:], looks[:-1] > 0)
-
-    return looks
-
-
-def _find_passages(meetings: _Meetings, times: Array) -> list[Finding]:
-    """Find the first passage of each two things."""
-    passages: dict[tuple[str, str], tuple[float, str]] = {}
-    tracks = meetings.tracks
-    depths = np.array(meetings.depths).T.tolist()
-    for number, (first, second) in enumerate(meetings.pairs.tolist()):
-        pair = Pair(tracks[first], tracks[second])
-        near = np.flatnonzero(meetings.near[number])
-        ways = meetings.ways[number]
-        passage = find_passage(pair, near, ways, depths[number], times)
-        if passage is not None:
-            names = pair.first.name, pair.second.name
-            passages[names] = min(passages.get(names, passage), passage)
-
-    return [
-        Finding(f"{first!r} {text.format(repr(second))}", penetration=True)
-        for (first, second), (_, text) in passages.items()
-    ]
-
-
 def _find_overrun(tool: Tool, recording: Recording) -> Iterator[Finding]:
     """Find joints of the tool that stay beyond their range: a light part may be pressed through an engine's stop."""
-    loose = len(tool.bearers)
-    states = recording.fingers[:, recording.fingers.shape[1] - loose :]
-    for bearer, values in zip(tool.bearers, states.T, strict=True):
+    fingers = recording.fingers.T
+    loose = fingers[len(fingers) - len(tool.bearers) :]
+    for bearer, values in zip(tool.bearers, loose, strict=True):
         joint = bearer.joint
         most, unit = OVERRUN[joint.kind]
         beyond = np.maximum(joint.lower - values, values - joint.upper)
@@ -207,9 +192,7 @@ def _find_flung(recording: Recording, tracks: Tracks) -> list[Finding]:
     for name, speed, far in zip(states.names, fastest, farthest, strict=True):
         if speed > EXPLODED_M_S:
             raise Explosion(f"{name!r} reached {speed:.0f} m/s")
-        robots = 0.0
-        if speed > FLUNG_M_S:
-            robots = _bound_speed(tracks, recording.times)
+        robots = _bound_speed(tracks) if speed > FLUNG_M_S else 0.0
         if speed > max(FLUNG_M_S, FLUNG_TIMES * robots):
             reached = f"it reached {speed:.1f} m/s, the robot {robots:.1f} m/s"
             texts.append(f"{name!r} was flung: {reached}")
@@ -219,12 +202,13 @@ def _find_flung(recording: Recording, tracks: Tracks) -> list[Finding]:
     return [Finding(text, penetration=False) for text in texts]
 
 
-def _bound_speed(tracks: Tracks, times: Array) -> float:
+def _bound_speed(tracks: Tracks) -> float:
     """Bound the speed of any point of the robot, m/s, averaged over a tenth of a second."""
+    times = tracks.times
     if len(times) < 2:
         return 0.0
     count = max(1, min(len(times) - 1, round(0.1 * SAMPLE_HZ)))
-    took = times[count:] - times[:-count]
-    robots = [track.travel for track in tracks if track.owner == ROBOT]
-    speeds = [(way[count:] - way[:-count]) / took for way in robots]
-    return max((float(speed.max()) for speed in speeds), default=0.0)
+    ways = [track.travel for track in tracks if track.owner == ROBOT]
+    travel = np.reshape(ways, (-1, len(times)))
+    speeds = (travel[:, count:] - travel[:, :-count]) / (times[count:] - times[:-count])
+    return float(speeds.max(initial=0.0))

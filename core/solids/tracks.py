@@ -95,18 +95,16 @@ class Track:
             k = 0
             share = 0.0
 
-        if share == 0 and k in self._places:
-            return self._places[k]
-        rotation = self.rotations[k]
-        position = self.positions[k]
-
         if share > 0:
-            position = position + share * (self.positions[k + 1] - position)
-            turn = pin.log3(rotation.T.dot(self.rotations[k + 1]))
-            rotation = rotation.dot(pin.exp3(share * turn))
+            begin = self.positions[k]
+            turn = pin.log3(self.rotations[k].T.dot(self.rotations[k + 1]))
+            rotation = self.rotations[k].dot(pin.exp3(share * turn))
+            position = begin + share * (self.positions[k + 1] - begin)
             return coal.Transform3s(rotation, position), rotation
 
-        self._places[k] = coal.Transform3s(rotation, position), rotation
+        if k not in self._places:
+            rotation = self.rotations[k]
+            self._places[k] = coal.Transform3s(rotation, self.positions[k]), rotation
         return self._places[k]
 
 
@@ -167,21 +165,24 @@ class Pair:
 
 
 class Tracks:
-    """The solids of a rollout at some ``samples``: the `Track` of each, and the ``rows`` of all.
+    """The solids of a rollout at some samples: the `Track` of each, and the ``rows`` of all.
 
     At sample k solid i is in row ``first[i] + moves[i] * k``. Those that move come first.
 
     Attributes:
         moving: the numbers of the M solids that move.
         moves: (N,) 1 for these, 0 for the others.
+        times: (T,) of the samples, seconds.
     """
 
     def __init__(
-        self, solids: Solids, moving: Indices, moved: Rows, samples: int
+        self, solids: Solids, moving: Indices, moved: Rows, times: Array
     ) -> None:
         resting, rest = _rest(solids)
+        samples = len(times)
         self.solids = solids
         self.moving = moving
+        self.times = times
         self.samples = samples
         self.rows = Rows(*map(np.concatenate, zip(moved, rest, strict=True)))
         self.first = np.full(len(self), len(self.rows.aside))
@@ -197,8 +198,8 @@ class Tracks:
     def __getitem__(self, number: int) -> Track:
         if number not in self._tracks:
             begin = int(self.first[number])
-            count = self.samples if self.moves[number] else 1
-            rows = Rows(*(values[begin : begin + count] for values in self.rows))
+            end = begin + (self.samples if self.moves[number] else 1)
+            rows = Rows(*(values[begin:end] for values in self.rows))
             self._tracks[number] = Track(self.solids, number, rows)
         return self._tracks[number]
 
@@ -257,14 +258,9 @@ def follow(
         far = solids.far[moving] + turning
         aside += detour.moved[number] + far[:, None] * detour.turned[number]
 
-    rows = _rows(
-        solids,
-        moving,
-        np.concatenate([rotations, turns]),
-        np.concatenate([positions, shifts]),
-        aside,
-    )
-    return Tracks(solids, moving, rows, len(recording.times))
+    frames = (np.concatenate([rotations, turns]), np.concatenate([positions, shifts]))
+    rows = _rows(solids, moving, *frames, aside)
+    return Tracks(solids, moving, rows, recording.times)
 
 
 def _body_frames(states: State) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ from core.plugins import Offer, installed
 from core.scene import table
 from core.search.experiment import Experiment
 from core.search.orchestration import resume, run
-from core.simulation.pictures import FILM_HZ, png, save_film
+from core.simulation.pictures import FILM_HZ, filmed, png, save_film
 from plugins.conformance.scenery import cube, stick
 from plugins.conformance.worlds import Bodies
 from tests import toys
@@ -30,7 +30,7 @@ def test_a_film_shows_the_motion_and_lasts_as_long(tmp_path):
     )
     short = RolloutSettings(segment_s=0.3, settle_s=0.1, hold_s=0.2)
     candidate = Candidate(Tool(), np.array([[0.5, 0, 0.45, 0, 0, 0.0]]))
-    save_film(task, engine, candidate, 0, short, tmp_path / "film.gif")
+    save_film(filmed(task, engine, candidate, 0, short), tmp_path / "film.gif")
     film = Image.open(tmp_path / "film.gif")
     durations, frames = [], []
     for frame in range(film.n_frames):
