@@ -97,8 +97,7 @@ def tool_parts(tool: Tool) -> Iterator[tuple[RobotLink, RobotJoint]]:
 
     for component in tool.components:
         in_link = component.link.inverse()
-        center, tensor = mass_properties(component.shape, component.mass)
-        inertial = Inertial.from_tensor(component.mass, in_link.apply(center), tensor)
+        inertial = Inertial.from_tensor(*_weigh(component, in_link))
         link = RobotLink(component.name, inertial, *_place_shapes(component, in_link))
 
         pose = component.pose
@@ -107,6 +106,13 @@ def tool_parts(tool: Tool) -> Iterator[tuple[RobotLink, RobotJoint]]:
         if component.parent in frames:
             pose = frames[component.parent].inverse() @ pose
         yield link, _joint(component.name, component.parent, pose, component.joint)
+
+
+def _weigh(component: Component, pose: Pose) -> Weight:
+    """Compute the inertia of a component at a pose, in the axes of the frame that the pose is given in."""
+    center, tensor = mass_properties(component.shape, component.mass)
+    turn = pose.rotation.as_matrix()
+    return component.mass, pose.apply(center), turn @ tensor @ turn.T
 
 
 def _joint(
@@ -167,9 +173,7 @@ def _fuse(link: RobotLink, tool: Tool) -> RobotLink:
 
     for component in borne:
         _, pose = tool.borne[component.name]
-        center, tensor = mass_properties(component.shape, component.mass)
-        turn = pose.rotation.as_matrix()
-        weights.append((component.mass, pose.apply(center), turn @ tensor @ turn.T))
+        weights.append(_weigh(component, pose))
         solid, drawn = _place_shapes(component, pose)
         collisions += solid
         visuals += drawn

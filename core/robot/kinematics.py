@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -104,14 +104,12 @@ def link_frames(
     model = robot_model(robot, tool)
     rotations, positions = model.place_joints(model.order(arm, fingers))
 
-    frames = {}
-    for name, (joint, pose) in model.links.items():
-        rotation = pose.rotation.as_matrix()
-        frames[name] = place(
-            rotations[joint], positions[joint], rotation, pose.position
+    return {
+        name: place(
+            rotations[joint], positions[joint], pose.rotation.as_matrix(), pose.position
         )
-
-    return frames
+        for name, (joint, pose) in model.links.items()
+    }
 
 
 def link_poses(robot: Robot, gripper: bool, joints: Array) -> dict[str, Pose]:
@@ -119,12 +117,11 @@ def link_poses(robot: Robot, gripper: bool, joints: Array) -> dict[str, Pose]:
     tool = Tool(gripper=gripper)
     fingers = finger_values(robot, tool, np.array([robot.opening_m]))
 
-    poses = {}
     frames = link_frames(robot, tool, np.asarray(joints)[None], fingers)
-    for name, (rotations, positions) in frames.items():
-        rotation = Rotation.from_matrix(rotations[0])
-        poses[name] = Pose.from_rotation(positions[0], rotation)
-    return poses
+    return {
+        name: Pose.from_rotation(positions[0], Rotation.from_matrix(rotations[0]))
+        for name, (rotations, positions) in frames.items()
+    }
 
 
 @lru_cache(maxsize=8)
@@ -181,8 +178,7 @@ _STRIDE = 0.5  # radians, of each joint in a step
 _JUMP_RAD = 0.6
 
 
-@dataclass(frozen=True)
-class Solution:
+class Solution(NamedTuple):
     """Joints (J,) in radians, and the remaining error in metres and radians."""
 
     joints: Array

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import accumulate, pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import (
@@ -28,8 +28,7 @@ _ROUNDING_RAD = 1e-9
 JointPath = BSpline | PchipInterpolator  # joints (J,) over s in [0, 1]
 
 
-@dataclass(frozen=True, eq=False)
-class Knots:
+class Knots(NamedTuple):
     """K poses of the mount along a way through N + 1 poses.
 
     Attributes:

@@ -9,8 +9,8 @@ limits in full. Ruckig would be no help: it knows states to be reached, and no p
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from itertools import accumulate, pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,8 +28,7 @@ _ROUNDS = 20  # of slowing a way until it takes its seconds
 _EXACT_S = 1e-3
 
 
-@dataclass(frozen=True, eq=False)
-class Leg:
+class Leg(NamedTuple):
     """A way from stop to stop along N waypoints.
 
     Attributes:
@@ -51,8 +50,7 @@ class Leg:
     wait_s: float
 
 
-@dataclass(frozen=True, eq=False)
-class TimedLeg:
+class TimedLeg(NamedTuple):
     """A way from stop to stop in time.
 
     Attributes:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from core.design import Candidate
 from core.errors import RAISED, UserError
-from core.interfaces import Outcome, Rollout, Simulator, Task
+from core.interfaces import Outcome, Rollout
 from core.plugins import describe_part
 from core.plugins.blame import PluginError, describe_failure
 from core.simulation.attempt import Stage, follow_guards, plan_attempt, stage_of
@@ -63,8 +63,7 @@ def _play(stage: Stage, candidates: Sequence[Candidate]) -> list[Trial]:
     """Try each candidate, and return their trials, in order."""
     attempts = [plan_attempt(stage, candidate) for candidate in candidates]
     planned = [attempt for attempt in attempts if attempt.trial is None]
-    jobs = [attempt.job for attempt in planned]
-    outcomes = _run_engine(stage.simulator, stage.task, jobs)
+    outcomes = _run_engine(stage, [attempt.job for attempt in planned])
     for attempt, outcome in zip(planned, outcomes, strict=True):
         attempt.outcome = outcome
         follow_guards(stage, attempt)
@@ -83,15 +82,14 @@ def _play(stage: Stage, candidates: Sequence[Candidate]) -> list[Trial]:
     return trials
 
 
-def _run_engine(
-    simulator: Simulator, task: Task, jobs: Sequence[Rollout]
-) -> list[Outcome]:
+def _run_engine(stage: Stage, jobs: Sequence[Rollout]) -> list[Outcome]:
     """Let the engine play the jobs, one outcome for each.
 
     Raises:
         PluginError: the simulator returned something else; names it.
     """
-    outcomes = simulator.rollout(task, jobs)
+    simulator = stage.simulator
+    outcomes = simulator.rollout(stage.task, jobs)
     got = None
     listed = isinstance(outcomes, list)
     if not listed or not all(isinstance(outcome, Outcome) for outcome in outcomes):

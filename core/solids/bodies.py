@@ -46,20 +46,18 @@ class Solids:
         self.frames = np.array([solid.frame for solid in solids], dtype=int)
         self.moving = np.flatnonzero(self.frames != WORLD)
         rotations = [solid.pose.rotation.as_matrix() for solid in solids]
-        self.rotations = np.array(rotations).reshape(-1, 3, 3)
-        positions = [solid.pose.position for solid in solids]
-        self.positions = np.array(positions).reshape(-1, 3)
+        self.rotations = np.reshape(rotations, (-1, 3, 3))
+        self.positions = np.reshape([solid.pose.position for solid in solids], (-1, 3))
 
         boxes = [bounding_box(solid.geometry) for solid in solids]
-        self.middles, self.halves = np.array(boxes).reshape(-1, 2, 3).swapaxes(0, 1)
-        shapes = [solid.shape for solid in solids]
+        self.middles, self.halves = np.reshape(boxes, (-1, 2, 3)).swapaxes(0, 1)
         self.widths = self.halves.min(axis=1, initial=np.inf)
-        self.radii = np.full(len(shapes), np.inf)
-        for number, shape in enumerate(shapes):
-            if isinstance(shape, Mesh):
-                self.widths[number] = thickness(shape) / 2
-            elif isinstance(shape, Sphere):
-                self.radii[number] = shape.radius
+        self.radii = np.full(len(solids), np.inf)
+        for number, solid in enumerate(solids):
+            if isinstance(solid.shape, Mesh):
+                self.widths[number] = thickness(solid.shape) / 2
+            elif isinstance(solid.shape, Sphere):
+                self.radii[number] = solid.shape.radius
 
         corners = np.linalg.norm(np.abs(self.middles) + self.halves, axis=1)
         self.reaches = np.where(self.radii < np.inf, 0.0, corners)

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,8 +45,7 @@ _STILL_M = 1e-4  # a pair is looked at again when one of them has moved so far
 _GRAVITY = 9.81
 
 
-@dataclass(frozen=True)
-class Finding:
+class Finding(NamedTuple):
     """Something unphysical, described in words. With ``penetration`` a reward that came of it means nothing."""
 
     text: str

@@ -132,8 +132,7 @@ def find_self_collision(
     numbers = np.arange(len(joints))
     rows = _choose_rows(trajectory)
     looks = np.column_stack([np.interp(rows, numbers, values) for values in joints.T])
-    collisions = (k for k, look in enumerate(looks) if pairs.collide(look))
-    first = next(collisions, None)
+    first = next((k for k, look in enumerate(looks) if pairs.collide(look)), None)
     if first is None:
         return None
 
