@@ -58,6 +58,12 @@ class Schedule:
         speeds = np.diff(arm, axis=0) / self.time_step
         return arm[1:], fingers[1:], speeds, np.diff(fingers) / self.time_step
 
+    def orders(self) -> list[tuple[Array, float, Array, float]]:
+        """Return what `World.step` takes, for each step."""
+        arm, fingers, speeds, finger_speeds = self.targets()
+        steps = zip(arm, fingers.tolist(), speeds, finger_speeds.tolist(), strict=True)
+        return list(steps)
+
     def measure_lag(self, arm: Array) -> float:
         """Measure the largest lag of a joint, radians, by the arm's joints (L, J) after the ``looks``."""
         wanted, _ = self.job.trajectory.sample(self.ends[self.looks])
@@ -80,17 +86,7 @@ class Schedule:
 
 @runtime_checkable
 class BulkWorld(World, Protocol):
-    """A world that prepares the orders of many steps at once, and decodes many snapshots at once, which is faster."""
-
-    def orders(
-        self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array
-    ) -> Sequence[Any]:
-        """Make of what `step` takes, for S steps (S, ...), the S orders that `obey` takes."""
-        ...
-
-    def obey(self, order: Any) -> None:
-        """Take one step as ordered."""
-        ...
+    """A world that decodes many snapshots at once, which is faster."""
 
     def note(self) -> Any:
         """Take a snapshot of the joints and free bodies, in the form that is fastest to get."""
@@ -101,17 +97,11 @@ class BulkWorld(World, Protocol):
         ...
 
 
-class _StepByStep:
+class _Noting:
     """Gives a `World` what a `BulkWorld` has."""
 
     def __init__(self, world: World) -> None:
         self._world = world
-
-    def orders(self, *targets: Array) -> Sequence[Any]:
-        return list(zip(*targets, strict=True))
-
-    def obey(self, order: Any) -> None:
-        self._world.step(*order)
 
     def note(self) -> Any:
         return *self._world.joints(), self._world.state()
@@ -156,9 +146,9 @@ def play(world: World, job: Rollout) -> Outcome:
     if refused is not None:
         return refused
 
-    bulk = world if isinstance(world, BulkWorld) else _StepByStep(world)
+    bulk = world if isinstance(world, BulkWorld) else _Noting(world)
     schedule = Schedule(job, world.time_step)
-    orders = bulk.orders(*schedule.targets())
+    orders = schedule.orders()
     start = begin_motion(world) if schedule.settle == 0 else None
     notes: list[Any] = []
     reached: list[Array] = []
@@ -166,7 +156,7 @@ def play(world: World, job: Rollout) -> Outcome:
     while done < len(orders):
         if schedule.every and done % schedule.every == 0:
             notes.append(bulk.note())
-        bulk.obey(orders[done])
+        world.step(*orders[done])
         now = float(schedule.ends[done])
         if done >= schedule.settle and done % LAG_EVERY == 0:
             reached.append(world.joints()[0])
@@ -181,7 +171,7 @@ def play(world: World, job: Rollout) -> Outcome:
         changed = job.guards.feel(now, world.joints()[0], *pushes)
         if changed is not None:
             schedule = Schedule(replace(job, trajectory=changed), world.time_step)
-            orders = bulk.orders(*schedule.targets())
+            orders = schedule.orders()
 
     film = None
     if schedule.every:

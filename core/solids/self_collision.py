@@ -138,20 +138,18 @@ def find_self_collision(
 
     depths = pairs.depths(looks[first])
     pair = int(np.argmax(depths - pairs.deep))
-    deepest = float(rows[first])
-    depth = float(depths[pair])
-    for later in range(int(deepest) + 1, len(joints)):
-        now = float(pairs.depths(joints[later])[pair])
-        if now <= 0:
+    course = [(depths[pair], rows[first])]
+    for later in range(int(rows[first]) + 1, len(joints)):
+        depth = pairs.depths(joints[later])[pair]
+        if depth <= 0:
             break
-        if now > depth:
-            deepest = float(later)
-            depth = now
+        course.append((depth, later))
 
+    deepest, row = max(course, key=lambda look: look[0])
     part, second = pairs.names[pair]
-    time = float(np.interp(deepest, numbers, trajectory.times))
+    time = float(np.interp(row, numbers, trajectory.times))
     with_tool = part in tool.placed()
-    return SelfCollision(time, part, second, depth, with_tool)
+    return SelfCollision(time, part, second, float(deepest), with_tool)
 
 
 def _choose_rows(trajectory: JointTrajectory) -> Array:

@@ -227,22 +227,11 @@ class World:
         self, arm: Array, fingers: float, speeds: Array, finger_speed: float
     ) -> None:
         """Drive the joints to targets (J,) and a finger opening, approached at these speeds, for one time step."""
-        openings = np.array([fingers])
-        opening_speeds = np.array([finger_speed])
-        (order,) = self.orders(arm[None], openings, speeds[None], opening_speeds)
-        self.obey(order)
-
-    def orders(
-        self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array
-    ) -> Array:
-        targets = np.column_stack([arm, *[fingers] * self._fingers])
-        velocities = np.column_stack([speeds, *[finger_speeds] * self._fingers])
-        return np.stack([targets, velocities], axis=1)
-
-    def obey(self, order: Array) -> None:
-        asked = order.tolist()
+        targets = [*arm.tolist(), *[fingers] * self._fingers]
+        velocities = [*speeds.tolist(), *[finger_speed] * self._fingers]
+        asked = (targets, velocities)
         if asked != self._driven:  # motors keep their targets
-            self._driven = targets, velocities = asked
+            self._driven = asked
             p.setJointMotorControlArray(  # names would cost half a microsecond a step
                 self.robot,
                 self._joints,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -120,18 +120,14 @@ class ArticulatedArm:
                 )
                 joint.set_drive_target(moving.rest)
 
-    def orders(
-        self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array
-    ) -> list[list[float]]:
-        """What `drive` takes for each of S steps: from targets (S, J), finger openings (S,), and their speeds."""
-        asked = arm + self._ahead * speeds
+    def drive(
+        self, arm: Array, fingers: float, speeds: Array, finger_speed: float
+    ) -> None:
+        """Set the drives for the next step: targets (J,), a finger opening, and their speeds."""
+        orders = (arm + self._ahead * speeds).tolist()
         if self._gripper:
-            opening = fingers + self._ahead * finger_speeds
-            asked = np.column_stack([asked, *[opening] * self._fingers])
-        return cast("list[list[float]]", asked.tolist())
+            orders += [fingers + self._ahead * finger_speed] * self._fingers
 
-    def drive(self, orders: list[float]) -> None:
-        """Set the drives for the next step."""
         if self._pull:
             values = self._articulation.qpos
             speeds = self._articulation.qvel

@@ -109,19 +109,7 @@ class World:
         self, arm: Array, fingers: float, speeds: Array, finger_speed: float
     ) -> None:
         """Drive the joints to targets (J,) and a finger opening, approached at these speeds, for one time step."""
-        self.obey(
-            *self.orders(
-                arm[None], np.array([fingers]), speeds[None], np.array([finger_speed])
-            )
-        )
-
-    def orders(
-        self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array
-    ) -> list[list[float]]:
-        return self._robot.orders(arm, fingers, speeds, finger_speeds)
-
-    def obey(self, order: list[float]) -> None:
-        self._robot.drive(order)
+        self._robot.drive(arm, fingers, speeds, finger_speed)
         self._joints.act()
         self._system.step()
         self._bodies.stepped()
