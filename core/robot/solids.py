@@ -5,6 +5,7 @@ A mesh counts as its convex hull, as in every engine.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -110,10 +111,22 @@ def body_solids(body: Body) -> Iterator[Solid]:
 
 def signed_distance(a: Solid, b: Solid) -> float:
     """Measure the distance of two solids in one frame, metres; a negative one is the penetration depth."""
+    return _contact(a, b)[0]
+
+
+def _contact(a: Solid, b: Solid) -> tuple[float, Array]:
+    """Measure the signed distance of two solids in one frame, and find the point (3,) midway where they are closest."""
     request = coal.DistanceRequest()
     result = coal.DistanceResult()
     between = (a.geometry, a.transform, b.geometry, b.transform)
-    return float(coal.distance(*between, request, result))
+    gap = coal.distance(*between, request, result)
+    return float(gap), (result.getNearestPoint1() + result.getNearestPoint2()) / 2
+
+
+def closest(ones: Iterable[Solid], others: Iterable[Solid]) -> tuple[float, Array]:
+    """Measure the least signed distance of two groups of solids, and find the point (3,) midway there."""
+    contacts = itertools.starmap(_contact, itertools.product(ones, others))
+    return min(contacts, key=lambda found: found[0])
 
 
 class Obstacles:

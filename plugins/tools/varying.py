@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
 
-import coal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import Component, Tool
 from core.geometry import Array, Compound, Pose, Shape, resized
 from core.interfaces import Numbers, ToolRepresentation
-from core.robot.solids import Solid, solids_of
+from core.robot.solids import closest, solids_of
 from core.values.plans import content_of
 
 GROWTH = 0.1
@@ -154,19 +152,8 @@ def _scaled(point: Array, before: Shape | Compound, after: Shape | Compound) -> 
 def _touching(component: Component, parent: Component) -> Array:
     """The point (3,) in the parent's frame where the two are closest."""
     solids = solids_of(component.name, component.shape, component.pose)
-    others = solids_of(parent.name, parent.shape, Pose())
-    contacts = itertools.starmap(_measure_contact, itertools.product(solids, others))
-    _, point = min(contacts, key=lambda contact: contact[0])
+    _, point = closest(solids, solids_of(parent.name, parent.shape, Pose()))
     return point
-
-
-def _measure_contact(a: Solid, b: Solid) -> tuple[float, Array]:
-    """Measure the signed distance of two solids in one frame, and find the point (3,) midway where they are closest."""
-    request = coal.DistanceRequest()
-    result = coal.DistanceResult()
-    between = (a.geometry, a.transform, b.geometry, b.transform)
-    gap = coal.distance(*between, request, result)
-    return float(gap), (result.getNearestPoint1() + result.getNearestPoint2()) / 2
 
 
 class VariedTools(ToolRepresentation):
