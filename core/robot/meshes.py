@@ -129,8 +129,8 @@ def _pieces(file: Path) -> tuple[tuple[Mesh, Color | None], ...]:
         if isinstance(piece, trimesh.Trimesh) and len(piece.faces):  # not lines
             color: Color | None = None
             if piece.visual.kind == "texture":
-                rgba = piece.visual.material.main_color.tolist()
-                red, green, blue, opacity = (share / 255 for share in rgba)
+                rgba = piece.visual.material.main_color / 255
+                red, green, blue, opacity = rgba.tolist()
                 color = (red, green, blue, opacity)
             piece.merge_vertices(merge_tex=True, merge_norm=True)
             pieces.append((Mesh.from_trimesh(piece), color))

@@ -17,7 +17,7 @@ import numpy as np
 from core.design import DesignError
 from core.geometry import Array
 from core.robot.kinematics import Arm
-from core.robot.paths import JointPath, bend, join_knots, sample_cells
+from core.robot.paths import bend, join_knots, sample_cells
 
 _SAMPLE_S = 0.01
 _APART_RAD = 1e-6
@@ -73,9 +73,7 @@ def time_leg(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
     if len(leg.asked) > 1:
         return _time_fastest(leg, arm, speed)
     asked_s = float(leg.asked[0])
-    path = join_knots(leg.knots, arm)
-    timed = _time_at_rest(path, len(leg.knots) - 1, arm, asked_s, speed)
-
+    timed = _time_at_rest(leg, arm, asked_s, speed)
     late = timed.times[-1] > asked_s + _EXACT_S
     moves = float(np.ptp(leg.knots, axis=0).max()) >= _STILL_RAD
     if late and leg.hurried and moves:
@@ -83,17 +81,16 @@ def time_leg(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
     return timed
 
 
-def _time_at_rest(
-    path: JointPath, cells: int, arm: Arm, asked_s: float, speed: float
-) -> TimedLeg:
-    """Time a path of this number of cells, in ``asked_s`` seconds or longer.
+def _time_at_rest(leg: Leg, arm: Arm, asked_s: float, speed: float) -> TimedLeg:
+    """Time a leg in ``asked_s`` seconds or longer.
 
     Without limits the path speed is a trapezoid: a fifth of the time to accelerate, a fifth to brake. Where a joint
     would exceed a limit, the speed is reduced there, before and after: a forward and a backward pass over the squared
     path speed, as in J. Bobrow et al., "Time-optimal control of robotic manipulators along specified paths", IJRR 1985.
     Half of each acceleration limit is for the path's curvature, half for the change of speed.
     """
-    s = sample_cells(cells)
+    path = join_knots(leg.knots, arm)
+    s = sample_cells(len(leg.knots) - 1)
     slope = np.abs(path(s, 1))
     half = arm.acceleration_limits * speed / 2
 

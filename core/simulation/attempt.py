@@ -80,8 +80,15 @@ class Stage:
         self.condition = condition
         self.where: Where = condition.where
         self.settings = condition.settings
-        self.task: Task = condition.task.shared()
-        self.simulator: Simulator = condition.sim.shared()
+
+    @property
+    def task(self) -> Task:
+        return self.condition.task.shared()
+
+    @property
+    def simulator(self) -> Simulator:
+        simulator: Simulator = self.condition.sim.shared()
+        return simulator
 
     @cached_property
     def scene(self) -> Scene:
