@@ -66,13 +66,13 @@ class RobotModel:
 
         ``joints`` (T, Q) are as the model orders them.
         """
-        rotations = np.empty((len(joints), self.model.njoints, 3, 3))
-        positions = np.empty((len(joints), self.model.njoints, 3))
+        rotations = np.empty((self.model.njoints, len(joints), 3, 3))
+        positions = np.empty((self.model.njoints, len(joints), 3))
         for k, values in enumerate(joints):
             pin.forwardKinematics(self.model, self.data, values)
-            rotations[k] = self._rotations
-            positions[k] = self._positions
-        return rotations.swapaxes(0, 1), positions.swapaxes(0, 1)
+            rotations[:, k] = self._rotations
+            positions[:, k] = self._positions
+        return rotations, positions
 
 
 def robot_model(robot: Robot, tool: Tool) -> RobotModel:

@@ -165,7 +165,8 @@ def _time_fastest(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
     )
 
     def measure_slope(place: float | Array) -> Array:
-        return np.maximum(np.abs(path(place, 1)), _APART_RAD)
+        slope: Array = np.maximum(np.abs(path(place, 1)), _APART_RAD)
+        return slope
 
     quickest = (arm.velocity_limits * speed / measure_slope(s)).min(axis=1)
     asked = leg.asked

@@ -143,17 +143,16 @@ def plan_motion(
     legs = []
     for first, last in pairwise(stops):
         ends = path.ends[first : last + 1]
-        legs.append(
-            Leg(
-                knots=knots[ends[0] : ends[-1] + 1],
-                ends=[end - ends[0] for end in ends],
-                grips=grips[first : last + 1],
-                asked=asked[first:last],
-                seconds=tempo.seconds[first:last],
-                hurried=bool(hurried[first]),
-                wait_s=tempo.waits[last - 1],
-            )
+        leg = Leg(
+            knots=knots[ends[0] : ends[-1] + 1],
+            ends=[end - ends[0] for end in ends],
+            grips=grips[first : last + 1],
+            asked=asked[first:last],
+            seconds=tempo.seconds[first:last],
+            hurried=bool(hurried[first]),
+            wait_s=tempo.waits[last - 1],
         )
+        legs.append(leg)
 
     trajectory, reached = join_legs(legs, arm, speed)
 

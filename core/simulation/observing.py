@@ -56,8 +56,8 @@ _STILL_M = 0.001
 _STILL_DEG = 1.0
 
 Samples = npt.NDArray[np.intp]
-Span = tuple[float, float]  # from when to when
 Cause = tuple[float, Class, str]  # when, what, and to which body
+Mishap = tuple[float, float, Class, str]  # from when to when, what, and where
 
 
 def observe(
@@ -199,8 +199,8 @@ class _Case:
 
             shifted = self._way(name) > _STILL_M or tilt > _STILL_DEG
             if shifted or name in self.names:
-                by = _round_all(end - begin, 4)
-                found[name] = Moved(by, _round_all(end, 4), tilt)
+                way = _round_all(end - begin, 4)
+                found[name] = Moved(way, _round_all(end, 4), tilt)
 
         return found
 
@@ -263,12 +263,17 @@ class _Case:
 
     def _causes(self, touches: Samples) -> list[Cause]:
         """Find what may have gone wrong while the robot was at work."""
-        work = (0.0, np.inf)
+        begun = 0.0
+        ended = np.inf
         if touches.size:
-            first, last = self.times[touches[[0, -1]]].tolist()
-            work = (first, last)
+            begun, ended = self.times[touches[[0, -1]]].tolist()
 
-        causes = [*self._find_unreachable(work), *self._find_stuck(work)]
+        mishaps = [*self._find_unreachable(), *self._find_stuck()]
+        causes = [
+            (begin, result, what)
+            for begin, end, result, what in mishaps
+            if end >= begun and begin <= ended
+        ]
         fallen = [self._find_fallen(name) for name in self.left]
         known = [cause for cause in fallen if cause is not None]
         needed = len(self.left) / 2
@@ -278,21 +283,19 @@ class _Case:
             causes += known
         return causes
 
-    def _find_unreachable(self, work: Span) -> Iterator[Cause]:
+    def _find_unreachable(self) -> Iterator[Mishap]:
         """Find the waypoints that the arm misses the way to."""
         arrivals = self.motion.arrivals
         begins = np.append(0.0, arrivals[:-1])
-        at_work = (arrivals >= work[0]) & (begins <= work[1])
         missed = (self.motion.misses > (MISSED_M, MISSED_RAD)).any(axis=1)
-        for number in np.flatnonzero(at_work & missed):
-            yield float(begins[number]), "unreachable", f"waypoint {number + 1}"
+        for number in np.flatnonzero(missed):
+            begin = float(begins[number])
+            yield begin, arrivals[number], "unreachable", f"waypoint {number + 1}"
 
-    def _find_stuck(self, work: Span) -> Iterator[Cause]:
+    def _find_stuck(self) -> Iterator[Mishap]:
         """Find stretches of large lag, at whose peak the robot touches something that does not yield."""
         times = self.times
         for begin, stop in _runs(self.lags > STUCK_RAD):
-            if times[stop - 1] < work[0] or times[begin] > work[1]:
-                continue
             peak = begin + int(self.lags[begin:stop].argmax())
             before = np.searchsorted(times, times[peak] - UNYIELDING_S)
             for (kind, _, other), touched in self.contacts.touching.items():
@@ -304,7 +307,7 @@ class _Case:
                     moved = _length(places[peak] - places[before])
 
                 if moved <= UNYIELDING_M:
-                    yield float(times[begin]), "stuck", other
+                    yield float(times[begin]), times[stop - 1], "stuck", other
 
     def _find_fallen(self, name: str) -> Cause | None:
         """Find when a body was dropped, or tipped over."""

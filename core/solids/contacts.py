@@ -172,7 +172,8 @@ def _find_touches(
     never = np.zeros(tracks.samples - 1, dtype=bool)
     strikes = np.array([struck.get(owner, never) for owner in solids.owners])
     within = np.full(len(pairs), -STRUCK_M)
-    hit = may_meet(tracks, pairs, within, strikes[pairs].any(axis=1))
+    either = strikes[pairs[:, 0]] | strikes[pairs[:, 1]]
+    hit = may_meet(tracks, pairs, within, either)
 
     of_tool = {*tool.mounts, *tool.placed()}
     for number in np.flatnonzero((near | hit).any(axis=1)).tolist():
