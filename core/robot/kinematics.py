@@ -274,13 +274,15 @@ class Arm:
 
         return joints, errors
 
-    def _miss(self, position: Array, rotation: Array, joints: Array) -> Array:
-        """Compute the pose error (6,) at these joints, in the axes there: metres, and weighted radians."""
+    def _miss(
+        self, position: Array, rotation: Array, joints: Array
+    ) -> tuple[Array, float]:
+        """Compute the pose error (6,) at these joints, in the axes there: metres, and weighted radians; its square."""
         self._move(joints)
         error = np.empty(6)
         error[:3] = self._back.dot(position - self._here)
         error[3:] = _RADIAN_WEIGHT * pin.log3(self._back.dot(rotation))
-        return error
+        return error, float(error.dot(error))
 
     def _closest(
         self, position: Array, rotation: Array, seed: Array, most: int, jump_rad: float
@@ -294,8 +296,7 @@ class Arm:
         lower = np.maximum(self.lower, q - jump_rad)
         upper = np.minimum(self.upper, q + jump_rad)
 
-        error = self._miss(position, rotation, q)
-        cost = float(error.dot(error))
+        error, cost = self._miss(position, rotation, q)
         damping = 1e-4
         count = 0
         for count in range(most):
@@ -322,8 +323,7 @@ class Arm:
             step = np.minimum(np.maximum(step, -_STRIDE), _STRIDE)
 
             trial = np.minimum(np.maximum(q + step, lower), upper)
-            trial_error = self._miss(position, rotation, trial)
-            trial_cost = float(trial_error.dot(trial_error))
+            trial_error, trial_cost = self._miss(position, rotation, trial)
 
             if not trial_cost < cost:  # nan is not
                 damping *= 10

@@ -213,4 +213,4 @@ def _sample_evenly(s: Array, rate: Array, lasts: Array) -> tuple[Array, Array]:
 
     growth = (rate[step + 1] - rate[step]) / lasts[step] / 2
     along = s[step] + rate[step] * since + growth * since**2
-    return times, np.minimum(np.maximum(along, 0.0), 1.0)
+    return times, np.clip(along, 0.0, 1.0)

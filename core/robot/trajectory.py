@@ -194,7 +194,7 @@ def join_legs(
         timed = time_leg(leg, arm, speed)
         began = times[-1][-1]
         times.append(began + timed.times)
-        targets.append(np.minimum(np.maximum(timed.joints, arm.lower), arm.upper))
+        targets.append(np.clip(timed.joints, arm.lower, arm.upper))
         closed.append(close_fingers(leg.grips, timed.times, timed.reached))
         reached += [began + seconds for seconds in timed.reached]
 
