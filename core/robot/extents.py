@@ -1,8 +1,7 @@
-"""Measure the space that links take, each by itself, and the fingers of a gripper."""
+"""Measure the fingers of a gripper."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -35,36 +34,22 @@ class Finger(NamedTuple):
         return self.pose.apply(np.abs(way) * self.face(way))
 
 
-def link_extents(robot: Robot, gripper: bool) -> dict[str, Extent]:
-    """Measure the collision shapes of each link that has some, in its own frame."""
-    return extents_of(
-        (solid.name, solid.pose.apply(corners(solid.geometry)))
-        for solid in robot_solids(robot, gripper)
-    )
-
-
-def extents_of(placed: Iterable[tuple[str, Array]]) -> dict[str, Extent]:
-    """Find the extents of named groups of points (N, 3); several of one name are one."""
-    found: dict[str, Extent] = {}
-    for name, points in placed:
-        low, high = found.get(name, (points[0], points[0]))
-        lowest = np.minimum(low, points.min(axis=0))
-        found[name] = lowest, np.maximum(high, points.max(axis=0))
-    return found
-
-
 @lru_cache(maxsize=8)
 def fingers_of(robot: Robot) -> tuple[Finger, ...]:
     """Measure the fingers of the open gripper, the left one first; none without a gripper."""
     if robot.gripper is None:
         return ()
     poses = open_mounts(robot, True)
-    extents = link_extents(robot, True)
+    solids = robot_solids(robot, True)
     found = []
     for name, joint in zip(GRIPPER_MOUNTS, robot.gripper.joints, strict=True):
         opens = _nearest_axis(robot.description.named[joint].direction)
         tip = _nearest_axis(poses[name].rotation.inv().apply((0.0, 0.0, -1.0)))
-        found.append(Finger(name, poses[name], extents[name], opens, tip))
+        shapes = [solid for solid in solids if solid.name == name]
+        points = [solid.pose.apply(corners(solid.geometry)) for solid in shapes]
+        around = np.concatenate(points)
+        extent = around.min(axis=0), around.max(axis=0)
+        found.append(Finger(name, poses[name], extent, opens, tip))
     return tuple(found)
 
 

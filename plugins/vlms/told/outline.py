@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from core.designs.prompt_values import RunFacts
 from core.geometry import Array, Pose
 from core.interfaces import Brief, Robot
 from core.robot.description import assembled
-from core.robot.extents import Extent, extents_of, link_extents
+from core.robot.extents import Extent
 from core.robot.kinematics import arm_of, link_poses, robot_model
 from core.robot.solids import corners, robot_solids
 from core.support.text import short_numbers
@@ -159,3 +159,21 @@ def _name_axis(axis: Sequence[float]) -> str:
             return f"-{name}"
 
     return short_numbers(axis, 4)
+
+
+def link_extents(robot: Robot, gripper: bool) -> dict[str, Extent]:
+    """Measure the collision shapes of each link that has some, in its own frame."""
+    return extents_of(
+        (solid.name, solid.pose.apply(corners(solid.geometry)))
+        for solid in robot_solids(robot, gripper)
+    )
+
+
+def extents_of(placed: Iterable[tuple[str, Array]]) -> dict[str, Extent]:
+    """Find the extents of named groups of points (N, 3); several of one name are one."""
+    found: dict[str, Extent] = {}
+    for name, points in placed:
+        low, high = found.get(name, (points[0], points[0]))
+        lowest = np.minimum(low, points.min(axis=0))
+        found[name] = lowest, np.maximum(high, points.max(axis=0))
+    return found

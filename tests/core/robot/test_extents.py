@@ -1,44 +1,14 @@
-"""The space that links take, compared with the corners of their meshes at Pinocchio's poses."""
-
-from pathlib import Path
+"""The fingers of grippers."""
 
 import numpy as np
 import pytest
-import trimesh
 
-from core.design import Tool
-from core.geometry import Pose
 from core.plugins import installed
-from core.robot.description import assembled
-from core.robot.extents import fingers_of, link_extents
+from core.robot.extents import fingers_of
 from plugins.tools.mounting import finger_gap
 from tests.panda import PANDA
 
 UR5 = installed().create("robot", "ur5")
-
-
-def corners(link, pose=None):
-    """All vertices of a link's collision shapes, with the link at ``pose``."""
-    points = []
-    for part in link.collisions:
-        mesh = (
-            trimesh.load_mesh(part.shape)
-            if isinstance(part.shape, Path)
-            else part.shape.to_trimesh()
-        )
-        points.append(((pose or Pose()) @ part.origin.pose).apply(mesh.vertices))
-    return np.concatenate(points) if points else np.empty((0, 3))
-
-
-def test_links_by_themselves():
-    extents = link_extents(PANDA, True)
-    for name, link in assembled(PANDA, Tool(gripper=True)).links.items():
-        points = corners(link)
-        assert (name in extents) == bool(len(points))
-        if len(points):
-            np.testing.assert_allclose(
-                extents[name], (points.min(axis=0), points.max(axis=0)), atol=1e-6
-            )
 
 
 def test_the_fingers_of_the_data_sheet():

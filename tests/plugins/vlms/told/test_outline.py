@@ -1,10 +1,12 @@
 """The table of a robot's links is enough to build its model again."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 from lxml import etree
 
 from core.design import Tool
@@ -13,7 +15,7 @@ from core.plugins import installed
 from core.robot.description import assemble, assembled
 from core.robot.solids import robot_solids
 from plugins.tools.given import broom
-from plugins.vlms.told.outline import HEAD, outline
+from plugins.vlms.told.outline import HEAD, link_extents, outline
 from tests.panda import PANDA
 
 UR5 = installed().create("robot", "ur5")
@@ -137,3 +139,27 @@ def test_a_tool_keeps_its_boxes():
         np.testing.assert_allclose(high + low, 0, atol=1e-9)
         origin = [float(number) for number in shown[component.name]["xyz"].split()]
         np.testing.assert_allclose(origin, joints[component.name].origin.xyz, atol=1e-4)
+
+
+def vertices(link, pose=None):
+    """All vertices of a link's collision shapes, with the link at ``pose``."""
+    points = []
+    for part in link.collisions:
+        mesh = (
+            trimesh.load_mesh(part.shape)
+            if isinstance(part.shape, Path)
+            else part.shape.to_trimesh()
+        )
+        points.append(((pose or Pose()) @ part.origin.pose).apply(mesh.vertices))
+    return np.concatenate(points) if points else np.empty((0, 3))
+
+
+def test_links_by_themselves():
+    extents = link_extents(PANDA, True)
+    for name, link in assembled(PANDA, Tool(gripper=True)).links.items():
+        points = vertices(link)
+        assert (name in extents) == bool(len(points))
+        if len(points):
+            np.testing.assert_allclose(
+                extents[name], (points.min(axis=0), points.max(axis=0)), atol=1e-6
+            )
