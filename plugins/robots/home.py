@@ -10,17 +10,20 @@ import numpy as np
 from omegaconf import MISSING
 
 from core.config.compose import load, robot_part
-from core.design import RIGID_MOUNT
 from core.errors import UsageError, UserError
 from core.geometry import Pose
 from core.interfaces import Robot
 from core.plugins.registry import check_settings
-from core.robot.kinematics import arm_of, link_poses
-from core.robot.solids import corners, robot_solids
+from core.robot.kinematics import arm_of
 from core.support.cli import arguments, say
 from core.support.text import short_numbers
 from plugins.robots.files import read_source
-from plugins.robots.home_search import HOME_DIGITS, find_home, find_smaller
+from plugins.robots.home_search import (
+    HOME_DIGITS,
+    find_home,
+    find_smaller,
+    measure_depth,
+)
 from plugins.robots.mounting import START
 from plugins.robots.normalise import ALSO
 from plugins.robots.reading import Unmounted, build_unmounted
@@ -92,7 +95,7 @@ def _describe_beyond(arm: Unmounted, robot: Robot) -> None:
         )
         return
 
-    depth = _measure_depth(robot)
+    depth = measure_depth(robot)
     if depth > _BEYOND_M:
         say(
             f"tools begin at the frame of {flange!r}, and its shape reaches {1000 * depth:.0f} mm beyond; if tools go "
@@ -113,16 +116,3 @@ def _links_on(arm: Unmounted) -> list[str]:
         for child, joint in description.joints.items()
         if joint.parent == arm.flange and child in bearing
     ]
-
-
-def _measure_depth(robot: Robot) -> float:
-    """Measure how far the last link's shapes reach beyond the mount, metres, at a home where its axes are upright."""
-    poses = link_poses(robot, False, np.array(robot.home))
-    mount = poses[RIGID_MOUNT].position[2]
-    depth = 0.0
-    for solid in robot_solids(robot, False):
-        if solid.name in robot.near_mount:
-            pose = poses[solid.name] @ solid.pose
-            lowest = pose.apply(corners(solid.geometry))[:, 2].min()
-            depth = max(depth, float(mount - lowest))
-    return depth

@@ -14,7 +14,7 @@ from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory, Robot
 from core.robot.kinematics import Arm, Solution, arm_of, link_poses
-from core.robot.solids import robot_solids
+from core.robot.solids import corners, robot_solids
 from core.solids.self_collision import find_self_collision
 from core.support.text import short_numbers
 from plugins.robots.mounting import stand_nearer, turn_mount, wrist_height
@@ -49,8 +49,11 @@ def find_smaller(arm: Unmounted, chosen: ArmSettings, place: Array) -> Found:
     Raises:
         UserError: see `find_home`.
     """
+    missed: UserError | None = None
     try:
-        return find_home(arm, chosen, place)
+        found = find_home(arm, chosen, place)
+        if _reaches_face(found.robot, place):
+            return found
     except UserError as error:
         missed = error
 
@@ -60,12 +63,37 @@ def find_smaller(arm: Unmounted, chosen: ArmSettings, place: Array) -> Found:
             found = find_home(arm, chosen, place - moved)
         except UserError:
             continue
+        if not _reaches_face(found.robot, place - moved):
+            continue
         arm.notes.append(
             "most tasks begin at (0.5, 0, 0.5), which is out of its reach; robot.reach brings them nearer"
         )
         words = (*found.words, f"robot.reach={reach}")
         return replace(found, words=words, moved=moved)
-    raise missed
+    raise missed or UserError(
+        "no reach brings the face of the flange to where tasks begin; choose at=[x,y,z]"
+    )
+
+
+def _reaches_face(robot: Robot, place: Array) -> bool:
+    """Tell whether the flange's face can be where its frame is at home, too."""
+    beyond = robot.mount @ Pose(np.array([0.0, 0.0, -measure_depth(robot)]))
+    arm = Arm(replace(robot, mount=beyond))
+    solution = arm.inverse(Pose(place), arm.home)
+    return solution.error_m < _NEAR_M and solution.error_rad < _NEAR_RAD
+
+
+def measure_depth(robot: Robot) -> float:
+    """Measure how far the last link's shapes reach beyond the mount, metres, at a home where its axes are upright."""
+    poses = link_poses(robot, False, np.array(robot.home))
+    mount = poses[RIGID_MOUNT].position[2]
+    depth = 0.0
+    for solid in robot_solids(robot, False):
+        if solid.name in robot.near_mount:
+            pose = poses[solid.name] @ solid.pose
+            lowest = pose.apply(corners(solid.geometry))[:, 2].min()
+            depth = max(depth, float(mount - lowest))
+    return depth
 
 
 def find_home(arm: Unmounted, chosen: ArmSettings, place: Array) -> Found:
