@@ -143,7 +143,7 @@ class PromptComposer:
             UserError: see `compose`.
             ValueError: the elite has no tool.
         """
-        values = prompt_values(self._facts, brief, criticised=True)
+        values = prompt_values(replace(self._facts, criticised=True), brief)
         values["pictured"] = list(pictures)
         user: list[Text | Picture] = [self._templates.fill(CRITIC, values)]
         for caption, picture in pictures.items():
