@@ -23,14 +23,13 @@ def dispatch_words(words: list[str]) -> int | None:
     Raises:
         UserError: there is no such command, or what it raises.
     """
-    from core.plugins import installed
+    from core.plugins import COMMAND, installed
 
     plugins = installed()
     if words and words[0] not in ("--help", "-h"):
         return plugins.run_command(words[0], words[1:])
     rows = [
-        (name, plugins.create("command", name).help)
-        for name in plugins.names("command")
+        (name, plugins.create(COMMAND, name).help) for name in plugins.names("command")
     ]
     say(USAGE, "")
     print_table(("command", "what it does"), rows)

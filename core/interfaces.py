@@ -336,6 +336,7 @@ class EvolutionStrategy(ABC):
     """
 
     learns: bool = True  # requests may show what earlier generations earned
+    refines: ClassVar[bool] = False  # `evolution.refine` puts it around another one
     tie: float = TIE
 
     def __init__(self, designer: Designer, budget: Budget, tie: float = TIE) -> None:

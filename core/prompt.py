@@ -24,8 +24,8 @@ from core.interfaces import (
 )
 from core.plugins import event_hub, installed
 from core.plugins.blame import refuse_exit
-from core.search.agent_groups import Team
 from core.search.asking import build_designer
+from core.search.assignment import Team
 from core.search.judging import try_all
 from core.support.cli import arguments, command, say, write_bytes
 from core.trial import Evaluation, best_first

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
-from typing import Any, TypeVar, cast, overload
+from typing import Any, TypeVar, cast
 
 from hydra import compose, initialize_config_module
 from hydra.core.config_store import ConfigStore
@@ -33,7 +33,6 @@ from core.plugins import (
     TOOL,
     Kind,
     PluginPart,
-    RobotPart,
     installed,
 )
 from core.trial import Part
@@ -198,12 +197,8 @@ def node(config: DictConfig, kind: type[T]) -> T:
     return value
 
 
-@overload
-def part(kind: Kind[T], config: DictConfig) -> PluginPart[T]: ...
-@overload
-def part(kind: str, config: DictConfig) -> PluginPart: ...
-def part(kind: Kind[Any] | str, config: DictConfig) -> PluginPart:
-    """Return the part that a config node names, with its settings.
+def part(kind: Kind[T], config: DictConfig) -> PluginPart[T]:
+    """Return the part that a config node names, with its settings; of a robot, with its base.
 
     Raises:
         UserError: the node names no part, or refers to a key that this command lacks.
@@ -224,14 +219,8 @@ def part(kind: Kind[Any] | str, config: DictConfig) -> PluginPart:
         for key, value in settings.items()
         if key not in group.defaults and not OmegaConf.is_missing(config, key)
     ]
-    return PluginPart(group.name, name, tuple(given))
-
-
-def robot_part(config: DictConfig) -> RobotPart:
-    """Return the robot that a config node names, with its settings and its base."""
-    named = part(ROBOT, config)
-    base = config.get("base") or RobotPart.base
-    return RobotPart(named.kind, named.name, named.settings, base=tuple(base))
+    base = settings.get("base") if group is ROBOT else ()
+    return PluginPart(group.name, name, tuple(given), base=base or ())
 
 
 def read_parts(
@@ -264,13 +253,8 @@ def read_parts(
             usual = load("config", [f"{kind}={name}"])[kind.name]
             node = OmegaConf.to_container(usual, resolve=True)
         else:
-            node |= dict(chosen.settings)
-            if isinstance(chosen, RobotPart):
-                node["base"] = list(chosen.base)
-
-        configured = OmegaConf.create({**node, **given})
-        found = robot_part(configured) if kind is ROBOT else part(kind, configured)
-        parts[shown] = cast(PluginPart[T], found)
+            node |= {"base": getattr(chosen, "base", ()), **dict(chosen.settings)}
+        parts[shown] = part(kind, OmegaConf.create({**node, **given}))
 
     if not parts:
         raise UsageError(f"{kind}: name at least one {kind}")
@@ -294,7 +278,7 @@ def engines(
 def task_part(config: DictConfig) -> PluginPart[Task]:
     """Return the task of a command's configuration, for the robot that it names, if it does."""
     robot = config.get("robot")
-    return replace(part(TASK, config.task), robot=robot_part(robot) if robot else None)
+    return replace(part(TASK, config.task), robot=robot and part(ROBOT, robot))
 
 
 def task_parts(config: DictConfig) -> list[PluginPart[Task]]:
@@ -321,6 +305,6 @@ def tool_part(config: DictConfig) -> PluginPart[ToolRepresentation]:
 
     return replace(
         part(TOOL, config.tool),
-        robot=robot_part(robot) if robot else None,
+        robot=robot and part(ROBOT, robot),
         material=material,
     )

@@ -22,7 +22,7 @@ from core.plugins.kinds import (
     Kind as Kind,
     event_hub as event_hub,
 )
-from core.plugins.parts import PluginPart as PluginPart, RobotPart as RobotPart
+from core.plugins.parts import PluginPart as PluginPart
 from core.plugins.registry import (
     Failure as Failure,
     Offer as Offer,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Generic, Literal, TypeVar
+from typing import Any, Generic, TypeVar
 
 import pluggy
 
@@ -31,7 +31,6 @@ class Kind(Generic[T]):
 
     Attributes:
         defaults: the keys of its configuration that are no settings of the part, since the program itself reads them.
-        checked: what its conformance checks take: the part, a function that makes one, or the `PluginPart`.
     """
 
     name: str  # its config group, as in ``sim=NAME``
@@ -42,7 +41,6 @@ class Kind(Generic[T]):
     # The arguments of its factories that the program provides; the others are settings.
     provided: tuple[str, ...] = ()
     defaults: Mapping[str, Any] = field(default_factory=dict)
-    checked: Literal["made", "factory", "named"] = "made"
 
     def __str__(self) -> str:
         return self.name
@@ -96,14 +94,11 @@ EVOLUTION = Kind(
     EvolutionStrategy,
     provided=("designer", "budget"),
     defaults={"refine": 0},
-    checked="factory",
 )
-FITNESS = Kind(
-    "fitness", "fitness_functions", Fitness, provided=("condition",), checked="factory"
-)
-EXECUTOR = Kind("executor", "executors", Executor, checked="factory")
-LISTENER: Kind[object] = Kind("listener", "listeners", None, checked="factory")
-COMMAND = Kind("command", "commands", Command, checked="named")
+FITNESS = Kind("fitness", "fitness_functions", Fitness, provided=("condition",))
+EXECUTOR = Kind("executor", "executors", Executor)
+LISTENER: Kind[object] = Kind("listener", "listeners", None)
+COMMAND = Kind("command", "commands", Command)
 
 KINDS: dict[str, Kind[Any]] = {
     kind.name: kind

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, Generic
+from typing import Annotated, Any, Generic
 
 import pydantic
 from typing_extensions import TypeVar
@@ -12,46 +12,71 @@ from typing_extensions import TypeVar
 from core.errors import UsageError
 from core.geometry import Pose
 from core.interfaces import Robot
+from core.plugins.kinds import KINDS
 from core.plugins.registry import installed
 from core.values.materials import PAPER, Material
 
 T_co = TypeVar("T_co", covariant=True, default=Any)
-_Number = pydantic.FiniteFloat
-# X, y, z and yaw.
-_BASE = pydantic.TypeAdapter(
-    tuple[_Number, _Number, _Number, _Number], config={"strict": True}
-)
+_Number = Annotated[pydantic.FiniteFloat, pydantic.Strict()]
+_BASE = pydantic.TypeAdapter(tuple[_Number, _Number, _Number, _Number])
 
 
 @dataclass(frozen=True)
 class PluginPart(Generic[T_co]):
     """A part by name and settings, from which a worker process makes its own; ``PluginPart[Task]`` makes a `Task`.
 
-    A task or tool representation is made for ``robot`` (None: the default robot) and weighs by ``material``.
+    A task or tool representation is made for ``robot`` (None: the default robot) and weighs by ``material``. A robot
+    stands at ``base``: x, y, z in metres, and yaw in radians; empty or 0: where it says itself.
     """
 
     kind: str
     name: str
     settings: tuple[tuple[str, Any], ...] = ()
-    robot: RobotPart | None = None
+    robot: PluginPart[Robot] | None = None
     material: Material = PAPER
+    base: Any = ()
 
     def __hash__(self) -> int:  # settings may be lists and mappings
         return hash((self.kind, self.name))
 
     def create(self, **given: Any) -> T_co:
-        """Make the part; what is ``given`` goes to its factory beside the settings."""
-        robot = self.robot and _robot(self.robot)
-        part: T_co = installed().create(
-            self.kind,
-            self.name,
-            dict(self.settings),
-            **{"robot": robot, "material": self.material, **given},
+        """Make the part; what is ``given`` goes to its factory beside the settings.
+
+        Raises:
+            UserError: a setting that can't be used.
+        """
+        robot = self.robot and self.robot.shared()
+        settings = dict(self.settings)
+        environment = {"robot": robot, "material": self.material, **given}
+        part: Any = installed().create(
+            KINDS[self.kind], self.name, settings, **environment
         )
-        return part
+        if self.base and self.pose != Pose():
+            part = replace(part, base=self.pose)
+        return part  # type: ignore[no-any-return]
+
+    @property
+    def pose(self) -> Pose:
+        """The pose of a robot's base in the world.
+
+        Raises:
+            UsageError: ``base`` is not four finite numbers.
+        """
+        if not self.base:
+            return Pose()
+        try:
+            x, y, z, yaw = _BASE.validate_python(self.base)
+        except pydantic.ValidationError as error:
+            raise UsageError(
+                f"robot.base must be four numbers, [x, y, z, yaw], got {self.base}"
+            ) from error
+
+        if not any(self.base):
+            return Pose()
+        return Pose.xyz_rpy((x, y, z), (0.0, 0.0, yaw))
 
     def shared(self) -> T_co:
-        """Return the part, which a process makes once."""
+        """Return the part, which a process makes once; so what is computed from a robot is found again."""
         part: T_co = _shared(self)
         return part
 
@@ -60,42 +85,6 @@ class PluginPart(Generic[T_co]):
         return getattr(installed().factory(self.kind, self.name), name, default)
 
 
-@dataclass(frozen=True)
-class RobotPart(PluginPart[Robot]):
-    """A robot by name and settings, and where its base stands: x, y, z in metres, and yaw in radians."""
-
-    base: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
-    __hash__ = PluginPart.__hash__
-
-    def create(self, **given: Any) -> Robot:
-        robot = super().create(**given)
-        return replace(robot, base=self.pose) if any(self.base) else robot
-
-    @property
-    def pose(self) -> Pose:
-        """The base's pose in the world.
-
-        Raises:
-            UsageError: ``base`` is not four finite numbers.
-        """
-        try:
-            x, y, z, yaw = _BASE.validate_python(self.base)
-        except pydantic.ValidationError as error:
-            raise UsageError(
-                f"robot.base must be four numbers, [x, y, z, yaw], got {list(self.base)}"
-            ) from error
-
-        if not any(self.base):
-            return Pose()
-        return Pose.xyz_rpy((x, y, z), (0.0, 0.0, yaw))
-
-
 @lru_cache(maxsize=256)
 def _shared(part: PluginPart) -> Any:
-    return part.create()
-
-
-@lru_cache(maxsize=16)
-def _robot(part: RobotPart) -> Robot:
-    """Make a robot once per process, so that what is computed from it is found again."""
     return part.create()

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, ClassVar, TypeVar, overload
+from typing import Any, ClassVar, TypeVar
 from weakref import WeakKeyDictionary
 
 import pluggy
@@ -57,7 +57,7 @@ class Plugins:
     found. One that fails is kept in ``failures`` with the reason, and the others are not affected::
 
         plugins = installed()
-        task = plugins.create("task", "BringCube", {"variation": "wide"})
+        task = plugins.create(TASK, "BringCube", {"variation": "wide"})
 
     Attributes:
         offers: what is offered, by kind and name. The first offer of a name is kept.
@@ -132,14 +132,6 @@ class Plugins:
         """Return the names of the parts of a kind, sorted."""
         return sorted(name for group, name in self.offers if group == kind)
 
-    def ready(self, kind: str) -> list[str]:
-        """Return the names of the parts of a kind that can be made without settings, sorted."""
-        return [
-            name
-            for name, factory in self.factories(kind).items()
-            if not _needed(inspect.signature(factory))
-        ]
-
     def factory(self, kind: str, name: str, where: str = "") -> Callable[..., Any]:
         """Return the factory of the part ``name`` of a kind, or of what a hook of `core.hooks.Configs` offers.
 
@@ -185,24 +177,16 @@ class Plugins:
         main = _imported(self.offers["command", name], command.main)
         return typing.cast(int | None, main(arguments))
 
-    @overload
-    def create(
-        self, kind: Kind[T], name: str, settings: Settings = ..., **given: Any
-    ) -> T: ...
-    @overload
-    def create(
-        self, kind: str, name: str, settings: Settings = ..., **given: Any
-    ) -> Any: ...
     def create(
         self,
-        kind: Kind[Any] | str,
+        kind: Kind[T],
         name: str,
         settings: Settings = None,
         *,
         robot: Robot | None = None,
         material: Material = PAPER,
         **given: Any,
-    ) -> Any:
+    ) -> T:
         """Make a part: check ``settings`` against its factory's signature, and call that with them and ``given``.
 
         A task or tool representation is made for ``robot``, by default for the default one, and weighs by ``material``.
@@ -232,7 +216,7 @@ class Plugins:
             part.robot = robot or self.default_robot
         if isinstance(part, ToolRepresentation):
             part.material = material
-        return part
+        return typing.cast(T, part)
 
     @cached_property
     def default_robot(self) -> Robot:
@@ -283,7 +267,7 @@ def check_settings(
                 f"{where}: setting {name!r} can't be {value!r}: {reason}"
             ) from error
 
-    for name in _needed(signature):
+    for name in needed_settings(signature):
         if name not in checked and name not in given:
             raise UsageError(
                 f"{where}: setting {name!r} is needed; settings: {', '.join(possible)}"
@@ -292,7 +276,7 @@ def check_settings(
     return checked
 
 
-def _needed(signature: inspect.Signature) -> list[str]:
+def needed_settings(signature: inspect.Signature) -> list[str]:
     """Return the names of the parameters without a default."""
     return [
         name

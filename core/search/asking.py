@@ -14,19 +14,12 @@ from core.errors import UsageError
 from core.interfaces import VLM, Budget, EvolutionStrategy, Fitness, RolloutSettings
 from core.plugins import ACTION, EVOLUTION, SIMULATOR
 from core.search.assignment import DEFAULT_KINDS, Assignment, borne_kinds
-from core.search.builder import DesignerParts, builder_for, check_starts
+from core.search.builder import builder_for, check_level, check_starts
 from core.search.designer import ModelDesigner
+from core.search.prompt_pictures import Artist
 from core.trial import TIE
 
-LEAST = {
-    "n_agent": 1,
-    "n_tool": 1,
-    "n_action": 1,
-    "k_top": 1,
-    "n_iteration": 0,
-    "n_final": 0,
-}
-"""The lowest numbers of a budget."""
+MAY_BE_ZERO = ("n_iteration", "n_final")  # of a budget
 
 
 def build_designer(
@@ -54,16 +47,11 @@ def build_designer(
         tie=cfg.evolution.get("tie", TIE),
         judged=fitness.instructions(),
     )
-    parts = DesignerParts(
-        assignment,
-        fitness,
-        part(SIMULATOR, cfg.sim).create,
-        vlm,
-        prompts,
-        node(cfg.sampling, Sampling),
-        events,
-    )
-    return builder.build_designer(parts), fitness
+    sampling = node(cfg.sampling, Sampling)
+    designer = ModelDesigner(assignment, vlm, prompts, sampling, events)
+    check_level(designer)
+    artist = Artist(assignment, prompts, part(SIMULATOR, cfg.sim).create)
+    return builder.finish(designer, fitness, artist), fitness
 
 
 def _read_assignment(cfg: DictConfig) -> Assignment:
@@ -77,21 +65,22 @@ def _read_assignment(cfg: DictConfig) -> Assignment:
     representation = tool_part(cfg).create()
     check_starts(task)
     kinds = list(cfg.task.get("tool_kinds") or task.tool_kinds or DEFAULT_KINDS)
-    assignment = Assignment(
-        task, representation, part(ACTION, cfg.action).create(), budget, cfg.seed, kinds
-    )
+    actions = part(ACTION, cfg.action).create()
+    assignment = Assignment(task, representation, actions, budget, cfg.seed, kinds)
     if assignment.given is not None:
         return replace(assignment, budget=replace(budget, n_tool=1))
     return replace(assignment, tool_kinds=borne_kinds(kinds, task.robot))
 
 
 def _read_budget(cfg: DictConfig) -> Budget:
-    budget = Budget(**{field.name: cfg.budget[field.name] for field in fields(Budget)})
-    for name, least in LEAST.items():
-        number = getattr(budget, name)
-        if number < least:
-            raise UsageError(f"budget.{name} must be at least {least}, got {number}")
-    return budget
+    numbers = {field.name: cfg.budget[field.name] for field in fields(Budget)}
+    for name in ("n_agent", "n_tool", "n_action", "k_top", *MAY_BE_ZERO):
+        least = int(name not in MAY_BE_ZERO)
+        if numbers[name] < least:
+            raise UsageError(
+                f"budget.{name} must be at least {least}, got {numbers[name]}"
+            )
+    return Budget(**numbers)
 
 
 def _strategy_observes(cfg: DictConfig) -> bool:

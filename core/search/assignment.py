@@ -1,16 +1,20 @@
-"""Define what all agents of a run are asked for."""
+"""Define what all agents of a run are asked for, and teams of agents."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
-from core.design import Tool
+from core.design import Candidate, Tool
+from core.designs.rules import given_tool
 from core.errors import UserError, choices
 from core.interfaces import (
     ActionRepresentation,
     Budget,
+    Designer,
+    Evaluation,
     Robot,
     Task,
     ToolRepresentation,
@@ -53,6 +57,19 @@ class Assignment:
         """
         return self.representation.given(self.task)
 
+    @property
+    def mounted(self) -> Sequence[Tool]:
+        """What the arm carries in pictures of the scene: the given tool, or no tool, on each kind of mount.
+
+        Raises:
+            UserError: the given tool breaks a rule.
+        """
+        given = given_tool(self.representation, self.task)
+        if given is not None:
+            return [given]
+        kinds = dict.fromkeys(self.tool_kinds)
+        return [Tool(gripper=kind == "gripper") for kind in kinds]
+
 
 def borne_kinds(tool_kinds: Sequence[str], robot: Robot) -> list[str]:
     """Return the tool kinds that the robot can bear: without a gripper, rigid ones.
@@ -60,9 +77,9 @@ def borne_kinds(tool_kinds: Sequence[str], robot: Robot) -> list[str]:
     Raises:
         UserError: none is left.
     """
-    borne = [
-        name for name in tool_kinds if name != "gripper" or robot.gripper is not None
-    ]
+    if robot.gripper is not None:
+        return list(tool_kinds)
+    borne = [name for name in tool_kinds if name != "gripper"]
     if not borne:
         raise UserError(
             f"robot {robot.name} has no gripper, and task.tool_kinds has no other kind; set task.tool_kinds=[rigid], "
@@ -70,3 +87,25 @@ def borne_kinds(tool_kinds: Sequence[str], robot: Robot) -> list[str]:
         )
 
     return borne
+
+
+@dataclass(frozen=True, eq=False)
+class Team:
+    """Agents that are shown the same elites, and nothing that other teams tried.
+
+    ``warmth`` is added to the temperature of each, and ``style``, a text, to its prompt.
+    """
+
+    agents: Sequence[int]
+    elites: Sequence[Evaluation] = ()
+    warmth: float = 0.0
+    style: str = ""
+
+
+class AsksTeams(Designer, Protocol):
+    """A designer that asks teams; its ``assignment`` is what it asks them for."""
+
+    assignment: Assignment
+
+    def design_in(self, generation: int, teams: Sequence[Team]) -> Iterator[Candidate]:
+        """Ask the agents of all teams at once, and yield their candidates as replies arrive (`Designer.design`)."""

@@ -21,8 +21,7 @@ from core.errors import UserError
 from core.events import Generation
 from core.hooks import hookimpl
 from core.interfaces import VLM, Brief, Picture, Reply, Request
-from core.search.agent_groups import Team
-from core.search.assignment import Assignment
+from core.search.assignment import Assignment, Team
 from core.search.critic import Critic
 from core.search.replies import ask_model
 from core.trial import Evaluation
@@ -32,11 +31,18 @@ REPAIRED = "-repair"  # at the end of the id of a request that asks once more
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What came of a request: ``candidates``; ``lost``: none of them, for a reason that may pass."""
+    """What came of a request.
+
+    Attributes:
+        candidates: those of the reply, or one that has the problem.
+        lost: there is no reply, for a reason that may pass.
+        unread: why the reply can't be read; or empty.
+    """
 
     request: Request
     candidates: list[Candidate]
     lost: bool = False
+    unread: str = ""
 
 
 @dataclass(eq=False)
@@ -53,6 +59,7 @@ class ModelDesigner:
         film: draws a film strip of a rollout; if the prompts' feedback is ``full``, it is called for the best elite and
             for the most instructive failure of the last generation.
         critic: has candidates criticised before each generation; None: nothing is.
+        stored: replies that are not asked for again, by request id.
         tried: what requests may show of earlier generations; as a listener the designer collects it itself.
     """
 
@@ -64,20 +71,11 @@ class ModelDesigner:
     pictures: Mapping[bool, tuple[Picture, ...]] = field(default_factory=dict)
     film: Callable[[Evaluation], Picture | None] | None = None
     critic: Critic | None = None
+    stored: Mapping[str, Reply] = field(default_factory=dict)
     tried: list[Evaluation] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._replies: list[Reply] = []  # of the generation that is being asked for
-
-    @property
-    def seed(self) -> int:
-        """The run's seed."""
-        return self.assignment.seed
-
-    def scene_pictures(self) -> Iterator[Picture]:
-        """Yield the pictures of the scene that prompts show."""
-        for pictures in self.pictures.values():
-            yield from pictures
 
     def design(
         self, generation: int, elites: Sequence[Evaluation] = ()
@@ -92,7 +90,7 @@ class ModelDesigner:
         yield from self.design_in(generation, [Team(agents, elites)])
 
     def design_in(self, generation: int, teams: Sequence[Team]) -> Iterator[Candidate]:
-        """See `core.search.agent_groups.AsksTeams`, and `design`."""
+        """See `core.search.assignment.AsksTeams`, and `design`."""
         for answer in self.ask(self.start(generation, teams)):
             yield from answer.candidates
         self.refuse_silence(generation)
@@ -142,51 +140,65 @@ class ModelDesigner:
     def ask(self, requests: Sequence[Request]) -> Iterator[Answer]:
         """Send requests, and yield their answers as they arrive; some ask once more where a reply can't be read."""
         again: list[Request] = []
-        repair = self.prompts.settings.repair
-        yield from self._answers(requests, again if repair else None)
-        yield from self._answers(again, None)
-
-    def _answers(
-        self, requests: Sequence[Request], again: list[Request] | None
-    ) -> Iterator[Answer]:
-        """Yield the answers to requests; where a reply can't be read, append to ``again`` what asks once more."""
-        missing = {request.id: request for request in requests}
-        replies = ask_model(self.vlm, requests, self.events) if requests else ()
-        for reply in replies:
-            request = missing.pop(reply.request_id)
-            self._replies.append(reply)
-
-            if reply.error is not None:
-                lost = _lose(request, f"the model gave no answer: {reply.error}")
-                yield Answer(request, [lost], lost=reply.unanswered)
-                continue
-
-            try:
-                yield Answer(request, self._read(request.brief, reply))
-            except DesignError as error:
-                if again is None:
-                    yield Answer(
-                        request, [_lose(request, f"the reply can't be read: {error}")]
-                    )
-                    continue
-
-                messages = self.prompts.repair(request, reply, str(error))
+        for request, reply in self._send(requests):
+            answer = self._read(request, reply)
+            if reply is not None and answer.unread and self.prompts.settings.repair:
+                messages = self.prompts.repair(request, reply, answer.unread)
                 name = f"{request.id}{REPAIRED}"
                 again.append(replace(request, id=name, messages=messages))
+            else:
+                yield answer
 
+        for request, reply in self._send(again):
+            yield self._read(request, reply)
+
+    def _send(
+        self, requests: Sequence[Request]
+    ) -> Iterator[tuple[Request, Reply | None]]:
+        """Yield each request with its reply, as they arrive, and then those that got none."""
+        if not requests:
+            return
+        missing = {request.id: request for request in requests}
+        for reply in ask_model(self.vlm, requests, self.events, self.stored):
+            yield missing.pop(reply.request_id), reply
         for request in missing.values():
-            yield Answer(request, [_lose(request, "no reply came")])
+            yield request, None
+
+    def _read(self, request: Request, reply: Reply | None) -> Answer:
+        """Read what came of a request, at most as many candidates as it asks for."""
+        if reply is None:
+            return _fail(request, "no reply came")
+        self._replies.append(reply)
+        if reply.error is not None:
+            failed = _fail(request, f"the model gave no answer: {reply.error}")
+            return replace(failed, lost=reply.unanswered)
+
+        brief = request.brief
+        try:
+            candidates = read_designs(
+                self.parse(brief, reply.text),
+                brief.representation,
+                brief.task,
+                generation=brief.generation,
+                agent=brief.agent,
+                elites=tuple(elite.candidate.id for elite in brief.elites),
+                most=(brief.n_tool, brief.n_action or None),
+                actions=brief.actions,
+            )
+        except DesignError as error:
+            failed = _fail(request, f"the reply can't be read: {error}")
+            return replace(failed, unread=str(error))
+
+        return Answer(request, candidates)
 
     def _criticise(self, generation: int, elites: Sequence[Evaluation]) -> None:
         """Ask for critiques, and wait for them: the generation's other requests show them."""
         if self.critic is None:
             return
         brief, _ = self.brief(generation, 0, Team(range(1), elites), tuple(self.tried))
-        requests = {request.id: request for request in self.critic.requests(brief)}
-        if not requests:
-            return
-        for reply in ask_model(self.vlm, list(requests.values()), self.events):
-            self.critic.hear(reply, requests[reply.request_id])
+        for request, reply in self._send(self.critic.requests(brief)):
+            if reply is not None:
+                self.critic.hear(reply, request)
 
     def _draw_strips(
         self, team: Team, tried: Sequence[Evaluation]
@@ -252,23 +264,6 @@ class ModelDesigner:
         name = f"g{generation}-a{agent}"
         return Request(name, brief, messages, answer_schema(brief), temperature)
 
-    def _read(self, brief: Brief, reply: Reply) -> list[Candidate]:
-        """Read the candidates of a reply, at most as many as the brief asks for.
-
-        Raises:
-            DesignError: the reply can't be read.
-        """
-        return read_designs(
-            self.parse(brief, reply.text),
-            brief.representation,
-            brief.task,
-            generation=brief.generation,
-            agent=brief.agent,
-            elites=tuple(elite.candidate.id for elite in brief.elites),
-            most=(brief.n_tool, brief.n_action or None),
-            actions=brief.actions,
-        )
-
     def parse(self, brief: Brief, text: str) -> object:
         """Find the designs document in a reply.
 
@@ -278,7 +273,8 @@ class ModelDesigner:
         return parse_reply(text)
 
 
-def _lose(request: Request, problem: str) -> Candidate:
-    """Make a candidate that stands for all that an agent would have designed."""
+def _fail(request: Request, problem: str) -> Answer:
+    """Make the answer of one candidate that stands for all that an agent would have designed."""
     brief = request.brief
-    return Candidate(None, NO_PLAN, brief.generation, brief.agent, problem=problem)
+    candidate = Candidate(None, NO_PLAN, brief.generation, brief.agent, problem=problem)
+    return Answer(request, [candidate])

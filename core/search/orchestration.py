@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 from omegaconf import DictConfig
@@ -67,7 +68,7 @@ def run_search(search: Search, store: RunStore, *, film: bool) -> Result:
     events = search.events
 
     with writing(run.folder):
-        for picture in search.designer.scene_pictures():
+        for picture in chain(*search.designer.pictures.values()):
             if picture.name == "scene":
                 (run.folder / "scene.png").write_bytes(picture.png)
 

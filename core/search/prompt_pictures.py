@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 
 from core.design import Tool
 from core.designs.composer import PromptComposer
 from core.errors import RAISED, NoPicture, UserError
-from core.interfaces import Picture, RolloutSettings, Simulator, Task
+from core.interfaces import Picture, Simulator, Task
+from core.search.assignment import Assignment
 from core.simulation.pictures import SIZE, filmed, png, report_missing
-from core.task import Level
 from core.trial import Evaluation
 
 ScenePictures = Mapping[bool, tuple[Picture, ...]]
@@ -29,46 +29,42 @@ def shown_in(task: Task, evaluation: Evaluation) -> tuple[Task, Evaluation]:
 
 
 @dataclass(eq=False)
-class StripArtist:
-    """Draws film strips of rollouts.
+class Artist:
+    """Draws what prompts show of the scene and of rollouts.
+
+    An engine with a loaded scene holds 100 MB. So the one that drew the scene is let go, and one for rollouts is made
+    when the first is drawn.
 
     Attributes:
-        task: what was to be done.
-        engine: makes an engine, once a strip is drawn.
-        seed: of the layout, where an evaluation has no trial.
-        rollout: how plans are executed.
-        level: draws the strips of what it is shown.
+        assignment: names the task, the layout's seed, and what the arm carries.
+        prompts: their settings say what is shown.
+        engine: makes an engine.
     """
 
-    task: Task
+    assignment: Assignment
+    prompts: PromptComposer
     engine: Callable[[], Simulator]
-    seed: int
-    rollout: RolloutSettings
-    level: Level
 
     @cached_property
-    def _simulator(self) -> Simulator:
+    def _player(self) -> Simulator:
         return self.engine()
 
-    def draw(self, evaluation: Evaluation) -> Picture | None:
-        """Draw the trial that is shown; None: that fails, and standard error says why."""
-        task, evaluation = shown_in(self.task, evaluation)
+    def draw_strip(self, evaluation: Evaluation) -> Picture | None:
+        """Draw a film strip of the trial that is shown; None: that fails, and standard error says why."""
+        task, evaluation = shown_in(self.assignment.task, evaluation)
         candidate = evaluation.candidate
         shown = evaluation.shown
-        layout = self.seed if shown is None else shown.layout
+        layout = self.assignment.seed if shown is None else shown.layout
         # Of several trials what was observed may be of another engine, or perturbed.
         seen = None if evaluation.combined else evaluation.observation
+        level = self.prompts.level
+        rollout = self.prompts.rollout
 
         try:
             recording, draw = filmed(
-                task,
-                self._simulator,
-                candidate,
-                layout,
-                self.rollout,
-                self.level.frame_size,
+                task, self._player, candidate, layout, rollout, level.frame_size
             )
-            strip = self.level.strip(recording, draw, seen)
+            strip = level.strip(recording, draw, seen)
         except OSError:  # the machine fails: a request without the picture would be paid for all the same
             raise
         except RAISED as error:  # else it costs the picture, never the run
@@ -79,68 +75,57 @@ class StripArtist:
             return None
         return Picture(png(strip), f"strip_{candidate.id}")
 
+    def draw_scene(self, task: Task) -> tuple[ScenePictures, bool]:
+        """Make the pictures of the scene that the prompt's settings ask for: drawn and photographed.
 
-def prompt_pictures(
-    task: Task,
-    simulator: Simulator,
-    prompts: PromptComposer,
-    seed: int,
-    mounted: Sequence[Tool],
-) -> tuple[ScenePictures, bool]:
-    """Make the pictures of the scene that the prompt's settings ask for: drawn and photographed.
+        Return them, and whether anything can draw here. Where the prompt has the scene's numbers too, a picture that
+        fails is left out, and standard error says why.
 
-    Return them, and whether anything can draw here. Where the prompt has the scene's numbers too, a picture that fails
-    is left out, and standard error says why.
+        Raises:
+            UserError: the machine fails, or a prompt without numbers can't be drawn.
+        """
+        settings = self.prompts.settings
+        numbers = self.prompts.level.numbers
+        mounted = self.assignment.mounted
+        simulator = self.engine()
+        photographs: tuple[Picture, ...] = ()
+        if settings.photographs != "none":
+            photographs = tuple(task.photographs())
+        pictures = {tool.gripper: photographs for tool in mounted}
+        alone = photographs and settings.photographs == "alone"
+        if alone or not (settings.picture or not numbers):
+            return pictures, True
 
-    Raises:
-        UserError: the machine fails, or a prompt without numbers can't be drawn.
-    """
-    settings = prompts.settings
-    numbers = prompts.level.numbers
-    photographs: tuple[Picture, ...] = ()
-    if settings.photographs != "none":
-        photographs = tuple(task.photographs())
-    alone = bool(photographs) and settings.photographs == "alone"
-    wanted = (settings.picture or not numbers) and not alone
+        for number, tool in enumerate(mounted):
+            name = "scene_gripper" if number else "scene"
+            try:
+                drawn = self._draw(task, simulator, tool, name)
+            except NoPicture as error:
+                if not numbers:
+                    why = f"prompt.told={settings.told} shows pictures alone, and nothing here draws them: {error}"
+                    raise UserError(why) from error
 
-    drawn: dict[bool, tuple[Picture, ...]] = {}
-    drawable = True
-    for number, tool in enumerate(mounted if wanted else ()):
-        name = "scene_gripper" if number else "scene"
-        try:
-            drawn[tool.gripper] = _draw(task, simulator, prompts, seed, tool, name)
-        except NoPicture as error:
-            if not numbers:
-                why = f"prompt.told={settings.told} shows pictures alone, and nothing here draws them: {error}"
-                raise UserError(why) from error
+                report_missing("pictures", error)
+                return pictures, False
+            except OSError as error:
+                raise UserError(f"the scene can't be drawn: {error}") from error
+            except RAISED as error:
+                if not numbers:
+                    raise
+                report_missing("picture of the scene", error)
+            else:
+                pictures[tool.gripper] = (*drawn, *photographs)
 
-            report_missing("pictures", error)
-            drawable = False
-            break
-        except OSError as error:
-            raise UserError(f"the scene can't be drawn: {error}") from error
-        except RAISED as error:
-            if not numbers:
-                raise
-            report_missing("picture of the scene", error)
+        return pictures, True
 
-    pictures = {
-        tool.gripper: (*drawn.get(tool.gripper, ()), *photographs) for tool in mounted
-    }
-    return pictures, drawable
-
-
-def _draw(
-    task: Task,
-    simulator: Simulator,
-    prompts: PromptComposer,
-    seed: int,
-    tool: Tool,
-    name: str,
-) -> tuple[Picture, ...]:
-    """Draw the scene with what the arm carries: one picture, or those of the prompt's level where it has no numbers."""
-    render = partial(simulator.render, task, seed=seed, tool=tool)
-    if not prompts.level.numbers:
-        return prompts.level.draw(task, seed, render)
-    width, height = SIZE
-    return (Picture(png(render(width=width, height=height)), name),)
+    def _draw(
+        self, task: Task, simulator: Simulator, tool: Tool, name: str
+    ) -> tuple[Picture, ...]:
+        """Draw the scene with a tool: one picture, or those of the prompt's level where it has no numbers."""
+        seed = self.assignment.seed
+        level = self.prompts.level
+        render = partial(simulator.render, task, seed=seed, tool=tool)
+        if not level.numbers:
+            return level.draw(task, seed, render)
+        width, height = SIZE
+        return (Picture(png(render(width=width, height=height)), name),)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import queue
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import pluggy
 
@@ -18,19 +18,21 @@ from core.values.messages import checked
 
 
 def ask_model(
-    vlm: VLM, requests: Sequence[Request], events: pluggy.PluginManager
+    vlm: VLM,
+    requests: Sequence[Request],
+    events: pluggy.PluginManager,
+    stored: Mapping[str, Reply] | None = None,
 ) -> Iterator[Reply]:
-    """Yield the replies to requests as they arrive.
+    """Yield the replies to requests as they arrive; those that are ``stored``, by request id, are not asked for again.
 
     A thread of its own receives them and passes each on to the listeners. So a reply is on disk at once, while
     candidates of earlier replies are tried.
     """
     arrived: queue.SimpleQueue[Reply | Exception | None] = queue.SimpleQueue()
-    by_id = {request.id: request for request in requests}
-    missing = set(by_id)
+    missing = {request.id: request for request in requests}
 
     def receive() -> None:
-        for reply in vlm.complete(requests):
+        for reply in _complete(vlm, requests, stored or {}):
             if not isinstance(reply, Reply) or reply.request_id not in missing:
                 wrong = f"{shorten(repr(reply))}, which is no Reply"
                 if isinstance(reply, Reply):
@@ -41,9 +43,9 @@ def ask_model(
                 )
                 continue
 
-            missing.remove(reply.request_id)
             sound = checked(reply)
-            events.hook.reply_received(request=by_id[sound.request_id], reply=sound)
+            request = missing.pop(sound.request_id)
+            events.hook.reply_received(request=request, reply=sound)
             arrived.put(sound)
 
     for request in requests:
@@ -55,3 +57,17 @@ def ask_model(
         if isinstance(reply, Exception):
             raise reply
         yield reply
+
+
+def _complete(
+    vlm: VLM, requests: Sequence[Request], stored: Mapping[str, Reply]
+) -> Iterator[Reply]:
+    """Yield the stored replies first, and then ask for the others."""
+    missing = []
+    for request in requests:
+        if request.id in stored:
+            yield stored[request.id]
+        else:
+            missing.append(request)
+    if missing:
+        yield from vlm.complete(missing)

@@ -15,14 +15,20 @@ from core.config.trust import refuse_keys
 from core.errors import UsageError
 from core.events import Run
 from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Reply
-from core.plugins import EVOLUTION, EXECUTOR, MODEL, SIMULATOR, event_hub, installed
+from core.plugins import (
+    EVOLUTION,
+    EXECUTOR,
+    LISTENER,
+    MODEL,
+    SIMULATOR,
+    event_hub,
+    installed,
+)
 from core.plugins.blame import ListenerProxy, add_listener, refuse_exit
 from core.search.asking import build_designer
 from core.search.designer import ModelDesigner
-from core.store.progress import CachedVLM
 from core.trial import TIE
 
-REFINED = "refined"  # the strategy that `evolution.refine` puts around any other
 # Kinds of parts whose names a run's listeners receive.
 _PARTS = ("task", "sim", "vlm", "tool", "action", "evolution", "fitness", "executor")
 
@@ -52,9 +58,9 @@ def build_search(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) ->
     refuse_keys(OmegaConf.create(config))
     events = event_hub()
     vlm = part(MODEL, cfg.vlm).create()
-    asked = CachedVLM(vlm, replies) if replies else vlm
-    designer, fitness = build_designer(cfg, asked, events)
-    executor: Executor = part(EXECUTOR, cfg.executor).create()
+    designer, fitness = build_designer(cfg, vlm, events)
+    designer.stored = replies
+    executor = part(EXECUTOR, cfg.executor).create()
     strategy = _build_strategy(config["evolution"], designer)
     if strategy.learns:
         events.register(designer, "designer")
@@ -96,16 +102,27 @@ def _build_strategy(
         )
     if rollouts:
         settings = {
-            "name": REFINED,
+            "name": _find_refiner(),
             "of": dict(settings),
             "rollouts": rollouts,
             "tie": settings.get("tie", TIE),
         }
 
-    strategy: EvolutionStrategy = part(
-        EVOLUTION, OmegaConf.create(dict(settings))
-    ).create(designer=designer, budget=designer.assignment.budget)
-    return strategy
+    strategy = part(EVOLUTION, OmegaConf.create(dict(settings)))
+    budget = designer.assignment.budget
+    return strategy.create(designer=designer, budget=budget)
+
+
+def _find_refiner() -> str:
+    """Return the name of the strategy that refines what another one finds.
+
+    Raises:
+        UsageError: none is installed.
+    """
+    for name, factory in installed().factories("evolution").items():
+        if getattr(factory, "refines", False):
+            return name
+    raise UsageError("evolution.refine: no strategy that refines another is installed")
 
 
 def _add_listeners(
@@ -119,7 +136,7 @@ def _add_listeners(
         UserError: a listener can't be used.
     """
     listeners = {
-        name: installed().create("listener", name, settings or {})
+        name: installed().create(LISTENER, name, settings or {})
         for name, settings in chosen.items()
     }
     listeners["vlm"] = vlm

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
 
 from core.design import Candidate
 from core.errors import UserError
-from core.interfaces import VLM, Reply, Request, Text
+from core.interfaces import Reply, Request, Text
 from core.store.database import Database
 from core.store.reader import StoredRun
 from core.trial import Trial, TrialKey
@@ -87,29 +86,6 @@ class StoredProgress:
                 f"{candidate.id} reads differently now than when it was tried: the package or a plugin has changed "
                 f"since; a new run with vlm=replay vlm.run={self._folder} takes the replies that there are"
             )
-
-
-class CachedVLM(VLM):
-    """A model that gives stored replies first, and asks another model for the rest."""
-
-    def __init__(self, vlm: VLM, replies: Mapping[str, Reply]) -> None:
-        self.model = vlm.model
-        self.takes_schema = vlm.takes_schema
-        self.criticises = vlm.criticises
-        self.sees = vlm.sees
-        self._vlm = vlm
-        self._replies = replies
-
-    def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
-        """See `VLM.complete`."""
-        missing = []
-        for request in requests:
-            if request.id in self._replies:
-                yield self._replies[request.id]
-            else:
-                missing.append(request)
-        if missing:
-            yield from self._vlm.complete(missing)
 
 
 def digest(request: Request) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import math
 import traceback
@@ -26,7 +27,8 @@ from core.interfaces import (
     Text,
     ToolRepresentation,
 )
-from core.plugins import PluginPart, installed
+from core.plugins import ACTION, TASK, PluginPart, installed
+from core.plugins.registry import needed_settings
 from core.support.text import shorten
 
 
@@ -183,7 +185,7 @@ def brief(
     given = representation.given(task)
     n_tool = 2 if given is None else 1
     gripper = gripper if given is None else given.gripper
-    actions = installed().create("action", "waypoints")
+    actions = installed().create(ACTION, "waypoints")
     return Brief(
         task, 0, representation, gripper, n_tool, 2, 0, agent, agent, actions=actions
     )
@@ -202,15 +204,23 @@ def request(brief: Brief) -> Request:
     )
 
 
+def ready(kind: str) -> list[str]:
+    """Return the names of the parts of a kind that can be made without settings, sorted."""
+    return [
+        name
+        for name, factory in installed().factories(kind).items()
+        if not needed_settings(inspect.signature(factory))
+    ]
+
+
 def some_task() -> Task:
     """The first task that is installed.
 
     Raises:
         UserError: there is none.
     """
-    for name in installed().ready("task"):
-        task: Task = installed().create("task", name)
-        return task
+    for name in ready("task"):
+        return installed().create(TASK, name)
     raise UserError("no task is installed; a check needs one")
 
 

@@ -73,6 +73,8 @@ def _named(config: DictConfig) -> Iterator[PluginPart]:
             continue
         if kind == "listener":  # settings by name, since a run has several
             for name, settings in config.listener.items():
-                yield part(kind, OmegaConf.create({"name": name, **(settings or {})}))
+                yield part(
+                    KINDS[kind], OmegaConf.create({"name": name, **(settings or {})})
+                )
         else:
-            yield part(kind, config[kind])
+            yield part(KINDS[kind], config[kind])

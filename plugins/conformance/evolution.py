@@ -18,9 +18,8 @@ from core.interfaces import (
     Seen,
     Waypoints,
 )
-from core.plugins import installed
-from core.search.agent_groups import Team
-from core.search.assignment import Assignment
+from core.plugins import ACTION, installed
+from core.search.assignment import Assignment, Team
 from core.trial import Evaluation
 from plugins.conformance.checking import LengthOnly, expect, rigid, some_task
 from plugins.conformance.evaluations import tried_once
@@ -40,7 +39,7 @@ class FreeDesigner:
         self.assignment = Assignment(
             some_task(),
             LengthOnly(),
-            installed().create("action", "waypoints"),
+            installed().create(ACTION, "waypoints"),
             BUDGET,
             seed=0,
         )

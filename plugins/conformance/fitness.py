@@ -15,9 +15,15 @@ import numpy as np
 from core.design import Candidate
 from core.errors import RAISED
 from core.interfaces import Condition, Fitness, Score, Task, Trial, Waypoints
-from core.plugins import PluginPart, installed
+from core.plugins import PluginPart
 from core.trial import Evaluation, Status
-from plugins.conformance.checking import as_json, expect, some_simulator, some_task
+from plugins.conformance.checking import (
+    as_json,
+    expect,
+    ready,
+    some_simulator,
+    some_task,
+)
 from plugins.conformance.scenery import stick
 
 Make = Callable[[Condition], Fitness]
@@ -26,7 +32,7 @@ MOST_FINALS = 100  # that are looked at: there may be no end to them
 
 def condition() -> Condition:
     """The first task, with layouts that differ if it has some, in the first engine that is installed."""
-    task = PluginPart[Task]("task", installed().ready("task")[0])
+    task = PluginPart[Task]("task", ready("task")[0])
     for variation in list(task.declared("variations", {}))[:1]:
         task = replace(task, settings=(("variation", variation),))
     return Condition(task, PluginPart("sim", some_simulator()[0]))

@@ -24,12 +24,13 @@ from core.designs.planning import NO_PLAN
 from core.errors import RAISED
 from core.events import Generation, Result, Run
 from core.interfaces import Budget, Reply, Simulator, Waypoints
-from core.plugins import event_hub, installed
+from core.plugins import TASK, event_hub, installed
 from core.trial import Evaluation, Score, Trial, Where
 from plugins.conformance.checking import (
     LengthOnly,
     brief,
     describe_error,
+    ready,
     request,
     rigid,
     some_simulator,
@@ -45,7 +46,7 @@ ODD = "[bold]{0} %s </td> \x1b[31m\x00\r\n| \u202e 柄 ```" + "long " * 1000
 @lru_cache(maxsize=1)
 def _config() -> tuple[str, dict[str, Any]]:
     """The first task's name, and the configuration of a run of it."""
-    name = installed().ready("task")[0]
+    name = ready("task")[0]
     return name, cast(
         dict[str, Any],
         OmegaConf.to_container(load("config", [f"task={name}"]), resolve=True),
@@ -65,7 +66,7 @@ def script(
         for kind, node in config.items()
         if isinstance(node, dict) and "name" in node
     }
-    task = installed().create("task", name)
+    task = installed().create(TASK, name)
     tools = LengthOnly()
     run = Run(folder, config, parts, "a model", task, tools, budget, 0, simulator)
     events: list[tuple[str, dict[str, Any]]] = [("run_started", {"run": run})]

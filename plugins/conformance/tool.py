@@ -13,7 +13,7 @@ from core.design import Tool
 from core.designs.rules import check_tool, given_tool
 from core.errors import UserError
 from core.interfaces import ToolRepresentation
-from core.plugins import installed
+from core.plugins import TASK, installed
 from plugins.conformance.checking import (
     WILD,
     as_json,
@@ -22,6 +22,7 @@ from plugins.conformance.checking import (
     fingers,
     near,
     read_or_refused,
+    ready,
     rigid,
     some_task,
 )
@@ -38,8 +39,8 @@ def designs(representation: ToolRepresentation) -> bool:
 def check_given_tools_keep_the_rules(representation: ToolRepresentation) -> None:
     """Sizes, masses and contacts as for designs, and at spawn clear of the arm and the scene."""
     count = 0
-    for name in installed().ready("task"):
-        task = installed().create("task", name)
+    for name in ready("task"):
+        task = installed().create(TASK, name)
         try:
             representation.given(task)
         except UserError:  # there is none for this task

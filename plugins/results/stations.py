@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import Any
 
 from omegaconf import DictConfig
 from rich.console import Console
@@ -14,8 +14,8 @@ from rich.progress import Progress
 from core.config.compose import part, read_parts, task_part, tool_part
 from core.design import Candidate
 from core.errors import UserError
-from core.interfaces import Fitness, RolloutSettings, Simulator, Task
-from core.plugins import EXECUTOR, FITNESS, ROBOT, PluginPart, RobotPart, installed
+from core.interfaces import Fitness, Robot, RolloutSettings, Simulator, Task
+from core.plugins import EXECUTOR, FITNESS, ROBOT, PluginPart, installed
 from core.robot.kinematics import arm_of
 from core.search.trials import Trials
 from core.trial import Condition, Evaluation, Trial, summarise_rewards
@@ -40,7 +40,7 @@ class Bench:
     layout: int
     settings: RolloutSettings
 
-    def conditions(self, robot: RobotPart) -> list[Condition]:
+    def conditions(self, robot: PluginPart[Robot]) -> list[Condition]:
         """Return the conditions of a robot's trials."""
         task = replace(self.task, robot=robot)
         changes = [condition.change for condition in self.robust.conditions()]
@@ -66,8 +66,8 @@ def make_robust(cfg: DictConfig, condition: Condition) -> Fitness:
 
 
 def make_robots(
-    entries: Sequence[str | Mapping[str, Any]], chosen: RobotPart
-) -> dict[str, RobotPart]:
+    entries: Sequence[str | Mapping[str, Any]], chosen: PluginPart[Robot]
+) -> dict[str, PluginPart[Robot]]:
     """Make the robots, by the names under which they are shown: entries as those of `engines`; none: ``chosen`` alone.
 
     Raises:
@@ -76,11 +76,11 @@ def make_robots(
     robots = read_parts(ROBOT, entries or [chosen.name], chosen)
     for robot in robots.values():
         robot.create()  # so that a fault is reported once
-    return cast(dict[str, RobotPart], robots)
+    return robots
 
 
 def read_on_each(
-    cfg: DictConfig, task: PluginPart[Task], robots: Mapping[str, RobotPart]
+    cfg: DictConfig, task: PluginPart[Task], robots: Mapping[str, PluginPart[Robot]]
 ) -> dict[str, list[Candidate]]:
     """Read the designs for each robot, by its rules and with the names of mounts that ``cfg.robot`` has.
 
@@ -127,7 +127,7 @@ def _read_on(
 def try_on_each(
     cfg: DictConfig,
     bench: Bench,
-    robots: Mapping[str, RobotPart],
+    robots: Mapping[str, PluginPart[Robot]],
     candidates: Mapping[str, Sequence[Candidate]],
 ) -> list[dict[str, Any]]:
     """Try each robot's candidates, and return an entry for each, in the order of the designs and the robots."""

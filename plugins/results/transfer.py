@@ -12,9 +12,9 @@ from typing import Any
 
 from omegaconf import MISSING, DictConfig
 
-from core.config.compose import check_seed, engines, node, robot_part, task_parts
+from core.config.compose import check_seed, engines, node, part, task_parts
 from core.interfaces import Condition, RolloutSettings, Task
-from core.plugins import PluginPart
+from core.plugins import ROBOT, PluginPart
 from core.support.cli import arguments, print_table, say, write_bytes
 from core.support.text import clean
 from core.values.materials import Material
@@ -86,7 +86,7 @@ def _transfer(cfg: DictConfig, task: PluginPart[Task]) -> dict[str, Any]:
     settings = node(cfg.rollout, RolloutSettings)
     first = next(iter(sims.values()))
     robust = make_robust(cfg, Condition(task, first, cfg.seed, settings))
-    robots = make_robots(list(cfg.robots), robot_part(cfg.robot))
+    robots = make_robots(list(cfg.robots), part(ROBOT, cfg.robot))
     candidates = read_on_each(cfg, task, robots)
     bench = Bench(task, sims, robust, cfg.seed, settings)
     designs = try_on_each(cfg, bench, robots, candidates)

@@ -26,7 +26,7 @@ from core.interfaces import (
     Task,
     ToolRepresentation,
 )
-from core.search.agent_groups import Team
+from core.search.assignment import Team
 from core.search.designer import REPAIRED, Answer, ModelDesigner
 from core.search.prompt_pictures import ScenePictures
 from plugins.several.plans import TaskPlans

@@ -9,14 +9,9 @@ from omegaconf import DictConfig
 from core.config.compose import task_parts
 from core.errors import UsageError
 from core.interfaces import Fitness, Picture, RolloutSettings, Task
-from core.search.builder import (
-    DesignerParts,
-    SearchBuilder,
-    build_fitness_in,
-    check_level,
-    equip,
-)
-from core.search.prompt_pictures import ScenePictures, prompt_pictures
+from core.search.builder import SearchBuilder, build_fitness_in, equip
+from core.search.designer import ModelDesigner
+from core.search.prompt_pictures import Artist, ScenePictures
 from plugins.several.designer import SeveralDesigner
 from plugins.several.fitness import Together
 from plugins.several.plans import TaskActions
@@ -34,49 +29,46 @@ class SeveralSearch(SearchBuilder):
         }
         return Together(by_task, cfg.task.get("combine", "mean"))
 
-    def build_designer(self, parts: DesignerParts) -> SeveralDesigner:
-        check_level(parts)
-        assignment = parts.assignment
+    def finish(
+        self, designer: ModelDesigner, fitness: Fitness, artist: Artist
+    ) -> SeveralDesigner:
+        assignment = designer.assignment
         task = assignment.task
-        prompts = parts.prompts
+        prompts = designer.prompts
         if not prompts.level.numbers:
             raise UsageError(
                 f"prompt.told={prompts.settings.told} shows one scene, and {task.name} has several: "
                 "use words or source"
             )
 
-        assert isinstance(parts.fitness, Together)
-        judges = parts.fitness.by_task
-
         drawable = True
         pictures: dict[str, ScenePictures] = {}
         for number, part in enumerate(task.parts):
-            drawn, can_draw = prompt_pictures(
-                part, parts.engine(), prompts, assignment.seed, parts.mounted
-            )
+            drawn, can_draw = artist.draw_scene(part)
             drawable = drawable and can_draw
             pictures[part.name] = {
                 gripper: tuple(_name(picture, part, number) for picture in shown)
                 for gripper, shown in drawn.items()
             }
 
-        designer = SeveralDesigner(
+        assert isinstance(fitness, Together)
+        several = SeveralDesigner(
             replace(assignment, actions=TaskActions()),
-            parts.vlm,
+            designer.vlm,
             prompts,
-            parts.sampling,
-            parts.events,
+            designer.sampling,
+            designer.events,
             _join(pictures),
             plan_actions=assignment.actions,
             plan_prompts={
-                name: prompts.judged_by(fitness.instructions())
-                for name, fitness in judges.items()
+                name: prompts.judged_by(judge.instructions())
+                for name, judge in fitness.by_task.items()
             },
             plan_pictures=pictures,
         )
-        equip(designer, parts, drawable=drawable)
+        equip(several, artist, drawable=drawable)
 
-        return designer
+        return several
 
 
 def _name(picture: Picture, task: Task, number: int) -> Picture:

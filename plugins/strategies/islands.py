@@ -9,7 +9,7 @@ from core.design import Candidate
 from core.errors import UsageError, check_positive
 from core.hooks import hookimpl
 from core.interfaces import Budget, Designer, EvolutionStrategy
-from core.search.agent_groups import AsksTeams, Team
+from core.search.assignment import AsksTeams, Team
 from core.trial import TIE, Evaluation, best_first, best_tools
 
 STYLES = [
@@ -28,7 +28,7 @@ class Islands(EvolutionStrategy):
     """Deal the agents to islands; on each, show them the island's own elites.
 
     Args:
-        designer: asks the model for candidates; a `core.search.agent_groups.AsksTeams`.
+        designer: asks the model for candidates; a `core.search.assignment.AsksTeams`.
         budget: ``k_top`` elites of each island, which earned more than ``reward_save``, are shown.
         islands: their number, at most ``n_agent``.
         migrate: after every so many generations the best of each island goes to the next one too.

@@ -26,6 +26,7 @@ from core.interfaces import Executor
 from core.plugins import PluginPart, installed
 from core.prompt import compose
 from core.trial import Condition
+from plugins.conformance.checking import ready
 from tests.playing import evaluate_all
 
 T = TypeVar("T")
@@ -70,7 +71,7 @@ def tasks(names: Sequence[str]) -> list[str]:
     Raises:
         UsageError: no task has such a name.
     """
-    there = installed().ready("task")
+    there = ready("task")
     for name in names:
         if name not in there:
             raise choices("task", name, there)

@@ -21,7 +21,7 @@ from core.interfaces import (
     ToolRepresentation,
 )
 from core.plugins import EVOLUTION, installed
-from core.search.agent_groups import AsksTeams
+from core.search.assignment import AsksTeams
 from core.trial import TIE, Evaluation, best_first, best_tools
 from plugins.strategies.refined.moves import move
 from plugins.strategies.refined.variation import Variation
@@ -134,7 +134,7 @@ class Refined(Refinement):
     """Refine the best candidates of another strategy (`Refinement`).
 
     Args:
-        designer: asks the model for candidates; a `core.search.agent_groups.AsksTeams`.
+        designer: asks the model for candidates; a `core.search.assignment.AsksTeams`.
         budget: see `core.interfaces.EvolutionStrategy`.
         of: the strategy that gives the first generations: a name, or a mapping of a ``name`` and settings.
         rollouts: the number of candidates that are tried in the refinement, at no cost in model calls.
@@ -143,6 +143,8 @@ class Refined(Refinement):
     Raises:
         UserError: ``rollouts`` is below 1, or the other strategy can't be used.
     """
+
+    refines = True
 
     def __init__(
         self,

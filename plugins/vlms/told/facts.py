@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from omegaconf import MISSING
 
-from core.config.compose import load, robot_part
+from core.config.compose import load, part
 from core.interfaces import Robot, RolloutSettings
+from core.plugins import ROBOT
 from core.robot.kinematics import arm_of
 from core.support.cli import arguments, say
 from core.support.templates import fill
@@ -46,5 +47,5 @@ def sheet(robot: Robot) -> str:
 
 def main(words: list[str]) -> None:
     config = load("facts", arguments(USAGE, words), FactsConfig)
-    robot = robot_part(config.robot).create()
+    robot = part(ROBOT, config.robot).create()
     say(*sheet(robot).splitlines())

@@ -13,14 +13,14 @@ from core.design import Candidate
 from core.designs.composer import PromptComposer
 from core.errors import LimitReached, UsageError
 from core.events import Generation
-from core.interfaces import Budget, Condition, Picture, Reply, Text
-from core.search.agent_groups import Team
-from core.search.assignment import Assignment
-from core.search.builder import DesignerParts, SearchBuilder
+from core.interfaces import Budget, Picture, Reply, Text
+from core.search.assignment import Assignment, Team
+from core.search.builder import equip
 from core.search.critic import MAX_CRITIQUE, Critic
+from core.search.designer import ModelDesigner
+from core.search.prompt_pictures import Artist
 from plugins.actions.waypoints import WaypointActions
 from plugins.conformance.evaluations import tried_once
-from plugins.fitness.nominal import Nominal
 from plugins.vlms.offline.designer import OfflineDesigner
 from tasks.bring_cube import BringCube
 from tests.core.search.test_designer import (
@@ -33,7 +33,6 @@ from tests.core.search.test_designer import (
     good,
 )
 from tests.panda import on_panda
-from tests.playing import Named
 from tests.toys import ToyEngine
 
 BUDGET = Budget(2, 1, 1, 3, 5, 0.6)
@@ -193,17 +192,10 @@ def test_a_limit_is_passed_on():
 def test_a_program_that_writes_no_critiques_is_not_asked(capsys):
     prompts = PromptComposer(PromptSettings(critic=2))
     assignment = Assignment(on_panda(BringCube()), URDF, WaypointActions(), BUDGET, 0)
-    made = SearchBuilder().build_designer(
-        DesignerParts(
-            assignment,
-            Nominal(Condition(Named(), Named())),
-            ToyEngine,
-            OfflineDesigner(),
-            prompts,
-            Sampling(),
-            Listener().hub,
-        )
+    made = ModelDesigner(
+        assignment, OfflineDesigner(), prompts, Sampling(), Listener().hub
     )
+    equip(made, Artist(assignment, prompts, ToyEngine), drawable=True)
     assert made.critic is None
     assert capsys.readouterr().err.startswith(
         "prompt.critic=2: offline (embedded designer, no language model) writes no "

@@ -14,8 +14,7 @@ from core.geometry import Box, Pose
 from core.hooks import hookimpl
 from core.interfaces import VLM, Budget, Observation, Picture, Reply, Text
 from core.plugins import event_hub, installed
-from core.search.agent_groups import Team
-from core.search.assignment import Assignment
+from core.search.assignment import Assignment, Team
 from core.search.designer import ModelDesigner
 from plugins.actions.waypoints import WaypointActions
 from plugins.conformance.evaluations import tried_once

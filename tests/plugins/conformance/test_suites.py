@@ -28,14 +28,15 @@ from core.interfaces import (
 from core.plugins import KINDS, Offer, PluginPart, installed
 from core.scene import Body, Box, Scene, Sphere, floor, table
 from plugins.conformance import command as conformance
+from plugins.conformance.checking import ready
 from plugins.conformance.scenery import GREY
 from plugins.conformance.suites import SUITES, examine, subject
 from tests.panda import on_panda
 
 pytestmark = pytest.mark.slow
 
-PARTS = [("task", name) for name in installed().ready("task")]
-PARTS += [("tool", name) for name in installed().ready("tool")]
+PARTS = [("task", name) for name in ready("task")]
+PARTS += [("tool", name) for name in ready("tool")]
 PARTS += [("evolution", name) for name in installed().names("evolution")]
 PARTS += [
     ("fitness", "nominal"),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from core.geometry import Pose
-from core.plugins import RobotPart, installed
+from core.plugins import PluginPart, installed
 from core.robot.kinematics import arm_of
 from plugins.conformance.suites import SUITES
 from plugins.robots.arms import measured
@@ -34,7 +34,7 @@ def test_robots_conform(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_home_is_the_tasks(name):
-    robot = RobotPart("robot", name, base=BASES.get(name, (0.0,) * 4)).create()
+    robot = PluginPart("robot", name, base=BASES.get(name, (0.0,) * 4)).create()
     arm = arm_of(robot)
     assert np.abs(arm.home_for(HOME) - arm.home).max() < 1e-3
 

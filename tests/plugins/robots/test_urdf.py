@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core import evaluate
-from core.config.compose import load, robot_part
+from core.config.compose import load, part
 from core.errors import UserError
 from core.plugins import installed
 from plugins import render
@@ -35,7 +35,7 @@ def words(tmp_path_factory):
     "check", SUITES["robot"], ids=lambda check: check.__name__.removeprefix("check_")
 )
 def test_an_outside_arm_conforms(check, words):
-    check(robot_part(load("evaluate", words).robot).create())
+    check(part("robot", load("evaluate", words).robot).create())
 
 
 @pytest.mark.slow
@@ -66,7 +66,7 @@ def test_settings_of_a_gripper(words):
     file.with_name("gripped.urdf").write_text(file.read_text().replace(old, new))
     path = f"robot.path={file.with_name('gripped.urdf')}"
     part, again = (
-        robot_part(load("evaluate", [*words, path, GRIPPER]).robot) for _ in range(2)
+        part("robot", load("evaluate", [*words, path, GRIPPER]).robot) for _ in range(2)
     )
     assert hash(part) == hash(again)  # it is made once per process
     robot = part.create()

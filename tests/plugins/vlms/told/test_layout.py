@@ -10,6 +10,7 @@ from core.geometry import Pose
 from core.interfaces import Task
 from core.plugins import installed
 from core.scene import Body, Box, Cylinder, Geom, Mesh, Scene, Sphere, State
+from plugins.conformance.checking import ready
 from plugins.vlms.told.layout import layout_table
 
 RED = (1.0, 0.0, 0.0, 1.0)
@@ -162,7 +163,7 @@ def test_a_hull_of_points():
     ] == [*("1 convex part", "0 to 1", "0 to 1", "1 to 1.5")]
 
 
-@pytest.mark.parametrize("name", installed().ready("task"))
+@pytest.mark.parametrize("name", ready("task"))
 def test_every_body_of_a_task_is_there(name):
     task = installed().create("task", name)
     table = layout_table(task, 3)
