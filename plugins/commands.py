@@ -23,6 +23,10 @@ def commands() -> dict[str, Command]:
         "new": Command(
             "write a plugin package to start from", "plugins.new.packages:main"
         ),
+        "prompt": Command(
+            "write the request that a model would receive, and estimate its cost",
+            "plugins.prompt:main",
+        ),
         "render": Command(
             "draw a task's scene, with a tool if one is given", "plugins.render:main"
         ),

@@ -84,7 +84,7 @@ def test_there_are_commands_and_nothing_else_than_the_two_set_ups():
 
 RUN = (  # really, of all that are composed; what they share is run once
     "core.evaluate task=BringCube designs=tests/tasks/solutions/BringCube.json output=rewards.json",
-    "core.prompt task=OneBook prompt=evolve prompt.feedback=full designs=tests/tasks/solutions/OneBook.json",
+    "vlmgineer prompt task=OneBook prompt=evolve prompt.feedback=full designs=tests/tasks/solutions/OneBook.json",
     "core.run --help",
     "vlmgineer render task=BringCube designs=tests/tasks/solutions/BringCube.json output=scene.png",
     "core.run task=MoveBall material=pla sim=mujoco fitness=buildable fitness.plate_mm=[400,400,400]",
@@ -129,11 +129,7 @@ def compose(line: str) -> None:
     )
     if program == "core":
         program = f"core.{words.pop(0)}"
-    config = {
-        "core.run": "config",
-        "core.prompt": "prompt",
-        "core.evaluate": "evaluate",
-    }.get(program)
+    config = {"core.run": "config", "core.evaluate": "evaluate"}.get(program)
     if (
         config
         and "--help" not in words

@@ -43,7 +43,6 @@ T = TypeVar("T")
 SCHEMAS: dict[str, type] = {
     "run": schemas.RunConfig,
     "evaluate": schemas.EvaluateConfig,
-    "prompt": schemas.ComposeConfig,
 }
 """The schemas of core's own commands, from which their primary configs start; a plugin's command gives its own."""
 

@@ -178,16 +178,3 @@ class EvaluateConfig(TrialConfig):
     designs: str = MISSING
     output: str | None = None
     check: bool = False
-
-
-@dataclass
-class ComposeConfig(SearchConfig):
-    """Settings of ``python -m core.prompt``.
-
-    ``designs``: the file of the elites; ``agent``: the number of the agent that sends the request; ``output``: the
-    folder to write.
-    """
-
-    designs: str | None = None
-    agent: int = 0
-    output: str = "prompt"

@@ -184,7 +184,7 @@ class PromptComposer:
         if not parts:
             raise UserError(
                 f"this prompt evolves elites, and there are none: prompt.{use} names no parts; "
-                "use prompt=vlmgineer, or add designs=FILE with elites to python -m core.prompt"
+                "use prompt=vlmgineer, or add designs=FILE with elites to vlmgineer prompt"
             )
         return parts
 

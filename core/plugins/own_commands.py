@@ -12,10 +12,6 @@ COMMANDS = {
     "evaluate": Command(
         "try the designs of a file, and print their rewards", "core.evaluate:main"
     ),
-    "prompt": Command(
-        "write the request that a model would receive, and estimate its cost",
-        "core.prompt:main",
-    ),
     "plugins": Command("list the installed parts", "core.plugins.__main__:main"),
 }
 

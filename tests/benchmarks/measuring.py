@@ -24,9 +24,9 @@ from core.designs.replies import parse_reply
 from core.errors import UsageError, UserError, choices
 from core.interfaces import Executor
 from core.plugins import PluginPart, installed
-from core.prompt import compose
 from core.trial import Condition
 from plugins.conformance.checking import ready
+from plugins.prompt import PromptConfig, compose
 from tests.playing import evaluate_all
 
 T = TypeVar("T")
@@ -111,9 +111,8 @@ def designs(task: str, tools: int, plans: int, seed: int) -> list[Candidate]:
     n_tool = math.ceil(SPARE * tools)
     words = [f"task={task}", "vlm=offline", "tool=urdf", f"seed={seed}"]
     budget = {"n_agent": 1, "n_tool": n_tool, "n_action": plans, "n_iteration": 0}
-    cfg = load(
-        "prompt", [*words, *(f"budget.{key}={value}" for key, value in budget.items())]
-    )
+    words += [f"budget.{key}={value}" for key, value in budget.items()]
+    cfg = load("prompt", words, PromptConfig)
     (reply,) = part("vlm", cfg.vlm).create().complete([compose(cfg)])
     representation = part("tool", cfg.tool).create()
     read = read_designs(

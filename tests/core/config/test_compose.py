@@ -100,7 +100,7 @@ def test_a_setting_that_refers_to_another_key():
         part("sim", OmegaConf.create({"name": "mujoco", "time_step": "${film}"}))
 
 
-@pytest.mark.parametrize("command", ["config", "evaluate", "prompt"])
+@pytest.mark.parametrize("command", ["config", "evaluate"])
 def test_a_protocol_sets_what_it_fixes_and_the_command_line_goes_first(command):
     free = load(command, [])
     assert (free.protocol.name, free.material.most_g, free.task.variation) == (

@@ -2,15 +2,18 @@ import pytest
 from omegaconf import OmegaConf
 
 from core.config.compose import load
-from core.config.schemas import ComposeConfig, EvaluateConfig, RunConfig
+from core.config.schemas import EvaluateConfig, RunConfig
 from core.errors import UsageError
+from plugins.prompt import PromptConfig
 
-COMMANDS = {"config": RunConfig, "evaluate": EvaluateConfig, "prompt": ComposeConfig}
+COMMANDS = {"config": RunConfig, "evaluate": EvaluateConfig, "prompt": PromptConfig}
 
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_command_has_the_keys_of_its_schema(command):
-    assert set(load(command, [])) == set(OmegaConf.structured(COMMANDS[command]))
+    assert set(load(command, [], COMMANDS[command])) == set(
+        OmegaConf.structured(COMMANDS[command])
+    )
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,9 @@ from core.designs.rules import check_tool
 from core.designs.statics import Beams, check_weight, flange_moment, moment_limit
 from core.geometry import Box, Pose
 from core.plugins import installed
-from core.prompt import compose
 from core.robot.kinematics import arm_of
 from core.values.materials import PAPER, Material
+from plugins.prompt import PromptConfig, compose
 from plugins.tools.mounting import describe_weight
 from tests.core.designs.test_rules import box, rigid
 from tests.panda import PANDA
@@ -82,7 +82,9 @@ def test_a_budget_of_material_is_a_limit_too_and_the_prompt_names_it(material):
     ]
     for name in ("urdf", "boxes", "solids"):
         prompt = compose(
-            load("prompt", [f"tool={name}", "prompt.picture=false", *words])
+            load(
+                "prompt", [f"tool={name}", "prompt.picture=false", *words], PromptConfig
+            )
         ).messages[-1]
         assert re.search(r"0\.3\s+kg(,| for the tool)", as_markdown(prompt))
 

@@ -16,9 +16,9 @@ from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import Condition, Waypoints
 from core.plugins import PluginPart
-from core.prompt import compose
 from core.values.materials import Material
 from plugins.fitness.nominal import Nominal
+from plugins.prompt import PromptConfig, compose
 from plugins.vlms.told.feedback import describe
 from tests.plugins.fitness.judging import judged
 
@@ -138,7 +138,8 @@ def test_the_prompt_names_the_constraints():
         "fitness.of={name: robust, seeds: [0, 1]}",
     ]
     text = "".join(
-        as_markdown(message) for message in compose(load("prompt", words)).messages
+        as_markdown(message)
+        for message in compose(load("prompt", words, PromptConfig)).messages
     )
     for said in (
         "2 times in each of the engines",

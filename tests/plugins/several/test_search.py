@@ -8,9 +8,9 @@ from omegaconf import OmegaConf
 from core import Experiment
 from core.config.compose import load
 from core.evaluate import evaluate
-from core.prompt import main, requests
 from core.search.orchestration import resume, run
 from core.store.reader import StoredRun
+from plugins.prompt import PromptConfig, main, requests
 from plugins.results.transfer import configured as transfer_settings
 from plugins.results.transfer import transfer
 from plugins.results.workshop.command import configured, export
@@ -204,7 +204,7 @@ def test_all_requests_are_counted_beforehand(tmp_path, capsys):
         "budget.n_agent=3",
         "budget.n_tool=2",
     ]
-    first, *plans = requests(load("prompt", words))
+    first, *plans = requests(load("prompt", words, PromptConfig))
     assert [of.brief.task.name for of in plans] == ["BringCube", "ElevatePlate"]
     assert (first.brief.n_action, plans[0].brief.n_tool, plans[0].brief.n_action) == (
         0,

@@ -495,7 +495,7 @@ NO_MODEL = {
     ],
     "core.plugins": [],
     "core.evaluate": [f"designs={ROOT / 'tests/tasks/solutions/BringCube.json'}"],
-    "core.prompt": ["vlm=offline"],
+    "core": ["prompt", "vlm=offline"],
 }
 
 

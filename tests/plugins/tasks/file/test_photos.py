@@ -7,8 +7,8 @@ from PIL import Image, PngImagePlugin
 
 from core.config.compose import load
 from core.errors import UserError
-from core.prompt import compose
 from core.values.messages import Picture
+from plugins.prompt import PromptConfig, compose
 from plugins.tasks.file import photos
 from plugins.tasks.file.task import FileTask
 from tests.plugins.tasks.file.imports.conftest import called
@@ -61,6 +61,7 @@ def test_they_are_sent_beside_the_drawn_picture_or_alone(bench):
         cfg = load(
             "prompt",
             ["task=file", f"task.file={file}", "vlm=replay", "sim=mujoco", *words],
+            PromptConfig,
         )
         return [
             part

@@ -10,10 +10,10 @@ from core.config.compose import load
 from core.errors import UsageError
 from core.interfaces import RolloutSettings
 from core.plugins import installed
-from core.prompt import compose
 from core.scene import Box, Cylinder, Sphere
 from core.search.experiment import Experiment
 from core.values.messages import Text
+from plugins.prompt import PromptConfig, compose
 from plugins.vlms.offline.designer import OfflineDesigner
 from plugins.vlms.told.arm import describe_arm
 from plugins.vlms.told.bodies import bodies_table
@@ -50,6 +50,7 @@ def prompt(task, told, *words):
                     f"prompt.told={told}",
                     *words,
                 ],
+                PromptConfig,
             )
         )
     )

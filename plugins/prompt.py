@@ -1,4 +1,4 @@
-"""``python -m core.prompt task=NAME [prompt=NAME] [designs=FILE] [output=FOLDER]``: write the prompt of a run to files,
+"""``vlmgineer prompt task=NAME [prompt=NAME] [designs=FILE] [output=FOLDER]``: write the prompt of a run to files,
 without a request to a model.
 """
 
@@ -6,34 +6,45 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import load
+from core.config.schemas import SearchConfig
 from core.designs.composer import as_markdown
 from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError
-from core.interfaces import (
-    VLM,
-    Estimate,
-    Picture,
-    Request,
-)
+from core.interfaces import VLM, Estimate, Picture, Request
 from core.plugins import event_hub, installed
 from core.plugins.blame import refuse_exit
 from core.search.asking import build_designer
 from core.search.assignment import Team
 from core.search.judging import try_all
-from core.support.cli import arguments, command, say, write_bytes
+from core.support.cli import arguments, say, write_bytes
 from core.trial import Evaluation, best_first
 
 USAGE = (
-    "usage: python -m core.prompt task=NAME [prompt=NAME] [tool=NAME] [designs=FILE] [vlm=NAME] [agent=N] "
+    "usage: vlmgineer prompt task=NAME [prompt=NAME] [tool=NAME] [designs=FILE] [vlm=NAME] [agent=N] "
     "[output=FOLDER] [KEY=VALUE ...]"
 )
+
+
+@dataclass
+class PromptConfig(SearchConfig):
+    """Settings of ``vlmgineer prompt``.
+
+    Attributes:
+        designs: the file of the elites.
+        agent: the number of the agent that sends the request.
+        output: the folder to write.
+    """
+
+    designs: str | None = None
+    agent: int = 0
+    output: str = "prompt"
 
 
 class NoModel(VLM):
@@ -149,7 +160,7 @@ def _describe_generation(
 
 
 def main(words: list[str]) -> None:
-    cfg = load("prompt", arguments(USAGE, words))
+    cfg = load("prompt", arguments(USAGE, words), PromptConfig)
     OmegaConf.resolve(cfg)
     request, *follow_ups = requests(cfg)
     model, estimate = estimate_cost(cfg, request)
@@ -163,7 +174,3 @@ def main(words: list[str]) -> None:
         )
 
     say(str(Path(cfg.output)))
-
-
-if __name__ == "__main__":
-    command(main)

@@ -1,4 +1,4 @@
-"""``python -m core.prompt``: what would be sent, in every use."""
+"""``vlmgineer prompt``: what would be sent, in every use."""
 
 import json
 import re
@@ -10,7 +10,7 @@ from core.config.compose import load
 from core.designs.composer import as_markdown
 from core.errors import UserError
 from core.interfaces import VLM, Picture
-from core.prompt import compose, main
+from plugins.prompt import PromptConfig, compose, main
 from tests.commands import python_m
 from tests.rare import rare
 
@@ -22,7 +22,7 @@ SMALL = ["task=OneBook", "executor.workers=1"]
 
 
 def composed(*overrides):
-    return compose(load("prompt", [*SMALL, *overrides]))
+    return compose(load("prompt", [*SMALL, *overrides], PromptConfig))
 
 
 def text_of(request):
@@ -184,7 +184,7 @@ def test_the_command_writes_what_would_be_sent(tmp_path):
         "budget.n_tool=2",
         "agent=3",
     ]
-    done = python_m(tmp_path, "core.prompt", *words)
+    done = python_m(tmp_path, "core", "prompt", *words)
     assert done.returncode == 0, done.stderr
     assert not done.stderr  # no key is needed, no request is sent
     folder = tmp_path / "there"
