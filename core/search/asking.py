@@ -14,7 +14,7 @@ from core.errors import UsageError
 from core.interfaces import VLM, Budget, EvolutionStrategy, Fitness, RolloutSettings
 from core.plugins import ACTION, EVOLUTION, SIMULATOR
 from core.search.assignment import DEFAULT_KINDS, Assignment, borne_kinds
-from core.search.builder import builder_for, check_level, check_starts
+from core.search.builder import builder_for, check_starts
 from core.search.designer import ModelDesigner
 from core.search.prompt_pictures import Artist
 from core.trial import TIE
@@ -49,7 +49,6 @@ def build_designer(
     )
     sampling = node(cfg.sampling, Sampling)
     designer = ModelDesigner(assignment, vlm, prompts, sampling, events)
-    check_level(designer)
     artist = Artist(assignment, prompts, part(SIMULATOR, cfg.sim).create)
     return builder.finish(designer, fitness, artist), fitness
 

@@ -8,7 +8,6 @@ from typing import ClassVar
 from omegaconf import DictConfig
 
 from core.config.compose import part, task_part
-from core.errors import UsageError
 from core.interfaces import Condition, Fitness, RolloutSettings, Task
 from core.plugins import FITNESS, SIMULATOR, PluginPart
 from core.robot.kinematics import arm_of
@@ -90,24 +89,4 @@ def equip(designer: ModelDesigner, artist: Artist, *, drawable: bool) -> None:
         say(
             f"prompt.critic={count}: {designer.vlm.model} writes no critiques; there are none",
             file=sys.stderr,
-        )
-
-
-def check_level(designer: ModelDesigner) -> None:
-    """Check that the model and the task are ones for the level ``prompt.told``.
-
-    Raises:
-        UsageError: they are not.
-    """
-    name = designer.prompts.settings.told
-    level = designer.prompts.level
-    task = designer.assignment.task
-    if level.in_words and not task.in_words:
-        raise UsageError(
-            f"{task.name} has no text without numbers for prompt.told={name}: give it `in_words`"
-        )
-
-    if not level.numbers and not designer.vlm.sees:
-        raise UsageError(
-            f"{designer.vlm.model} reads the scene's numbers, not pictures: prompt.told={name} needs a model that sees"
         )

@@ -17,7 +17,7 @@ from core.designs.planning import NO_PLAN
 from core.designs.reading import read_designs
 from core.designs.replies import parse_reply
 from core.designs.schema import answer_schema
-from core.errors import UserError
+from core.errors import UsageError, UserError
 from core.events import Generation
 from core.hooks import hookimpl
 from core.interfaces import VLM, Brief, Picture, Reply, Request
@@ -61,6 +61,9 @@ class ModelDesigner:
         critic: has candidates criticised before each generation; None: nothing is.
         stored: replies that are not asked for again, by request id.
         tried: what requests may show of earlier generations; as a listener the designer collects it itself.
+
+    Raises:
+        UsageError: the model or the task is not one for the level ``prompt.told``.
     """
 
     assignment: Assignment
@@ -76,6 +79,18 @@ class ModelDesigner:
 
     def __post_init__(self) -> None:
         self._replies: list[Reply] = []  # of the generation that is being asked for
+        name = self.prompts.settings.told
+        level = self.prompts.level
+        task = self.assignment.task
+        if level.in_words and not task.in_words:
+            raise UsageError(
+                f"{task.name} has no text without numbers for prompt.told={name}: give it `in_words`"
+            )
+
+        if not level.numbers and not self.vlm.sees:
+            raise UsageError(
+                f"{self.vlm.model} reads the scene's numbers, not pictures: prompt.told={name} needs a model that sees"
+            )
 
     def design(
         self, generation: int, elites: Sequence[Evaluation] = ()
