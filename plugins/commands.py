@@ -12,6 +12,10 @@ def commands() -> dict[str, Command]:
             "check that a part does what its kind must do",
             "plugins.conformance.command:main",
         ),
+        "evaluate": Command(
+            "try the designs of a file, and print their rewards",
+            "plugins.trying.evaluate:main",
+        ),
         "facts": Command(
             "say where an arm reaches, how fast and how exact it is",
             "plugins.vlms.told.facts:main",
@@ -25,7 +29,7 @@ def commands() -> dict[str, Command]:
         ),
         "prompt": Command(
             "write the request that a model would receive, and estimate its cost",
-            "plugins.prompt:main",
+            "plugins.trying.prompt:main",
         ),
         "render": Command(
             "draw a task's scene, with a tool if one is given", "plugins.render:main"

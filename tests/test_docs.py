@@ -27,6 +27,7 @@ from docs import build
 from docs.diagrams import DRAWINGS
 from plugins.conformance.suites import examine
 from plugins.new.packages import write as write_package
+from plugins.trying.prompt import PromptConfig
 from tests.commands import python_m, warm_python
 from tests.core.run_folders import write_run
 from tests.outside_arm import write_arm
@@ -83,7 +84,7 @@ def test_there_are_commands_and_nothing_else_than_the_two_set_ups():
 
 
 RUN = (  # really, of all that are composed; what they share is run once
-    "core.evaluate task=BringCube designs=tests/tasks/solutions/BringCube.json output=rewards.json",
+    "vlmgineer evaluate task=BringCube designs=tests/tasks/solutions/BringCube.json output=rewards.json",
     "vlmgineer prompt task=OneBook prompt=evolve prompt.feedback=full designs=tests/tasks/solutions/OneBook.json",
     "core.run --help",
     "vlmgineer render task=BringCube designs=tests/tasks/solutions/BringCube.json output=scene.png",
@@ -129,13 +130,18 @@ def compose(line: str) -> None:
     )
     if program == "core":
         program = f"core.{words.pop(0)}"
-    config = {"core.run": "config", "core.evaluate": "evaluate"}.get(program)
+    config, schema = {
+        "core.run": ("config", None),
+        "core.prompt": ("prompt", PromptConfig),
+        "core.evaluate": ("evaluate", None),
+    }.get(program, (None, None))
     if (
         config
         and "--help" not in words
         and not any(word.startswith("resume=") for word in words)
     ):
-        load(config, [word if "[" in word else word.split(",")[0] for word in words])
+        given = [word if "[" in word else word.split(",")[0] for word in words]
+        load(config, given, schema)
 
 
 def console(page: Path) -> list[tuple[str, str]]:

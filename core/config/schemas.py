@@ -3,38 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from importlib.resources import files
 from typing import Any
 
+import yaml
 from omegaconf import MISSING
 
 from core.interfaces import RolloutSettings
 from core.values.materials import Material
 
-SYSTEM = ("system",)
-_PLANS = ("action_rules", "action_diversity", "workspace")
-_REPLY = ("frames", "units", "output", "context")
-_RULES = ("tool_rules", *_PLANS, "spawn_rules", *_REPLY)
-_TRIED = ("last_generation", "critiques")  # empty without feedback, or a critic
-INITIAL = ("mission_initial", *_TRIED, "procedure", *_RULES)
-EVOLUTION = (
-    "mission_evolve",
-    "elites",
-    *_TRIED,
-    "procedure",
-    "evolution_rules",
-    *_RULES,
+PARTS: dict[str, list[str]] = yaml.safe_load(
+    (files("prompts") / "parts.yaml").read_text("utf-8")
 )
-GIVEN = ("mission_given", "elites", *_TRIED, "procedure", *_PLANS, *_REPLY)
-_OF_TOOLS = (
-    "tasks",
-    "elites",
-    *_TRIED,
-    "evolution_rules",
-    "tool_rules",
-    "spawn_rules",
-    *_REPLY[:3],
-)
-TOOLS = ("mission_tools", *_OF_TOOLS)
+"""The templates of the project's own prompts, by the kind of request."""
 FEEDBACK = ("paper", "numbers", "full")
 PHOTOGRAPHS = ("beside", "alone", "none")
 
@@ -74,11 +55,11 @@ class PromptSettings:
     generation_characters: int = 12_000
     repair: bool = False
     critic: int = 0
-    system: list[str] = field(default_factory=lambda: list(SYSTEM))
-    initial: list[str] = field(default_factory=lambda: list(INITIAL))
-    evolution: list[str] = field(default_factory=lambda: list(EVOLUTION))
-    given: list[str] = field(default_factory=lambda: list(GIVEN))
-    tools: list[str] = field(default_factory=lambda: list(TOOLS))
+    system: list[str] = field(default_factory=PARTS["system"].copy)
+    initial: list[str] = field(default_factory=PARTS["initial"].copy)
+    evolution: list[str] = field(default_factory=PARTS["evolution"].copy)
+    given: list[str] = field(default_factory=PARTS["given"].copy)
+    tools: list[str] = field(default_factory=PARTS["tools"].copy)
 
 
 @dataclass
@@ -173,7 +154,7 @@ class RunConfig(SearchConfig):
 
 @dataclass
 class EvaluateConfig(TrialConfig):
-    """Settings of ``python -m core.evaluate``. ``output``: a JSON file to write as well; ``check``: play nothing."""
+    """Settings of ``vlmgineer evaluate``. ``output``: a JSON file to write as well; ``check``: play nothing."""
 
     designs: str = MISSING
     output: str | None = None

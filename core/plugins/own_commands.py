@@ -9,9 +9,6 @@ COMMANDS = {
         "search for the best tool and motion for a task, or go on with a run",
         "core.run:main",
     ),
-    "evaluate": Command(
-        "try the designs of a file, and print their rewards", "core.evaluate:main"
-    ),
     "plugins": Command("list the installed parts", "core.plugins.__main__:main"),
 }
 

@@ -9,7 +9,6 @@ from sqlite3 import Row
 from typing import Any, TypeVar
 
 from core.config.trust import as_stored
-from core.errors import UserError
 from core.interfaces import Reply
 from core.store.database import FILE, reading
 from core.store.rows import (
@@ -139,17 +138,3 @@ class StoredRun:
     def _read(self, query: str) -> list[Row]:
         with reading(self._folder) as database:
             return database.execute(query).fetchall()
-
-
-def stored_config(folder: Path) -> dict[str, Any]:
-    """Return the configuration of a run.
-
-    Raises:
-        UserError: the folder holds no run, or one that this version can't read.
-    """
-    config = StoredRun(folder).config()
-    if not config:
-        raise UserError(
-            f"{folder} holds a run that ended before it began; its store is empty"
-        )
-    return config

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import logging
 import time
-from collections.abc import Sequence
-from contextlib import ExitStack, closing
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -76,8 +76,7 @@ class RunStore:
         Raises:
             UserError: the folder holds a run already, another process uses it, or it can't be written.
         """
-        with ExitStack() as on_error:
-            database = on_error.enter_context(closing(Database(folder)))
+        with _opened(folder) as database:
             if database.begun():
                 raise UserError(
                     f"{folder} already holds a run; go on with it with resume={folder}, or choose another folder with "
@@ -90,10 +89,7 @@ class RunStore:
                     "run", schema_version=SCHEMA_VERSION, config=json.dumps(config)
                 )
 
-            store = cls(database)
-            on_error.pop_all()
-
-        return store
+            return cls(database)
 
     @classmethod
     def open(cls, folder: Path) -> RunStore | None:
@@ -104,14 +100,11 @@ class RunStore:
         """
         if not (folder / FILE).exists():
             return None
-        with ExitStack() as unless_begun:
-            database = unless_begun.enter_context(closing(Database(folder)))
-            if not database.begun():
-                return None
-            store = cls(database)
-            unless_begun.pop_all()
-
-        return store
+        with _opened(folder) as database:
+            if database.begun():
+                return cls(database)
+        database.close()
+        return None
 
     @hookimpl
     def run_started(self, run: Run) -> None:
@@ -195,11 +188,9 @@ class RunStore:
         content, _ = key
         number = len(self.past.numbers) + 1
         self.past.numbers[key] = number
-        with self._database.transaction():
-            self._database.insert(
-                "trials", number=number, **columns.trial_row(content, trial)
-            )
-            self._count_time()
+        with self._recording() as database:
+            row = columns.trial_row(content, trial)
+            database.insert("trials", number=number, **row)
 
     @hookimpl
     def candidate_evaluated(self, evaluation: Evaluation) -> None:
@@ -207,34 +198,27 @@ class RunStore:
         if candidate.id in self.past.candidates:
             return
         key = candidate.key[:3]
-        with self._database.transaction():
+        with self._recording() as database:
             if candidate.tool and self._run and key not in self.past.designs:
                 self.past.designs.add(key)  # once for all of its candidates
                 design = columns.design_row(candidate, self._run.representation)
-                self._database.insert("strategies", **design)
+                database.insert("strategies", **design)
             row = columns.evaluation_row(evaluation, self.past.numbers)
-            self._database.insert("evaluations", **row)
-            self._count_time()
+            database.insert("evaluations", **row)
 
     @hookimpl
     def finalist_tried(self, evaluation: Evaluation) -> None:
         row = columns.evaluation_row(evaluation, self.past.numbers)
-        with self._database.transaction():
-            self._database.execute(
-                "UPDATE evaluations SET details = ? WHERE candidate = ?",
-                row["details"],
-                row["candidate"],
-            )
-            self._count_time()
+        statement = "UPDATE evaluations SET details = ? WHERE candidate = ?"
+        with self._recording() as database:
+            database.execute(statement, row["details"], row["candidate"])
 
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
         figures = json.dumps(asdict(summary(generation)))
-        with self._database.transaction():
-            self._database.insert(
-                "generations", verb="REPLACE", number=generation.index, summary=figures
-            )
-            self._count_time()
+        row = {"number": generation.index, "summary": figures}
+        with self._recording() as database:
+            database.insert("generations", verb="REPLACE", **row)
 
     @hookimpl
     def run_finished(self, run: Run, result: Result) -> None:
@@ -242,15 +226,33 @@ class RunStore:
         with writing(self.folder):
             text = json.dumps(outcome, indent=2) + "\n"
             write_text(self.folder / "result.json", text)
-        with self._database.transaction():
-            self._database.execute("UPDATE run SET result = ?", json.dumps(outcome))
-            self._count_time()
+        with self._recording() as database:
+            database.execute("UPDATE run SET result = ?", json.dumps(outcome))
 
-    def _count_time(self) -> None:
+    @contextmanager
+    def _recording(self) -> Iterator[Database]:
+        """Write in one transaction, with the time that the session has taken so far."""
         last = "UPDATE sessions SET seconds = ? WHERE number = (SELECT max(number) FROM sessions)"
-        self._database.execute(last, time.monotonic() - self._began)
+        with self._database.transaction():
+            yield self._database
+            self._database.execute(last, time.monotonic() - self._began)
 
     @hookimpl
     def run_ended(self) -> None:
         self._open = False
         self._database.close()
+
+
+@contextmanager
+def _opened(folder: Path) -> Iterator[Database]:
+    """Open a database, which an error within closes.
+
+    Raises:
+        UserError: see `Database`.
+    """
+    database = Database(folder)
+    try:
+        yield database
+    except BaseException:
+        database.close()
+        raise

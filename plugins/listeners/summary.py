@@ -193,11 +193,11 @@ def _commands(run: Run, result: Result) -> Iterator[str]:
     yield f"vlmgineer report {folder}"
     file = _shorten(run.folder / "best" / "design.json")
     words = [*_settings(run), f"designs={hydra_word(file)}"]
-    yield shlex.join(["python", "-m", "core.evaluate", *words])
+    yield shlex.join(["vlmgineer", "evaluate", *words])
 
 
 def _settings(run: Run) -> list[str]:
-    """Return the words by which ``core.evaluate`` tries a design as this run did."""
+    """Return the words by which ``vlmgineer evaluate`` tries a design as this run did."""
     from core.config.compose import load
 
     config = {key: dict(run.config.get(key) or {}) for key in (*_CHOSEN, "rollout")}

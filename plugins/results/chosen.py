@@ -15,7 +15,7 @@ from core.config.compose import first_line, load
 from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError
 from core.interfaces import Task, ToolRepresentation
-from core.store.reader import StoredRun, stored_config
+from core.store.reader import StoredRun
 from core.trial import TIE, Evaluation, best_first
 
 _SECTIONS = ("rollout", "material")  # settings that are taken over key by key
@@ -132,3 +132,17 @@ def _take_over(cfg: DictConfig, run: dict[str, Any], named: set[str]) -> None:
     for kind in _KINDS:
         if kind not in groups:
             OmegaConf.update(cfg, kind, run[kind], merge=False, force_add=True)
+
+
+def stored_config(folder: Path) -> dict[str, Any]:
+    """Return the configuration of a run.
+
+    Raises:
+        UserError: the folder holds no run, or one that this version can't read.
+    """
+    config = StoredRun(folder).config()
+    if not config:
+        raise UserError(
+            f"{folder} holds a run that ended before it began; its store is empty"
+        )
+    return config

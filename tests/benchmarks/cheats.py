@@ -6,7 +6,7 @@ reference solution and from random designs, and looks for a high reward of a rol
 0.3 or more is a finding, kept in ``findings/``, a designs file. What the folder has is not searched again; another seed
 adds.
 
-`core.evaluate` plays a finding once more in any engine, with a film.
+`vlmgineer evaluate` plays a finding once more in any engine, with a film.
 """
 
 from __future__ import annotations

@@ -19,11 +19,11 @@ from core.config.compose import engines
 from core.design import Candidate
 from core.designs.reading import dump_design, load_designs, read_designs
 from core.errors import UsageError, UserError
-from core.evaluate import record as entry
 from core.interfaces import Executor
 from core.plugins import PluginPart, installed
 from core.support.cli import command
 from core.trial import Condition
+from plugins.trying.evaluate import record as entry
 from tests.benchmarks import measuring
 from tests.playing import evaluate_all
 

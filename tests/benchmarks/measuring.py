@@ -26,7 +26,7 @@ from core.interfaces import Executor
 from core.plugins import PluginPart, installed
 from core.trial import Condition
 from plugins.conformance.checking import ready
-from plugins.prompt import PromptConfig, compose
+from plugins.trying.prompt import PromptConfig, compose
 from tests.playing import evaluate_all
 
 T = TypeVar("T")

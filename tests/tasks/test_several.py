@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from core.config.compose import load
-from core.evaluate import evaluate
+from plugins.trying.evaluate import evaluate
 from tests.rare import rare
 
 FILES = sorted((Path(__file__).parent / "solutions" / "several").glob("*.json"))

@@ -57,7 +57,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         designs: a designs file, whose ``strategy`` (from 0) has the tool; None: the bare arm, or with ``gripper`` the
             bare hand.
         strategy: see ``designs``.
-        words: settings as ``python -m core.evaluate`` takes them, such as ``["robot=ur5", "task.variation=wide"]``. The
+        words: settings as ``vlmgineer evaluate`` takes them, such as ``["robot=ur5", "task.variation=wide"]``. The
             simulator must be one that can be stepped.
         gripper: see ``designs``.
         control_mode: what actions mean.
@@ -146,7 +146,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             self._earned = self._reward(world, self._start)
         except ValueError as error:
             raise UserError(
-                f"{self.task.name} can't be stepped: {error}; use python -m core.evaluate"
+                f"{self.task.name} can't be stepped: {error}; use vlmgineer evaluate"
             ) from error
 
         return self._observation(world), {"reward": self._earned}

@@ -12,8 +12,8 @@ from core.config.compose import load
 from core.config.trust import read_stored_yaml, refuse_key_words, refuse_keys
 from core.errors import UsageError, UserError
 from core.store.database import Database, refuse_links
-from core.store.reader import stored_config
 from core.store.recorder import RunStore
+from plugins.results.chosen import stored_config
 from plugins.results.pages.runs import LeftOutRun, read_run
 from tests.commands import python_m
 

@@ -17,7 +17,7 @@ import pytest
 
 import prompts
 from core.config.compose import load, node
-from core.config.schemas import EVOLUTION, GIVEN, INITIAL, SYSTEM, TOOLS, PromptSettings
+from core.config.schemas import PARTS, PromptSettings
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Tool
 from core.designs.composer import CRITIC, REPAIR, PromptComposer
 from core.designs.prompt_templates import SUFFIX
@@ -495,7 +495,7 @@ def test_an_elite_without_a_tool_is_an_error() -> None:
 
 def test_each_template_is_used() -> None:
     human = settings_of("human")
-    used = {*SYSTEM, *INITIAL, *EVOLUTION, *GIVEN, *TOOLS, REPAIR, CRITIC}
+    used = {REPAIR, CRITIC}.union(*PARTS.values())
     used |= {*human.initial, *human.evolution, *human.given}
     assert {file.name.removesuffix(SUFFIX) for file in FOLDER.glob("*.j2")} == used
 

@@ -15,8 +15,8 @@ from core.geometry import Box, Pose
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.values.materials import PAPER, Material
-from plugins.prompt import PromptConfig, compose
 from plugins.tools.mounting import describe_weight
+from plugins.trying.prompt import PromptConfig, compose
 from tests.core.designs.test_rules import box, rigid
 from tests.panda import PANDA
 

@@ -9,8 +9,8 @@ import pytest
 from core.errors import UserError
 from core.plugins import installed
 from core.store.database import FILE, Database, reading
-from core.store.reader import stored_config
 from core.store.recorder import RunStore
+from plugins.results.chosen import stored_config
 from plugins.results.pages.runs import read_run
 from plugins.results.transfer import configured
 from tests.core.run_folders import write_run

@@ -3,7 +3,8 @@
 import pytest
 
 from core.errors import UserError
-from core.store.reader import StoredRun, stored_config
+from core.store.reader import StoredRun
+from plugins.results.chosen import stored_config
 from plugins.results.report.statistics import RunCost
 from tests.core.run_folders import edit, write_run
 

@@ -43,7 +43,7 @@ def test_a_signal_is_an_interrupt_and_a_second_one_ends_the_process(
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
-    [["core.plugins"], ["core.run", "--help"], ["core.evaluate", "--help"]],
+    [["core.plugins"], ["core.run", "--help"], ["core", "evaluate", "--help"]],
     ids=" ".join,
 )
 @pytest.mark.parametrize(

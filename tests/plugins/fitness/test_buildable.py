@@ -18,7 +18,7 @@ from core.interfaces import Condition, Waypoints
 from core.plugins import PluginPart
 from core.values.materials import Material
 from plugins.fitness.nominal import Nominal
-from plugins.prompt import PromptConfig, compose
+from plugins.trying.prompt import PromptConfig, compose
 from plugins.vlms.told.feedback import describe
 from tests.plugins.fitness.judging import judged
 

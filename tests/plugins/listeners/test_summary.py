@@ -1,4 +1,4 @@
-"""What is said at the end of a run, and that ``core.evaluate`` gives its reward again by the words that it names."""
+"""What is said at the end of a run, and that ``vlmgineer evaluate`` gives its reward again by those words."""
 
 import json
 import shlex
@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core import evaluate
 from core.config.compose import load
 from core.design import Candidate
 from core.events import Generation, Result, Run
@@ -19,6 +18,7 @@ from core.support.text import hydra_word
 from core.trial import Evaluation, Trial, Where
 from plugins.conformance.evaluations import tried_once
 from plugins.new.packages import write_scene
+from plugins.trying import evaluate
 from tests.core.run_folders import hook
 from tests.outside_arm import write_arm
 
@@ -153,9 +153,8 @@ def test_commands_are_quoted(capsys):
         ["vlmgineer", "report", folder],
         [
             *(
-                "python",
-                "-m",
-                "core.evaluate",
+                "vlmgineer",
+                "evaluate",
                 "task=BringCube",
                 "sim=pybullet",
                 "tool=urdf",
@@ -214,8 +213,8 @@ def test_the_reward_above_is_that_of_the_command(kind, tmp_path, monkeypatch, ca
         load("config", [*sizes, *others, *KINDS[kind].split()]), tmp_path / "run"
     )
     *_, line = commands(capsys.readouterr().err)
-    _, _, command, *words = shlex.split(line)
-    assert command == "core.evaluate"
+    _, command, *words = shlex.split(line)
+    assert command == "evaluate"
     evaluate.main([*words, "output=rewards.json"])
     (tried,) = json.loads(Path("rewards.json").read_text())
     assert tried["reward"] == result.best.reward

@@ -11,8 +11,7 @@ from core.config.compose import load
 from core.errors import UserError
 from core.plugins import Offer, installed
 from core.search.orchestration import run
-from core.store.reader import stored_config
-from plugins.results.chosen import stored_evaluations
+from plugins.results.chosen import stored_config, stored_evaluations
 from plugins.results.transfer import TransferConfig, configured, transfer
 from plugins.robots.arms import panda
 from tests import toys
@@ -132,7 +131,7 @@ def test_the_nominal_reward_is_what_evaluate_says_and_workers_change_nothing(tmp
     assert results[0] == results[1]
     assert (
         python_m(
-            tmp_path, "core.evaluate", f"designs={SOLUTION}", "output=plain.json"
+            tmp_path, "core", "evaluate", f"designs={SOLUTION}", "output=plain.json"
         ).returncode
         == 0
     )

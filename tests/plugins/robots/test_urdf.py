@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core import evaluate
 from core.config.compose import load, part
 from core.errors import UserError
 from core.plugins import installed
 from plugins import render
 from plugins.conformance.suites import SUITES
+from plugins.trying import evaluate
 from tests.outside_arm import FLANGE, HOME, write_arm
 from tests.plugins.robots.test_reading import gripped
 from tests.rare import rare

@@ -6,8 +6,8 @@ import pytest
 
 from core.config.compose import load
 from core.errors import UsageError
-from core.evaluate import evaluate
 from core.trial import Evaluation
+from plugins.trying.evaluate import evaluate
 from tests.solutions import TASKS as SOLVED
 
 TASKS = "task=several", "task.of=[BringCube,ElevatePlate]"

@@ -7,13 +7,13 @@ from omegaconf import OmegaConf
 
 from core import Experiment
 from core.config.compose import load
-from core.evaluate import evaluate
 from core.search.orchestration import resume, run
 from core.store.reader import StoredRun
-from plugins.prompt import PromptConfig, main, requests
 from plugins.results.transfer import configured as transfer_settings
 from plugins.results.transfer import transfer
 from plugins.results.workshop.command import configured, export
+from plugins.trying.evaluate import evaluate
+from plugins.trying.prompt import PromptConfig, main, requests
 from tests import toys
 from tests.rare import rare
 from tests.test_resume import assert_same_run, toy  # noqa: F401  # a fixture

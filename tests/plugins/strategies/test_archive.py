@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from core.config.compose import load
 from core.design import Candidate, Component, Tool
 from core.errors import UsageError
-from core.evaluate import evaluate
 from core.geometry import Box, Pose
 from core.plugins import installed
 from core.trial import Evaluation, Trial, Where
@@ -27,6 +26,7 @@ from plugins.strategies.map_elites.archive import (
     read_measures,
     save_archive,
 )
+from plugins.trying.evaluate import evaluate
 from tests.core.run_folders import PLAN, hook
 
 EXTENT, DISTANCE = Measure("extent", 0.0, 1.0, 10), Measure("distance", 0.0, 2.0, 4)

@@ -494,8 +494,8 @@ NO_MODEL = {
         "hydra.run.dir=run",
     ],
     "core.plugins": [],
-    "core.evaluate": [f"designs={ROOT / 'tests/tasks/solutions/BringCube.json'}"],
-    "core": ["prompt", "vlm=offline"],
+    "core evaluate": [f"designs={ROOT / 'tests/tasks/solutions/BringCube.json'}"],
+    "core prompt": ["vlm=offline"],
 }
 
 
@@ -503,9 +503,8 @@ NO_MODEL = {
 def test_what_needs_no_model_does_not_import_litellm(command, tmp_path):
     """In no process: a LiteLLM that fails on import precedes the real one."""
     (tmp_path / "litellm.py").write_text("raise SystemExit('LiteLLM was imported')")
-    done = python_m(
-        tmp_path, command, *NO_MODEL[command], PYTHONPATH=f"{tmp_path}:{ROOT}"
-    )
+    words = [*command.split(), *NO_MODEL[command]]
+    done = python_m(tmp_path, *words, PYTHONPATH=f"{tmp_path}:{ROOT}")
     assert (done.returncode, "LiteLLM was imported" in done.stdout + done.stderr) == (
         0,
         False,

@@ -13,7 +13,7 @@ from core.plugins import installed
 from core.scene import Box, Cylinder, Sphere
 from core.search.experiment import Experiment
 from core.values.messages import Text
-from plugins.prompt import PromptConfig, compose
+from plugins.trying.prompt import PromptConfig, compose
 from plugins.vlms.offline.designer import OfflineDesigner
 from plugins.vlms.told.arm import describe_arm
 from plugins.vlms.told.bodies import bodies_table

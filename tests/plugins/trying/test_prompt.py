@@ -10,13 +10,13 @@ from core.config.compose import load
 from core.designs.composer import as_markdown
 from core.errors import UserError
 from core.interfaces import VLM, Picture
-from plugins.prompt import PromptConfig, compose, main
+from plugins.trying.prompt import PromptConfig, compose, main
 from tests.commands import python_m
 from tests.rare import rare
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 SOLUTION = ROOT / "tests/tasks/solutions/OneBook.json"
 SMALL = ["task=OneBook", "executor.workers=1"]
 

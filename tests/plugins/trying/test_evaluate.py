@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from core.evaluate import STOPPED_RAD, show
+from plugins.trying.evaluate import STOPPED_RAD, show
 from tests.commands import python_m
 
-SOLUTION = Path(__file__).parents[1] / "tasks" / "solutions" / "BringCube.json"
-ANCHORED = Path(__file__).parents[1] / "tasks" / "anchored"
+SOLUTION = Path(__file__).parents[2] / "tasks" / "solutions" / "BringCube.json"
+ANCHORED = Path(__file__).parents[2] / "tasks" / "anchored"
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def evaluated(tmp_path_factory):
         "output=out/rewards.json",
         "executor.workers=1",
     ]
-    done = python_m(folder, "core.evaluate", *words)
+    done = python_m(folder, "core", "evaluate", *words)
     assert (done.returncode, done.stderr) == (0, "")
     return json.loads(
         (folder / "out/rewards.json").read_text()
@@ -124,7 +124,12 @@ def test_designs_are_tried_in_layouts(tmp_path):
         "output=rewards.json",
     ]
     done = python_m(
-        tmp_path, "core.evaluate", f"designs={SOLUTION}", *words, "executor.workers=1"
+        tmp_path,
+        "core",
+        "evaluate",
+        f"designs={SOLUTION}",
+        *words,
+        "executor.workers=1",
     )
     assert done.returncode == 0, done.stderr
     (found,) = json.loads((tmp_path / "rewards.json").read_text())
@@ -146,7 +151,8 @@ def test_plans_are_checked_without_playing_them(tmp_path):
     )
     done = python_m(
         tmp_path,
-        "core.evaluate",
+        "core",
+        "evaluate",
         "task=BringCube",
         "designs=designs.json",
         "check=true",
@@ -162,7 +168,7 @@ def test_plans_are_checked_without_playing_them(tmp_path):
     assert "waypoint 1" in far
     layouts = ["task.variation=wide", "fitness=layouts", "check=true"]
     done = python_m(
-        tmp_path, "core.evaluate", "task=BringCube", "designs=designs.json", *layouts
+        tmp_path, "core", "evaluate", "task=BringCube", "designs=designs.json", *layouts
     )
     assert (
         "strategy 0 plan 1: 5 times, first layout 0: the arm misses the way to waypoint 1 by "

@@ -1,4 +1,4 @@
-"""``python -m core.evaluate task=NAME designs=FILE [output=FILE.json]``: rewards of the designs in a file, without a
+"""``vlmgineer evaluate task=NAME designs=FILE [output=FILE.json]``: rewards of the designs in a file, without a
 model.
 """
 
@@ -20,14 +20,14 @@ from core.errors import UsageError
 from core.interfaces import Task
 from core.plugins import installed
 from core.plugins.blame import refuse_exit
-from core.search.judging import build_fitness, try_all
 from core.simulation.play import find_problems
-from core.support.cli import arguments, command, print_table, say, write_bytes
+from core.support.cli import arguments, print_table, say, write_bytes
 from core.support.text import by_reason, clean
 from core.trial import Evaluation
+from plugins.trying.judging import build_fitness, try_all
 
 STOPPED_RAD = 0.02  # lag of a joint above which something held it back; reference solutions stay below 0.012
-USAGE = "usage: python -m core.evaluate task=NAME designs=FILE [sim=NAME] [seed=N] [output=FILE.json] [KEY=VALUE ...]"
+USAGE = "usage: vlmgineer evaluate task=NAME designs=FILE [sim=NAME] [seed=N] [output=FILE.json] [KEY=VALUE ...]"
 MISSES = ("ik_error_m", "ik_error_rad", "tracking_error_rad")
 MAX_REMARK = 2000  # characters
 
@@ -139,7 +139,3 @@ def _row(entry: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _format(value: float | None, form: str, scale: float = 1) -> str:
     return "" if value is None else format(scale * value, form)
-
-
-if __name__ == "__main__":
-    command(main)

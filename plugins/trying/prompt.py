@@ -22,9 +22,9 @@ from core.plugins import event_hub, installed
 from core.plugins.blame import refuse_exit
 from core.search.asking import build_designer
 from core.search.assignment import Team
-from core.search.judging import try_all
 from core.support.cli import arguments, say, write_bytes
 from core.trial import Evaluation, best_first
+from plugins.trying.judging import try_all
 
 USAGE = (
     "usage: vlmgineer prompt task=NAME [prompt=NAME] [tool=NAME] [designs=FILE] [vlm=NAME] [agent=N] "
