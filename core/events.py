@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from core.interfaces import Budget, RolloutSettings, Simulator, Task, ToolRepresentation
-from core.trial import TIE, Evaluation, best_first
+from core.trial import TIE, Evaluation, Rewards, best_first
 from core.values.efforts import Effort
 
 INTERRUPTED = "interrupted"
@@ -87,9 +87,9 @@ class Result:
     wall_time_s: float
     stopped: str | None = None
     tie: float = TIE
-    unseen: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    unseen: Rewards = field(default_factory=dict)
     winner: Evaluation | None = None
-    finals: Mapping[str, Mapping[str, tuple[float, ...]]] = field(default_factory=dict)
+    finals: Mapping[str, Rewards] = field(default_factory=dict)
     effort: Effort | None = None
 
     @cached_property

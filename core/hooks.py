@@ -114,6 +114,10 @@ class Configs(Protocol):
         """Read designs that are not spelled as they were asked for: a `core.designs.replies.Reader`, ``designs``."""
 
     @hookspec
+    def critics(self) -> Factories:
+        """Say before each generation what fails, with ``prompt.critic``: makes a `core.search.designer.Critic`."""
+
+    @hookspec
     def exports(self) -> Factories:
         """Write the best design of a run as files: a `core.search.best.Export`."""
 

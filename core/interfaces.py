@@ -28,6 +28,7 @@ from core.trial import (
     Condition as Condition,
     Evaluation as Evaluation,
     Score as Score,
+    Rewards,
     Trial as Trial,
     rewards_by_engine,
 )
@@ -406,7 +407,7 @@ class Fitness(ABC):
         """Return the part of the prompt that says what a design is judged by; empty: the reward of one rollout."""
         return ""
 
-    def rewards(self, trials: Sequence[Trial]) -> dict[str, tuple[float, ...]]:
+    def rewards(self, trials: Sequence[Trial]) -> Rewards:
         """Return what a candidate earned in trials of `finals` or `unseen`: by engine a number for each layout."""
         return {
             engine: tuple(rewards)

@@ -27,6 +27,8 @@ TIE = 0.005
 Status = Literal["ok", "rejected", "failed"]
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
+Rewards = Mapping[str, tuple[float, ...]]
+"""What a candidate earned in several layouts, by engine."""
 
 
 class Part(Protocol[T_co]):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import itertools
 import json
 from contextlib import suppress
@@ -21,6 +20,7 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from core.config.folders import notes_folder, run_folder, task_folder
 from core.errors import UserError
 from core.plugins import KINDS, installed
+from core.plugins.registry import settings_of
 
 
 class PluginConfigs(SearchPathPlugin):  # type: ignore[misc]  # hydra has no types
@@ -109,23 +109,17 @@ def defaults(kind: str, name: str) -> dict[str, Any]:
     """
     try:
         factory = installed().factory(kind, name)
-        parameters = inspect.signature(factory).parameters.values()
+        possible = settings_of(factory, KINDS[kind].provided)
     except (UserError, TypeError, ValueError):
         return {}
 
     settings: dict[str, Any] = {}
-    for parameter in parameters:
-        settable = parameter.kind in (
-            parameter.POSITIONAL_OR_KEYWORD,
-            parameter.KEYWORD_ONLY,
-        )
-        if settable and parameter.name not in KINDS[kind].provided:
-            needed = parameter.default is parameter.empty
-            default = MISSING if needed else parameter.default
-
-            with suppress(TypeError):  # YAML can't say it
-                json.dumps(default)
-                settings[parameter.name] = default
+    for setting, parameter in possible.items():
+        needed = parameter.default is parameter.empty
+        default = MISSING if needed else parameter.default
+        with suppress(TypeError):  # YAML can't say it
+            json.dumps(default)
+            settings[setting] = default
 
     for key, default in KINDS[kind].defaults.items():
         declared = getattr(factory, key, None)  # by the part's class

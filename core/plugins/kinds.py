@@ -120,8 +120,11 @@ KINDS: dict[str, Kind[Any]] = {
 
 HOOKS = {
     **{kind.hook: kind.name for kind in KINDS.values()},
-    **{"levels": "level", "prompt_values": "prompt_value", "exports": "export"},
+    "levels": "level",
+    "prompt_values": "prompt_value",
     "readers": "reader",
+    "critics": "critic",
+    "exports": "export",
 }
 """What each hook of `core.hooks` offers."""
 

@@ -7,7 +7,7 @@ import importlib.util
 import inspect
 import pkgutil
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -244,13 +244,7 @@ def check_settings(
     Raises:
         UserError: a setting that is unknown, missing, or of the wrong type.
     """
-    signature = inspect.signature(factory)
-    possible = [
-        name
-        for name, parameter in signature.parameters.items()
-        if name not in given
-        and parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY)
-    ]
+    possible = settings_of(factory, given)
     function = factory.__init__ if inspect.isclass(factory) else factory
     hints = typing.get_type_hints(function)
     checked: dict[str, Any] = {}
@@ -267,8 +261,8 @@ def check_settings(
                 f"{where}: setting {name!r} can't be {value!r}: {reason}"
             ) from error
 
-    for name in needed_settings(signature):
-        if name not in checked and name not in given:
+    for name, parameter in possible.items():
+        if parameter.default is parameter.empty and name not in checked:
             raise UsageError(
                 f"{where}: setting {name!r} is needed; settings: {', '.join(possible)}"
             )
@@ -276,14 +270,16 @@ def check_settings(
     return checked
 
 
-def needed_settings(signature: inspect.Signature) -> list[str]:
-    """Return the names of the parameters without a default."""
-    return [
-        name
-        for name, parameter in signature.parameters.items()
-        if parameter.default is parameter.empty
-        and parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
-    ]
+def settings_of(
+    factory: Callable[..., Any], given: Collection[str] = ()
+) -> dict[str, inspect.Parameter]:
+    """Return the parameters of a factory that are settings: those with a name, but for what the program gives."""
+    return {
+        name: parameter
+        for name, parameter in inspect.signature(factory).parameters.items()
+        if parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY)
+        and name not in given
+    }
 
 
 def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any]:

@@ -9,9 +9,8 @@ from omegaconf import DictConfig
 
 from core.config.compose import part, task_part
 from core.interfaces import Condition, Fitness, RolloutSettings, Task
-from core.plugins import FITNESS, SIMULATOR, PluginPart
+from core.plugins import FITNESS, SIMULATOR, PluginPart, installed
 from core.robot.kinematics import arm_of
-from core.search.critic import Critic
 from core.search.designer import ModelDesigner
 from core.search.prompt_pictures import Artist
 from core.support.cli import say
@@ -80,11 +79,10 @@ def equip(designer: ModelDesigner, artist: Artist, *, drawable: bool) -> None:
     if drawable:
         designer.film = artist.draw_strip
 
-    prompts = designer.prompts
-    count = prompts.settings.critic
+    count = designer.prompts.settings.critic
     if count and designer.vlm.criticises:
-        temperature = designer.sampling.temperature
-        designer.critic = Critic(prompts, temperature, designer.film)
+        for make in installed().factories("critic").values():
+            designer.critic = make(designer)
     elif count:
         say(
             f"prompt.critic={count}: {designer.vlm.model} writes no critiques; there are none",

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
+from typing import Protocol
 
 import numpy as np
 import pluggy
@@ -22,7 +23,6 @@ from core.events import Generation
 from core.hooks import hookimpl
 from core.interfaces import VLM, Brief, Picture, Reply, Request
 from core.search.assignment import Assignment, Team
-from core.search.critic import Critic
 from core.search.replies import ask_model
 from core.trial import Evaluation
 
@@ -43,6 +43,21 @@ class Answer:
     candidates: list[Candidate]
     lost: bool = False
     unread: str = ""
+
+
+class Critic(Protocol):
+    """Has a model say what fails in candidates, for the prompts that follow; a plugin makes it of a `ModelDesigner`."""
+
+    def requests(self, brief: Brief) -> Sequence[Request]:
+        """Compose the requests before a generation; ``brief`` has its elites, and all that was tried before."""
+
+    def hear(self, reply: Reply, request: Request) -> None:
+        """Take a reply, which may have failed."""
+
+    def words(
+        self, elites: Sequence[Evaluation], tried: Iterable[Evaluation]
+    ) -> Mapping[str, str]:
+        """Return what was said of elites, and of the last generation's candidates, by candidate."""
 
 
 @dataclass(eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import pluggy
 
@@ -84,27 +84,29 @@ def _reaches_goal(generation: Generation, budget: Budget) -> bool:
     return goal is not None and best is not None and best >= goal
 
 
+@dataclass(eq=False)
 class CheckedCandidates:
-    """A strategy's candidates, one generation for each iteration; ``limit`` says which limit ended the last one."""
+    """A strategy's candidates, one generation for each iteration.
 
-    def __init__(
-        self,
-        strategy: EvolutionStrategy,
-        robot: Robot,
-        expect: Callable[[Candidate], None] = lambda candidate: None,
-    ) -> None:
-        self._strategy = strategy
-        self._robot = robot
-        self._expect = expect
-        self.limit: str | None = None
-        # The last tool that was checked: candidates in a row share one.
-        self._sound: Tool | None = None
+    Attributes:
+        strategy: gives them.
+        robot: tools must suit it.
+        expect: may raise where a candidate is not what it was.
+        limit: which limit ended the last generation; None: none did.
+    """
+
+    strategy: EvolutionStrategy
+    robot: Robot
+    expect: Callable[[Candidate], None]
+    limit: str | None = None
+    # The last tool that was checked: candidates in a row share one.
+    _sound: Tool | None = None
 
     def __iter__(self) -> Iterator[Candidate]:
         """Raise UserError where the strategy gives something else; it names the strategy."""
-        name = describe_part(self._strategy)
+        name = describe_part(self.strategy)
         try:
-            candidates = self._strategy.ask()
+            candidates = self.strategy.ask()
             if not isinstance(candidates, Iterable):
                 raise UserError(
                     f"{name}: ask gave {candidates!r}; expected an iterator of Candidate"
@@ -115,7 +117,7 @@ class CheckedCandidates:
                     wrong = f"ask gave {shorten(repr(candidate))} among its candidates"
                     raise UserError(f"{name}: {wrong}; expected a Candidate")
 
-                self._expect(candidate)
+                self.expect(candidate)
                 yield self._check(candidate)
         except LimitReached as limit:
             self.limit = str(limit)
@@ -128,9 +130,9 @@ class CheckedCandidates:
         if tool is self._sound:
             return candidate
         try:
-            check_tool(tool, self._robot)
+            check_tool(tool, self.robot)
         except DesignError as error:
-            name = describe_part(self._strategy)
+            name = describe_part(self.strategy)
             return replace(candidate, problem=f"{name} built a wrong tool: {error}")
 
         self._sound = tool

@@ -18,16 +18,13 @@ from core.design import Candidate
 from core.events import Result
 from core.interfaces import Fitness
 from core.search.trials import Trials
-from core.trial import Condition, Evaluation, Trial
+from core.trial import Condition, Evaluation, Rewards, Trial
 from core.values.efforts import Effort
 
 MOST = 12  # finalists
 FIRST = (
     2  # layouts of the first round; each later round doubles what a finalist has had
 )
-
-Rewards = dict[str, tuple[float, ...]]
-"""What a candidate earned, by engine."""
 
 
 def try_unseen(

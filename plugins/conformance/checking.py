@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 import math
 import traceback
@@ -28,7 +27,7 @@ from core.interfaces import (
     ToolRepresentation,
 )
 from core.plugins import ACTION, TASK, PluginPart, installed
-from core.plugins.registry import needed_settings
+from core.plugins.registry import settings_of
 from core.support.text import shorten
 
 
@@ -206,11 +205,12 @@ def request(brief: Brief) -> Request:
 
 def ready(kind: str) -> list[str]:
     """Return the names of the parts of a kind that can be made without settings, sorted."""
-    return [
-        name
-        for name, factory in installed().factories(kind).items()
-        if not needed_settings(inspect.signature(factory))
-    ]
+    names = []
+    for name, factory in installed().factories(kind).items():
+        settings = settings_of(factory).values()
+        if all(setting.default is not setting.empty for setting in settings):
+            names.append(name)
+    return names
 
 
 def some_task() -> Task:

@@ -36,6 +36,11 @@ def prompt_values() -> Mapping[str, str]:
 
 
 @hookimpl
+def critics() -> Mapping[str, str]:
+    return {"model": "plugins.vlms.critic:ModelCritic"}
+
+
+@hookimpl
 def levels() -> Mapping[str, str]:
     names = {"source": "Source", "words": "Words", "pictures": "Pictures"}
     return {name: f"plugins.vlms.told.levels:{cls}" for name, cls in names.items()}

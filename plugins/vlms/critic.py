@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from core.designs.composer import PromptComposer
 from core.designs.feedback import last_generation, most_telling
-from core.interfaces import Brief, Picture, Reply, Request
+from core.interfaces import Brief, Reply, Request
+from core.search.designer import ModelDesigner
 from core.search.prompt_pictures import shown_in
 from core.support.text import clean
 from core.trial import Evaluation
@@ -22,15 +22,13 @@ _CRITIC = (
 
 
 @dataclass(eq=False)
-class Critic:
-    """Composes requests for critiques, and keeps the answers. Each candidate is shown once.
+class ModelCritic:
+    """Composes requests for critiques, and keeps the answers: a `core.search.designer.Critic`.
 
-    ``film`` draws a film strip of a rollout; None: nothing can draw, and the model gets text alone.
+    Each candidate is shown once, with a film strip of its rollout where the ``designer`` can draw one.
     """
 
-    prompts: PromptComposer
-    temperature: float
-    film: Callable[[Evaluation], Picture | None] | None
+    designer: ModelDesigner
     _shown: dict[str, int] = field(default_factory=dict)  # generations, by candidate
     _words: dict[str, str] = field(default_factory=dict)  # by candidate
 
@@ -42,7 +40,7 @@ class Critic:
         first = list(self._shown.values()).count(brief.generation)
         telling = most_telling(brief.elites, last_generation(brief.tried))
         new = [e for e in telling if e.candidate.id not in self._shown]
-        chosen = new[: max(0, self.prompts.settings.critic - first)]
+        chosen = new[: max(0, self.designer.prompts.settings.critic - first)]
         return [
             self._request(brief, number, evaluation)
             for number, evaluation in enumerate(chosen, first)
@@ -63,11 +61,13 @@ class Critic:
             n_action=1,
             seed=int(rng.integers(2**31)),
         )
-        strip = self.film(shown) if self.film is not None else None
+        film = self.designer.film
+        strip = None if film is None else film(shown)
         pictures = {} if strip is None else {STRIP: strip}
-        messages = self.prompts.critique(alone, pictures)
+        messages = self.designer.prompts.critique(alone, pictures)
+        temperature = self.designer.sampling.temperature
         name = f"g{brief.generation}-critic{number}"
-        return Request(name, alone, messages, {}, self.temperature, critique=True)
+        return Request(name, alone, messages, {}, temperature, critique=True)
 
     def hear(self, reply: Reply, request: Request) -> None:
         """Keep what a reply says; a failed one says nothing."""

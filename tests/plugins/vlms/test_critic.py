@@ -16,11 +16,11 @@ from core.events import Generation
 from core.interfaces import Budget, Picture, Reply, Text
 from core.search.assignment import Assignment, Team
 from core.search.builder import equip
-from core.search.critic import MAX_CRITIQUE, Critic
 from core.search.designer import ModelDesigner
 from core.search.prompt_pictures import Artist
 from plugins.actions.waypoints import WaypointActions
 from plugins.conformance.evaluations import tried_once
+from plugins.vlms.critic import MAX_CRITIQUE, ModelCritic
 from plugins.vlms.offline.designer import OfflineDesigner
 from tasks.bring_cube import BringCube
 from tests.core.search.test_designer import (
@@ -55,9 +55,8 @@ def criticised(answer, count=2, events=None, **settings):
     prompt = PromptSettings(critic=count, **settings)
     vlm = Canned(lambda request: answer(request) if request.critique else good(request))
     made = designer(vlm, BUDGET, prompt=prompt, events=events)
-    made.critic = Critic(
-        made.prompts, 1.0, lambda e: Picture(b"png", f"strip_{e.candidate.id}")
-    )
+    made.film = lambda e: Picture(b"png", f"strip_{e.candidate.id}")
+    made.critic = ModelCritic(made)
     return made, vlm
 
 
