@@ -409,10 +409,7 @@ class Fitness(ABC):
 
     def rewards(self, trials: Sequence[Trial]) -> Rewards:
         """Return what a candidate earned in trials of `finals` or `unseen`: by engine a number for each layout."""
-        return {
-            engine: tuple(rewards)
-            for engine, rewards in rewards_by_engine(trials).items()
-        }
+        return rewards_by_engine(trials)
 
     def recombine(self, tried: Sequence[Evaluation]) -> Iterator[Candidate]:
         """Yield candidates made of parts of those that were ``tried``, whose trials are therefore known."""

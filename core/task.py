@@ -6,7 +6,7 @@ import inspect
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -92,14 +92,28 @@ class Task(ABC):
     def scene(self, seed: int) -> Scene:
         """Return the bodies of the world. The same seed gives the same layout; a fixed layout ignores the seed."""
 
-    @property
+    @cached_property
     def reads_trace(self) -> bool:
         """Whether its reward is ``reward(start, end, trace)``; then rollouts are recorded, with forces.
 
         Raises:
             UsageError: the reward takes something else.
         """
-        return _reads_trace(type(self))
+        signature = inspect.signature(type(self).reward)
+        _, *given = signature.parameters.values()
+        needed = [
+            parameter
+            for parameter in given
+            if parameter.default is parameter.empty
+            and parameter.kind is not parameter.VAR_KEYWORD
+            and parameter.name != "trace"
+        ]
+        if len(needed) != 2:
+            raise UsageError(
+                f"task {self.name}: reward{signature} must be reward(self, start, end) or (self, start, end, trace)"
+            )
+
+        return len(given) > 2 and given[2].name == "trace"
 
     @abstractmethod
     def reward(self, start: State, end: State) -> Array:
@@ -202,26 +216,6 @@ class Level(ABC):
             NoPicture: nothing here can draw.
         """
         return None
-
-
-@lru_cache(maxsize=256)
-def _reads_trace(kind: type[Task]) -> bool:
-    signature = inspect.signature(kind.reward)
-    _, *given = signature.parameters.values()
-    reads = len(given) > 2 and given[2].name == "trace"
-    needed = [
-        parameter
-        for parameter in given
-        if parameter.default is parameter.empty
-        and parameter.kind is not parameter.VAR_KEYWORD
-        and parameter.name != "trace"
-    ]
-    if len(needed) != 2:
-        raise UsageError(
-            f"task {kind.name}: reward{signature} must be reward(self, start, end) or (self, start, end, trace)"
-        )
-
-    return reads
 
 
 def reward_of(

@@ -6,7 +6,7 @@ twice (`core.search.trials`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, Protocol, TypeVar
@@ -27,7 +27,7 @@ TIE = 0.005
 Status = Literal["ok", "rejected", "failed"]
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
-Rewards = Mapping[str, tuple[float, ...]]
+Rewards = dict[str, tuple[float, ...]]
 """What a candidate earned in several layouts, by engine."""
 
 
@@ -285,10 +285,23 @@ class Evaluation:
     @property
     def effort(self) -> Effort | None:
         """What the design costs, over its trials; None: none came to its end, or there is no tool."""
-        return effort_of(self.candidate, self.trials)
+        times = [trial.motion_s for trial in self.trials if trial.motion_s is not None]
+        if not times or self.candidate.tool is None:
+            return None
+        least = []
+        for trial in self.trials:
+            if trial.margins:
+                margin = min(margin.margin for margin in trial.margins)
+                least.append(max(margin, 0.0))
+
+        return Effort(
+            motion_s=float(np.mean(times)),
+            mass_kg=self.candidate.tool.mass,
+            margin=float(np.mean(least)) if least else None,
+        )
 
     @property
-    def by_engine(self) -> dict[str, list[float]]:
+    def by_engine(self) -> Rewards:
         """The rewards of its trials in each engine."""
         return rewards_by_engine(self.trials)
 
@@ -311,29 +324,11 @@ class Evaluation:
         )
 
 
-def effort_of(candidate: Candidate, trials: Sequence[Trial]) -> Effort | None:
-    """Compute what a design costs, over its trials; None: none came to its end, or there is no tool."""
-    times = [trial.motion_s for trial in trials if trial.motion_s is not None]
-    if not times or candidate.tool is None:
-        return None
-    least = []
-    for trial in trials:
-        if trial.margins:
-            margin = min(margin.margin for margin in trial.margins)
-            least.append(max(margin, 0.0))
-
-    return Effort(
-        motion_s=float(np.mean(times)),
-        mass_kg=candidate.tool.mass,
-        margin=float(np.mean(least)) if least else None,
-    )
-
-
-def rewards_by_engine(trials: Iterable[Trial]) -> dict[str, list[float]]:
+def rewards_by_engine(trials: Iterable[Trial]) -> Rewards:
     """Return the rewards in each engine, in the order of the trials."""
-    rewards: dict[str, list[float]] = {}
+    rewards: Rewards = {}
     for trial in trials:
-        rewards.setdefault(trial.engine, []).append(trial.reward)
+        rewards[trial.engine] = (*rewards.get(trial.engine, ()), trial.reward)
     return rewards
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, cast
 
@@ -133,7 +134,7 @@ def register() -> None:
     """Register the sources, and what configurations call, with Hydra; call it before composing."""
     for source in (PluginConfigs, PartConfigs):
         HydraPlugins.instance().register(source)
-    resolvers = {
+    resolvers: dict[str, Callable[..., Any]] = {
         "new_folder": run_folder,
         "notes_folder": notes_folder,
         "task_folder": task_folder,

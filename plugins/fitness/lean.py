@@ -10,7 +10,7 @@ from core.design import Candidate
 from core.errors import UsageError
 from core.interfaces import Condition, Score, Trial
 from core.support.templates import fill
-from core.trial import effort_of, rewards_by_engine
+from core.trial import Evaluation
 from core.values.efforts import HOLDS, Effort, holds
 from plugins.fitness.layouts import Layouts
 from plugins.fitness.several import mean
@@ -59,8 +59,9 @@ class Lean(Layouts):
 
     def score(self, candidate: Candidate, trials: Sequence[Trial]) -> Score:
         score = super().score(candidate, trials)
-        effort = effort_of(candidate, trials)
-        means = [mean(rewards) for rewards in rewards_by_engine(trials).values()]
+        tried = Evaluation(candidate, tuple(trials))
+        effort = tried.effort
+        means = [mean(rewards) for rewards in tried.by_engine.values()]
         if effort is None or not holds(min(means)):
             return replace(score, reward=score.reward / 2)
 

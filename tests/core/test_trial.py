@@ -11,7 +11,7 @@ from core.design import Candidate, Component, Tool
 from core.geometry import Box, Pose
 from core.interfaces import Condition, Evaluation, Observation, Score, Trial
 from core.plugins import PluginPart
-from core.trial import Where, best_tools, count_rollouts, effort_of
+from core.trial import Where, best_tools, count_rollouts
 from core.values.margins import Margin
 from core.values.plans import Waypoints
 from plugins.conformance.evaluations import tried_once
@@ -108,7 +108,7 @@ def test_several_trials_are_combined():
 def test_rewards_are_told_apart_by_engine():
     good = [trial(0, 1.0, "mujoco"), trial(0, 0.95, "sapien")]
     evaluation = tried(*good, trial(1, 0.9, "sapien"))
-    assert evaluation.by_engine == {"mujoco": [1.0], "sapien": [0.95, 0.9]}
+    assert evaluation.by_engine == {"mujoco": (1.0,), "sapien": (0.95, 0.9)}
 
 
 def test_the_effort_is_the_mean_over_the_trials_that_came_to_their_end():
@@ -121,12 +121,11 @@ def test_the_effort_is_the_mean_over_the_trials_that_came_to_their_end():
         trial(1, motion_s=5.0, margins=margins[1]),
     ]
     effort = tried(*ended, trial(2, status="failed")).effort
-    assert effort == effort_of(CANDIDATE, ended)
     assert (effort.motion_s, effort.mass_kg) == (4.0, pytest.approx(ROD.mass))
     assert effort.margin == 0.25  # beyond the limit is no better than at it
-    assert effort_of(CANDIDATE, [trial(motion_s=3.0)]).margin is None
-    assert effort_of(CANDIDATE, [trial(status="failed")]) is None
-    assert effort_of(Candidate(None, PLAN), ended) is None
+    assert tried(trial(motion_s=3.0)).effort.margin is None
+    assert tried(trial(status="failed")).effort is None
+    assert Evaluation(Candidate(None, PLAN), tuple(ended)).effort is None
 
 
 @pytest.mark.parametrize(

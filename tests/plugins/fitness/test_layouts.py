@@ -98,7 +98,7 @@ def test_it_combines_the_rewards_of_the_layouts_from_the_runs_seed_on():
         pytest.approx(np.mean(rewards)),
         min(rewards),
     )
-    assert mean.by_engine["mujoco"] == rewards
+    assert list(mean.by_engine["mujoco"]) == rewards
     poor = combined_figures(mean, WIDE.task.shared())["poor_layouts"]
     assert [layout["layout"] for layout in poor] in ([3, 4], [4, 3])
     assert all(0.85 <= layout["cube.x"] <= 1.05 for layout in poor)

@@ -79,7 +79,7 @@ def test_the_worst_engines_mean_counts():
     assert (evaluation.distance_m, evaluation.shown.ik_error_m) == (4.0, 0.5)
     assert not evaluation.warnings
     assert evaluation.combined
-    assert evaluation.by_engine == {"one": [1.0, 0.8], "other": [0.2, 0.6]}
+    assert evaluation.by_engine == {"one": (1.0, 0.8), "other": (0.2, 0.6)}
 
 
 def test_of_equal_trials_the_one_with_the_least_margin_is_shown():
@@ -122,7 +122,7 @@ def test_the_worst_trial_is_the_one_that_is_shown():
     found = evaluated(earned(1.0), *others)
     assert (found.shown.engine, found.shown.change) == ("other", 1)
     assert found.observation is seen
-    assert found.by_engine["other"] == [0.9, 0.2, 0.5]
+    assert found.by_engine["other"] == (0.9, 0.2, 0.5)
 
 
 # --- real engines -----------------------------------------------------------------------------------------------
