@@ -75,18 +75,32 @@ class Candidate:
         return replace(self, plan=plan)
 
 
-@dataclass(frozen=True)
+@dataclass(unsafe_hash=True)
 class Budget:
-    """How many candidates are tried, and which of them become elites (the paper's parameters)."""
+    """How many candidates are tried, and which of them become elites (the paper's parameters).
 
-    n_agent: int  # requests in a generation
-    n_tool: int  # tools in a request
-    n_action: int  # action plans for each tool
-    n_iteration: int  # generations after the first
-    k_top: int  # candidates that may become elites
-    reward_save: float  # an elite earns more than this
-    stop_reward: float | None = None  # the run ends when a reward reaches it
-    n_final: int = 8  # layouts more, at most, in which finalists are tried
+    Attributes:
+        n_agent: requests in a generation.
+        n_tool: tools in a request.
+        n_action: action plans for each tool.
+        n_iteration: generations after the first.
+        k_top: candidates that may become elites.
+        reward_save: an elite earns more than this.
+        stop_reward: the run ends when a reward reaches it; None: never.
+        n_final: how many more layouts, at most, of those that the fitness gives, decide in each engine between
+            candidates that earn alike; 0: the shortest distance.
+        name: of its file.
+    """
+
+    n_agent: int
+    n_tool: int
+    n_action: int
+    n_iteration: int
+    k_top: int
+    reward_save: float
+    stop_reward: float | None = None
+    n_final: int = 8
+    name: str = ""
 
     @property
     def population(self) -> int:

@@ -9,6 +9,7 @@ from typing import Any
 import yaml
 from omegaconf import MISSING
 
+from core.design import Budget
 from core.interfaces import RolloutSettings
 from core.values.materials import Material
 
@@ -71,25 +72,6 @@ class Sampling:
 
 
 @dataclass
-class BudgetConfig:
-    """How many designs a run tries.
-
-    ``stop_reward``: stop when the best reward reaches it (null: never). ``n_final``: how many more layouts, at most, of
-    those that the fitness gives, decide in each engine between candidates that earn alike; 0: the shortest distance.
-    """
-
-    n_agent: int = MISSING
-    n_tool: int = MISSING
-    n_action: int = MISSING
-    k_top: int = MISSING
-    reward_save: float = MISSING
-    n_iteration: int = MISSING
-    name: str = MISSING
-    stop_reward: float | None = None
-    n_final: int = 8
-
-
-@dataclass
 class SceneConfig:
     """The task, the robot, the engine, the tools' material, the layout's seed.
 
@@ -139,7 +121,7 @@ class SearchConfig(TrialConfig):
     vlm: dict[str, Any] = MISSING
     evolution: dict[str, Any] = MISSING
     prompt: PromptSettings = field(default_factory=PromptSettings)
-    budget: BudgetConfig = field(default_factory=BudgetConfig)
+    budget: Budget = MISSING
     sampling: Sampling = field(default_factory=Sampling)
 
 

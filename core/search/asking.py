@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import pluggy
 from omegaconf import DictConfig
@@ -72,14 +72,13 @@ def _read_assignment(cfg: DictConfig) -> Assignment:
 
 
 def _read_budget(cfg: DictConfig) -> Budget:
-    numbers = {field.name: cfg.budget[field.name] for field in fields(Budget)}
+    budget = node(cfg.budget, Budget)
     for name in ("n_agent", "n_tool", "n_action", "k_top", *MAY_BE_ZERO):
         least = int(name not in MAY_BE_ZERO)
-        if numbers[name] < least:
-            raise UsageError(
-                f"budget.{name} must be at least {least}, got {numbers[name]}"
-            )
-    return Budget(**numbers)
+        number = getattr(budget, name)
+        if number < least:
+            raise UsageError(f"budget.{name} must be at least {least}, got {number}")
+    return budget
 
 
 def _strategy_observes(cfg: DictConfig) -> bool:

@@ -119,7 +119,6 @@ def test_nothing_is_written_when_a_key_is_in_a_persons_own_config(many, tmp_path
 # --- a run of another person ------------------------------------------------------------------------------------
 
 CONFIG = {
-    "budget": {"name": "quick"},
     "task": {"name": "BringCube"},
     "vlm": {"name": "offline"},
 }

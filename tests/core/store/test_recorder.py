@@ -61,7 +61,8 @@ def request() -> Request:
 
 @pytest.fixture
 def opened(tmp_path):
-    config = {"budget": {"name": "quick"}}
+    budget = Budget(1, 1, 3, 0, 5, 0.6, name="quick")
+    config = {"budget": asdict(budget)}
     store = RunStore.create(tmp_path / "run", config)
     events = event_hub()
     events.register(store)
@@ -82,7 +83,7 @@ def opened(tmp_path):
         "a can",
         BringCube(),
         URDF,
-        Budget(1, 1, 3, 0, 5, 0.6),
+        budget,
         7,
     )
     events.hook.run_started(run=run)
