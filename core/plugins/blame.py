@@ -39,8 +39,7 @@ def describe_failure(
         origin = Plugins.origin(frame.f_locals.get("self"))
         blamed = origin or modules.get(frame.f_globals.get("__name__", ""))
         if blamed is not None:
-            owner = f"{blamed.kind} {blamed.name!r} of {blamed.distribution}"
-            return f"{owner} raised {type(error).__name__}: {error}"
+            return f"{blamed.owner} raised {type(error).__name__}: {error}"
 
     return None
 

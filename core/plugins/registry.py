@@ -37,8 +37,13 @@ class Offer:
     distribution: str
     factory: Factory | Command
 
+    @property
+    def owner(self) -> str:
+        """The part and the package that it comes from, for a message."""
+        return f"{self.kind} {self.name!r} of {self.distribution}"
+
     def __str__(self) -> str:
-        return f"{self.kind} {self.name!r} of {self.distribution} (hook {KINDS[self.kind].hook!r})"
+        return f"{self.owner} (hook {KINDS[self.kind].hook!r})"
 
 
 @dataclass(frozen=True)
@@ -288,18 +293,16 @@ def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any
     Raises:
         UserError: it can't be imported, or can't be called.
     """
-    owner = f"{offer.kind} {offer.name!r} of {offer.distribution}"
-
     try:
         found = pkgutil.resolve_name(what) if isinstance(what, str) else what
     except RAISED as error:  # a third-party import may raise anything
         raise UserError(
-            f"{owner} can't be imported: {type(error).__name__}: {error}"
+            f"{offer.owner} can't be imported: {type(error).__name__}: {error}"
         ) from error
 
     if not callable(found):
         raise UserError(
-            f"{owner} is {found!r}; it must be callable, or a text 'module:attribute'"
+            f"{offer.owner} is {found!r}; it must be callable, or a text 'module:attribute'"
         )
 
     return typing.cast(Callable[..., Any], found)
