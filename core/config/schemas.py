@@ -87,31 +87,18 @@ class SceneConfig:
 
 
 @dataclass
-class ProtocolConfig:
-    """What all entries of a benchmark have in common.
-
-    ``fixed``: the settings that an entry may not change. ``tracks``: the plugin that offers the tasks of each.
-    ``engines`` and ``layouts``: how many unseen layouts the best candidate is tried in, in each engine.
-    """
-
-    name: str = "none"
-    version: int = 0
-    fixed: list[str] = field(default_factory=list)
-    tracks: dict[str, str] = field(default_factory=dict)
-    engines: list[str] = field(default_factory=list)
-    layouts: int = 0
-
-
-@dataclass
 class TrialConfig(SceneConfig):
-    """How candidates are read, tried and judged."""
+    """How candidates are read, tried and judged.
+
+    ``protocol``: what all entries of a benchmark have in common; reports read it.
+    """
 
     tool: dict[str, Any] = MISSING
     action: dict[str, Any] = field(default_factory=lambda: {"name": "waypoints"})
     fitness: dict[str, Any] = field(default_factory=lambda: {"name": "nominal"})
     executor: dict[str, Any] = MISSING
     rollout: RolloutSettings = field(default_factory=RolloutSettings)
-    protocol: ProtocolConfig = field(default_factory=ProtocolConfig)
+    protocol: dict[str, Any] = field(default_factory=lambda: {"name": "none"})
 
 
 @dataclass
