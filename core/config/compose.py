@@ -252,7 +252,9 @@ def read_parts(
             usual = load("config", [f"{kind}={name}"])[kind.name]
             node = OmegaConf.to_container(usual, resolve=True)
         else:
-            node |= {"base": getattr(chosen, "base", ()), **dict(chosen.settings)}
+            node |= dict(chosen.settings)
+            if kind is ROBOT:
+                node["base"] = getattr(chosen, "base", ())
         parts[shown] = part(kind, OmegaConf.create({**node, **given}))
 
     if not parts:

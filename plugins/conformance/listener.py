@@ -24,7 +24,7 @@ from core.designs.planning import NO_PLAN
 from core.errors import RAISED
 from core.events import Generation, Result, Run
 from core.interfaces import Budget, Reply, Simulator, Waypoints
-from core.plugins import TASK, event_hub, installed
+from core.plugins import event_hub
 from core.trial import Evaluation, Score, Trial, Where
 from plugins.conformance.checking import (
     LengthOnly,
@@ -34,6 +34,7 @@ from plugins.conformance.checking import (
     request,
     rigid,
     some_simulator,
+    some_task,
 )
 from plugins.conformance.evaluations import tried_once
 
@@ -66,7 +67,7 @@ def script(
         for kind, node in config.items()
         if isinstance(node, dict) and "name" in node
     }
-    task = installed().create(TASK, name)
+    task = some_task()
     tools = LengthOnly()
     run = Run(folder, config, parts, "a model", task, tools, budget, 0, simulator)
     events: list[tuple[str, dict[str, Any]]] = [("run_started", {"run": run})]
