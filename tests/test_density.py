@@ -85,8 +85,8 @@ def measure(folder):
 @pytest.mark.parametrize(
     ("folder", "nodes", "in_thousand_lines"),
     [
-        ("core", 78_610, 3_950),
-        ("plugins", 172_000, 4_020),
+        ("core", 76_200, 3_950),
+        ("plugins", 174_000, 4_020),
         ("tasks", 20_600, 4_500),
     ],
 )

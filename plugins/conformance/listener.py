@@ -58,7 +58,7 @@ def script(
     folder: Path, text: str = PLAIN, simulator: Simulator | None = None
 ) -> list[tuple[str, dict[str, Any]]]:
     """The events of a run in ``folder`` of two generations and an empty one; ``text`` is all that the model writes."""
-    name, config = _config()
+    _, config = _config()
     budget = Budget(
         **{field.name: config["budget"][field.name] for field in fields(Budget)}
     )
