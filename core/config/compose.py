@@ -24,7 +24,7 @@ from omegaconf.errors import (
 from core.config import schemas, sources
 from core.config.trust import refuse_key_words, refuse_keys
 from core.errors import UsageError, UserError, choices
-from core.interfaces import Simulator, Task, ToolRepresentation
+from core.interfaces import Robot, Simulator, Task, ToolRepresentation
 from core.plugins import (
     KINDS,
     ROBOT,
@@ -222,6 +222,11 @@ def part(kind: Kind[T], config: DictConfig) -> PluginPart[T]:
     return PluginPart(group.name, name, tuple(given), base=base or ())
 
 
+def robot_part(config: DictConfig) -> PluginPart[Robot]:
+    """Return the robot that a config node names, with its settings and its base."""
+    return part(ROBOT, config)
+
+
 def read_parts(
     kind: Kind[T],
     entries: Sequence[str | Mapping[str, Any]],
@@ -279,7 +284,7 @@ def engines(
 def task_part(config: DictConfig) -> PluginPart[Task]:
     """Return the task of a command's configuration, for the robot that it names, if it does."""
     robot = config.get("robot")
-    return replace(part(TASK, config.task), robot=robot and part(ROBOT, robot))
+    return replace(part(TASK, config.task), robot=robot and robot_part(robot))
 
 
 def task_parts(config: DictConfig) -> list[PluginPart[Task]]:
@@ -306,6 +311,6 @@ def tool_part(config: DictConfig) -> PluginPart[ToolRepresentation]:
 
     return replace(
         part(TOOL, config.tool),
-        robot=robot and part(ROBOT, robot),
+        robot=robot and robot_part(robot),
         material=material,
     )
