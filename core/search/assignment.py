@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Protocol
 
 from core.design import Candidate, Tool
-from core.designs.rules import given_tool
 from core.errors import UserError, choices
 from core.interfaces import (
     ActionRepresentation,
@@ -56,19 +55,6 @@ class Assignment:
             UserError: there is no tool for this task.
         """
         return self.representation.given(self.task)
-
-    @property
-    def mounted(self) -> Sequence[Tool]:
-        """What the arm carries in pictures of the scene: the given tool, or no tool, on each kind of mount.
-
-        Raises:
-            UserError: the given tool breaks a rule.
-        """
-        given = given_tool(self.representation, self.task)
-        if given is not None:
-            return [given]
-        kinds = dict.fromkeys(self.tool_kinds)
-        return [Tool(gripper=kind == "gripper") for kind in kinds]
 
 
 def borne_kinds(tool_kinds: Sequence[str], robot: Robot) -> list[str]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
 from core.design import Tool
 from core.designs.composer import PromptComposer
+from core.designs.rules import given_tool
 from core.errors import RAISED, NoPicture, UserError
 from core.interfaces import Picture, Simulator, Task
 from core.search.assignment import Assignment
@@ -36,7 +37,7 @@ class Artist:
     when the first is drawn.
 
     Attributes:
-        assignment: names the task, the layout's seed, and what the arm carries.
+        assignment: names the task, the layout's seed, and the kinds of tools.
         prompts: their settings say what is shown.
         engine: makes an engine.
     """
@@ -48,6 +49,20 @@ class Artist:
     @cached_property
     def _player(self) -> Simulator:
         return self.engine()
+
+    @property
+    def mounted(self) -> Sequence[Tool]:
+        """What the arm carries in pictures of the scene: the given tool, or no tool, on each kind of mount.
+
+        Raises:
+            UserError: the given tool breaks a rule.
+        """
+        assignment = self.assignment
+        given = given_tool(assignment.representation, assignment.task)
+        if given is not None:
+            return [given]
+        kinds = dict.fromkeys(assignment.tool_kinds)
+        return [Tool(gripper=kind == "gripper") for kind in kinds]
 
     def draw_strip(self, evaluation: Evaluation) -> Picture | None:
         """Draw a film strip of the trial that is shown; None: that fails, and standard error says why."""
@@ -86,7 +101,7 @@ class Artist:
         """
         settings = self.prompts.settings
         numbers = self.prompts.level.numbers
-        mounted = self.assignment.mounted
+        mounted = self.mounted
         simulator = self.engine()
         photographs: tuple[Picture, ...] = ()
         if settings.photographs != "none":
