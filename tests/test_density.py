@@ -86,7 +86,6 @@ def measure(folder):
     ("folder", "nodes", "in_thousand_lines"),
     [
         ("core", 76_200, 3_950),
-        ("core", 76_200, 3_950),
         ("plugins", 174_000, 4_020),
         ("tasks", 20_600, 4_500),
     ],
