@@ -2,7 +2,7 @@
 
 A goal is of one of two sorts. A `Reach` wants bodies, or a joint, to end in some way: `Placed`, `Away`, `JointAt` and
 `Turned`. A `Limit` says what must not happen meanwhile: `Kept` and `Untouched`. All of them say how far they were
-fulfilled (`Goal.share`), how far a rollout stayed from their limits (`Goal.margins`), and what they want in words.
+fulfilled (`Goal.share`), and how far a rollout stayed from their limits (`Goal.margins`).
 
 A new kind is one class, wherever it is written: a `Reach` says what it measures, a `Limit` what it leaves of a reward.
 """
@@ -12,6 +12,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import KW_ONLY, dataclass
+from functools import reduce
+from itertools import chain
 from typing import Protocol
 
 import numpy as np
@@ -77,6 +79,11 @@ class Evidence:
         """Report at which instants a body is held: 1, or 0.5 where the robot only touches it, (..., T)."""
         return np.maximum(self.film.held(body), self.film.contact(body, "robot") / 2)
 
+    def multiply(self, factors: Iterable[Array]) -> Array:
+        """Multiply what limits leave of a reward, (...)."""
+        full = np.ones(self.end.positions.shape[:-2])
+        return reduce(np.multiply, factors, full)
+
     def moved(self, body: str) -> Array:
         """Measure how far a body is from where it was at the start, m, (...)."""
         return _length(self.end.position(body) - self.start.position(body))
@@ -136,10 +143,6 @@ class Goal(ABC):
     def margins(self, evidence: Evidence) -> list[Margin]:
         """Return how far one world stayed from its limits."""
 
-    @abstractmethod
-    def words(self) -> str:
-        """Describe it for a prompt."""
-
     @property
     def needs_trace(self) -> bool:
         """Whether its share depends on what happened before the end, or on what touched."""
@@ -150,7 +153,7 @@ class Goal(ABC):
 class Reach(Goal):
     """Bodies that must end in some way: at rest or held, wherever they are; its kinds say more.
 
-    A kind says what it measures of each body (`measures`), in words (`asks`), and where it wants them (`place_of`).
+    A kind says what it measures of each body (`measures`), and where it wants them (`place_of`).
 
     Attributes:
         bodies: their names.
@@ -178,10 +181,8 @@ class Reach(Goal):
     name: str = ""
 
     def __post_init__(self) -> None:
-        least = 0.0  # of what kinds have as a tolerance or a way
-        for name in ("tolerance", "tolerance_deg", "away"):
-            least = min(least, getattr(self, name, 0.0))
-
+        fields = ("tolerance", "tolerance_deg", "away")  # that kinds have
+        least = min(getattr(self, name, 0.0) for name in fields)
         only_bodies = type(self) is Reach and not (self.rest or self.held or self.also)
         held = any(part.held > self.held or part.rest > self.rest for part in self.also)
         refuse(
@@ -200,10 +201,6 @@ class Reach(Goal):
     def measures(self, body: str, start: State) -> Sequence[Measure]:
         """Return what it asks of the end of a body; ``start`` is the state before the motion."""
         return ()
-
-    def asks(self) -> str:
-        """Say in words what it asks, such as ``must end upright``."""
-        return ""
 
     def place_of(self, body: str, start: State) -> Array | None:
         """Return where it wants a body's frame, (..., 3) in the world, nan where it is free; None: it says no place."""
@@ -304,18 +301,13 @@ class Reach(Goal):
         for number, goal in enumerate(evidence.goals):
             if isinstance(goal, Reach):
                 known[number] = goal
-                known[goal.name or number] = goal
-
-        if which not in known:
-            names = ", ".join(
-                getattr(goal, "name", "") or str(number)
-                for number, goal in enumerate(evidence.goals)
-            )
+        named = {goal.name or number: goal for number, goal in known.items()}
+        if which not in known | named:
             raise ValueError(
-                f"a goal comes after {which!r}, which is no goal; there are: {names}"
+                f"a goal comes after {which!r}, which is no goal; there are: {', '.join(map(str, named))}"
             )
 
-        first = known[which].progress_over_time(evidence)
+        first = (known | named)[which].progress_over_time(evidence)
         unfulfilled = self.progress_over_time(evidence) < DONE
 
         # Not fulfilled at or after an instant: what comes later can't be before this goal.
@@ -366,20 +358,6 @@ class Reach(Goal):
 
         return found
 
-    def words(self) -> str:
-        when = {
-            "must end at rest": self.rest,
-            "must end held by the robot, touching nothing fixed (half counts if it is only touched)": self.held,
-            f"by {self.by_s or 0:g} s after the motion begins": self.by_s is not None,
-            "at any time, not at the end": self.ever,
-            f"after goal {self.after}": self.after is not None,
-            f"weight {self.weight:g}": self.weight != 1,
-        }
-        asked = [part.asks() for part in self.parts]
-        asked += [words for words, applies in when.items() if applies]
-        described = f"{self.subject} {'; '.join(filter(None, asked))}"
-        return f"{self.name}: {described}" if self.name else described
-
 
 @dataclass(frozen=True, kw_only=True)
 class Placed(Reach):
@@ -416,13 +394,6 @@ class Placed(Reach):
         free = [wanted is None for wanted in self.place]
         return np.where(free, np.nan, there)
 
-    def asks(self) -> str:
-        place = describe_place(self.place) + _in_frame(self.at)
-        asked = f"must get to {place}{_within(self.tolerance)}"
-        if self.node is not None:
-            return f"(node {self.node} of its nodes, from 0) {asked}"
-        return asked
-
 
 @dataclass(frozen=True, kw_only=True)
 class Away(Reach):
@@ -444,9 +415,6 @@ class Away(Reach):
             return _length(state.position(body, self.node) - begin)
 
         return [Measure(f"way of {body}", way, self.away, SLIP_M, "m", at_least=True)]
-
-    def asks(self) -> str:
-        return f"must get {self.away:g} m away from where it starts"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -477,9 +445,6 @@ class JointAt(Reach):
         slides = state.joints[self.joint].joint.kind == "slider"
         still = STILL_M_S if slides else STILL_RAD_S
         return np.abs(state.joint(self.joint).speed) / still
-
-    def asks(self) -> str:
-        return f"must get to {self.to:g} m or rad{_within(self.tolerance)}"
 
     def place_of(self, body: str, start: State) -> Array | None:
         """Return where the frame of the joint's body gets; that of a ball joint has no place."""
@@ -527,12 +492,6 @@ class Turned(Reach):
         most = float(np.radians(self.tolerance_deg))
         return [Measure(f"angle of {body}", angle, most, SLIP_RAD, "rad")]
 
-    def asks(self) -> str:
-        axis = describe_place(np.round(self.axis, 3).tolist())
-        points = describe_place(np.round(self.points, 3).tolist())
-        along = f"axis {axis} must point along {points}{_in_frame(self.at)}"
-        return f"{along}, within {self.tolerance_deg:g} degrees"
-
 
 class Limit(Goal):
     """What must not happen, whichever goal is reached. Its share is what it leaves of the reward."""
@@ -555,20 +514,23 @@ class Kept(Limit):
     def __post_init__(self) -> None:
         refuse("a goal's ", {"kept_m must be above 0": not self.kept_m > 0})
 
+    @property
+    def lost_m(self) -> float:
+        """How far a body may move until nothing is earned, m."""
+        return STRAYED * self.kept_m
+
     def share(self, evidence: Evidence) -> Array:
-        most = STRAYED * self.kept_m
-        factor: Array = np.ones(evidence.end.positions.shape[:-2])
+        factors = []
         for name in self.keep:
-            left = most - evidence.moved(name)
-            factor = factor * np.clip(left / (most - self.kept_m), 0.0, 1.0)
-        return factor
+            left = self.lost_m - evidence.moved(name)
+            factors.append(np.clip(left / (self.lost_m - self.kept_m), 0.0, 1.0))
+        return evidence.multiply(factors)
 
     def margins(self, evidence: Evidence) -> list[Margin]:
-        found = []
-        for name in self.keep:
-            moved = float(evidence.moved(name))
-            found.append(Margin.at_most(f"{name} moved", moved, self.kept_m, "m"))
-        return found
+        return [
+            Margin.at_most(f"{name} moved", evidence.moved(name), self.kept_m, "m")
+            for name in self.keep
+        ]
 
     def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
         film = evidence.film
@@ -580,11 +542,6 @@ class Kept(Limit):
                 ways = _length(film.states.position(name) - begin)
                 begun = float(film.times[(ways > noticed).argmax()])
                 yield begun, f"{name} moved by {1000 * moved:.0f} mm, and is to stay"
-
-    def words(self) -> str:
-        most = STRAYED * self.kept_m
-        earned = f"less is earned beyond {self.kept_m:g} m, nothing from {most:g} m on"
-        return f"leave {', '.join(self.keep)} in place: {earned}"
 
 
 @dataclass(frozen=True)
@@ -603,13 +560,12 @@ class Untouched(Limit):
 
     def share(self, evidence: Evidence) -> Array:
         film = evidence.film
-        factor: Array = np.ones(evidence.end.positions.shape[:-2])
-        for name in self.untouched:
-            harmed = film.touched(name, "robot")
-            if self.max_force_n:
-                harmed = film.force_n(name, "robot") > self.max_force_n
-            factor = factor * ~harmed
-        return factor
+        if self.max_force_n:
+            forces = (film.force_n(name, "robot") for name in self.untouched)
+            return evidence.multiply(~(force > self.max_force_n) for force in forces)
+        return evidence.multiply(
+            ~film.touched(name, "robot") for name in self.untouched
+        )
 
     def margins(self, evidence: Evidence) -> list[Margin]:
         trace = evidence.trace
@@ -642,13 +598,6 @@ class Untouched(Limit):
                 continue
             if harmed.any():
                 yield float(film.times[harmed.argmax()]), did
-
-    def words(self) -> str:
-        names = ", ".join(self.untouched)
-        harm = "touch"
-        if self.max_force_n:
-            harm = f"press harder than {self.max_force_n:g} N on"
-        return f"the robot must not {harm} {names}, or nothing is earned"
 
 
 class Aim(Protocol):
@@ -707,14 +656,13 @@ def goals_margins(
 ) -> list[Margin]:
     """Say how far one world stayed from the limits of a task's goals; of goals one of which is enough, the best's."""
     evidence = Evidence(start, end, trace, task.goals)
-    found = limits_margins(task, start, end, trace)
     groups = [goal.margins(evidence) for goal in reaches(task.goals)]
-    groups = [group for group in groups if group]
-    if groups and not task.every:
-        groups = [max(groups, key=lambda group: min(margin.margin for margin in group))]
-    for group in groups:
-        found += group
-    return found
+    if not task.every:
+        known = filter(None, groups)
+        groups = [
+            max(known, key=lambda group: min(m.margin for m in group), default=[])
+        ]
+    return [*limits_margins(task, start, end, trace), *chain.from_iterable(groups)]
 
 
 def limits_margins(
@@ -722,10 +670,8 @@ def limits_margins(
 ) -> list[Margin]:
     """Say how far one world stayed from the limits alone, for tasks that measure themselves what is reached."""
     evidence = Evidence(start, end, trace, task.goals)
-    found = list[Margin]()
-    for limit in limits(task.goals):
-        found += limit.margins(evidence)
-    return found
+    groups = [limit.margins(evidence) for limit in limits(task.goals)]
+    return list(chain.from_iterable(groups))
 
 
 def reaches(goals: Iterable[Goal]) -> list[Reach]:
@@ -766,15 +712,6 @@ def check_names(goal: Goal, scene: Scene) -> None:
                     raise choices(what, name, possible[what])
 
 
-def describe_place(place: Sequence[float | None]) -> str:
-    """Write a place, or another vector, in words."""
-    wanted = (
-        f"any {axis}" if coordinate is None else f"{coordinate:g}"
-        for axis, coordinate in zip("xyz", place, strict=True)
-    )
-    return f"({', '.join(wanted)})"
-
-
 def _find_toucher(film: Trace, body: str) -> str:
     """Name the part of the robot that touched a body first."""
     touches = [
@@ -784,14 +721,6 @@ def _find_toucher(film: Trace, body: str) -> str:
     ]
     _, first = min(touches, default=(0, "the robot"))
     return first
-
-
-def _in_frame(body: str | None) -> str:
-    return f" in the frame of {body}" if body is not None else ""
-
-
-def _within(tolerance: float) -> str:
-    return f" (within {tolerance:g})" if tolerance else ""
 
 
 def _length(vectors: Array) -> Array:

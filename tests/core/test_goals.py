@@ -185,9 +185,6 @@ def test_a_new_kind_of_goal_is_one_class():
                 )
             ]
 
-        def asks(self):
-            return f"must end above {self.height:g} m"
-
     goal = Above(("cube",), height=0.25, rest=True)
     half = shifted(0.5, by=(0, 0, 0.2))
     assert reward(goal, half) == pytest.approx(0.5)
@@ -196,7 +193,6 @@ def test_a_new_kind_of_goal_is_one_class():
         0.25,
         0.5,
     )
-    assert goal.words() == "cube must end above 0.25 m; must end at rest"
     check_names(goal, SCENE)
     with pytest.raises(UsageError, match="no body that can move 'cub'"):
         check_names(Above(("cub",), height=0.25), SCENE)

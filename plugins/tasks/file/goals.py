@@ -18,9 +18,9 @@ from core.goals import (
     Reach,
     Turned,
     Untouched,
-    describe_place,
     reaches,
 )
+from core.support.templates import macros
 from core.values.states import State
 
 SLIP_SHARE = 0.2  # of a limit of height or area: what is so far off counts as lost
@@ -48,11 +48,6 @@ class Places(Reach):
     def measures(self, body: str, start: State) -> Sequence[Measure]:
         return self._placed(body).measures(body, start)
 
-    def asks(self) -> str:
-        places = ", ".join(describe_place(place) for place in self.places)
-        frame = self.at or "the world"
-        return f"must get to {places} in the frame of {frame}, one each, within {self.tolerance:g}"
-
     def place_of(self, body: str, start: State) -> Array | None:
         return self._placed(body).place_of(body, start)
 
@@ -75,9 +70,6 @@ class Flattened(Reach):
         slip = SLIP_SHARE * self.max_height_m
         return [Measure(f"height of {body}", height, self.max_height_m, slip, "m")]
 
-    def asks(self) -> str:
-        return f"must be at most {self.max_height_m:g} m high, from its lowest node to its highest"
-
 
 @dataclass(frozen=True, kw_only=True)
 class Spread(Reach):
@@ -92,9 +84,6 @@ class Spread(Reach):
         least = self.min_area_m2
         name = f"area of {body}"
         return [Measure(name, area, least, SLIP_SHARE * least, "m^2", at_least=True)]
-
-    def asks(self) -> str:
-        return f"must cover at least {self.min_area_m2:g} m^2 as seen from above"
 
 
 WAYS: Mapping[str, type[Goal]] = {
@@ -182,7 +171,7 @@ def join_entries(entries: Sequence[Entry]) -> tuple[Goal, ...]:
 
 def describe_goals(goals: Sequence[Goal], every: bool = False) -> list[str]:
     """Describe goals and the reward that `goals_reward` makes of them, in lines."""
-    lines = [f"{number}. {goal.words()}" for number, goal in enumerate(goals)]
+    lines = [f"{number}. {describe(goal)}" for number, goal in enumerate(goals)]
     wanted = reaches(goals)
     if wanted:
         lines.append(
@@ -200,3 +189,27 @@ def describe_goals(goals: Sequence[Goal], every: bool = False) -> list[str]:
     if not wanted:
         counts = "0: nothing is to be reached"
     return [*lines, f"The reward is {counts}."]
+
+
+def describe(goal: Goal) -> str:
+    """Say in words what a goal wants."""
+    if not isinstance(goal, Reach):
+        return _ask(goal)
+    when = {
+        "must end at rest": goal.rest,
+        "must end held by the robot, touching nothing fixed (half counts if it is only touched)": goal.held,
+        f"by {goal.by_s or 0:g} s after the motion begins": goal.by_s is not None,
+        "at any time, not at the end": goal.ever,
+        f"after goal {goal.after}": goal.after is not None,
+        f"weight {goal.weight:g}": goal.weight != 1,
+    }
+    asked = [_ask(part) for part in goal.parts]
+    asked += [words for words, applies in when.items() if applies]
+    described = f"{goal.subject} {'; '.join(filter(None, asked))}"
+    return f"{goal.name}: {described}" if goal.name else described
+
+
+def _ask(goal: Goal) -> str:
+    """Fill in the macro of a goal's kind in ``templates/goals.md.j2``."""
+    phrases = macros("plugins.tasks.file", "goals")
+    return str(getattr(phrases, type(goal).__name__)(goal))

@@ -18,7 +18,16 @@ from core.goals import (
     goals_reward,
 )
 from core.scene import Body, Elastic, Filling, Scene, Soft, State
-from plugins.tasks.file.goals import Flattened, Places, Spread, join_entries, read_entry
+from core.support.templates import macros
+from plugins.tasks.file.goals import (
+    KINDS,
+    Flattened,
+    Places,
+    Spread,
+    describe,
+    join_entries,
+    read_entry,
+)
 
 RED = (1, 0, 0, 1)
 
@@ -111,8 +120,13 @@ def test_places_are_in_the_frame_of_a_mark_and_one_for_each_body():
     assert reward(goal, replace(start, positions=there[::-1]), start) < 0.6
 
     assert goal.place_of("other", start) == pytest.approx([0.5, 0.3, 0.05])
-    assert goal.words() == (
+    assert describe(goal) == (
         "cube, other must get to (0, 0, 0.05), (0, 0.2, 0.05) in the frame of mark, one each, within 0.001"
     )
     with pytest.raises(ValueError, match="one for each of its 1 bodies"):
         replace(goal, bodies=("cube",))
+
+
+@pytest.mark.parametrize("kind", [*KINDS.values(), Reach])
+def test_every_kind_has_its_words(kind):
+    assert hasattr(macros("plugins.tasks.file", "goals"), kind.__name__)
