@@ -72,6 +72,12 @@ def refuse(where: str, problems: Mapping[str, object]) -> None:
             raise ValueError(f"{where}{problem}")
 
 
+def unknown(what: str, name: str, where: str, known: Iterable[str]) -> KeyError:
+    """Build the error of a look-up by a name that is not there, ``where`` it is looked up; it lists the others."""
+    listed = ", ".join(known) or "none"
+    return KeyError(f"no {what} {name!r} {where}; there are: {listed}")
+
+
 def choices(
     kind: str, wrong: str, possible: Iterable[str], where: str = ""
 ) -> UsageError:

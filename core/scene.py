@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from graphlib import CycleError, TopologicalSorter
 from typing import TypedDict
 
 import numpy as np
 
-from core.errors import refuse
+from core.errors import refuse, unknown
 from core.geometry import (
     Array,
     Box,
@@ -276,24 +277,21 @@ class Scene:
             hanging.add(body.name)
 
     def _check_circles(self) -> None:
-        parents = {joint.body: joint.parent for joint in self.joints}
-        for name in parents:
-            above = parents[name]
-            seen = {name}
-            while above in parents and above not in seen:
-                seen.add(above)
-                above = parents[above]
-            if above in seen:
-                raise ValueError(
-                    f"the joints of {', '.join(sorted(seen))} form a circle; leave one of them out"
-                )
+        parents = {joint.body: [joint.parent] for joint in self.joints}
+        try:
+            TopologicalSorter(parents).prepare()
+        except CycleError as error:
+            names = ", ".join(sorted(set(error.args[1])))
+            raise ValueError(
+                f"the joints of {names} form a circle; leave one of them out"
+            ) from error
 
     def __getitem__(self, name: str) -> Body:
         for body in self.bodies:
             if body.name == name:
                 return body
-        known = ", ".join(body.name for body in self.bodies)
-        raise KeyError(f"no body {name!r} in the scene; there are: {known}")
+        known = [body.name for body in self.bodies]
+        raise unknown("body", name, "in the scene", known)
 
     @property
     def free(self) -> tuple[Body, ...]:
@@ -334,13 +332,17 @@ class Scene:
     @cached_property
     def ordered_joints(self) -> tuple[PlacedJoint, ...]:
         """The joints in an order in which a parent's own joint comes first."""
-        waiting = list(self.placed_joints.values())
-        done = list[PlacedJoint]()
-        while waiting:
-            bodies = {placed.joint.body for placed in waiting}
-            done += [placed for placed in waiting if placed.joint.parent not in bodies]
-            waiting = [placed for placed in waiting if placed.joint.parent in bodies]
-        return tuple(done)
+        parents = {joint.body: joint.parent for joint in self.joints}
+
+        def depth(placed: PlacedJoint) -> int:
+            body = placed.joint.parent
+            count = 0
+            while body in parents:
+                body = parents[body]
+                count += 1
+            return count
+
+        return tuple(sorted(self.placed_joints.values(), key=depth))
 
     @cached_property
     def joined(self) -> frozenset[frozenset[str]]:

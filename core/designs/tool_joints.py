@@ -170,17 +170,16 @@ def _check_strength(joint: ToolJoint, share: float) -> float:
             f"from its rest; at most {most:.2g} {limits.load} are allowed"
         )
 
-    if joint.damping > limits.damping:
-        raise DesignError(
-            f"has a damping of {joint.damping:.3g} {limits.resistance}; at most {limits.damping:g} is allowed"
-        )
-
-    if joint.friction > limits.spring:
-        raise DesignError(
-            f"has a dry friction of {joint.friction:.3g} {limits.load}; at most {limits.spring:g} is allowed"
-        )
-
+    _check_most("a damping", joint.damping, limits.damping, limits.resistance)
+    _check_most("a dry friction", joint.friction, limits.spring, limits.load)
     return exerted * strain / 2
+
+
+def _check_most(what: str, value: float, most: float, unit: str) -> None:
+    if value > most:
+        raise DesignError(
+            f"has {what} of {value:.3g} {unit}; at most {most:g} is allowed"
+        )
 
 
 def weigh_moved(tool: Tool, bearer: Bearer) -> tuple[float, float]:
@@ -212,13 +211,13 @@ def _check_pin(bearer: Bearer, solids: Mapping[str, Sequence[Solid]]) -> None:
     The pin is as long as what turns on it.
     """
     axis = np.array(bearer.joint.axis)
-    middles, halves = zip(
-        *[solid.bounds() for solid in solids[bearer.name]], strict=True
-    )
-    along = np.array(middles) @ axis
-    reach = np.array(halves) @ np.abs(axis)
-    low = float((along - reach).min())
-    high = float((along + reach).max())
+    ends = []
+    for solid in solids[bearer.name]:
+        middle, half = solid.bounds()
+        reach = half @ np.abs(axis)
+        ends += [middle @ axis - reach, middle @ axis + reach]
+    low = float(min(ends))
+    high = float(max(ends))
     turn, _ = Rotation.align_vectors([axis], [[0.0, 0.0, 1.0]])
     pose = Pose.from_rotation((low + high) / 2 * axis, turn)
     pin = Solid("pin", solid_geometry(Cylinder(1e-4, high - low)), pose)

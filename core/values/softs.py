@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import permutations
@@ -58,7 +59,7 @@ class Elastic:
 
 
 @dataclass(frozen=True)
-class _Divided:
+class _Divided(ABC):
     """A shape that is divided into ``nodes`` (N, 3), in the body's frame, and ``elements`` (E, D + 1) of their numbers.
 
     Raises:
@@ -67,15 +68,11 @@ class _Divided:
 
     kind: ClassVar[str]
     most_young: ClassVar[float]  # Pa; above, an engine's step does not converge
-    nodes: Array = field(init=False, repr=False, compare=False)
-    elements: Elements = field(init=False, repr=False, compare=False)
     thickness: float = field(default=SKIN_M, kw_only=True)
 
-    def _divide(
-        self, counts: Sequence[int], place: Callable[[Sequence[int]], Array]
-    ) -> None:
+    def __post_init__(self) -> None:
         where = f"a {self.kind} "
-        few = min(counts) >= 2 and math.prod(counts) <= MAX_NODES
+        few = min(self.counts) >= 2 and math.prod(self.counts) <= MAX_NODES
         problems = {
             f"needs 2 nodes or more along each axis, and at most {MAX_NODES} in all": not few,
             f"must be {SKIN_M} m thick or more; use a lighter, softer material instead": not (
@@ -83,12 +80,22 @@ class _Divided:
             ),
         }
         refuse(where, problems)
-        nodes = frozen_array(place(counts))
-        elements = facing(nodes, simplices(counts))
-        flat = not sizes(nodes, elements).min() > 1e-12
+        flat = not sizes(self.nodes, self.elements).min() > 1e-12
         refuse(where, {"needs a size: two of its nodes are in one place": flat})
-        object.__setattr__(self, "nodes", nodes)
-        object.__setattr__(self, "elements", elements)
+
+    @property
+    @abstractmethod
+    def counts(self) -> Sequence[int]:
+        """How many nodes there are along each of its axes."""
+
+    @property
+    @abstractmethod
+    def nodes(self) -> Array:
+        """The places of its nodes, in the order of `lattice`; computed once."""
+
+    @cached_property
+    def elements(self) -> Elements:
+        return facing(self.nodes, simplices(self.counts))
 
     @property
     def section(self) -> float:
@@ -128,15 +135,18 @@ class Rope(_Divided):
     path: tuple[Vector, ...]
     count: int = 20
 
-    def __post_init__(self) -> None:
-        self._divide((self.count,), self._along)
+    @property
+    def counts(self) -> Sequence[int]:
+        return (self.count,)
 
-    def _along(self, counts: Sequence[int]) -> Array:
+    @cached_property
+    def nodes(self) -> Array:
         points = np.array(self.path, dtype=np.float64).reshape(-1, 3)
         pieces = np.linalg.norm(np.diff(points, axis=0), axis=1)
         ways = np.append(0.0, np.cumsum(pieces))
-        evenly = np.linspace(0, ways[-1], counts[0])
-        return np.stack([np.interp(evenly, ways, axis) for axis in points.T], axis=1)
+        evenly = np.linspace(0, ways[-1], self.count)
+        axes = [np.interp(evenly, ways, axis) for axis in points.T]
+        return frozen_array(np.stack(axes, axis=1))
 
     @property
     def section(self) -> float:
@@ -174,12 +184,10 @@ class Cloth(_Divided):
     size: tuple[float, float]
     counts: tuple[int, int] = (9, 9)
 
-    def __post_init__(self) -> None:
-        self._divide(self.counts, self._flat)
-
-    def _flat(self, counts: Sequence[int]) -> Array:
+    @cached_property
+    def nodes(self) -> Array:
         long, wide = self.size
-        return lattice(counts) * [long / 2, wide / 2, 0.0]
+        return frozen_array(lattice(self.counts) * [long / 2, wide / 2, 0.0])
 
     @property
     def section(self) -> float:
@@ -208,13 +216,11 @@ class Filling(_Divided):
     shape: Shape
     counts: tuple[int, int, int] = (3, 3, 3)
 
-    def __post_init__(self) -> None:
-        self._divide(self.counts, self._within)
-
-    def _within(self, counts: Sequence[int]) -> Array:
-        """Place nodes evenly, the outer ones on the surface."""
+    @cached_property
+    def nodes(self) -> Array:
+        """The nodes, evenly placed, the outer ones on the surface."""
         hull = self.shape.to_trimesh().convex_hull
-        unit = lattice(counts)
+        unit = lattice(self.counts)
         middle = hull.bounds.mean(axis=0)
         ways = unit * np.ptp(hull.bounds, axis=0) / 2
         out = np.abs(unit).max(axis=1, keepdims=True)  # 1: on the surface
@@ -226,8 +232,7 @@ class Filling(_Divided):
         never = np.full_like(toward, np.inf)
         reach = np.divide(far, toward, out=never, where=toward > 1e-9)
         nearest = reach.min(axis=1, keepdims=True)
-        nodes: Array = middle + ways * np.where(away, nearest, 0.0)
-        return nodes
+        return frozen_array(middle + ways * np.where(away, nearest, 0.0))
 
 
 Form = Rope | Cloth | Filling
@@ -235,12 +240,11 @@ Form = Rope | Cloth | Filling
 
 def lattice(counts: Sequence[int]) -> Array:
     """Place nodes (N, 3) evenly in the cube from -1 to 1, or in a square or line of it."""
-    ends = [1 if count > 1 else 0 for count in _three(counts)]
-    axes = [
-        np.linspace(-end, end, count)
-        for end, count in zip(ends, _three(counts), strict=True)
-    ]
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    counts = _three(counts)
+    ends = [min(count - 1, 1) for count in counts]
+    axes = [np.linspace(-end, end, n) for end, n in zip(ends, counts, strict=True)]
+    places = np.meshgrid(*axes, indexing="ij")
+    return np.stack(places, axis=-1).reshape(-1, 3)
 
 
 def simplices(counts: Sequence[int]) -> Elements:

@@ -8,6 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from core.errors import unknown
 from core.geometry import Array, Pose
 from core.values.joints import JointState, PlacedJoint, Placement, rotate_back
 
@@ -39,17 +40,11 @@ class State:
         """The position of one body or mark, or of one node of a soft body, (..., 3)."""
         if node is not None:
             return self.nodes(name)[..., node, :]
-        if name in self.places:
-            shape = (*self.positions.shape[:-2], 3)
-            return np.broadcast_to(self.places[name].position, shape)
-        return self.positions[..., self._number(name), :]
+        return self._pick(self.positions, name, "position")
 
     def quaternion(self, name: str) -> Array:
         """The quaternion of one body or mark, (..., 4)."""
-        if name in self.places:
-            shape = (*self.quaternions.shape[:-2], 4)
-            return np.broadcast_to(self.places[name].quaternion, shape)
-        return self.quaternions[..., self._number(name), :]
+        return self._pick(self.quaternions, name, "quaternion")
 
     def linear_velocity(self, name: str) -> Array:
         """The linear velocity of one body that moves, (..., 3)."""
@@ -159,17 +154,21 @@ class State:
             )
         return State.merged(states, np.stack)
 
+    def _pick(self, array: Array, name: str, field: str) -> Array:
+        """Pick what ``array`` has of one body, or of a mark this field of its pose."""
+        if name in self.places:
+            value = getattr(self.places[name], field)
+            return np.broadcast_to(value, (*array.shape[:-2], len(value)))
+        return array[..., self._number(name), :]
+
     def _number(self, name: str) -> int:
         if name not in self.names:
-            known = ", ".join((*self.names, *self.places))
-            raise KeyError(
-                f"no body {name!r} that moves in the state; there are: {known}"
-            )
+            known = (*self.names, *self.places)
+            raise unknown("body", name, "that moves in the state", known)
         return self.names.index(name)
 
 
 def _find(what: str, name: str, values: Mapping[str, Value]) -> Value:
     if name not in values:
-        known = ", ".join(values) or "none"
-        raise KeyError(f"no {what} {name!r} in the state; there are: {known}")
+        raise unknown(what, name, "in the state", values)
     return values[name]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from core.errors import unknown
 from core.geometry import Array
 from core.values.states import State
 from core.values.tools import GRIPPER_MOUNTS
@@ -204,15 +205,15 @@ class Trace:
         """The kind of a pair of forces by its first name, see `touching`."""
         if presser == "tool":
             return "tool"
-        bodies = (*self.states.names, *self.states.places)
-        return "body" if presser in bodies else "arm"
+        return "body" if presser in self._bodies else "arm"
 
     def _check(self, body: str) -> None:
-        known = (*self.states.names, *self.states.places)
-        if body not in known:
-            raise KeyError(
-                f"no body {body!r} in the trace; there are: {', '.join(known)}"
-            )
+        if body not in self._bodies:
+            raise unknown("body", body, "in the trace", self._bodies)
+
+    @property
+    def _bodies(self) -> tuple[str, ...]:
+        return (*self.states.names, *self.states.places)
 
 
 def _spread(values: dict[str, npt.NDArray[Any]], links: Iterable[Link]) -> None:

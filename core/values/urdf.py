@@ -45,6 +45,7 @@ _MAX_ELEMENTS = 50_000
 MAX_NUMBER = 1e6  # of any unit; keeps products finite
 NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 _KINDS = (*MOVING, "fixed", "floating", "planar")
+NO_MOMENTS = dict.fromkeys(MOMENTS, 0.0)
 _PACKAGE_PATHS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
 
 
@@ -110,7 +111,8 @@ def read_tree(
 ) -> Description:
     """Read links and joints, the children of ``root``; see `read_description`."""
     links = _find_named(root, "link", taken)
-    joints: dict[str, tuple[_Part, str]] = {}  # by child: each with its parent
+    joints: dict[str, _Part] = {}  # by child, as their parents
+    parents: dict[str, list[str]] = {}
     for joint in _find_named(root, "joint", taken).values():
         parent = _find_end(joint, "parent", links)
         child = _find_end(joint, "child", links)
@@ -119,15 +121,14 @@ def read_tree(
                 f"link {child!r} hangs on two joints, so that links form a loop; a URDF is a tree"
             )
 
-        joints[child] = joint, parent
+        joints[child] = joint
+        parents[child] = [parent]
 
     for name in without:
         if name not in links:
             raise choices("link", name, links)
 
-    kept = _find_kept(
-        {child: parent for child, (_, parent) in joints.items()}, links, without
-    )
+    kept = _find_kept(links, parents, without)
     roots = sorted(kept - joints.keys())
     if len(roots) != 1:
         found = "no link is left"
@@ -142,32 +143,33 @@ def read_tree(
         if element.find("color") is not None:
             colors[element.get("name", "")] = _read_color(element)
 
-    folder_of = file if taken is not None else None
-
-    description = Description(str(root.get("name") or file.stem), {})
-    for name, link in links.items():
-        if name in kept:
-            description.links[name] = _read_link(link, name, colors, folder_of)
-
-    for child, (joint, parent) in joints.items():
-        if child in kept:
-            description.joints[child] = _read_joint(joint, parent, child)
-
-    return description
+    where = file if taken is not None else None
+    return Description(
+        str(root.get("name") or file.stem),
+        {
+            name: _read_link(link, name, colors, where)
+            for name, link in links.items()
+            if name in kept
+        },
+        {
+            child: _read_joint(joint, *parents[child], child)
+            for child, joint in joints.items()
+            if child in kept
+        },
+    )
 
 
 def _find_kept(
-    parents: Mapping[str, str], links: Collection[str], without: Collection[str]
+    links: Collection[str],
+    parents: Mapping[str, Collection[str]],
+    without: Collection[str],
 ) -> set[str]:
-    """Find the links that neither are left out nor hang on one that is."""
-    order = TopologicalSorter({child: [parent] for child, parent in parents.items()})
-    for link in links:
-        order.add(link)
+    """Find the links that neither are left out nor hang on one that is; ``parents``: at most one for each."""
+    graph = {link: parents.get(link, ()) for link in links}
+    kept = set[str]()
     try:
-        kept = set[str]()
-        for link in order.static_order():
-            borne = link not in parents or parents[link] in kept
-            if borne and link not in without:
+        for link in TopologicalSorter(graph).static_order():
+            if link not in without and kept.issuperset(graph[link]):
                 kept.add(link)
     except CycleError as error:
         loop = " -> ".join(error.args[1])
@@ -188,10 +190,10 @@ class _Part:
         return None if child is None else _Part(child, f"{self.where}: {tag}")
 
     def need(self, tag: str) -> _Part:
-        child = self.element.find(tag)
+        child = self.find(tag)
         if child is None:
             raise UserError(f"{self.where} has no <{tag}>")
-        return _Part(child, self.where)
+        return child
 
     def numbers(
         self, name: str, count: int, default: tuple[float, ...] | None = None
@@ -302,12 +304,7 @@ def _read_link(
     if mass < 0:
         raise UserError(f"{inertial.where}: mass is {mass:g} kg; it can't be negative")
 
-    moments: Any = Inertial.moments
-
-    if inertial.element.find("inertia") is not None:
-        tensor = inertial.need("inertia")
-        moments = tuple(tensor.number(name, 0.0) for name in MOMENTS)
-
+    moments: Any = tuple(inertial.fields("inertia", **NO_MOMENTS).values())
     return RobotLink(
         name, Inertial(mass, origin.xyz, moments, origin.rpy), collisions, visuals
     )
@@ -356,10 +353,8 @@ def _read_geometry(
         case "mesh":
             scale = shape.numbers("scale", 3, ONE)
             if 0.0 in scale:
-                x, y, z = scale
-                raise UserError(
-                    f"{where}: mesh scale is {x:g} {y:g} {z:g}; no factor can be 0"
-                )
+                given = shorten(element.attrib["scale"])
+                raise UserError(f"{where}: mesh scale is {given}; no factor can be 0")
 
             name = element.get("filename") or ""
             return Path(name) if file is None else find_mesh(name, file, where), scale
