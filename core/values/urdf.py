@@ -75,17 +75,13 @@ def read_xml(data: bytes, file: Path) -> Element:
 
 
 def read_description(
-    data: bytes,
-    file: Path,
-    without: Collection[str] = (),
-    taken: Collection[str] | None = None,
+    data: bytes, file: Path, taken: Collection[str] | None = None
 ) -> Description:
-    """Read a URDF that lies at ``file``, without the links that ``without`` names and all that they bear.
+    """Read a URDF that lies at ``file``.
 
     Args:
         data: the text.
         file: where it lies; meshes are found from there.
-        without: links that are left out.
         taken: names that are refused, as are odd ones. None: the text is a robot's, where any name goes, and meshes are
             looked for when they are needed.
 
@@ -98,16 +94,13 @@ def read_description(
         raise UserError(f"{file} is no URDF: its root is <{tag}> instead of <robot>")
 
     try:
-        return read_tree(root, file, without, taken)
+        return read_tree(root, file, taken)
     except UserError as error:
         raise type(error)(f"{file}: {error}") from error
 
 
 def read_tree(
-    root: Element,
-    file: Path,
-    without: Collection[str] = (),
-    taken: Collection[str] | None = None,
+    root: Element, file: Path, taken: Collection[str] | None = None
 ) -> Description:
     """Read links and joints, the children of ``root``; see `read_description`."""
     links = _find_named(root, "link", taken)
@@ -124,12 +117,13 @@ def read_tree(
         joints[child] = joint
         parents[child] = [parent]
 
-    for name in without:
-        if name not in links:
-            raise choices("link", name, links)
+    try:
+        TopologicalSorter(parents).prepare()
+    except CycleError as error:
+        loop = " -> ".join(error.args[1])
+        raise UserError(f"links form a loop: {loop}; a URDF is a tree") from error
 
-    kept = _find_kept(links, parents, without)
-    roots = sorted(kept - joints.keys())
+    roots = sorted(links.keys() - joints.keys())
     if len(roots) != 1:
         found = "no link is left"
         if roots:
@@ -146,36 +140,12 @@ def read_tree(
     where = file if taken is not None else None
     return Description(
         str(root.get("name") or file.stem),
-        {
-            name: _read_link(link, name, colors, where)
-            for name, link in links.items()
-            if name in kept
-        },
+        {name: _read_link(link, name, colors, where) for name, link in links.items()},
         {
             child: _read_joint(joint, *parents[child], child)
             for child, joint in joints.items()
-            if child in kept
         },
     )
-
-
-def _find_kept(
-    links: Collection[str],
-    parents: Mapping[str, Collection[str]],
-    without: Collection[str],
-) -> set[str]:
-    """Find the links that neither are left out nor hang on one that is; ``parents``: at most one for each."""
-    graph = {link: parents.get(link, ()) for link in links}
-    kept = set[str]()
-    try:
-        for link in TopologicalSorter(graph).static_order():
-            if link not in without and kept.issuperset(graph[link]):
-                kept.add(link)
-    except CycleError as error:
-        loop = " -> ".join(error.args[1])
-        raise UserError(f"links form a loop: {loop}; a URDF is a tree") from error
-
-    return kept
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from core.values.descriptions import Description, RobotShape
 from core.values.urdf import MAX_BYTES, find_mesh, read_tree
 from plugins.robots.kinds import list_arms, read_root
 from plugins.robots.normalise import Problems
+from plugins.robots.pruning import leave_out
 from plugins.robots.settings import ArmSettings
 
 _ABOVE = 3  # folders of and above the file in which a mesh is looked for
@@ -54,7 +55,8 @@ def read_source(chosen: ArmSettings) -> Source:
         return Source(*read_mjcf(path, without))
 
     try:
-        description = read_tree(root, path, without)
+        leave_out(root, without)
+        description = read_tree(root, path)
         return _find_meshes(description, root, chosen)
     except UserError as error:
         raise type(error)(f"{path}: {error}") from error

@@ -296,7 +296,7 @@ HOSTILE = {
     "duplicate joints": (A + joint("tool_mount", "a"), "two joints are named"),
     "cycle": (
         link("a") + link("b") + joint("a", "b") + joint("b", "a"),
-        "links form a loop: a -> b -> a",
+        "links form a loop: b -> a -> b",
     ),
     "its own parent": (link("a") + joint("a", "a"), "links form a loop: a -> a"),
     "unreachable": (
