@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from core.interfaces import (
     Task,
     Waypoints,
 )
-from core.plugins import ACTION, describe_part, installed
+from core.plugins import ACTION, PluginPart, describe_part
 from core.scene import Scene
 from core.support.text import kind, shorten
 
@@ -57,15 +56,11 @@ def named_actions(strategy: dict[Any, Any]) -> ActionRepresentation:
             f"'action' is {kind(name)}; it must be the name of an action representation"
         )
 
+    part: PluginPart[ActionRepresentation] = PluginPart(ACTION.name, name)
     try:
-        return _actions(name)
+        return part.shared()
     except UserError as error:
         raise DesignError(str(error)) from error
-
-
-@lru_cache(maxsize=16)
-def _actions(name: str) -> ActionRepresentation:
-    return installed().create(ACTION, name)
 
 
 def call_part(part: object, method: str, wanted: type, *args: Any, **named: Any) -> Any:

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-from jinja2.sandbox import SandboxedEnvironment
 
 from core.errors import UserError, choices
 from core.interfaces import Text
+from core.support.templates import build_environment
 
 SUFFIX = ".md.j2"
 
@@ -67,20 +67,7 @@ def _load(root: Path, name: str) -> jinja2.Template:
 
 @cache
 def _environment(root: Path) -> jinja2.Environment:
-    """Make what compiles a folder's templates: sandboxed, because a stranger's must do no more than fill in text."""
-    environment = SandboxedEnvironment(
-        loader=jinja2.FileSystemLoader(root),
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["counted"] = _count
-    return environment
-
-
-def _count(number: int, noun: str) -> str:
-    """Write a number with a noun: ``one tool``, ``10 tools``."""
-    return f"one {noun}" if number == 1 else f"{number} {noun}s"
+    return build_environment(jinja2.FileSystemLoader(root))
 
 
 def _one_line(error: Exception) -> str:

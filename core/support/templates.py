@@ -7,6 +7,7 @@ from importlib.resources import files
 from typing import Any
 
 import jinja2
+from jinja2.sandbox import SandboxedEnvironment
 
 
 def fill(package: str, template: str, /, **given: Any) -> str:
@@ -25,11 +26,22 @@ def _environment(package: str) -> jinja2.Environment:
     loader = jinja2.FunctionLoader(
         lambda name: (folder / f"{name}.md.j2").read_text("utf-8")
     )
-    environment = jinja2.Environment(  # noqa: S701 - nothing is markup
+    return build_environment(loader)
+
+
+def build_environment(loader: jinja2.BaseLoader) -> jinja2.Environment:
+    """Make what compiles templates of plain text: sandboxed, because a stranger's must do no more than fill in text."""
+    environment = SandboxedEnvironment(
         loader=loader,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
     environment.filters["g"] = lambda number, digits=6: f"{number:.{digits}g}"
+    environment.filters["counted"] = _count
     return environment
+
+
+def _count(number: int, noun: str) -> str:
+    """Write a number with a noun: ``one tool``, ``10 tools``."""
+    return f"one {noun}" if number == 1 else f"{number} {noun}s"

@@ -9,7 +9,6 @@ from core.errors import UsageError, check_positive
 from core.geometry import Box, Compound, Shape
 from core.values.tools import Tool
 
-METAL_KG_M3 = 2000.0  # metals are denser, plastics are not
 STEEL_PA = 200e9  # Young's modulus; hardly a material that tools are made of is stiffer
 
 
@@ -64,11 +63,6 @@ class Material:
         if self.infill == 1:
             return "solid"
         return f"walls of {self.wall_mm:g} mm, filled to {self.infill:.0%} inside"
-
-    @property
-    def metal(self) -> bool:
-        """Whether it is milled, and not printed: no plastic is as dense."""
-        return (self.density_kg_m3 or 0.0) >= METAL_KG_M3
 
     def volume_of(self, shape: Shape | Compound) -> float:
         """Compute the volume of the material in a component of this shape, m^3."""

@@ -27,6 +27,7 @@ from plugins.results.workshop.solid import (
 )
 
 PLA_G_PER_CM3 = 1.24  # density of polylactide, data sheets of filaments
+METAL_KG_M3 = 2000.0  # metals are denser, plastics are not
 
 _SAMPLES = 3000  # points at which walls are measured
 _SKIN_MM = 1e-4  # a hit nearer than this is the face where the ray began
@@ -133,7 +134,7 @@ def print_part(
         one_piece,
         Check("walls", wall >= least, walls),
     ]
-    if not material.metal:
+    if not is_metal(material):
         size = " × ".join(f"{side:.0f}" for side in lying.mesh.extents)
         room = " × ".join(f"{side:g}" for side in printer.plate_mm)
         found = f"{size} mm as it lies, the plate is {room} mm"
@@ -146,6 +147,11 @@ def print_part(
     return PrintedPart(
         name, solid, lying.mesh, lying.back, weld_mm, mass_g, tuple(checks)
     )
+
+
+def is_metal(material: Material) -> bool:
+    """Say whether parts of a material are milled, and not printed."""
+    return (material.density_kg_m3 or 0.0) >= METAL_KG_M3
 
 
 def joined(

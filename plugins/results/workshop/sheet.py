@@ -22,7 +22,7 @@ from plugins.results.pages.page import in_viewer, render
 from plugins.results.pages.tools import size
 from plugins.results.workshop.clearance import payload
 from plugins.results.workshop.motion import Sampled
-from plugins.results.workshop.printing import Check, PrintedPart
+from plugins.results.workshop.printing import Check, PrintedPart, is_metal
 from plugins.results.workshop.replay import PlayedMotion
 from plugins.results.workshop.strength import Strength, measured
 from plugins.results.workshop.tool import PrintedTool
@@ -71,7 +71,7 @@ def figures(
         "least_safety": min(factors, default=None),
         "verdicts": [verdict._asdict() for verdict in verdicts],
         "ready": all(verdict.passed is not False for verdict in verdicts),
-        "how": HOW.format("" if material.metal else "layers, "),
+        "how": HOW.format("" if is_metal(material) else "layers, "),
     }
 
 

@@ -16,7 +16,13 @@ from core.values.robots import Robot
 from plugins.results.workshop.body import check_apart, check_faithful, fuse
 from plugins.results.workshop.flange import at_flange
 from plugins.results.workshop.mount import Mount, weighed
-from plugins.results.workshop.printing import Check, PrintedPart, grams, to_stl
+from plugins.results.workshop.printing import (
+    Check,
+    PrintedPart,
+    grams,
+    is_metal,
+    to_stl,
+)
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.sleeve import CORE_MM, on_finger
 from plugins.results.workshop.solid import ToolLink, links_of, manifold
@@ -76,7 +82,7 @@ def make_tool(
     Raises:
         UserError: the robot's flange can't be fitted.
     """
-    if material.metal:
+    if is_metal(material):
         fit = replace(fit, insert_mm=CORE_MM)
     links = links_of(tool)
     fitted = [fuse(link, printer, partial(_mount, robot, link, fit)) for link in links]
@@ -102,7 +108,7 @@ def make_tool(
     if parts:
         printed = grams(parts)
         simulated = 1000 * mounted.mass
-        how = "milled" if material.metal else "printed"
+        how = "milled" if is_metal(material) else "printed"
         weighs = f"{how} it weighs {printed:.0f} g, in simulation {simulated:.0f} g"
         same = abs(printed - simulated) <= SAME_WEIGHT * printed
         checks.append(Check("weight", same, weighs))
