@@ -194,11 +194,11 @@ def describe(evaluation: Evaluation, sight: Sight = ALL) -> str:
         if contact.kind != "body":
             first.setdefault(contact.other, contact)
 
-    told = elite_feedback(evaluation, sight)
+    entry = elite_feedback(evaluation, sight)
     trials = trial_lines(evaluation, sight) if evaluation.combined else []
+    outcome = (evaluation.reward, reason, trials)
     touches = list(first.values())[:_TOUCHES]
-    rewarded = (evaluation.reward, reason, trials)
-    return _say("line", *rewarded, seen, told, touches, sight.numbers)
+    return _say("line", *outcome, seen, entry, touches, sight.numbers)
 
 
 def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
