@@ -24,7 +24,7 @@ from core.scene import Scene
 from core.values.joints import rotate
 from core.values.margins import Margin
 from core.values.states import State
-from core.values.traces import Trace
+from core.values.traces import Flags, Trace
 
 Coordinates = tuple[float | None, float | None, float | None]
 """A place, m; a coordinate that is None is free."""
@@ -79,7 +79,7 @@ class Evidence:
         """Report at which instants a body is held: 1, or 0.5 where the robot only touches it, (..., T)."""
         return np.maximum(self.film.held(body), self.film.contact(body, "robot") / 2)
 
-    def multiply(self, factors: Iterable[Array]) -> Array:
+    def multiply(self, factors: Iterable[Array | Flags]) -> Array:
         """Multiply what limits leave of a reward, (...)."""
         full = np.ones(self.end.positions.shape[:-2])
         return reduce(np.multiply, factors, full)
@@ -527,10 +527,11 @@ class Kept(Limit):
         return evidence.multiply(factors)
 
     def margins(self, evidence: Evidence) -> list[Margin]:
-        return [
-            Margin.at_most(f"{name} moved", evidence.moved(name), self.kept_m, "m")
-            for name in self.keep
-        ]
+        found = []
+        for name in self.keep:
+            moved = float(evidence.moved(name))
+            found.append(Margin.at_most(f"{name} moved", moved, self.kept_m, "m"))
+        return found
 
     def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
         film = evidence.film

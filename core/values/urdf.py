@@ -142,7 +142,7 @@ def read_tree(
         str(root.get("name") or file.stem),
         {name: _read_link(link, name, colors, where) for name, link in links.items()},
         {
-            child: _read_joint(joint, *parents[child], child)
+            child: _read_joint(joint, parents[child][0], child)
             for child, joint in joints.items()
         },
     )
