@@ -29,6 +29,7 @@ _log = logging.getLogger(__name__)
 REACHES_SPEED_S = 0.5  # in which a joint reaches its speed limit; arms that are built in need 0.13 to 0.79 s
 # kg m^2, as MuJoCo Menagerie has it for arms that carry 3.5 to 12.5 kg.
 MOTOR_INERTIA = 0.1
+STRONG = 28.0  # N m, of the weakest motor there
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,10 @@ def build_unmounted(
 
     speeds = [joint.limits.velocity or 0.0 for joint in arm]
     accelerations = chosen.acceleration or [speed / REACHES_SPEED_S for speed in speeds]
-    motors = [source.armature.get(joint.name) or MOTOR_INERTIA for joint in arm]
+    motors = [
+        source.armature.get(joint.name) or _guess_motor(joint.limits.effort or 0.0)
+        for joint in arm
+    ]
     robot = Robot(
         name=name,
         title=chosen.title or clean(source.description.name, 60),
@@ -145,6 +149,11 @@ def build_unmounted(
     axis = in_head.rotation.inv().apply(arm[-1].direction)
     names = tuple(joint.name for joint in arm)
     return Unmounted(robot, axis, source.description, flange, names, notes)
+
+
+def _guess_motor(effort: float) -> float:
+    """Guess the inertia of a motor by its torque, N m: weak ones are small."""
+    return MOTOR_INERTIA * min(1.0, effort / STRONG)
 
 
 def _rename_gripper(

@@ -93,7 +93,7 @@ class ArmSettings:
         reach: how far the arm reaches, metres: tasks, which are for one of 0.8 m, then stand nearer to its base, and
             lower, in proportion; None: where they are.
         acceleration: limits (J,), rad/s^2; None: each joint reaches its speed limit in half a second.
-        motor_inertia: (J,), reflected through the gears, kg m^2; None: the file's, or 0.1 each.
+        motor_inertia: (J,), reflected through the gears, kg m^2; None: the file's, or 0.1, less below 28 N m.
         gripper: the parallel gripper, if there is one.
         bolts: of the flange; None: those of ISO 9409-1-50-4-M6.
         fixed: joints that are held at 0, or each at its value, radians or metres.
