@@ -65,11 +65,11 @@ def test_settings_of_a_gripper(words):
     ((old, new),) = gripped()
     file.with_name("gripped.urdf").write_text(file.read_text().replace(old, new))
     path = f"robot.path={file.with_name('gripped.urdf')}"
-    part, again = (
+    chosen, again = (
         part("robot", load("evaluate", [*words, path, GRIPPER]).robot) for _ in range(2)
     )
-    assert hash(part) == hash(again)  # it is made once per process
-    robot = part.create()
+    assert hash(chosen) == hash(again)  # it is made once per process
+    robot = chosen.create()
     assert (robot.gripper.force_n, robot.finger_joints) == (30.0, ("left", "right"))
 
 
