@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from core.geometry import Array, Capsule, Cylinder, Sphere
-from core.robot.solids import corners
+from core.robot.solids import WORLD, corners
 from core.solids.bodies import ROBOT, Solids
 from core.solids.near_pairs import Flags
 from core.solids.tracks import Indices, Look, Pair, Track, Tracks, angles, lengths
@@ -37,7 +37,8 @@ SKIN_M = 0.005
 BODY_SKIN = 0.5
 BODY_SKIN_M = 0.01
 SAME = 0.9  # cosine of two directions that are about the same
-DEEP_S = 0.06  # a hard blow may penetrate deeper, for this long
+DEEP_S = 0.06  # a hard blow may penetrate deeper, for this long, up to the far side or this depth
+BLOW_M = 0.025  # a fall of more than a metre, 5 m/s in an engine's step of 5 ms
 
 _FROM_AFAR_M = 0.02  # from this distance on, the first look finds the two apart: the side they came from is known
 
@@ -68,6 +69,7 @@ class Depths(NamedTuple):
         through: from here on, they may have passed through each other.
         skin: up to here they only touch: the side that each is on is clear.
         cut: from here on beyond the shortest way out, it is a cut.
+        far: from here on, the first is beyond the far side of a wall or of the thinner one: no blow goes so deep.
     """
 
     thick: Array
@@ -75,6 +77,7 @@ class Depths(NamedTuple):
     through: Array
     skin: Array
     cut: Array
+    far: Array
 
     @property
     def limit(self) -> Array:
@@ -96,6 +99,7 @@ def choose_depths(solids: Solids, pairs: Indices) -> Depths:
         np.minimum(across / 2, thick), np.minimum(THIN_M, 0.9 * across)
     )
     robots = np.array([owner == ROBOT for owner in solids.owners])[pairs[:, 0]]
+    walls = robots & (solids.frames[pairs[:, 1]] == WORLD)
     robots_skin = np.minimum(SKIN_M, SKIN * thick)
     bodies_skin = np.minimum(BODY_SKIN_M, BODY_SKIN * thick)
     return Depths(
@@ -104,6 +108,7 @@ def choose_depths(solids: Solids, pairs: Indices) -> Depths:
         THROUGH * across,
         np.where(robots, robots_skin, bodies_skin),
         np.clip(2 * thick, CUT_LEAST_M, CUT_MOST_M),
+        np.where(walls, np.maximum(2 * second, THIN_M), np.maximum(thick, BLOW_M)),
     )
 
 
@@ -151,7 +156,7 @@ class Encounter:
 
     def __init__(self, pair: Pair, depths: Sequence[float]) -> None:
         self.pair = pair
-        self.thick, self.deep, self.through, self.skin, self.beyond = depths
+        self.thick, self.deep, self.through, self.skin, self.beyond, self.far = depths
         self.limit = min(self.deep, self.through)
         self.least = min(self.limit, self.skin)
         self.entry: Look | None = None
@@ -199,13 +204,13 @@ class Encounter:
         return bool(look.out @ entry < 0.5)
 
     def _find_stuck(self, look: Look, instant: Instant, now: float) -> Passage | None:
-        """Find out at a sample whether the first has been too deep for too long."""
+        """Find out at a sample whether the first has been too deep for too long, or is beyond the far side."""
         if look.depth < self.deep:
             self.stuck = None
         elif instant.share == 0 and self.entry is not None:
             if self.stuck is None:
                 self.stuck = now
-            if now - self.stuck >= DEEP_S:
+            if now - self.stuck >= DEEP_S or look.depth > self.far:
                 depth = f"{1000 * self.reached:.0f} mm"
                 return Passage(
                     self.stuck, f"was {depth} deep inside {{}} at {self.stuck:.2f} s"

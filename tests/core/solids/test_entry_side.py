@@ -163,3 +163,33 @@ def test_a_sheet_that_cuts_into_a_finger_is_found():
         Scene((cut,)), recording(Scene((cut,)), {"cut": path}, hz=HZ, arms=arms), tool
     )
     assert any("'left_finger' " in text for text in found)
+
+
+# --- blows ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("deep", "texts"), [(0.009, 0), (0.02, 0), (0.046, 1)])
+def test_a_blow_ends_at_the_far_side_of_a_wall(deep, texts):
+    """A rod pokes at a wall of 10 mm for 40 ms, and comes back; a body that falls gets in by 20 mm too."""
+    wall = body("wall", Box((0.01, 0.5, 0.5)), (0.5, 0.0, 0.25), mass=0.0)
+    scene = Scene((wall, body("rod", Box((0.2, 0.02, 0.02)), (0.3, 0.0, 0.25))))
+    shares = np.interp(np.arange(80), [0, 30, 38, 46, 80], [0, 0, 1, 0, 0])
+    path = np.array([0.39, 0.0, 0.25]) + np.outer(shares, (0.005 + deep, 0.0, 0.0))
+    found = penetrations(scene, recording(scene, {"rod": path}, hz=HZ))
+    assert len(found) == texts
+    assert all("deep inside 'wall'" in text for text in found)
+
+
+def test_a_blow_of_the_robot_ends_at_the_far_side_of_a_thinner_wall():
+    """A stick of 20 mm turns into a wall of 5 mm, about the arm's first axis, and back within 30 ms."""
+    turns = np.interp(np.arange(80), [0, 30, 36, 42, 80], [0.3, 0.3, 0.0, 0.3, 0.3])
+    arms = np.tile(ARM.home, (80, 1))
+    arms[:, 0] += turns
+    tip = ARM.forward(ARM.home).apply((0.0, 0.0, -0.19))
+    wall = body("wall", Box((0.06, 0.005, 0.06)), tip - (0.0, 0.004, 0.0), 0.0)
+    found = penetrations(
+        Scene((wall,)), recording(Scene((wall,)), {}, hz=HZ, arms=arms)
+    )
+    (text,) = found
+    assert text.startswith("'rod' was ")
+    assert "deep inside 'wall'" in text
