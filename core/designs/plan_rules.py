@@ -10,8 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from core.design import DesignError, Tool
 from core.geometry import Array, Pose
-from core.interfaces import Waypoints
+from core.interfaces import JointTrajectory, RolloutSettings, Task, Waypoints
 from core.robot.paths import KNOT_M, KNOT_RAD
+from core.scene import Scene
+from core.solids.record_rate import sample_hz, thinnest
 from core.support.text import kind
 
 MAX_WAYPOINTS = 200
@@ -159,17 +161,37 @@ def check_tempo(plan: Waypoints, home: Pose, most_s: float) -> None:
         )
 
 
-def check_work(tool: Tool, seconds: float, hz: float) -> None:
-    """Refuse a motion that would take too long to play and to look at.
+def check_motion(
+    task: Task,
+    tool: Tool,
+    scene: Scene,
+    settings: RolloutSettings,
+    trajectory: JointTrajectory,
+    begins: float = 0.0,
+) -> float:
+    """Refuse a motion that would take too long to play and to look at; return how often it is looked at, Hz.
 
     Args:
+        task: whose robot moves.
         tool: what moves.
-        seconds: how long it moves.
-        hz: instants a second at which its parts are looked at.
+        scene: the layout.
+        settings: whether it is looked at, and how long it may take.
+        trajectory: of the motion.
+        begins: how many seconds of motion are before it.
 
     Raises:
         DesignError: with the figures.
     """
+    seconds = begins + trajectory.duration
+    most = settings.max_motion_s
+    if seconds > most:
+        raise DesignError(
+            f"the motion takes {seconds:.0f} s under the arm's limits, more than {most:.0f} s; use fewer waypoints"
+        )
+    if settings.penetration == "ignore" and not settings.observe:
+        return 0.0
+
+    hz = sample_hz(task.robot, tool, trajectory, thinnest(scene))
     count = len(tool.parts)
     poses = count * seconds * hz
     if poses > MAX_POSES:
@@ -177,6 +199,7 @@ def check_work(tool: Tool, seconds: float, hz: float) -> None:
             f"the tool's {count} parts would be looked at {hz:.0f} times a second for {seconds:.0f} s, which "
             f"is {poses:.2g} poses; at most {MAX_POSES:.2g} are computed: move slower, or use fewer and thicker parts"
         )
+    return hz
 
 
 def plan_limits() -> dict[str, float]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 
 from core.design import Candidate, DesignError, Tool
-from core.designs.plan_rules import check_work
+from core.designs.plan_rules import check_motion
 from core.designs.planning import resolve
 from core.designs.start import SpawnRules
 from core.interfaces import Outcome, Rollout, RolloutSettings, Simulator, Task
@@ -16,7 +16,7 @@ from core.scene import Scene
 from core.simulation.guards import PlannedGuards
 from core.solids.contacts import Contacts
 from core.solids.penetration import Finding
-from core.solids.record_rate import sample_hz, thinnest
+from core.solids.record_rate import MAX_HZ
 from core.solids.self_collision import find_self_collision
 from core.trial import Condition, Status, Trial, Where
 from core.values.traces import TRACE_HZ
@@ -54,7 +54,10 @@ def prepare(
     motion = plan_motion(waypoints, task, settings)
     guards = None
     if waypoints.guards:
-        guards = PlannedGuards(plan, waypoints, motion, task, seed, settings, scene)
+        check = partial(check_motion, task, tool, scene, settings)
+        guards = PlannedGuards(
+            plan, waypoints, motion, task, seed, settings, scene, check
+        )
     job = Rollout(
         tool,
         motion.trajectory,
@@ -197,16 +200,10 @@ def _prepare_job(stage: Stage, attempt: Attempt) -> None:
             "the plan has guards ('until'), and this engine can't play them"
         )
 
-    duration = motion.trajectory.duration
-    most = settings.max_motion_s
-    if duration > most:
-        took = f"the motion takes {duration:.0f} s under the arm's limits, more than {most:.0f} s"
-        raise DesignError(f"{took}; use fewer waypoints")
-
-    if stage.checks or settings.observe:
-        thin = thinnest(stage.scene)
-        hz = sample_hz(stage.task.robot, job.tool, job.trajectory, thin)
-        check_work(job.tool, duration, hz)
+    hz = check_motion(stage.task, job.tool, stage.scene, settings, job.trajectory)
+    if hz > 0:
+        if job.tool.bearers or job.guards:  # what they will do is not known yet
+            hz = MAX_HZ
         job = replace(job, record_hz=hz, forces=bool(stage.scene.softs))
     if stage.task.reads_trace:
         job = replace(job, record_hz=job.record_hz or TRACE_HZ, forces=True)

@@ -12,6 +12,7 @@ counts, so that one peak of an impact does not fire a guard.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -60,7 +61,10 @@ class PlannedGuards:
         seed: int,
         settings: RolloutSettings,
         scene: Scene | None = None,
+        check: Callable[[JointTrajectory, float], object] = lambda *_: None,
     ) -> None:
+        """``check`` raises a `DesignError` for what can't be played on with, and when that would begin, seconds."""
+        self._check = check
         self._resolve = partial(resolve, plan, task, seed, settings, scene)
         self._task = task
         self._seed = seed
@@ -231,7 +235,7 @@ class PlannedGuards:
         """See `_plan_rest`.
 
         Raises:
-            DesignError: it means nothing, or takes too long.
+            DesignError: it means nothing, takes too long, or is too much work.
         """
         self._waypoints = self._resolve(self._poses)
         rest = self._choose_rest(count)
@@ -239,10 +243,7 @@ class PlannedGuards:
         grip = 1 - float(stop.fingers[-1]) / opening if opening else 0.0
         begin = Begin(stop.arm[-1], grip)
         motion = plan_task_motion(rest, self._task, self._settings, begin)
-        took = stop.duration + motion.trajectory.duration
-        most = self._settings.max_motion_s
-        if took > most:
-            raise DesignError(f"the motion takes {took:.0f} s, more than {most:.0f} s")
+        self._check(motion.trajectory, stop.duration)
         return motion
 
     def _choose_rest(self, count: int) -> Waypoints:

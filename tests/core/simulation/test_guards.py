@@ -7,20 +7,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from core.design import Candidate
-from core.designs.planning import resolve
+from core.design import Candidate, Tool
 from core.geometry import Box
 from core.interfaces import Feel, Perception, RolloutSettings
 from core.robot.trajectory import plan_task_motion
 from core.scene import Body
-from core.simulation.attempt import prepare
-from core.simulation.guards import PlannedGuards
+from core.simulation.attempt import Stage, plan_attempt, prepare
+from core.solids.record_rate import MAX_HZ
+from core.solids.tracks import SAMPLE_HZ
 from plugins.actions.anchored import AnchoredActions
 from plugins.conformance.scenery import GREY, stick
 from plugins.conformance.worlds import HOME, Bodies, arm
 from tests.engines import every_simulator, simulator
 from tests.faults import Faulty
-from tests.playing import evaluate_batch
+from tests.playing import condition, evaluate_batch
 
 TOP = 0.1
 BLOCK = Body.of(
@@ -155,23 +155,38 @@ def test_an_engine_that_plays_no_guards_says_so():
 
 
 def test_what_would_take_too_long_after_a_guard_ends_the_motion_there():
-    slow = {"anchor": "block", "offset": [0, 0, 0.3], "seconds": 3.0}
-    played = play(ABOVE, DOWN, slow, max_motion_s=20)
-    steps, short = candidate(ABOVE, DOWN, slow).plan, RolloutSettings(max_motion_s=4)
-    guards = PlannedGuards(
-        steps,
-        resolve(steps, played.task, 0, RolloutSettings()),
-        played.motion,
-        played.task,
-        0,
-        short,
+    """The block is 0.1 m higher than the plan takes it to be: a way of nothing becomes one of 25 s."""
+    far = {"anchor": "block", "offset": [0, 0, 0.2], "speed": 0.004}
+    played = play(ABOVE, DEEP, HERE, far, max_motion_s=20)
+    assert "at most 20 s" in played.guards.problem
+    assert len(played.guards.motion.arrivals) == 2
+    assert played.outcome.recording.times[-1] < 10
+
+
+DEEP = DOWN | {"offset": [0, 0, 0.1]}  # it expects the block 0.1 m lower
+HERE = {"anchor": "here", "offset": [0, 0, 0.1], "speed": 0.05}
+STROKES = [{"anchor": "block", "offset": [0, 0, 0.2], "speed": 1.0}, HERE] * 10
+
+
+def test_what_would_be_too_much_work_after_a_guard_ends_the_motion_there(monkeypatch):
+    """Strokes of nothing become strokes of 0.1 m, and the work of looking at them that of another plan."""
+    monkeypatch.setattr("core.designs.plan_rules.MAX_POSES", 5000)
+    task = Block()
+    thin = Tool((replace(TOOL.components[0], shape=Box((0.02, 0.001, 0.2))),))
+    striking = replace(
+        candidate(ABOVE | {"speed": 0.05}, DEEP, HERE, *STROKES), tool=thin
     )
-    (outcome,) = simulator("mujoco").rollout(
-        played.task, [replace(played.job, guards=guards)]
-    )
-    assert "at most 4 s" in guards.problem
-    assert len(guards.motion.arrivals) == 2
-    assert outcome.recording.times[-1] < 6
+    stage = Stage(condition(task, simulator("mujoco")))
+    attempt = plan_attempt(stage, striking)
+    simulator("mujoco").rollout(task, [attempt.job])
+    assert "1 parts would be looked at" in attempt.job.guards.problem
+    assert len(attempt.job.guards.motion.arrivals) == 2
+
+
+def test_what_guards_may_change_is_looked_at_in_each_step():
+    stage = Stage(condition(Block(), simulator("mujoco")))
+    assert plan_attempt(stage, candidate(ABOVE)).job.record_hz == SAMPLE_HZ
+    assert plan_attempt(stage, candidate(ABOVE, DOWN)).job.record_hz == MAX_HZ
 
 
 @every_simulator
