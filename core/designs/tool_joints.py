@@ -12,7 +12,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import Bearer, DesignError, Tool, ToolJoint
-from core.geometry import Array, Cylinder, Pose, mass_properties
+from core.designs.springs import bound_speeds, measure_levers, measure_lightness
+from core.geometry import Cylinder, Pose
 from core.robot.solids import Solid, signed_distance, solid_geometry
 from core.values.materials import Material
 
@@ -47,8 +48,10 @@ LIMITS = {
 MAX_JOINTS = 8
 MIN_MOVED_KG = 0.001
 # An engine's step is 2 to 5 ms: a spring or a damper that acts faster than that shakes or explodes in some.
-MAX_HZ = 20.0  # of what a spring moves, on its own
+MAX_HZ = 20.0  # of what a spring moves, and what it hangs from gives way
 MAX_DECAY = 100.0  # 1/s, at which a damper stops what it moves
+# Of what springs move: faster, engines would need very many steps.
+MAX_SPRUNG_M_S = 13.0
 MAX_SPRINGS_J = 2.0  # of all bought springs of a tool
 _PRINTED_M3 = 20e-6  # of material, from which the springs of a tool are made
 MAX_GAP_M = 0.001  # between a component and its parent
@@ -84,25 +87,18 @@ def check_joints(
         )
 
     share = spring_share(material)
-    energies = {}
-    for bearer in tool.bearers:
+    lightness = measure_lightness(tool).tolist()
+    for number, bearer in enumerate(tool.bearers):
         try:
             _check_range(bearer.joint)
-            _check_motion(tool, bearer)
-            energies[bearer.name] = _check_strength(bearer.joint, share)
+            _check_motion(tool, bearer, lightness[number])
+            _check_strength(bearer.joint, share)
         except DesignError as error:
             raise DesignError(
                 f"the joint of component {bearer.name!r} {error}"
             ) from error
 
-    energy = sum(energies.values())
-    most = share * MAX_SPRINGS_J
-    if energy > most:
-        strongest = max(energies, key=lambda name: energies[name])
-        raise DesignError(
-            f"the tool's springs hold {energy:.3g} J at the ends of their ranges; at most {most:.2g} J are allowed: "
-            f"give {strongest!r} a smaller range or a softer spring"
-        )
+    _check_springs(tool, share * MAX_SPRINGS_J)
 
     solids = {name: list(mounts.get(name, ())) for name in tool.borne_on}
 
@@ -110,10 +106,30 @@ def check_joints(
         solid = Solid(part.component, solid_geometry(part.shape), part.pose)
         solids[part.bearer].append(solid)
 
-    for bearer in tool.bearers:
+    levers = measure_levers(tool).tolist()
+    for number, bearer in enumerate(tool.bearers):
         if bearer.joint.kind == "hinge":
             _check_pin(bearer, solids)
-        _check_touch(bearer, solids)
+        _check_touch(bearer, solids, levers[number])
+
+
+def _check_springs(tool: Tool, most: float) -> None:
+    """Refuse springs that hold more than ``most`` together, J, or make something too fast."""
+    joints = {bearer.name: bearer.joint for bearer in tool.bearers}
+    energy = sum(joint.energy for joint in joints.values())
+    if energy > most:
+        strongest = max(joints, key=lambda name: joints[name].energy)
+        raise DesignError(
+            f"the tool's springs hold {energy:.3g} J at the ends of their ranges; at most {most:.2g} J are allowed: "
+            f"give {strongest!r} a smaller range or a softer spring"
+        )
+
+    for name, speed in zip(joints, bound_speeds(tool).tolist(), strict=True):
+        if speed > MAX_SPRUNG_M_S:
+            raise DesignError(
+                f"the tool's springs could make {name!r} {speed:.3g} m/s fast; at most {MAX_SPRUNG_M_S:g} m/s are "
+                "allowed: give it more mass, a smaller range or a softer spring"
+            )
 
 
 def _check_range(joint: ToolJoint) -> None:
@@ -133,16 +149,17 @@ def _check_range(joint: ToolJoint) -> None:
         )
 
 
-def _check_motion(tool: Tool, bearer: Bearer) -> None:
-    """Refuse what moves too fast for an engine's steps."""
+def _check_motion(tool: Tool, bearer: Bearer, lightness: float) -> None:
+    """Refuse what is too light, or moves too fast for an engine's steps; ``lightness``: see `measure_lightness`."""
     joint = bearer.joint
-    mass, inertia = weigh_moved(tool, bearer)
+    borne = tool.borne
+    mass = sum(c.mass for c in tool.components if borne[c.name][0] == bearer.name)
     if mass < MIN_MOVED_KG:
         raise DesignError(
             f"moves {mass:.2g} kg; at least {MIN_MOVED_KG:g} kg is needed"
         )
 
-    hertz = math.sqrt(joint.stiffness / inertia) / (2 * math.pi)
+    hertz = math.sqrt(joint.stiffness * lightness) / (2 * math.pi)
     if hertz > MAX_HZ:
         would_do = joint.stiffness * (MAX_HZ / hertz) ** 2
         raise DesignError(
@@ -150,29 +167,27 @@ def _check_motion(tool: Tool, bearer: Bearer) -> None:
             f"can be simulated; a stiffness of {would_do:.2g} would do, or more mass"
         )
 
-    if joint.damping > MAX_DECAY * inertia:
+    most = MAX_DECAY / lightness
+    if joint.damping > most:
         raise DesignError(
-            f"has too much damping: {joint.damping:g} for an inertia of {inertia:.2g}; at most "
-            f"{MAX_DECAY * inertia:.2g} can be simulated; for more resistance give friction"
+            f"has too much damping: {joint.damping:g} for an inertia of {1 / lightness:.2g}; at most "
+            f"{most:.2g} can be simulated; for more resistance give friction"
         )
 
 
-def _check_strength(joint: ToolJoint, share: float) -> float:
-    """Refuse springs, dampers and brakes that are too strong; return the spring's energy at the end of its range."""
+def _check_strength(joint: ToolJoint, share: float) -> None:
+    """Refuse springs, dampers and brakes that are too strong."""
     limits = LIMITS[joint.kind]
-    strain = max(abs(joint.lower - joint.rest), abs(joint.upper - joint.rest))
-
-    exerted = joint.stiffness * strain
+    exerted = joint.stiffness * joint.strain
     most = share * limits.spring
     if exerted > most:
         raise DesignError(
-            f"has too strong a spring: it exerts {exerted:.3g} {limits.load} where it is {strain:.3g} {limits.unit} "
-            f"from its rest; at most {most:.2g} {limits.load} are allowed"
+            f"has too strong a spring: it exerts {exerted:.3g} {limits.load} where it is {joint.strain:.3g} "
+            f"{limits.unit} from its rest; at most {most:.2g} {limits.load} are allowed"
         )
 
     _check_most("a damping", joint.damping, limits.damping, limits.resistance)
     _check_most("a dry friction", joint.friction, limits.spring, limits.load)
-    return exerted * strain / 2
 
 
 def _check_most(what: str, value: float, most: float, unit: str) -> None:
@@ -180,29 +195,6 @@ def _check_most(what: str, value: float, most: float, unit: str) -> None:
         raise DesignError(
             f"has {what} of {value:.3g} {unit}; at most {most:g} is allowed"
         )
-
-
-def weigh_moved(tool: Tool, bearer: Bearer) -> tuple[float, float]:
-    """Compute the mass (kg) of what moves on a joint as one, and its inertia about a hinge's axis (kg m^2).
-
-    Of a slider the second is the mass again. What hangs on a further joint is left out: it need not follow.
-    """
-    mass = 0.0
-    inertia = 0.0
-    axis: Array = np.array(bearer.joint.axis)
-    for component in tool.components:
-        carrier, pose = tool.borne[component.name]
-        if carrier != bearer.name:
-            continue
-        center, tensor = mass_properties(component.shape, component.mass)
-        turned = pose.rotation.inv().apply(axis)
-        away: Array = np.cross(axis, pose.apply(center))
-        mass += component.mass
-        inertia += float(turned @ tensor @ turned + component.mass * (away @ away))
-
-    if bearer.joint.kind == "slider":
-        return mass, mass
-    return mass, inertia
 
 
 def _check_pin(bearer: Bearer, solids: Mapping[str, Sequence[Solid]]) -> None:
@@ -232,14 +224,16 @@ def _check_pin(bearer: Bearer, solids: Mapping[str, Sequence[Solid]]) -> None:
             )
 
 
-def _check_touch(bearer: Bearer, solids: Mapping[str, Sequence[Solid]]) -> None:
-    """Refuse a joint whose two sides come apart within its range: what joins them there must be a solid of one."""
+def _check_touch(
+    bearer: Bearer, solids: Mapping[str, Sequence[Solid]], lever: float
+) -> None:
+    """Refuse a joint whose two sides come apart within its range: what joins them there must be a solid of one.
+
+    ``lever``: see `measure_levers`.
+    """
     joint = bearer.joint
     pairs = list(itertools.product(solids[bearer.parent], solids[bearer.name]))
 
-    lever = 1.0
-    if joint.kind == "hinge":
-        lever = max(map(_reach, solids[bearer.name]))
     count = (joint.upper - joint.lower) * lever / _STEP_M
     count = int(np.clip(count, _FEWEST_STEPS, _MOST_STEPS))
 
@@ -267,9 +261,3 @@ def _move(joint: ToolJoint, value: float) -> Pose:
 def _touch(still: Solid, moving: Solid, place: Pose) -> bool:
     placed = replace(moving, pose=place @ moving.pose)
     return signed_distance(still, placed) <= MAX_GAP_M
-
-
-def _reach(solid: Solid) -> float:
-    """How far a solid extends from the origin of its frame, at most, metres."""
-    center, half = solid.bounds()
-    return float(np.linalg.norm(np.abs(center) + half))

@@ -67,6 +67,16 @@ class ToolJoint:
                     f"a joint's {name} must be 0 or more, not {getattr(self, name):g}"
                 )
 
+    @property
+    def strain(self) -> float:
+        """How far from its rest a spring is within the range, at most."""
+        return max(abs(self.lower - self.rest), abs(self.upper - self.rest))
+
+    @property
+    def energy(self) -> float:
+        """What a spring holds where it is strained most, J."""
+        return self.stiffness * self.strain**2 / 2
+
 
 @dataclass(frozen=True)
 class Component:

@@ -1,10 +1,18 @@
-"""How long the steps of PyBullet and SAPIEN may be."""
+"""How long the steps of engines may be."""
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+
+from core.design import Tool
+from core.designs.springs import bound_speeds, measure_lightness
 from core.errors import UsageError, check_positive
 
 LONGEST_S = 0.02
+WALL_M = 0.01  # what springs move goes no farther in a step than walls are thick
+MILD = 0.5  # of a joint's speed: what a damper may take of it in a step
 
 
 def check_time_step(time_step: float) -> None:
@@ -18,3 +26,18 @@ def check_time_step(time_step: float) -> None:
         raise UsageError(
             f"sim.time_step must be at most {LONGEST_S} s, got {time_step}: contacts would break"
         )
+
+
+def choose_step(tool: Tool, time_step: float) -> float:
+    """Return the time step that the springs and dampers of a tool need, s, where others get ``time_step``.
+
+    It is an integer part of that. What they move turns by no more than a radian of its swing in a step.
+    """
+    if not tool.bearers:
+        return time_step
+    joints = [bearer.joint for bearer in tool.bearers]
+    lightness = measure_lightness(tool)
+    swings = np.sqrt(lightness * [joint.stiffness for joint in joints])
+    decays = lightness * [joint.damping / MILD for joint in joints]
+    rate = float(np.max([swings, decays, bound_speeds(tool) / WALL_M]))
+    return time_step / max(1, math.ceil(rate * time_step))

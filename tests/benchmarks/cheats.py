@@ -28,12 +28,12 @@ from scipy.spatial.transform import Rotation
 from core.config.compose import engines, load, part
 from core.design import RIGID_MOUNT, Candidate, Component, DesignError, Tool, ToolJoint
 from core.designs.reading import dump_design, read_designs
+from core.designs.springs import measure_lightness
 from core.designs.tool_joints import (
     LIMITS,
     MAX_DECAY,
     MAX_HZ,
     MAX_SPRINGS_J,
-    weigh_moved,
 )
 from core.errors import choices
 from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
@@ -245,7 +245,7 @@ class Varied:
         bearer = next(
             bearer for bearer in tool.bearers if bearer.name == component.name
         )
-        inertia = weigh_moved(tool, bearer)[1]
+        inertia = 1 / measure_lightness(tool)[tool.bearers.index(bearer)]
         reach = max(-lower, upper)
         strong = min(
             LIMITS[kind].spring / reach,

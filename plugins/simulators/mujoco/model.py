@@ -15,6 +15,7 @@ from plugins.simulators.mujoco.robot import add_servos, load, set_gains
 from plugins.simulators.mujoco.shapes import Element, add_geom
 from plugins.simulators.mujoco.softs import add_softs, hull_boxes
 from plugins.simulators.rolling import rollers
+from plugins.simulators.steps import choose_step
 
 GRAVITY = 9.81
 MAX_TIME_STEP = 0.005  # s; above, contacts get soft
@@ -36,14 +37,14 @@ def compile_model(
         robot: the arm.
         scene: in the layout that is played.
         tool: what the arm holds.
-        time_step: s, where the scene's bodies need no other.
+        time_step: s, where the scene's bodies and the tool's springs need no other.
         tracking_rate: how fast a joint converges to its target, 1/s.
         slip_rate: how fast friction stops slow slip, 1/s.
 
     Raises:
         UserError: the scene has what MuJoCo can't play.
     """
-    time_step = _choose_time_step(scene, time_step)
+    time_step = choose_step(tool, _choose_time_step(scene, time_step))
     spec = build_spec(robot, scene, tool, time_step, slip_rate)
     if any(rollers(body) for body in scene.bodies):
         spec.option.ccd_tolerance = CCD_TOLERANCE

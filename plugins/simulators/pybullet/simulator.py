@@ -16,7 +16,7 @@ from plugins.simulators.pybullet.renderer import PyBulletRenderer
 from plugins.simulators.pybullet.robot import robot_file
 from plugins.simulators.pybullet.world import PreparedScene, Settings, World
 from plugins.simulators.rigid import only_rigid
-from plugins.simulators.steps import check_time_step
+from plugins.simulators.steps import check_time_step, choose_step
 
 
 class PyBulletSimulator(FreshWorlds):
@@ -66,6 +66,7 @@ class PyBulletSimulator(FreshWorlds):
             self._robot = known = (robot, job.tool, file)
 
         forces = job.forces and job.record_hz > 0
+        time_step = choose_step(job.tool, self._settings.time_step)
         return World(
             self._client,
             self._scene[1],
@@ -73,7 +74,7 @@ class PyBulletSimulator(FreshWorlds):
             known[2],
             job.tool,
             job.trajectory,
-            self._settings,
+            self._settings._replace(time_step=time_step),
             forces,
         )
 

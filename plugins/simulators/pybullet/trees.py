@@ -33,12 +33,12 @@ from plugins.simulators.pybullet.bodies import (
     text_file,
 )
 from plugins.simulators.pybullet.engine import Client
+from plugins.simulators.steps import MILD
 
 Place = tuple[int, int]
 """Of a body: PyBullet's numbers of its multibody and of its link, -1 the base."""
 _KINDS = {"hinge": "revolute", "slider": "prismatic", "ball": "spherical"}
 _ROOT = "root"
-_MILD = 0.5  # of a joint's speed: what a damper may take of it in a step
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +99,7 @@ class Lightness:
         latches = [math.pi * latch.force / latch.width for latch in joint.latches]
         stiffness = joint.stiffness + max(latches, default=0.0)
         most = self.most(joint)
-        return max(math.sqrt(stiffness * most), joint.damping * most / _MILD)
+        return max(math.sqrt(stiffness * most), joint.damping * most / MILD)
 
 
 def _twists(joint: Joint, pose: Pose) -> list[Array]:

@@ -11,7 +11,7 @@ from plugins.simulators.rendering import DrawingSimulator
 from plugins.simulators.rigid import only_rigid
 from plugins.simulators.sapien.bodies import Weighed
 from plugins.simulators.sapien.world import Settings, World
-from plugins.simulators.steps import check_time_step
+from plugins.simulators.steps import check_time_step, choose_step
 
 
 class SapienSimulator(FreshWorlds, DrawingSimulator):
@@ -46,12 +46,13 @@ class SapienSimulator(FreshWorlds, DrawingSimulator):
             self._placed = (scene, Weighed(only_rigid(scene, task.name, "sapien")))
         folder = self._folder
         forces = job.forces and job.record_hz > 0
+        time_step = choose_step(job.tool, self._settings.time_step)
         return World(
             folder,
             self._placed[1],
             task.robot,
             job.tool,
             job.trajectory,
-            self._settings,
+            self._settings._replace(time_step=time_step),
             forces,
         )

@@ -6,8 +6,9 @@ import pytest
 
 from core.design import Component, DesignError, Tool, ToolJoint
 from core.designs.rules import check_tool, mount_solids
+from core.designs.springs import bound_speeds, measure_lightness
 from core.designs.start import SpawnRules
-from core.designs.tool_joints import check_joints, weigh_moved
+from core.designs.tool_joints import check_joints
 from core.geometry import Box, Pose
 from core.values.materials import PAPER, Material
 from plugins.conformance.releases import hinged, sliding
@@ -218,21 +219,80 @@ def test_number_of_joints():
         check_tool(Tool(tuple(components)), PANDA)
 
 
+def inertia_of(tool):
+    return 1 / measure_lightness(tool)[0]
+
+
 def test_what_a_joint_moves():
     """A rod about its end, with another behind it; a block along its slide."""
     tool = hinged(0.5, ToolJoint("hinge", (1, 0, 0), -1, 1, (0, 0, 0.1)))
-    mass, inertia = weigh_moved(tool, tool.bearers[0])
-    assert mass == pytest.approx(0.1)
-    assert inertia == pytest.approx(0.1 * (0.2**2 + 0.01**2) / 12 + 0.1 * 0.1**2)
+    own = 0.1 * (0.2**2 + 0.01**2) / 12 + 0.1 * 0.1**2
+    assert inertia_of(tool) == pytest.approx(own)
     more = Component(
         "tip", "rod", Pose(np.array([0.0, 0.0, -0.11])), Box((0.02, 0.02, 0.02)), 0.05
     )
-    mass, inertia = weigh_moved(Tool((*tool.components, more)), tool.bearers[0])
-    assert mass == pytest.approx(0.15)
-    own = 0.1 * (0.2**2 + 0.01**2) / 12 + 0.1 * 0.1**2
-    assert inertia == pytest.approx(own + 0.05 * (0.02**2 / 6 + 0.21**2))
+    both = own + 0.05 * (0.02**2 / 6 + 0.21**2)
+    assert inertia_of(Tool((*tool.components, more))) == pytest.approx(both)
     block = sliding(ToolJoint("slider", (0, 0, 1), -0.1, 0.1))
-    assert weigh_moved(block, block.bearers[0]) == (0.2, 0.2)
+    assert inertia_of(block) == pytest.approx(0.2)
+
+
+def on_carriage(mass, **resisting):
+    """A hammer of 65 g on a slider, borne by a carriage of this mass on another slider."""
+    post = Component("post", "tool_mount", Pose(np.array([0, 0, -0.1])), SMALL, 0.05)
+    slide = ToolJoint("slider", (1, 0, 0), -0.005, 0.005)
+    carriage = Component("carriage", "post", Pose(), SMALL, mass, joint=slide)
+    sprung = replace(slide, **resisting)
+    hammer = Component("hammer", "carriage", Pose(), SMALL, 0.065, joint=sprung)
+    return Tool((post, carriage, hammer))
+
+
+SMALL = Box((0.02, 0.02, 0.2))
+
+
+@pytest.mark.parametrize(
+    ("resisting", "fault"),
+    [
+        ({"stiffness": 40.0}, "swing at 32 Hz, and at most 20 .* of 16 would do"),
+        ({"damping": 1.0}, "an inertia of 0.00098; at most 0.098"),
+    ],
+)
+def test_what_bears_a_spring_or_damper_gives_way_too(resisting, fault):
+    """Both sides count: between 65 g and 1 g, PyBullet made 100 m/s of half a millijoule."""
+    tool = on_carriage(0.001, **resisting)
+    with pytest.raises(DesignError, match=f"component 'hammer' has too .*{fault}"):
+        check_joints(tool, PAPER, mount_solids(tool, PANDA))
+    heavier = on_carriage(0.065, **resisting)
+    check_joints(heavier, PAPER, mount_solids(heavier, PANDA))
+
+
+def test_what_bears_a_spring_gives_way_where_it_is_lightest():
+    """The hinge of the arm passes the middle of what the slider moves, and no longer at the end of its range."""
+    post = Component("post", "tool_mount", Pose(np.array([0, 0, -0.1])), SMALL, 0.05)
+    turns = ToolJoint("hinge", (1, 0, 0), -0.1, 0.1)
+    arm = Component("arm", "post", Pose(), SMALL, 0.01, joint=turns)
+    slides = ToolJoint("slider", (0, 1, 0), 0.0, 0.1)
+    block = Component("block", "arm", Pose(), SMALL, 0.1, joint=slides)
+    assert inertia_of(Tool((post, arm, block))) == pytest.approx(0.11 * 0.0101 / 3)
+
+
+def test_springs_make_nothing_faster_than_engines_can_follow():
+    """A paddle of 21 g on 1.9 J was 24 m/s fast: it struck through a wall and back within a look (DislodgeCube)."""
+    tool = sprung_paddle(0.021)
+    assert bound_speeds(tool) == pytest.approx(23.5, abs=0.1)
+    fault = "springs could make 'paddle' 23.5 m/s fast; at most 13 m/s"
+    with pytest.raises(DesignError, match=fault):
+        check_joints(tool, PAPER, mount_solids(tool, PANDA))
+    heavier = sprung_paddle(0.15)
+    check_joints(heavier, PAPER, mount_solids(heavier, PANDA))
+
+
+def sprung_paddle(mass):
+    post = Component("post", "tool_mount", Pose(np.array([0, 0, -0.1])), SMALL, 0.05)
+    spring = ToolJoint(
+        "hinge", (1, 0, 0), 0.0, 2.0, (0, 0, 0.1), stiffness=0.62, rest=2.5
+    )
+    return Tool((post, Component("paddle", "post", Pose(), SMALL, mass, joint=spring)))
 
 
 def test_tongs_pass_every_rule():
