@@ -22,6 +22,8 @@ from tests.playing import evaluate_batch
 
 FOLDER = Path(__file__).parent / "attacks"
 RULE, NO_RULE = "core.designs.rules.check_joints", lambda *_: None
+# Springs are played in the steps of an engine as those of others.
+COARSE = "plugins.simulators.mujoco.model.choose_step", lambda _, step: step
 # What stops an attack, what takes its place, and what each of its plans earns then in MuJoCo.
 STOPPED_BY = {
     "AroundCorner": (RULE, NO_RULE, [1.0]),
@@ -60,6 +62,7 @@ def played(name, engine="mujoco", **settings):
 def test_every_recorded_attack_is_played():
     assert {file.stem for file in FOLDER.glob("*.json")} == {
         *STOPPED_BY,
+        "DislodgeCube",
         "StopCart",
         "TwoStations",
     }
@@ -70,6 +73,7 @@ def test_every_recorded_attack_is_played():
     [
         ("AroundCorner", r"'plate' leaves what bears it, .* at 0.00545 m"),
         ("LeverStone", r"too strong a spring: it exerts 49.6 N m .* at most 3 N m"),
+        ("DislodgeCube", r"springs could make 'paddle' 35.8 m/s fast; at most 13 m/s"),
     ],
 )
 def test_what_breaks_a_rule_is_refused(name, reason):
@@ -127,6 +131,7 @@ def test_a_spring_waits_until_the_motion_begins(engine):
 def test_without_what_stops_it_an_attack_pays(name, monkeypatch):
     target, instead, rewards = STOPPED_BY[name]
     monkeypatch.setattr(target, instead)
+    monkeypatch.setattr(*COARSE)
     evaluations, _ = played(name)
     assert [evaluation.reward for evaluation in evaluations] == pytest.approx(
         rewards, abs=0.01
@@ -148,3 +153,28 @@ def test_a_joint_that_is_not_held_fires_before_the_motion(monkeypatch):
 def test_a_joint_beyond_its_stop_pays_where_penetration_is_ignored():
     (evaluation,), _ = played("TwoStations", penetration="ignore")
     assert evaluation.reward == 0.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("steps", "penetration", "reward", "reason"),
+    [
+        (True, "ignore", 0, ""),
+        (False, "forbid", 0, "deep inside 'pipe'"),
+        (False, "ignore", 0.96, ""),
+    ],
+)
+def test_a_part_that_strikes_through_a_wall_pays_where_nobody_looks(
+    steps, penetration, reward, reason, monkeypatch
+):
+    """Its springs are refused. Without that rule an engine's smaller steps stop it, and else a look in each step."""
+    pytest.importorskip("mujoco")
+    monkeypatch.setattr(RULE, NO_RULE)
+    if not steps:
+        monkeypatch.setattr(*COARSE)
+    task, read = candidates("DislodgeCube")
+    engine = installed().create("sim", "mujoco")
+    settings = RolloutSettings(penetration=penetration)
+    (evaluation,) = evaluate_batch(task, engine, read, 0, settings)
+    assert evaluation.reward == pytest.approx(reward, abs=0.02)
+    assert reason in evaluation.reason
