@@ -86,7 +86,7 @@ def measure(folder):
     ("folder", "nodes", "in_thousand_lines"),
     [
         ("core", 75_200, 3_950),
-        ("plugins", 174_000, 4_020),
+        ("plugins", 174_280, 4_020),
         ("tasks", 20_600, 4_500),
     ],
 )
