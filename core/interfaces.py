@@ -9,7 +9,6 @@ may set.
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -341,8 +340,8 @@ class EvolutionStrategy(ABC):
     tie: float = TIE
 
     def __init__(self, designer: Designer, budget: Budget, tie: float = TIE) -> None:
-        if not 0 <= tie < math.inf:
-            raise UsageError(f"evolution.tie must be 0 or greater, got {tie}")
+        if not 0 <= tie <= 1:
+            raise UsageError(f"evolution.tie must be from 0 to 1, got {tie}")
         self.designer = designer
         self.budget = budget
         self.tie = tie

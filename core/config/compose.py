@@ -40,6 +40,8 @@ from core.values.materials import Material
 
 T = TypeVar("T")
 
+MOST_SEED = 2**53
+
 SCHEMAS: dict[str, type] = {
     "run": schemas.RunConfig,
     "evaluate": schemas.EvaluateConfig,
@@ -184,9 +186,9 @@ def first_line(error: BaseException) -> str:
 
 
 def check_seed(seed: int) -> None:
-    """Raise a UsageError if the seed is negative, which no generator takes."""
-    if seed < 0:
-        raise UsageError(f"seed must be 0 or greater, got {seed}")
+    """Raise a UsageError if the seed is negative, which no generator takes, or more than a store holds."""
+    if not 0 <= seed <= MOST_SEED:
+        raise UsageError(f"seed must be from 0 to {MOST_SEED}, got {seed}")
 
 
 def node(config: DictConfig, kind: type[T]) -> T:

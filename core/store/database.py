@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core.errors import UserError
-from core.store.rows import MAX_BYTES, damage
+from core.store.rows import MAX_BYTES, check_row, damage
 from core.support.files import file_mark
 from core.support.secrets import scrub
 from core.support.text import clean
@@ -204,7 +204,15 @@ class Database:
                 raise
 
     def insert(self, table: str, *, verb: str = "INSERT", **values: Any) -> None:
-        """Insert a row, within a `transaction`; the ``verb`` REPLACE puts it in the place of one with the same key."""
+        """Insert a row, within a `transaction`; the ``verb`` REPLACE puts it in the place of one with the same key.
+
+        Raises:
+            UserError: no reader would take it.
+        """
+        try:
+            check_row(table, values)
+        except ValueError as error:
+            raise UserError(f"{table} can't be stored: {error}") from error
         columns = ", ".join(values)
         marks = ", ".join("?" * len(values))
         statement = f"{verb} INTO {table} ({columns}) VALUES ({marks})"

@@ -85,9 +85,7 @@ class RunStore:
 
             with database.transaction():
                 database.create()
-                database.insert(
-                    "run", schema_version=SCHEMA_VERSION, config=json.dumps(config)
-                )
+                _put_run(database, config)
 
             return cls(database)
 
@@ -124,9 +122,7 @@ class RunStore:
                 versions=json.dumps(versions()),
             )
             # A session that is killed leaves no result of an earlier one behind.
-            database.execute(
-                "UPDATE run SET config = ?, result = NULL", json.dumps(run.config)
-            )
+            _put_run(database, run.config)
 
     def _warn_of_versions(self) -> None:
         last = "SELECT versions FROM sessions ORDER BY number DESC LIMIT 1"
@@ -209,9 +205,8 @@ class RunStore:
     @hookimpl
     def finalist_tried(self, evaluation: Evaluation) -> None:
         row = columns.evaluation_row(evaluation, self.past.numbers)
-        statement = "UPDATE evaluations SET details = ? WHERE candidate = ?"
         with self._recording() as database:
-            database.execute(statement, row["details"], row["candidate"])
+            database.insert("evaluations", verb="REPLACE", **row)
 
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
@@ -227,7 +222,7 @@ class RunStore:
             text = json.dumps(outcome, indent=2) + "\n"
             write_text(self.folder / "result.json", text)
         with self._recording() as database:
-            database.execute("UPDATE run SET result = ?", json.dumps(outcome))
+            _put_run(database, run.config, json.dumps(outcome))
 
     @contextmanager
     def _recording(self) -> Iterator[Database]:
@@ -256,3 +251,19 @@ def _opened(folder: Path) -> Iterator[Database]:
     except BaseException:
         database.close()
         raise
+
+
+def _put_run(
+    database: Database, config: dict[str, Any], result: str | None = None
+) -> None:
+    """Write the row of the run itself in place of the one that is there; within a transaction.
+
+    Raises:
+        UserError: it holds what no reader takes.
+    """
+    try:
+        text = json.dumps(config, allow_nan=False)
+    except ValueError as error:
+        raise UserError(f"a number of the configuration is none: {error}") from error
+    database.execute("DELETE FROM run")
+    database.insert("run", schema_version=SCHEMA_VERSION, config=text, result=result)

@@ -30,12 +30,13 @@ from core.values.efforts import Effort
 from core.values.margins import Margin
 
 MAX_BYTES = 100_000_000  # of a text
+LONGEST = 2_000_000  # characters of a column
+LONGEST_REPLY = 2**25
 
 T = TypeVar("T")
 Row = Mapping[str, Any] | sqlite3.Row
 
 Count = Annotated[int, Field(strict=True, ge=0, le=2**53)]
-Seed = Annotated[int, Field(strict=True, ge=0, lt=2**128)]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Amount = Annotated[Number, Field(ge=0, le=1e9)]
 Reward = Annotated[Number, Field(ge=0, le=1)]
@@ -147,7 +148,7 @@ class RunFigures:
     fitness: str
     material: str
     budget: str
-    seed: Seed
+    seed: Count
     best: Best | None
     unseen: Unseen | None
     effort: Effort | None
@@ -358,6 +359,23 @@ TABLES: dict[str, Callable[[Any], object]] = {
 }
 """How a row of each table is read."""
 
+
+def check_row(table: str, row: Row) -> None:
+    """Check that readers take a row of a table.
+
+    Raises:
+        ValueError: they don't; one line.
+    """
+    columns = dict(row)
+    for name, value in columns.items():
+        most = LONGEST_REPLY if name == "text" else LONGEST
+        if isinstance(value, str | bytes) and len(value) > most:
+            raise ValueError(
+                f"{name}: has {len(value):,} characters, of at most {most:,}"
+            )
+    TABLES[table](columns)
+
+
 _ORPHANS = (
     "SELECT candidate FROM evaluations LEFT JOIN strategies USING (generation, agent, strategy)"
     " WHERE status = 'ok' AND design IS NULL"
@@ -378,10 +396,10 @@ def damage(database: sqlite3.Connection) -> str | None:
     (found,) = database.execute("PRAGMA integrity_check(1)").fetchone()
     if found != "ok":
         return str(found)
-    for table, read in TABLES.items():
+    for table in TABLES:
         for row in database.execute(f"SELECT rowid AS row_number, * FROM {table}"):  # noqa: S608
             try:
-                read(dict(row))
+                check_row(table, row)
             except ValueError as error:
                 return f"row {row['row_number']} of {table}: {error}"
 

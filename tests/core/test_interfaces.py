@@ -64,6 +64,6 @@ def test_a_tie_is_a_finite_number(tie):
     assert budget.population == 24
     assert Random(None, budget).tie == EvolutionStrategy.tie
     with pytest.raises(
-        UsageError, match=f"evolution.tie must be 0 or greater, got {tie}"
+        UsageError, match=f"evolution.tie must be from 0 to 1, got {tie}"
     ):
         Random(None, budget, tie)

@@ -15,7 +15,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import Field, TypeAdapter
 
 from core.errors import UserError, choices
-from core.store.rows import Amount, Count, Id, Reward, Seed, parsed, validated
+from core.store.rows import Amount, Count, Id, Reward, parsed, validated
 from core.support.files import read_untrusted
 from core.values.efforts import Effort, holds
 from plugins.results.pages.runs import short
@@ -48,7 +48,7 @@ class RunResult:
         effort: what its motion costs; None: it was not measured.
     """
 
-    seed: Seed
+    seed: Count
     rewards: dict[str, Rewards]
     candidates: Count
     rollouts: Count

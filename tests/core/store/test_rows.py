@@ -62,6 +62,11 @@ def test_a_store_of_another_form_is_refused_in_one_line_and_left_as_it_is(
     ("statement", "value", "said"),
     [
         (
+            "UPDATE evaluations SET reason = ?",
+            "x" * 2_000_001,
+            "reason: has 2,000,001 characters, of at most 2,000,000",
+        ),
+        (
             "UPDATE evaluations SET reward = ?",
             1e308,
             "reward: Input should be less than or equal to 1",

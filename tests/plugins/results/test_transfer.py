@@ -335,7 +335,10 @@ def test_a_run_with_a_given_tool_can_be_read_back(tmp_path):
             [f"designs={SOLUTION}", "perturbation.weight=1"],
             "no key 'weight' in perturbation",
         ),
-        ([f"designs={SOLUTION}", "seed=-1"], "seed must be 0 or greater"),
+        (
+            [f"designs={SOLUTION}", "seed=-1"],
+            "seed must be from 0 to 9007199254740992, got -1",
+        ),
     ],
 )
 def test_mistakes(words, said):

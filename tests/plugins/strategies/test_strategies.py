@@ -119,7 +119,7 @@ def test_the_shorter_of_two_that_are_nearly_the_best_is_the_first_elite(tie, fir
 def test_a_tie_is_not_negative(name):
     assert strategy(name, tie=0.25)[0].tie == 0.25
     with pytest.raises(
-        UserError, match=r"evolution\.tie must be 0 or greater, got -0\.1"
+        UserError, match=r"evolution\.tie must be from 0 to 1, got -0\.1"
     ):
         strategy(name, tie=-0.1)
 
