@@ -12,10 +12,10 @@ import queue
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from core.design import Candidate
-from core.errors import UserError, fault
+from core.errors import RAISED, UserError, fault
 from core.interfaces import CHUNK, Executor, Fitness
 from core.plugins import describe_part
 from core.plugins.blame import PluginError
@@ -107,7 +107,7 @@ class Trials:
         """Yield the evaluation of each candidate by a fitness, when its last trial has ended."""
         conditions = tuple(fitness.conditions())
         for candidate, trials in self.try_in(conditions, candidates):
-            score = fitness.score(candidate, trials) if trials else Score(0.0)
+            score = make_score(fitness, candidate, trials) if trials else Score(0.0)
             yield Evaluation(candidate, trials, score)
 
     def try_in(
@@ -209,6 +209,9 @@ class Trials:
         """Keep the trials of a chunk, and yield the candidates that have all of theirs now."""
         for candidate, trial in zip(chunk, result, strict=True):
             key = key_of(candidate, chunk.condition)
+            if key not in self._waiting:
+                name = describe_part(self.executor)
+                raise UserError(f"{name}: map gave the result of a chunk twice")
             self.tell(key, trial)
             with self._lock:
                 self.known[key] = trial
@@ -225,6 +228,31 @@ class Trials:
 
     def _trials_of(self, waiting: _Waiting) -> tuple[Trial, ...]:
         return tuple(self.known[key] for key in waiting.keys)
+
+
+def make_score(
+    fitness: Fitness, candidate: Candidate, trials: Sequence[Trial]
+) -> Score:
+    """Let a fitness judge a candidate's trials. A reward that is not in [0, 1] becomes 0, with the reason.
+
+    Raises:
+        UserError: the fitness raises something, or gives no score of these trials; names it.
+    """
+    name = describe_part(fitness)
+    try:
+        score = fitness.score(candidate, trials)
+        is_possible = 0 <= score.reward <= 1
+        trials[score.shown]
+    except UserError:
+        raise
+    except RAISED as error:  # of a plugin, or since it gave something else
+        what = " ".join(f"{type(error).__name__}: {error}".split())
+        raise UserError(f"{name}: score: {what}") from error
+
+    if is_possible:
+        return score
+    reason = f"{name}: the reward {score.reward} is not in [0, 1]"
+    return replace(score, reward=0.0, reason=reason)
 
 
 def key_of(candidate: Candidate, condition: Condition) -> TrialKey:

@@ -334,3 +334,56 @@ def test_a_tool_that_starts_inside_something_in_one_layout_is_tried_in_the_other
     assert clear.reward > 0
     assert evaluation.reward == pytest.approx((clear.reward + also_clear.reward) / 3)
     assert evaluation.rollouts == 2
+
+
+# --- what a plugin gets wrong -----------------------------------------------------------------------------------
+
+
+class Judge(Layouts):
+    """Gives what it was made with, or raises it."""
+
+    def __init__(self, given):
+        super().__init__(*conditions(3))
+        self.given = given
+
+    def score(self, candidate, trials):
+        if isinstance(self.given, Exception):
+            raise self.given
+        return self.given
+
+
+@pytest.mark.parametrize("reward", [2.0, -0.1, float("nan"), float("inf"), 10**400])
+def test_a_reward_of_a_fitness_that_is_none_becomes_0_with_the_reason(reward):
+    (evaluation,) = Diary().trials().evaluate(candidates(1), Judge(Score(reward)))
+    assert evaluation.reward == 0
+    assert evaluation.reason.endswith(f".Judge: the reward {reward} is not in [0, 1]")
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (None, "AttributeError: 'NoneType' object has no attribute 'reward'"),
+        (0.5, "AttributeError: 'float' object has no attribute 'reward'"),
+        (Score([0.5]), "TypeError: "),
+        (Score(None), "TypeError: "),
+        (Score(0.5, shown=1), "IndexError: "),
+        (ZeroDivisionError("by\nzero"), "ZeroDivisionError: by zero"),
+    ],
+)
+def test_a_fitness_that_gives_no_score_ends_a_run_with_its_name(given, said):
+    with pytest.raises(UserError, match=rf"^[\w.]+\.Judge: score: {said}"):
+        list(Diary().trials().evaluate(candidates(1), Judge(given)))
+
+
+def test_an_executor_that_gives_a_result_twice_ends_a_run_with_its_name():
+    class Twice(Inline):
+        def map(self, function, chunks):
+            for result in super().map(function, chunks):
+                yield from (result, result)
+
+    diary = Diary()
+    with pytest.raises(UserError, match=r"Twice: map gave the result of a chunk twice"):
+        list(diary.trials(Twice()).evaluate(candidates(1), Layouts(*conditions(3))))
+    assert [entry for entry in diary.entries if entry[0] == "tell"] == [
+        ("tell", 3, "g0-a0-s0-p0")
+    ]
