@@ -83,7 +83,9 @@ class Plugins:
         for entry, distribution in sorted(found, key=lambda pair: pair[1] != PROJECT):
             try:
                 plugin = entry.load()
-            except RAISED as error:  # a third-party import may raise anything
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:  # a third-party import may raise anything
                 reason = f"import failed: {type(error).__name__}: {error}"
                 self.failures.append(Failure(entry.name, distribution, reason))
             else:

@@ -81,7 +81,7 @@ def test_no_other_package_replaces_a_built_in_part(monkeypatch):
     assert any("is taken by" in failure.reason for failure in found.failures)
 
 
-@pytest.mark.parametrize("error", ["RuntimeError", "SystemExit"])
+@pytest.mark.parametrize("error", ["RuntimeError", "SystemExit", "BaseException"])
 def test_an_import_that_raises_whatever_it_likes(monkeypatch, tmp_path, error):
     monkeypatch.delitem(sys.modules, "moody", raising=False)
     (tmp_path / "moody.py").write_text(f"raise {error}('not today')")
