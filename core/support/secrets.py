@@ -17,9 +17,11 @@ _LONG = 16  # a word of a value, such as a token after "Bearer", is a secret by 
 
 _NAME = re.compile(
     r"API_?KEYS?(_|$)|(^|_)(KEY|JWT|PAT|PASS|HEADERS)(_|$)|(TOKEN|SECRET|PASSWORD|PASSWD|PASSPHRASE)(_|$)"
-    r"|CREDENTIALS?(_|$)|BEARER(_|$)|AUTHORIZATION(_|$)|WEBHOOK|COOKIE|(^|_)AUTH$"
+    r"|CREDENTIALS?(_|$)|BEARER(_|$)|AUTHORIZATION(_|$)|WEBHOOK|COOKIE|(^|_)AUTH$|(^|_)SIG(NATURE)?$"
 )
-_IN_ADDRESS = re.compile(r"://[^/\s:@]*:([^/\s@]+)@")
+# Before the host: a password, or a token alone.
+_BEFORE_HOST = re.compile(r"://(?:[^/\s:@]*:)?([^/\s@]+)@")
+_IN_QUERY = re.compile(r"[?&]([\w.-]+)=([^&\s#]+)")
 
 # What requests carried lately, such as a session's token.
 _sent: deque[str] = deque(maxlen=50)
@@ -46,8 +48,8 @@ def scrub(text: str) -> str:
 
 
 def holds_secret(text: str) -> bool:
-    """Say if a text holds a key of the environment, or a password within an address."""
-    return scrub(text) != text or _IN_ADDRESS.search(text) is not None
+    """Say if a text holds a key of the environment, or a key within an address."""
+    return scrub(text) != text or any(_in_addresses(text))
 
 
 class Scrubbed:
@@ -77,9 +79,19 @@ def _secrets() -> Iterator[str]:
 
 
 def _environment() -> Iterator[str]:
-    """Yield the environment's keys, and the passwords in its addresses."""
+    """Yield the environment's keys, and those in its addresses."""
     for name, value in os.environ.items():
         if is_secret_name(name) and not os.path.exists(value):  # noqa: PTH110 - or a file that holds the key
             yield value
-        elif "@" in value:
-            yield from _IN_ADDRESS.findall(value)
+        else:
+            yield from _in_addresses(value)
+
+
+def _in_addresses(text: str) -> Iterator[str]:
+    """Yield passwords, tokens and signatures in the addresses of a text."""
+    if "://" not in text:
+        return
+    yield from _BEFORE_HOST.findall(text)
+    for name, value in _IN_QUERY.findall(text):
+        if is_secret_name(name):
+            yield value

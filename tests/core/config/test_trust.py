@@ -33,6 +33,9 @@ WORDS = [
     f"vlm.model={KEY}",
     "vlm.api_base=http://me:anything@host/v1",
     "vlm.api_base=http://host/v1?key=anything",
+    "vlm.api_base=https://anything@host/v1",
+    "vlm.api_base='https://host/v1?sv=2024&sig=anything'",
+    "vlm.api_base='https://host/v1?X-Amz-Signature=anything'",
     "vlm.api_base=http://host/${oc.env:OPENAI_API_KEY}",
     "+vlm.x=${oc.decode:${oc.env:OPENAI_API_KEY,none}}",
 ]

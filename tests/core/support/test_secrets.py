@@ -117,6 +117,15 @@ def test_what_was_sent_is_a_secret():
     assert holds_secret("x ya29.a0-0123456789")
     assert holds_secret("http://me:word@host/")
     assert not holds_secret("http://host:80/")
+    assert holds_secret("https://token@host/")
+    assert holds_secret("https://host/v1?sv=2024&sig=abc")
+    assert not holds_secret("https://host/v1?sv=2024&design=abc#me@home")
+
+
+def test_tokens_and_signatures_in_addresses_of_the_environment(monkeypatch):
+    address = "https://planted-token@host/v1?sv=2024-11-04&sig=planted%2Bsignature"
+    monkeypatch.setenv("OPENAI_BASE_URL", address)
+    assert scrub(address) == "https://***@host/v1?sv=2024-11-04&sig=***"
 
 
 @pytest.mark.usefixtures("planted")
