@@ -100,7 +100,8 @@ def _hydra(given: list[str]) -> None:
     except BrokenPipeError:
         raise
     except OSError as error:  # Hydra makes the run's folder
-        where = error.filename or "the run's folder"  # no name: its disk is full
+        # Without a name it is a full disk, or who reads what is printed.
+        where = error.filename or "the run's folder, or the output"
         raise UserError(f"can't write {where}: {error.strerror}") from error
 
     if _failures:

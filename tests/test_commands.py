@@ -3,6 +3,8 @@
 import csv
 import json
 import sqlite3
+import subprocess
+import sys
 from itertools import pairwise
 from pathlib import Path
 
@@ -378,6 +380,22 @@ def test_the_same_seed_gives_the_same_result_whatever_the_number_of_workers(
     assert (folder / "best" / "design.json").read_bytes() == (
         tiny[0] / "best" / "design.json"
     ).read_bytes()
+
+
+@pytest.mark.thorough
+def test_an_output_that_is_full_is_no_fault_of_the_folder(tmp_path):
+    folder = tmp_path / "run"
+    words = [*TINY, f"hydra.run.dir={folder}", "executor.workers=1"]
+    command = [sys.executable, "-u", "-m", "core.run", *words]  # unbuffered
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            command, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True
+        )
+    assert done.returncode == 1
+    said = done.stderr.splitlines()[-1]
+    wrong = "can't write the run's folder, or the output: No space left on device"
+    assert said == f"error: {wrong}"
+    assert (folder / "result.json").exists()
 
 
 def test_a_folder_with_a_run_is_not_written_over(tiny):
