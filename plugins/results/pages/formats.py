@@ -5,11 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import os
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from core.support.text import clean, number
+
+_FORMULA = re.compile(r"((?:^|;)\s*)(?=[=+@-]|[＝＋＠－])")
 
 
 @dataclass(frozen=True)
@@ -99,7 +102,7 @@ def to_csv(table: Table, folder: Path) -> str:
     """CSV in full precision; links are paths from ``folder``, where the table will lie."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([column.name for column in table.columns])
+    writer.writerow([_no_formula(column.name) for column in table.columns])
     for row in table.rows:
         writer.writerow([_plain(cell, folder) for cell in row])
 
@@ -124,6 +127,8 @@ def relative(target: Path, folder: Path) -> str:
 
 
 def _no_formula(text: str) -> str:
-    """``text`` without control characters, and quoted where a spreadsheet would take it for a formula."""
-    text = clean(text, 10_000)
-    return f"'{text}" if text[:1] in ("=", "+", "-", "@") else text
+    """``text`` without control characters, and quoted where a spreadsheet would take it for a formula.
+
+    In some languages a semicolon begins a new cell, and wide signs count as plain ones.
+    """
+    return _FORMULA.sub(r"\1'", clean(text, 10_000))

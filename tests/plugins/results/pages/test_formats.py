@@ -24,3 +24,18 @@ def test_cells_in_a_file_of_commas(tmp_path):
     assert printed(None, columns[1]) == "–"
     with pytest.raises(ValueError, match="1 cells under 3 columns"):
         Table("t", columns, (("x",),))
+
+
+@pytest.mark.parametrize(
+    ("text", "written"),
+    [
+        ("＝1+1", "'＝1+1"),
+        ("＠SUM(1)", "'＠SUM(1)"),
+        (" =1", "'=1"),
+        ("a;=1; -2;b", "a;'=1; '-2;b"),
+        ("a - b = c; d", "a - b = c; d"),
+    ],
+)
+def test_no_cell_begins_a_formula_in_any_language(text, written, tmp_path):
+    table = Table("t", (Column(text),), ((text,),))
+    assert list(csv.reader(io.StringIO(to_csv(table, tmp_path)))) == [[written]] * 2
