@@ -99,6 +99,7 @@ class _Transport(httpx.BaseTransport):
         Raises:
             BadAnswer: the answer is a redirect or too large; or the request would go where the user did not send it.
         """
+        _sender.answered = False
         _check_server(request.url)
         _keep_openai(request)
 
