@@ -1,5 +1,5 @@
-"""``python -m tests.kills FOLDER N [WORD ...]``: one run with toys, several models and a critic, and N more that are
-killed at different moments and resumed. Words are settings of all of them.
+"""``python -m tests.kills FOLDER N SETTING``: one run with toys, several models and a critic, and N more that are
+killed at different moments and resumed. A setting is one of `SETTINGS`.
 
 It is a separate process because it forks, which saves starting Python for each run. A moment is the beginning of an
 operation on the disk: an SQL statement, a file that is written, renamed or made, a line in the notes. FOLDER gets
@@ -15,19 +15,48 @@ import os
 import shutil
 import signal
 import sqlite3
+import subprocess
 import sys
-import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 
 import core.search.designer
 import plugins.vlms.ensemble.model
 from core.plugins import installed
 from core.search.orchestration import resume, run
-from tests.toys import Notes, offer, several
+from plugins.executors.ray import RayExecutor
+from tests.toys import Notes, composed, note_chunks, offer, several
+
+LAYOUTS = (
+    "task.variation=near",
+    "fitness=layouts",
+    "fitness.layouts=3",
+    "fitness.unseen=0",
+    "budget.n_final=0",
+)
+PLAYED = (
+    "sim=mujoco",
+    "budget.n_action=2",
+    "prompt.picture=false",
+    "prompt.critic=0",
+)
+"""Rollouts of an engine, which take their time. It draws nothing, since its threads don't survive a fork."""
+
+SETTINGS: dict[str, Sequence[str]] = {
+    "ensemble": (),
+    "archive": ("evolution=map_elites", *LAYOUTS),
+    "islands": ("evolution=islands", *LAYOUTS),
+    "refined": ("evolution.refine=12",),
+    "several": ("task=several", "task.of=[BringCube,ElevatePlate]"),
+    "lean": (*LAYOUTS, "fitness=lean"),
+    "guards": ("action=anchored", *PLAYED, *LAYOUTS),
+    "soft": ("task=PullRope", *PLAYED),
+    "ray": ("executor=ray", "executor.workers=1", *PLAYED, *LAYOUTS),
+}
+"""The words of each run that is killed."""
 
 
 class Moments:
@@ -74,23 +103,27 @@ def session(
     folder: Path, words: Sequence[str], *, resumed: bool, last: int | None
 ) -> int:
     """Run or resume in a forked process; return the number of moments, or 0 if it was killed."""
-    Notes(str(folder / "notes")).add("session")
+    notes = Notes(str(folder / "notes"))
+    notes.add("session")
     count = folder / "moments"
     child = os.fork()
     if child == 0:
         code = 1
         try:
+            note_chunks(RayExecutor, notes)
             moments = Moments(folder, last)
             with (
                 Path(os.devnull).open("w") as nowhere,
                 contextlib.redirect_stdout(nowhere),
             ):
                 if resumed:
-                    resume(folder / "run")
+                    address = "executor.address="  # which a resumed run asks for again
+                    again = [word for word in words if word.startswith(address)]
+                    resume(folder / "run", again)
                 else:
                     core.search.designer.run_in_thread = run_at_once
                     plugins.vlms.ensemble.model.run_in_thread = run_at_once
-                    run(several(folder / "notes", *words), folder / "run")
+                    run(configure(folder / "notes", words), folder / "run")
             count.write_text(str(moments.number))
             code = 0
         except BaseException:  # the child must end here in any case
@@ -104,13 +137,32 @@ def session(
     return int(count.read_text())
 
 
-def main(folder: Path, points: int, words: Sequence[str]) -> None:
+def configure(notes: Path, words: Sequence[str]) -> DictConfig:
+    """Return the configuration of a run with toys, but for an engine or an executor that is named."""
+    config = several(notes, *words)
+    for kind in ("sim", "executor"):
+        if any(word.startswith(f"{kind}=") for word in words):
+            chosen = composed(tuple(words))[kind]
+            OmegaConf.update(config, kind, chosen, merge=False)
+
+    return config
+
+
+def main(folder: Path, points: int, setting: str) -> None:
     offer(installed())
-    # What trials took, and others saved, is stored, and differs from run to run.
-    time.process_time = lambda: 0.0
-    warm = folder / "warm"
-    # What it leaves in caches, each child inherits.
-    run(several(warm / "notes", *words), warm / "run")
+    words = SETTINGS[setting]
+    with contextlib.ExitStack() as ended:
+        if setting == "ray":
+            words = (*words, f"executor.address={ended.enter_context(cluster())}")
+        warm = folder / "warm"
+        # What it leaves in caches, each child inherits.
+        if setting != "ray":  # whose connection can't be inherited
+            run(configure(warm / "notes", words), warm / "run")
+        kill(folder, points, words)
+
+
+def kill(folder: Path, points: int, words: Sequence[str]) -> None:
+    """Make one run whole, and kill and resume more."""
     (folder / "whole").mkdir()
     moments = session(folder / "whole", words, resumed=False, last=None)
     for point in range(points):
@@ -125,11 +177,32 @@ def main(folder: Path, points: int, words: Sequence[str]) -> None:
         assert session(at, words, resumed=True, last=None) > 0
 
 
+CLUSTER = """
+import sys
+from ray.cluster_utils import Cluster
+nodes = Cluster(True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+print("at", nodes.address, flush=True)
+sys.stdin.read()
+nodes.shutdown()
+"""
+
+
+@contextlib.contextmanager
+def cluster() -> Iterator[str]:
+    """Start a cluster of one node, which all runs use; give its address. Its threads would not survive a fork here."""
+    command = [sys.executable, "-c", CLUSTER]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen(command, text=True, **pipes) as nodes:
+        lines = iter(nodes.stdout)
+        yield next(line for line in lines if line.startswith("at ")).split()[1]
+
+
 def note_config(at: Path, words: Sequence[str]) -> None:
     """Write the configuration as Hydra does before a run begins."""
     (at / "run" / ".hydra").mkdir(parents=True)
-    OmegaConf.save(several(at / "notes", *words), at / "run" / ".hydra" / "config.yaml")
+    config = configure(at / "notes", words)
+    OmegaConf.save(config, at / "run" / ".hydra" / "config.yaml")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3:])
+    main(Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3])

@@ -20,10 +20,11 @@ from core.design import Component, Tool
 from core.errors import LimitReached
 from core.geometry import Box, Pose
 from core.hooks import hookimpl
-from core.interfaces import VLM, Outcome, Reply, Simulator
+from core.interfaces import VLM, Executor, Outcome, Reply, Simulator
 from core.plugins import Offer, Plugins
 from core.scene import State
 from core.search.trials import key_of
+from plugins.actions.anchored import AnchoredActions
 from tests.executors import Inline
 
 
@@ -129,6 +130,8 @@ def answer(brief) -> str:
         ]
         if number == 1 and plans:
             plans[0] = [[9.0, 0.0, 0.0, 0.0, 0.0, 0.0]]  # breaks a rule
+        if isinstance(brief.actions, AnchoredActions):
+            plans = [feel_down(*plan[0][:3]) for plan in plans]
         strategies.append(
             {
                 "strategy_name": f"rod {number}",
@@ -141,6 +144,12 @@ def answer(brief) -> str:
             }
         )
     return json.dumps({"strategies": strategies})
+
+
+def feel_down(x: float, y: float, z: float) -> list[dict[str, Any]]:
+    """Return a plan of two waypoints: the second lies below the first, and ends at a touch."""
+    below = {"offset": [x, y, z - 0.4], "until": "touch"}
+    return [{"offset": [x, y, z]}, below]
 
 
 class ToyEngine(Simulator):
@@ -175,6 +184,23 @@ def vars_of(state: State) -> tuple[Any, ...]:
     return state.quaternions, state.linear_velocities, state.angular_velocities
 
 
+def noted(notes: Notes, chunks):
+    """Note what is handed to an executor."""
+    for chunk in chunks:
+        for candidate in chunk:
+            content, where = key_of(candidate, chunk.condition)
+            notes.add(f"tried {content} {where}")
+        yield chunk
+
+
+def note_chunks(executor: type[Executor], notes: Notes) -> None:
+    """Note what is handed to all executors of a class from now on."""
+    plain = executor.map
+    executor.map = lambda self, function, chunks: plain(
+        self, function, noted(notes, chunks)
+    )
+
+
 class Here(Inline):
     """Note what is tried. An interrupt comes with chunk number ``fails_at``, counted from 1."""
 
@@ -184,15 +210,12 @@ class Here(Inline):
         self.fails_at = fails_at
 
     def map(self, function, chunks):
-        return super().map(function, self.noted(chunks))
+        return super().map(function, noted(self.notes, self.until_it_fails(chunks)))
 
-    def noted(self, chunks):
+    def until_it_fails(self, chunks):
         for chunk in chunks:
             if len(self.chunks) + 1 == self.fails_at:
                 raise KeyboardInterrupt
-            for candidate in chunk:
-                content, where = key_of(candidate, chunk.condition)
-                self.notes.add(f"tried {content} {where}")
             yield chunk
 
 
