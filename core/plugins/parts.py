@@ -14,6 +14,7 @@ from core.geometry import Pose
 from core.interfaces import Robot
 from core.plugins.kinds import KINDS
 from core.plugins.registry import installed
+from core.support.progress import busy
 from core.values.materials import PAPER, Material
 
 T_co = TypeVar("T_co", covariant=True, default=Any)
@@ -48,9 +49,10 @@ class PluginPart(Generic[T_co]):
         robot = self.robot and self.robot.shared()
         settings = dict(self.settings)
         environment = {"robot": robot, "material": self.material, **given}
-        part: Any = installed().create(
-            KINDS[self.kind], self.name, settings, **environment
-        )
+        with busy(f"making {self.kind} {self.name}"):
+            part: Any = installed().create(
+                KINDS[self.kind], self.name, settings, **environment
+            )
         if self.base and self.pose != Pose():
             part = replace(part, base=self.pose)
         return part  # type: ignore[no-any-return]

@@ -15,6 +15,7 @@ from core.interfaces import EvolutionStrategy, Robot, Task
 from core.plugins import installed
 from core.robot.trajectory import Motion, plan_task_motion
 from core.simulation.pictures import filmed, report_missing, save_film
+from core.support.progress import busy
 
 Export = Callable[[Candidate, Robot, Motion, Path], None]
 """Writes files of a candidate to a folder that is there: of its tool, the arm, and the planned motion."""
@@ -76,6 +77,7 @@ def _save_motion(
     file = folder / "rollout.gif"
 
     try:
-        save_film(filmed(task, simulator, candidate, run.seed, settings), file)
+        with busy("drawing the film of the best design"):
+            save_film(filmed(task, simulator, candidate, run.seed, settings), file)
     except RAISED as error:  # a film that fails costs the film, never the run
         report_missing("film", error)

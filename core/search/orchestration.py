@@ -23,6 +23,7 @@ from core.search.trials import Trials
 from core.store.database import writing
 from core.store.recorder import RunStore
 from core.support.cli import say
+from core.support.progress import busy
 
 
 def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
@@ -86,7 +87,8 @@ def run_search(search: Search, store: RunStore, *, film: bool) -> Result:
             store.past.expect,
         )
         if result.best is not None and result.stopped != INTERRUPTED:
-            result = _try_finalists(result, search, trials)
+            with busy("trying the best in more layouts"):
+                result = _try_finalists(result, search, trials)
 
     result = replace(result, wall_time_s=store.seconds + result.wall_time_s)
     with writing(run.folder):

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NoReturn, TextIO
 
 from core.errors import UsageError, UserError
+from core.support.progress import show_progress
 from core.support.scratch import remove_scratch
 from core.support.secrets import Scrubbed
 from core.support.text import clean, visible
@@ -32,6 +33,7 @@ def command(function: Callable[[list[str]], int | None]) -> NoReturn:
 
     sys.stdout = Scrubbed(sys.stdout)
     sys.stderr = Scrubbed(sys.stderr)
+    show_progress(lambda line: say(line, file=sys.stderr))
     interrupt = _Interrupt()
     for number in (signal.SIGINT, signal.SIGTERM):
         # Ignored where a shell runs it in the background.

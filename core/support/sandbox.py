@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from core.errors import UserError
+from core.support.progress import busy
 from core.support.scratch import scratch
 
 LIMIT_S = 600
@@ -32,7 +33,10 @@ def isolated(
     Raises:
         UserError: the function raises one, takes too long, or ends otherwise; it begins with ``what``.
     """
-    with tempfile.TemporaryDirectory(dir=scratch()) as folder:
+    with (
+        busy(f"reading {what}"),
+        tempfile.TemporaryDirectory(dir=scratch()) as folder,
+    ):
         out = Path(folder) / "made"
         called = [__name__, function.__module__, function.__name__, *words, str(out)]
         try:

@@ -1,17 +1,17 @@
-"""The ``progress`` listener: prints a progress bar and a line per generation."""
+"""The ``progress`` listener: shows how far a generation is, and prints a line for each."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
 from core.hooks import hookimpl
+from core.support.progress import Step, busy
 from core.support.text import visible
 from core.trial import Evaluation
 
 if TYPE_CHECKING:
-    import rich.progress
-
     from core.events import Generation, Result, Run
 
 
@@ -27,8 +27,12 @@ class ProgressListener:
         from rich.console import Console
 
         self._console = Console(stderr=True)
-        self._progress: rich.progress.Progress | None = None
+        self._open = ExitStack()
+        self._step: Step | None = None
         self._population = 0
+        self._name = ""
+        self._count = 0
+        self._best = 0.0
 
     @hookimpl
     def run_started(self, run: Run) -> None:
@@ -47,28 +51,18 @@ class ProgressListener:
 
     @hookimpl
     def generation_started(self, index: int) -> None:
-        from rich import progress
-
-        self._progress = progress.Progress(
-            progress.TextColumn(f"generation {index}"),
-            progress.BarColumn(),
-            progress.MofNCompleteColumn(),
-            progress.TextColumn("best {task.fields[best]:.3f}"),
-            progress.TimeElapsedColumn(),
-            console=self._console,
-            transient=True,
-            disable=not self._console.is_terminal,
-        )
-        self._progress.add_task("", total=self._population, best=0.0)
-        self._progress.start()
+        self._count = 0
+        self._best = 0.0
+        self._step = self._open.enter_context(busy(f"generation {index}"))
+        self._name = self._step.what
 
     @hookimpl
     def candidate_evaluated(self, evaluation: Evaluation) -> None:
-        if self._progress is None:
-            return
-        task = self._progress.tasks[0]
-        best = max(task.fields["best"], evaluation.reward)
-        self._progress.update(task.id, advance=1, best=best)
+        if self._step is not None:
+            self._count += 1
+            self._best = max(self._best, evaluation.reward)
+            counts = f"{self._count}/{self._population}"
+            self._step.what = f"{self._name}  {counts}  best {self._best:.3f}"
 
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
@@ -104,6 +98,5 @@ class ProgressListener:
         )
 
     def _stop(self) -> None:
-        if self._progress is not None:
-            self._progress.stop()
-            self._progress = None
+        self._open.close()
+        self._step = None

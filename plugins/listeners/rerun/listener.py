@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from core.errors import check_positive
 from core.hooks import hookimpl
 from core.support.cli import say
+from core.support.progress import busy
 from core.trial import best_tools
 
 if TYPE_CHECKING:
@@ -69,7 +70,8 @@ class RerunListener:
 
     def _attempt(self, function: Callable[..., None], *arguments: object) -> None:
         try:
-            function(*arguments)
+            with busy("writing the recording"):
+                function(*arguments)
         except Exception as error:  # from Rerun or the disk
             self.run_ended()
             self._writers = []

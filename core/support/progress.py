@@ -1,0 +1,64 @@
+"""Say on standard error what takes long: the one progress display of all commands.
+
+A command turns it on with `show_progress`; else nothing is said. What is being done is said once nothing was said for a
+while, and again ever more rarely.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+FIRST_S = 3.0  # so long nothing is said
+PAUSE_S = 1.0  # steps that follow each other sooner are one piece of work
+LOOK_S = 0.2
+
+
+@dataclass(eq=False)
+class Step:
+    """Something that takes a while: ``what`` is being done, such as ``reading cup.obj``; it may change meanwhile."""
+
+    what: str
+    at_once: bool = False
+
+
+_steps = list[Step]()
+
+
+@contextmanager
+def busy(what: str, *, at_once: bool = False) -> Iterator[Step]:
+    """Say what is being done, if it lasts; or ``at_once``."""
+    step = Step(what, at_once)
+    _steps.append(step)
+    try:
+        yield step
+    finally:
+        _steps.remove(step)
+
+
+def show_progress(say: Callable[[str], None]) -> None:
+    """Say from now on what takes long; ``say`` prints a line on standard error."""
+    threading.Thread(target=_watch, args=(say,), daemon=True).start()
+
+
+def _watch(say: Callable[[str], None]) -> None:
+    """Look now and then at what is being done last, and say it when it is due."""
+    wait_s = FIRST_S
+    worked = 0.0
+    due = 0.0
+    while True:
+        time.sleep(LOOK_S)
+        now = time.monotonic()
+        for step in _steps[-1:]:
+            if now > worked + PAUSE_S:
+                wait_s = FIRST_S
+                due = now + wait_s
+            worked = now
+            if step.at_once or now >= due:
+                say(f"{step.what} ...")
+                step.at_once = False
+                wait_s *= 2
+                due = now + wait_s
