@@ -13,7 +13,7 @@ from core.scene import Body, Color, Geom
 from plugins.tasks.file.imports.bodies import Imported
 from plugins.tasks.file.imports.solids import MeshSolid, load_solid
 
-_MORE = 0.05
+_MORE = 0.02
 _GREY: Color = (0.7, 0.7, 0.7, 1.0)
 # Turns y up to z up.
 _UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])

@@ -1,28 +1,29 @@
-"""Find mesh files within their folder, and keep what they are cut into, by their content."""
+"""Find mesh files within their folder, and keep what was read of them and cut, by their content."""
 
 from __future__ import annotations
 
+import io
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
-from scipy.spatial import ConvexHull
+import trimesh
 
 from core.errors import UserError
 from core.geometry import Array, Mesh, frozen_array
 from core.robot.meshes import keep_file
 from core.scene import Color
 from core.support.files import read_untrusted
+from core.support.progress import busy
 from core.support.sandbox import isolated
-from plugins.tasks.file.imports.convex import cut_bytes
+from plugins.tasks.file.imports.convex import cut_bytes, read_bytes
 
 KINDS = (".glb", ".obj", ".stl")
 MAX_MB = 64
-MAX_PARTS = 32
+MAX_PARTS = 64
 _LARGEST_M = 5.0
 _NO_TURN = frozen_array(np.eye(3))
 
@@ -75,7 +76,7 @@ def load_solid(
     drawn_only: bool = False,
     turn: Array = _NO_TURN,
 ) -> MeshSolid:
-    """Read a mesh file, and cut it into convex parts unless it was cut before.
+    """Read a mesh file: convex pieces as they are, the rest cut into convex parts unless it was cut before.
 
     Args:
         file: OBJ, STL or GLB.
@@ -94,10 +95,7 @@ def load_solid(
         )
 
     data = read_inside(file, folder, "mesh")
-    max_parts = MAX_PARTS
-    if drawn_only:
-        max_parts = 0
-    found = _cut(data, suffix[1:], max_parts, str(file))
+    found = _read(data, suffix[1:], drawn_only, str(file))
     change = np.diag(np.asarray(scale, dtype=np.float64)) @ turn
     determinant = float(np.linalg.det(change))
 
@@ -114,9 +112,11 @@ def load_solid(
         else:
             drawn.append((mesh, (red, green, blue, opacity)))
 
-    parts: list[Mesh] = []
-    while f"p{len(parts)}" in found:
-        parts.append(_hull(found[f"p{len(parts)}"] @ change.T))
+    pieces = _list_parts(found)
+    if "rest_v" in found:
+        pieces += _cut(found["rest_v"], found["rest_f"], file)
+    hulls = [trimesh.convex.convex_hull(corners @ change.T) for corners in pieces]
+    parts = tuple(map(Mesh.from_trimesh, hulls))
 
     size = float(max(mesh.bounds[1].max() for mesh, _ in drawn))
     if size > _LARGEST_M:
@@ -129,33 +129,53 @@ def load_solid(
             f"mesh {file} is only {size:.2g} m large; give it another scale"
         )
 
-    volume = float(found["volume"]) * abs(determinant)
-    return MeshSolid(tuple(drawn), tuple(parts), volume)
+    volume = float(found.get("volume", np.nan)) * abs(determinant)
+    return MeshSolid(tuple(drawn), parts, volume)
 
 
-def _hull(corners: Array) -> Mesh:
-    """Make a mesh of the convex hull of corners (N, 3), whose faces look outward."""
-    hull = ConvexHull(corners)
-    faces: npt.NDArray[np.int64] = hull.simplices.astype(np.int64)
-    first, second = np.diff(corners[faces], axis=1).swapaxes(0, 1)
-    inward = (np.cross(first, second) * hull.equations[:, :3]).sum(axis=1) < 0
-    faces[inward] = faces[inward, ::-1]
-    return Mesh(corners, faces)
+def _list_parts(found: dict[str, Array]) -> list[Array]:
+    """List the corners of convex parts."""
+    parts = list[Array]()
+    while f"p{len(parts)}" in found:
+        parts.append(found[f"p{len(parts)}"])
+    return parts
 
 
 @lru_cache(maxsize=64)
-def _cut(data: bytes, kind: str, max_parts: int, name: str) -> dict[str, Array]:
-    """Cut a mesh in a process of its own, see `cut_mesh`; kept on disk by its content."""
+def _read(data: bytes, kind: str, drawn_only: bool, name: str) -> dict[str, Array]:
+    """Read a mesh in a process of its own, see `convex.read_mesh`; kept on disk by its content."""
+    wanted = "solid"
+    if drawn_only:
+        wanted = "drawn"
+
+    def read() -> bytes:
+        return isolated(read_bytes, f"mesh {name}", data, kind, wanted)
+
+    return _keep(f"{kind} {wanted} ".encode() + data, name, read)
+
+
+def _cut(vertices: Array, faces: Array, file: Path) -> list[Array]:
+    """Cut a mesh in a process of its own, see `convex.cut`; kept on disk by its content."""
+    stream = io.BytesIO()
+    np.savez(stream, v=vertices, f=faces)
+    content = f"{MAX_PARTS} ".encode() + vertices.tobytes() + faces.tobytes()
+    step = f"cutting {file.name} into convex parts, which are kept for the next time"
 
     def cut() -> bytes:
-        return isolated(cut_bytes, f"mesh {name}", data, kind, str(max_parts))
+        data = stream.getvalue()
+        with busy(step, at_once=True):
+            return isolated(cut_bytes, f"mesh {file}", data, str(MAX_PARTS))
 
-    key = f"{kind} {max_parts} ".encode() + data
-    file = keep_file("imports", "npz", key, cut)
+    return _list_parts(_keep(content, str(file), cut))
+
+
+def _keep(content: bytes, name: str, make: Callable[[], bytes]) -> dict[str, Array]:
+    """Read the arrays that were kept of a mesh, or make and keep them."""
+    file = keep_file("pieces", "npz", content, make)
     try:
         with np.load(file) as found:
             return dict(found)
     except (OSError, ValueError, zipfile.BadZipFile) as error:
         raise UserError(
-            f"what mesh {name} was cut into can't be read; delete {file}"
+            f"what was kept of mesh {name} can't be read; delete {file}"
         ) from error

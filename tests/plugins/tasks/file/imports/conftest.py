@@ -8,7 +8,7 @@ from plugins.tasks.file.imports import solids
 def isolated(request, tmp_path_factory, monkeypatch):
     """An empty cache; meshes are read in this process, which starts no other for each, unless a test asks for it."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
-    solids._cut.cache_clear()
+    solids._read.cache_clear()
     if not getattr(request, "param", False):
         monkeypatch.setattr(solids, "isolated", called)
 

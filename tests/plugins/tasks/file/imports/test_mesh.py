@@ -1,3 +1,4 @@
+import itertools
 import json
 import struct
 
@@ -67,6 +68,131 @@ def test_parts_of_a_glb_keep_their_colours(tmp_path):
     assert len(body.collisions) == 2, "pieces that are convex need no cutting"
 
 
+def wedge(first, second, inner, outer, height):
+    """A convex piece of a round wall between two angles: all pieces share their corners with their neighbours."""
+    ring = [
+        (radius * np.cos(angle), radius * np.sin(angle))
+        for angle in (first, second)
+        for radius in (inner, outer)
+    ]
+    points = [(x, y, z) for x, y in ring for z in (0.0, height)]
+    return trimesh.Trimesh(points).convex_hull
+
+
+def wall(count):
+    """A round wall of exactly convex pieces."""
+    angles = np.linspace(0, 2 * np.pi, count + 1)
+    return [
+        wedge(first, second, 0.036, 0.04, 0.09)
+        for first, second in itertools.pairwise(angles)
+    ]
+
+
+def blocks():
+    """Two boxes that share a face, a third that shares an edge with one of them, and a fourth apart."""
+    places = [(0, 0, 0), (0.1, 0, 0), (0.2, 0.1, 0), (0.5, 0, 0)]
+    found = []
+    for place in places:
+        box = trimesh.creation.box((0.1, 0.1, 0.1))
+        found.append(box.apply_translation(place))
+    return found
+
+
+def as_obj(pieces, key="o"):
+    """Write pieces as groups of an OBJ file; without a ``key`` they stand one after the other."""
+    lines = []
+    first = 1
+    for number, piece in enumerate(pieces):
+        lines += [f"{key} part_{number}"] if key else []
+        lines += [f"v {x} {y} {z}" for x, y, z in piece.vertices]
+        lines += [f"f {a} {b} {c}" for a, b, c in piece.faces + first]
+        first += len(piece.vertices)
+    return "\n".join(lines).encode()
+
+
+def as_stl(pieces):
+    return trimesh.util.concatenate(pieces).export(file_type="stl")
+
+
+def as_glb(pieces):
+    """Write each piece as a node, with corners of their own for each face, as Blender does."""
+    scene = trimesh.Scene()
+    for piece in pieces:
+        flat = trimesh.Trimesh(
+            piece.triangles.reshape(-1, 3),
+            np.arange(3 * len(piece.faces)).reshape(-1, 3),
+            process=False,
+            vertex_normals=np.repeat(piece.face_normals, 3, axis=0),
+        )
+        scene.add_geometry(flat)
+    return scene.export(file_type="glb")
+
+
+@pytest.mark.parametrize("pieces", [wall(12), wall(44), blocks()], ids=len)
+@pytest.mark.parametrize(
+    ("name", "write"),
+    [
+        ("o.obj", as_obj),
+        ("g.obj", lambda pieces: as_obj(pieces, "g")),
+        ("alike.obj", lambda pieces: as_obj(pieces).replace(b"part_", b"part #")),
+        ("bare.obj", lambda pieces: as_obj(pieces, "")),
+        ("shells.stl", as_stl),
+        ("nodes.glb", as_glb),
+    ],
+)
+def test_convex_pieces_of_others_collide_as_they_are(
+    tmp_path, monkeypatch, pieces, name, write
+):
+    monkeypatch.setattr(convex, "cut", None)
+    (tmp_path / name).write_bytes(write(pieces))
+    read = read_mesh(tmp_path / name)
+    (body,) = read.bodies
+    volume = sum(piece.volume for piece in pieces)
+    assert len(body.collisions) == len(pieces)
+    assert total(body) == pytest.approx(volume, rel=1e-4)
+    assert body.mass == pytest.approx(volume, rel=1e-4)
+    assert len(body.visuals) == 1
+    assert not [note for note in read.notes if "z is up" not in note]
+
+
+def test_only_what_is_not_convex_is_cut(tmp_path, monkeypatch):
+    """The handle is one piece that is not convex; the wall stays as it is."""
+    cut = []
+    monkeypatch.setattr(
+        convex, "cut", lambda vertices, faces, most: cut.append(faces) or [vertices]
+    )
+    handle = step().apply_translation([0.05, 0, 0])
+    (tmp_path / "mug.obj").write_bytes(as_obj([*wall(12), handle]))
+    body = read_mesh(tmp_path / "mug.obj").bodies[0]
+    assert len(body.collisions) == 13
+    assert [len(faces) for faces in cut] == [len(handle.faces)]
+    assert body.mass == pytest.approx(
+        sum(piece.volume for piece in (*wall(12), handle)), rel=1e-4
+    )
+
+
+def test_groups_of_one_surface_are_one_solid(tmp_path):
+    """Such as the sides of a box that have a material each."""
+    box = trimesh.creation.box((0.1, 0.2, 0.3))
+    sides = [
+        trimesh.Trimesh(box.vertices, box.faces[[n, n + 1]]) for n in range(0, 12, 2)
+    ]
+    (tmp_path / "box.obj").write_bytes(as_obj(sides, "g"))
+    body = read_mesh(tmp_path / "box.obj").bodies[0]
+    assert len(body.collisions) == 1
+    assert total(body) == pytest.approx(0.006, rel=1e-6)
+
+
+def test_a_file_that_is_inside_out_is_read(tmp_path):
+    pieces = [piece.copy() for piece in blocks()]
+    for piece in pieces:
+        piece.invert()
+    (tmp_path / "inverted.obj").write_bytes(as_obj(pieces))
+    body = read_mesh(tmp_path / "inverted.obj").bodies[0]
+    assert len(body.collisions) == 4
+    assert total(body) == pytest.approx(0.004, rel=1e-4)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("isolated", [True], indirect=True)
 def test_a_hollow_is_cut_into_convex_parts_once(tmp_path, monkeypatch, isolated):
@@ -79,7 +205,7 @@ def test_a_hollow_is_cut_into_convex_parts_once(tmp_path, monkeypatch, isolated)
     assert total(body) == pytest.approx(mesh.volume, rel=0.05)
     assert not any(_inside(geom, [0.16, 0.16, 0.05]) for geom in body.collisions)
 
-    solids._cut.cache_clear()
+    solids._read.cache_clear()
     monkeypatch.setattr(solids, "isolated", None)
     (tmp_path / "other.stl").write_bytes((tmp_path / "step.stl").read_bytes())
     assert len(read_mesh(tmp_path / "other.stl").bodies[0].collisions) == len(
@@ -92,7 +218,7 @@ def _inside(geom, point):
 
 
 def test_an_open_mesh_is_noted(tmp_path, monkeypatch):
-    monkeypatch.setattr(convex, "_parts", lambda whole, most: [whole.vertices])
+    monkeypatch.setattr(convex, "cut", lambda vertices, faces, most: [vertices])
     box = trimesh.creation.box((0.1, 0.1, 0.1))
     box.update_faces(np.arange(12) > 1)
     box.export(tmp_path / "open.stl")
@@ -208,8 +334,8 @@ def test_too_many_triangles_are_refused(tmp_path, monkeypatch):
 def test_wild_bytes_are_cut_or_refused(data, kind, start):
     """In this process, where the reader that runs in its own can be tried often."""
     try:
-        found = convex.cut_mesh(start + data, kind, 1)
+        found = convex.read_mesh(start + data, kind, drawn_only=False)
     except UserError as error:
         assert "\n" not in str(error)  # noqa: PT017
     else:
-        assert np.isfinite(found["p0"]).all()
+        assert np.isfinite(found["v0"]).all()
