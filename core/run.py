@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from core.errors import UsageError, UserError
-from core.support.cli import command, say
+from core.support.cli import command, read_path, say
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
@@ -62,7 +62,7 @@ def main(words: list[str]) -> None:
 
         from core.search.orchestration import resume
 
-        resume(Path(resumed[0].removeprefix("resume=")), others)
+        resume(read_path(resumed[0].removeprefix("resume=")), others)
     else:
         _hydra(words)
 
@@ -75,10 +75,11 @@ def _hydra(given: list[str]) -> None:
     from core.config.compose import explain, register
     from core.config.folders import new_folder, stamp
     from core.config.trust import KeyFound, refuse_key_words
+    from core.config.words import quote_paths
 
     refuse_key_words(given)
     register()
-    words = list(given)
+    words = quote_paths(given)
     flags = {word for word in words if word.startswith("-")}
     named = any("hydra.sweep.dir=" in word for word in words)
     if flags and flags <= {"-m", "--multirun"} and not named:

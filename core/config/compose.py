@@ -12,7 +12,11 @@ from typing import Any, TypeVar, cast
 from hydra import compose, initialize_config_module
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
-from hydra.errors import HydraException, MissingConfigException
+from hydra.errors import (
+    HydraException,
+    MissingConfigException,
+    OverrideParseException,
+)
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import (
     ConfigAttributeError,
@@ -23,6 +27,7 @@ from omegaconf.errors import (
 
 from core.config import schemas, sources
 from core.config.trust import refuse_key_words, refuse_keys
+from core.config.words import explain_word, quote_paths
 from core.errors import UsageError, UserError, choices
 from core.interfaces import Robot, Simulator, Task, ToolRepresentation
 from core.plugins import (
@@ -77,7 +82,7 @@ def load(name: str, overrides: Sequence[str], schema: type | None = None) -> Dic
     if schema is not None:
         _register_schema(name, schema)
     try:
-        config = _compose(name, overrides)
+        config = _compose(name, quote_paths(overrides))
     except (HydraException, OmegaConfBaseException) as error:
         raise explain(error, name) from error
 
@@ -140,6 +145,9 @@ def explain(error: Exception, name: str) -> UserError:
     """Turn a complaint of Hydra or OmegaConf about the config ``name`` into one line that says what is possible."""
     failed = installed().failed
 
+    if isinstance(error, OverrideParseException):
+        return explain_word(error)
+
     if isinstance(error, MissingConfigException) and error.options:
         group, _, choice = (error.missing_cfg_file or "").rpartition("/")
         return UsageError(f"{choices(group, choice, error.options)}{failed}")
@@ -158,13 +166,6 @@ def explain(error: Exception, name: str) -> UserError:
     if isinstance(cause, ConfigAttributeError | ConfigKeyError):
         return _explain_key(cause)
     message = " ".join(str(error).split())
-    if message.startswith("LexerNoViableAltException: "):
-        word = message.partition(": ")[2].partition(" ^")[0]
-        key = word.partition("=")[0]
-        return UsageError(
-            f"can't read {word}; put its value in quotes: '{key}=\"...\"'"
-        )
-
     if isinstance(error.__cause__, OmegaConfBaseException):
         message = f"{message.rstrip('.')}: {first_line(error.__cause__)}"
     return UsageError(f"{message}{failed}")

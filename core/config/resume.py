@@ -16,6 +16,7 @@ from omegaconf.errors import OmegaConfBaseException
 from core.config.compose import explain, first_line, load
 from core.config.schemas import RunConfig
 from core.config.trust import as_stored, read_stored_yaml, refuse_key_words, texts
+from core.config.words import quote_paths
 from core.errors import UsageError, UserError
 from core.support.text import clean
 
@@ -59,8 +60,9 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
     if lacks:
         raise UserError(f"{unusable}: it lacks {', '.join(lacks[:3])}")
     after = before.copy()
+    words = quote_paths(overrides)
     try:
-        for override in OverridesParser.create().parse_overrides(list(overrides)):
+        for override in OverridesParser.create().parse_overrides(words):
             _apply(after, override)
     except (HydraException, OmegaConfBaseException) as error:
         raise explain(error, "config") from error

@@ -7,6 +7,7 @@ import errno
 import io
 import math
 import os
+import re
 import signal
 import sys
 import time
@@ -41,7 +42,7 @@ def command(function: Callable[[list[str]], int | None]) -> NoReturn:
             signal.signal(number, interrupt)
 
     try:
-        status = function(sys.argv[1:])
+        status = function(join_words(sys.argv[1:]))
         sys.stdout.flush()
     except BrokenPipeError:  # who reads the output is gone, such as head
         _leave("", 1)
@@ -83,13 +84,41 @@ def folders_and_overrides(
         key, _, value = word.partition("=")
 
         if "=" not in word or Path(word).exists():
-            folders.append(Path(word))
+            folders.append(read_path(word))
         elif key in ("run", "runs"):
-            folders.append(Path(value))
+            folders.append(read_path(value))
         else:
             overrides.append(word)
 
     return folders, overrides
+
+
+def join_words(given: Sequence[str]) -> list[str]:
+    """Join the values that a shell took apart at their spaces: lists and objects."""
+    joined: list[str] = []
+    for word in given:
+        is_open = joined and re.search(r"=[\[{][^\]}]*$", joined[-1])
+        if is_open and "=" not in word:
+            joined[-1] += f" {word}"
+        else:
+            joined.append(word)
+    return joined
+
+
+def read_path(value: str) -> Path:
+    """Read a path as it is, or in quotes, as Hydra reads it."""
+    quoted = re.fullmatch(r"""(["'])(.+)\1""", value)
+    if quoted and not path_exists(value):
+        value = quoted[2].replace(f"\\{quoted[1]}", quoted[1])
+    return Path(value).expanduser()
+
+
+def path_exists(value: str) -> bool:
+    """Check if a value is the path of something that exists."""
+    try:
+        return Path(value).expanduser().exists()
+    except (OSError, ValueError):  # such as one that is too long
+        return False
 
 
 def _help_or_words(usage: str, given: Sequence[str]) -> list[str]:

@@ -109,7 +109,7 @@ def hydra_word(value: object) -> str:
         return f"{{{','.join(items)}}}"
 
     text = str(value).lower() if isinstance(value, bool) else str(value)
-    if re.fullmatch(r"[\w./+-]+", text):
+    if re.fullmatch(r"[\w./+-]+", text, re.ASCII):
         return text
     quoted = text.replace("'", "\\'")
     return f"'{quoted}'"

@@ -144,6 +144,44 @@ def test_a_command_prints_anything_in_any_encoding(fault, code, shown, encoding)
     assert (done.stdout + done.stderr).decode(encoding).splitlines()[-1] == shown
 
 
+@pytest.mark.parametrize(
+    ("given", "joined"),
+    [
+        (
+            ["task=file", "robot.home=[0,", "0.35]"],
+            ["task=file", "robot.home=[0, 0.35]"],
+        ),
+        (["a=[0,", "-0.3,", "1]", "b=2"], ["a=[0, -0.3, 1]", "b=2"]),
+        (["a={b:", "c}"], ["a={b: c}"]),
+        (["a=[0]", "folder"], ["a=[0]", "folder"]),
+        (["new", "scene", "Name"], ["new", "scene", "Name"]),
+        ([], []),
+    ],
+)
+def test_a_value_that_a_shell_took_apart_is_joined(given, joined):
+    assert cli.join_words(given) == joined
+
+
+@pytest.mark.parametrize(
+    ("value", "path"),
+    [
+        ("runs/a (1)", "runs/a (1)"),
+        ('"runs/a (1)"', "runs/a (1)"),
+        ("'runs/a'", "runs/a"),
+        (r'"a \"b\""', 'a "b"'),
+        ('"there"', '"there"'),
+        ('"', '"'),
+    ],
+)
+def test_a_path_is_read_in_quotes_or_without(tmp_path, monkeypatch, value, path):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / '"there"').touch()
+    assert str(cli.read_path(value)) == path
+    folders, rest = cli.folders_and_overrides("usage", [f"runs={value}", "seed=1"])
+    assert list(map(str, folders)) == [path]
+    assert rest == ["seed=1"]
+
+
 def test_an_override_that_hydra_cannot_read():
     """Such as a folder's name that is not UTF-8; in quotes it is read."""
     with pytest.raises(

@@ -1,0 +1,43 @@
+"""Read paths among the words of a command line as they are, where Hydra's grammar would read something else."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Sequence
+
+from hydra.core.override_parser.types import Quote, QuotedString
+from hydra.errors import OverrideParseException
+
+from core.errors import UsageError
+from core.support.cli import path_exists
+
+_PLAIN = re.compile(r"[\w./+:%@-]*", re.ASCII)  # all of it is text or a number
+
+
+def quote_paths(words: Sequence[str]) -> list[str]:
+    """Put values in quotes that are paths which exist."""
+    quoted = []
+    for word in words:
+        key, _, value = word.partition("=")
+        if not _PLAIN.fullmatch(value) and path_exists(value):
+            quoted.append(_quote(key, value))
+        else:
+            quoted.append(word)
+    return quoted
+
+
+def _quote(key: str, value: str) -> str:
+    return f"{key}={QuotedString(value, Quote.double).with_quotes()}"
+
+
+def explain_word(error: OverrideParseException) -> UsageError:
+    """Say how to write a word that Hydra's grammar does not read."""
+    key, equals, value = error.override.partition("=")
+    if not equals:
+        return UsageError(f"can't read {error.override!r}; write KEY=VALUE")
+    quoted = shlex.quote(_quote(key, value))
+    mend = f"put its value in quotes: {quoted}"
+    if value.startswith(("[", "{")):
+        mend = f"close its brackets, or if it is a text {mend}"
+    return UsageError(f"can't read {error.override}; {mend}")
