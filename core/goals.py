@@ -88,6 +88,11 @@ class Evidence:
         """Measure how far a body is from where it was at the start, m, (...)."""
         return _length(self.end.position(body) - self.start.position(body))
 
+    def ways(self, body: str) -> Array:
+        """Measure how far a body is from where it was at the start at each instant, m, (..., T)."""
+        begin = self.start.position(body)[..., None, :]
+        return _length(self.film.states.position(body) - begin)
+
 
 @dataclass(frozen=True)
 class Measure:
@@ -161,6 +166,7 @@ class Reach(Goal):
         also: what else must hold of the same bodies at once; their names need not be repeated there.
         rest: they must end at rest.
         held: the robot must carry them at the end: they touch it, and nothing that is fixed.
+        released: the robot must not touch them at the end.
         by_s: how long the motion may take until the goal is fulfilled, s.
         ever: whether it is enough to fulfil it at some time; else it must be fulfilled at the end.
         after: the ``name``, or the number from 0, of a goal that must be fulfilled before this one is.
@@ -174,6 +180,7 @@ class Reach(Goal):
     also: tuple[Reach, ...] = ()
     rest: bool = False
     held: bool = False
+    released: bool = False
     by_s: float | None = None
     ever: bool = False
     after: str | int | None = None
@@ -183,7 +190,8 @@ class Reach(Goal):
     def __post_init__(self) -> None:
         fields = ("tolerance", "tolerance_deg", "away")  # that kinds have
         least = min(getattr(self, name, 0.0) for name in fields)
-        only_bodies = type(self) is Reach and not (self.rest or self.held or self.also)
+        ends = (self.rest, self.held, self.released)
+        only_bodies = type(self) is Reach and not (any(ends) or self.also)
         held = any(part.held > self.held or part.rest > self.rest for part in self.also)
         refuse(
             "a goal's ",
@@ -191,7 +199,10 @@ class Reach(Goal):
                 "tolerances and ways must be 0 or more": least < 0,
                 "weight must be above 0": not 0 < self.weight < np.inf,
                 "by_s must be above 0": self.by_s is not None and not self.by_s > 0,
-                "kind must say what is to be reached, or rest or held": only_bodies,
+                "kind must say what is to be reached, or rest, held or released": only_bodies,
+                "held and released say the opposite; leave one of them out": (
+                    self.held and self.released
+                ),
                 "rest and held stand in the goal itself, not in also": held,
             },
         )
@@ -232,7 +243,7 @@ class Reach(Goal):
     @property
     def needs_trace(self) -> bool:
         in_time = self.by_s is not None or self.ever or self.after is not None
-        return self.held or in_time
+        return self.held or self.released or in_time
 
     def all_measures(self, body: str, start: State) -> list[Measure]:
         """Return what its parts ask of a body."""
@@ -261,6 +272,8 @@ class Reach(Goal):
                 reached = reached / np.maximum(self.unrest(body, now), 1.0)
             if self.held and hold is not None:
                 reached = reached * hold(body)
+            if self.released and hold is not None:
+                reached = reached * (1.0 - hold(body))
             shares.append(reached)
 
         if not shares:
@@ -505,14 +518,27 @@ class Limit(Goal):
 class Kept(Limit):
     """Bodies to leave in place: ``keep`` has their names.
 
-    Beyond ``kept_m`` metres less is earned, and nothing where one moved five times as far.
+    Beyond ``kept_m`` metres less is earned, and nothing where one moved five times as far. Its place at the end counts;
+    with ``throughout`` the farthest one.
     """
 
     keep: tuple[str, ...]
     kept_m: float = KEPT_M
+    throughout: bool = False
 
     def __post_init__(self) -> None:
         refuse("a goal's ", {"kept_m must be above 0": not self.kept_m > 0})
+
+    @property
+    def needs_trace(self) -> bool:
+        return self.throughout
+
+    def _moved(self, name: str, evidence: Evidence) -> Array:
+        """Measure how far a body got from its start, m, (...)."""
+        moved = evidence.moved(name)
+        if self.throughout:
+            moved = np.maximum(moved, evidence.ways(name).max(axis=-1))
+        return moved
 
     @property
     def lost_m(self) -> float:
@@ -522,14 +548,14 @@ class Kept(Limit):
     def share(self, evidence: Evidence) -> Array:
         factors = []
         for name in self.keep:
-            left = self.lost_m - evidence.moved(name)
+            left = self.lost_m - self._moved(name, evidence)
             factors.append(np.clip(left / (self.lost_m - self.kept_m), 0.0, 1.0))
         return evidence.multiply(factors)
 
     def margins(self, evidence: Evidence) -> list[Margin]:
         found = []
         for name in self.keep:
-            moved = float(evidence.moved(name))
+            moved = float(self._moved(name, evidence))
             found.append(Margin.at_most(f"{name} moved", moved, self.kept_m, "m"))
         return found
 
@@ -537,10 +563,9 @@ class Kept(Limit):
         film = evidence.film
         noticed = NOTICED * self.kept_m
         for name in self.keep:
-            moved = float(evidence.moved(name))
+            moved = float(self._moved(name, evidence))
             if moved > noticed:
-                begin = evidence.start.position(name)
-                ways = _length(film.states.position(name) - begin)
+                ways = evidence.ways(name)
                 begun = float(film.times[(ways > noticed).argmax()])
                 yield begun, f"{name} moved by {1000 * moved:.0f} mm, and is to stay"
 

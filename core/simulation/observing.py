@@ -236,6 +236,7 @@ class _Case:
         found = [
             goal.is_in_place(name, self.start, self.end)
             and (not goal.held or self.contacts.held(name)[-1])
+            and not (goal.released and self.contacts.with_robot(name)[-1])
             for goal in self.reaches
             if name in goal.subjects(self.start)
         ]

@@ -105,7 +105,10 @@ CUBE = ("cube",)
         (lambda: Reach(bodies=CUBE, rest=True, weight=0), "weight must be above 0"),
         (lambda: Reach(bodies=CUBE, rest=True, weight=np.inf), "weight must be above"),
         (lambda: Reach(bodies=CUBE, rest=True, by_s=0), "by_s must be above 0"),
-        (lambda: Reach(bodies=CUBE), "must say what is to be reached, or rest or held"),
+        (
+            lambda: Reach(bodies=CUBE),
+            "must say what is to be reached, or rest, held or released",
+        ),
         (
             lambda: Away(bodies=CUBE, away=0.1, also=(Reach(bodies=CUBE, held=True),)),
             "rest and held stand in the goal itself",
@@ -291,6 +294,38 @@ def test_held_is_touched_by_the_robot_and_by_nothing_fixed():
         reward(goal, end, film(START, end, other_arm_link=[1], other_body_cube=[1]))
         == 1
     )
+
+
+def test_released_is_touched_by_no_part_of_the_robot():
+    """A body that is still held above its place is not placed."""
+    goal = Placed(("cube",), place=(0.7, None, None), released=True)
+    end = shifted(1, by=(0.2, 0, 0.2))
+    assert needs_trace((goal,))
+    assert reward(goal, end, film(START, end)) == 1
+    assert reward(goal, end, film(START, end, cube_tool_blade=[0])) == 1
+    assert reward(goal, end, film(START, end, cube_tool_blade=[1])) == 0
+    assert reward(goal, end, film(START, end, other_body_cube=[1])) == 1
+    touched = film(START, end, cube_tool_blade=[1], case_body_cube=[1])
+    assert reward(goal, end, touched) == 0.5
+    with pytest.raises(ValueError, match="say the opposite"):
+        replace(goal, held=True)
+
+
+def test_a_body_is_kept_at_the_end_or_throughout():
+    """One that goes away and comes back was in place at the end alone."""
+    placed = Placed(("cube",), place=(0.7, None, None))
+    away = at(shifted(0.5), other=START.position("other") + np.array([0, 0.06, 0]))
+    back = film(START, away, shifted(1))
+    at_end, throughout = Kept(("other",)), Kept(("other",), throughout=True)
+    assert not needs_trace((at_end,))
+    assert needs_trace((throughout,))
+    assert reward((placed, at_end), shifted(1), back) == 1
+    assert reward((placed, throughout), shifted(1), back) == pytest.approx(0.5)
+    assert reward((placed, throughout), shifted(1), film(START, shifted(1))) == 1
+    (margin,) = goals_margins(
+        SimpleNamespace(goals=(throughout,), every=False), START, shifted(1), back
+    )
+    assert margin.value == pytest.approx(0.06)
 
 
 def test_in_time_and_at_some_time():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from core.scene import Body, Color, Filling, Geom, Soft
 from plugins.tasks.file.files import Files
 from plugins.tasks.file.imports.bodies import HEAVIEST, LIGHTEST
 from plugins.tasks.file.spec import BodySpec, ImportSpec, ShapeSpec, rgba
+from plugins.tasks.file.vessels import HANDLE_M
 
 GREY = "#b3b3b3"
 
@@ -54,9 +56,11 @@ def _build(spec: BodySpec, files: Files) -> Body:
         if spec.color is not None:
             visuals = tuple(replace(geom, color=color) for geom in visuals)
     else:
-        visuals = tuple(_geom(part, color) for part in spec.parts or ())
+        visuals = tuple(
+            geom for part in spec.parts or () for geom in _geoms(part, color)
+        )
         if spec.parts is None:
-            visuals = (Geom(_shape(spec), color=color),)
+            visuals = tuple(Geom(*placed, color) for placed in _shapes(spec))
         collisions = visuals
         volume = sum(geom.shape.volume for geom in visuals)
 
@@ -77,26 +81,43 @@ def _build(spec: BodySpec, files: Files) -> Body:
     )
 
 
-def _geom(part: ShapeSpec, color: Color) -> Geom:
-    """Build one of a body's parts, of the body's colour if it has none."""
+def _geoms(part: ShapeSpec, color: Color) -> Iterator[Geom]:
+    """Yield the shapes of one of a body's parts, of the body's colour if it has none."""
     if part.color:
         color = rgba(part.color)
-    return Geom(_shape(part), read_pose(part), color)
+    place = read_pose(part)
+    for shape, pose in _shapes(part):
+        within = place
+        if pose != Pose():
+            within = place @ pose
+        yield Geom(shape, within, color)
 
 
 def _hull(spec: BodySpec, files: Files) -> Shape:
     """Return a shape whose convex hull is that of a body's one shape, or of its file."""
-    if spec.file is None:
-        return _shape(spec)
-    (read,) = files.mesh(spec.file, spec.scale).bodies
-    parts = [part.shape.to_trimesh() for part in read.collisions]
-    return Mesh.from_trimesh(trimesh.util.concatenate(parts).convex_hull)
+    shapes = list(_shapes(spec))
+    if spec.file is not None:
+        (read,) = files.mesh(spec.file, spec.scale).bodies
+        shapes = [(part.shape, part.pose) for part in read.collisions]
+    elif len(shapes) == 1:
+        return shapes[0][0]
+    solids = [shape.to_trimesh().apply_transform(pose.matrix) for shape, pose in shapes]
+    return Mesh.from_trimesh(trimesh.util.concatenate(solids).convex_hull)
 
 
-def _shape(spec: ShapeSpec) -> Shape:
-    """Return the one shape that is given."""
-    shape = spec.sphere or spec.cylinder or spec.capsule
-    if shape is not None:
-        return shape
-    assert spec.box is not None  # the spec has one of them
-    return Box(spec.box)
+def _shapes(spec: ShapeSpec) -> Iterator[tuple[Shape, Pose]]:
+    """Yield the convex shapes of the one shape that is given, with their poses in its frame."""
+    cup = spec.cup or spec.mug
+    if spec.tube is not None:
+        yield from spec.tube.parts()
+    elif cup is not None:
+        cup = replace(cup, floor=cup.floor or cup.wall)
+        if spec.mug is not None:
+            cup = replace(cup, handle=cup.handle or HANDLE_M)
+        yield from cup.parts()
+    elif spec.box is not None:
+        yield Box(spec.box), Pose()
+    else:
+        shape = spec.sphere or spec.cylinder or spec.capsule
+        if shape is not None:
+            yield shape, Pose()

@@ -104,6 +104,11 @@ KINDS: Mapping[str, type[Goal]] = {
 }
 """The kinds of goals, by the key that an entry of a file has them by."""
 
+ENDS = {"rest", "held", "released"}
+"""What bodies can be asked for at the end, wherever they are."""
+
+THROUGHOUT = "throughout"
+
 Entry = tuple[Goal, ...]
 
 
@@ -113,14 +118,15 @@ def read_entry(given: Mapping[str, Any]) -> Entry:
     Raises:
         ValueError: there is nothing to reach, two ways to go, a key that is missing, or one that says nothing.
     """
+    given = _read_keep(given)
     kinds = {key: kind for key, kind in KINDS.items() if key in given}
     reaching = any(issubclass(kind, Reach) for kind in kinds.values())
-    if not reaching and {"rest", "held"} & given.keys():
+    if not reaching and ENDS & given.keys():
         kinds = {"bodies": Reach, **kinds}
     if not kinds or len(WAYS.keys() & kinds.keys()) > 1:
         raise ValueError(
             "a goal needs either place or away (the distance from the start), or places, or joint and to, not two of "
-            f"these; or one of rest, held, {', '.join(key for key in KINDS if key not in WAYS)}"
+            f"these; or one of {', '.join(sorted(ENDS))}, {', '.join(key for key in KINDS if key not in WAYS)}"
         )
 
     goals = [_make(key, kind, given) for key, kind in kinds.items()]
@@ -139,6 +145,24 @@ def read_entry(given: Mapping[str, Any]) -> Entry:
     if bool(first.bodies) == isinstance(first, JointAt):
         raise ValueError("a goal needs either 'bodies', a list of names, or a 'joint'")
     return (replace(first, also=tuple(others)), *limits)
+
+
+def _read_keep(given: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Read ``bodies: NAMES`` and ``keep: throughout`` as ``keep: NAMES`` and ``throughout: true``.
+
+    Raises:
+        ValueError: something else is to be reached with these bodies.
+    """
+    if given.get("keep") != THROUGHOUT:
+        return given
+    names = given.get("bodies")
+    others = given.keys() - {"bodies", "keep", "kept_m"}
+    if names is None or others:
+        raise ValueError(
+            "keep needs names here; to say that bodies stay all the time, write keep: [NAME, ...] and throughout: true"
+        )
+    kept = {key: value for key, value in given.items() if key != "bodies"}
+    return {**kept, "keep": names, THROUGHOUT: True}
 
 
 def _make(key: str, kind: type[Goal], given: Mapping[str, Any]) -> Goal:
@@ -198,6 +222,7 @@ def describe(goal: Goal) -> str:
     when = {
         "must end at rest": goal.rest,
         "must end held by the robot, touching nothing fixed (half counts if it is only touched)": goal.held,
+        "must end released, touched by no part of the robot (half counts if it is only touched)": goal.released,
         f"by {goal.by_s or 0:g} s after the motion begins": goal.by_s is not None,
         "at any time, not at the end": goal.ever,
         f"after goal {goal.after}": goal.after is not None,

@@ -10,13 +10,14 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, fields
 from functools import cache
-from typing import Annotated, Any, Self, get_type_hints
+from typing import Annotated, Any, Literal, Self, get_type_hints
 
 import numpy as np
 from PIL import ImageColor
 from pydantic import (
     AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     GetCoreSchemaHandler,
@@ -42,6 +43,7 @@ from plugins.tasks.file.imports.bodies import (
     SHORTEST_M,
 )
 from plugins.tasks.file.tree import Tree, Where
+from plugins.tasks.file.vessels import Vessel
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 MAX_BODIES = 100
@@ -61,6 +63,7 @@ _RIGID = (
     "spin",
 )
 _SOFT = ("rope", "cloth", "counts", "pinned")
+SHAPES = ("box", "sphere", "cylinder", "capsule", "tube", "cup", "mug")
 UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 _LIST = "must be a list, such as [0, 0, 0.1]"
 _OBJECT = "must be an object of keys and values, such as {radius: 0.1}"
@@ -109,6 +112,7 @@ GOAL_TYPES: dict[str, Any] = {
     "max_height_m": AboveZero,
     "min_area_m2": AboveZero,
     "kept_m": AboveZero,
+    "keep": tuple[str, ...] | Literal["throughout"],
 }
 """The types of fields of goals, where they are not those of the class."""
 
@@ -162,6 +166,19 @@ def _read_dataclass(kind: type, **types: Any) -> GetPydanticSchema:
     return _read_with(model, make)
 
 
+def _read_round(kind: type) -> GetPydanticSchema:
+    """Read a shape whose fields are lengths."""
+    lengths = {field.name: Length for field in fields(kind)}
+    return _read_dataclass(kind, **lengths)
+
+
+def _radius(given: Any) -> Any:
+    """Read a number as a sphere's radius, as there is no other."""
+    if isinstance(given, int | float):
+        return {"radius": given}
+    return given
+
+
 def _goal_entry() -> GetPydanticSchema:
     """Read an entry of ``goals``: it has the fields of all kinds of goals, and those that are given say which it is."""
     entries = dict[str, Any]()
@@ -208,26 +225,28 @@ class _Spec(BaseModel):
     model_config = STRICT
 
 
+VesselSpec = Annotated[Vessel, _read_round(Vessel)]
+
+
 class ShapeSpec(_Spec):
     """One shape, and where it is in the body's frame. ``file`` is for a body of its own."""
 
     box: tuple[Length, Length, Length] | None = None
-    sphere: Annotated[Sphere, _read_dataclass(Sphere, radius=Length)] | None = None
-    cylinder: (
-        Annotated[Cylinder, _read_dataclass(Cylinder, radius=Length, length=Length)]
-        | None
-    ) = None
-    capsule: (
-        Annotated[Capsule, _read_dataclass(Capsule, radius=Length, length=Length)]
-        | None
-    ) = None
+    sphere: Annotated[Sphere, _read_round(Sphere), BeforeValidator(_radius)] | None = (
+        None
+    )
+    cylinder: Annotated[Cylinder, _read_round(Cylinder)] | None = None
+    capsule: Annotated[Capsule, _read_round(Capsule)] | None = None
+    tube: VesselSpec | None = None
+    cup: VesselSpec | None = None
+    mug: VesselSpec | None = None
     position: Place = (0.0, 0.0, 0.0)
     rpy_deg: Turn = (0.0, 0.0, 0.0)
     color: ColorName | None = None
 
     @check_whole(mode="after")
     def _one_shape(self) -> Self:
-        self._check_one("box", "sphere", "cylinder", "capsule")
+        self._check_one(*SHAPES)
         return self
 
     def _check_one(self, *names: str) -> None:
@@ -279,9 +298,7 @@ class BodySpec(ShapeSpec):
 
     @check_whole(mode="after")
     def _one_shape(self) -> Self:
-        self._check_one(
-            "box", "sphere", "cylinder", "capsule", "parts", "file", "rope", "cloth"
-        )
+        self._check_one(*SHAPES, "parts", "file", "rope", "cloth")
         if self.fixed is False:
             raise ValueError(
                 "fixed: false says nothing; leave it out, and give a mass or a density"

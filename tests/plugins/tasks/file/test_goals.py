@@ -51,6 +51,30 @@ def test_an_entry_of_a_file_is_one_goal_to_reach_and_its_limits():
     )
 
 
+def test_a_body_to_keep_all_the_time_is_said_in_two_ways():
+    kept = (Kept(("jug",), throughout=True),)
+    assert read_entry({"keep": ("jug",), "throughout": True}) == kept
+    assert read_entry({"bodies": ("jug",), "keep": "throughout"}) == kept
+    near = {"bodies": ("jug",), "keep": "throughout", "kept_m": 0.1}
+    assert read_entry(near) == (Kept(("jug",), 0.1, throughout=True),)
+    assert describe(kept[0]).startswith("leave jug in place throughout: ")
+    for unclear in ({}, {"bodies": ("cup",), "place": (0.5, 0, None)}):
+        with pytest.raises(ValueError, match=r"write keep: \[NAME, ...\]"):
+            read_entry({**unclear, "keep": "throughout"})
+
+
+def test_a_body_is_released_wherever_it_is_or_at_its_place():
+    assert read_entry({"bodies": ("cup",), "released": True}) == (
+        Reach(("cup",), released=True),
+    )
+    place = {"place": (0.5, None, None), "tolerance": 0.01, "released": True}
+    (goal,) = read_entry({"bodies": ("cup",), **place})
+    assert goal == Placed(("cup",), **place)
+    assert "must end released, touched by no part of the robot" in describe(goal)
+    with pytest.raises(ValueError, match="say the opposite"):
+        read_entry({"bodies": ("cup",), "held": True, "released": True})
+
+
 def test_after_counts_the_entries_of_a_file():
     entries = [
         (Kept(("jug",)), Untouched(("jug",))),

@@ -1,0 +1,87 @@
+"""Tubes, cups and mugs of a scene file, as the convex shapes that collide."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+
+from core.errors import refuse
+from core.geometry import Box, Cylinder, Mesh, Pose, Shape
+
+HANDLE_M = 0.03  # of a mug that does not say
+_SIDES = 20  # of a round wall
+# Corners so far out that a wall has the volume of a round one.
+_OUT = math.sqrt(2 * math.pi / _SIDES / math.sin(2 * math.pi / _SIDES))
+_THICK = 0.2  # of the radius: a handle
+_TALL = 0.6  # of the length
+
+Placed = tuple[Shape, Pose]
+
+
+@dataclass(frozen=True)
+class Vessel:
+    """A round wall along z, centred on its frame; a floor and a square handle toward x, where they are above 0.
+
+    Attributes:
+        radius: outside, m.
+        length: along z, m.
+        wall: how thick the wall is, m.
+        floor: how thick the floor is, m.
+        handle: how far the handle stands out, m.
+
+    Raises:
+        ValueError: nothing is left inside.
+    """
+
+    radius: float
+    length: float
+    wall: float
+    floor: float = 0.0
+    handle: float = 0.0
+
+    def __post_init__(self) -> None:
+        problems = {
+            "the wall must be thinner than the radius": self.wall >= self.radius,
+            "the floor must be thinner than the length": self.floor >= self.length,
+        }
+        refuse("", problems)
+
+    def parts(self) -> Iterator[Placed]:
+        """Yield its convex parts."""
+        yield from self._wall()
+        if self.floor:
+            disc = Cylinder(self.radius, self.floor)
+            yield disc, _shift(0.0, (self.floor - self.length) / 2)
+        if self.handle:
+            yield from self._handle()
+
+    def _wall(self) -> Iterator[Placed]:
+        """Yield the parts of the wall, which stands on the floor."""
+        angles = np.linspace(0, 2 * np.pi, _SIDES + 1)
+        ways = _OUT * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        corners = np.zeros((2, 2, 2, 3))
+        corners[0, ..., 2] = self.floor - self.length / 2
+        corners[1, ..., 2] = self.length / 2
+        for number in range(_SIDES):
+            pair = ways[number : number + 2]
+            corners[:, 0, :, :2] = self.radius * pair
+            corners[:, 1, :, :2] = (self.radius - self.wall) * pair
+            wedge = trimesh.convex.convex_hull(corners.reshape(-1, 3))
+            yield Mesh.from_trimesh(wedge), Pose()
+
+    def _handle(self) -> Iterator[Placed]:
+        thick = min(_THICK * self.radius, self.handle / 2)
+        height = _TALL * self.length / 2
+        for end in (-height, height):
+            bar = Box((self.handle, thick, thick))
+            yield bar, _shift(self.radius + self.handle / 2, end)
+        grip = Box((thick, thick, 2 * height - thick))
+        yield grip, _shift(self.radius + self.handle - thick / 2, 0.0)
+
+
+def _shift(x: float, z: float) -> Pose:
+    return Pose(np.array([x, 0.0, z]))
