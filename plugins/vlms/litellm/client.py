@@ -361,11 +361,13 @@ class Client:
         messages = render(request.messages if sees_schema else explained(request))
         response = self._complete(messages, settings)
         choice = response.choices[0] if response.choices else None
-        text = getattr(getattr(choice, "message", None), "content", None) or ""
+        message = getattr(choice, "message", None)
+        text = getattr(message, "content", None) or ""
 
         if not isinstance(text, str):
             raise BadAnswer(f"the answer's text is {kind(text)}")
 
+        refusal = _refusal(message)
         usage = getattr(response, "usage", None)
         reply = Reply(
             request.id,
@@ -374,6 +376,7 @@ class Client:
             prompt_tokens=getattr(usage, "prompt_tokens", None) or None,
             completion_tokens=getattr(usage, "completion_tokens", None) or None,
             cost_usd=self._cost(response),
+            error=f"the model refuses: {refusal}" if refusal and not text else None,
         )
         finish = str(getattr(choice, "finish_reason", None) or "none given")
         return checked(reply), clean(finish, 40)
@@ -425,6 +428,13 @@ def _server(address: str) -> httpx.URL:
     raise UsageError(
         f"vlm.api_base={clean(address, 200)} is no address; write it as http://HOST:PORT/v1"
     )
+
+
+def _refusal(message: object) -> str:
+    """Return the words of a model that refuses to answer; empty: it does not."""
+    others = getattr(message, "provider_specific_fields", None) or {}
+    words = getattr(message, "refusal", None) or others.get("refusal")
+    return words if isinstance(words, str) else ""
 
 
 def explained(request: Request) -> tuple[Message, ...]:

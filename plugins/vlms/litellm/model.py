@@ -48,6 +48,7 @@ class LanguageModel(VLM):
     """
 
     takes_schema = True
+    repairs = True
 
     model: str = ""
     api_base: str | None = None
@@ -228,7 +229,9 @@ class LanguageModel(VLM):
             reply: of the model.
             finish: why it stopped, in the provider's words.
         """
-        error = None
+        error = reply.error
+        if error is not None:
+            return reply
         if finish == "content_filter":
             error = "the provider's safety filter blocked the reply"
         elif finish == "length" and not reply.text.strip():

@@ -14,6 +14,7 @@ from typing import Any
 import httpx
 
 from core.support.secrets import is_secret_name, remember
+from plugins.vlms.litellm.answers import unwrap
 
 MAX_BYTES = 2**25  # of an answer, unpacked
 LONGEST_ERROR = 10_000  # bytes
@@ -115,7 +116,11 @@ class _Transport(httpx.BaseTransport):
         finally:
             answer.close()
 
-        _sender.answered = answer.is_success
+        status = answer.status_code
+        if status == httpx.codes.OK:
+            status, content = unwrap(content)
+
+        _sender.answered = status < 400
         if answer.is_error:
             content = content[:LONGEST_ERROR]  # LiteLLM searches errors for many words
 
@@ -125,9 +130,7 @@ class _Transport(httpx.BaseTransport):
             for name, value in answer.headers.multi_items()
             if name not in hop
         ]
-        return httpx.Response(
-            answer.status_code, headers=headers, content=content, request=request
-        )
+        return httpx.Response(status, headers=headers, content=content, request=request)
 
 
 def _check_server(target: httpx.URL) -> None:
@@ -174,14 +177,25 @@ def _keep_openai(request: httpx.Request) -> None:
         )
 
     key = os.environ.get("OPENAI_API_KEY")
-    if (
-        key
-        and not is_openai
-        and any(key in value for value in request.headers.values())
-    ):
+    if is_openai or not key or key in _own_keys():
+        return
+    if any(key in value.split() for value in request.headers.values()):
         raise Unanswered(
-            f"OPENAI_API_KEY would go to {host}; set the variable of {_sender.provider or 'that provider'}"
+            f"OPENAI_API_KEY would go to {host}; set {_prefix()}_API_KEY, the variable of {_sender.provider}"
         )
+
+
+def _own_keys() -> list[str]:
+    """Return the keys in the provider's own variables; one may be equal to OpenAI's, such as ``EMPTY``."""
+    return [
+        value
+        for name, value in os.environ.items()
+        if is_secret_name(name) and name.startswith(_prefix())
+    ]
+
+
+def _prefix() -> str:
+    return _sender.provider.upper().replace("-", "_")
 
 
 def _refuse_redirect(answer: httpx.Response) -> None:

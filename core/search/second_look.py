@@ -1,0 +1,99 @@
+"""Send designs that break a rule back to the model, with all their faults, and put the mended ones in their places."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from core.design import Candidate
+from core.designs.composer import PromptComposer
+from core.interfaces import Reply, Request
+
+REPAIRED = "-repair"  # at the end of the id of a request that asks once more
+
+Read = Callable[[Any], list[Candidate]]
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A request on its way, and what stands if no more comes of it.
+
+    Attributes:
+        request: that was asked first.
+        sent: that was sent last; asked for a second look, it is another one.
+        strategies: of the document that was read so far; empty: none.
+        candidates: of these.
+    """
+
+    request: Request
+    sent: Request
+    strategies: Sequence[Any] = ()
+    candidates: list[Candidate] = field(default_factory=list)
+
+    def faulty(self) -> list[int]:
+        """Return the numbers of the strategies that hold a design that breaks a rule."""
+        broken = [c.strategy for c in self.candidates if c.problem is not None]
+        return sorted(set(broken))
+
+    def look_again(self, prompts: PromptComposer, reply: Reply, problem: str) -> Asked:
+        """Compose the request for a second look: at the faulty designs, or at all where the reply has a ``problem``."""
+        numbers = self.faulty()
+        faults = {
+            f"strategy {c.strategy + 1}: {c.problem}": None
+            for c in self.candidates
+            if c.problem is not None
+        }
+        brief = self.request.brief
+        if numbers:
+            brief = replace(brief, n_tool=len(numbers))
+        name = f"{self.sent.id}{REPAIRED}"
+        sent = replace(self.request, id=name, brief=brief)
+        messages = prompts.repair(sent, self.request, reply, problem, list(faults))
+        return replace(self, sent=replace(sent, messages=messages))
+
+    def mend(self, answered: Sequence[Any], read: Read) -> list[Candidate]:
+        """Put the designs of an answer in the places of the faulty ones, under the same names.
+
+        What an answer leaves out of a strategy stays as it was. A tool that was sound stays with all of its plans.
+
+        Args:
+            answered: the strategies of the answer, one for each that was faulty.
+            read: reads the candidates of strategies.
+        """
+        numbers = self.faulty()[: len(answered)]
+        merged = []
+        for number, new in zip(numbers, answered, strict=False):
+            old = self.strategies[number] if number < len(self.strategies) else None
+            are_both = isinstance(old, dict) and isinstance(new, dict)
+            merged.append({**old, **new} if are_both else new)
+
+        mended = list(self.candidates)
+        found = read(merged)
+        for place, number in enumerate(numbers):
+            new = [candidate for candidate in found if candidate.strategy == place]
+            mended = _replace(mended, number, new)
+        return mended
+
+
+def _replace(
+    candidates: list[Candidate], number: int, new: list[Candidate]
+) -> list[Candidate]:
+    """Replace the faulty candidates of a strategy by new ones: all of them, or plan by plan where others are sound."""
+    old = [candidate for candidate in candidates if candidate.strategy == number]
+    sound = [candidate for candidate in old if candidate.problem is None]
+    faulty = [candidate for candidate in old if candidate.problem is not None]
+    if not sound:
+        kept = [replace(candidate, strategy=number) for candidate in new]
+        others = [candidate for candidate in candidates if candidate.strategy != number]
+        return sorted([*others, *(kept or old)], key=lambda candidate: candidate.key)
+
+    if len(new) > len(faulty):  # it repeats those that are sound
+        actions = {candidate.action for candidate in faulty}
+        new = [candidate for candidate in new if candidate.action in actions]
+    tool = sound[0].tool
+    mended = {
+        broken.key: replace(fresh, tool=tool, strategy=number, action=broken.action)
+        for broken, fresh in zip(faulty, new, strict=False)
+    }
+    return [mended.get(candidate.key, candidate) for candidate in candidates]
