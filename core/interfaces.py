@@ -168,6 +168,7 @@ class VLM(ABC):
 
     model: str  # the name that is printed and stored with each reply
     takes_schema: bool = False  # it passes on `Request.schema` itself, so that the prompt's text leaves it out
+    repairs: bool = False  # it can mend designs that are sent back with their faults
     criticises: bool = True  # it can answer a request for a critique
     sees: bool = True  # it answers what messages and pictures say, and needs no numbers of the scene from the brief
 

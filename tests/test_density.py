@@ -85,8 +85,8 @@ def measure(folder):
 @pytest.mark.parametrize(
     ("folder", "nodes", "in_thousand_lines"),
     [
-        ("core", 75_800, 3_950),
-        ("plugins", 175_550, 4_020),
+        ("core", 76_691, 3_950),
+        ("plugins", 176_280, 4_020),
         ("tasks", 20_600, 4_500),
     ],
 )

@@ -36,7 +36,8 @@ class PromptSettings:
             rollout, and a line for each candidate of the last generation (``numbers``), or also a picture (``full``).
         generation_characters: the length of the lines of the last generation's candidates, beyond which some are left
             out.
-        repair: ask once more, with the reason, if a reply can't be read.
+        repair: how often designs that break a rule, or a reply that can't be read, go back with the reasons; None: once
+            to a language model, and never with ``budget=paper``.
         critic: how many candidates of a generation the model is shown again, with pictures, one in each request; what
             fails in them by its words stands in the next generation's prompts.
         system: the templates of the system message; empty: no system message.
@@ -54,7 +55,7 @@ class PromptSettings:
     photographs: str = "beside"
     feedback: str = "paper"
     generation_characters: int = 12_000
-    repair: bool = False
+    repair: int | None = None
     critic: int = 0
     system: list[str] = field(default_factory=PARTS["system"].copy)
     initial: list[str] = field(default_factory=PARTS["initial"].copy)

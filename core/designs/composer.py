@@ -151,16 +151,32 @@ class PromptComposer:
         return (*self._system(values), Message("user", tuple(user)))
 
     def repair(
-        self, request: Request, reply: Reply, problem: str
+        self,
+        request: Request,
+        reply: Reply,
+        problem: str,
+        faults: Sequence[str] = (),
+        brief: Brief | None = None,
     ) -> tuple[Message, ...]:
-        """Compose the messages of ``request``, the reply, and a request to mend its ``problem``.
+        """Compose the messages of a request, the reply, and a request to mend it.
+
+        Args:
+            request: that was answered.
+            reply: to it.
+            problem: why the reply can't be read; empty: it can.
+            faults: of its designs.
+            brief: of what is to be mended; None: of the whole request.
 
         Raises:
             UserError: the template fails.
         """
-        brief = request.brief
+        brief = brief or request.brief
         sight = self.level.sight(brief.task, brief.scene_seed)
-        values = {"problem": sight.text(problem), "brief": brief}
+        values = {
+            "problem": sight.text(problem),
+            "faults": [sight.text(fault) for fault in faults],
+            "brief": brief,
+        }
         messages = list(request.messages)
         text = reply.text[:MAX_REPEATED]
         if text.strip():
@@ -205,8 +221,8 @@ def as_markdown(message: Message) -> str:
 
 
 def _check_settings(settings: PromptSettings) -> None:
-    for name in ("generation_characters", "critic"):
-        most = getattr(settings, name)
+    for name in ("generation_characters", "critic", "repair"):
+        most = getattr(settings, name) or 0
         if most < 0:
             raise UsageError(f"prompt.{name} must be 0 or greater, got {most}")
     for name, values in (("feedback", FEEDBACK), ("photographs", PHOTOGRAPHS)):

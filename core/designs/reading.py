@@ -68,7 +68,7 @@ def read_designs(
     """
     n_tool, n_action = most
     candidates: list[Candidate] = []
-    for number, strategy in enumerate(_strategies(document)[:n_tool]):
+    for number, strategy in enumerate(list_strategies(document)[:n_tool]):
         parents = _read_parents(strategy, elites)
         base = Candidate(None, NO_PLAN, generation, agent, number, parents=parents)
         found = _read_strategy(strategy, base, representation, task, actions)
@@ -77,7 +77,12 @@ def read_designs(
     return candidates
 
 
-def _strategies(document: object) -> list[Any]:
+def list_strategies(document: object) -> list[Any]:
+    """Return the strategies of a designs document.
+
+    Raises:
+        DesignError: it has none.
+    """
     found = reader().list_strategies(document)
     if found:
         return found
@@ -142,8 +147,8 @@ def _read_strategy(
             plan = parse_plan(actions, raw, gripper)
             yield replace(base, action=action, plan=plan)
         except DesignError as error:
-            fault = f"action plan {action + 1}: {error}"
-            yield replace(base, action=action, problem=problem or fault)
+            faults = filter(None, (problem, f"action plan {action + 1}: {error}"))
+            yield replace(base, action=action, problem="; ".join(faults))
 
 
 def _as_fields(strategy: object, representation: ToolRepresentation) -> Fields:
@@ -236,7 +241,7 @@ def load_designs(path: Path) -> object:
 
     try:
         document, end = decode(text, start, what)
-        _strategies(document)
+        list_strategies(document)
     except Malformed as error:
         raise UserError(f"{error}; {EXPECTED}") from error
     except DesignError as error:
@@ -255,7 +260,7 @@ def load_tool(
     Raises:
         UserError: there is no such strategy, or its tool can't be read.
     """
-    strategies = _strategies(load_designs(path))
+    strategies = list_strategies(load_designs(path))
     if number not in range(len(strategies)):
         raise UserError(
             f"{path} has {len(strategies)} strategies; there is no strategy={number}"

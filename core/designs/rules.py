@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +23,7 @@ from core.robot.solids import (
     solid_geometry,
     solids_of,
 )
-from core.support.text import shorten
+from core.support.text import short_numbers, shorten
 from core.values.materials import PAPER, Material
 
 MAX_COMPONENTS = 100
@@ -60,6 +62,9 @@ MAX_LOAD_N = 10.0
 MAX_MOUNT_GAP_M = 0.002
 """The largest gap between a component and the mount that it hangs from."""
 
+MAX_FAULTS = 10
+"""The most faults of a tool that are named at once."""
+
 NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 """What a component may be called: prompts, messages and robot descriptions hold a name as it is."""
 
@@ -71,7 +76,7 @@ def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
     moment about the mount and strength.
 
     Raises:
-        DesignError: the first rule that is broken.
+        DesignError: all rules that are broken, as far as they can be checked together.
     """
     if tool.gripper:
         check_gripper(robot)
@@ -85,22 +90,49 @@ def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
             f"the tool has {len(tool.components)} components; at most {MAX_COMPONENTS} are allowed"
         )
 
+    faults = Faults()
     for component in tool.components:
-        _check_component(component)
-        if material.density_kg_m3 is None:
-            _check_mass(component)
+        with faults.collect():
+            _check_component(component)
+            if material.density_kg_m3 is None:
+                _check_mass(component)
+    faults.refuse()
 
-    check_weight(tool, robot, material)
+    with faults.collect():
+        check_weight(tool, robot, material)
+        _check_tool_mass(tool)
+    with faults.collect():
+        _check_extent(tool)
+    with faults.collect():
+        joints = check_contacts(tool, robot)
+    faults.refuse()
 
+    check_joints(tool, material, mount_solids(tool, robot))
+    _check_stiffness(tool, joints, material)
+
+
+class Faults(list[str]):
+    """The faults of one design, of which all are named at once."""
+
+    @contextmanager
+    def collect(self) -> Iterator[None]:
+        """Go on after a fault, and keep it."""
+        try:
+            yield
+        except DesignError as error:
+            self.append(str(error))
+
+    def refuse(self) -> None:
+        """Raise DesignError if there are faults."""
+        if self:
+            raise DesignError("; ".join(self[:MAX_FAULTS]))
+
+
+def _check_tool_mass(tool: Tool) -> None:
     if tool.mass < MIN_TOOL_KG:
         raise DesignError(
             f"the tool weighs {tool.mass:.3g} kg; at least {MIN_TOOL_KG:g} kg is needed"
         )
-
-    _check_extent(tool)
-    joints = check_contacts(tool, robot)
-    check_joints(tool, material, mount_solids(tool, robot))
-    _check_stiffness(tool, joints, material)
 
 
 def check_gripper(robot: Robot) -> None:
@@ -172,8 +204,9 @@ def check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:
     """Check that each component touches its parent; return the points (3,) where they do, in the mount's frame.
 
     Raises:
-        DesignError: names the component that is too far away from its parent, and the gap.
+        DesignError: names all components that are too far from their parents, the gaps, and how to close them.
     """
+    faults = Faults()
     solids = mount_solids(tool, robot)
     for component in tool.components:
         name = component.name
@@ -185,23 +218,25 @@ def check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:
         name = component.name
         parent = component.parent
         there = [replace(solid, pose=component.pose) for solid in solids[name]]
-        gap, point = closest(there, solids[parent])
+        gap, point, way = closest(there, solids[parent])
+        most = MAX_GAP_M
+        neighbour = f"parent {parent!r}"
         if parent in tool.mounts:
-            _check_gap(name, gap, MAX_MOUNT_GAP_M, f"mount {parent!r}")
-            points[name] = point
+            most = MAX_MOUNT_GAP_M
+            neighbour = f"mount {parent!r}"
         else:
-            _check_gap(name, gap, MAX_GAP_M, f"parent {parent!r}")
-            points[name] = placed[parent][1].apply(point)
+            point = placed[parent][1].apply(point)
 
+        if gap > most:
+            moved = short_numbers(way, 4)
+            faults.append(
+                f"component {name!r} is {gap * 1000:.1f} mm away from its {neighbour}; move it by ({moved}) m in the "
+                "frame of what it hangs from, or lengthen it until they touch"
+            )
+        points[name] = point
+
+    faults.refuse()
     return points
-
-
-def _check_gap(name: str, gap: float, most: float, neighbour: str) -> None:
-    """Refuse a component farther than ``most`` metres from what it hangs from."""
-    if gap > most:
-        raise DesignError(
-            f"component {name!r} is {gap * 1000:.1f} mm away from its {neighbour}; move or lengthen it until they touch"
-        )
 
 
 def _check_stiffness(tool: Tool, joints: dict[str, Array], material: Material) -> None:

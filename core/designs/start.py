@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from core.design import DesignError, Tool
+from core.design import Candidate, DesignError, Tool
 from core.geometry import Pose
 from core.interfaces import Task
 from core.robot.kinematics import arm_of, link_poses
@@ -88,6 +88,21 @@ class SpawnRules:
             ]
             self._arms[gripper] = Obstacles(solids), frames
         return self._arms[gripper]
+
+
+def check_starts(candidates: Iterable[Candidate], rules: SpawnRules) -> list[Candidate]:
+    """Return candidates, those whose tool does not start clear of everything with that as their problem."""
+    return [_check_start(candidate, rules) for candidate in candidates]
+
+
+def _check_start(candidate: Candidate, rules: SpawnRules) -> Candidate:
+    if candidate.problem is not None or candidate.tool is None:
+        return candidate
+    try:
+        rules.check(candidate.tool)
+    except DesignError as error:
+        return replace(candidate, problem=str(error))
+    return candidate
 
 
 def _check_halves(solids: Sequence[tuple[Solid, str]]) -> None:

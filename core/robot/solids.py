@@ -114,17 +114,24 @@ def signed_distance(a: Solid, b: Solid) -> float:
     return _contact(a, b)[0]
 
 
-def _contact(a: Solid, b: Solid) -> tuple[float, Array]:
-    """Measure the signed distance of two solids in one frame, and find the point (3,) midway where they are closest."""
+def _contact(a: Solid, b: Solid) -> tuple[float, Array, Array]:
+    """Measure the signed distance of two solids in one frame.
+
+    Return it, the point (3,) midway where they are closest, and the way (3,) from the first to the second there.
+    """
     request = coal.DistanceRequest()
     result = coal.DistanceResult()
     between = (a.geometry, a.transform, b.geometry, b.transform)
     gap = coal.distance(*between, request, result)
-    return float(gap), (result.getNearestPoint1() + result.getNearestPoint2()) / 2
+    here = result.getNearestPoint1()
+    there = result.getNearestPoint2()
+    return float(gap), (here + there) / 2, there - here
 
 
-def closest(ones: Iterable[Solid], others: Iterable[Solid]) -> tuple[float, Array]:
-    """Measure the least signed distance of two groups of solids, and find the point (3,) midway there."""
+def closest(
+    ones: Iterable[Solid], others: Iterable[Solid]
+) -> tuple[float, Array, Array]:
+    """Measure the least signed distance of two groups of solids; see `_contact`."""
     contacts = itertools.starmap(_contact, itertools.product(ones, others))
     return min(contacts, key=lambda found: found[0])
 

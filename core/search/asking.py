@@ -41,7 +41,7 @@ def build_designer(
         settings = replace(settings, observe=True)
     fitness = builder.build_fitness(cfg, settings)
     prompts = PromptComposer(
-        node(cfg.prompt, PromptSettings),
+        _read_prompt(cfg, vlm),
         settings,
         cfg.sim.name,
         tie=cfg.evolution.get("tie", TIE),
@@ -51,6 +51,20 @@ def build_designer(
     designer = ModelDesigner(assignment, vlm, prompts, sampling, events)
     artist = Artist(assignment, prompts, part(SIMULATOR, cfg.sim).create)
     return builder.finish(designer, fitness, artist), fitness
+
+
+def _read_prompt(cfg: DictConfig, vlm: VLM) -> PromptSettings:
+    """Read the settings of prompts, and settle how often designs go back to the model."""
+    settings = node(cfg.prompt, PromptSettings)
+    return replace(settings, repair=count_repairs(cfg, vlm))
+
+
+def count_repairs(cfg: DictConfig, vlm: object) -> int:
+    """Return how often designs that break a rule go back to a model, or what is made of its factory."""
+    if cfg.prompt.repair is not None:
+        return int(cfg.prompt.repair)
+    can_mend = getattr(vlm, "repairs", VLM.repairs)
+    return int(can_mend and cfg.budget.name != "paper")
 
 
 def _read_assignment(cfg: DictConfig) -> Assignment:

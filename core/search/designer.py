@@ -15,18 +15,16 @@ from core.design import Candidate, DesignError
 from core.designs.composer import PromptComposer
 from core.designs.feedback import last_generation, most_telling
 from core.designs.planning import NO_PLAN
-from core.designs.reading import read_designs
 from core.designs.replies import parse_reply
 from core.designs.schema import answer_schema
-from core.errors import UsageError, UserError
+from core.errors import LimitReached, UsageError, UserError
 from core.events import Generation
 from core.hooks import hookimpl
 from core.interfaces import VLM, Brief, Picture, Reply, Request
 from core.search.assignment import Assignment, Team
 from core.search.replies import ask_model
+from core.search.second_look import Asked
 from core.trial import Evaluation
-
-REPAIRED = "-repair"  # at the end of the id of a request that asks once more
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,13 +34,11 @@ class Answer:
     Attributes:
         candidates: those of the reply, or one that has the problem.
         lost: there is no reply, for a reason that may pass.
-        unread: why the reply can't be read; or empty.
     """
 
     request: Request
     candidates: list[Candidate]
     lost: bool = False
-    unread: str = ""
 
 
 class Critic(Protocol):
@@ -168,67 +164,73 @@ class ModelDesigner:
         return []
 
     def ask(self, requests: Sequence[Request]) -> Iterator[Answer]:
-        """Send requests, and yield their answers as they arrive; some ask once more where a reply can't be read."""
-        again: list[Request] = []
-        for request, reply in self._send(requests):
-            answer = self._read(request, reply)
-            if reply is not None and answer.unread and self.prompts.settings.repair:
-                messages = self.prompts.repair(request, reply, answer.unread)
-                name = f"{request.id}{REPAIRED}"
-                again.append(replace(request, id=name, messages=messages))
-            else:
-                yield answer
+        """Send requests, and yield an answer to each; designs that break a rule go back `PromptSettings.repair` times.
 
-        for request, reply in self._send(again):
-            yield self._read(request, reply)
+        Raises:
+            LimitReached: after all that came, see `VLM.complete`.
+        """
+        asked = [Asked(request, request) for request in requests]
+        for left in range(self.prompts.settings.repair or 0, -1, -1):
+            again: list[Asked] = []
+            yield from self._answers(asked, again if left else None)
+            asked = again
 
-    def _send(
-        self, requests: Sequence[Request]
-    ) -> Iterator[tuple[Request, Reply | None]]:
-        """Yield each request with its reply, as they arrive, and then those that got none."""
-        if not requests:
+    def _answers(
+        self, asked: Sequence[Asked], again: list[Asked] | None
+    ) -> Iterator[Answer]:
+        """Yield the answers to requests; append to ``again`` what goes back for a second look."""
+        if not asked:
             return
-        missing = {request.id: request for request in requests}
-        for reply in ask_model(self.vlm, requests, self.events, self.stored):
-            yield missing.pop(reply.request_id), reply
-        for request in missing.values():
-            yield request, None
-
-    def _read(self, request: Request, reply: Reply | None) -> Answer:
-        """Read what came of a request, at most as many candidates as it asks for."""
-        if reply is None:
-            return _fail(request, "no reply came")
-        self._replies.append(reply)
-        if reply.error is not None:
-            failed = _fail(request, f"the model gave no answer: {reply.error}")
-            return replace(failed, lost=reply.unanswered)
-
-        brief = request.brief
+        missing = {item.sent.id: item for item in asked}
+        requests = [item.sent for item in asked]
         try:
-            candidates = read_designs(
-                self.parse(brief, reply.text),
-                brief.representation,
-                brief.task,
-                generation=brief.generation,
-                agent=brief.agent,
-                elites=tuple(elite.candidate.id for elite in brief.elites),
-                most=(brief.n_tool, brief.n_action or None),
-                actions=brief.actions,
-            )
-        except DesignError as error:
-            failed = _fail(request, f"the reply can't be read: {error}")
-            return replace(failed, unread=str(error))
+            for reply in ask_model(self.vlm, requests, self.events, self.stored):
+                item = missing.pop(reply.request_id)
+                self._replies.append(reply)
+                yield from self._hear(item, reply, again)
+        except LimitReached:
+            for item in (*missing.values(), *(again or ())):
+                if item.candidates:
+                    yield Answer(item.request, item.candidates)
+            raise
 
-        return Answer(request, candidates)
+        for item in missing.values():
+            yield _answer(item, "no reply came")
+
+    def _hear(
+        self, item: Asked, reply: Reply, again: list[Asked] | None
+    ) -> Iterator[Answer]:
+        """Yield the answer that a reply is, or append to ``again`` what asks for a second look."""
+        if reply.error is not None:
+            answer = _answer(item, f"the model gave no answer: {reply.error}")
+            lost = reply.unanswered and not item.candidates
+            yield replace(answer, lost=lost)
+            return
+
+        problem = ""
+        try:
+            document = self.parse(item.request.brief, reply.text)
+            starts = bool(self.prompts.settings.repair)
+            item = item.read(document, starts=starts)
+        except DesignError as error:
+            problem = str(error)
+
+        if again is not None and (problem or item.faulty()):
+            again.append(item.look_again(self.prompts, reply, problem))
+            return
+        yield _answer(item, f"the reply can't be read: {problem}")
 
     def _criticise(self, generation: int, elites: Sequence[Evaluation]) -> None:
         """Ask for critiques, and wait for them: the generation's other requests show them."""
         if self.critic is None:
             return
         brief, _ = self.brief(generation, 0, Team(range(1), elites), tuple(self.tried))
-        for request, reply in self._send(self.critic.requests(brief)):
-            if reply is not None:
-                self.critic.hear(reply, request)
+        requests = {request.id: request for request in self.critic.requests(brief)}
+        if not requests:
+            return
+        asked = list(requests.values())
+        for reply in ask_model(self.vlm, asked, self.events, self.stored):
+            self.critic.hear(reply, requests[reply.request_id])
 
     def _draw_strips(
         self, team: Team, tried: Sequence[Evaluation]
@@ -303,8 +305,8 @@ class ModelDesigner:
         return parse_reply(text)
 
 
-def _fail(request: Request, problem: str) -> Answer:
-    """Make the answer of one candidate that stands for all that an agent would have designed."""
-    brief = request.brief
-    candidate = Candidate(None, NO_PLAN, brief.generation, brief.agent, problem=problem)
-    return Answer(request, [candidate])
+def _answer(item: Asked, problem: str) -> Answer:
+    """Make the answer of what was read; without any, of one candidate with the problem, which stands for all."""
+    brief = item.request.brief
+    lost = Candidate(None, NO_PLAN, brief.generation, brief.agent, problem=problem)
+    return Answer(item.request, item.candidates or [lost])

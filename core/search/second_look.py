@@ -2,17 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from core.design import Candidate
 from core.designs.composer import PromptComposer
-from core.interfaces import Reply, Request
+from core.designs.reading import list_strategies, read_designs
+from core.designs.start import SpawnRules, check_starts
+from core.interfaces import Brief, Reply, Request
 
 REPAIRED = "-repair"  # at the end of the id of a request that asks once more
 
-Read = Callable[[Any], list[Candidate]]
+
+def read_candidates(
+    brief: Brief, strategies: Sequence[Any], *, starts: bool
+) -> list[Candidate]:
+    """Read strategies, at most as many as the brief asks for.
+
+    Args:
+        brief: of the request.
+        strategies: of the answer.
+        starts: a tool that does not start clear of everything is faulty, too, before it is tried.
+    """
+    found = read_designs(
+        {"strategies": strategies},
+        brief.representation,
+        brief.task,
+        generation=brief.generation,
+        agent=brief.agent,
+        elites=tuple(elite.candidate.id for elite in brief.elites),
+        most=(brief.n_tool, brief.n_action or None),
+        actions=brief.actions,
+    )
+    if not starts:
+        return found
+    return check_starts(found, SpawnRules(brief.task, brief.scene_seed))
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,28 +73,40 @@ class Asked:
         if numbers:
             brief = replace(brief, n_tool=len(numbers))
         name = f"{self.sent.id}{REPAIRED}"
-        sent = replace(self.request, id=name, brief=brief)
-        messages = prompts.repair(sent, self.request, reply, problem, list(faults))
-        return replace(self, sent=replace(sent, messages=messages))
+        messages = prompts.repair(self.request, reply, problem, list(faults), brief)
+        sent = replace(self.request, id=name, brief=brief, messages=messages)
+        return replace(self, sent=sent)
 
-    def mend(self, answered: Sequence[Any], read: Read) -> list[Candidate]:
+    def read(self, document: object, *, starts: bool) -> Asked:
+        """Read the candidates of an answer; mended ones take their old places. ``starts``: see `read_candidates`.
+
+        Raises:
+            DesignError: it holds no strategy.
+        """
+        strategies = list_strategies(document)
+        if self.candidates:
+            return replace(self, candidates=self._mend(strategies))
+        found = read_candidates(self.request.brief, strategies, starts=starts)
+        return replace(self, strategies=strategies, candidates=found)
+
+    def _mend(self, answered: Sequence[Any]) -> list[Candidate]:
         """Put the designs of an answer in the places of the faulty ones, under the same names.
 
         What an answer leaves out of a strategy stays as it was. A tool that was sound stays with all of its plans.
 
-        Args:
-            answered: the strategies of the answer, one for each that was faulty.
-            read: reads the candidates of strategies.
+        ``answered`` has a strategy for each that was faulty.
         """
         numbers = self.faulty()[: len(answered)]
-        merged = []
+        merged: list[Any] = []
         for number, new in zip(numbers, answered, strict=False):
-            old = self.strategies[number] if number < len(self.strategies) else None
-            are_both = isinstance(old, dict) and isinstance(new, dict)
-            merged.append({**old, **new} if are_both else new)
+            old = self.strategies[number]
+            if isinstance(old, dict) and isinstance(new, dict):
+                merged.append({**old, **new})
+            else:
+                merged.append(new)
 
         mended = list(self.candidates)
-        found = read(merged)
+        found = read_candidates(self.request.brief, merged, starts=True)
         for place, number in enumerate(numbers):
             new = [candidate for candidate in found if candidate.strategy == place]
             mended = _replace(mended, number, new)

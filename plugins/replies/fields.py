@@ -159,9 +159,9 @@ def _is_part(key: object, name: str) -> bool:
 
 def _fit(value: object, wanted: object) -> object:
     """Make a text of a list of lines, and a list of a text that holds one."""
-    is_lines = isinstance(value, list) and all(isinstance(v, str) for v in value)
-    if wanted == "string" and is_lines:
-        return "\n".join(value)
+    if wanted == "string" and isinstance(value, list):
+        lines = [line for line in value if isinstance(line, str)]
+        return "\n".join(lines) if len(lines) == len(value) else value
     if wanted == "array" and isinstance(value, str) and value.lstrip().startswith("["):
         try:
             return json.loads(value)

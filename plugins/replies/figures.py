@@ -6,6 +6,7 @@ import ast
 import math
 import operator
 import re
+from collections.abc import Callable
 
 _LONGEST = 100  # characters
 _FIGURE = re.compile(r"-?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
@@ -17,13 +18,16 @@ _DEGREES = re.compile(r"(.*?[\d.)])\s*(?:deg|degrees|°)", re.DOTALL)
 # One number or two: a space stands before the sign, and none behind it.
 _UNEVEN = re.compile(r"[\d.)]\s+[-+][\d.(]")
 
-_OPERATORS = {
+_OPERATORS: dict[type, Callable[[float, float], float]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
 }
-_SIGNS = {ast.UAdd: operator.pos, ast.USub: operator.neg}
+_SIGNS: dict[type, Callable[[float], float]] = {
+    ast.UAdd: operator.pos,
+    ast.USub: operator.neg,
+}
 
 
 def read_figure(text: str) -> float | None:

@@ -169,7 +169,8 @@ def _read_surely(text: str, read: Callable[[str], Any]) -> object:
     spelled = _CODE.sub(lambda code: chr(int(code[1], 16)), text)
     if figures_in(written) != figures_in(spelled):
         raise DesignError("it is malformed, and its numbers can't be read for certain")
-    assume("malformed JSON, or YAML, is read where its numbers are certain")
+    if value:
+        assume("malformed JSON, or YAML, is read where its numbers are certain")
     return value
 
 

@@ -27,7 +27,7 @@ from core.interfaces import (
     ToolRepresentation,
 )
 from core.search.assignment import Team
-from core.search.designer import REPAIRED, Answer, ModelDesigner
+from core.search.designer import Answer, ModelDesigner
 from core.search.prompt_pictures import ScenePictures
 from plugins.several.plans import TaskPlans
 
@@ -220,7 +220,7 @@ class SeveralDesigner(ModelDesigner):
                 yield from planned.candidates()
 
         for answer in self.ask(requests):
-            planned, task = waiting[answer.request.id.removesuffix(REPAIRED)]
+            planned, task = waiting[answer.request.id]
             planned.take(task, answer)
             if planned.waits == 0:
                 yield from planned.candidates()

@@ -152,7 +152,7 @@ def _scaled(point: Array, before: Shape | Compound, after: Shape | Compound) -> 
 def _touching(component: Component, parent: Component) -> Array:
     """The point (3,) in the parent's frame where the two are closest."""
     solids = solids_of(component.name, component.shape, component.pose)
-    _, point = closest(solids, solids_of(parent.name, parent.shape, Pose()))
+    _, point, _ = closest(solids, solids_of(parent.name, parent.shape, Pose()))
     return point
 
 

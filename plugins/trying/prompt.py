@@ -20,7 +20,7 @@ from core.errors import UsageError, UserError
 from core.interfaces import VLM, Estimate, Picture, Request
 from core.plugins import event_hub, installed
 from core.plugins.blame import refuse_exit
-from core.search.asking import build_designer
+from core.search.asking import build_designer, count_repairs
 from core.search.assignment import Team
 from core.support.cli import arguments, say, write_bytes
 from core.trial import Evaluation, best_first
@@ -159,6 +159,17 @@ def _describe_generation(
     )
 
 
+def _describe_repairs(repairs: int, agents: int, estimate: Estimate) -> str:
+    """Say how many requests a generation may have for designs that break rules, and what they cost."""
+    tokens = estimate.prompt_tokens
+    paid = estimate.usd_per_prompt_token
+    cost = "" if paid is None else f" ({tokens * paid:.4f} USD)"
+    return (
+        f"prompt.repair={repairs}: at most {repairs * agents} requests more in a generation where designs break "
+        f"rules; each has these {tokens} tokens{cost}, and the answer that it mends"
+    )
+
+
 def main(words: list[str]) -> None:
     cfg = load("prompt", arguments(USAGE, words), PromptConfig)
     OmegaConf.resolve(cfg)
@@ -168,6 +179,9 @@ def main(words: list[str]) -> None:
     say(f"{estimate.prompt_tokens} tokens for {model} ({estimate.counted_by})")
     if follow_ups:
         say(_describe_generation(cfg, request, follow_ups, estimate))
+    repairs = count_repairs(cfg, installed().factory("vlm", cfg.vlm.name))
+    if repairs:
+        say(_describe_repairs(repairs, cfg.budget.n_agent, estimate))
     if cfg.prompt.critic:
         say(
             f"prompt.critic={cfg.prompt.critic}: so many shorter requests come before each generation but the first"

@@ -7,14 +7,14 @@ import json
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from core.design import Candidate, DesignError
+from core.design import DesignError
 from core.designs.composer import as_markdown
 from core.designs.reading import read_designs
 from core.designs.replies import parse_reply
-from core.designs.start import SpawnRules
+from core.designs.start import SpawnRules, check_starts
 from core.errors import UserError, check_positive
 from core.events import Run
 from core.hooks import hookimpl
@@ -24,6 +24,7 @@ from core.support.files import FileMark, file_mark, read_untrusted, write_whole
 
 REPLIES = ("reply.json", "reply.md")
 SKIP = "skip"
+ACCEPT = "accept"
 MAX_BYTES = 20_000_000  # of a reply
 CHECKS = (
     3  # a reply is read when its file is the same at this many: it is written whole
@@ -33,28 +34,36 @@ _HELP = (
     f"Mend the file or replace it: it is read again when it changes. To skip this request, put a file named {SKIP} "
     "here.\n"
 )
+_ACCEPT_HELP = (
+    f"Mend them in the file: it is read again when it changes. To have it taken as it is, put a file named {ACCEPT} "
+    "here.\n"
+)
 
 
 class Mailbox(VLM):
     """Writes each request into a folder of its own, and waits for a reply in that folder.
 
     A folder holds ``prompt.md``, the pictures that it names, and ``schema.json``. The reply is ``reply.json``, or
-    ``reply.md`` with the JSON somewhere in it. A reply without a usable design is refused, and ``problem.md`` gives the
-    reasons. For other replies ``problem.md`` lists the designs that will be rejected. Replies that are already there,
-    from an interrupted run, are used at once.
+    ``reply.md`` with the JSON somewhere in it. While designs of a reply can't be tried, ``problem.md`` lists all faults
+    of all of them, and the reply may be amended; a file named ``accept`` has it taken as it is. Replies that are
+    already there, from an interrupted run, are used at once.
 
     Args:
         folder: folder of the requests; empty: ``mailbox`` in the run's folder.
         poll_s: seconds between two checks for replies.
+        amend: wait for amendments; else a reply with any sound design is taken as it is.
     """
 
     model = "mailbox (answered by hand)"
 
-    def __init__(self, folder: str = "", poll_s: float = 0.5) -> None:
+    def __init__(
+        self, folder: str = "", poll_s: float = 0.5, amend: bool = True
+    ) -> None:
         check_positive("vlm.", poll_s=poll_s)
         self._folder = Path(folder or "mailbox")
         self._own = bool(folder)
         self._poll_s = poll_s
+        self._amend = amend
 
     @hookimpl
     def run_started(self, run: Run) -> None:
@@ -67,7 +76,10 @@ class Mailbox(VLM):
         Raises:
             UserError: the folder can't be written, or has a reply to another request.
         """
-        waiting = [Letter(request, self._folder / request.id) for request in requests]
+        waiting = [
+            Letter(request, self._folder / request.id, self._amend)
+            for request in requests
+        ]
         for letter in waiting:
             letter.post()
 
@@ -109,10 +121,13 @@ class Letter:
     Attributes:
         request: that waits for a reply.
         folder: of this request alone.
+        amend: faulty designs may be amended before the reply is taken.
     """
 
     request: Request
     folder: Path
+    amend: bool = True
+    _amendable: str | None = None
     _checks: dict[str, tuple[FileMark | None, int]] = field(default_factory=dict)
 
     def post(self) -> None:
@@ -160,6 +175,8 @@ class Letter:
         """Look for a usable reply; empty: the person skipped the request; None: there is no reply yet."""
         if (self.folder / SKIP).exists():
             return ""
+        if self._amendable is not None and (self.folder / ACCEPT).exists():
+            return self._amendable
 
         for name in REPLIES:
             text = self._read(name)
@@ -179,11 +196,21 @@ class Letter:
             return None
 
         usable = False
+        self._amendable = None
         try:
             text = _load(self.folder / name)
             usable, problems = judge(self.request, text)
         except DesignError as error:
             problems = [str(error)]
+
+        if usable and problems and self.amend:
+            self._amendable = text
+            heading = f"{name} can be used, but for these of its designs:"
+            self._write_problems(heading, problems, _ACCEPT_HELP)
+            _say(
+                f"{self.request.id}: some designs of {name} can't be tried; {self.folder / 'problem.md'} says why"
+            )
+            return None
 
         if usable:
             self._write_problems(
@@ -242,7 +269,7 @@ def judge(request: Request, text: str) -> tuple[bool, list[str]]:
     candidates = read_designs(
         document, brief.representation, brief.task, most=most, actions=brief.actions
     )
-    candidates = _check_starts(candidates, SpawnRules(brief.task, brief.scene_seed))
+    candidates = check_starts(candidates, SpawnRules(brief.task, brief.scene_seed))
     problems = dict.fromkeys(
         f"strategy {c.strategy + 1}: {c.problem}"
         for c in candidates
@@ -250,30 +277,6 @@ def judge(request: Request, text: str) -> tuple[bool, list[str]]:
     )
 
     return any(c.problem is None for c in candidates), list(problems)
-
-
-def _check_starts(
-    candidates: Sequence[Candidate],
-    start: SpawnRules,
-) -> list[Candidate]:
-    """Give candidates whose tool does not start clear of everything that as their problem.
-
-    Args:
-        candidates: as they were read.
-        start: the rules for where a tool may be at the start.
-    """
-    checked = []
-    for candidate in candidates:
-        problem = candidate.problem
-        if problem is None and candidate.tool is not None:
-            try:
-                start.check(candidate.tool)
-            except DesignError as error:
-                problem = str(error)
-
-        checked.append(replace(candidate, problem=problem))
-
-    return checked
 
 
 def _write(file: Path, data: bytes) -> None:

@@ -82,6 +82,7 @@ class Ensemble(VLM):
         vlms = self._members.values()
         self.model = f"ensemble of {', '.join(self._members)}"
         self.takes_schema = all(vlm.takes_schema for vlm in vlms)
+        self.repairs = any(vlm.repairs for vlm in vlms)
         self.criticises = any(vlm.criticises for vlm in vlms)
         self.sees = all(vlm.sees for vlm in vlms)
         self._dealer = Dealer(list(self._members), seed)

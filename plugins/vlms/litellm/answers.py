@@ -28,9 +28,10 @@ def unwrap(content: bytes) -> tuple[int, bytes]:
     text = find_text(message) if isinstance(message, dict) else ""
     if error and not text:
         code = error.get("code") if isinstance(error, dict) else None
-        is_status = isinstance(code, int) and 400 <= code < 600
-        body = json.dumps({"error": error}).encode()
-        return (code if is_status else FAILED), body
+        status = FAILED
+        if isinstance(code, int) and 400 <= code < 600:
+            status = code
+        return status, json.dumps({"error": error}).encode()
 
     if not isinstance(message, dict) or message.get("content") == text:
         return 200, content

@@ -249,7 +249,7 @@ def chatting(request):
 def test_an_unreadable_reply_is_asked_for_once_more_if_wanted():
     listener, vlm = Listener(), Canned(chatting)
     found = list(
-        designer(vlm, events=listener.hub, prompt=PromptSettings(repair=True)).design(0)
+        designer(vlm, events=listener.hub, prompt=PromptSettings(repair=1)).design(0)
     )
     assert {c.agent: c.problem for c in found} == {
         0: None,
@@ -281,7 +281,7 @@ def test_no_repair_unless_it_is_wanted_and_never_a_second_one():
     assert [c.problem is None for c in designer(vlm).design(0)].count(True) == 1
     assert len(vlm.requests) == 3
     stubborn = Canned(lambda r: Reply(r.id, "no", "a can"))
-    found = list(designer(stubborn, prompt=PromptSettings(repair=True)).design(0))
+    found = list(designer(stubborn, prompt=PromptSettings(repair=1)).design(0))
     assert len(stubborn.requests) == 6
     assert [c.id for c in found] == ["g0-a2-s0-p0", "g0-a1-s0-p0", "g0-a0-s0-p0"][::-1]
     assert all("the reply can't be read" in c.problem for c in found)

@@ -89,10 +89,10 @@ def wait_for(condition, seconds=60.0):
         time.sleep(0.01)
 
 
-def answered(folder, *acts, poll_s=0.02):
+def answered(folder, *acts, poll_s=0.02, amend=False):
     """Complete a request while a person acts; return the reply."""
     person = Person(*acts)
-    (reply,) = Mailbox(str(folder), poll_s=poll_s).complete([request()])
+    (reply,) = Mailbox(str(folder), poll_s, amend).complete([request()])
     person.done()
     return reply
 
@@ -212,6 +212,26 @@ def test_rejected_designs_of_an_accepted_reply_are_listed(tmp_path):
         "reply.json is accepted; these of its designs will be rejected:\n\n- strategy 2: "
     )
     assert "strategy 1" not in listed
+
+
+@pytest.mark.parametrize("accepted", [True, False])
+def test_faulty_designs_are_amended_or_accepted(tmp_path, accepted, capsys):
+    strategy = SOLUTION["strategies"][0]
+    bad = strategy | {"action_sets": [[[9] * 6]]}
+    text = json.dumps({"strategies": [strategy, bad]})
+    box = tmp_path / "g0-a0"
+    act = writes(box / "reply.json", GOOD)
+    if accepted:
+        act = writes(box / "accept", "")
+    reply = answered(
+        tmp_path,
+        (exists(box / "prompt.md"), writes(box / "reply.json", text)),
+        (says(box / "problem.md", "put a file named accept"), act),
+        amend=True,
+    )
+    assert reply.text == (text if accepted else GOOD)
+    assert "some designs of reply.json can't be tried" in capsys.readouterr().err
+    assert (box / "problem.md").exists() == accepted
 
 
 def test_a_reply_is_judged_by_the_runs_own_representation_of_plans():
