@@ -87,8 +87,8 @@ class Budget:
         k_top: candidates that may become elites.
         reward_save: an elite earns more than this.
         stop_reward: the run ends when a reward reaches it; None: never.
-        n_final: how many more layouts, at most, of those that the fitness gives, decide in each engine between
-            candidates that earn alike; 0: the shortest distance.
+        final_s: for how long, s, those that earn alike are tried in more layouts at the end; 8 rollouts count as a
+            second, with soft bodies 1. 0: the shortest distance decides.
         name: of its file.
     """
 
@@ -99,7 +99,7 @@ class Budget:
     k_top: int
     reward_save: float
     stop_reward: float | None = None
-    n_final: int = 8
+    final_s: float = 60.0
     name: str = ""
 
     @property

@@ -10,7 +10,7 @@ from typing import Any
 
 from core.interfaces import Budget, RolloutSettings, Simulator, Task, ToolRepresentation
 from core.trial import TIE, Evaluation, Rewards, best_first
-from core.values.efforts import Effort
+from core.values.efforts import Effort, Held
 
 INTERRUPTED = "interrupted"
 
@@ -79,8 +79,8 @@ class Result:
     ``stopped`` says what cut the run short, a limit that was reached or `INTERRUPTED`; then the last generation may
     lack candidates. None: it came to its end. ``tie`` is as in `Generation`. ``unseen`` are, by engine, the rewards of
     the best candidate in trials that the search never saw, if the fitness has any. ``winner`` was chosen of those that
-    earn alike by more trials, in which finalists earned ``finals``, by their id and engine. ``effort`` is the best's in
-    the unseen trials.
+    earn alike by more trials, in which finalists earned ``finals``, by their id and engine; ``held`` says in how many
+    layouts more the winner held. ``effort`` is the best's in the unseen trials.
     """
 
     generations: tuple[Generation, ...]
@@ -90,6 +90,7 @@ class Result:
     unseen: Rewards = field(default_factory=dict)
     winner: Evaluation | None = None
     finals: Mapping[str, Rewards] = field(default_factory=dict)
+    held: Held | None = None
     effort: Effort | None = None
 
     @cached_property

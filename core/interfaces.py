@@ -394,7 +394,7 @@ class Fitness(ABC):
     def finals(self) -> Iterator[Sequence[Condition]]:
         """Yield further layouts without end, of each the conditions in all engines.
 
-        They decide between candidates that earn alike. How many are tried is the search's setting (`Budget.n_final`).
+        They decide between candidates that earn alike. For how long is the search's setting (`Budget.final_s`).
         Without any the distance decides.
         """
         return iter(())

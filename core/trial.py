@@ -341,6 +341,11 @@ def summarise_rewards(rewards: Sequence[float]) -> dict[str, Any]:
     }
 
 
+def worst_mean(rewards: Mapping[str, Sequence[float]]) -> float:
+    """Return the mean reward in the engine where it is the lowest. ``rewards``: by engine, one engine or more."""
+    return min(float(np.mean(earned)) for earned in rewards.values())
+
+
 def count_rollouts(candidate: str, trials: Iterable[Trial]) -> int:
     """Count the rollouts that were played for the candidate of an id: not those that it shares with another one."""
     return sum(

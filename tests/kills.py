@@ -35,7 +35,7 @@ LAYOUTS = (
     "fitness=layouts",
     "fitness.layouts=3",
     "fitness.unseen=0",
-    "budget.n_final=0",
+    "budget.final_s=0",
 )
 PLAYED = (
     "sim=mujoco",

@@ -25,6 +25,10 @@ from core.store.recorder import RunStore
 from core.support.cli import say
 from core.support.progress import busy
 
+# How long trials take is counted, so that a winner does not depend on the machine.
+PER_S = 8  # rollouts of rigid bodies in a second, on two cores
+SOFT_PER_S = 1  # of soft ones
+
 
 def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     """Make the parts that ``cfg`` names, run the loop, and leave everything in ``folder``.
@@ -103,10 +107,19 @@ def run_search(search: Search, store: RunStore, *, film: bool) -> Result:
 def _try_finalists(result: Result, search: Search, trials: Trials) -> Result:
     """Choose the winner, and try it where no search looked."""
     fitness = search.fitness
-    most = search.run.budget.n_final
-    winner, finals = choose(result, fitness, trials, search.events, most)
-    unseen, effort = try_unseen(winner, fitness, trials)
-    return replace(result, winner=winner, finals=finals, unseen=unseen, effort=effort)
+    layout = next(fitness.finals(), ())
+    soft = any(condition.scene().softs for condition in layout)
+    rollouts = round(search.run.budget.final_s * (SOFT_PER_S if soft else PER_S))
+    choice = choose(result, fitness, trials, search.events, rollouts)
+    unseen, effort = try_unseen(choice.winner, fitness, trials)
+    return replace(
+        result,
+        winner=choice.winner,
+        finals=choice.finals,
+        held=choice.held,
+        unseen=unseen,
+        effort=effort,
+    )
 
 
 def resume(folder: Path, overrides: Sequence[str] = ()) -> None:

@@ -12,7 +12,7 @@ from functools import lru_cache
 from packaging.requirements import Requirement
 
 from core.events import Generation, Result, Run
-from core.store.rows import Best, GenerationFigures, RunFigures, Unseen
+from core.store.rows import Best, GenerationFigures, HeldFigures, RunFigures, Unseen
 
 _PARTS = ("task", "robot", "sim", "vlm", "tool", "action", "evolution", "fitness")
 
@@ -30,6 +30,7 @@ def report(run: Run, result: Result) -> RunFigures:
         unseen=unseen_figures(result),
         effort=result.effort,
         finalists=finalists,
+        held=held_figures(result),
         tie=result.tie,
         stopped=result.stopped,
         generations=tuple(map(summary, result.generations)),
@@ -53,6 +54,14 @@ def best_figures(result: Result) -> Best | None:
         candidate=best.candidate.id,
         margin=best.least_margin,
     )
+
+
+def held_figures(result: Result) -> HeldFigures | None:
+    """Return in how many further layouts the best candidate held; None: it was tried in none."""
+    held = result.held
+    if held is None or not held.layouts:
+        return None
+    return HeldFigures(held.held, held.layouts, round(held.fails_below, 4))
 
 
 def unseen_figures(result: Result) -> Unseen | None:

@@ -126,6 +126,15 @@ class Unseen:
 
 
 @dataclass(frozen=True)
+class HeldFigures:
+    """In how many further layouts the best candidate held, and below what its chance of failure is, at 95 %."""
+
+    held: Count
+    layouts: Count
+    fails_below: Reward
+
+
+@dataclass(frozen=True)
 class RunFigures:
     """The content of a ``result.json``.
 
@@ -133,6 +142,7 @@ class RunFigures:
         name: of the method; with ``budget``, ``material`` and the names of the parts as configured.
         effort: of the best candidate, in unseen layouts.
         finalists: what each earned in further layouts, by engine.
+        held: in how many layouts more the best candidate held; None: it was tried in none.
         tie: the difference up to which rewards counted as equal.
         stopped: why the run ended before its budget was spent; None: it did not.
     """
@@ -153,6 +163,7 @@ class RunFigures:
     unseen: Unseen | None
     effort: Effort | None
     finalists: dict[str, dict[str, tuple[Reward, ...]]]
+    held: HeldFigures | None
     tie: Amount
     stopped: str | None
     generations: tuple[GenerationFigures, ...]

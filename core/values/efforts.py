@@ -18,6 +18,34 @@ def holds(mean: float) -> bool:
 
 
 @dataclass(frozen=True)
+class Held:
+    """In how many layouts a design held, of how many that had no part in its choice."""
+
+    held: int
+    layouts: int
+
+    @property
+    def fails_below(self) -> float:
+        """The upper end of the 95 % interval of its chance of failure in a layout; 1 where none was tried.
+
+        The exact interval of a binomial share: C. Clopper and E. Pearson, "The use of confidence or fiducial limits",
+        Biometrika 26 (1934).
+        """
+        import scipy.stats  # takes a third of a second
+
+        if not self.layouts:
+            return 1.0
+        failed = self.layouts - self.held
+        test = scipy.stats.binomtest(failed, self.layouts, alternative="less")
+        return float(test.proportion_ci(0.95).high)
+
+    def words(self) -> str:
+        """Say it in words."""
+        chance = f"chance of failure below {100 * self.fails_below:.2g} % (95 %)"
+        return f"holds in {self.held} of {self.layouts} further layouts: {chance}"
+
+
+@dataclass(frozen=True)
 class Effort:
     """The effort of a design, over its trials.
 

@@ -10,10 +10,9 @@ from core.design import Candidate
 from core.errors import UsageError
 from core.interfaces import Condition, Score, Trial
 from core.support.templates import fill
-from core.trial import Evaluation
+from core.trial import Evaluation, worst_mean
 from core.values.efforts import HOLDS, Effort, holds
 from plugins.fitness.layouts import Layouts
-from plugins.fitness.several import mean
 
 
 class Lean(Layouts):
@@ -61,8 +60,7 @@ class Lean(Layouts):
         score = super().score(candidate, trials)
         tried = Evaluation(candidate, tuple(trials))
         effort = tried.effort
-        means = [mean(rewards) for rewards in tried.by_engine.values()]
-        if effort is None or not holds(min(means)):
+        if effort is None or not holds(worst_mean(tried.by_engine)):
             return replace(score, reward=score.reward / 2)
 
         saved = effort.saved(self._reference)

@@ -109,6 +109,8 @@ def _remarks(result: Result, best: Evaluation) -> Iterator[str]:
     least = best.least_margin
     if least is not None and least.name != "reward":
         yield f"least margin of the best {number(least.margin, 2)}: {least}"
+    if result.held is not None and result.held.layouts:
+        yield f"the best {result.held.words()}"
     for engine, rewards in result.unseen.items():
         mean = number(fmean(rewards), 3)
         worst = number(min(rewards), 3)
@@ -118,7 +120,7 @@ def _remarks(result: Result, best: Evaluation) -> Iterator[str]:
 
 def _tied(result: Result, best: Evaluation) -> Iterator[str]:
     """Say what decided between candidates that earned alike, or why the best has not the highest reward."""
-    if result.finals:
+    if len(result.finals) > 1:
         yield f"{len(result.finals)} candidates earned alike; {best.candidate.id} held best in more layouts"
         return
 

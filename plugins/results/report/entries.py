@@ -222,8 +222,7 @@ def _check_seeds(entry: Entry) -> None:
             )
 
     layouts = 0
-    # Entries of before the first release say `fitness.final`.
-    for key in ("fitness.layouts", "budget.n_final", "fitness.final"):
+    for key in ("fitness.layouts",):
         count = entry.settings.get(key, "")
         if re.fullmatch(r"\d{1,9}", count):
             layouts += int(count)

@@ -20,7 +20,7 @@ from core.designs.reading import dump_design
 from core.errors import UsageError, choices
 from core.geometry import Array
 from core.interfaces import ToolRepresentation
-from core.trial import TIE, Evaluation, best_first
+from core.trial import TIE, Evaluation, best_first, worst_mean
 from core.values.efforts import holds
 
 MAX_BINS = 100
@@ -54,12 +54,11 @@ class Measure:
 
     def bin(self, evaluation: Evaluation) -> int:
         """Return the number of the bin that an evaluation lies in, from 0; that of nan is the last."""
-        share = (VALUES[self.name](evaluation) - self.lower) / (self.upper - self.lower)
-        return (
-            min(int(max(share, 0.0) * self.bins), self.bins - 1)
-            if share < 1
-            else self.bins - 1
-        )
+        value = VALUES[self.name](evaluation)
+        share = (value - self.lower) / (self.upper - self.lower)
+        if not share < 1:
+            return self.bins - 1
+        return min(int(max(share, 0.0) * self.bins), self.bins - 1)
 
 
 def tool_of(evaluation: Evaluation) -> Tool:
@@ -77,17 +76,14 @@ def extent(tool: Tool) -> float:
     corners: dict[str, list[Array]] = {}
     for component in tool.components:
         mount, pose = placed[component.name]
-        corners.setdefault(mount, []).append(
-            pose.apply(component.shape.to_trimesh().vertices)
-        )
+        vertices = component.shape.to_trimesh().vertices
+        corners.setdefault(mount, []).append(pose.apply(vertices))
 
-    return max(
-        (
-            float(np.ptp(np.concatenate(points), axis=0).max())
-            for points in corners.values()
-        ),
-        default=0.0,
-    )
+    longest = 0.0
+    for points in corners.values():
+        sides = np.ptp(np.concatenate(points), axis=0)
+        longest = max(longest, float(sides.max()))
+    return longest
 
 
 def touch(evaluation: Evaluation) -> float:
@@ -179,10 +175,22 @@ def observes(written: object) -> bool:
 
 
 class Archive:
-    """The tried candidates by cell: a bin of each of the ``measures``."""
+    """The tried candidates by cell: a bin of each of the measures. All are kept, and the best of a cell is its elite.
+
+    Args:
+        measures: the axes of the grid.
+        tie: rewards this close to the highest of a cell count as equal; the shorter distance goes first.
+
+    For example::
+
+        archive = Archive(read_measures(["mass", "extent"]))
+        archive.add(evaluations)
+        elites = list(archive.best.values())
+    """
 
     def __init__(self, measures: Sequence[Measure], tie: float = TIE) -> None:
-        self.measures, self.tie = tuple(measures), tie
+        self.measures = tuple(measures)
+        self.tie = tie
         self._found: dict[Cell, list[Evaluation]] = {}
 
     def add(self, evaluations: Iterable[Evaluation]) -> None:
@@ -207,17 +215,10 @@ def lean_front(evaluations: Iterable[Evaluation]) -> list[Evaluation]:
     held = list[Evaluation]()
     for evaluation in evaluations:
         effort = evaluation.effort
-        if effort is not None and _holds(evaluation):
+        if effort is not None and holds(worst_mean(evaluation.by_engine)):
             points.append((effort.mass_kg, effort.motion_s))
             held.append(evaluation)
     return [held[number] for number in front(points)]
-
-
-def _holds(evaluation: Evaluation) -> bool:
-    """Say whether the trials hold in each engine (`core.values.efforts.holds`)."""
-    return holds(
-        min(float(np.mean(rewards)) for rewards in evaluation.by_engine.values())
-    )
 
 
 def front(points: Sequence[tuple[float, float]]) -> list[int]:
@@ -252,18 +253,16 @@ def save_archive(
         for evaluation in evaluations:
             picked.setdefault(evaluation.candidate.id, []).append(name)
 
-    cells = {evaluation.candidate.id: cell for cell, evaluation in archive.best.items()}
-    kept = {
-        e.candidate.id: e
-        for e in (*archive.best.values(), *chosen["best"], *chosen["front"])
-    }
+    elites = archive.best
+    cells = {elite.candidate.id: cell for cell, elite in elites.items()}
+    kept = dict[str, Evaluation]()
+    for evaluation in (*elites.values(), *chosen["best"], *chosen["front"]):
+        kept[evaluation.candidate.id] = evaluation
+
     folder.mkdir(parents=True, exist_ok=True)
-    document = {
-        "strategies": [dump_design(e.candidate, representation) for e in kept.values()]
-    }
-    (folder / "designs.json").write_text(
-        json.dumps(document, indent=2) + "\n", encoding="utf-8"
-    )
+    designs = [dump_design(e.candidate, representation) for e in kept.values()]
+    text = json.dumps({"strategies": designs}, indent=2) + "\n"
+    (folder / "designs.json").write_text(text, encoding="utf-8")
 
     with (folder / "archive.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
@@ -272,14 +271,7 @@ def save_archive(
 
         for number, (name, evaluation) in enumerate(kept.items()):
             where = cells.get(name, [""] * len(axes))
+            reasons = " ".join(picked.get(name, ()))
             values = [value(evaluation) for value in VALUES.values()]
-            writer.writerow(
-                [
-                    number,
-                    name,
-                    *where,
-                    " ".join(picked.get(name, ())),
-                    evaluation.reward,
-                    *values,
-                ]
-            )
+            reward = evaluation.reward
+            writer.writerow([number, name, *where, reasons, reward, *values])

@@ -2,9 +2,12 @@
 
 import itertools
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from core.config.compose import load
 from core.design import Candidate
@@ -13,10 +16,13 @@ from core.events import Generation, Result
 from core.hooks import hookimpl
 from core.interfaces import Condition, Fitness, Trial
 from core.plugins import event_hub
-from core.search.finalists import FIRST, choose, finalists
+from core.search.finalists import FIRST, MOST, WIDTH, choose, finalists
 from core.search.orchestration import resume, run
 from core.search.trials import Trials
 from core.store.reader import StoredRun
+from core.trial import TIE
+from core.values.efforts import Held
+from core.values.margins import Margin
 from plugins.conformance.evaluations import tried_once
 from tests.executors import Inline
 from tests.playing import Named
@@ -67,51 +73,97 @@ def result(*designs):
     return Result((Generation(0, tuple(evaluations)),), 1.0)
 
 
-def winner(*designs, count=8):
-    best, earned = choose(
-        result(*designs), Several(), Trials(Inline(), play=earn), event_hub(), count
-    )
-    return best.candidate.agent, earned
+def race(*designs, rollouts=480):
+    trials = Trials(Inline(), play=earn)
+    return choose(result(*designs), Several(), trials, event_hub(), rollouts)
 
 
-def test_the_one_with_room_to_spare_wins_and_the_shorter_way_only_among_those_alike():
-    narrow, wide, long = (
-        (1.0, 0.5, "a 1 0 b 1 1"),
-        (1.0, 0.7, "a 1 1 b 1 1"),
-        (1.0, 0.9, "a 1 1 b 1 1"),
-    )
-    assert winner(narrow, wide, long)[0] == 1
-    assert winner(narrow, long, wide)[0] == 2
-    assert winner(narrow, wide, count=0) == (0, {})
+def winner(*designs, rollouts=480):
+    return race(*designs, rollouts=rollouts).winner.candidate.agent
+
+
+def fails_in(*layouts, of=64):
+    """A plan that earns nothing in some layouts of each ``of``."""
+    rewards = " ".join("0" if n in layouts else "1" for n in range(of))
+    return f"a {rewards} b {rewards}"
+
+
+def test_the_one_that_holds_wins_and_the_shorter_way_only_among_those_alike():
+    narrow = (1.0, 0.5, fails_in(60))
+    wide = (1.0, 0.7, fails_in())
+    longer = (1.0, 0.9, fails_in())
+    assert winner(narrow, wide, longer) == 1
+    assert winner(narrow, longer, wide) == 2
+    assert winner(narrow, wide, rollouts=0) == 0
     assert result(narrow, wide).best.candidate.agent == 0
 
 
-def test_the_engine_counts_where_the_mean_is_the_lowest():
-    assert winner((1.0, 0.5, "a 1 b 0.5"), (1.0, 0.7, "a 0.8 b 0.8"))[0] == 1
-    assert winner((1.0, 0.5, "a raise b 1"), (1.0, 0.7, "a 0.1 b 0.1"))[0] == 1
+def test_of_27_that_fail_in_the_same_layouts_the_one_that_holds_is_found():
+    designs = [(1.0, 0.5 + n / 100, fails_in(9, 20, 41, 63)) for n in range(27)]
+    designs[19] = (1.0, 0.9, fails_in())
+    choice = race(*designs)
+    assert choice.winner.candidate.agent == 19
+    assert choice.held.held == choice.held.layouts > 0
+    tried = sum(len(engines["a"]) for engines in choice.finals.values())
+    assert tried < 27 * FIRST / 3
 
 
-def test_half_goes_on_until_one_is_left():
-    designs = [(1.0, 0.5 + n / 100, f"a {n / 10} b {n / 10}") for n in range(8)]
-    best, earned = winner(*designs)
-    assert best == 7
-    counts = sorted(len(engines["a"]) for engines in earned.values())
-    assert counts == [FIRST] * 4 + [2 * FIRST] * 2 + [4 * FIRST] * 2
+@given(st.integers(0, 1000), st.integers(2, 8))
+@settings(max_examples=30, deadline=None)
+def test_with_time_enough_nobody_is_better_in_the_layouts_of_the_choice(seed, count):
+    rng = np.random.default_rng(seed)
+    share = rng.uniform(0, 0.3, (count, 1))
+    rewards = np.where(rng.random((count, MOST)) < share, 0.0, 1.0)
+    designs = []
+    for n, row in enumerate(rewards):
+        text = " ".join(f"{reward:g}" for reward in row)
+        designs.append((1.0, 0.5 + n / 100, f"a {text} b {text}"))
+    best = rewards[winner(*designs, rollouts=8000)]
+    assert best.mean() >= rewards.mean(axis=1).max() - TIE
+
+
+def test_the_engine_counts_where_most_is_lost():
+    assert winner((1.0, 0.5, "a 1 b 0.5"), (1.0, 0.7, "a 0.8 b 0.8")) == 1
+    assert winner((1.0, 0.5, "a raise b 1"), (1.0, 0.7, "a 0.1 b 0.1")) == 1
+
+
+def test_more_room_to_spare_goes_before_a_shorter_way():
+    found = result((1.0, 0.5, fails_in()), (1.0, 0.7, fails_in()))
+    first, second = found.ranking
+    margins = (Margin("clearance", 0.02, 0.04, "m", 0.5),)
+    roomy = replace(second, trials=(replace(second.trials[0], margins=margins),))
+    found = Result((Generation(0, (first, roomy)),), 1.0)
+    assert [e.candidate.agent for e in finalists(found)] == [1, 0]
+
+
+def test_the_budget_is_counted_in_rollouts():
+    choice = race((1.0, 0.5, fails_in()), (1.0, 0.6, fails_in(1)), rollouts=80)
+    rollouts = sum(
+        len(rewards)
+        for engines in choice.finals.values()
+        for rewards in engines.values()
+    )
+    assert 80 <= rollouts < 80 + 2 * WIDTH
+
+
+def test_a_single_one_is_tried_to_say_how_well_it_holds():
+    choice = race((1.0, 0.5, fails_in(3)), rollouts=8000)
+    assert (choice.held.held, choice.held.layouts) == (MOST - 4, MOST)
+    assert race((1.0, 0.5, fails_in()), rollouts=8000).held == Held(MOST, MOST)
 
 
 def test_only_those_within_the_tie_are_tried_and_equal_designs_once():
-    first, second, worse = (
-        (1.0, 0.5, "a 0 b 0"),
-        (0.996, 0.7, "a 1 b 1"),
-        (0.9, 0.1, "a 1 b 1"),
-    )
-    assert winner(first, second, worse)[0] == 1
+    first = (1.0, 0.5, "a 0 b 0")
+    second = (0.996, 0.7, "a 1 b 1")
+    worse = (0.9, 0.1, "a 1 b 1")
+    assert winner(first, second, worse) == 1
     assert [e.candidate.agent for e in finalists(result(first, second, worse))] == [
         0,
         1,
     ]
-    assert finalists(result((0.0, 0.5, ""), (0.0, 0.6, ""))) == []
-    assert winner((0.0, 0.5, "a 1 b 1"), (0.0, 0.6, "a 1 b 1")) == (0, {})
+    nothing = result((0.0, 0.5, "a 1 b 1"), (0.0, 0.6, "a 1 b 1"))
+    assert finalists(nothing) == []
+    assert race((0.0, 0.5, "a 1 b 1"), (0.0, 0.6, "a 1 b 1")).finals == {}
 
 
 def test_a_machine_at_fault_is_named():
@@ -141,22 +193,19 @@ def test_listeners_hear_of_each_round_and_what_was_tried_is_not_tried_again():
     hub, hears = listening()
     stored = {}
     found = result(*designs)
-    winner, finals = choose(
-        found, Several(), Trials(Inline(), stored.__setitem__, play=earn), hub, 8
-    )
-    assert {e.candidate.id: len(e.finals) for e in hears.heard} == {
-        name: sum(map(len, engines.values())) for name, engines in finals.items()
+    trials = Trials(Inline(), stored.__setitem__, play=earn)
+    choice = choose(found, Several(), trials, hub, 40)
+    heard = {e.candidate.id: len(e.finals) for e in hears.heard}
+    assert heard == {
+        name: sum(map(len, engines.values())) for name, engines in choice.finals.items()
     }
+
     kept = dict(list(stored.items())[:7])
     tried = {}
-    again = choose(
-        found,
-        Several(),
-        Trials(Inline(), tried.__setitem__, kept, play=earn),
-        event_hub(),
-        8,
-    )
-    assert (again[0].candidate.id, again[1]) == (winner.candidate.id, finals)
+    trials = Trials(Inline(), tried.__setitem__, kept, play=earn)
+    again = choose(found, Several(), trials, event_hub(), 40)
+    assert again.winner.candidate.id == choice.winner.candidate.id
+    assert (again.finals, again.held) == (choice.finals, choice.held)
     assert len(tried) == len(stored) - 7
 
 
@@ -168,7 +217,7 @@ WORDS = [
     "fitness.unseen=0",
 ]
 WORDS += [
-    "budget.n_final=2",
+    "budget.final_s=4",
     "budget.n_agent=1",
     "budget.n_tool=1",
     "budget.n_action=3",
@@ -185,7 +234,7 @@ def test_an_interrupted_run_keeps_the_trials_of_its_finalists(tmp_path, monkeypa
         with pytest.raises(KeyboardInterrupt):
             run(load("config", WORDS), tmp_path / "run")
     stored = [e.finals for e in StoredRun(tmp_path / "run").evaluations()]
-    assert sum(map(len, stored)) == 3 * FIRST
+    assert sum(map(len, stored)) == 3 * WIDTH
     resume(tmp_path / "run")
     run(load("config", WORDS), tmp_path / "whole")
     one, other = (

@@ -196,6 +196,7 @@ def test_result_and_generations(opened):
         "unseen": None,
         "effort": None,
         "finalists": {},
+        "held": None,
         "tie": 0.005,
         "stopped": None,
         "generations": [figures],

@@ -169,9 +169,10 @@ KINDS = {
     "nominal": "sim.time_step=0.004 material=pla material.infill=0.5 rollout.segment_s=0.7",
     "robust": "fitness=robust fitness.sims=[{name:mujoco,time_step:0.004}] fitness.seeds=[1,2]",
     "layouts": "fitness=layouts fitness.layouts=2 fitness.combine=worst fitness.unseen=1 task.variation=wide "
-    "action=anchored rollout.perception.position=0.01 budget.n_tool=1",
+    "action=anchored rollout.perception.position=0.01 budget.n_tool=1 budget.final_s=1",
     "buildable": "task=OneBook fitness=buildable material=pla fitness.plate_mm=[400,400,400]",
-    "lean": "protocol=lean fitness.layouts=2 fitness.unseen=0 fitness.references.BringCube=[4,0.5,null]",
+    "lean": "protocol=lean fitness.layouts=2 fitness.unseen=0 budget.final_s=1 "
+    "fitness.references.BringCube=[4,0.5,null]",
     "another arm": "robot=ur5 robot.base=[-0.1,0,0,0.2] material=steel evolution.refine=2",
     "own arm": "robot=urdf robot.path=outside_arm/urdf/arm.urdf robot.flange=tool0 robot.home=[0,0.35,1.5,0,1.29,0]",
     "joints": "tool=boxes tool.joints=true",

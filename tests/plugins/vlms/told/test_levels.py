@@ -137,7 +137,7 @@ def test_no_request_of_a_run_has_a_number_of_the_scene(tmp_path, monkeypatch):
         "plugins.vlms.told.levels.calibrated_pictures", lambda *_, **__: ()
     )
     words = "task.variation=wide action=anchored seed=7 film=false executor.workers=1"
-    words += " fitness=layouts fitness.layouts=2 fitness.unseen=0 budget.n_final=0"
+    words += " fitness=layouts fitness.layouts=2 fitness.unseen=0 budget.final_s=0"
     words += " prompt.told=pictures prompt.feedback=numbers budget.reward_save=0.0"
     words += " budget.n_agent=1 budget.n_tool=4 budget.n_action=1 budget.n_iteration=2"
     experiment = Experiment(
