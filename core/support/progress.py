@@ -46,19 +46,22 @@ def show_progress(say: Callable[[str], None]) -> None:
 
 def _watch(say: Callable[[str], None]) -> None:
     """Look now and then at what is being done last, and say it when it is due."""
+    announced = list[Step]()
     wait_s = FIRST_S
     worked = 0.0
     due = 0.0
     while True:
         time.sleep(LOOK_S)
         now = time.monotonic()
-        for step in _steps[-1:]:
+        # What is to be said at once goes before what is done within it.
+        urgent = [step for step in _steps if step.at_once and step not in announced]
+        for step in urgent or _steps[-1:]:
             if now > worked + PAUSE_S:
                 wait_s = FIRST_S
                 due = now + wait_s
             worked = now
-            if step.at_once or now >= due:
+            if urgent or now >= due:
                 say(f"{step.what} ...")
-                step.at_once = False
+                announced.append(step)
                 wait_s *= 2
                 due = now + wait_s

@@ -53,7 +53,7 @@ def test_what_is_quick_is_not_said_unless_it_must_be(said):
     with progress.busy("reading"):
         pass
     assert not said
-    with progress.busy("cutting", at_once=True):
+    with progress.busy("cutting", at_once=True), progress.busy("reading"):
         wait_for(said, 1)
     assert said == ["cutting ..."]
 
