@@ -39,6 +39,7 @@ _BARE = re.compile(
     re.DOTALL,
 )
 _QUOTED = re.compile(_TEXT, re.DOTALL)
+_JUNK = re.compile(r"[^\s\[{,:\]}][ \n]*[\[{]")  # stands before a list or an object
 _OPENS = {"]": "[", "}": "{"}
 _JSON_NUMBER = re.compile(r"-?\d+(\.\d+)?([eE][-+]?\d+)?\s*")
 _CODE = re.compile(r"\\u([0-9a-fA-F]{4})")
@@ -110,7 +111,10 @@ def _is_nested(text: str) -> bool:
     """Report whether brackets say what is whose: none is too many, and only a ``]`` before a ``}`` may be missing."""
     stack: list[str] = []
     before = ":"
-    for mark in re.findall(r"[\[{}\],:]", _QUOTED.sub("", text)):
+    outside = _QUOTED.sub("", text)
+    if _JUNK.search(outside):
+        return False
+    for mark in re.findall(r"[\[{}\],:]", outside):
         if mark in "[{":
             if stack and stack[-1] == "{" and before != ":":
                 return False
