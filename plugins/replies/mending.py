@@ -108,7 +108,7 @@ def _depth(text: str) -> int:
 
 
 def _is_nested(text: str) -> bool:
-    """Report whether brackets say what is whose: none is too many, and only a ``]`` before a ``}`` may be missing."""
+    """Report whether brackets say what is whose: none is too many, and only one ``]`` before a ``}`` may be missing."""
     stack: list[str] = []
     before = ":"
     outside = _QUOTED.sub("", text)
@@ -120,9 +120,8 @@ def _is_nested(text: str) -> bool:
                 return False
             stack.append(mark)
 
-        if mark == "}":
-            while stack and stack[-1] == "[":
-                stack.pop()
+        if mark == "}" and stack[-1:] == ["["]:
+            stack.pop()
         if mark in "]}" and (not stack or stack.pop() != _OPENS[mark]):
             return False
         before = mark
