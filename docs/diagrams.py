@@ -23,7 +23,7 @@ FLOORS = {
     "robot and solids": ("robot", "solids", "designs"),
     "one rollout": ("simulation",),
     "one run": ("store", "search"),
-    "commands": ("__init__", "run", "__main__"),
+    "commands": ("__init__", "run", "__main__", "evaluate", "prompt"),
 }
 PARTS = {
     "task": "RoboToolBench, HardToolBench, file",

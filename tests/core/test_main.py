@@ -123,3 +123,10 @@ def test_an_interrupt(tmp_path):
         err.splitlines()[-1]
         == f"interrupted; to go on: python -m core.run resume={tmp_path / 'run'}"
     )
+
+
+@pytest.mark.parametrize("name", ["evaluate", "prompt"])
+def test_a_command_by_the_name_of_its_module(name):
+    words = [sys.executable, "-m", f"core.{name}", "--help"]
+    found = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert found.stdout.startswith(f"usage: vlmgineer {name} ")

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
-from core import evaluate, prompt, run
+from core import run
 from core.errors import UserError
 from core.store import rows
 from core.store.database import FILE
@@ -35,6 +35,7 @@ from plugins.results import transfer
 from plugins.results.report import command as report
 from plugins.results.toolbox import command as toolbox
 from plugins.results.workshop import command as export
+from plugins.trying import evaluate, prompt
 from tests.core.run_folders import write_run
 from tests.executors import Inline
 

@@ -1,5 +1,7 @@
 """Templates of prose: filled in by name, with numbers in short."""
 
+from types import SimpleNamespace
+
 import jinja2
 import pytest
 
@@ -25,8 +27,6 @@ def test_what_is_not_given_is_an_error():
 
 
 def test_macros_of_a_template_are_functions():
-    phrases = macros("core.designs", "observed")
-    assert phrases.nearest({}) == "no contact"
-    assert phrases.nearest({"cup": 0.03, "pan": 0.02}) == (
-        "no contact, nearest to pan 20 mm"
-    )
+    words = macros("plugins.tasks.file", "goals")
+    goal = SimpleNamespace(away=1 / 3)
+    assert words.Away(goal) == "must get 0.333333 m away from where it starts"
