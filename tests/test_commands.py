@@ -200,6 +200,7 @@ def test_the_result(tiny):
             "unseen",
             "effort",
             "finalists",
+            "held",
             "tie",
             "stopped",
         ),

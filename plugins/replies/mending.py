@@ -33,7 +33,9 @@ _ODD = str.maketrans(
 _TEXT = r"\"(?:[^\"\\]++|\\.)*+\"|“[^”]*+”|(?<=[\[{,:\s])'(?:[^'\\\n]++|\\.)*+'(?=\s*[\]},:])"
 _REMARK = r"//[^\n]*|/\*.*?\*/|(?<![^\s,\]}])#[^\n]*"
 _COMMENT = re.compile(rf"({_TEXT})|{_REMARK}|,(?=\s*[\]}}])", re.DOTALL)
-_BRACE = re.compile(rf"{_TEXT}|{_REMARK}|([{{}}])", re.DOTALL)
+# A quote without an end is read once to the end, and not again from each quote in it.
+_OPEN = r"\"(?:[^\"\\]++|\\.)*+\\?\Z"
+_BRACE = re.compile(rf"{_TEXT}|{_OPEN}|{_REMARK}|([{{}}])", re.DOTALL)
 _BARE = re.compile(
     rf"({_TEXT})|(?<=[\[,:])(\s*)([^\s\"'“\[\]{{}},:][^\"'“\[\]{{}},:\n]*+)(?=\s*[,\]}}])",
     re.DOTALL,

@@ -207,8 +207,9 @@ def test_the_command_writes_what_would_be_sent(tmp_path):
         2e-6,
         "litellm.token_counter",
     )
-    first, last = done.stdout.splitlines()
+    first, repair, last = done.stdout.splitlines()
     assert first == f"{tokens} tokens for openai/gpt-4.1 (litellm.token_counter)"
+    assert "prompt.repair" in repair
     assert last == "there"
 
 
