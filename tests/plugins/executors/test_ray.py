@@ -222,7 +222,7 @@ def test_ctrl_c_leaves_nothing_behind(tmp_path):
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     for line in process.stderr:
-        if line.startswith("generation 0 "):
+        if line.startswith("generation 0  best"):
             break
     started = offspring(process.pid)
     process.send_signal(signal.SIGINT)
