@@ -228,7 +228,7 @@ def _find_named(
     found: dict[str, _Part] = {}
     for element in root.findall(tag):
         name = element.get("name")
-        if name is None:
+        if name is None or (taken is None and not name):
             raise UserError(f"a <{tag}> has no name")
         if taken is not None and not NAME.fullmatch(name):
             raise UserError(
@@ -359,7 +359,11 @@ def find_mesh(name: str, file: Path, where: str) -> Path:
     if scheme == "package":
         folders = [*file.resolve().parents, *_package_folders()]
         package = path.partition("/")[0]
-        there = [folder for folder in folders if (folder / package).is_dir()]
+        there = []
+        for folder in folders:
+            with contextlib.suppress(OSError):  # of a name that is too long
+                if (folder / package).is_dir():
+                    there.append(folder)
         folders = there or folders
         if not there:
             mend = (

@@ -49,12 +49,12 @@ def read_source(chosen: ArmSettings) -> Source:
         raise UserError(f"{path} is a folder; name the file in it: {files}")
 
     root = read_root(read_untrusted(path, MAX_BYTES), path)
-    if root.tag == "mujoco":
-        from plugins.robots.mjcf import read_mjcf  # imports MuJoCo
-
-        return Source(*read_mjcf(path, without))
-
     try:
+        if root.tag == "mujoco":
+            from plugins.robots.mjcf import read_mjcf  # imports MuJoCo
+
+            return Source(*read_mjcf(path, without))
+
         leave_out(root, without)
         description = read_tree(root, path)
         return _find_meshes(description, root, chosen)

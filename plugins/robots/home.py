@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from omegaconf import MISSING
 
-from core.config.compose import load, robot_part
+from core.config.compose import load, part
 from core.errors import UsageError, UserError
 from core.geometry import Pose
 from core.interfaces import Robot
+from core.plugins import ROBOT
 from core.plugins.registry import check_settings
 from core.robot.kinematics import arm_of
 from core.support.cli import arguments, say
@@ -47,21 +48,21 @@ class HomeConfig:
 
 def main(words: list[str]) -> None:
     cfg = load("home", arguments(USAGE, words), HomeConfig)
-    part = robot_part(cfg.robot)
-    if part.name != "urdf":
+    named = part(ROBOT, cfg.robot)
+    if named.name != "urdf":
         raise UsageError(
-            f"robot={part.name} has a home; give your own arm: robot=urdf robot.path=FILE"
+            f"robot={named.name} has a home; give your own arm: robot=urdf robot.path=FILE"
         )
 
     at = list(START) if cfg.at is None else list(cfg.at)
     if len(at) != 3 or not all(map(math.isfinite, at)):
         raise UsageError(f"at must be three numbers, metres, got {at}")
 
-    chosen = ArmSettings(**check_settings(urdf, dict(part.settings), "robot=urdf", {}))
-    source = read_source(chosen)
+    chosen = ArmSettings(**check_settings(urdf, dict(named.settings), "robot=urdf", {}))
     try:
+        source = read_source(chosen)
         arm = build_unmounted(source, chosen, anywhere=True)
-        base = part.pose if any(part.base) else arm.robot.base
+        base = named.pose if any(named.base) else arm.robot.base
         # Joints are found in the base's frame.
         arm = replace(arm, robot=replace(arm.robot, base=Pose()))
         placed = base != Pose() or cfg.at is not None

@@ -15,7 +15,7 @@ from core.values.urdf import read_xml
 
 ARMS = (".urdf", ".xml", ".mjcf", ".xacro")
 _SHOWN = 5  # files that a message lists
-_XACRO = "{http"  # begins the tag of an element of another namespace
+_XACRO = re.compile(r"\{[^}]*xacro\}")  # begins the tag of an element of its namespace
 _CALLS = re.compile(r"\$[({]")  # what Xacro fills in
 _USD = (
     "USD, of which a URDF is to be made first: pip install nvidia-srl-usd-to-urdf, then: "
@@ -85,7 +85,7 @@ def _is_xacro(root: Element) -> bool:
     """Tell whether something is left to be filled in: a URDF that Xacro made has its namespace, too."""
     texts = [value for element in root.iter() for value in element.attrib.values()]
     called = any(map(_CALLS.search, texts))
-    return called or any(element.tag.startswith(_XACRO) for element in root.iter())
+    return called or any(_XACRO.match(element.tag) for element in root.iter())
 
 
 def _describe_xacro(root: Element, path: Path) -> str:

@@ -64,15 +64,11 @@ def read_mjcf(
     model = _compile(file, notes)
     reading = _Reading(model, notes)
     reading.read()
-    joints = map(model.joint, range(model.njnt))
-    motors = {
-        joint.name: float(model.dof_armature[joint.dofadr[0]]) for joint in joints
-    }
     whole = Description(file.stem, reading.links, reading.joints)
     for link in without:
         if link not in whole.links:
             raise choices("link", link, whole.links)
-    return _stand_alone(whole.without(*without), notes), notes, motors
+    return _stand_alone(whole.without(*without), notes), notes, reading.motors
 
 
 def _stand_alone(description: Description, notes: list[str]) -> Description:
@@ -103,7 +99,7 @@ def _compile(file: Path, notes: list[str]) -> Any:
         return spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         reason = clean(str(error), 300)
-        raise UserError(f"{file} is refused by MuJoCo: {reason}") from error
+        raise UserError(f"it is refused by MuJoCo: {reason}") from error
 
 
 def _leave_out_missing(spec: Any, notes: list[str]) -> None:
@@ -118,6 +114,10 @@ def _leave_out_missing(spec: Any, notes: list[str]) -> None:
     needed = set[str]()
     for geom in list(spec.geoms):
         if geom.meshname in missing:
+            if not geom.parent.explicitinertial:
+                notes.append(
+                    f"{geom.parent.name!r} weighs less without mesh {geom.meshname!r}; give it an <inertial>"
+                )
             if geom.contype or geom.conaffinity:
                 needed.add(str(missing[geom.meshname]))
             spec.delete(geom)
@@ -134,6 +134,8 @@ class _Reading:
     def __init__(self, model: Any, notes: list[str]) -> None:
         self.links = {WORLD: RobotLink(WORLD)}
         self.joints = dict[str, RobotJoint]()
+        # Of each joint the motor's inertia, kg m^2.
+        self.motors = dict[str, float]()
         self._model = model
         self._notes = notes
         # Of each body: its link, and its frame in the link's.
@@ -186,7 +188,7 @@ class _Reading:
         numbers = range(body.jntadr[0], body.jntadr[0] + body.jntnum[0])
         joints = [joint for joint in map(self._model.joint, numbers) if joint.type[0]]
         for count, joint in enumerate(joints, 1):
-            child = name if count == len(joints) else f"{name}_{count}"
+            child = name if count == len(joints) else f"{name}:{count}"
             anchor = Pose(joint.pos)
             self._bear(child, parent, frame @ anchor, joint)
             frame = anchor.inverse()
@@ -199,15 +201,24 @@ class _Reading:
         self._fill(name, body, frame)
 
     def _bear(self, name: str, parent: str, place: Pose, joint: Any = None) -> None:
-        """Add a link without shapes, and the joint that bears it, at 0 of that."""
+        """Add a link without shapes, and the joint that bears it, at 0 of that.
+
+        Raises:
+            UserError: there is a link of that name.
+        """
+        if name in self.links:
+            raise UserError(f"two links would be named {name!r}; rename that body")
         self.links[name] = RobotLink(name)
         origin = Origin.from_pose(place, DIGITS)
         fixed = RobotJoint(f"{name}_fixed", "fixed", parent, name, origin)
         self.joints[name] = fixed
         if joint is None:
             return
+        called = joint.name or f"{name}_joint"
+        motor = self._model.dof_armature[joint.dofadr[0]]
+        self.motors[called] = float(motor)
         if joint.type[0] == _BALL:
-            self.joints[name] = replace(fixed, name=joint.name, kind="floating")
+            self.joints[name] = replace(fixed, name=called, kind="floating")
             return
 
         # The file's poses are those at qpos0.
@@ -224,7 +235,7 @@ class _Reading:
         x, y, z = joint.axis.tolist()
         self.joints[name] = replace(
             fixed,
-            name=joint.name or f"{name}_joint",
+            name=called,
             kind=kind,
             origin=Origin.from_pose(place @ away, DIGITS),
             axis=(x, y, z),
@@ -285,6 +296,9 @@ class _Reading:
             shapes = [RobotShape(file, Origin.from_pose(place, DIGITS))]
         elif kind in _SHAPES:
             shapes = urdf_shapes(_SHAPES[kind](*geom.size.tolist()), place)
+        else:
+            owner = model.body(geom.bodyid[0]).name
+            self._notes.append(f"left out: geom {kind.lower()} of {owner!r}")
 
         shown = geom.rgba if geom.matid[0] < 0 else model.mat_rgba[geom.matid[0]]
         red, green, blue, opacity = np.clip(shown, 0, 1).tolist()

@@ -27,14 +27,18 @@ _EXACT = 1e-3  # metres and radians
 
 
 def stand_nearer(reach: float | None, notes: list[str]) -> Pose:
-    """Place the base so that tasks stand as much nearer as the arm is smaller than one of `REACH_M`; None: nowhere.
+    """Place the base so that tasks stand as much nearer as the arm is smaller than `REACH_M`; None: at the origin.
 
     Raises:
-        UsageError: the reach is not positive.
+        UsageError: the reach is not positive, or that of a larger arm.
     """
     if reach is None:
         return Pose()
     check_positive("robot.", reach=reach)
+    if reach > REACH_M:
+        raise UsageError(
+            f"robot.reach is {reach:g}, and tasks suit an arm of {REACH_M:g} m; leave it out for a longer one"
+        )
     nearer = (1 - reach / REACH_M) * np.array(START)
     notes.append(
         f"for a reach of {reach:g} m the base stands at ({short_numbers(nearer, 3, ', ')}), so that tasks are nearer; "
@@ -57,6 +61,8 @@ def turn_mount(
     Raises:
         UserError: at home the flange does not look down (says which way it is off), or can't be turned so near there.
     """
+    if not np.isfinite(face_m):
+        raise UsageError(f"robot.face_m must be a finite number, got {face_m}")
     flange = Arm(robot).forward(np.array(robot.home)).rotation
     turn = _turn_by_right_angles(robot, axis, flange) if rpy is None else _read_rpy(rpy)
 
