@@ -192,7 +192,11 @@ class Reach(Goal):
         least = min(getattr(self, name, 0.0) for name in fields)
         ends = (self.rest, self.held, self.released)
         only_bodies = type(self) is Reach and not (any(ends) or self.also)
-        held = any(part.held > self.held or part.rest > self.rest for part in self.also)
+        misplaced = any(
+            getattr(part, end) > getattr(self, end)
+            for part in self.also
+            for end in ("rest", "held", "released")
+        )
         refuse(
             "a goal's ",
             {
@@ -203,7 +207,7 @@ class Reach(Goal):
                 "held and released say the opposite; leave one of them out": (
                     self.held and self.released
                 ),
-                "rest and held stand in the goal itself, not in also": held,
+                "rest, held and released stand in the goal itself, not in also": misplaced,
             },
         )
 
@@ -231,7 +235,7 @@ class Reach(Goal):
     @property
     def subject(self) -> str:
         """What it is about, in words."""
-        return (" or " if self.any else ", ").join(self.bodies[:3])
+        return (" or " if self.any else ", ").join(self.bodies)
 
     # What follows from it:
 
@@ -670,11 +674,13 @@ def goals_shares(
     if not task.every or len(reaches(task.goals)) < 2:
         return ()
     evidence = Evidence(start, end, trace, task.goals)
-    return tuple(
-        (goal.name or f"{goal.subject} (goal {number})", float(goal.share(evidence)))
-        for number, goal in enumerate(task.goals)
-        if isinstance(goal, Reach)
-    )
+    found = []
+    for number, goal in enumerate(task.goals):
+        if isinstance(goal, Reach):
+            what = ", ".join(goal.bodies[:3]) or goal.subject
+            label = goal.name or f"{what} (goal {number})"
+            found.append((label, float(goal.share(evidence))))
+    return tuple(found)
 
 
 def goals_margins(
@@ -726,7 +732,8 @@ def check_names(goal: Goal, scene: Scene) -> None:
         "body": [body.name for body in scene.bodies],
         "joint": [joint.name for joint in scene.joints],
     }
-    if isinstance(goal, Reach) and not (goal.bodies or isinstance(goal, JointAt)):
+    looks_at_bodies = isinstance(goal, Reach) and type(goal).subjects is Reach.subjects
+    if looks_at_bodies and not getattr(goal, "bodies", ()):
         raise UsageError("a goal to reach needs bodies")
     for part in getattr(goal, "parts", [goal]):
         for field, what in _NAMES.items():

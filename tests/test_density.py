@@ -85,7 +85,7 @@ def measure(folder):
 @pytest.mark.parametrize(
     ("folder", "nodes", "in_thousand_lines"),
     [
-        ("core", 77_800, 3_900),
+        ("core", 77_900, 3_900),
         ("plugins", 176_500, 4_020),
         ("tasks", 20_600, 4_500),
     ],

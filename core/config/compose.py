@@ -29,7 +29,7 @@ from core.config import schemas, sources
 from core.config.trust import refuse_key_words, refuse_keys
 from core.config.words import explain_word, quote_paths
 from core.errors import UsageError, UserError, choices
-from core.interfaces import Robot, Simulator, Task, ToolRepresentation
+from core.interfaces import Simulator, Task, ToolRepresentation
 from core.plugins import (
     KINDS,
     ROBOT,
@@ -225,11 +225,6 @@ def part(kind: Kind[T], config: DictConfig) -> PluginPart[T]:
     return PluginPart(group.name, name, tuple(given), base=base or ())
 
 
-def robot_part(config: DictConfig) -> PluginPart[Robot]:
-    """Return the robot that a config node names, with its settings and its base."""
-    return part(ROBOT, config)
-
-
 def read_parts(
     kind: Kind[T],
     entries: Sequence[str | Mapping[str, Any]],
@@ -287,7 +282,7 @@ def engines(
 def task_part(config: DictConfig) -> PluginPart[Task]:
     """Return the task of a command's configuration, for the robot that it names, if it does."""
     robot = config.get("robot")
-    return replace(part(TASK, config.task), robot=robot and robot_part(robot))
+    return replace(part(TASK, config.task), robot=robot and part(ROBOT, robot))
 
 
 def task_parts(config: DictConfig) -> list[PluginPart[Task]]:
@@ -314,6 +309,6 @@ def tool_part(config: DictConfig) -> PluginPart[ToolRepresentation]:
 
     return replace(
         part(TOOL, config.tool),
-        robot=robot and robot_part(robot),
+        robot=robot and part(ROBOT, robot),
         material=material,
     )

@@ -16,10 +16,16 @@ _PLAIN = re.compile(r"[\w./+:%@-]*", re.ASCII)  # all of it is text or a number
 
 
 def quote_paths(words: Sequence[str]) -> list[str]:
-    """Put values in quotes that are paths which exist."""
+    """Put values in quotes that are paths which exist.
+
+    Raises:
+        UsageError: a word has no key.
+    """
     quoted = []
     for word in words:
         key, _, value = word.partition("=")
+        if not key:
+            raise UsageError(f"can't read {word!r}; write KEY=VALUE")
         if not _PLAIN.fullmatch(value) and path_exists(value):
             quoted.append(_quote(key, value))
         else:

@@ -198,8 +198,12 @@ class PromptComposer:
 
         parts: Sequence[str] = getattr(settings, use)
         if not parts:
+            if use != "initial":
+                raise UserError(
+                    f"prompt.{use} names no parts, and this request needs some"
+                )
             raise UserError(
-                f"this prompt evolves elites, and there are none: prompt.{use} names no parts; "
+                "this prompt evolves elites, and there are none: prompt.initial names no parts; "
                 "use prompt=vlmgineer, or add designs=FILE with elites to vlmgineer prompt"
             )
         return parts

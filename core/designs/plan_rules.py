@@ -22,8 +22,8 @@ MAX_WAYPOINTS = 200
 MAX_REACH_M = 3.0
 """How far a waypoint may be from the world's origin."""
 
-MAX_ANGLE_RAD = 2 * math.pi
-"""The largest roll, pitch or yaw of a waypoint: a full turn. What is larger was meant in degrees."""
+MAX_ANGLE_RAD = 6.3
+"""The largest roll, pitch or yaw of a waypoint: a full turn, however it is rounded. More was meant in degrees."""
 
 MIN_TEMPO = 0.001
 """The least speed or time that a plan may ask for, m/s or s."""

@@ -107,7 +107,7 @@ def _read_strategy(
 ) -> Iterator[Candidate]:
     """Yield the candidates of a strategy; ``base`` holds what is known of them."""
     try:
-        fields = _as_fields(strategy, representation)
+        fields = read_fields(strategy, representation)
         given = given_tool(representation, task)
         gripper = _read_gripper(fields, given, task)
         actions = actions or named_actions(fields)
@@ -151,7 +151,12 @@ def _read_strategy(
             yield replace(base, action=action, problem="; ".join(faults))
 
 
-def _as_fields(strategy: object, representation: ToolRepresentation) -> Fields:
+def read_fields(strategy: object, representation: ToolRepresentation) -> Fields:
+    """Return a strategy's fields by their proper names.
+
+    Raises:
+        DesignError: it can't be read, or a name has two meanings.
+    """
     if isinstance(strategy, Unread):
         raise DesignError(strategy.reason)
     if not isinstance(strategy, dict):
@@ -268,7 +273,7 @@ def load_tool(
 
     given = representation.given(task)
     try:
-        fields = _as_fields(strategies[number], representation)
+        fields = read_fields(strategies[number], representation)
         gripper = _read_gripper(fields, given, task)
         return given or _read_tool(fields, representation, gripper)
     except DesignError as error:

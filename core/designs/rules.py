@@ -219,21 +219,23 @@ def check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:
         parent = component.parent
         there = [replace(solid, pose=component.pose) for solid in solids[name]]
         gap, point, way = closest(there, solids[parent])
+        mount, _ = placed[name]
         most = MAX_GAP_M
         neighbour = f"parent {parent!r}"
+        frame = Pose()
         if parent in tool.mounts:
             most = MAX_MOUNT_GAP_M
             neighbour = f"mount {parent!r}"
         else:
-            point = placed[parent][1].apply(point)
+            _, frame = placed[parent]
 
         if gap > most:
-            moved = short_numbers(way, 4)
+            moved = short_numbers(frame.rotation.apply(way), 4, ", ")
             faults.append(
                 f"component {name!r} is {gap * 1000:.1f} mm away from its {neighbour}; move it by ({moved}) m in the "
-                "frame of what it hangs from, or lengthen it until they touch"
+                f"frame of {mount!r}, or lengthen it until they touch"
             )
-        points[name] = point
+        points[name] = frame.apply(point)
 
     faults.refuse()
     return points

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -15,7 +15,6 @@ from core.interfaces import JointTrajectory, RolloutSettings, Task, Tempo, Waypo
 from core.robot.kinematics import Arm, arm_of
 from core.robot.paths import APART_M, place_knots
 from core.robot.timing import PEAK, Leg, time_leg
-from core.values.doubts import find_doubt
 
 _SLOWED = 1.05  # from here on it is reported
 _NAMED = 3  # waypoints that are named
@@ -51,13 +50,6 @@ class Motion:
     def ik_error_rad(self) -> float:
         """The largest miss in orientation."""
         return float(self.misses[:, 1].max())
-
-    def doubts(self) -> Iterator[str]:
-        """Yield a line for the largest angle of the plan, if it is hardly meant."""
-        angles = self.plan[:, 3:6]
-        number, column = divmod(int(np.abs(angles).argmax()), 3)
-        where = f"waypoint {number + 1}: {('roll', 'pitch', 'yaw')[column]}"
-        return find_doubt(where, "angle", float(angles[number, column]))
 
     def slowdowns(self) -> list[str]:
         """Say in a line which waypoints were reached later than asked; none: all were in time."""

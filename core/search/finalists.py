@@ -8,7 +8,7 @@ heuristic determination of minimum cost paths", 1968). A few layouts are hard fo
 are out after a handful of trials.
 
 Where the budget ends the search, the finalist with the least expected loss wins, by Laplace's rule of succession: (loss
-+ 1) / (layouts + 2).
++ 1) / (layouts + 2), or where it lost more than half in the search, with twice that in place of 1.
 """
 
 from __future__ import annotations
@@ -26,9 +26,8 @@ from core.trial import Condition, Evaluation, Rewards, Trial
 from core.values.efforts import Effort, Held, holds
 
 WIDTH = 8  # trials in an engine at once
-FIRST = (
-    64  # layouts that finalists are compared in; twice as many, if the budget allows
-)
+# Layouts that finalists are compared in; twice as many, if the budget allows.
+FIRST = 64
 MOST = 240  # layouts that a winner is tried in
 RACED = 0.75  # of the budget: for the choice; the winner alone is tried in new layouts for the rest
 
@@ -90,8 +89,9 @@ class _Finalist:
 
     @property
     def expected_loss(self) -> float:
-        """What it is expected to lose in another layout."""
-        return (self.loss + 1) / (len(self.losses) + 2)
+        """What it is expected to lose in another layout: before it was tried, half, or more if it lost more so far."""
+        usual = max(0.5, 1.0 - self.evaluation.reward)
+        return (self.loss + 2 * usual) / (len(self.losses) + 2)
 
     @property
     def finals(self) -> tuple[Trial, ...]:
@@ -134,6 +134,10 @@ class Race:
         self._drawn: list[Sequence[Condition]] = []
         self.spent = 0
 
+    def has_layouts(self) -> bool:
+        """Report whether the fitness has layouts for finalists."""
+        return self._draw(1) > 0
+
     def choose(self, ranked: Sequence[Evaluation]) -> list[_Finalist]:
         """Try finalists, and return them, the winner first; ``ranked`` says who wins of those alike."""
         racing = [_Finalist(evaluation) for evaluation in ranked]
@@ -145,8 +149,8 @@ class Race:
             left = [number for number in range(level) if number not in leader.losses]
             if left:
                 self._try_next(leader, left, others)
-            elif level < MOST and 2 * self.spent <= limit:
-                level = self._draw(min(2 * level, MOST))
+            elif 2 * self.spent <= limit and self._draw(min(2 * level, MOST)) > level:
+                level = len(self._drawn)
             else:
                 break
 
@@ -281,7 +285,7 @@ def choose(
     """
     alike = finalists(result)
     race = Race(fitness, trials, events, result.tie, budget)
-    if not (alike and budget and next(fitness.finals(), None)):
+    if not (alike and budget and race.has_layouts()):
         return Choice(result.ranking[0])
 
     racing = race.choose(alike)

@@ -107,7 +107,7 @@ def run_search(search: Search, store: RunStore, *, film: bool) -> Result:
 def _try_finalists(result: Result, search: Search, trials: Trials) -> Result:
     """Choose the winner, and try it where no search looked."""
     fitness = search.fitness
-    layout = next(fitness.finals(), ())
+    layout = next(iter(fitness.finals()), ())
     soft = any(condition.scene().softs for condition in layout)
     rollouts = round(search.run.budget.final_s * (SOFT_PER_S if soft else PER_S))
     choice = choose(result, fitness, trials, search.events, rollouts)

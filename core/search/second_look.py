@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from core.design import Candidate
+from core.design import Candidate, DesignError
 from core.designs.composer import PromptComposer
-from core.designs.reading import list_strategies, read_designs
+from core.designs.reading import list_strategies, read_designs, read_fields
+from core.designs.schema import answer_schema
 from core.designs.start import SpawnRules, check_starts
 from core.interfaces import Brief, Reply, Request
 
@@ -74,7 +75,10 @@ class Asked:
             brief = replace(brief, n_tool=len(numbers))
         name = f"{self.sent.id}{REPAIRED}"
         messages = prompts.repair(self.request, reply, problem, list(faults), brief)
-        sent = replace(self.request, id=name, brief=brief, messages=messages)
+        schema = answer_schema(brief)
+        sent = replace(
+            self.request, id=name, brief=brief, messages=messages, schema=schema
+        )
         return replace(self, sent=sent)
 
     def read(self, document: object, *, starts: bool) -> Asked:
@@ -85,32 +89,48 @@ class Asked:
         """
         strategies = list_strategies(document)
         if self.candidates:
-            return replace(self, candidates=self._mend(strategies))
+            return self._mend(strategies)
         found = read_candidates(self.request.brief, strategies, starts=starts)
         return replace(self, strategies=strategies, candidates=found)
 
-    def _mend(self, answered: Sequence[Any]) -> list[Candidate]:
+    def _mend(self, answered: Sequence[Any]) -> Asked:
         """Put the designs of an answer in the places of the faulty ones, under the same names.
 
         What an answer leaves out of a strategy stays as it was. A tool that was sound stays with all of its plans.
 
-        ``answered`` has a strategy for each that was faulty.
+        ``answered`` has a strategy for each that was faulty, or for all.
         """
-        numbers = self.faulty()[: len(answered)]
+        numbers = self.faulty()
+        if len(answered) == len(self.strategies):
+            answered = [answered[number] for number in numbers]
+
+        strategies = list(self.strategies)
         merged: list[Any] = []
         for number, new in zip(numbers, answered, strict=False):
-            old = self.strategies[number]
-            if isinstance(old, dict) and isinstance(new, dict):
-                merged.append({**old, **new})
-            else:
-                merged.append(new)
+            strategies[number] = self._merge(number, new)
+            merged.append(strategies[number])
 
         mended = list(self.candidates)
         found = read_candidates(self.request.brief, merged, starts=True)
-        for place, number in enumerate(numbers):
+        for place, number in enumerate(numbers[: len(merged)]):
             new = [candidate for candidate in found if candidate.strategy == place]
             mended = _replace(mended, number, new)
-        return mended
+        return replace(self, strategies=strategies, candidates=mended)
+
+    def _merge(self, number: int, new: object) -> object:
+        """Put a new strategy over an old one, field by field; a tool that is sound stays."""
+        representation = self.request.brief.representation
+        kept: dict[str, Any] = {}
+        for candidate in self.candidates:
+            tool = candidate.tool
+            if candidate.strategy == number and candidate.problem is None and tool:
+                kept = representation.dump(tool)
+
+        try:
+            old = read_fields(self.strategies[number], representation)
+            return {**old, **read_fields(new, representation), **kept}
+        except DesignError:  # one of them is read alone, and its fault said
+            return new
 
 
 def _replace(

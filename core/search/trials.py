@@ -191,7 +191,8 @@ class Trials:
         keys = [key_of(candidate, condition) for condition in conditions]
         waiting = _Waiting(candidate, keys)
         with self._lock:
-            for condition, key in zip(conditions, keys, strict=True):
+            # A fitness may name a condition twice.
+            for key, condition in dict(zip(keys, conditions, strict=True)).items():
                 if key in self.known:
                     continue
                 waiting.missing += 1

@@ -209,7 +209,6 @@ def _prepare_job(stage: Stage, attempt: Attempt) -> None:
         job = replace(job, record_hz=job.record_hz or TRACE_HZ, forces=True)
 
     attempt.motion = motion
-    attempt.warnings = tuple(motion.doubts())
     attempt.job = job
 
 

@@ -60,8 +60,8 @@ class PlannedGuards:
         task: Task,
         seed: int,
         settings: RolloutSettings,
-        scene: Scene | None = None,
-        check: Callable[[JointTrajectory, float], object] = lambda *_: None,
+        scene: Scene | None,
+        check: Callable[[JointTrajectory, float], object],
     ) -> None:
         """``check`` raises a `DesignError` for what can't be played on with, and when that would begin, seconds."""
         self._check = check

@@ -13,10 +13,10 @@ from core.store.reader import StoredRun
 from core.trial import Trial, TrialKey
 
 # Replies and rollouts of later generations build on a failure as on a result: it stays then. So does a critique:
-# the generation's other requests were composed without it.
+# the generation's other requests were composed without it. A second look that a limit kept from being sent is sent.
 _AGAIN = """
-    SELECT id, generation, agent FROM requests JOIN replies ON request_id = id
-    WHERE unanswered AND id NOT LIKE '%-critic%' AND generation >= (
+    SELECT id, generation, agent FROM requests LEFT JOIN replies ON request_id = id
+    WHERE (unanswered OR request_id IS NULL AND id LIKE '%-repair') AND id NOT LIKE '%-critic%' AND generation >= (
         SELECT max(generation) FROM (
             SELECT generation FROM requests JOIN replies ON request_id = id WHERE unanswered IS NULL
             UNION ALL SELECT generation FROM evaluations WHERE status != 'rejected'

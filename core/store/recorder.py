@@ -261,9 +261,12 @@ def _put_run(
     Raises:
         UserError: it holds what no reader takes.
     """
-    try:
-        text = json.dumps(config, allow_nan=False)
-    except ValueError as error:
-        raise UserError(f"a number of the configuration is none: {error}") from error
+    for key, settings in config.items():
+        try:
+            json.dumps(settings, allow_nan=False)
+        except ValueError as error:
+            raise UserError(f"{key}: a number in it is not finite") from error
+
+    text = json.dumps(config)
     database.execute("DELETE FROM run")
     database.insert("run", schema_version=SCHEMA_VERSION, config=text, result=result)

@@ -83,7 +83,7 @@ def folders_and_overrides(
             raise UsageError(f"can't read {word!r}; {usage}")
         key, _, value = word.partition("=")
 
-        if "=" not in word or Path(word).exists():
+        if "=" not in word or path_exists(word):
             folders.append(read_path(word))
         elif key in ("run", "runs"):
             folders.append(read_path(value))
@@ -97,12 +97,19 @@ def join_words(given: Sequence[str]) -> list[str]:
     """Join the values that a shell took apart at their spaces: lists and objects."""
     joined: list[str] = []
     for word in given:
-        is_open = joined and re.search(r"=[\[{][^\]}]*$", joined[-1])
-        if is_open and "=" not in word:
+        if joined and _is_open(joined[-1]) and "=" not in word:
             joined[-1] += f" {word}"
         else:
             joined.append(word)
     return joined
+
+
+def _is_open(word: str) -> bool:
+    """Report whether a list or object is not closed yet."""
+    value = word.partition("=")[2]
+    opened = value.count("[") + value.count("{")
+    closed = value.count("]") + value.count("}")
+    return value.startswith(("[", "{")) and opened > closed
 
 
 def read_path(value: str) -> Path:

@@ -63,5 +63,6 @@ def _watch(say: Callable[[str], None]) -> None:
             if urgent or now >= due:
                 say(f"{step.what} ...")
                 announced.append(step)
-                wait_s *= 2
+                if not urgent:
+                    wait_s *= 2
                 due = now + wait_s

@@ -27,14 +27,17 @@ def isolated(
     data: bytes,
     *words: str,
     limit_s: float | None = None,
+    step: str = "",
 ) -> bytes:
     """Call a module's function with untrusted data, and words, in a process of its own, with limits on memory and time.
+
+    ``step``, what is being done, is said at once; without it the reading is, if it lasts.
 
     Raises:
         UserError: the function raises one, takes too long, or ends otherwise; it begins with ``what``.
     """
     with (
-        busy(f"reading {what}"),
+        busy(step or f"reading {what}", at_once=bool(step)),
         tempfile.TemporaryDirectory(dir=scratch()) as folder,
     ):
         out = Path(folder) / "made"

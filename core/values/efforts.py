@@ -41,7 +41,8 @@ class Held:
 
     def words(self) -> str:
         """Say it in words."""
-        chance = f"chance of failure below {100 * self.fails_below:.2g} % (95 %)"
+        percent = float(f"{100 * self.fails_below:.2g}")
+        chance = f"chance of failure below {percent:g} % (95 %)"
         return f"holds in {self.held} of {self.layouts} further layouts: {chance}"
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from core.design import Candidate
 from core.geometry import Array, Box
 from core.interfaces import (
     Feel,
@@ -16,10 +17,9 @@ from core.interfaces import (
     Tempo,
     Waypoints,
 )
-from core.robot.trajectory import plan_task_motion
 from core.scene import Body
-from core.simulation.guards import PlannedGuards
-from core.values.jobs import FEEL_S, Rollout
+from core.simulation.attempt import prepare
+from core.values.jobs import FEEL_S
 from plugins.conformance.checking import LeftOut, expect, near
 from plugins.conformance.scenery import cube, make_body, stick
 from plugins.conformance.worlds import HOME, Bodies, arm, film, play
@@ -43,16 +43,12 @@ def _played(
     if not simulator.supports_guards:
         raise LeftOut("it plays no motions with guards")
     task = _Home(*bodies)
-    settings = RolloutSettings(feel=Feel(noise=0.05))
+    settings = RolloutSettings(settle_s=0.1, hold_s=0.3, feel=Feel(noise=0.05))
     unguarded = [guard is None for guard in guards]
     speeds = np.where(unguarded, np.nan, _SPEED)
     tempo = replace(Tempo.usual(len(rows)), speeds=speeds)
-    plan = Waypoints(rows, tempo, guards)
-    motion = plan_task_motion(plan, task, settings)
-    playing = PlannedGuards(plan, plan, motion, task, 0, settings)
-    job = Rollout(
-        stick(_STICK), motion.trajectory, 0, 0.1, 0.3, 1 / FEEL_S, guards=playing
-    )
+    candidate = Candidate(stick(_STICK), Waypoints(rows, tempo, guards))
+    _, job = prepare(task, candidate, 0, settings, 1 / FEEL_S)
     return play(simulator, task, job)
 
 

@@ -121,14 +121,18 @@ def _remarks(result: Result, best: Evaluation) -> Iterator[str]:
 def _tied(result: Result, best: Evaluation) -> Iterator[str]:
     """Say what decided between candidates that earned alike, or why the best has not the highest reward."""
     if len(result.finals) > 1:
-        yield f"{len(result.finals)} candidates earned alike; {best.candidate.id} held best in more layouts"
+        tried = f"{len(result.finals)} candidates that earned alike were tried in more layouts"
+        yield f"{tried}; {best.candidate.id} held best"
         return
 
     highest = max(result.ranking, key=lambda tried: tried.reward, default=best)
     reward = number(highest.reward, 3)
     if reward != number(best.reward, 3):
         earned = f"{highest.candidate.id} earned {reward}"
-        yield f"{earned}; rewards within evolution.tie of it count as equal, and the shortest distance goes first"
+        first = "the shortest distance goes first"
+        if result.finals:
+            first = "more room to spare goes first, then the shortest distance"
+        yield f"{earned}; rewards within evolution.tie of it count as equal, and {first}"
 
 
 def _goals(result: Result, best: Evaluation) -> Iterator[str]:

@@ -142,6 +142,13 @@ def _json(value: object) -> bytes:
     return (json.dumps(value, indent=2, ensure_ascii=False) + "\n").encode()
 
 
+def _count_requests(
+    cfg: DictConfig, request: Request, follow_ups: Sequence[Request]
+) -> int:
+    """Count the requests of a generation at most, but for those that send designs back."""
+    return int(cfg.budget.n_agent * (1 + request.brief.n_tool * len(follow_ups)))
+
+
 def _describe_generation(
     cfg: DictConfig, request: Request, follow_ups: Sequence[Request], estimate: Estimate
 ) -> str:
@@ -149,7 +156,7 @@ def _describe_generation(
     agents = cfg.budget.n_agent
     tools = request.brief.n_tool
     later = [estimate_cost(cfg, other)[1].prompt_tokens for other in follow_ups]
-    count = agents * (1 + tools * len(later))
+    count = _count_requests(cfg, request, follow_ups)
     tokens = agents * (estimate.prompt_tokens + tools * sum(later))
     paid = estimate.usd_per_prompt_token
     cost = "" if paid is None else f" ({tokens * paid:.2f} USD, and the answers)"
@@ -159,13 +166,13 @@ def _describe_generation(
     )
 
 
-def _describe_repairs(repairs: int, agents: int, estimate: Estimate) -> str:
-    """Say how many requests a generation may have for designs that break rules, and what they cost."""
+def _describe_repairs(repairs: int, count: int, estimate: Estimate) -> str:
+    """Say how many requests more a generation of ``count`` may have for designs that break rules, and their cost."""
     tokens = estimate.prompt_tokens
     paid = estimate.usd_per_prompt_token
     cost = "" if paid is None else f" ({tokens * paid:.4f} USD)"
     return (
-        f"prompt.repair={repairs}: at most {repairs * agents} requests more in a generation where designs break "
+        f"prompt.repair={repairs}: at most {repairs * count} requests more in a generation where designs break "
         f"rules; each has these {tokens} tokens{cost}, and the answer that it mends"
     )
 
@@ -181,7 +188,8 @@ def main(words: list[str]) -> None:
         say(_describe_generation(cfg, request, follow_ups, estimate))
     repairs = count_repairs(cfg, installed().factory("vlm", cfg.vlm.name))
     if repairs:
-        say(_describe_repairs(repairs, cfg.budget.n_agent, estimate))
+        count = _count_requests(cfg, request, follow_ups)
+        say(_describe_repairs(repairs, count, estimate))
     if cfg.prompt.critic:
         say(
             f"prompt.critic={cfg.prompt.critic}: so many shorter requests come before each generation but the first"

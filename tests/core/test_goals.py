@@ -111,7 +111,7 @@ CUBE = ("cube",)
         ),
         (
             lambda: Away(bodies=CUBE, away=0.1, also=(Reach(bodies=CUBE, held=True),)),
-            "rest and held stand in the goal itself",
+            "rest, held and released stand in the goal itself",
         ),
         (lambda: Kept(keep=CUBE, kept_m=0), "kept_m must be above 0"),
         (

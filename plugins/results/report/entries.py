@@ -25,6 +25,7 @@ MAX_BYTES = 10_000_000
 """Of a results file."""
 
 FIRST_UNSEEN = 1_000_000
+FINALS = 1_000  # layouts after those of the search that finalists may see
 """The seed of the first test layout."""
 
 Rewards = Annotated[tuple[Reward, ...], Field(min_length=1, max_length=1000)]
@@ -221,14 +222,13 @@ def _check_seeds(entry: Entry) -> None:
                 "its tasks have other seeds, or one twice; run each task once with each of the same seeds"
             )
 
-    layouts = 0
-    for key in ("fitness.layouts",):
-        count = entry.settings.get(key, "")
-        if re.fullmatch(r"\d{1,9}", count):
-            layouts += int(count)
+    layouts = 1
+    count = entry.settings.get("fitness.layouts", "")
+    if re.fullmatch(r"\d{1,9}", count):
+        layouts = max(int(count), 1)
 
     for run in entry.runs:
-        if run.seed + max(layouts, 1) > FIRST_UNSEEN:
+        if run.seed + layouts > FIRST_UNSEEN - FINALS:
             raise UserError(
                 f"no run has the seed {run.seed}: its layouts reach the unseen ones"
             )

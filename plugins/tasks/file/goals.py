@@ -40,6 +40,7 @@ class Places(Reach):
     node: int | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if len(self.places) != len(self.bodies):
             raise ValueError(
                 f"a goal's places need one for each of its {len(self.bodies)} bodies"
@@ -222,7 +223,7 @@ def describe(goal: Goal) -> str:
     when = {
         "must end at rest": goal.rest,
         "must end held by the robot, touching nothing fixed (half counts if it is only touched)": goal.held,
-        "must end released, touched by no part of the robot (half counts if it is only touched)": goal.released,
+        "must end released, touched by no part of the robot (half counts if touched, but not held)": goal.released,
         f"by {goal.by_s or 0:g} s after the motion begins": goal.by_s is not None,
         "at any time, not at the end": goal.ever,
         f"after goal {goal.after}": goal.after is not None,

@@ -74,8 +74,8 @@ class Vessel:
             yield Mesh.from_trimesh(wedge), Pose()
 
     def _handle(self) -> Iterator[Placed]:
-        thick = min(_THICK * self.radius, self.handle / 2)
         height = _TALL * self.length / 2
+        thick = min(_THICK * self.radius, self.handle / 2, height)
         for end in (-height, height):
             bar = Box((self.handle, thick, thick))
             yield bar, _shift(self.radius + self.handle / 2, end)

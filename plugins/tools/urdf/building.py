@@ -46,7 +46,7 @@ _MOVES: dict[str, Literal["hinge", "slider"]] = {
     "prismatic": "slider",
 }
 _NAME = re.compile(r"[A-Za-z0-9_.-]+")
-_ANGLE = re.compile(r"\d+(?:\.\d*)?(?:[eE][-+]?\d{1,3})?")
+_ANGLE = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?")
 _DECLARATION = re.compile(r"\A\s*<\?xml[^>]*\?>")
 # What an element may have several of.
 _MANY = ("link", "joint", "material", "collision", "visual")
@@ -107,9 +107,11 @@ def build_tool(
     except UserError as error:
         raise DesignError(str(error)) from error
 
-    for origin in root.iter("origin"):
-        angles = _ANGLE.findall(origin.get("rpy", ""))
-        check_angles(map(float, angles), "an origin's rpy")
+    for element in root:
+        for origin in element.iter("origin"):
+            angles = _ANGLE.findall(origin.get("rpy", ""))
+            where = f"{element.tag} {element.get('name', '')!r}: rpy"
+            check_angles(map(float, angles), where)
 
     components: list[Component] = []
     holders: dict[str, _Holders] = {

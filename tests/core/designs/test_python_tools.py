@@ -69,7 +69,7 @@ def play(tmp_path, monkeypatch):
     [
         (
             rod(z=-0.4),
-            "component 'rod' is 295.0 mm away from its mount 'tool_mount'; move it by (0 0 0.295) m",
+            "component 'rod' is 295.0 mm away from its mount 'tool_mount'; move it by (0, 0, 0.295) m",
         ),
         (rod(mass=50.0), "component 'rod' weighs 50 kg"),
         ("a rod", "given returned \"'a rod'\"; expected a Tool or None"),

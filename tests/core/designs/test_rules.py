@@ -254,13 +254,13 @@ def test_plans_become_arrays():
         ([[*WAYPOINT[:5], [0]]], "yaw must be a number, not a list"),
         (
             [[*WAYPOINT[:3], math.nan, 0, 0]],
-            "waypoint 1: roll is nan; it must be between -6.28319 and 6.28319 radians",
+            "waypoint 1: roll is nan; it must be between -6.3 and 6.3 radians",
         ),
         ([[-math.inf, *WAYPOINT[1:]]], "x is -inf; it must be between -3 and 3 metres"),
         ([[10**400, *WAYPOINT[1:]]], "x is 1000.*; it must be between -3 and 3 metres"),
         (
             [[*WAYPOINT[:4], -(10**400), 0]],
-            "pitch is -1000.*; it must be between -6.28319 and 6.28319 radians",
+            "pitch is -1000.*; it must be between -6.3 and 6.3 radians",
         ),
         (np.zeros((2, 3)), "waypoint 1 has 3 numbers"),
         (np.zeros(6), "waypoint 1 must be a list"),

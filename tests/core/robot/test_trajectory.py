@@ -216,10 +216,3 @@ def test_a_miss_on_the_way_from_home_to_the_first_waypoint_does_not_count():
         Pose.xyz_rpy(behind[0][:3], behind[0][3:]), plan_of(behind).trajectory.arm[-1]
     )
     assert plan_of(behind).ik_error_m == pytest.approx(alone.error_m, abs=1e-3)
-
-
-def test_an_angle_in_degrees_is_doubted():
-    motion = plan_of([[0.5, 0, 0.4, 0, 0, 6.28], [0.5, 0, 0.4, 0, -90, 0]])
-    (line,) = motion.doubts()
-    assert line.startswith("waypoint 2: pitch is -90 rad; degrees?")
-    assert not list(plan_of([[0.5, 0, 0.4, 0, 0, -6.28]]).doubts())

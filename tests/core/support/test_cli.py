@@ -153,6 +153,10 @@ def test_a_command_prints_anything_in_any_encoding(fault, code, shown, encoding)
         ),
         (["a=[0,", "-0.3,", "1]", "b=2"], ["a=[0, -0.3, 1]", "b=2"]),
         (["a={b:", "c}"], ["a={b: c}"]),
+        (
+            ["a={b: [1,", "2],", "c: {d: 3},", "e: 4}"],
+            ["a={b: [1, 2], c: {d: 3}, e: 4}"],
+        ),
         (["a=[0]", "folder"], ["a=[0]", "folder"]),
         (["new", "scene", "Name"], ["new", "scene", "Name"]),
         ([], []),

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import trimesh
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from core.geometry import Array
 
@@ -35,10 +35,12 @@ def find_pieces(
     if not all(shell.is_watertight for shell in shells):
         # Groups may be parts of one surface, such as those of one material.
         shells = list(_split(whole))
+    if not shells:
+        raise QhullError
 
     volume = math.nan
     if all(shell.is_watertight for shell in shells):
-        volume = abs(sum(shell.volume for shell in shells))
+        volume = sum(abs(shell.volume) for shell in shells)
     convex = [shell.vertices for shell in shells if _is_convex(shell)]
     if len(convex) > MAX_PIECES:
         return [], whole, volume

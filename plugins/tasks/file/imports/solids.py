@@ -17,7 +17,6 @@ from core.geometry import Array, Mesh, frozen_array
 from core.robot.meshes import keep_file
 from core.scene import Color
 from core.support.files import read_untrusted
-from core.support.progress import busy
 from core.support.sandbox import isolated
 from plugins.tasks.file.imports.convex import cut_bytes, read_bytes
 
@@ -163,8 +162,8 @@ def _cut(vertices: Array, faces: Array, file: Path) -> list[Array]:
 
     def cut() -> bytes:
         data = stream.getvalue()
-        with busy(step, at_once=True):
-            return isolated(cut_bytes, f"mesh {file}", data, str(MAX_PARTS))
+        what = f"mesh {file}"
+        return isolated(cut_bytes, what, data, str(MAX_PARTS), step=step)
 
     return _list_parts(_keep(content, str(file), cut))
 

@@ -13,7 +13,7 @@ def isolated(request, tmp_path_factory, monkeypatch):
         monkeypatch.setattr(solids, "isolated", called)
 
 
-def called(function, what, data, *words, limit_s=None):
+def called(function, what, data, *words, limit_s=None, step=""):
     """Call a function without a process of its own."""
     try:
         return function(data, *words)
