@@ -5,10 +5,11 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 import inspect
+import os
 import pkgutil
 import typing
-from collections.abc import Callable, Collection, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, ClassVar, TypeVar
@@ -82,7 +83,8 @@ class Plugins:
         # This project's own come first: no other package replaces a built-in part.
         for entry, distribution in sorted(found, key=lambda pair: pair[1] != PROJECT):
             try:
-                plugin = entry.load()
+                with _no_exit():
+                    plugin = entry.load()
             except KeyboardInterrupt:
                 raise
             except BaseException as error:  # a third-party import may raise anything
@@ -289,6 +291,21 @@ def settings_of(
     }
 
 
+@contextmanager
+def _no_exit() -> Iterator[None]:
+    """Let code that is imported raise where it calls `os._exit`, which would end the process without a word."""
+
+    def refuse(status: int) -> typing.NoReturn:
+        raise SystemExit(f"it called os._exit({status})")
+
+    kept = os._exit
+    os._exit = refuse
+    try:
+        yield
+    finally:
+        os._exit = kept
+
+
 def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any]:
     """Import what a text ``"module:attribute"`` names.
 
@@ -296,7 +313,8 @@ def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any
         UserError: it can't be imported, or can't be called.
     """
     try:
-        found = pkgutil.resolve_name(what) if isinstance(what, str) else what
+        with _no_exit():
+            found = pkgutil.resolve_name(what) if isinstance(what, str) else what
     except RAISED as error:  # a third-party import may raise anything
         raise UserError(
             f"{offer.owner} can't be imported: {type(error).__name__}: {error}"

@@ -1,5 +1,6 @@
 import importlib.metadata
 import json
+import os
 import sys
 import tomllib
 from pathlib import Path
@@ -81,15 +82,25 @@ def test_no_other_package_replaces_a_built_in_part(monkeypatch):
     assert any("is taken by" in failure.reason for failure in found.failures)
 
 
-@pytest.mark.parametrize("error", ["RuntimeError", "SystemExit", "BaseException"])
-def test_an_import_that_raises_whatever_it_likes(monkeypatch, tmp_path, error):
+@pytest.mark.parametrize(
+    ("code", "reason"),
+    [
+        ("raise RuntimeError('not today')", "RuntimeError: not today"),
+        ("raise SystemExit('not today')", "SystemExit: not today"),
+        ("raise BaseException('not today')", "BaseException: not today"),
+        ("import os; os._exit(0)", "SystemExit: it called os._exit(0)"),
+    ],
+)
+def test_an_import_that_does_whatever_it_likes(monkeypatch, tmp_path, code, reason):
     monkeypatch.delitem(sys.modules, "moody", raising=False)
-    (tmp_path / "moody.py").write_text(f"raise {error}('not today')")
+    (tmp_path / "moody.py").write_text(code)
     monkeypatch.syspath_prepend(tmp_path)
     entry = importlib.metadata.EntryPoint("moody", "moody", PROJECT)
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda **_: [entry])
+    exit_before = os._exit
     (failure,) = Plugins().failures
-    assert failure.reason == f"import failed: {error}: not today"
+    assert failure.reason == f"import failed: {reason}"
+    assert os._exit is exit_before
 
 
 def test_a_name_that_is_taken_stays_with_the_first(found):
