@@ -105,6 +105,9 @@ def vessel(
     )
 
 
+RING = 0.007  # inner radius of the ring on a post
+
+
 @cache
 def ringed_post(
     radius: float, height: float, bottom: float, color: Color
@@ -113,9 +116,7 @@ def ringed_post(
     ring = 0.004
     top = bottom + height
     post = disc(radius, height - ring, (bottom + top - ring) / 2, color)
-    return post, *round_wall(
-        (0.007, 0.007), (radius, radius), top - ring, top, color, 8
-    )
+    return post, *round_wall((RING, RING), (radius, radius), top - ring, top, color, 8)
 
 
 def revolved(

@@ -15,7 +15,7 @@ from core.scene import (
     table,
 )
 from core.values.layouts import around, within
-from tasks.assets import board, disc, ringed_post, vessel
+from tasks.assets import RING, board, disc, ringed_post, vessel
 from tasks.rewards import apart, length, progress, speed, split, z_axis
 
 POT_RADIUS = 0.095
@@ -36,7 +36,7 @@ BOWL_HEIGHT = 0.035
 # Of the lid's middle from the pot's, m: from the first on it counts, from the second on fully.
 ASIDE = (0.13, 0.25)
 STILL_M_S = 0.05
-# M/s; up to the first the lid was put down, from the second on dropped.
+# Speed, m/s: up to the first the lid was put down, from the second on dropped.
 GENTLE = (0.4, 0.8)
 
 IRON = (0.30, 0.34, 0.40, 1.0)
@@ -124,7 +124,7 @@ class LidAndBall(Task):
         )
         bowl = vessel(BOWL_RADIUS, BOWL_HEIGHT, WALL, FLOOR, CLAY)
         stands = pose.apply(
-            (0.0, 0.0, FLOOR + CUP_HEIGHT + np.sqrt(BALL_RADIUS**2 - 0.007**2) + 1e-4)
+            (0.0, 0.0, FLOOR + CUP_HEIGHT + np.sqrt(BALL_RADIUS**2 - RING**2) + 1e-4)
         )
         ball = Body.of(
             "ball",

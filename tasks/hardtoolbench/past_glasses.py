@@ -20,7 +20,7 @@ from core.values.layouts import around, within
 from tasks.assets import board, revolved
 from tasks.rewards import moved, share
 
-# X, y of the middle of the cupboard's front edge; its x axis points inward.
+# Place (x, y) of the middle of the cupboard's front edge; its x axis points inward.
 FRONT = (0.67, 0.0)
 # Inside; the roof's lower face is at the clear height.
 DEPTH = 0.3
