@@ -105,18 +105,15 @@ def vessel(
     )
 
 
-RING = 0.007  # inner radius of the ring on a post
-
-
 @cache
 def ringed_post(
-    radius: float, height: float, bottom: float, color: Color
+    radius: float, hole: float, height: float, bottom: float, color: Color
 ) -> tuple[Geom, ...]:
-    """A post from ``bottom`` up that ends in a ring, 4 mm high, on which a ball stays."""
+    """A post from ``bottom`` up that ends in a ring, 4 mm high, with a ``hole`` (its radius) on which a ball stays."""
     ring = 0.004
     top = bottom + height
     post = disc(radius, height - ring, (bottom + top - ring) / 2, color)
-    return post, *round_wall((RING, RING), (radius, radius), top - ring, top, color, 8)
+    return post, *round_wall((hole, hole), (radius, radius), top - ring, top, color, 8)
 
 
 def revolved(

@@ -15,7 +15,7 @@ from core.scene import (
     table,
 )
 from core.values.layouts import around, within
-from tasks.assets import RING, board, disc, ringed_post, vessel
+from tasks.assets import board, disc, ringed_post, vessel
 from tasks.rewards import apart, length, progress, speed, split, z_axis
 
 POT_RADIUS = 0.095
@@ -24,6 +24,7 @@ WALL = 0.006
 FLOOR = 0.006
 # Of the post in the pot, above its floor; its top is a ring.
 CUP_RADIUS = 0.009
+RING_RADIUS = 0.007  # of its hole
 CUP_HEIGHT = 0.04
 BALL_RADIUS = 0.022
 LID_RADIUS = 0.108
@@ -120,11 +121,15 @@ class LidAndBall(Task):
         )
         parts = (
             *vessel(POT_RADIUS, POT_HEIGHT, WALL, FLOOR, IRON),
-            *ringed_post(CUP_RADIUS, CUP_HEIGHT, FLOOR, TIN),
+            *ringed_post(CUP_RADIUS, RING_RADIUS, CUP_HEIGHT, FLOOR, TIN),
         )
         bowl = vessel(BOWL_RADIUS, BOWL_HEIGHT, WALL, FLOOR, CLAY)
         stands = pose.apply(
-            (0.0, 0.0, FLOOR + CUP_HEIGHT + np.sqrt(BALL_RADIUS**2 - RING**2) + 1e-4)
+            (
+                0.0,
+                0.0,
+                FLOOR + CUP_HEIGHT + np.sqrt(BALL_RADIUS**2 - RING_RADIUS**2) + 1e-4,
+            )
         )
         ball = Body.of(
             "ball",
