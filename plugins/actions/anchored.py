@@ -126,10 +126,8 @@ class Step:
             DesignError: an anchor is not there, or gives no direction.
         """
         anchor = _place(self.anchor, seen, where)
-        if not self.toward and self.axes == "anchor":
-            return anchor
         if not self.toward:
-            return Pose(anchor.position)
+            return anchor if self.axes == "anchor" else Pose(anchor.position)
 
         way = _place(self.toward, seen, where).position - anchor.position
         origin = anchor.position + self.share * way
@@ -180,19 +178,13 @@ class Step:
 
     def dump(self) -> dict[str, Any]:
         """Return what was written, without what has its default."""
-        written = {}
-        for name, default in _DEFAULTS.items():
-            value = getattr(self, name)
-            if name != "offset" and value == default:
-                continue
-            if isinstance(value, tuple):
-                value = list(value)
-            written[name] = value
+        written: dict[str, Any] = _STEPS.dump_python(
+            self, mode="json", exclude_defaults=True
+        )
         return written
 
 
 _GUARD_FIELDS = ("until", "newtons", "otherwise", "corrects", "beyond")
-_DEFAULTS = {f.name: f.default for f in fields(Step)}
 _STEPS = TypeAdapter(Step)
 
 
@@ -219,20 +211,18 @@ class AnchoredPlan(ActionPlan):
         felt = list(seen.felt)
         for number, step in enumerate(self.steps, start=1):
             where = f"waypoint {number}"
-            offset = Pose.xyz_rpy(step.offset, step.rpy)
-            pose = step.frame(known, where) @ offset
+            pose = step.frame(known, where) @ Pose.xyz_rpy(step.offset, step.rpy)
 
             if step.until:
                 reached = felt.pop(0) if felt else None
-                poses = dict(known.poses)
+                poses = {**known.poses, HERE: reached or pose}
                 if step.corrects:
                     way = pose.position - rows[-1][:3]
-                    missed = (reached or pose).position - pose.position
-                    found = step.corrected(known, way, missed, where)
+                    missed = poses[HERE].position - pose.position
+                    corrected = step.corrected(known, way, missed, where)
                     if reached:
-                        poses |= found
-
-                known = Seen({**poses, HERE: reached or pose})
+                        poses |= corrected
+                known = Seen(poses)
 
             row = [*pose.position, *pose.rpy]
             if self.gripper:
@@ -280,28 +270,24 @@ class AnchoredActions(ActionRepresentation):
         self.guards = guards
 
     def instructions(self, brief: Brief) -> str:
-        names = ", ".join(
-            f"`{body.name}`" for body in brief.task.scene(brief.scene_seed).bodies
-        )
-        most = MAX_GUARDS if self.guards else 0
+        scene = brief.task.scene(brief.scene_seed)
+        names = ", ".join(f"`{body.name}`" for body in scene.bodies)
         return fill(
             "plugins.actions",
             "anchored",
             names=names,
             gripper=brief.gripper,
-            guards=most,
+            guards=MAX_GUARDS if self.guards else 0,
         )
 
     def schema(self, *, gripper: bool) -> dict[str, Any]:
-        properties = {
-            name: _plain(field)
-            for name, field in _STEPS.json_schema()["properties"].items()
-        }
+        left_out = set() if self.guards else {*_GUARD_FIELDS}
         if not gripper:
-            del properties["grip"]
-        if not self.guards:
-            for name in _GUARD_FIELDS:
-                del properties[name]
+            left_out.add("grip")
+        properties = {}
+        for name, field in _STEPS.json_schema()["properties"].items():
+            if name not in left_out:
+                properties[name] = _plain(field)
 
         waypoint = {
             "type": "object",
@@ -360,33 +346,32 @@ class AnchoredActions(ActionRepresentation):
         steps = []
         for number, (row, grip, anchor, guard) in enumerate(rows, start=1):
             where = f"waypoint {number}"
-            step = Step(
-                (0.0, 0.0, 0.0),
-                anchor=anchor.name,
-                axes=anchor.axes,
-                toward=anchor.toward,
-                share=anchor.share,
-                grip=grip,
-            )
-            if guard:
-                step = replace(step, **vars(guard))
-
             pose = Pose.xyz_rpy(row[:3], row[3:6])
+            written: dict[str, Any] = {
+                "anchor": anchor.name,
+                "axes": anchor.axes,
+                "toward": anchor.toward,
+                "share": anchor.share,
+                "grip": grip,
+            }
+            if guard:
+                written |= vars(guard)
+
             numbers = row[:6]
-
             if anchor != Anchor():
-                offset = step.frame(seen, where).inverse() @ pose
+                frame = Step((0.0, 0.0, 0.0), **written).frame(seen, where)
+                offset = frame.inverse() @ pose
                 numbers = np.round([*offset.position, *offset.rpy], _DIGITS) + 0.0
-
             if guard:
                 seen = Seen({**seen.poses, HERE: pose})
-            x, y, z, roll, pitch, yaw = numbers.tolist()
+
+            place = numbers.tolist()
+            written |= {"offset": place[:3], "rpy": place[3:]}
             try:
-                step = replace(step, offset=(x, y, z), rpy=(roll, pitch, yaw))
+                step = Step(**written)
             except ValidationError as error:
                 message = error.errors(include_url=False)[0]["msg"]
                 raise DesignError(f"{where}: {message}") from error
-
             steps.append(step.dump())
 
         return steps
@@ -408,16 +393,19 @@ class AnchoredActions(ActionRepresentation):
     def with_parameters(self, plan: ActionPlan, values: Array) -> AnchoredPlan:
         assert isinstance(plan, AnchoredPlan)
         count = 6 * len(plan.steps)
-        rows = np.round(values[:count], _DIGITS).reshape(-1, 2, 3).tolist()
-        steps = []
-        for step, (offset, rpy) in zip(plan.steps, rows, strict=True):
-            place: dict[str, Any] = {"offset": tuple(offset), "rpy": tuple(rpy)}
-            steps.append(replace(step, **place))
+        changes: list[dict[str, Any]] = []
+        for offset, rpy in np.round(values[:count], _DIGITS).reshape(-1, 2, 3).tolist():
+            changes.append({"offset": tuple(offset), "rpy": tuple(rpy)})
+
         tempi = np.exp(values[count:]).tolist()
         for (number, name, _), value in zip(_tempi(plan), tempi, strict=True):
-            tempo: dict[str, Any] = {name: round(value, _DIGITS)}
-            steps[number] = replace(steps[number], **tempo)
-        return replace(plan, steps=tuple(steps))
+            changes[number][name] = round(value, _DIGITS)
+
+        changed = [
+            replace(step, **change)
+            for step, change in zip(plan.steps, changes, strict=True)
+        ]
+        return replace(plan, steps=tuple(changed))
 
 
 def _tempi(plan: AnchoredPlan) -> list[tuple[int, str, float]]:
@@ -497,7 +485,8 @@ def _read_step(data: object, where: str, gripper: bool) -> Step:
         first = error.errors(include_url=False, include_input=False)[0]
         place = ".".join(str(part) for part in first["loc"])
         if first["type"] == "unexpected_keyword_argument":
-            raise DesignError(str(choices("field", place, _DEFAULTS, where))) from error
+            names = [known.name for known in fields(Step)]
+            raise DesignError(str(choices("field", place, names, where))) from error
         raise DesignError(f"{where}: {place[:100]}: {first['msg']}") from error
 
     for is_broken, message in _FAULTS:
