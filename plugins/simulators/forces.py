@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -66,16 +67,21 @@ class _Push(NamedTuple):
     impulse: Array
 
 
-class Impulses:
-    """The normal impulses since a world began, of each two things that touched; an engine adds those of each step.
+class Impulses(ABC):
+    """The normal impulses since a world began, of each two things that touched; those on the tool with their points.
 
-    Those on the tool are also kept with their points.
+    An engine's class adds those of each step with `add` and `push`. `note` is called at each instant of the recording,
+    and `measured` once, at its end.
     """
 
     def __init__(self) -> None:
         self._sums: dict[tuple[str, str], float] = {}
         self._noted: list[dict[tuple[str, str], float]] = []
         self._pushes: list[_Push] = []
+
+    @abstractmethod
+    def add_step(self) -> None:
+        """Add those of the last step."""
 
     def add(self, met: Meeting, impulse: float) -> None:
         """Add the impulse of a contact, N s."""

@@ -10,6 +10,7 @@ import numpy as np
 from core.geometry import Array
 from plugins.simulators.forces import Impulses, Meeting, Thing, meeting
 from plugins.simulators.pybullet.engine import Client
+from plugins.simulators.pybullet.mechanisms import Place
 
 
 def pushes(client: Client, robot: int, links: Collection[int]) -> tuple[Array, Array]:
@@ -19,14 +20,17 @@ def pushes(client: Client, robot: int, links: Collection[int]) -> tuple[Array, A
     for contact in client.getContactPoints():
         first = contact[1] == robot and contact[3] in links
         second = contact[2] == robot and contact[4] in links
-        if first != second:
-            points.append(contact[5])
-            forces.append(_force(contact) if first else -_force(contact))
+        if first == second:
+            continue
+        sign = 1.0 if first else -1.0
+        points.append(contact[5])
+        forces.append(sign * _force(contact))
+
     return np.reshape(points, (-1, 3)), np.reshape(forces, (-1, 3))
 
 
 def _force(contact: Sequence[Any]) -> Array:
-    """The force of a contact point on its first body, with friction along two directions."""
+    """Return the force (3,) of a contact point on its first body, with friction along two directions."""
     normal = contact[9] * np.array(contact[7])
     friction = contact[10] * np.array(contact[11])
     across = contact[12] * np.array(contact[13])
@@ -35,10 +39,16 @@ def _force(contact: Sequence[Any]) -> Array:
 
 
 class Forces(Impulses):
-    """The impulses of a world; ``things`` maps PyBullet's numbers of a body and its link to what they are."""
+    """The impulses of a world.
+
+    Args:
+        client: the world.
+        things: what each place is: PyBullet's numbers of a body and its link.
+        time_step: seconds.
+    """
 
     def __init__(
-        self, client: Client, things: Mapping[tuple[int, int], Thing], time_step: float
+        self, client: Client, things: Mapping[Place, Thing], time_step: float
     ) -> None:
         super().__init__()
         self._client = client
@@ -47,14 +57,14 @@ class Forces(Impulses):
         self._meetings: dict[tuple[int, ...], Meeting] = {}
 
     def add_step(self) -> None:
-        """Add those of the last step."""
         for point in self._client.getContactPoints():
             who = point[1:5]
-            met = self._meetings.get(who)
-            if met is None:
+            if who not in self._meetings:
                 first = self._things[point[1], point[3]]
                 second = self._things[point[2], point[4]]
-                met = self._meetings[who] = meeting(first, second)
+                self._meetings[who] = meeting(first, second)
+
+            met = self._meetings[who]
             self.add(met, point[9] * self._time_step)
             if met.body:
                 self.push(met, point[5], _force(point) * self._time_step)

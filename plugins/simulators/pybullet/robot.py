@@ -22,6 +22,7 @@ from plugins.simulators.pybullet.engine import pybullet as p
 _PLACEHOLDER = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 
 
+@lru_cache(maxsize=4)  # consecutive jobs mostly share it
 def robot_file(folder: Path, robot: Robot, tool: Tool, *, visuals: bool) -> Path:
     """Write the arm with its tool to a file: PyBullet reads only files."""
     arm = assembled(robot, tool, fused=True)

@@ -2,32 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import Tool
-from core.geometry import Pose, Shape
+from core.geometry import Pose
+from core.interfaces import Robot
 from core.robot.description import assembled, merge_inertias
-from core.values.descriptions import RobotJoint, Weight
-from core.values.robots import Robot
+from core.values.descriptions import RobotJoint, RobotLink, Weight
 from plugins.simulators.inertia import Inertia, principal
-
-
-@dataclass(frozen=True, eq=False)
-class PlacedShape:
-    """A collision shape at a pose in rigidly joined links; ``part`` is its own link in the description.
-
-    A mesh file collides as its convex hull.
-    """
-
-    shape: Shape | Path
-    pose: Pose
-    part: str
+from plugins.simulators.sapien.shapes import PlacedShape
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,33 +45,24 @@ class ArticulationLink:
 def robot_links(robot: Robot, tool: Tool) -> tuple[ArticulationLink, ...]:
     """List the links of the arm with a tool, parents first. Rigidly joined links become one."""
     arm = assembled(robot, tool, fused=True)
-    parts = arm.rigid_parts(
-        child for child, joint in arm.joints.items() if joint.kind != "fixed"
-    )
-    heads = {head for head, _ in parts.values()}
-    order = sorted(
-        (name for name in arm.links if name in heads),
-        key=lambda name: len(arm.above(name)),
-    )
+    moving = [child for child, joint in arm.joints.items() if joint.kind != "fixed"]
+    parts = arm.rigid_parts(moving)
+
+    groups: dict[str, list[tuple[RobotLink, Pose]]] = {}
+    for part, (head, pose) in parts.items():
+        groups.setdefault(head, []).append((arm.links[part], pose))
+    heads = [name for name in arm.links if name in groups]
+    order = sorted(heads, key=lambda name: len(arm.above(name)))
+
     found = []
     for name in order:
-        links = [
-            (arm.links[part], pose)
-            for part, (head, pose) in parts.items()
-            if head == name
-        ]
-        collisions = tuple(
-            PlacedShape(shape.shape, pose @ shape.origin.pose, link.name)
-            for link, pose in links
-            for shape in link.collisions
-        )
-        inertia = _inertia(
-            [
-                link.inertial.placed(pose)
-                for link, pose in links
-                if link.inertial.mass > 0
-            ]
-        )
+        weights = []
+        collisions: list[PlacedShape] = []
+        for link, pose in groups[name]:
+            if link.inertial.mass > 0:
+                weights.append(link.inertial.placed(pose))
+            collisions += _place_shapes(link, pose)
+
         parent = None
         joint = None
         if name in arm.joints:
@@ -91,18 +70,27 @@ def robot_links(robot: Robot, tool: Tool) -> tuple[ArticulationLink, ...]:
             parent = order.index(head)
             joint = _along_x(arm.joints[name], pose)
 
-        found.append(ArticulationLink(name, parent, joint, inertia, collisions))
+        inertia = _merge(weights)
+        found.append(ArticulationLink(name, parent, joint, inertia, tuple(collisions)))
 
     return tuple(found)
 
 
+def _place_shapes(link: RobotLink, pose: Pose) -> Iterator[PlacedShape]:
+    """Yield the collision shapes of a link at a pose."""
+    for shape in link.collisions:
+        yield PlacedShape(shape.shape, pose @ shape.origin.pose, link.name)
+
+
 def _along_x(joint: RobotJoint, parent: Pose) -> AxisJoint:
+    """Turn a joint's frames so that it moves along or about x; ``parent`` is its parent's pose in the joined links."""
     turn, _ = Rotation.align_vectors([joint.axis], [[1.0, 0.0, 0.0]])
     in_child = Pose.from_rotation(np.zeros(3), turn)
     return AxisJoint(joint, parent @ joint.origin.pose @ in_child, in_child)
 
 
-def _inertia(weights: Sequence[Weight]) -> Inertia:
+def _merge(weights: list[Weight]) -> Inertia:
+    """Join the inertias of rigidly joined links."""
     if not weights:  # a base that stands for the ground
         return Inertia(1.0, Pose(), np.ones(3))
     return principal(*merge_inertias(weights))

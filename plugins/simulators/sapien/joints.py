@@ -20,6 +20,7 @@ from plugins.simulators.forces import latch_force
 from plugins.simulators.inertia import Inertia
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.shapes import to_sapien
+from plugins.simulators.sapien.surfaces import Apart
 
 # So many times the solver's iterations, as for the arm with a hand: a touch doesn't change how often forces act.
 _ITERATIONS = 4
@@ -32,8 +33,8 @@ _DRIVES = {"hinge": "twist", "slider": "x", "ball": "slerp"}
 _STILL = np.zeros(3)
 
 
-def apart(scene: Scene) -> dict[str, tuple[int, int]]:
-    """Return for each joined body its mechanism's number, and bits: those of one mechanism that share one are joined.
+def apart(scene: Scene) -> dict[str, Apart]:
+    """Return for each joined body what it doesn't touch: bodies that a joint connects share a bit.
 
     Raises:
         UsageError: a mechanism has more joints than there are bits.
@@ -47,7 +48,7 @@ def apart(scene: Scene) -> dict[str, tuple[int, int]]:
             roots[body] = roots.setdefault(parent, parent)
             pairs.setdefault(roots[body], []).append((body, parent))
 
-    found: dict[str, tuple[int, int]] = {}
+    found: dict[str, Apart] = {}
     for number, (root, joined) in enumerate(pairs.items(), start=1):
         if len(joined) > _PAIRS:
             raise UsageError(
@@ -56,8 +57,8 @@ def apart(scene: Scene) -> dict[str, tuple[int, int]]:
             )
         for bit, pair in enumerate(joined):
             for name in pair:
-                _, bits = found.get(name, (number, 0))
-                found[name] = (number, bits | 1 << bit)
+                bits = found.get(name, Apart()).bits
+                found[name] = Apart(number, bits | 1 << bit)
 
     return found
 
@@ -72,7 +73,14 @@ class _Acting(Protocol):
 class Joints:
     """The joints of a scene whose bodies are at their initial poses.
 
-    ``components`` are the free bodies by name.
+    Call `act` before each step, and `begin` once, when the robot's motion begins.
+
+    Args:
+        scene: the scene.
+        inertias: of the free bodies, by name.
+        components: PhysX's of the free bodies, by name.
+        time_step: seconds.
+        tracking_rate: how fast a drive converges to its target, 1/s.
     """
 
     def __init__(
@@ -86,20 +94,20 @@ class Joints:
         self._time_step = time_step
         self._steps = 0
         self._begun = False
-        poses = {body.name: body.pose for body in scene.bodies}
         self._acting: list[_Acting] = []
+
         for placed in scene.ordered_joints:
             joint = placed.joint
             child = components[joint.body]
             parent = components.get(joint.parent or "")
             child.solver_position_iterations *= _ITERATIONS
             child.sleep_threshold = 0.0  # a door that falls shut slowly does not stop
-            inside = poses[joint.body]
+
+            inside = scene[joint.body].pose
             if parent is not None and joint.parent is not None:
-                inside = poses[joint.parent].inverse() @ inside
-            inertia = inertias[joint.body]
-            hung = _Hung(joint, child, parent, inside, inertia, time_step)
-            self._acting += hung.hold(tracking_rate)
+                inside = scene[joint.parent].pose.inverse() @ inside
+            hinge = _Hinge(joint, child, parent, inside, inertias[joint.body])
+            self._acting += _hold(hinge, time_step, tracking_rate)
 
     def begin(self) -> None:
         """Begin the time of drives."""
@@ -108,111 +116,119 @@ class Joints:
     def act(self) -> None:
         """Set what changes for the next time step."""
         self._steps += self._begun
+        time = self._steps * self._time_step
         for acting in self._acting:
-            acting.act(self._steps * self._time_step)
+            acting.act(time)
 
 
-class _Hung:
-    """A body that hangs from a joint; ``inside`` is its pose in its parent, or in the world if that is fixed."""
+class _Hinge:
+    """Where a body hangs from a joint, of any kind.
+
+    A joint's frame has the joint's axis as x, and hinges turn from the middle of their range.
+
+    Attributes:
+        joint: the joint.
+        child: PhysX's body.
+        middle: of a hinge's range, rad.
+        slack: how much easier the body turns about its centre of mass than about the joint, 1/(kg m^2).
+        reach: between two points that move independently, m.
+
+    Args:
+        joint: the joint.
+        child: PhysX's body.
+        parent: what it hangs from; None: something fixed, or the world.
+        inside: the body's pose in its parent, or in the world.
+        inertia: the body's.
+    """
 
     def __init__(
-        self,
-        joint: Joint,
-        child: Any,
-        parent: Any,
-        inside: Pose,
-        inertia: Inertia,
-        time_step: float,
+        self, joint: Joint, child: Any, parent: Any, inside: Pose, inertia: Inertia
     ) -> None:
         self.joint = joint
         self.child = child
-        self.parent = parent
-        self.time_step = time_step
-        # A joint's frame has the joint's axis as x, and hinges turn from the middle of their range.
+        self._parent = parent
         self.middle = 0.0
         if joint.kind == "hinge" and joint.limited:
             self.middle = (joint.lower + joint.upper) / 2
+        moved = (self.middle - joint.start, 0.0, 0.0)
 
         origin = np.asarray(joint.origin)
         axis = np.asarray(joint.axis)
+        back = Pose.xyz_rpy(_STILL, moved)
         self.slack = 0.0
-        if joint.kind != "slider":
-            self.slack = _slack(
-                inertia, origin, axis if joint.kind == "hinge" else None
-            )
+        if joint.kind == "slider":
+            back = Pose.xyz_rpy(moved, _STILL)
+        else:
+            turns_about = axis if joint.kind == "hinge" else None
+            self.slack = _find_slack(inertia, origin, turns_about)
 
-        self._reach = 0.0
+        self.reach = 0.0
         turned = Rotation.identity()
         if joint.kind != "ball":
             turned, _ = Rotation.align_vectors([axis], [[1.0, 0.0, 0.0]])
             origin = origin + axis * ((inertia.frame.position - origin) @ axis)
-            # So far apart, the two points move independently.
-            self._reach = math.sqrt(float(inertia.moments.max()) / inertia.mass)
+            self.reach = math.sqrt(float(inertia.moments.max()) / inertia.mass)
 
         self._in_child = Pose.from_rotation(origin, turned)
-
-        moved = (self.middle - joint.start, 0.0, 0.0)
-        back = Pose.xyz_rpy(_STILL, moved)
-        if joint.kind == "slider":
-            back = Pose.xyz_rpy(moved, _STILL)
         self._in_parent = inside @ self._in_child @ back
 
-    def hold(self, tracking_rate: float) -> Iterator[_Acting]:
-        """Make the joint, and return what acts in it."""
-        joint = self.joint
-        main = self._connect(0.0)
-        main.set_limit_y(0.0, 0.0)
-        main.set_limit_z(0.0, 0.0)
-
-        if joint.kind != "ball":
-            other = self._connect(self._reach)
-            other.set_limit_y(0.0, 0.0)
-            other.set_limit_z(0.0, 0.0)
-
-        limit = main.set_limit_twist
-
-        if joint.kind == "slider":
-            main.set_limit_twist(0.0, 0.0)
-            limit = main.set_limit_x
-        else:
-            main.set_limit_x(0.0, 0.0)
-
-        if joint.limited:
-            limit(joint.lower - self.middle, joint.upper - self.middle)
-
-        motor = _Motor(main, self)
-        motor.resist(0.0, joint.damping)
-
-        if joint.kind == "ball" and joint.stiffness:
-            yield _BallPull(motor, joint)
-        elif joint.latches or (joint.stiffness and joint.kind == "hinge"):
-            yield _Pull(motor, self)
-        elif joint.stiffness:
-            motor.resist(joint.stiffness, joint.damping)
-            motor.aim(joint.rest)
-
-        if joint.friction:
-            brake = _Motor(self._connect(0.0), self)
-            brake.resist(0.0, joint.friction * _STICKS, joint.friction)
-
-        if joint.drive is not None:
-            servo = _Motor(self._connect(0.0), self)
-            yield _Servo(servo, joint.drive, tracking_rate, self.time_step)
-
-    def _connect(self, along: float) -> Any:
-        """Make a D6 joint in which everything moves, its frame so far along the axis."""
+    def connect(self, along: float = 0.0) -> Any:
+        """Make a D6 joint in which everything moves, its frame so far along the axis, m."""
         component = physx.PhysxDriveComponent(self.child)
-        if self.parent is not None:
-            component.parent = self.parent
+        if self._parent is not None:
+            component.parent = self._parent
         shift = Pose(np.array([along, 0.0, 0.0]))
         component.pose_in_parent = to_sapien(self._in_parent @ shift)
         component.pose_in_child = to_sapien(self._in_child @ shift)
         self.child.entity.add_component(component)
         return component
 
+    def hold_point(self, along: float) -> Any:
+        """Hold a point of the axis, so far along it, on the axis; return the D6 joint that does."""
+        component = self.connect(along)
+        component.set_limit_y(0.0, 0.0)
+        component.set_limit_z(0.0, 0.0)
+        return component
 
-def _slack(inertia: Inertia, origin: Array, axis: Array | None) -> float:
-    """Compute how much easier a body turns about its centre of mass than about a joint, 1/(kg m^2)."""
+
+def _hold(hinge: _Hinge, time_step: float, tracking_rate: float) -> Iterator[_Acting]:
+    """Make a joint, and yield what acts in it."""
+    joint = hinge.joint
+    main = hinge.hold_point(0.0)
+    if joint.kind != "ball":
+        hinge.hold_point(hinge.reach)
+
+    limit = main.set_limit_twist
+    if joint.kind == "slider":
+        main.set_limit_twist(0.0, 0.0)
+        limit = main.set_limit_x
+    else:
+        main.set_limit_x(0.0, 0.0)
+    if joint.limited:
+        limit(joint.lower - hinge.middle, joint.upper - hinge.middle)
+
+    motor = _Motor(main, hinge, time_step)
+    motor.resist(joint.stiffness if joint.kind == "ball" else 0.0, joint.damping)
+    if joint.kind == "ball":
+        if joint.stiffness:
+            yield _BallPull(motor, joint)
+    elif joint.latches or (joint.stiffness and joint.kind == "hinge"):
+        yield _Pull(motor, joint)
+    elif joint.stiffness:
+        motor.resist(joint.stiffness, joint.damping)
+        motor.aim(joint.rest)
+
+    if joint.friction:
+        brake = _Motor(hinge.connect(), hinge, time_step)
+        brake.resist(0.0, joint.friction * _STICKS, joint.friction)
+
+    if joint.drive is not None:
+        servo = _Motor(hinge.connect(), hinge, time_step)
+        yield _Servo(servo, joint.drive, tracking_rate, time_step)
+
+
+def _find_slack(inertia: Inertia, origin: Array, axis: Array | None) -> float:
+    """Compute `_Hinge.slack` of a joint at ``origin`` (3,), about an ``axis`` (3,); None: about any."""
     arm = inertia.frame.position - origin
     moment = float(inertia.moments.max())
     if axis is not None:
@@ -228,29 +244,38 @@ class _Motor:
     A damper acts once more in the velocity iteration, and a spring damps like stiffness times the time of an iteration.
     Both are taken off the damper. It also carries the force, as the speed that it aims at. And the solver sees a body
     that turns about its centre of mass, so it makes all of it too weak.
+
+    Args:
+        component: the D6 joint in which it acts.
+        hinge: where that is.
+        time_step: seconds.
     """
 
-    def __init__(self, component: Any, hung: _Hung) -> None:
+    def __init__(self, component: Any, hinge: _Hinge, time_step: float) -> None:
         self.component = component
-        self._kind = hung.joint.kind
-        self._middle = hung.middle
+        self._kind = hinge.joint.kind
+        self._middle = hinge.middle
         self._set = getattr(component, f"set_drive_property_{_DRIVES[self._kind]}")
-        iterations = hung.child.solver_position_iterations
-        self._time_step = hung.time_step
+
+        iterations = hinge.child.solver_position_iterations
+        self._time_step = time_step
         self._share = iterations / (iterations + 1)
-        self._each = hung.time_step / iterations
+        self._iteration_s = time_step / iterations
         self._damping = _LEAST
-        self._slack = hung.slack * self._each
+        self._slack = hinge.slack * self._iteration_s
 
     def resist(self, stiffness: float, damping: float, limit: float = math.inf) -> None:
-        self._damping = max(damping * self._share - stiffness * self._each, _LEAST)
+        """Set the spring, N/m or N m/rad, the damper, N s/m or N m s/rad, and the most that both do, N or N m."""
+        inherent = stiffness * self._iteration_s
+        self._damping = max(damping * self._share - inherent, _LEAST)
         scale = 1.0
         if self._kind == "ball" and stiffness > 0:
             scale = 4.0  # then PhysX works with half angles
-        scale /= 1 - min(self._slack * (self._damping + stiffness * self._each), _MOST)
+        scale /= 1 - min(self._slack * (self._damping + inherent), _MOST)
         self._set(scale * stiffness, scale * self._damping, limit * self._time_step)
 
     def push(self, force: float | Array) -> None:
+        """Set the force, N or N m; a ball's is a torque (3,)."""
         speed = force * self._share / self._damping
         match self._kind:
             case "slider":
@@ -261,16 +286,16 @@ class _Motor:
                 self.component.set_drive_velocity_target(_STILL, speed)
 
     def aim(self, position: float) -> None:
-        """Put the end of the spring of a hinge or slider somewhere."""
+        """Put the end of the spring of a hinge or slider somewhere, m or rad."""
         away = position - self._middle
-        if self._kind == "slider":
-            self.component.set_drive_target(sapien.Pose([away, 0.0, 0.0]))
-        else:
+        target = sapien.Pose([away, 0.0, 0.0])
+        if self._kind != "slider":
             turn = [math.cos(away / 2), math.sin(away / 2), 0.0, 0.0]
-            self.component.set_drive_target(sapien.Pose([0.0, 0.0, 0.0], turn))
+            target = sapien.Pose([0.0, 0.0, 0.0], turn)
+        self.component.set_drive_target(target)
 
     def position(self) -> float:
-        """Read the position of a hinge or slider."""
+        """Read the position of a hinge or slider, m or rad."""
         moved = self.component.relative_pose
         if self._kind == "slider":
             return float(moved.p[0])
@@ -281,10 +306,10 @@ class _Motor:
 class _Pull:
     """The spring and latches of a hinge or slider: a force and how it changes with the position, at where it is."""
 
-    def __init__(self, motor: _Motor, hung: _Hung) -> None:
+    def __init__(self, motor: _Motor, joint: Joint) -> None:
         self._motor = motor
-        self._joint = hung.joint
-        self._turned = hung.joint.start  # with whole turns
+        self._joint = joint
+        self._turned = joint.start  # with whole turns
         self._slope = 0.0
 
     def act(self, time: float) -> None:
@@ -295,7 +320,7 @@ class _Pull:
             moved = math.remainder(moved, 2 * math.pi)
         self._turned += moved
 
-        latches = sum(_slope(latch, position) for latch in joint.latches)
+        latches = sum(_find_slope(latch, position) for latch in joint.latches)
         slope = joint.stiffness + max(0.0, latches)
         if slope != self._slope:
             self._motor.resist(slope, joint.damping)
@@ -306,8 +331,8 @@ class _Pull:
         self._motor.push(spring + latch_force(joint, position))
 
 
-def _slope(latch: Latch, position: float) -> float:
-    """How a latch's force changes with the position, N/m or N m/rad."""
+def _find_slope(latch: Latch, position: float) -> float:
+    """Compute how a latch's force changes with the position, N/m or N m/rad."""
     away = position - latch.at
     if abs(away) >= latch.width:
         return 0.0
@@ -321,7 +346,6 @@ class _BallPull:
     def __init__(self, motor: _Motor, joint: Joint) -> None:
         self._motor = motor
         self._stiffness = joint.stiffness
-        motor.resist(joint.stiffness, joint.damping)
 
     def act(self, time: float) -> None:
         turned = self._motor.component.relative_pose
@@ -346,10 +370,10 @@ class _Servo:
         motor.resist(stiffness, stiffness / tracking_rate, drive.force)
 
     def act(self, time: float) -> None:
-        # Of the time step.
         drive = self._drive
-        middle = time - self._time_step / 2
+        middle = time - self._time_step / 2  # of the time step
         if drive.repeats and middle > 0:
             middle %= drive.times[-1]
         speed = self._speeds[np.searchsorted(drive.times, middle) - 1]
-        self._motor.aim(float(drive.sample(np.asarray(time)) + self._ahead * speed))
+        target = drive.sample(np.asarray(time)) + self._ahead * speed
+        self._motor.aim(float(target))

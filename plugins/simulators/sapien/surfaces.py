@@ -8,9 +8,9 @@ touches only its counterpart on the other body, and both have the coefficients o
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from core.scene import Body
 from plugins.simulators.sapien.engine import physx
@@ -20,9 +20,8 @@ from plugins.simulators.sapien.engine import physx
 _FEW = 4
 _ALIKE = 1.5
 
-_HIGH_BITS = (
-    16  # shapes whose last word differs in its upper half never touch each other
-)
+# Shapes whose last word differs in its upper half never touch each other.
+_HIGH_BITS = 16
 
 
 @dataclass(frozen=True)
@@ -37,75 +36,87 @@ class Surface:
         return cls(body.friction, body.restitution)
 
 
+class Apart(NamedTuple):
+    """What a shape doesn't touch: shapes of the same ``mechanism`` that share a bit of ``bits``; the robot's is 0."""
+
+    mechanism: int = 0
+    bits: int = 0
+
+
+TOGETHER = Apart()
+"""There is no such shape."""
+
+
+class Copy(NamedTuple):
+    """A shape's copy: its material, and the words that say which others it touches."""
+
+    material: Any
+    groups: list[int]
+
+
 class Surfaces:
     """The surfaces of a world by kind, those of moving and those of fixed bodies."""
 
     def __init__(self, moving: Iterable[Surface], fixed: Iterable[Surface]) -> None:
         moving = {*moving}
-        self._kinds = _kinds({*moving, *fixed})
-        self._all = sorted({*self._kinds.values()})
+        self._kinds = _sort({*moving, *fixed})
         self._moving = sorted({self._kinds[surface] for surface in moving})
-        self._typical = {
-            kind: _typical([s for s, k in self._kinds.items() if k == kind])
-            for kind in self._all
-        }
         self._materials: dict[tuple[Surface, int], Any] = {}
 
-    def copies(
-        self,
-        surface: Surface,
-        make: Callable[[Any], Any],
-        *,
-        fixed: bool = False,
-        apart: int = 0,
-        mechanism: int = 0,
-    ) -> Iterator[Any]:
-        """Make copies of a shape with ``make``, one for each kind of surface that this one can meet.
+        members: dict[int, list[Surface]] = {}
+        for surface, kind in self._kinds.items():
+            members.setdefault(kind, []).append(surface)
+        self._typical = {kind: _typical(alike) for kind, alike in members.items()}
 
-        Shapes of one mechanism that have a bit of ``apart`` in common don't touch each other; the robot's is 0.
-        """
+    def copies(
+        self, surface: Surface, apart: Apart, *, fixed: bool = False
+    ) -> Iterator[Copy]:
+        """Yield a shape's copies, one for each kind of surface that this one can meet; see `attach`."""
         kind = self._kinds[surface]
 
-        for other in self._moving if fixed else self._all:
-            shape = make(self._material(surface, other))
+        for other in self._moving if fixed else self._typical:
             low, high = sorted((kind, other))
-            pair = 1 + low * len(self._all) + high
+            pair = 1 + low * len(self._typical) + high
             # Two shapes touch if the first word of one has a bit in common with the second word of the other.
             is_ = 1 if kind == low else 2
             meets = 1 if kind == high else 2
-            words = [is_, meets, apart, pair << _HIGH_BITS | mechanism]
-            shape.set_collision_groups(words)
-            yield shape
+            last = pair << _HIGH_BITS | apart.mechanism
+            groups = [is_, meets, apart.bits, last]
+            yield Copy(self._material(surface, other), groups)
 
     def _material(self, surface: Surface, other: int) -> Any:
         """Make the material of ``surface`` for contacts with a surface of kind ``other``."""
         key = (surface, other)
-        if key not in self._materials:
-            mine = self._typical[self._kinds[surface]]
-            theirs = self._typical[other]
-            friction = math.sqrt(mine.friction * theirs.friction)
+        if key in self._materials:
+            return self._materials[key]
+
+        mine = self._typical[self._kinds[surface]]
+        theirs = self._typical[other]
+        friction = math.sqrt(mine.friction * theirs.friction)
+        if friction > 0:
             # This surface's deviation from the typical one of its kind.
-            if friction > 0:
-                friction *= 2 * math.sqrt(surface.friction / mine.friction) - 1
-            restitution = mine.restitution * theirs.restitution
-            material = physx.PhysxMaterial(friction, friction, restitution)
-            self._materials[key] = material
+            friction *= 2 * math.sqrt(surface.friction / mine.friction) - 1
+        restitution = mine.restitution * theirs.restitution
 
-        return self._materials[key]
+        material = physx.PhysxMaterial(friction, friction, restitution)
+        self._materials[key] = material
+        return material
 
 
-def _kinds(surfaces: set[Surface]) -> dict[Surface, int]:
-    """Assign kinds to surfaces: each has one restitution, and one friction or a narrow range."""
+def _sort(surfaces: set[Surface]) -> dict[Surface, int]:
+    """Assign kinds to surfaces, from 0: each has one restitution, and one friction or a narrow range."""
     ratio = 1.0 if len(surfaces) <= _FEW else _ALIKE
     kinds: dict[Surface, int] = {}
     first = Surface(-1.0)
     kind = -1
+
     for surface in sorted(surfaces, key=lambda s: (s.restitution, s.friction)):
         rougher = surface.friction > ratio * first.friction
         if rougher or surface.restitution != first.restitution:
             first = surface
-            kind = kind + 1
+            kind += 1
         kinds[surface] = kind
+
     return kinds
 
 
