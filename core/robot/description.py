@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool, ToolJoint
-from core.geometry import Array, Pose, mass_properties
+from core.geometry import Array, Compound, Pose, Shape, mass_properties
 from core.robot.shape_files import urdf_shapes
 from core.robot.writing import MeshPath, write, write_part
 from core.values.descriptions import (
@@ -17,7 +17,6 @@ from core.values.descriptions import (
     Description,
     Inertial,
     Limits,
-    Origin,
     RobotJoint,
     RobotLink,
     RobotShape,
@@ -97,7 +96,8 @@ def tool_parts(tool: Tool) -> Iterator[tuple[RobotLink, RobotJoint]]:
 
     for component in tool.components:
         in_link = component.link.inverse()
-        inertial = Inertial.from_tensor(*_weigh(component, in_link))
+        weight = weigh(component.shape, component.mass, in_link)
+        inertial = Inertial.from_tensor(*weight)
         link = RobotLink(component.name, inertial, *_place_shapes(component, in_link))
 
         pose = component.pose
@@ -108,18 +108,18 @@ def tool_parts(tool: Tool) -> Iterator[tuple[RobotLink, RobotJoint]]:
         yield link, _joint(component.name, component.parent, pose, component.joint)
 
 
-def _weigh(component: Component, pose: Pose) -> Weight:
-    """Compute the inertia of a component at a pose, in the axes of the frame that the pose is given in."""
-    center, tensor = mass_properties(component.shape, component.mass)
+def weigh(shape: Shape | Compound, mass: float, pose: Pose) -> Weight:
+    """Compute the inertia of a solid at a pose, in the axes of the frame that the pose is given in."""
+    center, tensor = mass_properties(shape, mass)
     turn = pose.rotation.as_matrix()
-    return component.mass, pose.apply(center), turn @ tensor @ turn.T
+    return mass, pose.apply(center), turn @ tensor @ turn.T
 
 
 def _joint(
     name: str, parent: str, pose: Pose, moving: ToolJoint | None = None
 ) -> RobotJoint:
     """Make the joint that bears a link of a tool, or a frame."""
-    fixed = RobotJoint(joint_name(name), "fixed", parent, name, Origin.from_pose(pose))
+    fixed = RobotJoint.fixed(joint_name(name), parent, name, pose)
     if moving is None:
         return fixed
 
@@ -173,7 +173,7 @@ def _fuse(link: RobotLink, tool: Tool) -> RobotLink:
 
     for component in borne:
         _, pose = tool.borne[component.name]
-        weights.append(_weigh(component, pose))
+        weights.append(weigh(component.shape, component.mass, pose))
         solid, drawn = _place_shapes(component, pose)
         collisions += solid
         visuals += drawn

@@ -167,6 +167,13 @@ class RobotJoint:
     friction: float = 0.0
     spring: tuple[float, float] | None = None
 
+    @classmethod
+    def fixed(
+        cls, name: str, parent: str, child: str, pose: Pose, form: str = PICOMETRES
+    ) -> RobotJoint:
+        """Make a joint that does not move, at a pose, rounded."""
+        return cls(name, "fixed", parent, child, Origin.from_pose(pose, form))
+
     @property
     def direction(self) -> Array:
         """The axis (3,) as a unit vector."""

@@ -8,7 +8,8 @@ from pathlib import Path
 import trimesh
 
 from core.errors import UsageError, check_positive
-from core.robot.description import merge_inertias
+from core.geometry import Mesh
+from core.robot.description import merge_inertias, weigh
 from core.values.descriptions import (
     DIGITS,
     Description,
@@ -80,10 +81,9 @@ def _weigh(link: RobotLink) -> list[Weight]:
     """Weigh the hulls of a link's collision shapes at 1 kg/m^3, in its frame."""
     weights = []
     for shape in link.collisions:
-        if isinstance(shape.shape, Path):
-            solid = trimesh.load_mesh(hull_file(shape.shape, shape.scale))
-        else:
-            solid = shape.shape.to_trimesh()
-        solid.apply_transform(shape.origin.pose.matrix)
-        weights.append((float(solid.volume), solid.center_mass, solid.moment_inertia))
+        solid = shape.shape
+        if isinstance(solid, Path):
+            hull = hull_file(solid, shape.scale)
+            solid = Mesh.from_trimesh(trimesh.load_mesh(hull))
+        weights.append(weigh(solid, solid.volume, shape.origin.pose))
     return weights

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from core.errors import UserError
+from core.errors import UserError, choices
 from core.support.files import read_untrusted
 from core.support.text import visible
-from core.values.descriptions import Description, RobotShape
+from core.values.descriptions import Description
 from core.values.urdf import MAX_BYTES, find_mesh, read_tree
 from plugins.robots.kinds import list_arms, read_root
 from plugins.robots.normalise import Problems
-from plugins.robots.pruning import leave_out
 from plugins.robots.settings import ArmSettings
 
 _ABOVE = 3  # folders of and above the file in which a mesh is looked for
@@ -56,76 +55,99 @@ def read_source(chosen: ArmSettings) -> Source:
             return Source(*read_mjcf(path, without))
 
         leave_out(root, without)
-        description = read_tree(root, path)
-        return _find_meshes(description, root, chosen)
+        notes = find_meshes(root, path, chosen.collision == "file")
+        return Source(read_tree(root, path), notes)
     except UserError as error:
         raise type(error)(f"{path}: {error}") from error
 
 
-def _find_meshes(
-    description: Description, root: Element, chosen: ArmSettings
-) -> Source:
-    """Find the files of all meshes; what only a picture needs may be missing.
+def leave_out(root: Element, names: Collection[str]) -> None:
+    """Remove links of a URDF, and all that they bear, before it is read: they may be wrong in any way.
 
     Raises:
-        UserError: names all that are missing.
+        UserError: there is no such link.
     """
-    source = Source(replace(description, links={}))
-    near: dict[str, Path] = {}
-    elements = {element.get("name"): element for element in root.findall("link")}
-    wrong = Problems()
-    for name, link in description.links.items():
-        shapes: dict[str, list[RobotShape]] = {"collision": [], "visual": []}
-        for shape, element in zip(
-            (*link.collisions, *link.visuals),
-            (*elements[name].findall("collision"), *elements[name].findall("visual")),
-            strict=True,
-        ):
-            where = f"link {name!r}: {element.tag}"
-            try:
-                found = _find(shape, element, chosen.path, where, near)
-                shapes[element.tag].append(found)
-            except UserError as error:
-                if element.tag == "collision" or not (
-                    link.collisions or chosen.collision == "file"
-                ):
-                    wrong.append(error)
-                else:
-                    source.notes.append(f"not drawn: {error}")
+    links = {link.get("name", ""): link for link in root.findall("link")}
+    for name in names:
+        if name not in links:
+            raise choices("link", name, links)
 
-        source.description.links[name] = replace(
-            link,
-            collisions=tuple(shapes["collision"]),
-            visuals=tuple(shapes["visual"]),
-        )
+    borne: dict[str, list[str]] = {}
+    joints = dict[str, Element]()
+    for joint in root.findall("joint"):
+        child = _find_end(joint, "child")
+        borne.setdefault(_find_end(joint, "parent"), []).append(child)
+        joints[child] = joint
+
+    waiting = [*names]
+    while waiting:
+        name = waiting.pop()
+        for elements in (links, joints):
+            if name in elements:
+                root.remove(elements.pop(name))
+        waiting += borne.pop(name, ())
+
+
+def _find_end(joint: Element, tag: str) -> str:
+    end = joint.find(tag)
+    return "" if end is None else end.get("link", "")
+
+
+def find_meshes(root: Element, file: Path, may_lack: bool) -> list[str]:
+    """Put the paths of all mesh files into a URDF.
+
+    Args:
+        root: of the URDF.
+        file: where it lies.
+        may_lack: whether meshes that are only drawn may be missing; else only those of links that collide otherwise.
+
+    Returns:
+        what is not where the file says, or missing, a line each.
+
+    Raises:
+        UserError: names all that are needed and missing.
+    """
+    notes = list[str]()
+    near: dict[str, Path] = {}
+    wrong = Problems()
+    for link in root.findall("link"):
+        solid = link.findall("collision")
+        drawn = link.findall("visual")
+        for element in (*solid, *drawn):
+            mesh = element.find("geometry/mesh")
+            if mesh is None:
+                continue
+            where = f"link {link.get('name')!r}: {element.tag}"
+            try:
+                mesh.set("filename", str(_find(mesh, file, where, near)))
+            except UserError as error:
+                if element in drawn and (solid or may_lack):
+                    notes.append(f"not drawn: {error}")
+                    link.remove(element)
+                else:
+                    wrong.append(error)
 
     wrong.report()
     if near:
         named, taken = next(iter(near.items()))
-        source.notes.append(
+        notes.append(
             f"{len(near)} meshes are not where the file says, such as {visible(named)}, which is taken to be {taken}"
         )
-    return source
+    return notes
 
 
-def _find(
-    shape: RobotShape, element: Element, file: Path, where: str, near: dict[str, Path]
-) -> RobotShape:
-    """Find the file of a shape, if it is a mesh; what is found elsewhere is noted in ``near``."""
-    if not isinstance(shape.shape, Path):
-        return shape
-    mesh = element.find("geometry/mesh")
-    assert mesh is not None
+def _find(mesh: Element, file: Path, where: str, near: dict[str, Path]) -> Path:
+    """Find the file of a mesh; what is found elsewhere is noted in ``near``."""
     named = mesh.get("filename", "")
     plain = named.strip().replace("\\", "/")
     try:
-        return replace(shape, shape=find_mesh(plain, file, where))
+        return find_mesh(plain, file, where)
     except UserError:
         alike = _find_near(plain, file)
         if alike is None:
             raise
     near[named] = alike
-    return replace(shape, shape=alike)
+    return alike
 
 
 def _find_near(name: str, file: Path) -> Path | None:

@@ -11,18 +11,18 @@ from omegaconf import MISSING
 
 from core.config.compose import load, part
 from core.errors import UsageError, UserError
-from core.geometry import Pose
 from core.interfaces import Robot
 from core.plugins import ROBOT
 from core.plugins.registry import check_settings
 from core.robot.kinematics import arm_of
 from core.support.cli import arguments, say
 from core.support.text import short_numbers
+from plugins.robots.enlarging import describe_factor, find_factor
 from plugins.robots.files import read_source
 from plugins.robots.home_search import (
     HOME_DIGITS,
+    find_for_tasks,
     find_home,
-    find_smaller,
     measure_depth,
 )
 from plugins.robots.mounting import START
@@ -54,27 +54,30 @@ def main(words: list[str]) -> None:
             f"robot={named.name} has a home; give your own arm: robot=urdf robot.path=FILE"
         )
 
-    at = list(START) if cfg.at is None else list(cfg.at)
-    if len(at) != 3 or not all(map(math.isfinite, at)):
+    at = cfg.at
+    if at is not None and not (len(at) == 3 and all(map(math.isfinite, at))):
         raise UsageError(f"at must be three numbers, metres, got {at}")
 
     chosen = ArmSettings(**check_settings(urdf, dict(named.settings), "robot=urdf", {}))
+    factor = find_factor(chosen.reach)
     try:
         source = read_source(chosen)
         arm = build_unmounted(source, chosen, anywhere=True)
-        base = named.pose if any(named.base) else arm.robot.base
-        # Joints are found in the base's frame.
-        arm = replace(arm, robot=replace(arm.robot, base=Pose()))
-        placed = base != Pose() or cfg.at is not None
-        search = find_home if placed else find_smaller
-        found = search(arm, chosen, base.inverse().apply(np.array(at)))
+        if at is None and chosen.reach is None and not any(named.base):
+            found = find_for_tasks(arm, chosen)
+        else:
+            place = named.pose.inverse().apply(np.array(at or START))
+            found = replace(find_home(arm, chosen, place / factor), factor=factor)
     except UserError as error:  # a line for each problem
         raise type(error)(str(error).replace(ALSO, "\n- ")) from error
 
     say(*arm.notes)
+    if found.factor != 1:
+        say(describe_factor(found.factor))
     model = arm_of(found.robot)
     room = np.minimum(model.home - model.lower, model.upper - model.home)
-    place = base.apply(model.forward(model.home).position) + found.moved
+    place = named.pose.apply(found.factor * model.forward(model.home).position)
+    place[2] += found.lift_m
     say(
         f"the flange {arm.flange!r}, borne by {', '.join(arm.joints)}, is at "
         f"({short_numbers(place, 3, ', ')}) and looks down; joint {arm.joints[int(room.argmin())]!r} is nearest "

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -13,19 +14,24 @@ from core.design import RIGID_MOUNT, Tool
 from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory, Robot
-from core.robot.kinematics import Arm, Solution, arm_of, link_poses
+from core.robot.kinematics import Arm, Solution, arm_of, link_poses, robot_model
 from core.robot.solids import corners, robot_solids
 from core.solids.self_collision import find_self_collision
 from core.support.text import short_numbers
-from plugins.robots.mounting import stand_nearer, turn_mount, wrist_height
+from plugins.robots.enlarging import REACH_M
+from plugins.robots.mounting import START, turn_mount, wrist_height
 from plugins.robots.reading import Unmounted
 from plugins.robots.settings import ArmSettings
 
 _ONWARD = 0.7  # cosine between a tool's direction and the last link's
 _UPRIGHT = 0.94  # of the last joint's axis, where a square flange looks down
-_REACHES = (0.7, 0.6, 0.5, 0.4, 0.35, 0.3, 0.25, 0.2)  # metres
+# Metres; of an arm of `REACH_M` that far, with the flange down.
+_REACHES = (0.7, 0.6, 0.5, 0.45, 0.4, 0.35, 0.3, 0.25, 0.2, 0.15)
+_FAR = (0.7, 0.0, 0.2)
+_LIFTS_M = (0.0, 0.2, 0.4)
 HOME_DIGITS = 3  # of a joint
 _TRIES = 10  # starts for each way the flange may be turned
+_STEPS = 50  # towards a place, in any direction
 _NEAR_M = 1e-3
 _NEAR_RAD = 1e-2
 # Share of a joint's range, and a singular value, beyond which more is no better.
@@ -36,50 +42,60 @@ _RADIAN_M = 0.3  # a turn of the flange weighs as much as this way
 
 @dataclass(frozen=True)
 class Found:
-    """An arm with its mount, at a home; words that are needed beside it, and by how much they move the base (3,)."""
+    """An arm with its mount, at a home.
+
+    Attributes:
+        robot: the arm, as large as it is.
+        words: that are needed beside its home.
+        factor: how many times larger tasks want it.
+        lift_m: by how much its base is to be raised.
+    """
 
     robot: Robot
     words: tuple[str, ...] = ()
-    moved: Array = field(default_factory=lambda: np.zeros(3))
+    factor: float = 1.0
+    lift_m: float = 0.0
 
 
-def find_smaller(arm: Unmounted, chosen: ArmSettings, place: Array) -> Found:
-    """Find a home at ``place`` (3,) from the base, or where it is from the base of a smaller arm.
+def find_for_tasks(arm: Unmounted, chosen: ArmSettings) -> Found:
+    """Find a home where tasks begin, of the arm or of one that is larger or raised, so that it reaches tasks.
 
     Raises:
         UserError: see `find_home`.
     """
-    missed: UserError | None = None
-    try:
-        found = find_home(arm, chosen, place)
-        if _reaches_face(found.robot, place):
-            return found
-    except UserError as error:
-        missed = error
-
-    for reach in _REACHES:
-        moved = stand_nearer(reach, []).position
+    nearest: Found | None = None
+    longest = robot_model(arm.robot, Tool()).reach
+    for reach, lift_m in itertools.product((REACH_M, *_REACHES), _LIFTS_M):
+        factor = REACH_M / reach
+        places = (np.array([START, _FAR]) - (0.0, 0.0, lift_m)) / factor
+        if np.hypot(*places[1, :2]) > longest:
+            continue
         try:
-            found = find_home(arm, chosen, place - moved)
+            found = find_home(arm, chosen, places[0])
         except UserError:
             continue
-        if not _reaches_face(found.robot, place - moved):
-            continue
-        arm.notes.append(
-            "most tasks begin at (0.5, 0, 0.5), which is out of its reach; robot.reach brings them nearer"
-        )
-        words = (*found.words, f"robot.reach={reach}")
-        return replace(found, words=words, moved=moved)
-    raise missed or UserError(
-        "no reach brings the face of the flange to where tasks begin; choose at=[x,y,z]"
-    )
+
+        words = found.words
+        if factor > 1:
+            words += (f"robot.reach={reach:g}",)
+        if lift_m:
+            words += (f"robot.base=[0,0,{lift_m:g},0]",)
+        found = Found(found.robot, words, factor, lift_m)
+        if _works_at(found.robot, places):
+            return found
+        nearest = nearest or found
+
+    return nearest or find_home(arm, chosen, np.array(START))
 
 
-def _reaches_face(robot: Robot, place: Array) -> bool:
-    """Tell whether the flange's face can be where its frame is at home, too."""
+def _works_at(robot: Robot, places: Array) -> bool:
+    """Tell whether the flange's face, too, reaches places (N, 3) and looks down there."""
     beyond = robot.mount @ Pose(np.array([0.0, 0.0, -measure_depth(robot)]))
     arm = Arm(replace(robot, mount=beyond))
-    solution = arm.inverse(Pose(place), arm.home)
+    return all(_is_near(arm.inverse(Pose(place), arm.home)) for place in places)
+
+
+def _is_near(solution: Solution) -> bool:
     return solution.error_m < _NEAR_M and solution.error_rad < _NEAR_RAD
 
 
@@ -133,7 +149,7 @@ def find_home(arm: Unmounted, chosen: ArmSettings, place: Array) -> Found:
                 problem = problem or str(error)
 
     nearest = min(tried, key=lambda solution: solution.error_m + solution.error_rad)
-    problem = problem or _describe_miss(arm, model, nearest)
+    problem = problem or _describe_miss(arm, model, nearest, place)
     where = short_numbers(place, 3, ", ")
     raise UserError(f"no joints bring the flange to ({where}), looking down: {problem}")
 
@@ -165,7 +181,7 @@ def _solve(
         for start in with_home:
             solution = arm.inverse(goal, start)
             tried.append(solution)
-            if solution.error_m < _NEAR_M and solution.error_rad < _NEAR_RAD:
+            if _is_near(solution):
                 found.append((solution, turn))
     return sorted(found, key=lambda pair: -_rate(arm, pair[0].joints))
 
@@ -193,7 +209,7 @@ def _starts(arm: Arm) -> Iterator[Array]:
     yield from np.random.default_rng(0).uniform(lower, upper, (_TRIES, lower.size))
 
 
-def _describe_miss(arm: Unmounted, model: Arm, nearest: Solution) -> str:
+def _describe_miss(arm: Unmounted, model: Arm, nearest: Solution, place: Array) -> str:
     """Say how far the wanted pose is beyond reach, which joints are at their limits there, and what mends it."""
     room = np.minimum(nearest.joints - model.lower, model.upper - nearest.joints)
     held = [repr(arm.joints[i]) for i in np.flatnonzero(room < _NEAR_RAD)]
@@ -203,9 +219,17 @@ def _describe_miss(arm: Unmounted, model: Arm, nearest: Solution) -> str:
     )
     if held:
         missed += f", with {', '.join(held)} at the limit"
-    if nearest.error_m < _NEAR_M:
+
+    joints = nearest.joints
+    way = np.zeros(3)
+    for _ in range(_STEPS):
+        way = place - model.forward(joints).position
+        step = np.linalg.pinv(model.jacobian(joints)[:3], rcond=_STRAIGHT) @ way
+        joints = np.clip(joints + step, model.lower, model.upper)
+    if np.linalg.norm(way) < _NEAR_M:
         return (
-            f"{missed}: the place is reached, the direction is not; choose another at="
+            f"{missed}: the place is reached, the direction is not; choose another at=, or turn tools in the flange's "
+            "frame with robot.mount_rpy=[roll,pitch,yaw]"
         )
     return f"{missed}; choose another at=, nearer to the arm, or place the arm elsewhere with robot.base=[x,y,z,yaw]"
 

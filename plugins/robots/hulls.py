@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
@@ -19,7 +20,7 @@ from core.support.files import read_untrusted
 from core.support.sandbox import isolated
 from core.values.descriptions import ONE, RobotLink, Scale
 
-KINDS = (".stl", ".obj", ".dae", ".ply")
+KINDS = (".stl", ".obj", ".dae", ".ply", ".glb")
 MAX_MB = 64
 GREY: Color = (0.7, 0.7, 0.7, 1.0)  # of shapes without a colour
 LIMIT_S = 120
@@ -35,53 +36,76 @@ def hull_file(mesh: Path, scale: Scale = ONE, *, ours: bool = False) -> Path:
     names counts, its upward axis does not, as in RViz.
 
     Args:
-        mesh: an STL, OBJ, Collada or PLY file.
+        mesh: an STL, OBJ, Collada, PLY or GLB file.
         scale: multiplies x, y and z.
         ours: it comes with a package that this project needs, and so is read without a process of its own.
 
     Raises:
         UserError: the mesh can't be read, is too large or flat, or its hull can't be written.
     """
-    content = _content(mesh, scale)
-    return keep_file("hulls", "stl", content, lambda: _run_build(ours, mesh, *scale))
+    return Job(str(mesh), scale).make(ours=ours)
 
 
-def visual_file(
-    mesh: Path, color: Color, scale: Scale = ONE, *, ours: bool = False
-) -> Path:
+def visual_file(mesh: Path, color: Color, scale: Scale = ONE) -> Path:
     """Write what is drawn of a mesh as a Collada file in metres, z up, or find it as it was written before.
 
     It keeps its own colours, one for each of its parts. Corners of a mesh with more than `MAX_DRAWN` triangles are
-    merged where they are close.
-
-    Args:
-        mesh: an STL, OBJ, Collada or PLY file.
-        color: of parts that have none, red, green, blue and opacity, 0..1.
-        scale: multiplies x, y and z.
-        ours: see `hull_file`.
-
-    Raises:
-        UserError: the mesh can't be read or is too large, or the file can't be written.
+    merged where they are close. See `hull_file`; ``color`` is that of parts that have none.
     """
-    content = _content(mesh, scale, color)
-    numbers = (*scale, *color)
-    return keep_file(
-        "visuals", "dae", content, lambda: _run_build(ours, mesh, *numbers)
-    )
+    return Job(str(mesh), scale, color).make()
 
 
-Job = tuple[str, Scale, Color | None]
-"""A mesh file and its scale, of which a hull is to be made, or with a colour what is drawn."""
+class Job(NamedTuple):
+    """A mesh file and its scale, of which a hull is to be made, or with a colour what is drawn."""
+
+    mesh: str
+    scale: Scale
+    color: Color | None = None
+
+    def kind(self) -> tuple[str, str]:
+        """Name the folder and the kind of file of what is made."""
+        return ("hulls", "stl") if self.color is None else ("visuals", "dae")
+
+    def content(self) -> bytes:
+        """Read the file's bytes, after what else tells what is made of it.
+
+        Raises:
+            UserError: it is missing, of another kind, or too large.
+        """
+        mesh = Path(self.mesh)
+        suffix = mesh.suffix.lower()
+        if suffix not in KINDS:
+            raise UserError(
+                f"mesh {mesh} is of no kind that is read: {', '.join(KINDS)}"
+            )
+        key = f"{suffix} {[*self.scale, *(self.color or ())]}"
+        try:
+            return key.encode() + read_untrusted(mesh, int(MAX_MB * 1_000_000))
+        except UserError as error:
+            raise UserError(
+                f"mesh {error}; a large one needs fewer triangles, as MeshLab's edge collapse makes"
+            ) from error
+
+    def make(self, *, ours: bool = False) -> Path:
+        """Make the file in a process of its own unless the mesh is ours; see `hull_file`."""
+
+        def run() -> bytes:
+            data = json.dumps(self).encode()
+            if ours:
+                return build(data)
+            return isolated(build, f"mesh {self.mesh}", data, limit_s=LIMIT_S)
+
+        return keep_file(*self.kind(), self.content(), run)
 
 
 def list_jobs(link: RobotLink, *, drawn: bool = True) -> Iterator[Job]:
     """Yield what is to be made of a link's meshes."""
     for shape in link.collisions:
         if isinstance(shape.shape, Path):
-            yield str(shape.shape), shape.scale, None
+            yield Job(str(shape.shape), shape.scale)
     for shape in link.visuals if drawn else ():
         if isinstance(shape.shape, Path):
-            yield str(shape.shape), shape.scale, shape.color or GREY
+            yield Job(str(shape.shape), shape.scale, shape.color or GREY)
 
 
 def make_all(jobs: Sequence[Job]) -> None:
@@ -90,12 +114,10 @@ def make_all(jobs: Sequence[Job]) -> None:
     What fails is left to them.
     """
     waiting = []
-    for name, scale, color in dict.fromkeys(jobs):
-        kind, suffix = ("hulls", "stl") if color is None else ("visuals", "dae")
+    for job in dict.fromkeys(jobs):
         with contextlib.suppress(UserError):
-            content = _content(Path(name), scale, color)
-            if not kept_file(kind, suffix, content).is_file():
-                waiting.append((name, scale, color))
+            if not kept_file(*job.kind(), job.content()).is_file():
+                waiting.append(job)
 
     if len(waiting) > 1:
         data = json.dumps(waiting).encode()
@@ -105,12 +127,9 @@ def make_all(jobs: Sequence[Job]) -> None:
 
 def build_all(data: bytes) -> bytes:
     """Keep what `make_all` asks for."""
-    for name, scale, color in json.loads(data):
+    for words in json.loads(data):
         with contextlib.suppress(UserError):
-            if color is None:
-                hull_file(Path(name), tuple(scale), ours=True)
-            else:
-                visual_file(Path(name), tuple(color), tuple(scale), ours=True)
+            Job(*words).make(ours=True)
     return b""
 
 
@@ -124,42 +143,15 @@ def main_color(drawn: Path) -> Color | None:
     return red, green, blue, opacity
 
 
-def _content(mesh: Path, scale: Scale, color: Color | None = None) -> bytes:
-    """Read a file's bytes, after what else tells what is made of it.
-
-    Raises:
-        UserError: it is missing, of another kind, or too large.
-    """
-    if mesh.suffix.lower() not in KINDS:
-        raise UserError(f"mesh {mesh} is of no kind that is read: {', '.join(KINDS)}")
-    key = f"{mesh.suffix.lower()} {tuple(map(float, scale))}"
-    if color is not None:
-        key += f" {color}"
-    try:
-        return key.encode() + read_untrusted(mesh, int(MAX_MB * 1_000_000))
-    except UserError as error:
-        raise UserError(
-            f"mesh {error}; a large one needs fewer triangles, as MeshLab's edge collapse makes"
-        ) from error
-
-
-def _run_build(ours: bool, mesh: Path, *numbers: float) -> bytes:
-    """Call `build`, in a process of its own unless the file is ours."""
-    words = (str(mesh), *map(str, numbers))
-    if ours:
-        return build(b"", *words)
-    return isolated(build, f"mesh {mesh}", b"", *words, limit_s=LIMIT_S)
-
-
-def build(_: bytes, mesh: str, *words: str) -> bytes:
-    """Make the hull of a mesh file as STL, or with a colour after the scale what is drawn of it as Collada.
+def build(data: bytes) -> bytes:
+    """Make the hull of a mesh file as STL, or what is drawn of it as Collada: of a `Job` as JSON.
 
     Raises:
         UserError: it can't be made.
     """
-    x, y, z, *color = map(float, words)
-    parts = _load(Path(mesh), (x, y, z))
-    return _collada(parts, color) if color else _hull(parts)
+    job = Job(*json.loads(data))
+    parts = _load(Path(job.mesh), job.scale)
+    return _hull(parts) if job.color is None else _collada(parts, job.color)
 
 
 def _load(mesh: Path, scale: Scale) -> list[trimesh.Trimesh]:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import re
-import zipfile
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from core.errors import UserError
-from core.support.text import shorten, visible
+from core.support.text import shorten
 from core.values.urdf import read_xml
 
 ARMS = (".urdf", ".xml", ".mjcf", ".xacro")
@@ -23,6 +20,10 @@ _USD = (
 )
 # What files of other kinds begin with, and what to do.
 _BEGINNINGS = (
+    (
+        b"pk\x03\x04",
+        "a zip archive; unpack it: unzip {path} -d {stem}, then robot.path={stem}",
+    ),
     (b"version https://git-lfs", "a pointer of Git LFS; fetch the file: git lfs pull"),
     (b"<!doctype html", "a web page; download the file itself (on GitHub: Raw)"),
     (b"<html", "a web page; download the file itself (on GitHub: Raw)"),
@@ -50,9 +51,6 @@ def read_root(data: bytes, path: Path) -> Element:
     Raises:
         UserError: it is something else; says what, and the command that makes a URDF of it.
     """
-    if data.startswith(b"PK\x03\x04"):
-        raise UserError(f"{path} is a zip archive; {_describe_zip(data, path)}")
-
     head = data[:100].lstrip(b"\xef\xbb\xbf \r\n\t").lower()
     known = [remedy for beginning, remedy in _BEGINNINGS if head.startswith(beginning)]
     if not known:
@@ -70,15 +68,6 @@ def read_root(data: bytes, path: Path) -> Element:
             f"{path} is Xacro, of which a URDF is to be made first: {_describe_xacro(root, path)}"
         )
     return root
-
-
-def _describe_zip(data: bytes, path: Path) -> str:
-    unpack = f"unpack it: unzip {path} -d {path.stem}"
-    with contextlib.suppress(zipfile.BadZipFile):
-        names = zipfile.ZipFile(io.BytesIO(data)).namelist()
-        found = [visible(name) for name in names if name.endswith(ARMS)]
-        unpack += "".join(f"; robot.path={path.stem}/{name}" for name in found[:_SHOWN])
-    return unpack
 
 
 def _is_xacro(root: Element) -> bool:

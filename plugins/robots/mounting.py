@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import RIGID_MOUNT
-from core.errors import UsageError, UserError, check_positive
+from core.errors import UsageError, UserError
 from core.geometry import Array, Pose
 from core.interfaces import Robot
 from core.robot.kinematics import Arm, link_poses
@@ -18,33 +18,12 @@ from core.robot.solids import robot_solids
 from core.support.text import short_numbers
 
 START = (0.5, 0.0, 0.5)  # where most tasks begin
-REACH_M = 0.8  # of the arm that tasks are for
 _TILT_RAD = 0.35  # at most between the mount's axes at home and the world's
 # Of the middle of the link before the last joint: a flange that looks up is above it.
 _UNDER_M = 0.005
 _ALONG = 0.5  # cosine: the last joint turns about something like the vertical
 _EXACT = 1e-3  # metres and radians
-
-
-def stand_nearer(reach: float | None, notes: list[str]) -> Pose:
-    """Place the base so that tasks stand as much nearer as the arm is smaller than `REACH_M`; None: at the origin.
-
-    Raises:
-        UsageError: the reach is not positive, or that of a larger arm.
-    """
-    if reach is None:
-        return Pose()
-    check_positive("robot.", reach=reach)
-    if reach > REACH_M:
-        raise UsageError(
-            f"robot.reach is {reach:g}, and tasks suit an arm of {REACH_M:g} m; leave it out for a longer one"
-        )
-    nearer = (1 - reach / REACH_M) * np.array(START)
-    notes.append(
-        f"for a reach of {reach:g} m the base stands at ({short_numbers(nearer, 3, ', ')}), so that tasks are nearer; "
-        "what is under it is not modelled"
-    )
-    return Pose(nearer)
+_MEND = "choose a home where the flange looks down (vlmgineer home)"
 
 
 def turn_mount(
@@ -94,16 +73,12 @@ def _read_rpy(rpy: Sequence[float]) -> Rotation:
 
 def _turn_by_right_angles(robot: Robot, axis: Array, flange: Rotation) -> Rotation:
     """Turn the mount in the flange's frame by right angles, so that its axes are nearest to the world's."""
-
     down = flange.apply(axis)
     tilt = math.acos(min(1.0, abs(down[2])))
     if tilt > _TILT_RAD:
-        upward = down * np.sign(down[2] or 1.0)
-        way, _ = Rotation.align_vectors([(0.0, 0.0, 1.0)], [upward])
         raise UserError(
             f"at home the axis of {robot.arm_joints[-1]!r} is {math.degrees(tilt):.0f} degrees off the vertical; "
-            f"{_describe_turn(way)}, or choose a home where the flange looks down (vlmgineer home), or turn the "
-            "mount: robot.mount_rpy"
+            f"{_MEND}, or turn the mount: robot.mount_rpy"
         )
 
     turns = Rotation.create_group("O")
@@ -113,30 +88,20 @@ def _turn_by_right_angles(robot: Robot, axis: Array, flange: Rotation) -> Rotati
 
 def _check_upright(robot: Robot, flange: Rotation, turn: Rotation) -> None:
     """Refuse a mount whose axes at home are far from the world's, and a flange that looks up."""
-
-    exact = flange.inv()
-    off = float((exact.inv() * turn).magnitude())
+    off = float((flange * turn).magnitude())
     if off > _TILT_RAD:
-        same = Pose.from_rotation((0.0, 0.0, 0.0), exact).rpy
+        same = Pose.from_rotation(np.zeros(3), flange.inv()).rpy
         raise UserError(
-            f"at home the mount's axes are {math.degrees(off):.0f} degrees off the world's; "
-            f"{_describe_turn((flange * turn).inv())}, or set robot.mount_rpy=[{short_numbers(same, 4, ',')}]"
+            f"at home the mount's axes are {math.degrees(off):.0f} degrees off the world's; {_MEND}, or set "
+            f"robot.mount_rpy=[{short_numbers(same, 4, ',')}]"
         )
 
     height = wrist_height(robot, np.array(robot.home))
     if height < -_UNDER_M:
         raise UserError(
             f"at home the link before {robot.arm_joints[-1]!r} is {-height:.3f} m below flange "
-            f"{robot.mount_link!r}, which looks up; choose a home where it looks down (vlmgineer home)"
+            f"{robot.mount_link!r}, which looks up; {_MEND}"
         )
-
-
-def _describe_turn(rotation: Rotation) -> str:
-    """Say how the flange has to turn in the world."""
-    way = rotation.as_rotvec()
-    angle = float(np.linalg.norm(way))
-    axis = short_numbers(way / angle, 2, ", ")
-    return f"turn the flange by {math.degrees(angle):.0f} degrees about the world's axis ({axis})"
 
 
 def wrist_height(robot: Robot, joints: Array) -> float:

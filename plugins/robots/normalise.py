@@ -97,9 +97,9 @@ def normalise(
     for head in heads:
         joint = description.joints[head]
         parent, pose = parts[joint.parent]
-        origin = Origin.from_pose(pose @ joint.origin.pose, DIGITS)
         moving = drives.get(joint.name)
-        joints[head] = RobotJoint(joint.name, "fixed", parent, head, origin)
+        place = pose @ joint.origin.pose
+        joints[head] = RobotJoint.fixed(joint.name, parent, head, place, DIGITS)
         if moving is not None:
             x, y, z = joint.direction.tolist()
             joints[head] = replace(
@@ -107,15 +107,10 @@ def normalise(
             )
 
     if flange not in links:
-        head, pose = parts[flange]
         links[flange] = RobotLink(flange)
-        joints[flange] = RobotJoint(
-            description.joints[flange].name,
-            "fixed",
-            head,
-            flange,
-            Origin.from_pose(pose, DIGITS),
-        )
+        name = description.joints[flange].name
+        head, pose = parts[flange]
+        joints[flange] = RobotJoint.fixed(name, head, flange, pose, DIGITS)
 
     return Description(description.name, links, joints)
 
@@ -196,16 +191,12 @@ def read_meshes(description: Description, notes: list[str]) -> Description:
     wrong = Problems()
     links = {}
     for name, link in description.links.items():
-        visuals = list[RobotShape]()
+        not_drawn = Problems()
         collisions = [wrong.attempt(_as_hull, shape) for shape in link.collisions]
+        visuals = [not_drawn.attempt(_as_drawn, shape) for shape in link.visuals]
+        notes += [f"link {name!r}: not drawn: {error}" for error in not_drawn]
         solid = tuple(filter(None, collisions))
-        for shape in link.visuals:
-            try:
-                visuals.append(_as_drawn(shape))
-            except UserError as error:
-                notes.append(f"link {name!r}: not drawn: {error}")
-
-        drawn = tuple(visuals) or solid
+        drawn = tuple(filter(None, visuals)) or solid
         links[name] = replace(link, collisions=solid, visuals=drawn)
 
     wrong.report()

@@ -17,8 +17,9 @@ from core.support.text import clean
 from core.values.descriptions import Description
 from plugins.robots.choosing import choose_arm
 from plugins.robots.doubting import find_doubts
+from plugins.robots.enlarging import describe_factor, enlarge, find_factor
 from plugins.robots.files import Source, read_source
-from plugins.robots.mounting import stand_nearer, turn_mount
+from plugins.robots.mounting import turn_mount
 from plugins.robots.naming import choose_all_names, rename
 from plugins.robots.normalise import normalise, read_meshes
 from plugins.robots.settings import ArmSettings, BoltOptions
@@ -78,12 +79,16 @@ def read_robot(
         home = list(home)
     chosen = ArmSettings(path, home, flange, **settings)
     source = read_source(chosen)
+    factor = find_factor(chosen.reach)
     try:
         arm = build_unmounted(source, chosen, name)
         robot = turn_mount(arm.robot, arm.axis, chosen.mount_rpy, chosen.face_m)
     except UserError as error:
         raise type(error)(f"{chosen.path}: {error}") from error
 
+    if factor != 1:
+        robot = enlarge(robot, factor)
+        arm.notes.append(describe_factor(factor))
     if parent_process() is None:  # workers stay silent
         for note in arm.notes:
             _log.warning("%s: %s", chosen.path, note)
@@ -144,7 +149,6 @@ def build_unmounted(
         payload_kg=chosen.payload_kg,
         gripper=gripper,
         flange=(chosen.bolts or BoltOptions()).flange(),
-        base=stand_nearer(chosen.reach, notes),
     )
     axis = in_head.rotation.inv().apply(arm[-1].direction)
     names = tuple(joint.name for joint in arm)

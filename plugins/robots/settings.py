@@ -90,8 +90,8 @@ class ArmSettings:
         collision: ``visual``: links without collision shapes collide as they are drawn; ``file``: they don't.
         velocity: limits, rad/s, of all joints or each (J,); None: the file's.
         effort: the same, N m.
-        reach: how far the arm reaches, metres: tasks, which are for one of 0.8 m, then stand nearer to its base, and
-            lower, in proportion; None: where they are.
+        reach: how far the arm reaches, metres: for tasks, which are for 0.8 m, it is simulated as much larger, see
+            `plugins.robots.enlarging`; None: as large as it is.
         acceleration: limits (J,), rad/s^2; None: each joint reaches its speed limit in half a second.
         motor_inertia: (J,), reflected through the gears, kg m^2; None: the file's, or 0.1, less below 28 N m.
         gripper: the parallel gripper, if there is one.

@@ -4,6 +4,7 @@ import shutil
 import zipfile
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from core.design import Tool
@@ -464,7 +465,7 @@ def test_a_zip_and_a_folder_name_what_they_hold(package, tmp_path):
         archive.write(package, "outside_arm/urdf/arm.urdf")
     with pytest.raises(
         UserError,
-        match=r"zip archive; unpack it: .*robot\.path=arm/outside_arm/urdf/arm\.urdf",
+        match=r"zip archive; unpack it: unzip .*arm\.zip -d arm, then robot\.path=arm",
     ):
         read_robot(tmp_path / "arm.zip", HOME)
     with pytest.raises(UserError, match=rf"is a folder; .*robot\.path={package}"):
@@ -526,37 +527,68 @@ def test_remedies_are_for_what_is_missed(tmp_path):
         UserError, match=r"0\.\d+ m and .*nearer to the arm, or place the arm elsewhere"
     ):
         home.main(["robot=urdf", f"robot.path={urdf}", "at=[0.5,0,0.5]"])
-    # The last joint hardly moves, so that so far out it can't hang down.
+    # The last joint hardly moves: what it bears looks down only where the arm can't be.
     small(urdf, (1, 0, 0), last=0.3)
-    with pytest.raises(UserError, match=r"nearest misses it by .*choose another at="):
-        home.main(
-            ["robot=urdf", f"robot.path={urdf}", "robot.flange=hand", "at=[0.2,0,0.1]"]
-        )
+    words = ["robot=urdf", f"robot.path={urdf}", "robot.flange=hand", "at=[0.2,0,0.1]"]
+    remedy = r"the place is reached, the direction is not; .*robot\.mount_rpy="
+    with pytest.raises(UserError, match=remedy):
+        home.main(words)
 
 
-def test_tasks_stand_nearer_to_a_small_arm(tmp_path, capsys, caplog):
+def test_a_small_arm_is_enlarged_for_tasks(tmp_path, capsys, caplog):
     urdf = small(tmp_path / "small.urdf", (1, 0, 0))
     printed = said(capsys, f"robot.path={urdf}")
-    assert "out of its reach; robot.reach brings them nearer" in printed
     joints, rpy, reach = words_of(printed)
     metres = float(reach.partition("=")[2])
-    assert 0.2 <= metres < 0.5
+    assert 0.15 <= metres < 0.5
     turned = [float(number) for number in rpy.partition("[")[2][:-1].split(",")]
     angles = [float(number) for number in joints[12:-1].split(",")]
+    plain = read_robot(urdf, angles, mount_rpy=turned)
     robot = read_robot(urdf, angles, mount_rpy=turned, reach=metres)
-    share = 1 - metres / 0.8
-    np.testing.assert_allclose(robot.base.position, (0.5 * share, 0.0, 0.5 * share))
-    arm_of(robot).home_for(Pose(np.array([0.5, 0.0, 0.5])))
-    assert any(
-        f"for a reach of {metres:g} m the base stands at" in line
-        for line in caplog.messages
+    k = 0.8 / metres
+    assert any(f"simulated {k:.3g} times as large" in line for line in caplog.messages)
+    assert f"{k:.3g} times as large" in robot.title
+    arm = arm_of(robot)
+    arm.home_for(Pose(np.array([0.5, 0.0, 0.5])))
+    away = np.array([0.2, 0.1, -0.3, 0.4])
+    np.testing.assert_allclose(
+        arm.forward(away).position, k * arm_of(plain).forward(away).position, atol=1e-9
     )
-    # The face of the flange, of which `home` speaks too, gets there as well.
-    robot = read_robot(urdf, angles, mount_rpy=turned, reach=metres, face_m=0.08)
-    arm_of(robot).home_for(Pose(np.array([0.5, 0.0, 0.5])))
     again = said(capsys, f"robot.path={urdf}", reach)
-    assert joints in again
     assert "is at (0.5, 0, 0.5)" in again
+
+
+def test_an_arm_that_is_enlarged_moves_as_it_does_itself(file):
+    """Weights turn its joints as much faster as its torques do: all is in proportion."""
+    plain = read_robot(file, HOME, FLANGE)
+    robot = read_robot(file, HOME, FLANGE, reach=0.4)
+    joints = np.array([0.3, 0.7, 1.2, 0.4, 0.9, 0.1])
+    weights = [
+        pin.rnea(*model_of(each), joints, *np.zeros((2, 6))) for each in (plain, robot)
+    ]
+    np.testing.assert_allclose(weights[1], 16 * weights[0], rtol=1e-6, atol=1e-9)
+    inertias = [np.triu(pin.crba(*model_of(each), joints)) for each in (plain, robot)]
+    np.testing.assert_allclose(inertias[1], 32 * inertias[0], rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(
+        arm_of(robot).effort_limits, 16 * arm_of(plain).effort_limits
+    )
+    np.testing.assert_allclose(robot.motor_inertia, 32 * np.array(plain.motor_inertia))
+    np.testing.assert_allclose(
+        arm_of(robot).velocity_limits, arm_of(plain).velocity_limits / np.sqrt(2)
+    )
+    assert robot.payload_kg == 8.0
+    halves = [
+        sum(solid.bounds()[1].max() for solid in robot_solids(each, False))
+        for each in (plain, robot)
+    ]
+    assert halves[1] == pytest.approx(2 * halves[0], rel=1e-6)
+    with pytest.raises(UserError, match=r"robot\.reach is 1\.2; give 0\.05 to 0\.8 m"):
+        read_robot(file, HOME, FLANGE, reach=1.2)
+
+
+def model_of(robot):
+    model = pin.buildModelFromXML(robot.urdf)
+    return model, model.createData()
 
 
 # --- what is hardly meant -------------------------------------------------------------------------------------------

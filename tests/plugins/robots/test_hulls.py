@@ -37,7 +37,7 @@ def write(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", ["a.stl", "ascii.stl", "A.STL", "a.obj", "a.dae", "a.ply"]
+    "name", ["a.stl", "ascii.stl", "A.STL", "a.obj", "a.dae", "a.ply", "a.glb"]
 )
 def test_each_kind_of_file_has_the_same_hull(write, name):
     hull = trimesh.load_mesh(
