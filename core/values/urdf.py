@@ -5,7 +5,6 @@ The text may be wrong in any way: it is parsed without DTD, entities and network
 
 from __future__ import annotations
 
-import contextlib
 import math
 import os
 import re
@@ -45,7 +44,7 @@ _MAX_ELEMENTS = 50_000
 MAX_NUMBER = 1e6  # of any unit; keeps products finite
 NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 _KINDS = (*MOVING, "fixed", "floating", "planar")
-NO_MOMENTS = dict.fromkeys(MOMENTS, 0.0)
+_NO_MOMENTS = dict.fromkeys(MOMENTS, 0.0)
 _PACKAGE_PATHS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
 
 
@@ -125,11 +124,9 @@ def read_tree(
 
     roots = sorted(links.keys() - joints.keys())
     if len(roots) != 1:
-        found = "no link is left"
-        if roots:
-            found = f"{len(roots)} links have no parent: {', '.join(roots[:5])}"
+        found = ", ".join(roots[:5]) or "no link is left"
         raise UserError(
-            f"{found}; an arm has one base, join the others to it with fixed joints"
+            f"{len(roots)} links have no parent: {found}; an arm has one base, join the others to it with fixed joints"
         )
 
     colors = {}
@@ -194,7 +191,7 @@ class _Part:
 
         return values
 
-    def positive(self, name: str, count: int) -> Any:
+    def positive(self, name: str, count: int = 1) -> Any:
         """Read an attribute of so many lengths."""
         values = self.numbers(name, count)
         if min(values) <= 0:
@@ -228,7 +225,7 @@ def _find_named(
     found: dict[str, _Part] = {}
     for element in root.findall(tag):
         name = element.get("name")
-        if name is None or (taken is None and not name):
+        if not name:
             raise UserError(f"a <{tag}> has no name")
         if taken is not None and not NAME.fullmatch(name):
             raise UserError(
@@ -274,10 +271,9 @@ def _read_link(
     if mass < 0:
         raise UserError(f"{inertial.where}: mass is {mass:g} kg; it can't be negative")
 
-    moments: Any = tuple(inertial.fields("inertia", **NO_MOMENTS).values())
-    return RobotLink(
-        name, Inertial(mass, origin.xyz, moments, origin.rpy), collisions, visuals
-    )
+    moments: Any = tuple(inertial.fields("inertia", **_NO_MOMENTS).values())
+    weight = Inertial(mass, origin.xyz, moments, origin.rpy)
+    return RobotLink(name, weight, collisions, visuals)
 
 
 def _read_shapes(
@@ -316,10 +312,10 @@ def _read_geometry(
         case "box":
             return Box(shape.positive("size", 3)), ONE
         case "sphere":
-            return Sphere(*shape.positive("radius", 1)), ONE
+            return Sphere(*shape.positive("radius")), ONE
         case "cylinder":
-            radius = shape.positive("radius", 1)
-            return Cylinder(*radius, *shape.positive("length", 1)), ONE
+            radius = shape.positive("radius")
+            return Cylinder(*radius, *shape.positive("length")), ONE
         case "mesh":
             scale = shape.numbers("scale", 3, ONE)
             if 0.0 in scale:
@@ -356,27 +352,21 @@ def find_mesh(name: str, file: Path, where: str) -> Path:
     folders = [file.parent]
     if scheme:
         path = unquote(path)
+    package = path.partition("/")[0]
     if scheme == "package":
         folders = [*file.resolve().parents, *_package_folders()]
-        package = path.partition("/")[0]
-        there = []
-        for folder in folders:
-            with contextlib.suppress(OSError):  # of a name that is too long
-                if (folder / package).is_dir():
-                    there.append(folder)
-        folders = there or folders
-        if not there:
-            mend = (
-                f"; package {shorten(package)} must lie beside or above the URDF, or in a folder of "
-                f"{_PACKAGE_PATHS[0]}"
-            )
+        mend = (
+            f"; package {shorten(package)} must lie beside or above the URDF, or in a folder of "
+            f"{_PACKAGE_PATHS[0]}"
+        )
 
+    # Not those of `Path`, which raise an error for a name that is too long.
     for folder in folders:
-        with contextlib.suppress(OSError):  # of a name that is too long
-            if (folder / path).is_file():
-                return (folder / path).resolve()
+        if os.path.isfile(folder / path):  # noqa: PTH113
+            return (folder / path).resolve()
 
-    wanted = visible(str(folders[0] / path))
+    holding = [f for f in folders if os.path.isdir(f / package)]  # noqa: PTH112
+    wanted = visible(str((holding or folders)[0] / path))
     raise UserError(
         f"{where}: there is no mesh file {wanted} (named {shorten(name, 200)}){mend}"
     )
