@@ -8,8 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from omegaconf import DictConfig
-from rich.console import Console
-from rich.progress import Progress
 
 from core.config.compose import part, read_parts, task_part, tool_part
 from core.design import Candidate
@@ -18,6 +16,7 @@ from core.interfaces import Fitness, Robot, RolloutSettings, Simulator, Task
 from core.plugins import EXECUTOR, FITNESS, ROBOT, PluginPart, installed
 from core.robot.kinematics import arm_of
 from core.search.trials import Trials
+from core.support.progress import busy
 from core.trial import Condition, Evaluation, Trial, summarise_rewards
 from plugins.results.chosen import chosen_evaluations
 
@@ -131,19 +130,16 @@ def try_on_each(
     candidates: Mapping[str, Sequence[Candidate]],
 ) -> list[dict[str, Any]]:
     """Try each robot's candidates, and return an entry for each, in the order of the designs and the robots."""
-    console = Console(stderr=True)
-    progress = Progress(
-        console=console, transient=True, disable=not console.is_terminal
-    )
     designs: list[dict[str, Any]] = []
-    with part(EXECUTOR, cfg.executor).create() as executor, progress:
+    with part(EXECUTOR, cfg.executor).create() as executor, busy("trials") as step:
         for name, robot in robots.items():
             conditions = bench.conditions(robot)
             tools = candidates[name]
-            bar = progress.add_task(f"trials on {name}", total=len(tools))
             trials = Trials(executor)  # a robot's own: trials don't say which it is
-            for candidate, tried in trials.try_in(conditions, tools):
-                progress.advance(bar)
+            for count, (candidate, tried) in enumerate(
+                trials.try_in(conditions, tools)
+            ):
+                step.what = f"trials on {name}  {count + 1}/{len(tools)}"
                 all_tried = tried or _reject(candidate, conditions)
                 designs.append(record(candidate, name, all_tried, bench.robust))
 

@@ -426,23 +426,16 @@ def check_rest(description: Description, drives: Iterable[str]) -> None:
         return
 
     tops = [link for link in free if not free.keys() & {*description.above(link)[1:]}]
-    values = {}
-    elsewhere = False  # than at 0
+    values = []
     for joint in free.values():
         lower, upper = joint.range
-        value = min(max(lower, 0.0), upper)
-        values[joint.name] = f"{joint.name}:{value:g}"
-        elsewhere |= bool(value) and joint.kind != "continuous"
-
-    held = f"[{','.join(values)}]"
-    if elsewhere:
-        held = f"{{{','.join(values.values())}}}"
+        values.append(f"{joint.name}:{min(max(lower, 0.0), upper):g}")
 
     kinds = [f"{joint.name!r} is {joint.kind}" for joint in free.values()]
     found = ", ".join(kinds[:3])
     if len(kinds) > 3:
         found += f" and {len(kinds) - 3} others move"
     raise UserError(
-        f"beside joint {found}, and neither the arm's nor the gripper's; hold with robot.fixed={held}, or leave out "
-        f"robot.without=[{','.join(tops)}]"
+        f"beside joint {found}, and neither the arm's nor the gripper's; hold with robot.fixed={{{','.join(values)}}}, "
+        f"or leave out robot.without=[{','.join(tops)}]"
     )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
+from itertools import chain
+from typing import Any
 
 import trimesh
 
@@ -17,7 +18,7 @@ from core.values.descriptions import (
     RobotLink,
     Weight,
 )
-from plugins.robots.hulls import hull_file, list_jobs, make_all
+from plugins.robots.hulls import find_job, make_all
 
 
 def complete(
@@ -57,7 +58,8 @@ def _spread_mass(description: Description, mass_kg: float) -> Description:
         for link in description.links.values()
         if link.collisions and not any(link.inertial.moments)
     ]
-    make_all([job for link in lacking for job in list_jobs(link, drawn=False)])
+    shapes = chain.from_iterable(link.collisions for link in lacking)
+    make_all(find_job(shape, drawn=False) for shape in shapes)
     solids = {link.name: merge_inertias(_weigh(link)) for link in lacking}
     volume = sum(
         solid[0]
@@ -81,9 +83,9 @@ def _weigh(link: RobotLink) -> list[Weight]:
     """Weigh the hulls of a link's collision shapes at 1 kg/m^3, in its frame."""
     weights = []
     for shape in link.collisions:
-        solid = shape.shape
-        if isinstance(solid, Path):
-            hull = hull_file(solid, shape.scale)
-            solid = Mesh.from_trimesh(trimesh.load_mesh(hull))
+        solid: Any = shape.shape
+        job = find_job(shape, drawn=False)
+        if job is not None:
+            solid = Mesh.from_trimesh(trimesh.load_mesh(job.make()))
         weights.append(weigh(solid, solid.volume, shape.origin.pose))
     return weights

@@ -15,7 +15,7 @@ from core.geometry import Cylinder
 from core.robot.writing import write
 from core.values.descriptions import Description, Inertial, Origin, RobotShape, rounded
 from core.values.urdf import read_description
-from plugins.robots.hulls import hull_file
+from plugins.robots.hulls import Job
 
 _PREFIX = "package://example-robot-data/"
 
@@ -113,6 +113,6 @@ def mend(
 def _collision(given: str | Mapping[str, float]) -> RobotShape:
     """Make the hull of a mesh, or a cylinder: see `mend`."""
     if isinstance(given, str):
-        return RobotShape(hull_file(robots_folder() / given, ours=True))
+        return RobotShape(Job(str(robots_folder() / given)).make(ours=True))
     cylinder = Cylinder(given["radius"], given["length"])
     return RobotShape(cylinder, Origin((0.0, 0.0, given["z"])))

@@ -7,22 +7,29 @@ by k^(1/2), speeds of joints by k^(-1/2), masses and forces by k^3, torques by k
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from xml.etree.ElementTree import Element, tostring
 
 from core.errors import UsageError
-from core.geometry import Box, Pose
+from core.geometry import Pose
 from core.interfaces import Robot
-from core.robot.writing import write
-from core.values.descriptions import (
-    Description,
-    RobotJoint,
-    RobotLink,
-    RobotShape,
-    Triple,
-)
+from core.values.descriptions import MOMENTS
+from core.values.urdf import read_xml
 
+# How numbers in a URDF grow, as powers of k.
+_POWERS = {
+    "origin": {"xyz": 1},
+    "box": {"size": 1},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "mesh": {"scale": 1},
+    "mass": {"value": 3},
+    "inertia": dict.fromkeys(MOMENTS, 5),
+}
+_TURNS = {"effort": 4, "velocity": -0.5}  # limits of joints
+_SLIDES = {"lower": 1, "upper": 1, "effort": 3, "velocity": 0.5}
 REACH_M = 0.8  # of the arm that tasks are for
 _LEAST_M = 0.05
 
@@ -53,9 +60,14 @@ def describe_factor(k: float) -> str:
 
 def enlarge(robot: Robot, k: float) -> Robot:
     """Enlarge a robot ``k`` times; its flange stays."""
-    arm = robot.description
-    links = {name: _enlarge_link(link, k) for name, link in arm.links.items()}
-    joints = {child: _enlarge_joint(joint, k) for child, joint in arm.joints.items()}
+    root = read_xml(robot.urdf.encode(), Path("robot"))
+    for element in root.iter():
+        _enlarge_numbers(element, _POWERS.get(element.tag, {}), k)
+    for joint in root.iter("joint"):
+        powers = _SLIDES if joint.get("type") == "prismatic" else _TURNS
+        for limit in joint.iter("limit"):
+            _enlarge_numbers(limit, powers, k)
+
     gripper = robot.gripper
     if gripper is not None:
         gripper = replace(
@@ -67,7 +79,7 @@ def enlarge(robot: Robot, k: float) -> Robot:
     return replace(
         robot,
         title=f"{robot.title}, {k:.3g} times as large",
-        urdf=write(Description(arm.name, links, joints)),
+        urdf=tostring(root, encoding="unicode"),
         acceleration_limits=tuple(most / k for most in robot.acceleration_limits),
         motor_inertia=tuple(inertia * k**5 for inertia in robot.motor_inertia),
         mount=_enlarge_pose(robot.mount, k),
@@ -80,47 +92,11 @@ def _enlarge_pose(pose: Pose, k: float) -> Pose:
     return Pose.from_rotation(k * pose.position, pose.rotation)
 
 
-def _enlarge_triple(lengths: Triple, k: float) -> Triple:
-    x, y, z = lengths
-    return k * x, k * y, k * z
-
-
-def _enlarge_link(link: RobotLink, k: float) -> RobotLink:
-    weight = link.inertial
-    moments: Any = tuple(value * k**5 for value in weight.moments)
-    return RobotLink(
-        link.name,
-        replace(
-            weight,
-            mass=weight.mass * k**3,
-            center=_enlarge_triple(weight.center, k),
-            moments=moments,
-        ),
-        tuple(_enlarge_shape(shape, k) for shape in link.collisions),
-        tuple(_enlarge_shape(shape, k) for shape in link.visuals),
-    )
-
-
-def _enlarge_shape(shape: RobotShape, k: float) -> RobotShape:
-    origin = replace(shape.origin, xyz=_enlarge_triple(shape.origin.xyz, k))
-    placed = replace(shape, origin=origin)
-    solid = shape.shape
-    if isinstance(solid, Path):
-        return replace(placed, scale=_enlarge_triple(shape.scale, k))
-    if isinstance(solid, Box):
-        return replace(placed, shape=Box(_enlarge_triple(solid.size, k)))
-    lengths = [k * length for length in astuple(solid)]
-    return replace(placed, shape=type(solid)(*lengths))
-
-
-def _enlarge_joint(joint: RobotJoint, k: float) -> RobotJoint:
-    """Enlarge a joint; that of a finger slides."""
-    factors = {"effort": k**4, "velocity": k**-0.5}
-    if joint.kind == "prismatic":
-        factors = {"lower": k, "upper": k, "effort": k**3, "velocity": k**0.5}
-    limits = {}
-    for name, factor in factors.items():
-        value = getattr(joint.limits, name)
-        limits[name] = value and value * factor
-    origin = replace(joint.origin, xyz=_enlarge_triple(joint.origin.xyz, k))
-    return replace(joint, origin=origin, limits=joint.limits._replace(**limits))
+def _enlarge_numbers(element: Element, powers: Mapping[str, float], k: float) -> None:
+    """Multiply attributes by powers of ``k``."""
+    if element.tag == "mesh":
+        element.attrib.setdefault("scale", "1 1 1")
+    for name in powers.keys() & element.attrib.keys():
+        numbers = map(float, element.attrib[name].split())
+        larger = [repr(number * k ** powers[name]) for number in numbers]
+        element.set(name, " ".join(larger))

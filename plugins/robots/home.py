@@ -74,49 +74,36 @@ def main(words: list[str]) -> None:
     say(*arm.notes)
     if found.factor != 1:
         say(describe_factor(found.factor))
-    model = arm_of(found.robot)
-    room = np.minimum(model.home - model.lower, model.upper - model.home)
-    place = named.pose.apply(found.factor * model.forward(model.home).position)
+    home = arm_of(found.robot).home
+    place = named.pose.apply(found.factor * arm_of(found.robot).forward(home).position)
     place[2] += found.lift_m
     say(
         f"the flange {arm.flange!r}, borne by {', '.join(arm.joints)}, is at "
-        f"({short_numbers(place, 3, ', ')}) and looks down; joint {arm.joints[int(room.argmin())]!r} is nearest "
-        f"to a limit, {room.min():.2f} rad from it"
+        f"({short_numbers(place, 3, ', ')}) and looks down",
+        f"robot.home=[{short_numbers(home, HOME_DIGITS, ',')}]",
+        *found.words,
     )
-    say(f"robot.home=[{short_numbers(model.home, HOME_DIGITS, ',')}]", *found.words)
     if found.robot.gripper is None:
         _describe_beyond(arm, found.robot)
 
 
 def _describe_beyond(arm: Unmounted, robot: Robot) -> None:
     """Say what is in the way of tools, and how to take it out."""
-    flange = arm.flange
-    beyond = _links_on(arm)
+    description = arm.description
+    solid = set[str]()
+    for name, link in description.links.items():
+        if link.visuals or link.collisions:
+            solid |= {*description.above(name)}
+    on_flange = [j.child for j in description.joints.values() if j.parent == arm.flange]
+    beyond = ",".join(link for link in on_flange if link in solid)
     if beyond:
-        names = ",".join(beyond)
-        say(
-            f"{', '.join(beyond)} hang where tools go; leave them out: robot.without=[{names}]"
-        )
+        say(f"{beyond} hang where tools go; leave out robot.without=[{beyond}]")
         return
 
     depth = measure_depth(robot)
     if depth > _BEYOND_M:
         say(
-            f"tools begin at the frame of {flange!r}, and its shape reaches {1000 * depth:.0f} mm beyond; if tools go "
-            "on its face:",
+            f"tools begin at the frame of {arm.flange!r}, and its shape reaches {1000 * depth:.0f} mm beyond; if tools "
+            "go on its face:",
             f"robot.face_m={depth:.4f}",
         )
-
-
-def _links_on(arm: Unmounted) -> list[str]:
-    """List the links on the flange, where a tool is to go, that have shapes or bear some."""
-    description = arm.description
-    bearing = set[str]()
-    for name, link in description.links.items():
-        if link.visuals or link.collisions:
-            bearing |= {*description.above(name)}
-    return [
-        child
-        for child, joint in description.joints.items()
-        if joint.parent == arm.flange and child in bearing
-    ]

@@ -19,7 +19,12 @@ from core.robot.solids import corners, robot_solids
 from core.solids.self_collision import find_self_collision
 from core.support.text import short_numbers
 from plugins.robots.enlarging import REACH_M
-from plugins.robots.mounting import START, turn_mount, wrist_height
+from plugins.robots.mounting import (
+    START,
+    find_middles,
+    turn_mount,
+    wrist_height,
+)
 from plugins.robots.reading import Unmounted
 from plugins.robots.settings import ArmSettings
 
@@ -156,16 +161,12 @@ def find_home(arm: Unmounted, chosen: ArmSettings, place: Array) -> Found:
 
 def _find_outward(robot: Robot) -> Array:
     """Find the direction (3,) in which the last link leads on from its joint, in the flange's frame."""
-    poses = link_poses(robot, False, np.array(robot.home))
+    joints = np.array(robot.home)
+    poses = link_poses(robot, False, joints)
     head = robot.near_mount[0]
     mount = poses[RIGID_MOUNT]
-    points = [mount.position]
-    for solid in robot_solids(robot, False):
-        if solid.name == head:
-            middle, _ = solid.bounds()
-            points.append(poses[head].apply(middle))
-
-    way = np.mean(points, axis=0) - poses[head].position
+    middle = find_middles(robot, joints).get(head, mount.position)
+    way = (middle + mount.position) / 2 - poses[head].position
     outward = mount.rotation.inv().apply(way)
     return np.asarray(outward / max(float(np.linalg.norm(outward)), 1e-3))
 
@@ -239,11 +240,9 @@ def _rate(arm: Arm, joints: Array) -> float:
     room = np.minimum(joints - arm.lower, arm.upper - joints)
     share = float((room / (arm.upper - arm.lower)).min())
 
-    straight = 0.0
-    if len(joints) >= 6:
-        jacobian = arm.jacobian(joints).copy()
-        jacobian[3:] *= _RADIAN_M
-        straight = float(np.linalg.svd(jacobian, compute_uv=False)[-1])
+    jacobian = arm.jacobian(joints).copy()
+    jacobian[3:] *= _RADIAN_M
+    straight = float(np.linalg.svd(jacobian, compute_uv=False)[-1])
 
     poses = link_poses(arm.robot, False, joints)
     heights = [pose.position[2] for pose in poses.values()]

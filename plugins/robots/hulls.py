@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,48 +18,34 @@ from core.geometry import Color
 from core.robot.meshes import farthest, keep_file, kept_file
 from core.support.files import read_untrusted
 from core.support.sandbox import isolated
-from core.values.descriptions import ONE, RobotLink, Scale
+from core.values.descriptions import ONE, RobotShape, Scale
 
 KINDS = (".stl", ".obj", ".dae", ".ply", ".glb")
 MAX_MB = 64
 GREY: Color = (0.7, 0.7, 0.7, 1.0)  # of shapes without a colour
 LIMIT_S = 120
 MAX_DRAWN = 100_000  # triangles
+_DIGITS = (4, 3, 2)  # of metres, in which corners that are close agree
 _HEAD = 10_000  # bytes of a Collada file, of which the materials are the first
 _LARGEST_M = 10.0  # a link's mesh that is larger was drawn in millimetres
 
 
-def hull_file(mesh: Path, scale: Scale = ONE, *, ours: bool = False) -> Path:
-    """Write the convex hull of a mesh as a binary STL file in metres, or find it as it was written before.
-
-    Of a hull with more than `MAX_CORNERS` corners those stay that stick out the most. The unit that a Collada file
-    names counts, its upward axis does not, as in RViz.
-
-    Args:
-        mesh: an STL, OBJ, Collada, PLY or GLB file.
-        scale: multiplies x, y and z.
-        ours: it comes with a package that this project needs, and so is read without a process of its own.
-
-    Raises:
-        UserError: the mesh can't be read, is too large or flat, or its hull can't be written.
-    """
-    return Job(str(mesh), scale).make(ours=ours)
-
-
-def visual_file(mesh: Path, color: Color, scale: Scale = ONE) -> Path:
-    """Write what is drawn of a mesh as a Collada file in metres, z up, or find it as it was written before.
-
-    It keeps its own colours, one for each of its parts. Corners of a mesh with more than `MAX_DRAWN` triangles are
-    merged where they are close. See `hull_file`; ``color`` is that of parts that have none.
-    """
-    return Job(str(mesh), scale, color).make()
-
-
 class Job(NamedTuple):
-    """A mesh file and its scale, of which a hull is to be made, or with a colour what is drawn."""
+    """What is to be made of a mesh: its convex hull, or with a colour what is drawn.
+
+    The hull is a binary STL file in metres; of more than `MAX_CORNERS` corners those stay that stick out the most. What
+    is drawn is a Collada file, z up. It keeps its own colours, one for each of its parts; corners of more than
+    `MAX_DRAWN` triangles are merged where they are close. The unit that a Collada file names counts, its upward axis
+    does not, as in RViz.
+
+    Attributes:
+        mesh: the path of an STL, OBJ, Collada, PLY or GLB file.
+        scale: multiplies x, y and z.
+        color: of parts that have none, red, green, blue and opacity, 0..1.
+    """
 
     mesh: str
-    scale: Scale
+    scale: Scale = ONE
     color: Color | None = None
 
     def kind(self) -> tuple[str, str]:
@@ -87,7 +73,13 @@ class Job(NamedTuple):
             ) from error
 
     def make(self, *, ours: bool = False) -> Path:
-        """Make the file in a process of its own unless the mesh is ours; see `hull_file`."""
+        """Make the file, or find it as it was made before.
+
+        ``ours``: it comes with a package that this project needs, and so is read without a process of its own.
+
+        Raises:
+            UserError: the mesh can't be read, is too large or flat, or the file can't be written.
+        """
 
         def run() -> bytes:
             data = json.dumps(self).encode()
@@ -98,23 +90,18 @@ class Job(NamedTuple):
         return keep_file(*self.kind(), self.content(), run)
 
 
-def list_jobs(link: RobotLink, *, drawn: bool = True) -> Iterator[Job]:
-    """Yield what is to be made of a link's meshes."""
-    for shape in link.collisions:
-        if isinstance(shape.shape, Path):
-            yield Job(str(shape.shape), shape.scale)
-    for shape in link.visuals if drawn else ():
-        if isinstance(shape.shape, Path):
-            yield Job(str(shape.shape), shape.scale, shape.color or GREY)
+def find_job(shape: RobotShape, *, drawn: bool) -> Job | None:
+    """Say what is to be made of a shape; None: it is no mesh."""
+    if not isinstance(shape.shape, Path):
+        return None
+    color = shape.color or GREY
+    return Job(str(shape.shape), shape.scale, color if drawn else None)
 
 
-def make_all(jobs: Sequence[Job]) -> None:
-    """Make what is not there yet of many meshes in one process, so that `hull_file` and `visual_file` find it.
-
-    What fails is left to them.
-    """
+def make_all(jobs: Iterable[Job | None]) -> None:
+    """Make what is not there yet of many meshes in one process, so that `Job.make` finds it, or says what fails."""
     waiting = []
-    for job in dict.fromkeys(jobs):
+    for job in filter(None, dict.fromkeys(jobs)):
         with contextlib.suppress(UserError):
             if not kept_file(*job.kind(), job.content()).is_file():
                 waiting.append(job)
@@ -134,7 +121,7 @@ def build_all(data: bytes) -> bytes:
 
 
 def main_color(drawn: Path) -> Color | None:
-    """Read the colour of the largest part of what `visual_file` wrote: PyBullet draws a link in one colour."""
+    """Read the colour of the largest part of what was made to draw: PyBullet draws a link in one colour."""
     with drawn.open("rb") as file:
         found = re.search(rb"<diffuse>\s*<color>([^<]*)<", file.read(_HEAD))
     if found is None:
@@ -222,14 +209,11 @@ def _collada(parts: list[trimesh.Trimesh], color: Sequence[float]) -> bytes:
 
 
 def _coarsen(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Copy a mesh with at most `MAX_DRAWN` triangles: corners of one cell of a grid become one."""
+    """Copy a mesh; corners become one that are equal, and where it has too many triangles those that are close."""
     coarse = trimesh.Trimesh(mesh.vertices, mesh.faces)
-    cells = 256
-    while len(coarse.faces) > MAX_DRAWN:
-        width = mesh.extents.max() / cells
-        cells = cells // 2
-        corners = np.round(mesh.vertices / width) * width
-        coarse = trimesh.Trimesh(corners, mesh.faces)  # merges what is equal
-        whole = (coarse.faces != np.roll(coarse.faces, 1, axis=1)).all(axis=1)
-        coarse.update_faces(coarse.unique_faces() & whole)
+    for digits in _DIGITS:
+        if len(coarse.faces) > MAX_DRAWN:
+            coarse.merge_vertices(digits_vertex=digits)
+            whole = coarse.nondegenerate_faces() & coarse.unique_faces()
+            coarse.update_faces(whole)
     return coarse

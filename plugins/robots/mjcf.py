@@ -1,13 +1,13 @@
-"""Describe an arm in an MJCF file, as MuJoCo's own compiler reads it."""
+"""Describe an arm in an MJCF file, as MuJoCo's own compiler reads it, in a process of its own."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import json
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
@@ -16,6 +16,7 @@ from core.errors import UserError, choices
 from core.geometry import Array, Box, Capsule, Cylinder, Pose, Shape, Sphere
 from core.robot.meshes import keep_file
 from core.robot.shape_files import urdf_shapes
+from core.support.sandbox import isolated
 from core.support.text import clean
 from core.values.descriptions import (
     DIGITS,
@@ -29,11 +30,18 @@ from core.values.descriptions import (
 )
 from plugins.robots.naming import names_tool_frame
 
+try:
+    import mujoco
+except (ImportError, RuntimeError) as error:  # it reads MUJOCO_GL when it is imported
+    raise UserError(
+        f"MuJoCo reads MJCF files, but can't be imported ({error}): pip install 'mujoco>=4,<5'"
+    ) from error
+
+LIMIT_S = 120
 WORLD = "world"
 SPEED = 3.14  # rad/s or m/s: MJCF has no limits of speed
-_FREE = 0  # MuJoCo's numbers of joints
-_BALL = 1
-_SLIDE = 2
+_KINDS = ("floating", "floating", "prismatic", "revolute")  # by MuJoCo's numbers
+_FREE = 0
 _DRAWN_GROUPS = 3  # MuJoCo's viewer shows the groups before
 _SHAPES: dict[str, Callable[[float, float, float], Shape]] = {
     "SPHERE": lambda x, y, z: Sphere(x),
@@ -44,7 +52,7 @@ _SHAPES: dict[str, Callable[[float, float, float], Shape]] = {
 
 
 def read_mjcf(
-    file: Path, without: Sequence[str] = ()
+    file: Path, without: Collection[str] = ()
 ) -> tuple[Description, list[str], dict[str, float]]:
     """Describe what stands in the world and has joints; its meshes become files in the user's cache folder.
 
@@ -58,81 +66,75 @@ def read_mjcf(
     Raises:
         UserError: MuJoCo refuses the file, or nothing moves.
     """
+    compiled = isolated(compile_arm, "it", b"", str(file), limit_s=LIMIT_S)
+    said, _, binary = compiled.partition(b"\n")
     notes = [
-        f"MJCF has no limits of speed, {SPEED} rad/s is taken; robot.velocity=[...] says others"
+        f"MJCF has no limits of speed, {SPEED} rad/s is taken; robot.velocity=[...] says others",
+        *json.loads(said),
     ]
-    model = _compile(file, notes)
+    model = mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": binary})
     reading = _Reading(model, notes)
-    reading.read()
+    reading.read(without)
     whole = Description(file.stem, reading.links, reading.joints)
     for link in without:
         if link not in whole.links:
             raise choices("link", link, whole.links)
-    return _stand_alone(whole.without(*without), notes), notes, reading.motors
+    return whole.without(*without), notes, reading.motors
 
 
-def _stand_alone(description: Description, notes: list[str]) -> Description:
-    """Take one arm out of its world: where it stands there means nothing here."""
-    tops = [j for j in description.joints.values() if j.parent == WORLD]
-    if len(tops) != 1 or tops[0].kind != "fixed":
-        return description
-    if tops[0].origin.pose != Pose():
-        notes.append(
-            "where it stands in the file's world is left out; robot.base=[x,y,z,yaw] places it"
-        )
-    joints = dict(description.joints)
-    links = dict(description.links)
-    del joints[tops[0].child]
-    del links[WORLD]
-    return Description(description.name, links, joints)
+def compile_arm(_: bytes, file: str) -> bytes:
+    """Compile a model without what only pictures need; return notes, a line of JSON, and MuJoCo's binary format.
 
-
-def _compile(file: Path, notes: list[str]) -> Any:
-    """Compile a model without what only pictures need."""
+    Raises:
+        UserError: MuJoCo refuses it, or meshes are missing.
+    """
     try:
-        spec = mujoco.MjSpec.from_file(str(file.absolute()))
+        spec = mujoco.MjSpec.from_file(file)
         for thing in (*spec.textures, *spec.keys, *spec.skins):
             spec.delete(thing)
         for material in spec.materials:
             material.textures = [""] * len(material.textures)
-        _leave_out_missing(spec, notes)
-        return spec.compile()
+        notes = _leave_out_missing(spec)
+        model = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
-        reason = clean(str(error), 300)
-        raise UserError(f"it is refused by MuJoCo: {reason}") from error
+        raise UserError(f"is refused by MuJoCo: {clean(str(error), 300)}") from error
+
+    binary = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, binary)
+    return json.dumps(notes).encode() + b"\n" + binary.tobytes()
 
 
-def _leave_out_missing(spec: Any, notes: list[str]) -> None:
-    """Leave out missing meshes that are only drawn, and refuse all others in one go."""
+def _leave_out_missing(spec: Any) -> list[str]:
+    """Leave out missing meshes that are only drawn, refuse all others in one go, and say what is left out."""
     folder = Path(spec.modelfiledir, spec.meshdir)
     missing = {}
     for mesh in list(spec.meshes):
         if mesh.file and not (folder / mesh.file).is_file():
-            missing[mesh.name or Path(mesh.file).stem] = folder / mesh.file
+            missing[mesh.name or Path(mesh.file).stem] = str(folder / mesh.file)
             spec.delete(mesh)
 
     needed = set[str]()
     for geom in list(spec.geoms):
         if geom.meshname in missing:
-            if not geom.parent.explicitinertial:
-                notes.append(
-                    f"{geom.parent.name!r} weighs less without mesh {geom.meshname!r}; give it an <inertial>"
-                )
             if geom.contype or geom.conaffinity:
-                needed.add(str(missing[geom.meshname]))
+                needed.add(missing[geom.meshname])
             spec.delete(geom)
 
     if needed:
-        raise UserError(f"there are no mesh files {', '.join(sorted(needed))}")
-    for wanted in missing.values():
-        notes.append(f"not drawn, as there is no file {wanted}")
+        raise UserError(
+            f"names mesh files that are missing: {', '.join(sorted(needed))}"
+        )
+    return [
+        f"not drawn, as there is no file {wanted}; where its body has no <inertial> it weighs less"
+        for wanted in missing.values()
+    ]
 
 
 class _Reading:
     """Links and joints of a compiled model, by its names."""
 
     def __init__(self, model: Any, notes: list[str]) -> None:
-        self.links = {WORLD: RobotLink(WORLD)}
+        self.links = dict[str, RobotLink]()
         self.joints = dict[str, RobotJoint]()
         # Of each joint the motor's inertia, kg m^2.
         self.motors = dict[str, float]()
@@ -141,10 +143,19 @@ class _Reading:
         # Of each body: its link, and its frame in the link's.
         self._frames = {0: (WORLD, Pose())}
 
-    def read(self) -> None:
+    def read(self, without: Collection[str]) -> None:
         """Add the links of all bodies that count, and frames for tools."""
         model = self._model
         kept = self._find_kept()
+        tops = [model.body(number) for number in kept]
+        tops = [top for top in tops if top.name not in without]
+        if len(tops) != 1 or (model.jnt_type[model.jnt_bodyid == tops[0].id] > 0).any():
+            self.links[WORLD] = RobotLink(WORLD)
+        elif _pose(tops[0].pos, tops[0].quat) != Pose():
+            self._notes.append(
+                "where it stands in the file's world is left out; robot.base=[x,y,z,yaw] places it"
+            )
+
         for number in range(1, model.nbody):
             if model.body_rootid[number] in kept:
                 self._add(model.body(number))
@@ -201,7 +212,7 @@ class _Reading:
         self._fill(name, body, frame)
 
     def _bear(self, name: str, parent: str, place: Pose, joint: Any = None) -> None:
-        """Add a link without shapes, and the joint that bears it, at 0 of that.
+        """Add a link without shapes, and the joint that bears it, at 0 of that; the base has none.
 
         Raises:
             UserError: there is a link of that name.
@@ -209,30 +220,26 @@ class _Reading:
         if name in self.links:
             raise UserError(f"two links would be named {name!r}; rename that body")
         self.links[name] = RobotLink(name)
-        origin = Origin.from_pose(place, DIGITS)
-        fixed = RobotJoint(f"{name}_fixed", "fixed", parent, name, origin)
+        if parent not in self.links:
+            return
+        fixed = RobotJoint.fixed(f"{name}_fixed", parent, name, place, DIGITS)
         self.joints[name] = fixed
         if joint is None:
             return
         called = joint.name or f"{name}_joint"
-        motor = self._model.dof_armature[joint.dofadr[0]]
-        self.motors[called] = float(motor)
-        if joint.type[0] == _BALL:
-            self.joints[name] = replace(fixed, name=called, kind="floating")
-            return
+        self.motors[called] = float(self._model.dof_armature[joint.dofadr[0]])
+        kind = _KINDS[joint.type[0]]
+        if kind == "revolute" and not joint.limited[0]:
+            kind = "continuous"
 
         # The file's poses are those at qpos0.
         back = -joint.qpos0[0] * joint.axis
-        kind = "prismatic"
         away = Pose(back)
-        if joint.type[0] != _SLIDE:
-            kind = "revolute"
+        if kind != "prismatic":
             away = Pose.from_rotation(np.zeros(3), Rotation.from_rotvec(back))
-        lower, upper = joint.range.tolist()
-        if not joint.limited[0] and kind == "revolute":
-            kind = "continuous"
 
         x, y, z = joint.axis.tolist()
+        lower, upper = joint.range.tolist()
         self.joints[name] = replace(
             fixed,
             name=called,
@@ -260,10 +267,9 @@ class _Reading:
 
     def _fill(self, name: str, body: Any, frame: Pose) -> None:
         """Give a link what its body weighs and looks like; ``frame`` is the body's in the link."""
-        place = frame @ _pose(body.ipos, body.iquat)
-        axes = place.rotation.as_matrix()
-        tensor = axes @ np.diag(body.inertia) @ axes.T
-        mass = float(body.mass[0])
+        origin = Origin.from_pose(frame @ _pose(body.ipos, body.iquat), DIGITS)
+        xx, yy, zz = body.inertia.tolist()
+        moments = (xx, 0.0, 0.0, yy, 0.0, zz)
         visuals = list[RobotShape]()
         collisions = list[RobotShape]()
         for number in np.flatnonzero(self._model.geom_bodyid == body.id):
@@ -273,12 +279,8 @@ class _Reading:
             elif geom.group[0] < _DRAWN_GROUPS:
                 visuals += self._shapes(geom, frame)
 
-        self.links[name] = RobotLink(
-            name,
-            Inertial.from_tensor(mass, place.position, tensor, DIGITS),
-            tuple(collisions),
-            tuple(visuals),
-        )
+        weight = Inertial(float(body.mass[0]), origin.xyz, moments, origin.rpy)
+        self.links[name] = RobotLink(name, weight, tuple(collisions), tuple(visuals))
 
     def _shapes(self, geom: Any, frame: Pose) -> list[RobotShape]:
         """Make the shapes of a geom."""
@@ -301,8 +303,7 @@ class _Reading:
             self._notes.append(f"left out: geom {kind.lower()} of {owner!r}")
 
         shown = geom.rgba if geom.matid[0] < 0 else model.mat_rgba[geom.matid[0]]
-        red, green, blue, opacity = np.clip(shown, 0, 1).tolist()
-        color = (red, green, blue, opacity or 1.0)
+        color: Any = tuple(np.clip(shown, 0, 1).tolist())
         return [replace(shape, color=color) for shape in shapes]
 
 

@@ -109,19 +109,25 @@ def wrist_height(robot: Robot, joints: Array) -> float:
 
     Of a flange that looks down it is above, whatever the flange's own shape and frame. 0: no link has a shape.
     """
+    middles = find_middles(robot, joints)
     poses = link_poses(robot, False, joints)
-    middles: dict[str, list[Array]] = {}
-    for solid in robot_solids(robot, False):
-        middle, _ = solid.bounds()
-        middles.setdefault(solid.name, []).append(poses[solid.name].apply(middle))
-
     last = robot.description.named[robot.arm_joints[-1]]
     for link in robot.description.above(last.parent):
         if link in middles:
             along = poses[last.child].rotation.apply(last.direction)
             if abs(along[2]) < _ALONG:  # the flange is not square to it
                 along = np.array([0.0, 0.0, 1.0])
-            way = np.mean(middles[link], axis=0) - poses[RIGID_MOUNT].position
+            way = middles[link] - poses[RIGID_MOUNT].position
             return float(way @ along * along[2])
 
     return 0.0
+
+
+def find_middles(robot: Robot, joints: Array) -> dict[str, Array]:
+    """Find the middle (3,) of each link that has shapes, in the world."""
+    poses = link_poses(robot, False, joints)
+    middles: dict[str, list[Array]] = {}
+    for solid in robot_solids(robot, False):
+        middle, _ = solid.bounds()
+        middles.setdefault(solid.name, []).append(poses[solid.name].apply(middle))
+    return {name: np.mean(some, axis=0) for name, some in middles.items()}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from itertools import count
 
 from core.robot.description import RESERVED
 from core.values.descriptions import Description
@@ -35,9 +34,9 @@ def _choose_names(names: Iterable[str]) -> dict[str, str]:
     for name in names:
         plain = _ODD.sub("_", name)[:_LONGEST]
         unused = plain
-        for number in count(2):
-            if unused not in taken:
-                break
+        number = 1
+        while unused in taken:
+            number += 1
             unused = f"{plain[: _LONGEST - 4]}_{number}"
         taken.add(unused)
         chosen[name] = unused

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -22,14 +21,7 @@ from core.values.descriptions import (
     RobotShape,
     Weight,
 )
-from plugins.robots.hulls import (
-    GREY,
-    hull_file,
-    list_jobs,
-    main_color,
-    make_all,
-    visual_file,
-)
+from plugins.robots.hulls import GREY, Job, find_job, main_color, make_all
 
 ALSO = "; and "  # between one problem and the next
 _ROUNDED = 0.01  # of the largest moment: an inertia that is off by less was rounded
@@ -187,13 +179,17 @@ def read_meshes(description: Description, notes: list[str]) -> Description:
     Raises:
         UserError: a mesh that collides can't be used; names all of them.
     """
-    make_all([job for link in description.links.values() for job in list_jobs(link)])
+    jobs = list[Job | None]()
+    for link in description.links.values():
+        jobs += [find_job(shape, drawn=False) for shape in link.collisions]
+        jobs += [find_job(shape, drawn=True) for shape in link.visuals]
+    make_all(jobs)
     wrong = Problems()
     links = {}
     for name, link in description.links.items():
         not_drawn = Problems()
-        collisions = [wrong.attempt(_as_hull, shape) for shape in link.collisions]
-        visuals = [not_drawn.attempt(_as_drawn, shape) for shape in link.visuals]
+        collisions = [wrong.attempt(_read, shape, False) for shape in link.collisions]
+        visuals = [not_drawn.attempt(_read, shape, True) for shape in link.visuals]
         notes += [f"link {name!r}: not drawn: {error}" for error in not_drawn]
         solid = tuple(filter(None, collisions))
         drawn = tuple(filter(None, visuals)) or solid
@@ -203,16 +199,13 @@ def read_meshes(description: Description, notes: list[str]) -> Description:
     return replace(description, links=links)
 
 
-def _as_hull(shape: RobotShape) -> RobotShape:
-    if not isinstance(shape.shape, Path):
+def _read(shape: RobotShape, drawn: bool) -> RobotShape:
+    """Replace a mesh by what was made of it."""
+    job = find_job(shape, drawn=drawn)
+    if job is None:
         return shape
-    hull = hull_file(shape.shape, shape.scale)
-    return RobotShape(hull, shape.origin, shape.color)
-
-
-def _as_drawn(shape: RobotShape) -> RobotShape:
-    if not isinstance(shape.shape, Path):
-        return shape
-    color = shape.color or GREY
-    visual = visual_file(shape.shape, color, shape.scale)
-    return RobotShape(visual, shape.origin, main_color(visual) or color)
+    file = job.make()
+    color = shape.color
+    if drawn:
+        color = main_color(file) or job.color
+    return RobotShape(file, shape.origin, color)

@@ -163,12 +163,12 @@ def _guess_motor(effort: float) -> float:
 def _rename_gripper(
     gripper: Gripper, links: dict[str, str], joints: dict[str, str]
 ) -> Gripper:
-    left, right = gripper.links
-    left_joint, right_joint = gripper.joints
+    fingers: Any = tuple(links[link] for link in gripper.links)
+    slides: Any = tuple(joints[joint] for joint in gripper.joints)
     return replace(
         gripper,
         link=links[gripper.link],
-        near_mount=tuple(links[link] for link in gripper.near_mount),
-        joints=(joints[left_joint], joints[right_joint]),
-        links=(links[left], links[right]),
+        near_mount=(links[gripper.link],),
+        joints=slides,
+        links=fingers,
     )

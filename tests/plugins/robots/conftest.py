@@ -2,15 +2,16 @@
 
 import pytest
 
-from plugins.robots import hulls
+from plugins.robots import hulls, mjcf
 from tests.outside_arm import write_arm
 from tests.plugins.tasks.file.imports.conftest import called
 
 
 @pytest.fixture
 def in_this_process(monkeypatch):
-    """Read meshes in this process, which starts no other for each."""
+    """Read meshes and MJCF in this process, which starts no other for each."""
     monkeypatch.setattr(hulls, "isolated", called)
+    monkeypatch.setattr(mjcf, "isolated", called)
 
 
 @pytest.fixture(scope="module")

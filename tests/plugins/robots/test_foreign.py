@@ -189,7 +189,9 @@ def test_missing_meshes_of_mjcf_are_named_in_one_go(tmp_path):
         .replace("<worldbody>", f"{assets}<worldbody>")
         .replace("<site ", f"{geoms}<site ")
     )
-    with pytest.raises(UserError, match=r"no mesh files .*/a\.stl, .*/b\.obj"):
+    with pytest.raises(
+        UserError, match=r"mesh files that are missing: .*/a\.stl, .*/b\.obj"
+    ):
         read_robot(file, HOME)
 
 

@@ -140,7 +140,7 @@ def test_what_hangs_where_tools_go_is_named(file, capsys):
         ]
     )
     assert (
-        "lamp hang where tools go; leave them out: robot.without=[lamp]"
+        "lamp hang where tools go; leave out robot.without=[lamp]"
         in capsys.readouterr().out
     )
 

@@ -8,8 +8,17 @@ from core.errors import UserError
 from core.robot.meshes import MAX_CORNERS
 from core.support.sandbox import isolated
 from plugins.robots import hulls
-from plugins.robots.hulls import hull_file, visual_file
+from plugins.robots.hulls import Job
 from tests.plugins.tasks.file.imports.conftest import called
+
+
+def hull_file(mesh, scale=(1.0, 1.0, 1.0)):
+    return Job(str(mesh), scale).make()
+
+
+def visual_file(mesh, color):
+    return Job(str(mesh), color=color).make()
+
 
 RED = (0.8, 0.1, 0.1, 1.0)
 GREY = (0.5, 0.5, 0.5, 1.0)
