@@ -12,7 +12,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import KW_ONLY, dataclass
-from functools import reduce
 from itertools import chain
 from typing import Protocol
 
@@ -24,7 +23,7 @@ from core.scene import Scene
 from core.values.joints import rotate
 from core.values.margins import Margin
 from core.values.states import State
-from core.values.traces import Flags, Trace
+from core.values.traces import Trace
 
 Coordinates = tuple[float | None, float | None, float | None]
 """A place, m; a coordinate that is None is free."""
@@ -79,10 +78,10 @@ class Evidence:
         """Report at which instants a body is held: 1, or 0.5 where the robot only touches it, (..., T)."""
         return np.maximum(self.film.held(body), self.film.contact(body, "robot") / 2)
 
-    def multiply(self, factors: Iterable[Array | Flags]) -> Array:
-        """Multiply what limits leave of a reward, (...)."""
-        full = np.ones(self.end.positions.shape[:-2])
-        return reduce(np.multiply, factors, full)
+    @property
+    def full(self) -> Array:
+        """The share of what is fulfilled in each world, 1, (...)."""
+        return np.ones(self.end.positions.shape[:-2])
 
     def moved(self, body: str) -> Array:
         """Measure how far a body is from where it was at the start, m, (...)."""
@@ -299,10 +298,9 @@ class Reach(Goal):
             progress = self.progress_over_time(evidence)
             if self.by_s is not None:
                 progress = progress[..., evidence.film.times <= self.by_s]
+
             best = progress.max(axis=-1)
-            if not self.ever:
-                best = np.minimum(best, reached)
-            reached = best
+            reached = best if self.ever else np.minimum(best, reached)
 
         if self.after is not None:
             reached = np.minimum(reached, self._share_before(self.after, evidence))
@@ -315,16 +313,18 @@ class Reach(Goal):
             ValueError: there is no such goal.
         """
         known = dict[str | int, Reach]()
+        names = []
         for number, goal in enumerate(evidence.goals):
             if isinstance(goal, Reach):
-                known[number] = goal
-        named = {goal.name or number: goal for number, goal in known.items()}
-        if which not in known | named:
+                name = goal.name or number
+                known |= {number: goal, name: goal}
+                names.append(str(name))
+        if which not in known:
             raise ValueError(
-                f"a goal comes after {which!r}, which is no goal; there are: {', '.join(map(str, named))}"
+                f"a goal comes after {which!r}, which is no goal; there are: {', '.join(names)}"
             )
 
-        first = (known | named)[which].progress_over_time(evidence)
+        first = known[which].progress_over_time(evidence)
         unfulfilled = self.progress_over_time(evidence) < DONE
 
         # Not fulfilled at or after an instant: what comes later can't be before this goal.
@@ -550,11 +550,12 @@ class Kept(Limit):
         return STRAYED * self.kept_m
 
     def share(self, evidence: Evidence) -> Array:
-        factors = []
+        share = evidence.full
         for name in self.keep:
             left = self.lost_m - self._moved(name, evidence)
-            factors.append(np.clip(left / (self.lost_m - self.kept_m), 0.0, 1.0))
-        return evidence.multiply(factors)
+            share = share * np.clip(left / (self.lost_m - self.kept_m), 0.0, 1.0)
+
+        return share
 
     def margins(self, evidence: Evidence) -> list[Margin]:
         found = []
@@ -590,12 +591,15 @@ class Untouched(Limit):
 
     def share(self, evidence: Evidence) -> Array:
         film = evidence.film
-        if self.max_force_n:
-            forces = (film.force_n(name, "robot") for name in self.untouched)
-            return evidence.multiply(~(force > self.max_force_n) for force in forces)
-        return evidence.multiply(
-            ~film.touched(name, "robot") for name in self.untouched
-        )
+        share = evidence.full
+        for name in self.untouched:
+            if self.max_force_n:
+                harmed = film.force_n(name, "robot") > self.max_force_n
+            else:
+                harmed = film.touched(name, "robot")
+            share = share * ~harmed
+
+        return share
 
     def margins(self, evidence: Evidence) -> list[Margin]:
         trace = evidence.trace
@@ -668,18 +672,25 @@ def goals_reward(
 
 
 def goals_shares(
-    task: Aim, start: State, end: State, trace: Trace | None = None
+    task: Aim, start: State, end: State, trace: Trace | None
 ) -> tuple[tuple[str, float], ...]:
-    """Say how far one world fulfilled each of several goals that all count, 0..1; none where one goal is enough."""
+    """Say how far one world fulfilled each of several goals that all count, 0..1.
+
+    None where one goal is enough, or where they don't fit the scene: goals are a hint.
+    """
     if not task.every or len(reaches(task.goals)) < 2:
         return ()
     evidence = Evidence(start, end, trace, task.goals)
     found = []
-    for number, goal in enumerate(task.goals):
-        if isinstance(goal, Reach):
-            what = ", ".join(goal.bodies[:3]) or goal.subject
-            label = goal.name or f"{what} (goal {number})"
-            found.append((label, float(goal.share(evidence))))
+    try:
+        for number, goal in enumerate(task.goals):
+            if isinstance(goal, Reach):
+                what = ", ".join(goal.bodies[:3]) or goal.subject
+                label = goal.name or f"{what} (goal {number})"
+                found.append((label, float(goal.share(evidence))))
+    except (AttributeError, KeyError, ValueError):
+        return ()
+
     return tuple(found)
 
 
@@ -714,11 +725,6 @@ def reaches(goals: Iterable[Goal]) -> list[Reach]:
 def limits(goals: Iterable[Goal]) -> list[Limit]:
     """Return the goals that forbid something."""
     return [goal for goal in goals if isinstance(goal, Limit)]
-
-
-def needs_trace(goals: Iterable[Goal]) -> bool:
-    """Report whether the reward of goals needs to know what happened before the end, or what touched."""
-    return any(goal.needs_trace for goal in goals)
 
 
 def check_names(goal: Goal, scene: Scene) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from core.errors import UsageError, choices
 from core.geometry import Array, Pose
-from core.goals import Goal, goals_margins, goals_shares
+from core.goals import Goal, goals_margins
 from core.scene import Camera, Scene, State, Trace
 from core.values.layouts import NONE, Draw, Ranges
 from core.values.margins import Margin, least_first
@@ -100,20 +100,17 @@ class Task(ABC):
             UsageError: the reward takes something else.
         """
         signature = inspect.signature(type(self).reward)
-        _, *given = signature.parameters.values()
-        needed = [
-            parameter
-            for parameter in given
-            if parameter.default is parameter.empty
-            and parameter.kind is not parameter.VAR_KEYWORD
-            and parameter.name != "trace"
-        ]
-        if len(needed) != 2:
+        reads = "trace" in signature.parameters
+        given = ("start", "end", "trace") if reads else ("start", "end")
+
+        try:
+            signature.bind(self, *given)
+        except TypeError as error:
             raise UsageError(
                 f"task {self.name}: reward{signature} must be reward(self, start, end) or (self, start, end, trace)"
-            )
+            ) from error
 
-        return len(given) > 2 and given[2].name == "trace"
+        return reads
 
     @abstractmethod
     def reward(self, start: State, end: State) -> Array:
@@ -253,13 +250,3 @@ def margins_of(
         for margin in margins
         if reward < task.success_reward or margin.margin >= 0
     )
-
-
-def shares_of(
-    task: Task, start: State, end: State, trace: Trace | None
-) -> tuple[tuple[str, float], ...]:
-    """Return how far each of a task's goals was fulfilled in one world, if all of them count."""
-    try:
-        return goals_shares(task, start, end, trace)
-    except (AttributeError, KeyError, ValueError):
-        return ()  # goals are a hint, as for `margins_of`

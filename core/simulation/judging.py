@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from core.geometry import Array
+from core.goals import goals_shares
 from core.interfaces import Task
 from core.plugins import describe_part
 from core.plugins.blame import PluginError
@@ -17,7 +18,7 @@ from core.simulation.observing import observe
 from core.solids.contacts import find_contacts, make_trace
 from core.solids.penetration import Explosion, Finding, findings
 from core.solids.record_rate import is_finite
-from core.task import margins_of, reward_of, shares_of
+from core.task import margins_of, reward_of
 from core.trial import Trial
 
 _WARNINGS = 10  # findings of a rollout that are listed
@@ -92,7 +93,7 @@ def _reward(stage: Stage, finished: Sequence[Attempt]) -> None:
             moved_m=dict(zip(starts.names, shifts[number], strict=True)),
             warnings=(*attempt.warnings, *motion.slowdowns(), *outcome.warnings),
             margins=margins_of(task, *world, reward),
-            goals=shares_of(task, *world),
+            goals=goals_shares(task, *world),
         )
         if not 0.0 <= reward <= 1.0:
             reason = f"task {task.name}: the reward {reward} is not in [0, 1]"

@@ -15,7 +15,6 @@ from core.plugins import describe_part
 from core.plugins.blame import PluginError, describe_failure
 from core.simulation.attempt import Stage, follow_guards, plan_attempt, stage_of
 from core.simulation.judging import judge_attempts
-from core.simulation.observing import MISSED_M, MISSED_RAD
 from core.support.text import shorten
 from core.trial import Condition, Trial
 
@@ -38,25 +37,6 @@ def play(condition: Condition, candidates: Sequence[Candidate]) -> list[Trial]:
         if blamed is None:
             raise
         raise PluginError(blamed) from error
-
-
-def find_problems(condition: Condition, candidate: Candidate) -> list[str]:
-    """Say what is wrong with a candidate in a condition, without playing it.
-
-    That is why it would be rejected, or else which waypoints the arm misses or is late at, and where it meets itself.
-    """
-    planned = plan_attempt(stage_of(condition), candidate)
-    if planned.trial is not None:
-        return [planned.trial.reason]
-
-    motion = planned.motion
-    problems = []
-    for number, (metres, radians) in enumerate(motion.misses.tolist(), start=1):
-        if metres > MISSED_M or radians > MISSED_RAD:
-            miss = f"{1000 * metres:.0f} mm, {radians:.2f} rad"
-            problems.append(f"the arm misses the way to waypoint {number} by {miss}")
-
-    return [*problems, *motion.slowdowns(), *planned.warnings]
 
 
 def _play(stage: Stage, candidates: Sequence[Candidate]) -> list[Trial]:

@@ -127,25 +127,21 @@ def checked(reply: Reply) -> Reply:
     if error is not None:
         error = clean(scrub(str(error)), _LONGEST_ERROR)
     failed = error is not None and not text and not reply.prompt_tokens
-    cost = _limit(reply.cost_usd, MOST_USD)
     return replace(
         reply,
         text=text,
         model=clean(scrub(str(reply.model)), _LONGEST_MODEL),
         error=error,
-        prompt_tokens=_count(reply.prompt_tokens),
-        completion_tokens=_count(reply.completion_tokens),
-        cost_usd=None if cost is None else float(cost),
+        prompt_tokens=_known(reply.prompt_tokens, int, MOST),
+        completion_tokens=_known(reply.completion_tokens, int, MOST),
+        cost_usd=_known(reply.cost_usd, int | float, MOST_USD),
         unanswered=reply.unanswered is True and failed,
     )
 
 
-def _count(value: object) -> int | None:
-    return _limit(value, MOST) if isinstance(value, int) else None
-
-
-def _limit(value: Any, most: float) -> Any:
-    """Return a number from 0 on and below ``most``; None: it is something else."""
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return value if 0 <= value < most else None
+def _known(value: Any, wanted: Any, most: float) -> Any:
+    """Return a number of a kind, from 0 on and below ``most``; None: it is something else."""
+    is_number = isinstance(value, wanted) and not isinstance(value, bool)
+    if is_number and 0 <= value < most:
+        return value
     return None

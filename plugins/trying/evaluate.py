@@ -20,10 +20,11 @@ from core.errors import UsageError
 from core.interfaces import Task
 from core.plugins import installed
 from core.plugins.blame import refuse_exit
-from core.simulation.play import find_problems
+from core.simulation.attempt import plan_attempt, stage_of
+from core.simulation.observing import MISSED_M, MISSED_RAD
 from core.support.cli import arguments, print_table, say, write_bytes
 from core.support.text import by_reason, clean
-from core.trial import Evaluation
+from core.trial import Condition, Evaluation
 from plugins.trying.judging import build_fitness, try_all
 
 STOPPED_RAD = 0.02  # lag of a joint above which something held it back; reference solutions stay below 0.012
@@ -58,6 +59,25 @@ def check_all(cfg: DictConfig) -> Iterator[str]:
         lines = by_reason(found) if len(conditions) > 1 else alone
         problems = clean("; ".join(lines), MAX_REMARK) or "nothing found"
         yield f"strategy {candidate.strategy} plan {candidate.action}: {problems}"
+
+
+def find_problems(condition: Condition, candidate: Candidate) -> list[str]:
+    """Say what is wrong with a candidate in a condition, without playing it.
+
+    That is why it would be rejected, or else which waypoints the arm misses or is late at, and where it meets itself.
+    """
+    planned = plan_attempt(stage_of(condition), candidate)
+    if planned.trial is not None:
+        return [planned.trial.reason]
+
+    motion = planned.motion
+    problems = []
+    for number, (metres, radians) in enumerate(motion.misses.tolist(), start=1):
+        if metres > MISSED_M or radians > MISSED_RAD:
+            miss = f"{1000 * metres:.0f} mm, {radians:.2f} rad"
+            problems.append(f"the arm misses the way to waypoint {number} by {miss}")
+
+    return [*problems, *motion.slowdowns(), *planned.warnings]
 
 
 def _read_candidates(cfg: DictConfig, document: object) -> list[Candidate]:

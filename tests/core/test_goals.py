@@ -23,7 +23,6 @@ from core.goals import (
     goals_margins,
     goals_reward,
     goals_shares,
-    needs_trace,
 )
 from core.scene import (
     Body,
@@ -275,8 +274,8 @@ def film(*states, **touching):
 
 def test_goals_that_ask_for_the_past_need_a_trace():
     goal = Placed(("cube",), place=(0.7, None, None), by_s=1.0)
-    assert needs_trace((goal,))
-    assert not needs_trace((replace(goal, by_s=None),))
+    assert goal.needs_trace
+    assert not replace(goal, by_s=None).needs_trace
     with pytest.raises(ValueError, match="need a trace"):
         reward(goal, START)
 
@@ -300,7 +299,7 @@ def test_released_is_touched_by_no_part_of_the_robot():
     """A body that is still held above its place is not placed."""
     goal = Placed(("cube",), place=(0.7, None, None), released=True)
     end = shifted(1, by=(0.2, 0, 0.2))
-    assert needs_trace((goal,))
+    assert goal.needs_trace
     assert reward(goal, end, film(START, end)) == 1
     assert reward(goal, end, film(START, end, cube_tool_blade=[0])) == 1
     assert reward(goal, end, film(START, end, cube_tool_blade=[1])) == 0
@@ -317,8 +316,8 @@ def test_a_body_is_kept_at_the_end_or_throughout():
     away = at(shifted(0.5), other=START.position("other") + np.array([0, 0.06, 0]))
     back = film(START, away, shifted(1))
     at_end, throughout = Kept(("other",)), Kept(("other",), throughout=True)
-    assert not needs_trace((at_end,))
-    assert needs_trace((throughout,))
+    assert not at_end.needs_trace
+    assert throughout.needs_trace
     assert reward((placed, at_end), shifted(1), back) == 1
     assert reward((placed, throughout), shifted(1), back) == pytest.approx(0.5)
     assert reward((placed, throughout), shifted(1), film(START, shifted(1))) == 1
@@ -457,10 +456,15 @@ def test_each_of_several_goals_that_count_has_a_share():
     )
     end = shifted(0.25)
     task = SimpleNamespace(goals=goals, every=True)
-    shares = dict(goals_shares(task, START, end))
+    shares = dict(goals_shares(task, START, end, None))
     assert shares == pytest.approx({"joint drawer (goal 0)": 0.0, "cube away": 0.25})
     assert np.mean(list(shares.values())) == pytest.approx(
         goals_reward(task, START, end)
     )
-    assert goals_shares(SimpleNamespace(goals=goals, every=False), START, end) == ()
-    assert goals_shares(SimpleNamespace(goals=goals[1:], every=True), START, end) == ()
+    assert (
+        goals_shares(SimpleNamespace(goals=goals, every=False), START, end, None) == ()
+    )
+    assert (
+        goals_shares(SimpleNamespace(goals=goals[1:], every=True), START, end, None)
+        == ()
+    )

@@ -11,7 +11,7 @@ import numpy as np
 
 from core.errors import UserError
 from core.geometry import Array, Pose
-from core.goals import goals_reward, needs_trace
+from core.goals import goals_reward
 from core.interfaces import Picture, Task
 from core.scene import Scene, State, Trace
 from core.values.layouts import NONE
@@ -166,7 +166,7 @@ class FileTask(Task):
 
     @property
     def reads_trace(self) -> bool:
-        return needs_trace(self.goals)
+        return any(goal.needs_trace for goal in self.goals)
 
     def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
         """Compute the reward that the goals stand for."""

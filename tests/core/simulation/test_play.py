@@ -12,7 +12,7 @@ from core.plugins import installed
 from core.plugins.blame import PluginError
 from core.scene import State
 from core.simulation.attempt import prepare
-from core.simulation.play import find_problems, play
+from core.simulation.play import play
 from plugins.fitness.robustness import Perturbation, PerturbationRange
 from tasks.bring_cube import BringCube
 from tests.engines import simulator
@@ -234,16 +234,6 @@ def test_an_examiner_may_refuse_a_candidate_and_adds_what_it_measured():
         0.0,
     )
     assert (measured.status, measured.figures) == ("ok", {"layout": 2, "plan": 1})
-
-
-def test_problems_are_found_without_playing():
-    where = condition(Slide(), Lost(), settings=SETTINGS)
-    assert find_problems(where, candidate(0)) == []
-    far = replace(candidate(0), plan=Waypoints(np.array([[3.0, 0, 0.4, 0, 0, 0]])))
-    assert "the arm misses the way to waypoint 1 by" in find_problems(where, far)[0]
-    assert find_problems(where, replace(candidate(0), problem="too heavy")) == [
-        "too heavy"
-    ]
 
 
 class Confused(Slide):
