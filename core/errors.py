@@ -41,12 +41,17 @@ def fault(error: BaseException | None) -> str | None:
         if no_thread or isinstance(cause, Fault | OSError | MemoryError | ImportError):
             text = str(error)
             if cause is error and not isinstance(error, Fault | UserError):
-                text = f"{type(error).__name__}: {error}"
+                text = in_line(cause)
             return " ".join(text.split()).removesuffix(":")
 
         cause = cause.__cause__
 
     return None
+
+
+def in_line(error: BaseException) -> str:
+    """Describe an error in one line: its type, and what it says."""
+    return " ".join(f"{type(error).__name__}: {error}".split())
 
 
 def check_positive(where: str, **numbers: float) -> None:

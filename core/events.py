@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +66,9 @@ class Generation:
     def mean_reward(self) -> float | None:
         """The mean over the candidates that were tried; None if there are none."""
         rewards = [e.reward for e in self.evaluations if e.status == "ok"]
-        return sum(rewards) / len(rewards) if rewards else None
+        if not rewards:
+            return None
+        return sum(rewards) / len(rewards)
 
     def count(self, status: str) -> int:
         """Count the evaluations with this status."""
@@ -94,12 +97,15 @@ class Result:
     effort: Effort | None = None
 
     @cached_property
+    def evaluations(self) -> tuple[Evaluation, ...]:
+        """Those of all generations, in order."""
+        groups = [generation.evaluations for generation in self.generations]
+        return tuple(chain(*groups))
+
+    @cached_property
     def ranking(self) -> list[Evaluation]:
         """The candidates of all generations that were tried, the best first."""
-        return best_first(
-            (e for generation in self.generations for e in generation.evaluations),
-            self.tie,
-        )
+        return best_first(self.evaluations, self.tie)
 
     @property
     def best(self) -> Evaluation | None:
@@ -109,17 +115,12 @@ class Result:
     @property
     def n_evaluations(self) -> int:
         """The number of candidates that were not rejected. Some may share an evaluation."""
-        return sum(g.count("ok") + g.count("failed") for g in self.generations)
+        return sum(e.status != "rejected" for e in self.evaluations)
 
     @property
     def rollouts(self) -> int:
         """How many rollouts there were; equal candidates share theirs."""
-        evaluations = (
-            e for generation in self.generations for e in generation.evaluations
-        )
-        finals = sum(
-            len(rewards)
-            for engines in self.finals.values()
-            for rewards in engines.values()
-        )
-        return finals + sum(e.rollouts for e in evaluations)
+        rollouts = sum(e.rollouts for e in self.evaluations)
+        for engines in self.finals.values():
+            rollouts += sum(map(len, engines.values()))
+        return rollouts

@@ -1,4 +1,9 @@
-"""Say what a task wants in a form that programs can read, and make a reward of it.
+"""Say what a task wants in a form that programs can read, and make a reward of it::
+
+    goals = (
+        Placed(("cube",), place=(0.6, 0.0, 0.02), tolerance=0.01, rest=True),
+        Untouched(("vase",)),
+    )
 
 A goal is of one of two sorts. A `Reach` wants bodies, or a joint, to end in some way: `Placed`, `Away`, `JointAt` and
 `Turned`. A `Limit` says what must not happen meanwhile: `Kept` and `Untouched`. All of them say how far they were
@@ -51,9 +56,13 @@ _NAMES = {
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What goals are judged by: the states of one world or of many, and the trace in between if one was taken.
+    """What goals are judged by, of one world or of many.
 
-    ``goals`` are the task's, since one may come after another.
+    Attributes:
+        start: the state after settling, before the motion.
+        end: the state after the motion.
+        trace: what happened in between; None: nothing was recorded.
+        goals: the task's, since one may come after another.
     """
 
     start: State
@@ -72,6 +81,7 @@ class Evidence:
             raise ValueError(
                 "the goals need a trace: declare reward(self, start, end, trace), and pass the trace on"
             )
+
         return self.trace
 
     def hold(self, body: str) -> Array:
@@ -97,6 +107,10 @@ class Evidence:
 class Measure:
     """A figure of a state that is to end at most at a limit, or at least.
 
+    A cup that must end higher than 0.2 m::
+
+        Measure("height of cup", height, 0.2, slip=0.1, unit="m", at_least=True)
+
     Attributes:
         name: what it is, for its margin, such as ``height of cup``.
         value: computes it from the states of one world or of many, (...).
@@ -118,22 +132,30 @@ class Measure:
     def left(self, state: State) -> Array:
         """Compute how far a state is beyond the limit, (...)."""
         value = self.value(state)
+
         if self.at_least:
             return np.maximum(self.limit - value, 0.0)
+
         return np.maximum(value - self.limit, 0.0)
 
     def margin(self, end: State) -> Margin | None:
         """Return the margin of one world; None: nothing may be off, so that there is no room."""
         value = float(self.value(end))
+
         if self.at_least:
             return Margin.at_least(self.name, value, self.limit, self.unit, self.slip)
         if self.limit > 0:
             return Margin.at_most(self.name, value, self.limit, self.unit)
+
         return None
 
 
 class Goal(ABC):
-    """Something that a task wants. Goals are hints for programs: the reward is the task's own, or `goals_reward`."""
+    """Something that a task wants.
+
+    Goals are hints for programs: the reward is the task's own, or `goals_reward`. A model is told of them in words, an
+    observer says by them what became of a body, and a margin says how close it was.
+    """
 
     @abstractmethod
     def share(self, evidence: Evidence) -> Array:
@@ -157,7 +179,8 @@ class Goal(ABC):
 class Reach(Goal):
     """Bodies that must end in some way: at rest or held, wherever they are; its kinds say more.
 
-    A kind says what it measures of each body (`measures`), and where it wants them (`place_of`).
+    Of a cube that only has to be held: ``Reach(("cube",), held=True)``. A kind says what it measures of each body
+    (`measures`), and where it wants them (`place_of`).
 
     Attributes:
         bodies: their names.
@@ -189,13 +212,13 @@ class Reach(Goal):
     def __post_init__(self) -> None:
         fields = ("tolerance", "tolerance_deg", "away")  # that kinds have
         least = min(getattr(self, name, 0.0) for name in fields)
-        ends = (self.rest, self.held, self.released)
+        ends = [self.rest, self.held, self.released]
         only_bodies = type(self) is Reach and not (any(ends) or self.also)
-        misplaced = any(
-            getattr(part, end) > getattr(self, end)
-            for part in self.also
-            for end in ("rest", "held", "released")
-        )
+        misplaced = False
+        for part in self.also:
+            asked = [part.rest, part.held, part.released]
+            misplaced = misplaced or bool(np.greater(asked, ends).any())
+
         refuse(
             "a goal's ",
             {
@@ -223,9 +246,9 @@ class Reach(Goal):
     def unrest(self, body: str, state: State) -> Array:
         """Measure how many times as fast as what is at rest a body is, (...)."""
         moved = state.placement(body)
-        return np.maximum(
-            _length(moved.linear) / STILL_M_S, _length(moved.angular) / STILL_RAD_S
-        )
+        slides = _length(moved.linear) / STILL_M_S
+        turns = _length(moved.angular) / STILL_RAD_S
+        return np.maximum(slides, turns)
 
     def subjects(self, state: State) -> tuple[str, ...]:
         """Return the bodies that are looked at."""
@@ -245,12 +268,13 @@ class Reach(Goal):
 
     @property
     def needs_trace(self) -> bool:
+        """Whether it asks for a time, or for what the robot touches."""
         in_time = self.by_s is not None or self.ever or self.after is not None
         return self.held or self.released or in_time
 
     def all_measures(self, body: str, start: State) -> list[Measure]:
         """Return what its parts ask of a body."""
-        return [found for part in self.parts for found in part.measures(body, start)]
+        return list(chain(*(part.measures(body, start) for part in self.parts)))
 
     def progress(
         self, start: State, now: State, hold: Callable[[str], Array] | None = None
@@ -259,41 +283,59 @@ class Reach(Goal):
 
         ``hold`` says how far the robot holds a body; None: that does not count.
         """
-        shape = now.positions.shape[:-2]
         shares = []
-        for body in self.subjects(now):
-            left = np.zeros(shape)
-            before = np.zeros(shape)
-            for measure in self.all_measures(body, start):
-                first = np.broadcast_to(measure.left(start), shape)
-                scale = np.maximum(first, measure.slip)
-                left = left + measure.left(now) / scale
-                before = before + first / scale
 
-            reached = np.clip(1 - left / np.where(before > 0, before, 1.0), 0.0, 1.0)
+        for body in self.subjects(now):
+            reached = self._approach(body, start, now)
+
             if self.rest:
                 reached = reached / np.maximum(self.unrest(body, now), 1.0)
             if self.held and hold is not None:
                 reached = reached * hold(body)
             if self.released and hold is not None:
                 reached = reached * (1.0 - hold(body))
+
             shares.append(reached)
 
         if not shares:
             raise ValueError("a goal to reach needs bodies")
-        if self.any:
-            return np.asarray(np.max(shares, axis=0))
-        return np.asarray(np.mean(shares, axis=0))
+
+        combine = np.max if self.any else np.mean
+        return np.asarray(combine(shares, axis=0))
+
+    def _approach(self, body: str, start: State, now: State) -> Array:
+        """Compute which share of a body's way from its start is done, 0..1, (...).
+
+        What is right at the start counts as lost from its measure's slip on.
+        """
+        shape = now.positions.shape[:-2]
+        left = np.zeros(shape)
+        before = np.zeros(shape)
+
+        for measure in self.all_measures(body, start):
+            first = np.broadcast_to(measure.left(start), shape)
+            scale = np.maximum(first, measure.slip)
+            left = left + measure.left(now) / scale
+            before = before + first / scale
+
+        share = left / np.where(before > 0, before, 1.0)
+        return np.clip(1 - share, 0.0, 1.0)
 
     def progress_over_time(self, evidence: Evidence) -> Array:
-        """Compute its progress at each instant of the trace, (..., T)."""
+        """Compute its progress at each instant of the trace, (..., T).
+
+        Raises:
+            ValueError: there is no trace.
+        """
         start = evidence.start.each(lambda array: array[..., None, :, :])
         return self.progress(start, evidence.film.states, evidence.hold)
 
     def share(self, evidence: Evidence) -> Array:
-        reached = self.progress(
-            evidence.start, evidence.end, lambda body: evidence.hold(body)[..., -1]
-        )
+
+        def hold(body: str) -> Array:
+            return evidence.hold(body)[..., -1]
+
+        reached = self.progress(evidence.start, evidence.end, hold)
         if self.by_s is not None or self.ever:
             progress = self.progress_over_time(evidence)
             if self.by_s is not None:
@@ -316,9 +358,11 @@ class Reach(Goal):
         names = []
         for number, goal in enumerate(evidence.goals):
             if isinstance(goal, Reach):
+                # It may be called by its number, whatever its name.
                 name = goal.name or number
                 known |= {number: goal, name: goal}
                 names.append(str(name))
+
         if which not in known:
             raise ValueError(
                 f"a goal comes after {which!r}, which is no goal; there are: {', '.join(names)}"
@@ -347,31 +391,33 @@ class Reach(Goal):
         least_or_most = max if self.any else min
         end = evidence.end
         bodies = self.subjects(end)
+
         measures = [self.all_measures(body, evidence.start) for body in bodies]
         found = []
+
         for alike in zip(*measures, strict=True):
             margins = [measure.margin(end) for measure in alike]
             known = [margin for margin in margins if margin is not None]
+
             if known:
                 found.append(least_or_most(known, key=lambda margin: margin.margin))
 
         what = "bodies"
         if len(bodies) == 1:
             what = self.subject
+
         if self.rest:
             slow_or_fast = min if self.any else max
             fastest = slow_or_fast(float(self.unrest(body, end)) for body in bodies)
-            found.append(
-                Margin.at_most(f"speed of {what}", fastest, 1.0, "resting speeds")
-            )
+            name = f"speed of {what}"
+            found.append(Margin.at_most(name, fastest, 1.0, "resting speeds"))
 
         if self.by_s is not None and evidence.trace is not None:
             times = evidence.trace.times
             fulfilled = times[self.progress_over_time(evidence) >= DONE]
             first = float(fulfilled.min(initial=max(times[-1], self.by_s)))
-            found.append(
-                Margin.at_most(f"time to fulfil {what}", first, self.by_s, "s")
-            )
+            name = f"time to fulfil {what}"
+            found.append(Margin.at_most(name, first, self.by_s, "s"))
 
         return found
 
@@ -379,6 +425,10 @@ class Reach(Goal):
 @dataclass(frozen=True, kw_only=True)
 class Placed(Reach):
     """Bodies that must end at a place.
+
+    A plug that must end 1 cm above the frame of its socket, wherever that stands::
+
+        Placed(("plug",), place=(0.0, 0.0, 0.01), at="socket", tolerance=0.003)
 
     Attributes:
         place: where, (x, y, z) in metres; None: a coordinate is free.
@@ -408,6 +458,7 @@ class Placed(Reach):
         if self.at is not None:
             turned = rotate(start.quaternion(self.at), there)
             there = start.position(self.at) + turned
+
         free = [wanted is None for wanted in self.place]
         return np.where(free, np.nan, there)
 
@@ -415,6 +466,8 @@ class Placed(Reach):
 @dataclass(frozen=True, kw_only=True)
 class Away(Reach):
     """Bodies that must end so far ``away`` from where they start, m, in any direction.
+
+    A lid that must end 0.1 m from its jar: ``Away(("lid",), away=0.1, at="jar")``.
 
     Attributes:
         at: the body or mark that they get away from, by which a program may plan; the way counts from their start.
@@ -436,7 +489,10 @@ class Away(Reach):
 
 @dataclass(frozen=True, kw_only=True)
 class JointAt(Reach):
-    """A ``joint`` that must end at the position ``to``, within ``tolerance``: m, or rad."""
+    """A ``joint`` that must end at the position ``to``, within ``tolerance``: m, or rad.
+
+    A drawer that must be open by 0.2 m: ``JointAt(joint="drawer", to=0.2, tolerance=0.01)``.
+    """
 
     joint: str
     to: float
@@ -449,18 +505,21 @@ class JointAt(Reach):
     def subjects(self, state: State) -> tuple[str, ...]:
         return (state.joints[self.joint].joint.body,)
 
+    def _slides(self, state: State) -> bool:
+        return state.joints[self.joint].joint.kind == "slider"
+
     def measures(self, body: str, start: State) -> Sequence[Measure]:
         def off(state: State) -> Array:
             return np.abs(state.joint(self.joint).position - self.to)
 
         name = f"{self.joint} off its position"
-        if start.joints[self.joint].joint.kind == "slider":
+
+        if self._slides(start):
             return [Measure(name, off, self.tolerance, SLIP_M, "m", near=NEAR_M)]
         return [Measure(name, off, self.tolerance, SLIP_RAD, "rad", near=NEAR_RAD)]
 
     def unrest(self, body: str, state: State) -> Array:
-        slides = state.joints[self.joint].joint.kind == "slider"
-        still = STILL_M_S if slides else STILL_RAD_S
+        still = STILL_M_S if self._slides(state) else STILL_RAD_S
         return np.abs(state.joint(self.joint).speed) / still
 
     def place_of(self, body: str, start: State) -> Array | None:
@@ -469,6 +528,7 @@ class JointAt(Reach):
         joint = placed.joint
         if joint.kind == "ball":
             return None
+
         parent = start.placement(joint.parent)
         return placed.carry(np.asarray(self.to), np.zeros(()), parent).position
 
@@ -476,6 +536,8 @@ class JointAt(Reach):
 @dataclass(frozen=True, kw_only=True)
 class Turned(Reach):
     """Bodies whose ``axis`` (3,), in their frames, must end along ``points`` (3,).
+
+    A cup that must stand upright: ``Turned(("cup",), axis=(0.0, 0.0, 1.0))``.
 
     Attributes:
         points: in the world, or in the frame of the body or mark ``at``, as it stands in the layout.
@@ -511,7 +573,10 @@ class Turned(Reach):
 
 
 class Limit(Goal):
-    """What must not happen, whichever goal is reached. Its share is what it leaves of the reward."""
+    """What must not happen, whichever goal is reached.
+
+    Its share is what it leaves of the reward.
+    """
 
     def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
         """Yield what one world did against it, for observations: when, s, and what."""
@@ -520,7 +585,7 @@ class Limit(Goal):
 
 @dataclass(frozen=True)
 class Kept(Limit):
-    """Bodies to leave in place: ``keep`` has their names.
+    """Bodies to leave in place: ``keep`` has their names, as in ``Kept(("glass",), kept_m=0.01)``.
 
     Beyond ``kept_m`` metres less is earned, and nothing where one moved five times as far. Its place at the end counts;
     with ``throughout`` the farthest one.
@@ -535,13 +600,17 @@ class Kept(Limit):
 
     @property
     def needs_trace(self) -> bool:
+        """Whether it looks at what happened before the end."""
         return self.throughout
 
     def _moved(self, name: str, evidence: Evidence) -> Array:
         """Measure how far a body got from its start, m, (...)."""
         moved = evidence.moved(name)
+
         if self.throughout:
-            moved = np.maximum(moved, evidence.ways(name).max(axis=-1))
+            farthest = evidence.ways(name).max(axis=-1)
+            moved = np.maximum(moved, farthest)
+
         return moved
 
     @property
@@ -562,11 +631,13 @@ class Kept(Limit):
         for name in self.keep:
             moved = float(self._moved(name, evidence))
             found.append(Margin.at_most(f"{name} moved", moved, self.kept_m, "m"))
+
         return found
 
     def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
         film = evidence.film
         noticed = NOTICED * self.kept_m
+
         for name in self.keep:
             moved = float(self._moved(name, evidence))
             if moved > noticed:
@@ -577,7 +648,10 @@ class Kept(Limit):
 
 @dataclass(frozen=True)
 class Untouched(Limit):
-    """Bodies that the robot must not touch, or with ``max_force_n`` above 0, not press harder, N."""
+    """Bodies that the robot must not touch, or with ``max_force_n`` above 0, not press harder, N.
+
+    An egg that bears 5 N: ``Untouched(("egg",), max_force_n=5.0)``.
+    """
 
     untouched: tuple[str, ...]
     max_force_n: float = 0.0
@@ -587,16 +661,19 @@ class Untouched(Limit):
 
     @property
     def needs_trace(self) -> bool:
+        """It does: what touched is in the trace."""
         return True
 
     def share(self, evidence: Evidence) -> Array:
         film = evidence.film
         share = evidence.full
+
         for name in self.untouched:
             if self.max_force_n:
                 harmed = film.force_n(name, "robot") > self.max_force_n
             else:
                 harmed = film.touched(name, "robot")
+
             share = share * ~harmed
 
         return share
@@ -605,7 +682,9 @@ class Untouched(Limit):
         trace = evidence.trace
         if trace is None:
             return []
+
         found = []
+
         for name in self.untouched:
             if self.max_force_n and trace.forces is not None:
                 force = float(trace.force_n(name, "robot"))
@@ -630,12 +709,16 @@ class Untouched(Limit):
                 did = f"{_find_toucher(film, name)} touched {name}"
             else:
                 continue
+
             if harmed.any():
                 yield float(film.times[harmed.argmax()]), did
 
 
 class Aim(Protocol):
-    """A task, or what has its goals."""
+    """A task, or what has its goals.
+
+    ``every``: whether all goals to reach count; else one is enough.
+    """
 
     @property
     def goals(self) -> Sequence[Goal]: ...
@@ -661,6 +744,7 @@ def goals_reward(
     shares = [goal.share(evidence) for goal in wanted]
 
     reward = np.zeros(end.positions.shape[:-2])
+
     if shares and task.every:
         reward = np.average(shares, axis=0, weights=[goal.weight for goal in wanted])
     elif shares:
@@ -680,8 +764,10 @@ def goals_shares(
     """
     if not task.every or len(reaches(task.goals)) < 2:
         return ()
+
     evidence = Evidence(start, end, trace, task.goals)
     found = []
+
     try:
         for number, goal in enumerate(task.goals):
             if isinstance(goal, Reach):
@@ -697,23 +783,32 @@ def goals_shares(
 def goals_margins(
     task: Aim, start: State, end: State, trace: Trace | None = None
 ) -> list[Margin]:
-    """Say how far one world stayed from the limits of a task's goals; of goals one of which is enough, the best's."""
+    """Say how far one world stayed from the limits of a task's goals.
+
+    Of goals one of which is enough, these are the margins of the best: of that whose least margin is the largest.
+    """
     evidence = Evidence(start, end, trace, task.goals)
     groups = [goal.margins(evidence) for goal in reaches(task.goals)]
+
     if not task.every:
         known = filter(None, groups)
         groups = [
             max(known, key=lambda group: min(m.margin for m in group), default=[])
         ]
+
     return [*limits_margins(task, start, end, trace), *chain.from_iterable(groups)]
 
 
 def limits_margins(
     task: Aim, start: State, end: State, trace: Trace | None = None
 ) -> list[Margin]:
-    """Say how far one world stayed from the limits alone, for tasks that measure themselves what is reached."""
+    """Say how far one world stayed from the limits alone.
+
+    This is for tasks that measure themselves what is reached (`core.task.Task.margins`).
+    """
     evidence = Evidence(start, end, trace, task.goals)
     groups = [limit.margins(evidence) for limit in limits(task.goals)]
+
     return list(chain.from_iterable(groups))
 
 
@@ -728,7 +823,7 @@ def limits(goals: Iterable[Goal]) -> list[Limit]:
 
 
 def check_names(goal: Goal, scene: Scene) -> None:
-    """Refuse a goal that names what a scene lacks.
+    """Refuse a goal that names what a scene lacks, or that is about no body.
 
     Raises:
         UsageError: names what is possible.
@@ -741,24 +836,30 @@ def check_names(goal: Goal, scene: Scene) -> None:
     looks_at_bodies = isinstance(goal, Reach) and type(goal).subjects is Reach.subjects
     if looks_at_bodies and not getattr(goal, "bodies", ()):
         raise UsageError("a goal to reach needs bodies")
+
     for part in getattr(goal, "parts", [goal]):
         for field, what in _NAMES.items():
             names = getattr(part, field, None) or ()
             if isinstance(names, str):
                 names = (names,)
+
             for name in names:
                 if name not in possible[what]:
                     raise choices(what, name, possible[what])
 
 
 def _find_toucher(film: Trace, body: str) -> str:
-    """Name the part of the robot that touched a body first."""
+    """Name the part of the robot that touched a body first.
+
+    Where none is known, because only its force was measured, it is ``the robot``.
+    """
     touches = [
         (int(flags.argmax()), part)
         for (kind, part, other), flags in film.touching.items()
         if kind != "body" and other == body and flags.any()
     ]
     _, first = min(touches, default=(0, "the robot"))
+
     return first
 
 

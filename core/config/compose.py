@@ -81,6 +81,7 @@ def load(name: str, overrides: Sequence[str], schema: type | None = None) -> Dic
     register()
     if schema is not None:
         _register_schema(name, schema)
+
     try:
         config = _compose(name, quote_paths(overrides))
     except (HydraException, OmegaConfBaseException) as error:
@@ -108,6 +109,7 @@ def _refuse_unknown(config: DictConfig, path: str) -> None:
     if not is_dataclass(schema):
         return
     known = [field.name for field in fields(schema)]
+
     for key, node in config.items_ex(resolve=False):
         if key not in known:
             raise choices("key", str(key), known, path or "the configuration")
@@ -118,6 +120,7 @@ def _refuse_unknown(config: DictConfig, path: str) -> None:
 def overview(name: str, overrides: Sequence[str]) -> str:
     """Describe the config groups with their choices, and the primary config ``name`` with command-line overrides."""
     keys = OmegaConf.to_yaml(load(name, overrides))
+
     with _hydra():
         loader = GlobalHydra.instance().config_loader()
         groups = [
@@ -125,6 +128,7 @@ def overview(name: str, overrides: Sequence[str]) -> str:
             for group in sorted(loader.list_groups(""))
             if group not in ("hydra", "command")
         ]
+
     return f"groups (GROUP=NAME):\n\n{''.join(groups)}\nkeys (KEY=VALUE), and their values:\n\n{keys}"
 
 
@@ -178,6 +182,7 @@ def _explain_key(error: ConfigAttributeError | ConfigKeyError) -> UsageError:
         return UsageError(
             f"{path}.{key} is a setting of {path}={key}; add {path}={key}"
         )
+
     known = [str(known) for known in error.parent_node or ()]
     return choices("key", key, known, path or "the configuration")
 
@@ -214,6 +219,7 @@ def part(kind: Kind[T], config: DictConfig) -> PluginPart[T]:
 
     if not isinstance(settings, dict) or not isinstance(settings.get("name"), str):
         raise UserError(f"{kind}: the configuration names no part; give it a 'name'")
+
     group = KINDS[str(kind)]
     name = settings.pop("name")
     given = [
@@ -221,8 +227,10 @@ def part(kind: Kind[T], config: DictConfig) -> PluginPart[T]:
         for key, value in settings.items()
         if key not in group.defaults and not OmegaConf.is_missing(config, key)
     ]
-    base = settings.get("base") if group is ROBOT else ()
-    return PluginPart(group.name, name, tuple(given), base=base or ())
+    base = ()
+    if group is ROBOT:
+        base = settings.get("base") or ()
+    return PluginPart(group.name, name, tuple(given), base=base)
 
 
 def read_parts(
@@ -239,6 +247,7 @@ def read_parts(
         UserError: an entry names no part; there are none, or one is repeated.
     """
     parts: dict[str, PluginPart[T]] = {}
+
     for entry in entries:
         given = {"name": entry} if isinstance(entry, str) else dict(entry)
         name = given.pop("name", None)
@@ -289,6 +298,7 @@ def task_parts(config: DictConfig) -> list[PluginPart[Task]]:
     """Return the tasks in which a tool is tried: that of the configuration, or what makes its parts."""
     whole = task_part(config)
     sources = whole.create().sources
+
     return [replace(source, robot=whole.robot) for source in sources] or [whole]
 
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from core.design import DesignError
 from core.designs.plan_rules import check_plan, check_tempo
-from core.errors import RAISED, UserError
+from core.errors import RAISED, UserError, in_line
 from core.geometry import Array, Pose
 from core.interfaces import (
     ActionPlan,
@@ -78,7 +78,7 @@ def call_part(part: object, method: str, wanted: type, *args: Any, **named: Any)
         if getattr(error, "errno", None) in _MACHINE:
             raise
         raise DesignError(
-            f"{describe_part(part)}: {method} raised {type(error).__name__}: {error}"
+            f"{describe_part(part)}: {method} raised {in_line(error)}"
         ) from error
 
     if not isinstance(value, wanted):

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from core.config.schemas import PromptSettings
@@ -12,7 +15,7 @@ from core.designs.plan_rules import plan_limits
 from core.interfaces import Brief, RolloutSettings
 from core.plugins import installed
 from core.robot.trajectory import plan_motion
-from core.support.text import function_source, short_numbers
+from core.support.text import short_numbers
 from core.task import NOTHING_TOLD, Level
 
 
@@ -95,9 +98,24 @@ def _scene_values(facts: RunFacts, brief: Brief, mounted: Tool) -> dict[str, Any
         "tool_friction": brief.representation.material.made(mounted).friction,
         "home_xyz": f"({short_numbers(task.home.position, 4, ', ')})",
         "home_rpy": f"({short_numbers(task.home.rpy, 4, ', ')})",
-        "executor": function_source(plan_motion),
+        "executor": read_source(plan_motion),
         "rollout": facts.rollout,
         "hold_s": max(facts.rollout.hold_s, task.hold_s),
         **NOTHING_TOLD,
         **facts.level.values(task, brief.scene_seed),
     }
+
+
+@lru_cache
+def read_source(function: Callable[..., Any]) -> str:
+    """Take a function's source without its docstring."""
+    source = inspect.getsource(function)
+    lines = source.splitlines()
+    (definition,) = ast.parse(source).body
+    assert isinstance(definition, ast.FunctionDef)
+
+    if ast.get_docstring(definition) is not None:
+        docstring = definition.body[0]
+        del lines[docstring.lineno - 1 : docstring.end_lineno]
+
+    return "\n".join(lines)

@@ -11,7 +11,7 @@ from typing import Any
 
 import pluggy
 
-from core.errors import RAISED, UserError
+from core.errors import RAISED, UserError, in_line
 from core.hooks import Command, hookimpl
 from core.plugins.registry import Offer, Plugins, describe_part, installed
 from core.support.cli import say
@@ -39,7 +39,7 @@ def describe_failure(
         origin = Plugins.origin(frame.f_locals.get("self"))
         blamed = origin or modules.get(frame.f_globals.get("__name__", ""))
         if blamed is not None:
-            return f"{blamed.owner} raised {type(error).__name__}: {error}"
+            return f"{blamed.owner} raised {in_line(error)}"
 
     return None
 
@@ -112,7 +112,7 @@ class ListenerProxy:
         if self._failed:
             return
         self._failed = True
-        what = " ".join(f"{type(error).__name__}: {error}".split())
+        what = in_line(error)
         line = f"{describe_part(self._listener)}: {event} raised {what}"
         if isinstance(error, SystemExit):
             self.exited = line

@@ -53,7 +53,7 @@ class PluginPart(Generic[T_co]):
             part: Any = installed().create(
                 KINDS[self.kind], self.name, settings, **environment
             )
-        if self.base and self.pose != Pose():
+        if self.pose != Pose():
             part = replace(part, base=self.pose)
         return part  # type: ignore[no-any-return]
 
@@ -73,8 +73,6 @@ class PluginPart(Generic[T_co]):
                 f"robot.base must be four numbers, [x, y, z, yaw], got {self.base}"
             ) from error
 
-        if not any(self.base):
-            return Pose()
         return Pose.xyz_rpy((x, y, z), (0.0, 0.0, yaw))
 
     def shared(self) -> T_co:

@@ -18,7 +18,7 @@ from weakref import WeakKeyDictionary
 import pluggy
 import pydantic
 
-from core.errors import RAISED, UsageError, UserError, choices
+from core.errors import RAISED, UsageError, UserError, choices, in_line
 from core.hooks import PROJECT, Command, Configs, Factory, Parts
 from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins.kinds import COMMAND, HOOKS, KINDS, ROBOT, Kind
@@ -88,7 +88,7 @@ class Plugins:
             except KeyboardInterrupt:
                 raise
             except BaseException as error:  # a third-party import may raise anything
-                reason = f"import failed: {type(error).__name__}: {error}"
+                reason = f"import failed: {in_line(error)}"
                 self.failures.append(Failure(entry.name, distribution, reason))
             else:
                 self.register(plugin, entry.name, distribution)
@@ -127,7 +127,7 @@ class Plugins:
                             owner = f"{first.entry_point} of {first.distribution}"
                             fail(f"{kind} {part!r} is taken by {owner}")
             except RAISED as error:  # a third-party hook may raise anything
-                fail(f"hook {hook.name!r} failed: {type(error).__name__}: {error}")
+                fail(f"hook {hook.name!r} failed: {in_line(error)}")
 
     def _add_configs(self, path: str, distribution: str) -> None:
         package = path.removeprefix("pkg://")
@@ -213,9 +213,7 @@ class Plugins:
         except UserError:
             raise
         except RAISED as error:  # a third-party factory may raise anything
-            raise UserError(
-                f"{offer} can't be made: {type(error).__name__}: {error}"
-            ) from error
+            raise UserError(f"{offer} can't be made: {in_line(error)}") from error
 
         KINDS[group].check(part, str(offer))
 
@@ -316,9 +314,7 @@ def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any
         with _no_exit():
             found = pkgutil.resolve_name(what) if isinstance(what, str) else what
     except RAISED as error:  # a third-party import may raise anything
-        raise UserError(
-            f"{offer.owner} can't be imported: {type(error).__name__}: {error}"
-        ) from error
+        raise UserError(f"{offer.owner} can't be imported: {in_line(error)}") from error
 
     if not callable(found):
         raise UserError(

@@ -32,8 +32,9 @@ def print_outcome(result: Result, folder: Path) -> None:
             f"no candidate could be tried: {result.stopped}; {resume_hint(folder)}"
         )
 
-    reasons = [e.reason for g in result.generations for e in g.evaluations]
-    why = reasons[0] if reasons else "no candidate came"
+    why = "no candidate came"
+    if result.evaluations:
+        why = result.evaluations[0].reason
     print_best(best_figures(result), folder, why, unseen_figures(result))
     if result.stopped is not None:
         say(f"stopped: {result.stopped}", resume_hint(folder), file=sys.stderr)

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from core.design import Candidate
-from core.errors import RAISED, UserError, fault
+from core.errors import RAISED, UserError, fault, in_line
 from core.interfaces import CHUNK, Executor, Fitness
 from core.plugins import describe_part
 from core.plugins.blame import PluginError
@@ -247,7 +247,7 @@ def make_score(
     except UserError:
         raise
     except RAISED as error:  # of a plugin, or since it gave something else
-        what = " ".join(f"{type(error).__name__}: {error}".split())
+        what = in_line(error)
         raise UserError(f"{name}: score: {what}") from error
 
     if is_possible:

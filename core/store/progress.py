@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-
 from core.design import Candidate
 from core.errors import UserError
 from core.interfaces import Reply, Request, Text
 from core.store.database import Database
 from core.store.reader import StoredRun
 from core.trial import Trial, TrialKey
+from core.values.plans import digest
 
 # Replies and rollouts of later generations build on a failure as on a result: it stays then. So does a critique:
 # the generation's other requests were composed without it. A second look that a limit kept from being sent is sent.
@@ -39,18 +37,16 @@ class StoredProgress:
         numbers: of the rows of the trials.
     """
 
-    def __init__(self, database: Database) -> None:
+    def __init__(self, database: Database, stored: StoredRun) -> None:
         self._folder = database.folder
-        stored = StoredRun(database.folder, database.rows)
-
         self.again: dict[str, tuple[int, int]] = {
             row["id"]: (row["generation"], row["agent"])
             for row in database.rows(_AGAIN)
         }
-        self.requests: dict[str, str] = {}
+        requests = stored.requests()
+        self.requests = {request.id: request.digest for request in requests}
         self.replies: dict[str, Reply] = {}
-        for request in stored.requests():
-            self.requests[request.id] = request.digest
+        for request in requests:
             if request.reply is not None and request.id not in self.again:
                 self.replies[request.id] = request.reply
 
@@ -88,14 +84,11 @@ class StoredProgress:
             )
 
 
-def digest(request: Request) -> str:
+def digest_request(request: Request) -> str:
     """Return a hash of a request, with pictures by name: not every engine draws the same pixels twice."""
-    messages = [
-        [part.text if isinstance(part, Text) else part.name for part in message.parts]
-        for message in request.messages
-    ]
-    content = json.dumps(
-        [messages, request.schema, request.temperature], sort_keys=True
-    )
-    data = content.encode("utf-8", "surrogatepass")
-    return hashlib.blake2b(data, digest_size=16).hexdigest()
+    said = []
+    for message in request.messages:
+        for part in message.parts:
+            said.append(part.text if isinstance(part, Text) else part.name)
+
+    return digest((said, request.schema, request.temperature))

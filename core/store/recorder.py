@@ -20,7 +20,7 @@ from core.store import columns
 from core.store.database import FILE, SCHEMA_VERSION, Database, writing
 from core.store.figures import report, summary, versions
 from core.store.files import keep_task, write_request, write_text
-from core.store.progress import StoredProgress, digest
+from core.store.progress import StoredProgress, digest_request
 from core.store.reader import StoredRun
 from core.trial import Evaluation, Trial, TrialKey
 
@@ -60,7 +60,7 @@ class RunStore:
         self.config = stored.config()
         self.result = stored.result()
         self.seconds = stored.seconds()
-        self.past = StoredProgress(database)
+        self.past = StoredProgress(database, stored)
         self._database = database
         self._began = time.monotonic()
         self._open = True
@@ -108,7 +108,8 @@ class RunStore:
     def run_started(self, run: Run) -> None:
         self._run = run
         self._began = time.monotonic()
-        self._warn_of_versions()
+        found = versions()
+        self._warn_of_changes(found)
         keep_task(self.folder, run.task)
         database = self._database
         with database.transaction():
@@ -119,22 +120,22 @@ class RunStore:
                 began=datetime.now(UTC).isoformat(timespec="seconds"),
                 seconds=0.0,
                 overrides=json.dumps(list(self.overrides)),
-                versions=json.dumps(versions()),
+                versions=json.dumps(found),
             )
             # A session that is killed leaves no result of an earlier one behind.
             _put_run(database, run.config)
 
-    def _warn_of_versions(self) -> None:
+    def _warn_of_changes(self, found: dict[str, str]) -> None:
+        """Warn where the versions ``found`` are not those of the last session."""
         last = "SELECT versions FROM sessions ORDER BY number DESC LIMIT 1"
-        found = versions()
         for row in self._database.rows(last):
             before = json.loads(row["versions"])
-            changes = [
-                f"{name} {before.get(name)} -> {found.get(name)}"
-                for name in sorted({*before, *found})
-                if before.get(name) != found.get(name)
-            ]
-            if changes:
+            changed = {name for name, _ in before.items() ^ found.items()}
+            if changed:
+                changes = [
+                    f"{name} {before.get(name)} -> {found.get(name)}"
+                    for name in sorted(changed)
+                ]
                 _log.warning(
                     "versions have changed since this run began (%s): it may come to something else",
                     ", ".join(changes),
@@ -150,7 +151,7 @@ class RunStore:
 
     @hookimpl
     def request_composed(self, request: Request) -> None:
-        composed = digest(request)
+        composed = digest_request(request)
         if self.past.requests.get(request.id) == composed:
             return
         if request.id in self.past.replies:

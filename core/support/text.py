@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import ast
-import inspect
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
-from functools import lru_cache
-from typing import Any
+from collections.abc import Iterable, Mapping
 
 
 def clean(text: str, longest: int, *, lines: bool = False) -> str:
@@ -20,6 +16,7 @@ def clean(text: str, longest: int, *, lines: bool = False) -> str:
     kept = "".join(c for c in text if c.isprintable() or c.isspace())
     rows = kept.splitlines() if lines else [kept]
     words = [" ".join(row.split()) for row in rows]
+
     return _cut("\n".join(filter(None, words)), longest)
 
 
@@ -28,19 +25,24 @@ def _cut(text: str, longest: int) -> str:
 
 
 def visible(text: str) -> str:
-    """Escape what is not printable: control characters, line breaks, marks that turn the direction, surrogates."""
-    return "".join(c if c.isprintable() else _escape(c) for c in text)
+    """Escape what is not printable.
 
+    That is control characters, line breaks, marks that turn the direction, and surrogates.
+    """
+    escaped = [
+        letter if letter.isprintable() else letter.encode("unicode_escape").decode()
+        for letter in text
+    ]
 
-def _escape(character: str) -> str:
-    return character.encode("unicode_escape").decode("ascii")
+    return "".join(escaped)
 
 
 def kind(value: object) -> str:
-    """Describe the type of a JSON value, for a reason."""
+    """Describe the type of a JSON value, for a reason: ``a list``, ``null``, or ``the text 'abc'``."""
     if isinstance(value, str):
         return f"the text {shorten(value)}"
     name = type(value).__name__
+
     return _JSON_TYPES.get(name, f"a {name}")
 
 
@@ -65,16 +67,21 @@ def short_numbers(values: Iterable[float], digits: int, between: str = " ") -> s
 
 
 def shorten(text: str, length: int = 40) -> str:
-    """Quote ``text``, cut to ``length`` characters."""
+    """Quote ``text``, cut to ``length`` characters, as for a reason that repeats what a model wrote."""
     return repr(_cut(text, length))
 
 
 def number(value: float | None, digits: int) -> str:
-    """Write ``value`` with ``digits`` after the point; a value just below 1 stays below it."""
+    """Write ``value`` with ``digits`` after the point.
+
+    A value just below 1 stays below it, so that no reward looks like a success that is none. What is not known is a
+    dash.
+    """
     if value is None or not math.isfinite(value):
         return "–"
     if digits and value < 1:
         value = min(value, 1 - 10.0**-digits)
+
     return f"{value:.{digits}f}"
 
 
@@ -85,6 +92,7 @@ def by_reason(candidates: Iterable[tuple[str, str]]) -> list[str]:
     """
     counts: Counter[str] = Counter()
     first: dict[str, str] = {}
+
     for name, reason in candidates:
         if reason:
             line = clean(reason, 300)
@@ -99,11 +107,15 @@ def by_reason(candidates: Iterable[tuple[str, str]]) -> list[str]:
 
 
 def hydra_word(value: object) -> str:
-    """Write a value as on the command line."""
+    """Write a value as on the command line, so that Hydra reads the same value again.
+
+    A text that Hydra's grammar would read as something else is put in quotes.
+    """
     if value is None:
         return "null"
     if isinstance(value, list | tuple):
         return f"[{','.join(map(hydra_word, value))}]"
+
     if isinstance(value, Mapping):
         items = [f"{hydra_word(key)}:{hydra_word(value[key])}" for key in value]
         return f"{{{','.join(items)}}}"
@@ -112,17 +124,5 @@ def hydra_word(value: object) -> str:
     if re.fullmatch(r"[\w./+-]+", text, re.ASCII):
         return text
     quoted = text.replace("'", "\\'")
+
     return f"'{quoted}'"
-
-
-@lru_cache
-def function_source(function: Callable[..., Any]) -> str:
-    """Take a function's source without its docstring."""
-    source = inspect.getsource(function)
-    lines = source.splitlines()
-    (definition,) = ast.parse(source).body
-    assert isinstance(definition, ast.FunctionDef)
-    if ast.get_docstring(definition) is not None:
-        docstring = definition.body[0]
-        del lines[docstring.lineno - 1 : docstring.end_lineno]
-    return "\n".join(lines)

@@ -219,19 +219,27 @@ class Description:
             if not {*links} & {*self.above(name)}
         }
         joints = {child: joint for child, joint in self.joints.items() if child in kept}
+
         return Description(self.name, kept, joints)
 
     def renamed(self, names: Mapping[str, str]) -> Description:
         """Give links other names."""
+
+        def rename(name: str) -> str:
+            return names.get(name, name)
+
         links = {}
-        for name, link in self.links.items():
-            new = names.get(name, name)
+
+        for link in self.links.values():
+            new = rename(link.name)
             links[new] = replace(link, name=new)
+
         joints = {}
-        for name, joint in self.joints.items():
-            new = names.get(name, name)
-            parent = names.get(joint.parent, joint.parent)
-            joints[new] = replace(joint, parent=parent, child=new)
+
+        for joint in self.joints.values():
+            new = rename(joint.child)
+            joints[new] = replace(joint, parent=rename(joint.parent), child=new)
+
         return Description(self.name, links, joints)
 
     def rigid_parts(self, heads: Iterable[str]) -> dict[str, tuple[str, Pose]]:

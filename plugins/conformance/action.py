@@ -12,13 +12,14 @@ from core.design import DesignError
 from core.designs.plan_rules import check_plan
 from core.designs.planning import look
 from core.interfaces import ActionPlan, ActionRepresentation, Perception, Waypoints
-from core.support.text import shorten
 from plugins.conformance.checking import (
     WILD,
     LengthOnly,
     as_json,
     brief,
     expect,
+    expect_a,
+    expect_reason,
     read_or_refused,
     some_task,
 )
@@ -52,6 +53,7 @@ def check_plans_that_fit_the_schema_are_read(
     """Of documents of the schema's form some are read; those keep their meaning through dump, parse and pickle."""
     seen = look(some_task(), 0, Perception())
     sound = 0
+
     for gripper in (False, True):
         for data in _drawn(representation.schema(gripper=gripper)):
             try:
@@ -59,21 +61,12 @@ def check_plans_that_fit_the_schema_are_read(
                 played = _plan_for(plan, some_task().name)
                 waypoints = played.resolve(seen)
             except DesignError as error:
-                expect(
-                    str(error).strip(),
-                    f"{shorten(repr(data))} was refused without a reason",
-                )
+                expect_reason(error, data)
                 continue
 
             sound += 1
-            expect(
-                isinstance(plan, ActionPlan),
-                f"parse returned a {type(plan).__name__}, not an ActionPlan",
-            )
-            expect(
-                isinstance(waypoints, Waypoints),
-                f"resolve returned a {type(waypoints).__name__}, no Waypoints",
-            )
+            expect_a(ActionPlan, plan, "parse returned")
+            expect_a(Waypoints, waypoints, "resolve returned")
             check_plan(waypoints.poses, gripper=gripper)
             dumped = plan.dump()
             as_json(dumped, "what dump returned")
@@ -100,6 +93,7 @@ def _plan_for(plan: ActionPlan, task: str) -> ActionPlan:
     played = plan.of(task)
     if isinstance(played, str):
         raise DesignError(played)
+
     return played
 
 
@@ -128,6 +122,7 @@ def _draw(schema: dict[str, Any], rng: np.random.Generator, names: list[str]) ->
         return _pick(schema["enum"], rng)
     if "anyOf" in schema:
         return _draw(_pick(schema["anyOf"], rng), rng, names)
+
     match schema.get("type"):
         case "array":
             least = int(schema.get("minItems", 0))

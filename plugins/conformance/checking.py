@@ -45,6 +45,26 @@ def expect(condition: object, message: str) -> None:
         raise AssertionError(message)
 
 
+def expect_a(kind: type, value: object, what: str) -> None:
+    """Check that a value is of a kind; ``what`` says where it comes from, such as ``parse returned``.
+
+    Raises:
+        AssertionError: it is something else.
+    """
+    found = f"a {type(value).__name__}, not a {kind.__name__}"
+    expect(isinstance(value, kind), f"{what} {found}")
+
+
+def expect_reason(refusal: DesignError, data: object) -> None:
+    """Check that what a model may write is refused with a reason.
+
+    Raises:
+        AssertionError: there is none.
+    """
+    what = f"{shorten(repr(data))} was refused without a reason"
+    expect(str(refusal).strip(), what)
+
+
 def near(what: str, found: ArrayLike, due: ArrayLike, within: ArrayLike) -> None:
     """Check that a figure, or an array of figures, is what a formula says.
 
@@ -159,18 +179,12 @@ def read_or_refused(
         try:
             found = parse(data, gripper=False)
         except DesignError as error:
-            expect(
-                str(error).strip(),
-                f"{shorten(repr(data))} was refused without a reason",
-            )
+            expect_reason(error, data)
         except RAISED as error:
             what = f"parse raised {type(error).__name__} on {shorten(repr(data))}, not a DesignError"
             raise AssertionError(what) from error
         else:
-            expect(
-                isinstance(found, kind),
-                f"parse returned a {type(found).__name__} for {shorten(repr(data))}",
-            )
+            expect_a(kind, found, f"for {shorten(repr(data))} parse returned")
 
 
 def brief(

@@ -21,7 +21,7 @@ from core.interfaces import (
 from core.plugins import ACTION, installed
 from core.search.assignment import Assignment, Team
 from core.trial import Evaluation
-from plugins.conformance.checking import LengthOnly, expect, rigid, some_task
+from plugins.conformance.checking import LengthOnly, expect, expect_a, rigid, some_task
 from plugins.conformance.evaluations import tried_once
 
 Make = Callable[[Designer, Budget], EvolutionStrategy]
@@ -77,10 +77,7 @@ def search(
     for _ in range(3):
         candidates = list(strategy.ask())
         for candidate in candidates:
-            expect(
-                isinstance(candidate, Candidate),
-                f"ask returned a {type(candidate).__name__}, not a Candidate",
-            )
+            expect_a(Candidate, candidate, "ask returned")
 
         generations.append(candidates)
         ordered = sorted(candidates, key=lambda candidate: candidate.key)

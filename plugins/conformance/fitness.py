@@ -20,6 +20,7 @@ from core.trial import Evaluation, Status
 from plugins.conformance.checking import (
     as_json,
     expect,
+    expect_a,
     ready,
     some_simulator,
     some_task,
@@ -35,37 +36,49 @@ def condition() -> Condition:
     task = PluginPart[Task]("task", ready("task")[0])
     for variation in list(task.declared("variations", {}))[:1]:
         task = replace(task, settings=(("variation", variation),))
+
     return Condition(task, PluginPart("sim", some_simulator()[0]))
 
 
 def candidate() -> Candidate:
     """A stick that stays at home."""
     home = some_task().home
+
     return Candidate(stick(0.1), Waypoints(np.array([[*home.position, *home.rpy]])))
 
 
 def trials(
     fitness: Fitness, rewards: Sequence[float], status: Status = "ok"
 ) -> list[Trial]:
-    """A trial in each condition of a fitness, with these rewards in turn."""
+    """Make a trial in each condition of a fitness.
+
+    Args:
+        fitness: names the conditions.
+        rewards: what they earn, in turn.
+        status: of all of them.
+    """
     name = candidate().id
     found = []
+
     for number, tried_in in enumerate(fitness.conditions()):
         reward = rewards[number % len(rewards)]
         reason = "" if status == "ok" else "it broke"
         where = tried_in.where
         trial = Trial(where, name, status, reward, reason, distance_m=1.0, motion_s=2.0)
         found.append(trial)
+
     return found
 
 
 def scores(make: Make) -> Iterator[Score]:
+    """Yield the scores of trials that earned nothing, half, all, and different rewards."""
     fitness = make(condition())
     for rewards in ((0.0,), (0.5,), (1.0,), (0.2, 0.9)):
         yield fitness.score(candidate(), trials(fitness, rewards))
 
 
 def check_it_names_conditions(make: Make) -> None:
+    """What it tries, in the search and beyond it, are conditions, each of them once."""
     fitness = make(condition())
     text = fitness.instructions()
     expect(isinstance(text, str), f"instructions returned {text!r}, not a text")
@@ -76,10 +89,7 @@ def check_it_names_conditions(make: Make) -> None:
         "finals": list(chain(*islice(fitness.finals(), MOST_FINALS))),
     }.items():
         for value in found:
-            expect(
-                isinstance(value, Condition),
-                f"{what} has a {type(value).__name__}, not a Condition",
-            )
+            expect_a(Condition, value, f"{what} has")
 
         places = [value.where for value in found]
         repeated = sorted({str(place) for place in places if places.count(place) > 1})
@@ -95,6 +105,7 @@ def check_it_names_conditions(make: Make) -> None:
 
 
 def check_the_search_does_not_see_the_unseen(make: Make) -> None:
+    """No condition of the search is among those by which the best is judged at the end."""
     fitness = make(condition())
     seen = {searched.where for searched in fitness.conditions()}
     unseen = [last.where for last in fitness.unseen()]
@@ -103,6 +114,7 @@ def check_the_search_does_not_see_the_unseen(make: Make) -> None:
 
 
 def check_conditions_travel_to_workers(make: Make) -> None:
+    """Conditions can be pickled, and a copy is the same condition."""
     for sent in make(condition()).conditions():
         try:
             copy = pickle.loads(pickle.dumps(sent))  # noqa: S301 - written in this line
@@ -110,6 +122,7 @@ def check_conditions_travel_to_workers(make: Make) -> None:
             raise AssertionError(
                 f"a condition can't be pickled, and workers need a copy: {error}"
             ) from error
+
         expect(
             copy == sent,
             "a pickled condition is another one; let what it holds be compared by value",
@@ -117,16 +130,15 @@ def check_conditions_travel_to_workers(make: Make) -> None:
 
 
 def check_scores_are_rewards(make: Make) -> None:
+    """Scores lie between 0 and 1, and their figures can be written down."""
     for score in scores(make):
-        expect(
-            isinstance(score, Score),
-            f"score returned a {type(score).__name__}, not a Score",
-        )
+        expect_a(Score, score, "score returned")
         expect(0 <= score.reward <= 1, f"a reward is {score.reward}, not in [0, 1]")
         as_json(dict(score.figures), "what a score has as figures")
 
 
 def check_the_same_trials_score_the_same(make: Make) -> None:
+    """A score depends on nothing but the trials: not on chance, and not on what was scored before."""
     first = [score.reward for score in scores(make)]
     second = [score.reward for score in scores(make)]
     expect(
@@ -138,6 +150,7 @@ def check_the_same_trials_score_the_same(make: Make) -> None:
 def check_what_fails_earns_nothing(make: Make) -> None:
     """Trials that were rejected or failed have the reward 0, in each condition."""
     fitness = make(condition())
+
     for status in ("rejected", "failed"):
         score = fitness.score(candidate(), trials(fitness, (0.0,), status))
         expect(

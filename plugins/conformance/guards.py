@@ -22,7 +22,7 @@ from core.simulation.attempt import prepare
 from core.values.jobs import FEEL_S
 from plugins.conformance.checking import LeftOut, expect, near
 from plugins.conformance.scenery import cube, make_body, stick
-from plugins.conformance.worlds import HOME, Bodies, arm, film, play
+from plugins.conformance.worlds import Bodies, arm, film, play
 
 _STICK = 0.2  # m
 _TOP = 0.1  # m: of the block
@@ -32,41 +32,62 @@ _STOP_M = 0.003  # within so much of the wall a touch ends: the way in two readi
 _STRONG_N = 40.0  # friction holds the cube with 5 N
 
 
-class _Home(Bodies):
-    home = HOME
-
-
 def _played(
     simulator: Simulator, rows: Array, guards: tuple[Guard | None, ...], *bodies: Body
 ) -> Outcome:
-    """Play waypoints (N, 6), each approached slowly, with guards; literal ones are the same wherever a guard ends."""
+    """Play waypoints, each approached slowly, with guards.
+
+    They are literal, so that they are the same wherever a guard ends.
+
+    Args:
+        simulator: plays them.
+        rows: the waypoints, (N, 6).
+        guards: one for each, or None; the way to one with a guard is slow.
+        bodies: of the scene.
+
+    Raises:
+        LeftOut: the engine plays no motions with guards.
+        AssertionError: the rollout broke.
+    """
     if not simulator.supports_guards:
         raise LeftOut("it plays no motions with guards")
-    task = _Home(*bodies)
+    task = Bodies(*bodies)
     settings = RolloutSettings(settle_s=0.1, hold_s=0.3, feel=Feel(noise=0.05))
     unguarded = [guard is None for guard in guards]
     speeds = np.where(unguarded, np.nan, _SPEED)
     tempo = replace(Tempo.usual(len(rows)), speeds=speeds)
     candidate = Candidate(stick(_STICK), Waypoints(rows, tempo, guards))
     _, job = prepare(task, candidate, 0, settings, 1 / FEEL_S)
+
     return play(simulator, task, job)
 
 
 def _rows(*places: tuple[float, float, float]) -> Array:
+    """Make waypoints (N, 6) at places, m, with the mount upright."""
     return np.array([[*place, 0.0, 0.0, 0.0] for place in places])
 
 
 def _mount(outcome: Outcome, at_s: float) -> Array:
-    """Where the mount was at an instant."""
+    """Return where the mount was at an instant, (3,) m.
+
+    Args:
+        outcome: of a motion that was recorded.
+        at_s: seconds from the start of the motion; beyond its end the last instant counts.
+    """
     recording = film(outcome)
     instant = int(np.searchsorted(recording.times[:-1], at_s - 1e-6))
     place: Array = arm().positions(recording.arm[[instant]])[0]
+
     return place
 
 
 def check_that_touch_ends_at_a_wall(simulator: Simulator) -> None:
-    """Two guards in a row: down until touched, up, and down again; each ends where the block begins."""
+    """Two guards in a row: down until touched, up, and down again; each ends where the block begins.
+
+    After the last one the arm rests there too, since no waypoint follows.
+    """
     block = make_body("block", Box((0.2, 0.2, _TOP)), (0.55, 0.0, _TOP / 2))
+
     high = (0.55, 0.0, _FROM)
     low = (0.55, 0.0, _STICK + _TOP / 2)
     touch = Guard("touch")
@@ -85,10 +106,14 @@ def check_that_touch_ends_at_a_wall(simulator: Simulator) -> None:
 
 
 def check_that_force_ends_a_push(simulator: Simulator) -> None:
-    """A cube of 1 kg slides with less than the guard asks for, until a wall holds it."""
+    """A cube of 1 kg slides with less than the guard asks for, until a wall holds it.
+
+    So the push ends where the cube, which is 0.1 m wide, is between the stick and the wall.
+    """
     floor = make_body("floor", Box((2.0, 2.0, 0.1)), (0.5, 0.0, -0.05))
     pushed = cube("cube", (0.55, 0.0, 0.05), mass=1.0)
     wall = make_body("wall", Box((0.05, 0.6, 0.2)), (0.75, 0.0, 0.1))
+
     rows = _rows((0.42, 0.0, _STICK + 0.03), (0.72, 0.0, _STICK + 0.03))
     outcome = _played(
         simulator, rows, (None, Guard("force", newtons=_STRONG_N)), pushed, wall, floor
@@ -99,5 +124,10 @@ def check_that_force_ends_a_push(simulator: Simulator) -> None:
 
 
 def _expect_fired(outcome: Outcome, *due: str) -> None:
+    """Check which guards ended the motion's ways, in order.
+
+    Raises:
+        AssertionError: others did, or none.
+    """
     fired = tuple(felt.fired for felt in outcome.felt)
     expect(fired == due, f"what guards fired: {fired} instead of {due}")

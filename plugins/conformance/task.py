@@ -21,13 +21,14 @@ from core.robot.kinematics import arm_of
 from core.robot.solids import Obstacles, body_solids
 from core.scene import Scene, Soft, State, Trace
 from core.task import reward_of
-from plugins.conformance.checking import between, expect, near
+from plugins.conformance.checking import between, expect, expect_a, near
 
 SEEDS = (0, 1, 2)  # layouts that are looked at
 MAX_OVERLAP_M = 0.001
 
 
 def check_it_is_described(task: Task) -> None:
+    """It has a name for configs, and a description that a model can read."""
     expect(
         task.name.isidentifier(),
         f"the name {task.name!r} must be one word, for configs and folders",
@@ -48,7 +49,7 @@ def check_it_is_described(task: Task) -> None:
 
 
 def _layout(scene: Scene) -> list[tuple[object, ...]]:
-    """What a seed draws of each body."""
+    """Return what a seed draws of each body: its name, where it is, its mass, and what it is made of."""
     return [
         (body.name, body.pose, body.mass, getattr(body, "elastic", None))
         for body in scene.bodies
@@ -56,11 +57,9 @@ def _layout(scene: Scene) -> list[tuple[object, ...]]:
 
 
 def check_one_seed_gives_one_layout(task: Task) -> None:
+    """The same seed gives the same scene, and something in it can move."""
     scene = task.scene(3)
-    expect(
-        isinstance(scene, Scene),
-        f"scene returned a {type(scene).__name__}, not a Scene",
-    )
+    expect_a(Scene, scene, "scene returned")
     same = _layout(scene) == _layout(task.scene(3))
     expect(
         same, "one seed gives different layouts; draw from np.random.default_rng(seed)"
@@ -72,22 +71,25 @@ def check_one_seed_gives_one_layout(task: Task) -> None:
 
 
 def check_goals_name_bodies_of_the_scene(task: Task) -> None:
+    """Goals name what is in the scene, and each goal to reach is about some body."""
     scene = task.scene(0)
-    expect(
-        isinstance(task.goals, tuple),
-        f"goals is a {type(task.goals).__name__}, not a tuple",
-    )
+    expect_a(tuple, task.goals, "goals is")
+
     for goal in task.goals:
         try:
             check_names(goal, scene)
         except UsageError as error:
             raise AssertionError(f"a goal names what is not there: {error}") from error
+
     for reach in reaches(task.goals):
         expect(reach.subjects(scene.state()), f"{reach} is about no body")
 
 
 def check_rewards_work_for_one_world_or_many(task: Task) -> None:
-    """They are in [0, 1] wherever bodies end, far away too, and the same for each world alone."""
+    """Rewards are in [0, 1] wherever bodies end, far away too, and the same for each world alone.
+
+    So an engine may play many worlds, and the task judge them in one call.
+    """
     begin = task.scene(0).state()
     rng = np.random.default_rng(0)
     shifts = [
@@ -110,10 +112,12 @@ def reward_for(
 ) -> Array:
     """What a task pays; without a ``trace`` nothing touched anything in between."""
     between_them = Trace.of(first, last, forces={}) if trace is None else trace
+
     return np.asarray(reward_of(task, first, last, between_them))
 
 
 def check_the_arm_reaches_home_clear_of_the_scene(task: Task) -> None:
+    """The mount gets to the task's home, and nothing is in the arm's way there."""
     arm = arm_of(task.robot)
     place = arm.forward(arm.home_for(task.home)).position  # raises where it can't
     near("where the mount is at the task's home, m", place, task.home.position, 1e-3)
@@ -121,6 +125,7 @@ def check_the_arm_reaches_home_clear_of_the_scene(task: Task) -> None:
 
 
 def check_nothing_overlaps_at_spawn(task: Task) -> None:
+    """No two rigid bodies are inside each other, unless a joint connects them or both are fixed."""
     for seed in SEEDS:
         scene = task.scene(seed)
         rigid = [body for body in scene.bodies if not isinstance(body, Soft)]
@@ -130,6 +135,7 @@ def check_nothing_overlaps_at_spawn(task: Task) -> None:
                 continue
             obstacles = Obstacles(body_solids(other))
             deep = 0.0
+
             for solid in body_solids(body):
                 for _, gap in obstacles.gaps(solid, 0.0):
                     deep = max(deep, -gap)
@@ -142,6 +148,7 @@ def check_nothing_overlaps_at_spawn(task: Task) -> None:
 
 
 def check_variations_draw_layouts(task: Task) -> str:
+    """Two seeds of a variation give two layouts, in which nothing overlaps either."""
     for name in task.variations:
         varied = copy(task)
         varied.variation = name
@@ -151,4 +158,5 @@ def check_variations_draw_layouts(task: Task) -> str:
             f"variation {name!r}: two seeds give the same layout; use self.draw(seed)",
         )
         check_nothing_overlaps_at_spawn(varied)
+
     return ", ".join(task.variations) or "it has none"

@@ -19,6 +19,7 @@ from plugins.conformance.checking import (
     as_json,
     brief,
     expect,
+    expect_a,
     fingers,
     near,
     read_or_refused,
@@ -59,10 +60,7 @@ def check_given_tools_keep_the_rules(representation: ToolRepresentation) -> None
 
 def check_the_schema_is_of_json(representation: ToolRepresentation) -> None:
     fields = representation.schema()
-    expect(
-        isinstance(fields, dict),
-        f"schema returned a {type(fields).__name__}, not the properties of an object",
-    )
+    expect_a(dict, fields, "schema returned")
     as_json(fields, "the schema")
     if designs(representation):
         expect(fields, "the schema has no fields, so a model can't describe a tool")

@@ -12,6 +12,7 @@ from plugins.conformance.checking import (
     between,
     brief,
     expect,
+    expect_a,
     request,
     some_task,
 )
@@ -34,10 +35,7 @@ def check_each_request_has_its_reply(vlm: VLM) -> None:
     sent = requests()
     replies = list(vlm.complete(sent))
     for reply in replies:
-        expect(
-            isinstance(reply, Reply),
-            f"complete returned a {type(reply).__name__}, not a Reply",
-        )
+        expect_a(Reply, reply, "complete returned")
         for count in (reply.prompt_tokens, reply.completion_tokens, reply.cost_usd):
             between("what a reply counts, tokens or dollars", count or 0, 0)
     ids = ", ".join(sorted(reply.request_id for reply in replies))
@@ -47,8 +45,5 @@ def check_each_request_has_its_reply(vlm: VLM) -> None:
 
 def check_a_request_has_an_estimate(vlm: VLM) -> None:
     estimate = vlm.estimate(requests()[0], vlm.model)
-    expect(
-        isinstance(estimate, Estimate),
-        f"estimate returned a {type(estimate).__name__}, not an Estimate",
-    )
+    expect_a(Estimate, estimate, "estimate returned")
     between("how many tokens a request is estimated to take", estimate.prompt_tokens, 1)

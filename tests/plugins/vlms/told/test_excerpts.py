@@ -3,10 +3,10 @@
 import ast
 import importlib
 
+from core.designs.prompt_values import read_source
 from core.plugins import installed
 from core.robot.trajectory import plan_motion
 from core.scene import Body
-from core.support.text import function_source
 from plugins.vlms.told.excerpts import BODY, class_source, helpers, task_source
 from tests.faults import Slide
 
@@ -28,7 +28,7 @@ def test_a_class_keeps_its_docstring_and_the_members_that_are_asked_for():
 
 
 def test_a_function_keeps_its_body():
-    text = function_source(plan_motion)
+    text = read_source(plan_motion)
     ast.parse(text)
     assert '"""' not in text
     assert "def plan_motion(" in text
