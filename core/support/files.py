@@ -6,11 +6,19 @@ import os
 import secrets
 import stat
 from pathlib import Path
+from typing import NamedTuple
 
 from core.errors import UserError
 
-FileMark = tuple[int, ...]
-"""Numbers of which at least one changes when a file is changed or replaced."""
+
+class FileMark(NamedTuple):
+    """Numbers of which at least one changes when a file is changed or replaced."""
+
+    device: int
+    number: int
+    size: int
+    modified_ns: int
+    changed_ns: int  # unlike the time of modification it can't be chosen
 
 
 def file_mark(file: Path) -> FileMark | None:
@@ -19,9 +27,9 @@ def file_mark(file: Path) -> FileMark | None:
         status = file.lstat()
     except OSError:
         return None
-    # Unlike the time of modification, that of a change can't be chosen.
+    place = (status.st_dev, status.st_ino)
     times = (status.st_mtime_ns, status.st_ctime_ns)
-    return (status.st_dev, status.st_ino, status.st_size, *times)
+    return FileMark(*place, status.st_size, *times)
 
 
 def read_text(file: Path, what: str) -> str:
