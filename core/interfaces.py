@@ -71,6 +71,9 @@ from core.values.robots import (
 )
 
 Image = npt.NDArray[np.uint8]
+JsonObject = dict[str, Any]
+"""An object as JSON has it."""
+
 A = TypeVar("A")
 B = TypeVar("B")
 
@@ -151,7 +154,7 @@ class Request:
     id: str  # for example g0-a3: generation 0, agent 3
     brief: Brief
     messages: tuple[Message, ...]
-    schema: dict[str, Any]
+    schema: JsonObject
     temperature: float
     critique: bool = False
 
@@ -218,7 +221,7 @@ class ToolRepresentation(Variable[Tool], ABC):
         """Return the part of the prompt that explains the fields and the rules for a tool."""
 
     @abstractmethod
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> JsonObject:
         """Return the JSON schema of the fields, as the ``properties`` of an object; all of them are required."""
 
     @abstractmethod
@@ -230,10 +233,10 @@ class ToolRepresentation(Variable[Tool], ABC):
         """
 
     @abstractmethod
-    def dump(self, tool: Tool) -> dict[str, Any]:
+    def dump(self, tool: Tool) -> JsonObject:
         """Return the fields that `parse` reads back as the same tool."""
 
-    def abridge(self, tool: Tool) -> dict[str, Any]:
+    def abridge(self, tool: Tool) -> JsonObject:
         """Return fields that show an elite's tool in short; `instructions` explains those that the schema lacks."""
         return self.dump(tool)
 
@@ -256,7 +259,7 @@ class ActionRepresentation(Variable[ActionPlan], ABC):
         """Return the part of the prompt that says what a plan is: list items in Markdown."""
 
     @abstractmethod
-    def schema(self, *, gripper: bool) -> dict[str, Any]:
+    def schema(self, *, gripper: bool) -> JsonObject:
         """Return the JSON schema of one plan, for tools with the gripper or without."""
 
     @abstractmethod
@@ -301,13 +304,13 @@ class GivenTools(ToolRepresentation):
     def instructions(self, brief: Brief) -> str:
         return ""
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> JsonObject:
         return {}
 
     def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:
         raise TypeError("a given tool is not parsed")
 
-    def dump(self, tool: Tool) -> dict[str, Any]:
+    def dump(self, tool: Tool) -> JsonObject:
         return {}
 
 

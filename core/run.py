@@ -23,11 +23,9 @@ usage: python -m core.run [GROUP=NAME | KEY=VALUE ...]      start a run; groups 
        python -m core.run --hydra-help                      Hydra's own flags
 """
 
-# Of the jobs: raised in a job, they would be printed by Hydra with lines of its own.
-_failures: list[UserError] = []
 
-
-def _job(cfg: DictConfig) -> None:
+def _run_job(cfg: DictConfig) -> UserError | None:
+    """Run one job of Hydra's; return why it failed: raised, it would be printed by Hydra with lines of its own."""
     from hydra.core.hydra_config import HydraConfig
     from omegaconf.errors import OmegaConfBaseException
 
@@ -40,9 +38,11 @@ def _job(cfg: DictConfig) -> None:
         check_keys(cfg)
         print_outcome(run(cfg, folder), folder)
     except UserError as error:
-        _failures.append(error)
+        return error
     except OmegaConfBaseException as error:  # a setting without a value
-        _failures.append(explain(error, "config"))
+        return explain(error, "config")
+
+    return None
 
 
 def main(words: list[str]) -> None:
@@ -86,6 +86,13 @@ def _hydra(given: list[str]) -> None:
         folder = new_folder(f"multirun/{stamp()}")  # one for all jobs, in any process
         words.append(f"hydra.sweep.dir={folder}")
 
+    failures: list[UserError] = []
+
+    def job(cfg: DictConfig) -> None:
+        failure = _run_job(cfg)
+        if failure is not None:
+            failures.append(failure)
+
     sys.argv[1:] = words  # where Hydra reads them
     # Hydra raises its errors then, and `explain` makes one line of them.
     os.environ["HYDRA_FULL_ERROR"] = "1"
@@ -93,7 +100,7 @@ def _hydra(given: list[str]) -> None:
         version_base="1.3", config_path="pkg://conf", config_name="config"
     )
     try:
-        start(_job)()
+        start(job)()
     except KeyFound as found:
         raise UserError(str(found)) from None
     except (HydraException, OmegaConfBaseException) as error:
@@ -105,8 +112,8 @@ def _hydra(given: list[str]) -> None:
         where = error.filename or "the run's folder, or the output"
         raise UserError(f"can't write {where}: {error.strerror}") from error
 
-    if _failures:
-        raise _failures[0]
+    if failures:
+        raise failures[0]
 
 
 if __name__ == "__main__":

@@ -17,6 +17,9 @@ PARTS: dict[str, list[str]] = yaml.safe_load(
     (files("prompts") / "parts.yaml").read_text("utf-8")
 )
 """The templates of the project's own prompts, by the kind of request."""
+PartConfig = dict[str, Any]
+"""The name of a part, and its settings."""
+
 FEEDBACK = ("paper", "numbers", "full")
 PHOTOGRAPHS = ("beside", "alone", "none")
 
@@ -79,10 +82,10 @@ class SceneConfig:
     A part's settings are checked by its factory's signature.
     """
 
-    task: dict[str, Any] = MISSING
+    task: PartConfig = MISSING
     # Empty: the default robot, as in runs of earlier versions.
-    robot: dict[str, Any] = field(default_factory=dict)
-    sim: dict[str, Any] = MISSING
+    robot: PartConfig = field(default_factory=dict)
+    sim: PartConfig = MISSING
     material: Material = field(default_factory=Material)
     seed: int = 0
 
@@ -94,20 +97,20 @@ class TrialConfig(SceneConfig):
     ``protocol``: what all entries of a benchmark have in common; reports read it.
     """
 
-    tool: dict[str, Any] = MISSING
-    action: dict[str, Any] = field(default_factory=lambda: {"name": "waypoints"})
-    fitness: dict[str, Any] = field(default_factory=lambda: {"name": "nominal"})
-    executor: dict[str, Any] = MISSING
+    tool: PartConfig = MISSING
+    action: PartConfig = field(default_factory=lambda: {"name": "waypoints"})
+    fitness: PartConfig = field(default_factory=lambda: {"name": "nominal"})
+    executor: PartConfig = MISSING
     rollout: RolloutSettings = field(default_factory=RolloutSettings)
-    protocol: dict[str, Any] = field(default_factory=lambda: {"name": "none"})
+    protocol: PartConfig = field(default_factory=lambda: {"name": "none"})
 
 
 @dataclass
 class SearchConfig(TrialConfig):
     """How candidates are asked for."""
 
-    vlm: dict[str, Any] = MISSING
-    evolution: dict[str, Any] = MISSING
+    vlm: PartConfig = MISSING
+    evolution: PartConfig = MISSING
     prompt: PromptSettings = field(default_factory=PromptSettings)
     budget: Budget = MISSING
     sampling: Sampling = field(default_factory=Sampling)
@@ -118,7 +121,7 @@ class RunConfig(SearchConfig):
     """Settings of ``python -m core.run``. ``name``: what reports call the method; empty: what distinguishes it."""
 
     name: str = ""
-    listener: dict[str, Any] = field(default_factory=dict)
+    listener: PartConfig = field(default_factory=dict)
     film: bool = True
 
 

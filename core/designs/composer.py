@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from core.config.schemas import FEEDBACK, PHOTOGRAPHS, PromptSettings
+from core.config.schemas import FEEDBACK, PARTS, PHOTOGRAPHS, PromptSettings
 from core.designs.idea import read_idea
 from core.designs.prompt_templates import PromptTemplates
 from core.designs.prompt_values import RunFacts, prompt_values
@@ -236,12 +236,7 @@ def _check_settings(settings: PromptSettings) -> None:
 
 
 def _list_parts(settings: PromptSettings) -> set[str]:
-    return {
-        *settings.system,
-        *settings.initial,
-        *settings.evolution,
-        *settings.given,
-        *settings.tools,
-        REPAIR,
-        CRITIC,
-    }
+    parts = {REPAIR, CRITIC}
+    for use in PARTS:
+        parts |= {*getattr(settings, use)}
+    return parts

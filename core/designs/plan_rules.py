@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -58,6 +57,7 @@ def check_plan(plan: object, *, gripper: bool) -> Array:
     """
     if isinstance(plan, np.ndarray):
         plan = plan.tolist()
+
     if not isinstance(plan, list | tuple):
         raise DesignError(
             f"an action plan must be a list of waypoints, not {kind(plan)}"
@@ -74,6 +74,7 @@ def check_plan(plan: object, *, gripper: bool) -> Array:
     poses = np.array(plan, float)
     if len(poses) > 1:
         _check_length(poses)
+
     return poses
 
 
@@ -108,15 +109,6 @@ def _check_waypoint(waypoint: object, where: str, gripper: bool) -> None:
         )
 
 
-def check_angles(angles: Iterable[float], where: str) -> None:
-    """Refuse angles of a tool that must be degrees; ``where`` names their place."""
-    for angle in angles:
-        if abs(angle) > MAX_ANGLE_RAD:
-            raise DesignError(
-                f"{where} has {angle:g}; angles are in radians, at most a full turn (90 degrees are 1.5708)"
-            )
-
-
 def _check_length(poses: Array) -> None:
     """Refuse a way through poses (N, 6 or 7) whose inverse kinematics would take too long."""
     turns = Rotation.from_euler("xyz", poses[:, 3:6])
@@ -144,6 +136,7 @@ def check_tempo(plan: Waypoints, home: Pose, most_s: float) -> None:
     tempo = plan.tempo
     if tempo is None:
         return
+
     for name, asked in (("speed", tempo.speeds), ("time", tempo.seconds)):
         for k in np.flatnonzero(asked < MIN_TEMPO)[:1]:
             raise DesignError(
@@ -188,6 +181,7 @@ def check_motion(
         raise DesignError(
             f"the motion takes {seconds:.0f} s under the arm's limits, more than {most:.0f} s; use fewer waypoints"
         )
+
     if settings.penetration == "ignore" and not settings.observe:
         return 0.0
 
@@ -199,6 +193,7 @@ def check_motion(
             f"the tool's {count} parts would be looked at {hz:.0f} times a second for {seconds:.0f} s, which "
             f"is {poses:.2g} poses; at most {MAX_POSES:.2g} are computed: move slower, or use fewer and thicker parts"
         )
+
     return hz
 
 

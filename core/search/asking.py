@@ -41,7 +41,7 @@ def build_designer(
         settings = replace(settings, observe=True)
     fitness = builder.build_fitness(cfg, settings)
     prompts = PromptComposer(
-        _read_prompt(cfg, vlm),
+        replace(node(cfg.prompt, PromptSettings), repair=count_repairs(cfg, vlm)),
         settings,
         cfg.sim.name,
         tie=cfg.evolution.get("tie", TIE),
@@ -50,13 +50,8 @@ def build_designer(
     sampling = node(cfg.sampling, Sampling)
     designer = ModelDesigner(assignment, vlm, prompts, sampling, events)
     artist = Artist(assignment, prompts, part(SIMULATOR, cfg.sim).create)
+
     return builder.finish(designer, fitness, artist), fitness
-
-
-def _read_prompt(cfg: DictConfig, vlm: VLM) -> PromptSettings:
-    """Read the settings of prompts, and settle how often designs go back to the model."""
-    settings = node(cfg.prompt, PromptSettings)
-    return replace(settings, repair=count_repairs(cfg, vlm))
 
 
 def count_repairs(cfg: DictConfig, vlm: object) -> int:
@@ -64,6 +59,7 @@ def count_repairs(cfg: DictConfig, vlm: object) -> int:
     if cfg.prompt.repair is not None:
         return int(cfg.prompt.repair)
     can_mend = getattr(vlm, "repairs", VLM.repairs)
+
     return int(can_mend and cfg.budget.name != "paper")
 
 
@@ -82,21 +78,33 @@ def _read_assignment(cfg: DictConfig) -> Assignment:
     assignment = Assignment(task, representation, actions, budget, cfg.seed, kinds)
     if assignment.given is not None:
         return replace(assignment, budget=replace(budget, n_tool=1))
+
     return replace(assignment, tool_kinds=borne_kinds(kinds, task.robot))
 
 
 def _read_budget(cfg: DictConfig) -> Budget:
+    """Read the budget of a run.
+
+    Raises:
+        UsageError: there would be no agent, tool, plan or elite; or a number that may be 0 is below it.
+    """
     budget = node(cfg.budget, Budget)
+
     for name in ("n_agent", "n_tool", "n_action", "k_top", *MAY_BE_ZERO):
         least = int(name not in MAY_BE_ZERO)
         number = getattr(budget, name)
         if number < least:
             raise UsageError(f"budget.{name} must be at least {least}, got {number}")
+
     return budget
 
 
 def _strategy_observes(cfg: DictConfig) -> bool:
-    """Report whether the strategy needs observations, which is settled before it is made."""
+    """Report whether the strategy needs observations.
+
+    That is settled before it is made, since the fitness is made first.
+    """
     strategy = part(EVOLUTION, cfg.evolution)
     observes = strategy.declared("observes", EvolutionStrategy.observes)
+
     return bool(observes(dict(strategy.settings)))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -100,15 +99,6 @@ class Rollout:
     forces: bool = False
     guards: Guards | None = None
     scene: Any = None  # a `core.scene.Scene`
-
-    def scene_in(self, task: Any) -> Any:
-        """Return the scene to play in, of a `core.task.Task`: the same object for jobs that share it."""
-        return self.scene if self.scene is not None else _layout(task, self.seed)
-
-
-@lru_cache(maxsize=4)
-def _layout(task: Any, seed: int) -> Any:
-    return task.scene(seed)
 
 
 @dataclass(unsafe_hash=True)

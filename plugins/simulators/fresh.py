@@ -17,6 +17,7 @@ from core.support.scratch import temporary_folder
 from core.values.jobs import FeelingWorld
 from plugins.simulators.forces import Impulses
 from plugins.simulators.rigid import only_rigid
+from plugins.simulators.scenes import scene_of
 from plugins.simulators.steps import check_time_step, choose_step
 
 Prepared = TypeVar("Prepared")
@@ -91,7 +92,7 @@ class FreshWorlds(Simulator, Generic[Prepared]):
         return self._build(task, Rollout(tool, at_home(task), seed))
 
     def _build(self, task: Task, job: Rollout) -> FreshWorld:
-        scene = job.scene_in(task)
+        scene = scene_of(job, task)
         if self._prepared is None or self._prepared[0] is not scene:
             only_rigid(scene, task.name, self.name)
             self._prepared = (scene, self.prepare(scene))

@@ -19,13 +19,12 @@ from typing import Any
 import numpy as np
 
 from core.design import Component, DesignError, Tool, ToolJoint
-from core.designs.plan_rules import check_angles
 from core.designs.rules import MAX_COMPONENTS, MAX_DENSITY, MIN_DENSITY, NAME
 from core.geometry import Array, Compound, Pose, Shape
 from core.interfaces import Brief, Robot
 from core.robot.description import assembled
 from core.support.text import kind, shorten
-from plugins.tools.mounting import first_box, instruct
+from plugins.tools.mounting import check_angles, first_box, instruct
 from plugins.tools.varying import VariedTools
 
 MAX_NUMBER = 1000.0
@@ -85,6 +84,7 @@ class ComponentTools(VariedTools):
 
     def schema(self) -> dict[str, Any]:
         items = []
+
         for shape in self.shape_schemas:
             properties = {
                 "name": TEXT,
@@ -102,6 +102,7 @@ class ComponentTools(VariedTools):
         item = items[0]
         if len(items) > 1:
             item = {"anyOf": items}
+
         return {self.field: {"type": "array", "items": item}}
 
     def instructions(self, brief: Brief) -> str:
@@ -115,6 +116,7 @@ class ComponentTools(VariedTools):
             "mass": 0.005,
             "color": "#3373cc",
         }
+
         return instruct(
             self.template,
             brief,
@@ -154,6 +156,7 @@ class ComponentTools(VariedTools):
         tool = Tool(gripper=gripper)
         for read_shape in self.readers():
             tool = Tool(tuple(self._read(items, read_shape, tool.mounts)), gripper)
+
         return tool
 
     def _read(
@@ -162,6 +165,7 @@ class ComponentTools(VariedTools):
         """Yield components after their parents, each with its pose in its parent's frame."""
         read: dict[str, Component] = {}  # with their poses in the mount's frame
         reserved = robot_names(self.robot)
+
         for number, item in enumerate(items, start=1):
             where = f"{self.field}: component {number}"
             name = _read_name(item, where, read, reserved)
@@ -169,6 +173,7 @@ class ComponentTools(VariedTools):
 
         placed = {mount: Pose() for mount in mounts}
         parents = {name: component.parent for name, component in read.items()}
+
         for name in parents_first(parents, mounts, "component"):
             component = read[name]
             placed[name] = component.pose
@@ -214,6 +219,7 @@ class ComponentTools(VariedTools):
             mass = read_number(item["mass"], f"{where}: mass")
         color = _read_color(item, where)
         joint = _read_joint(item.get("joint"), f"{where}: its joint", pose)
+
         return Component(name, parent, pose, shape, mass, color, joint)
 
     def dump(self, tool: Tool) -> dict[str, Any]:
@@ -222,6 +228,7 @@ class ComponentTools(VariedTools):
             self._write(component, placed[component.name][1])
             for component in tool.components
         ]
+
         return {self.field: items}
 
     def _write(self, component: Component, pose: Pose) -> dict[str, Any]:
@@ -238,6 +245,7 @@ class ComponentTools(VariedTools):
         }
         if self.joints:
             item["joint"] = _write_joint(component.joint, pose)
+
         return item
 
     def abridge(self, tool: Tool) -> dict[str, Any]:
@@ -248,12 +256,14 @@ class ComponentTools(VariedTools):
 def _abridge(item: Mapping[str, Any]) -> dict[str, Any]:
     """Write a component in short: without its colour, and what is as usual."""
     short = {}
+
     for key, value in item.items():
         if key == "color" or value in (_NO_TURN, "box"):
             continue
         short[key] = value
         if isinstance(value, list):
             short[key] = [round(number, 4) for number in value]
+
     return short
 
 
@@ -296,9 +306,11 @@ def parents_first(
         DesignError: parents do not lead to a mount.
     """
     done = set(mounts)
+
     for start in parents:
         chain: list[str] = []
         name = start
+
         while name not in done:
             if name in chain:
                 raise DesignError(
@@ -322,9 +334,11 @@ def parents_first(
 def robot_names(robot: Robot) -> frozenset[str]:
     """Collect the names of the robot's links and joints, with and without its gripper, and of its mounts."""
     names = {*Tool().mounts, *Tool(gripper=True).mounts, *dict(robot.aliases)}
+
     for gripper in {False, robot.gripper is not None}:
         arm = assembled(robot, Tool(gripper=gripper))
         names.update(arm.links, arm.named)
+
     return frozenset(names)
 
 
@@ -372,12 +386,14 @@ def _write_joint(joint: ToolJoint | None, pose: Pose) -> dict[str, Any] | None:
     numbers = {name: float(f"{getattr(joint, name):.6g}") for name in _JOINT_NUMBERS}
     # Written as 1, so that what is read again is written the same.
     longest = float(abs(axis).max())
+
     return {"kind": joint.kind, "axis": rounded(axis / longest), "at": at, **numbers}
 
 
 def check_keys(item: Mapping[str, Any], keys: Iterable[str], where: str) -> None:
     """Refuse what no one would read, such as a misspelt key."""
     known = set(keys)
+
     for key in item:
         if key not in known:
             raise DesignError(
@@ -393,6 +409,7 @@ def read_number(value: object, where: str) -> float:
     """
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise DesignError(f"{where} must be a number, not {describe(value)}")
+
     # Also refuses nan, and integers that are too large for a float.
     if not abs(value) <= MAX_NUMBER:
         raise DesignError(
@@ -412,6 +429,7 @@ def read_numbers(value: object, count: int, where: str) -> list[float]:
         raise DesignError(
             f"{where} must be a list of {count} numbers, not {describe(value)}"
         )
+
     return [read_number(number, where) for number in value]
 
 
@@ -421,12 +439,14 @@ def describe(value: object) -> str:
         return "missing"
     if isinstance(value, list):
         return f"a list of {len(value)}"
+
     return kind(value)
 
 
 def rounded(values: Iterable[float]) -> list[float]:
     """Round numbers to `DIGITS`, and write whole ones without a point."""
     numbers = [round(float(value), DIGITS) + 0.0 for value in values]
+
     return [
         int(number) if number.is_integer() else number  # a whole one as 1, not 1.0
         for number in numbers
@@ -444,6 +464,7 @@ def rounded_rpy(pose: Pose) -> list[float]:
         roll = math.remainder(roll - way * yaw, math.tau)
         pitch = way * math.pi / 2
         yaw = 0.0
+
     return rounded((roll, pitch, yaw))
 
 
@@ -471,6 +492,7 @@ def _read_name(
 
     if name in taken:
         raise DesignError(f"two components are named {name!r}; each needs its own name")
+
     return name
 
 
@@ -481,9 +503,12 @@ def _read_color(
     text = item.get("color")
     if text is None:
         return Component.color
+
     if not isinstance(text, str) or not _COLOR.fullmatch(text):
         raise DesignError(
             f'{where}: color must be red, green and blue in hexadecimal, such as "#3373cc", not {kind(text)}'
         )
+
     red, green, blue = bytes.fromhex(text[1:])
+
     return red / 255, green / 255, blue / 255, 1.0

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from core.design import RIGID_MOUNT, Tool
+from core.design import RIGID_MOUNT, DesignError, Tool
 from core.designs import rules, statics, tool_joints
+from core.designs.plan_rules import MAX_ANGLE_RAD
 from core.geometry import Array
 from core.interfaces import Brief, Robot
 from core.robot.extents import fingers_of
@@ -17,6 +19,19 @@ from core.support.text import short_number
 from core.values.materials import Material
 
 _MEET_M = 0.0005  # fingers nearer than this meet
+
+
+def check_angles(angles: Iterable[float], where: str) -> None:
+    """Refuse angles of a tool that must be degrees; ``where`` names their place.
+
+    Raises:
+        DesignError: one is more than a full turn.
+    """
+    for angle in angles:
+        if abs(angle) > MAX_ANGLE_RAD:
+            raise DesignError(
+                f"{where} has {angle:g}; angles are in radians, at most a full turn (90 degrees are 1.5708)"
+            )
 
 
 def describe_mount(brief: Brief) -> str:
@@ -30,6 +45,7 @@ def describe_mount(brief: Brief) -> str:
     closed = "meet when it is closed"
     if closed_m >= _MEET_M:
         closed = f"{short_number(closed_m, 3)} m when it is closed"
+
     return _write(
         "mount",
         gripper=True,
@@ -54,6 +70,7 @@ def instruct(template: str, brief: Brief, material: Material, **given: Any) -> s
     weight = ""
     if material.density_kg_m3 is not None:
         weight = describe_weight(material, robot)
+
     return _write(
         template,
         mount=describe_mount(brief),
@@ -70,6 +87,7 @@ def describe_weight(material: Material, robot: Robot) -> str:
     """Write the part of a prompt that says what tools of a real material weigh, and what they may; a list item."""
     payload = f"{statics.mass_limit(robot, material)[0]:g} kg"
     moment = f"{statics.moment_limit(robot):g} N m"
+
     return f"""\
 - Tools are made of {material.name}, {material.density_kg_m3:g} kg/m^3, {material.filling}. What a component
   weighs follows from its volume; a mass that you write is ignored. The tool may weigh {payload}, and turn the wrist
@@ -114,6 +132,7 @@ def first_box(brief: Brief) -> ExampleBox:
         + down * finger.face(finger.tip)
     )
     place += 0.0155 * finger.tip  # it overlaps the finger by 4.5 mm
+
     return ExampleBox(finger.name, "left_pad", size, place)
 
 
@@ -121,6 +140,7 @@ def _axis(way: Array) -> str:
     """Name an axis (3,), perhaps reversed, such as +y."""
     axis = int(np.abs(way).argmax())
     sign = "-" if way[axis] < 0 else "+"
+
     return sign + "xyz"[axis]
 
 
@@ -128,4 +148,5 @@ def finger_gap(robot: Robot) -> float:
     """Measure the way between the inner faces of the fingers of the open gripper, metres."""
     left, right = fingers_of(robot)
     between = left.place(-left.opens) - right.place(-right.opens)
+
     return float(between @ left.pose.rotation.apply(left.opens))

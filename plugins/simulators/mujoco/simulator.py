@@ -15,6 +15,7 @@ from plugins.simulators.mujoco.renderer import MuJoCoRenderer
 from plugins.simulators.mujoco.stepped import Stepped
 from plugins.simulators.mujoco.world import World
 from plugins.simulators.rendering import DrawingSimulator
+from plugins.simulators.scenes import scene_of
 
 _KEPT = 4  # worlds: most batches have one tool
 
@@ -61,7 +62,7 @@ class MuJoCoSimulator(DrawingSimulator):
 
     def _world(self, task: Task, job: Rollout) -> World:
         """Return the world of a job's scene and tool; the last few are kept."""
-        scene = job.scene_in(task)
+        scene = scene_of(job, task)
 
         def build() -> World:
             model = compile_model(task.robot, scene, job.tool, *self._rates)

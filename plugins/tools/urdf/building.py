@@ -17,7 +17,6 @@ from typing import Literal, NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
 from core.design import Component, DesignError, Tool, ToolJoint
-from core.designs.plan_rules import check_angles
 from core.designs.rules import MAX_COMPONENTS
 from core.errors import UserError
 from core.geometry import Box, Pose
@@ -28,6 +27,7 @@ from core.support.text import shorten
 from core.values.descriptions import RobotJoint, RobotLink
 from core.values.urdf import read_tree, read_xml
 from plugins.tools.components import default_mass, parents_first, robot_names
+from plugins.tools.mounting import check_angles
 
 MAX_CHARACTERS = 1_000_000
 MAX_LINKS = 2 * MAX_COMPONENTS  # some are only frames
@@ -119,6 +119,7 @@ def build_tool(
     }
     taken = {*names, *reserved}
     parents: dict[str, str] = {}
+
     for name in names:
         parent = tree.joints[name].parent
         parents[name] = aliases.get(parent, parent)
@@ -153,6 +154,7 @@ def _add_mounts(
 ) -> None:
     """Add links for the mounts, by each of their names; all hang from the first: a description has one base."""
     others = [alias for alias, mount in aliases.items() if mount in mounts]
+
     for name in (*mounts, *others):
         SubElement(root, "link", name=name)
         if name != mounts[0]:
@@ -165,6 +167,7 @@ def _usual_mass(shapes: list[_Shape]) -> float:
     """Return the mass of a link that says none."""
     if not shapes:
         return Component.mass
+
     return default_mass(math.fsum(shape.box.volume for shape in shapes))
 
 
@@ -176,6 +179,7 @@ def _parse(text: str) -> Element:
         )
 
     block = _DECLARATION.sub("", _unescape(text))
+
     try:
         root = read_xml(
             f"<robot>{block}\n</robot>".encode(errors="surrogatepass"),
@@ -186,6 +190,7 @@ def _parse(text: str) -> Element:
 
     if len(root) == 1 and root[0].tag == "robot":
         return root[0]
+
     return root
 
 
@@ -193,12 +198,14 @@ def _unescape(text: str) -> str:
     """Undo what was escaped once too often: ``&lt;link name=...`` and ``<link name=\\"...``."""
     if "&lt;link" in text or "=&quot;" in text:
         text = html.unescape(text)
+
     return text.replace('\\"', '"')
 
 
 def _check(root: Element, reserved: frozenset[str], mounts: str) -> list[str]:
     """Refuse what can't be in a tool, before anything is compared with all others; list the names of the links."""
     links = []
+
     for element in root:
         tag = element.tag
         if tag not in ("link", "joint", "material"):
@@ -245,6 +252,7 @@ def _check_name(tag: str, name: str, reserved: frozenset[str]) -> None:
         raise DesignError(
             f"{tag} name {shorten(name)} is not 1 to {most} letters, digits, '_', '.' or '-'"
         )
+
     if name in reserved:
         raise DesignError(
             f"{tag} {name!r} is the robot's own; the block holds only the tool's links and joints"
@@ -261,6 +269,7 @@ def _boxes(link: RobotLink) -> list[_Shape]:
     if len(link.visuals) == len(collisions):
         painted = link.visuals
     boxes = []
+
     for shape, looks in zip(collisions, painted, strict=True):
         if not isinstance(shape.shape, Box):
             found = type(shape.shape).__name__.lower()
@@ -282,6 +291,7 @@ def _moving(joint: RobotJoint, loose: bool) -> ToolJoint | None:
     where = f"joint {joint.name!r}"
     if joint.kind == "fixed":
         return None
+
     if not (loose and joint.kind in _MOVES):
         wanted = 'tools are rigid: use type "fixed"'
         if loose:
@@ -298,6 +308,7 @@ def _moving(joint: RobotJoint, loose: bool) -> ToolJoint | None:
         "stiffness": stiffness,
         "rest": rest,
     }
+
     try:
         return ToolJoint(
             _MOVES[joint.kind], joint.axis, lower, upper, (0.0, 0.0, 0.0), **numbers
@@ -343,9 +354,11 @@ def _hang(
     volume = math.fsum(shape.box.volume for shape in shapes)
     components: list[Component] = []
     bearers: list[_Holder] = []
+
     for box, place, color in shapes:
         # All of the mass, to the last bit, where there is one box.
         share = mass * (box.volume / volume)
+
         if bearers:
             parent, there = _nearest(bearers, box, place)
             free = _free_name(name, taken)
@@ -368,6 +381,7 @@ def _in_box(joint: ToolJoint, place: Pose) -> ToolJoint:
     inverse = place.inverse()
     x, y, z = inverse.position.tolist()
     along_x, along_y, along_z = inverse.rotation.apply(joint.axis).tolist()
+
     return replace(joint, axis=(along_x, along_y, along_z), origin=(x, y, z))
 
 
@@ -377,6 +391,7 @@ def _nearest(holders: list[_Holder], box: Box, pose: Pose) -> tuple[str, Pose]:
     Return its name, and the pose in its own frame.
     """
     nearest = holders[0]
+
     if len(holders) > 1:
         least = math.inf
         for holder in holders:
@@ -384,8 +399,10 @@ def _nearest(holders: list[_Holder], box: Box, pose: Pose) -> tuple[str, Pose]:
             if distance < least:
                 nearest = holder
                 least = distance
+
             if least == 0:
                 break
+
     return nearest.name, nearest.frame @ pose
 
 
@@ -395,6 +412,7 @@ def _gap_to(holder: _Holder, box: Box, pose: Pose) -> float:
         return 0.0
     moved = Solid("", solid_geometry(box), holder.frame @ pose)
     still = Solid("", solid_geometry(holder.box), Pose())
+
     return max(0.0, signed_distance(moved, still))
 
 
@@ -403,4 +421,5 @@ def _free_name(name: str, taken: set[str]) -> str:
     numbered = (f"{name[:58]}_{number}" for number in count(2))
     free = next(text for text in numbered if text not in taken)
     taken.add(free)
+
     return free

@@ -25,6 +25,7 @@ from plugins.simulators.mujoco.shapes import Element
 from plugins.simulators.mujoco.simulator import MuJoCoSimulator
 from plugins.simulators.rendering import DrawingSimulator
 from plugins.simulators.rigid import only_rigid
+from plugins.simulators.scenes import scene_of
 
 if TYPE_CHECKING:
     from plugins.simulators.mujoco.batched.worlds import Worlds
@@ -82,6 +83,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         figures = [self._find_figures(task, job) for job in jobs]
         outcomes: dict[int, Outcome] = {}
         groups: dict[str, list[int]] = {}
+
         for number, known in enumerate(figures):
             refused = refuse_targets(jobs[number])
             if refused is None:
@@ -104,7 +106,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         Raises:
             UserError: the scene has what MuJoCo Warp can't play.
         """
-        scene = job.scene_in(task)
+        scene = scene_of(job, task)
 
         def extract() -> tuple[Scene, ModelFigures]:
             only_rigid(scene, task.name, "mujoco_warp")
@@ -112,17 +114,20 @@ class MuJoCoWarpSimulator(DrawingSimulator):
                 raise UserError(
                     f"{task.name}: sim=mujoco_warp can't have joints or launched bodies in a scene; use sim=mujoco"
                 )
+
             compiled = self._model(task, job)
             joints = Joints.find(task.robot, job.tool, compiled)
+
             return scene, extract_figures(compiled, scene, joints)
 
         # The entry keeps the scene, so that no other gets its id.
         key = (id(scene), job.tool.content)
+
         return keep(self._figures, key, _KEPT_FIGURES, extract)[1]
 
     def _model(self, task: Task, job: Rollout) -> Element:
         """Compile the model of a job's world."""
-        return model(task.robot, job.scene_in(task), job.tool, *self._rates)
+        return model(task.robot, scene_of(job, task), job.tool, *self._rates)
 
     def _play(
         self,
@@ -141,6 +146,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         """
         shared = figures[members[0]].shared
         waiting = list(members)
+
         while waiting:
             ahead = [schedules[number] for number in waiting]
             worlds = self._batch(task, ahead, figures[waiting[0]])
@@ -150,6 +156,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
                 [figures[number] for number in now], ahead[: len(now)]
             )
             again = []
+
             for number, played in zip(now, results, strict=True):
                 if played.crowded and 2 * worlds.size.contacts <= _MOST_CONTACTS:
                     again.append(number)
@@ -198,11 +205,13 @@ class MuJoCoWarpSimulator(DrawingSimulator):
 
         end = played.end.astype(np.float64)
         film = None
+
         if schedule.every:
             numbers = np.concatenate([played.film.astype(np.float64), end[None]])
             film = (*figures.joints.read(numbers), figures.state(numbers))
 
         start = figures.state(played.start.astype(np.float64))
+
         return schedule.conclude(start, figures.state(end), played.lag, film)
 
 
