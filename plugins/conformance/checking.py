@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
-from core.errors import RAISED, UserError
+from core.errors import RAISED, UserError, in_line
 from core.geometry import Box, Pose
 from core.hooks import PROJECT
 from core.interfaces import (
@@ -107,7 +107,7 @@ def _digits(figures: ArrayLike) -> str:
 def describe_error(error: BaseException) -> str:
     """Describe an exception in one line, with the place in the code that raised it."""
     last = traceback.extract_tb(error.__traceback__)[-1]
-    return f"{type(error).__name__}: {error} ({last.filename}, line {last.lineno})"
+    return f"{in_line(error)} ({last.filename}, line {last.lineno})"
 
 
 def rigid() -> Tool:

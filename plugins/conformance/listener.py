@@ -10,10 +10,10 @@ import io
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from omegaconf import OmegaConf
@@ -45,23 +45,18 @@ ODD = "[bold]{0} %s </td> \x1b[31m\x00\r\n| \u202e 柄 ```" + "long " * 1000
 
 
 @lru_cache(maxsize=1)
-def _config() -> tuple[str, dict[str, Any]]:
-    """The first task's name, and the configuration of a run of it."""
-    name = ready("task")[0]
-    return name, cast(
-        dict[str, Any],
-        OmegaConf.to_container(load("config", [f"task={name}"]), resolve=True),
-    )
+def _config() -> Any:
+    """The configuration of a run of the first task."""
+    config = load("config", [f"task={ready('task')[0]}"])
+    return OmegaConf.to_container(config, resolve=True)
 
 
 def script(
     folder: Path, text: str = PLAIN, simulator: Simulator | None = None
 ) -> list[tuple[str, dict[str, Any]]]:
     """The events of a run in ``folder`` of two generations and an empty one; ``text`` is all that the model writes."""
-    _, config = _config()
-    budget = Budget(
-        **{field.name: config["budget"][field.name] for field in fields(Budget)}
-    )
+    config = _config()
+    budget = Budget(**config["budget"])
     parts = {
         kind: node["name"]
         for kind, node in config.items()

@@ -1,4 +1,7 @@
-"""The ``summary`` listener: prints the outcome of a run, and the commands to look further."""
+"""The ``summary`` listener: prints the outcome of a run, and the commands to look further.
+
+It says what spoke against candidates, what the best one earned and where, what the model cost, and what to type next.
+"""
 
 from __future__ import annotations
 
@@ -25,6 +28,7 @@ if TYPE_CHECKING:
 
 _LONGEST = 60  # letters of a name
 _REASONS = 5  # why candidates earned nothing or less
+
 _CHOSEN = ("task", "robot", "sim", "tool", "material", "fitness")
 """With their settings, what a reward depends on."""
 
@@ -35,7 +39,9 @@ def listeners() -> Mapping[str, Callable[..., Any]]:
 
 
 class SummaryListener:
-    """Prints a table of the best tools, what spoke against candidates, and the commands to type next.
+    """Prints a table of the best tools, what spoke against candidates, and the commands to type next::
+
+        python -m core.run task=BringCube listener.summary.top=5
 
     All goes to standard error, so that standard output stays free for results.
 
@@ -49,11 +55,14 @@ class SummaryListener:
 
     @hookimpl
     def reply_received(self, reply: Reply) -> None:
+        """Keep a reply for the sum of what it cost."""
         self._replies.append(reply)
 
     @hookimpl(trylast=True)
     def run_finished(self, run: Run, result: Result) -> None:
+        """Print it after other listeners, whose files it names."""
         lines = list(_reasons(result))
+
         if result.best is not None:
             _print_tools(result, self.top)
             lines += _remarks(result, result.best)
@@ -64,19 +73,28 @@ class SummaryListener:
 
 
 def _print_tools(result: Result, top: int) -> None:
+    """Print a table of the best tools, each with its best plan.
+
+    Args:
+        result: of the run, which has a best candidate.
+        top: how many tools.
+    """
     numbers = ("reward", "distance m", "components", "mass g")
     rows = []
+
     for evaluation in best_tools(result.ranking)[:top]:
         candidate = evaluation.candidate
         tool = candidate.tool
         assert tool is not None
+        name = clean(tool.name or candidate.strategy_name, _LONGEST)
+
         row = (
             number(evaluation.reward, 3),
             number(evaluation.distance_m, 2),
             str(len(tool.components)),
             f"{1000 * tool.mass:.0f}",
             candidate.id,
-            clean(tool.name or candidate.strategy_name, _LONGEST),
+            name,
         )
         rows.append(row)
 
@@ -84,20 +102,23 @@ def _print_tools(result: Result, top: int) -> None:
 
 
 def _reasons(result: Result) -> Iterator[str]:
-    """Say why candidates were rejected, failed, or earned less than their rollout did."""
-    pairs = []
-    for generation in result.generations:
-        for evaluation in generation.evaluations:
-            pairs.append((evaluation.candidate.id, evaluation.reason))
+    """Say why candidates were rejected, failed, or earned less than their rollout did.
 
-    lines = by_reason(pairs)
+    The most common reasons come first, each with the first candidate that it spoke against.
+    """
+    lines = by_reason((e.candidate.id, e.reason) for e in result.evaluations)
     yield from lines[:_REASONS]
+
     if len(lines) > _REASONS:
         yield f"and {len(lines) - _REASONS} more reasons: vlmgineer report has them"
 
 
 def _remarks(result: Result, best: Evaluation) -> Iterator[str]:
-    """Say what is to be said of the best candidate."""
+    """Say what is to be said of the best candidate.
+
+    That is what decided for it, how far it fulfilled what the task wants, how close it was to a limit, and what it
+    earned in layouts that the search never saw.
+    """
     yield from _tied(result, best)
 
     if len(best.tasks) > 1:
@@ -109,8 +130,10 @@ def _remarks(result: Result, best: Evaluation) -> Iterator[str]:
     least = best.least_margin
     if least is not None and least.name != "reward":
         yield f"least margin of the best {number(least.margin, 2)}: {least}"
+
     if result.held is not None and result.held.layouts:
         yield f"the best {result.held.words()}"
+
     for engine, rewards in result.unseen.items():
         mean = number(fmean(rewards), 3)
         worst = number(min(rewards), 3)
@@ -119,7 +142,10 @@ def _remarks(result: Result, best: Evaluation) -> Iterator[str]:
 
 
 def _tied(result: Result, best: Evaluation) -> Iterator[str]:
-    """Say what decided between candidates that earned alike, or why the best has not the highest reward."""
+    """Say what decided between candidates that earned alike, or why the best has not the highest reward.
+
+    A reward within ``evolution.tie`` of the highest one counts as equal to it (`core.trial.ranked`).
+    """
     if len(result.finals) > 1:
         tried = f"{len(result.finals)} candidates that earned alike were tried in more layouts"
         yield f"{tried}; {best.candidate.id} held best"
@@ -130,19 +156,25 @@ def _tied(result: Result, best: Evaluation) -> Iterator[str]:
     if reward != number(best.reward, 3):
         earned = f"{highest.candidate.id} earned {reward}"
         first = "the shortest distance goes first"
+
         if result.finals:
             first = "more room to spare goes first, then the shortest distance"
         yield f"{earned}; rewards within evolution.tie of it count as equal, and {first}"
 
 
 def _goals(result: Result, best: Evaluation) -> Iterator[str]:
-    """Say how far the best candidate fulfilled each of several goals, and the highest that any candidate reached."""
+    """Say how far the best candidate fulfilled each of several goals, and the highest that any candidate reached.
+
+    Of a task where one goal is enough nothing is said.
+    """
     goals = [dict(trial.goals) for trial in best.trials if trial.goals]
     if not goals:
         return
+
     every = []
     for evaluation in result.ranking:
         every += [dict(trial.goals) for trial in evaluation.trials]
+
     yield _compare("goals", list(goals[0]), goals, every)
 
 
@@ -161,6 +193,7 @@ def _compare(
         every: figures of all candidates, by name.
     """
     shares = []
+
     for name in names:
         mean = fmean(figures.get(name, 0.0) for figures in best)
         most = max(figures.get(name, 0.0) for figures in every)
@@ -170,7 +203,10 @@ def _compare(
 
 
 def _spent(replies: Sequence[Reply]) -> str:
-    """The replies of the model, its tokens and their cost, in a line."""
+    """Say in a line how many replies there were, their tokens and their cost.
+
+    Tokens and dollars are those that replies report; where none does, they are left out.
+    """
     tokens = []
     for reply in replies:
         tokens += [reply.prompt_tokens, reply.completion_tokens]
@@ -190,12 +226,17 @@ def _spent(replies: Sequence[Reply]) -> str:
 
 
 def _commands(run: Run, result: Result) -> Iterator[str]:
-    """Commands to look further."""
+    """Yield commands to look further: the recording, the report, and the best design tried again.
+
+    They can be pasted into a shell in the working directory.
+    """
     folder = shlex.quote(_shorten(run.folder))
     if "rerun" in run.config.get("listener", {}):
         yield f"vlmgineer view {folder}"
+
     if result.best is None:
         return
+
     yield f"vlmgineer report {folder}"
     file = _shorten(run.folder / "best" / "design.json")
     words = [*_settings(run), f"designs={hydra_word(file)}"]
@@ -203,12 +244,16 @@ def _commands(run: Run, result: Result) -> Iterator[str]:
 
 
 def _settings(run: Run) -> list[str]:
-    """Return the words by which ``vlmgineer evaluate`` tries a design as this run did."""
+    """Return the words by which ``vlmgineer evaluate`` tries a design as this run did.
+
+    What that command's configuration says without a word is left out.
+    """
     from core.config.compose import load
 
     config = {key: dict(run.config.get(key) or {}) for key in (*_CHOSEN, "rollout")}
     for key in TASK.defaults:
         config["task"].pop(key, None)
+
     names = {kind: config[kind].get("name") for kind in _CHOSEN}
     words = [f"{kind}={name}" for kind, name in names.items() if name is not None]
 
@@ -227,7 +272,9 @@ def _settings(run: Run) -> list[str]:
 def _differences(
     config: Mapping[Any, Any], defaults: Mapping[Any, Any], path: str = ""
 ) -> Iterable[str]:
-    """Yield the words that set what differs from the defaults.
+    """Yield the words that set what differs from the defaults, at any depth.
+
+    A key that the defaults lack is added with a ``+``.
 
     Args:
         config: what is asked for.
@@ -245,5 +292,5 @@ def _differences(
 
 
 def _shorten(path: Path) -> str:
-    """``path``, or the way to it from the working directory where that is shorter."""
+    """Return a path, or the way to it from the working directory where that is shorter."""
     return min(str(path), os.path.relpath(path), key=len)

@@ -3,23 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import MISSING, DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from core.config.compose import first_line, load
+from core.config.schemas import PartConfig
 from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError
-from core.interfaces import Task, ToolRepresentation
+from core.interfaces import Material, RolloutSettings, Task, ToolRepresentation
 from core.store.reader import StoredRun
 from core.trial import TIE, Evaluation, best_first
 
 _SECTIONS = ("rollout", "material")  # settings that are taken over key by key
 _KINDS = ("task", "tool", "robot")
+
+
+@dataclass
+class DesignsConfig:
+    """What the settings of all commands have that take designs (`config_for`).
+
+    Attributes:
+        task: what the designs are for.
+        robot: the arm.
+        tool: how the designs' tools are written.
+        material: of the tools.
+        rollout: how plans are executed.
+        seed: of the layout.
+        designs: a designs file, or a run's folder.
+        top: how many candidates of a run are taken, the best first.
+    """
+
+    task: PartConfig = MISSING
+    robot: PartConfig = field(default_factory=dict)
+    tool: PartConfig = MISSING
+    material: Material = field(default_factory=Material)
+    rollout: RolloutSettings = field(default_factory=RolloutSettings)
+    seed: int = 0
+    designs: str = MISSING
+    top: int = 1
 
 
 def stored_evaluations(

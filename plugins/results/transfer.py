@@ -13,12 +13,12 @@ from typing import Any
 from omegaconf import MISSING, DictConfig
 
 from core.config.compose import check_seed, engines, node, part, task_parts
+from core.config.schemas import PartConfig
 from core.interfaces import Condition, RolloutSettings, Task
 from core.plugins import ROBOT, PluginPart
 from core.support.cli import arguments, print_table, say, write_bytes
 from core.support.text import clean
-from core.values.materials import Material
-from plugins.results.chosen import config_for
+from plugins.results.chosen import DesignsConfig, config_for
 from plugins.results.stations import (
     Bench,
     make_robots,
@@ -34,27 +34,23 @@ USAGE = (
 
 
 @dataclass
-class TransferConfig:
-    """Settings of ``vlmgineer transfer``.
+class TransferConfig(DesignsConfig):
+    """Settings of ``vlmgineer transfer``, beside those of all that takes designs.
 
-    ``designs``: a designs file, or a run's folder, of which the ``top`` best are taken. ``robots``: entries as those of
-    ``sims``; empty: ``robot`` alone. ``seed`` is the layout's, and ``seeds`` are those of the perturbations.
-    ``output``: a JSON file to write as well.
+    Attributes:
+        executor: whose workers try them.
+        robots: entries as those of ``sims``; empty: ``robot`` alone.
+        sims: the engines.
+        seeds: those of the perturbations.
+        perturbation: of the scene.
+        output: a JSON file to write as well.
     """
 
-    task: dict[str, Any] = MISSING
-    robot: dict[str, Any] = field(default_factory=dict)
-    tool: dict[str, Any] = MISSING
-    material: Material = field(default_factory=Material)
-    executor: dict[str, Any] = MISSING
-    rollout: RolloutSettings = field(default_factory=RolloutSettings)
+    executor: PartConfig = MISSING
     robots: list[Any] = field(default_factory=list)
     sims: list[Any] = MISSING
-    seed: int = 0
     seeds: list[int] = MISSING
     perturbation: dict[str, Any] = MISSING
-    designs: str = MISSING
-    top: int = 1
     output: str | None = None
 
 
@@ -70,6 +66,7 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
     check_seed(cfg.seed)
     designs: list[dict[str, Any]] = []
     result: dict[str, Any] = {}
+
     for task in task_parts(cfg):
         found = _transfer(cfg, task)
         name = task.create().name
@@ -90,6 +87,7 @@ def _transfer(cfg: DictConfig, task: PluginPart[Task]) -> dict[str, Any]:
     candidates = read_on_each(cfg, task, robots)
     bench = Bench(task, sims, robust, cfg.seed, settings)
     designs = try_on_each(cfg, bench, robots, candidates)
+
     return {
         "seed": cfg.seed,
         "seeds": list(cfg.seeds),
@@ -107,7 +105,11 @@ def _transfer(cfg: DictConfig, task: PluginPart[Task]) -> dict[str, Any]:
 
 
 def configured(words: Sequence[str]) -> DictConfig:
-    """Compose the configuration (`config_for`)."""
+    """Compose the configuration of this command (`config_for`).
+
+    Raises:
+        UserError: a word can't be used, or no designs are given.
+    """
     return config_for(words, "transfer", TransferConfig, USAGE)
 
 
@@ -120,7 +122,11 @@ def main(words: list[str]) -> None:
 
 
 def show(result: Mapping[str, Any]) -> None:
-    """Print a table of each design on each robot in each engine, as it is and perturbed, and the robust score."""
+    """Print a table of each design on each robot in each engine.
+
+    It has the reward in the scene as it is and perturbed, the robust score, and how far the arm misses the plan.
+    Below it stands what is to be said of single designs.
+    """
     numbers = ("nominal", "perturbed", "robust", "IK error (mm)")
     rows: list[tuple[str, ...]] = []
     for design in result["designs"]:
@@ -141,10 +147,14 @@ def show(result: Mapping[str, Any]) -> None:
 
 
 def _rows(design: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
-    """Yield the row of a design in each engine; what holds in all engines stands in the first."""
+    """Yield the row of a design in each engine.
+
+    What holds in all engines stands in the first row alone.
+    """
     missed_m = design["ik_error_m"]
     missed = "–" if missed_m is None else f"{1000 * missed_m:.0f}"
     once = (f"{design['robust']:.3f}", missed)
+
     for engine, figures in design["engines"].items():
         nominal = f"{figures['nominal']:.3f}"
         perturbed = f"{figures['mean']:.3f} ± {figures['std']:.3f}"

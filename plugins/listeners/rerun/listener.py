@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from core.errors import check_positive
+from core.errors import check_positive, in_line
 from core.hooks import hookimpl
 from core.support.cli import say
 from core.support.progress import busy
@@ -75,7 +75,7 @@ class RerunListener:
         except Exception as error:  # from Rerun or the disk
             self.run_ended()
             self._writers = []
-            why = " ".join(f"{type(error).__name__}: {error}".split())
+            why = in_line(error)
             if isinstance(error, ModuleNotFoundError) and error.name == "rerun":
                 why = "Rerun is not installed (pip install rerun-sdk)"
             say(f"rerun: no recording from here on: {why}", file=sys.stderr)

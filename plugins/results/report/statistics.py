@@ -32,7 +32,7 @@ def deviation(values: Sequence[float]) -> float | None:
 
 def interquartile_mean(values: Sequence[float] | Array) -> float:
     """The mean of the middle half: a quarter of the values is cut off at each end, rounded down."""
-    return float(scipy.stats.trim_mean(np.asarray(values), 0.25, axis=None))
+    return float(_mean_of_middle_half(np.asarray(values), axis=0))
 
 
 def interval(

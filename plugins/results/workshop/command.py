@@ -14,10 +14,9 @@ from omegaconf import MISSING, DictConfig
 
 from core.config.compose import check_seed, node, task_part, task_parts, tool_part
 from core.errors import UsageError, UserError
-from core.interfaces import Material, RolloutSettings
 from core.store.database import writing
 from core.support.cli import folders_and_overrides, print_table, say
-from plugins.results.chosen import chosen_evaluations, config_for
+from plugins.results.chosen import DesignsConfig, chosen_evaluations, config_for
 from plugins.results.workshop.export import Export
 from plugins.results.workshop.files import new_folder, write_export
 from plugins.results.workshop.playback import make_export
@@ -31,19 +30,11 @@ USAGE = (
 
 
 @dataclass
-class ExportConfig:
-    """Settings of ``vlmgineer export``.
+class ExportConfig(DesignsConfig):
+    """Settings of ``vlmgineer export``, beside those of all that takes designs: the first of them is exported.
 
     Attributes:
-        task: what the design is for.
-        robot: the arm.
-        tool: how the design's tool is written.
-        material: of the tool.
-        rollout: how plans are executed.
         sims: engines that play the motion back.
-        seed: of the layout.
-        designs: a run's folder, whose best is exported, or a designs file, of which it is the first.
-        top: how many candidates of a run are read, the best first.
         output: the folder to write.
         rate_hz: of the samples.
         speed: 1 is the motion as it was simulated.
@@ -52,15 +43,7 @@ class ExportConfig:
         fit: the clearances of what joins the tool to the arm.
     """
 
-    task: dict[str, Any] = MISSING
-    robot: dict[str, Any] = field(default_factory=dict)
-    tool: dict[str, Any] = MISSING
-    material: Material = field(default_factory=Material)
-    rollout: RolloutSettings = field(default_factory=RolloutSettings)
     sims: list[Any] = MISSING
-    seed: int = 0
-    designs: str = MISSING
-    top: int = 1
     output: str = MISSING
     rate_hz: float = MISSING
     speed: float = MISSING
@@ -92,6 +75,7 @@ def export(cfg: DictConfig) -> list[Export]:
     exports = [make_export(cfg, part, best, printed) for part in task_parts(cfg)]
 
     found = []
+
     with writing(output):
         written = write_tool(printed, output / "tool")
         for item in exports:
@@ -102,7 +86,11 @@ def export(cfg: DictConfig) -> list[Export]:
 
 
 def configured(words: Sequence[str]) -> DictConfig:
-    """Compose the configuration (`config_for`)."""
+    """Compose the configuration of this command (`config_for`).
+
+    Raises:
+        UserError: a word can't be used, or no design is given.
+    """
     return config_for(words, "export", ExportConfig, USAGE)
 
 
@@ -135,6 +123,7 @@ def main(words: list[str]) -> None:
         raise UsageError(f"one folder at a time; {USAGE}")
     designs = [f"designs={folder}" for folder in folders]
     verdicts = []
+
     for result in export(configured([*designs, *overrides])):
         show(result)
         verdicts += result.verdicts
