@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import DesignError, Tool
+from core.designs.rules import Faults
 from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory, RolloutSettings, Task, Waypoints
 from core.robot.paths import KNOT_M, KNOT_RAD
@@ -53,7 +54,7 @@ def check_plan(plan: object, *, gripper: bool) -> Array:
         gripper: whether waypoints have the gripper's number.
 
     Raises:
-        DesignError: names the wrong waypoint (from 1) and its fault.
+        DesignError: names the wrong waypoints (from 1) and their faults.
     """
     if isinstance(plan, np.ndarray):
         plan = plan.tolist()
@@ -68,8 +69,11 @@ def check_plan(plan: object, *, gripper: bool) -> Array:
             f"the action plan has {len(plan)} waypoints; between 1 and {MAX_WAYPOINTS} are needed"
         )
 
+    faults = Faults()
     for number, waypoint in enumerate(plan, start=1):
-        _check_waypoint(waypoint, f"waypoint {number}", gripper)
+        with faults.collect():
+            _check_waypoint(waypoint, f"waypoint {number}", gripper)
+    faults.refuse()
 
     poses = np.array(plan, float)
     if len(poses) > 1:
@@ -92,15 +96,17 @@ def _check_waypoint(waypoint: object, where: str, gripper: bool) -> None:
             f"{where} has {len(waypoint)} numbers, {len(names)} are needed: {', '.join(names)}"
         )
 
+    faults = Faults()
     for name, number, limits in zip(names, waypoint, _RANGES, strict=False):
-        if isinstance(number, bool) or not isinstance(number, int | float):
-            raise DesignError(f"{where}: {name} must be a number, not {kind(number)}")
         least, most, unit = limits
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            faults.append(f"{where}: {name} must be a number, not {kind(number)}")
         # Refuses nan, and integers that are too large for a float, too.
-        if not least <= number <= most:
-            raise DesignError(
+        elif not least <= number <= most:
+            faults.append(
                 f"{where}: {name} is {number!r:.20}; it must be between {least:g} and {most:g} {unit}"
             )
+    faults.refuse()
 
     away = math.hypot(*waypoint[:3])
     if away > MAX_REACH_M:

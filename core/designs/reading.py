@@ -18,8 +18,9 @@ from typing import Any
 
 from core.design import Candidate, DesignError, Tool
 from core.designs.planning import NO_PLAN, call_part, named_actions, parse_plan
-from core.designs.replies import EXPECTED, Fields, Malformed, Unread, decode, reader
+from core.designs.replies import EXPECTED, Fields, Unread, parse_reply, reader
 from core.designs.rules import check_gripper, check_tool, given_tool
+from core.designs.start import SpawnRules
 from core.errors import UserError
 from core.interfaces import ActionRepresentation, Task, ToolRepresentation, Waypoints
 from core.plugins import describe_part
@@ -42,11 +43,11 @@ def read_designs(
     representation: ToolRepresentation,
     task: Task,
     *,
-    generation: int = 0,
-    agent: int = 0,
+    base: Candidate = Candidate(None, NO_PLAN),  # noqa: B008 - frozen
     elites: tuple[str, ...] = (),
     most: tuple[int | None, int | None] = (None, None),
     actions: ActionRepresentation | None = None,
+    start: SpawnRules | None = None,
 ) -> list[Candidate]:
     """Read one candidate per action plan, in order, numbered by strategy and action from 0.
 
@@ -57,11 +58,11 @@ def read_designs(
         document: what was read from JSON.
         representation: reads the tools.
         task: what the designs are for.
-        generation: of the candidates.
-        agent: of the candidates.
+        base: has the generation and the agent of the candidates.
         elites: the ids that a strategy may name as ``parents``; others are ignored.
         most: how many strategies are read, and plans of each; None: all.
         actions: reads the plans; None: the one that a strategy names.
+        start: tools are to obey these rules, too; None: that is found out when they are tried.
 
     Raises:
         DesignError: the document has no strategies at all.
@@ -70,8 +71,8 @@ def read_designs(
     candidates: list[Candidate] = []
     for number, strategy in enumerate(list_strategies(document)[:n_tool]):
         parents = _read_parents(strategy, elites)
-        base = Candidate(None, NO_PLAN, generation, agent, number, parents=parents)
-        found = _read_strategy(strategy, base, representation, task, actions)
+        placed = replace(base, strategy=number, parents=parents)
+        found = _read_strategy(strategy, placed, representation, task, actions, start)
         candidates += islice(found, n_action)
 
     return candidates
@@ -84,18 +85,9 @@ def list_strategies(document: object) -> list[Any]:
         DesignError: it has none.
     """
     found = reader().list_strategies(document)
-    if found:
-        return found
-    if not isinstance(document, dict):
-        raise DesignError(f"the document is {kind(document)}; {EXPECTED}")
-    if "strategies" not in document:
-        raise DesignError(f"the document has no 'strategies'; {EXPECTED}")
-    strategies = document["strategies"]
-    if not isinstance(strategies, list):
-        raise DesignError(f"'strategies' is {kind(strategies)}, not a list; {EXPECTED}")
-    if not strategies:
-        raise DesignError(f"'strategies' is empty; {EXPECTED}")
-    return strategies
+    if not found:
+        raise DesignError(f"the document has no strategies; {EXPECTED}")
+    return found
 
 
 def _read_strategy(
@@ -104,6 +96,7 @@ def _read_strategy(
     representation: ToolRepresentation,
     task: Task,
     actions: ActionRepresentation | None,
+    start: SpawnRules | None,
 ) -> Iterator[Candidate]:
     """Yield the candidates of a strategy; ``base`` holds what is known of them."""
     try:
@@ -129,6 +122,8 @@ def _read_strategy(
         if given is None:
             tool = _read_tool(fields, representation, gripper)
             check_tool(tool, task.robot, representation.material)
+        if start is not None and tool is not None:
+            start.check(tool)
     except DesignError as error:
         problem = str(error)
 
@@ -172,26 +167,21 @@ def _read_parents(strategy: object, elites: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _read_gripper(fields: Fields, given: Tool | None, task: Task) -> bool:
-    usual = given is not None and given.gripper
-    gripper = fields.get("gripper", usual)
+    """Read whether the tool needs the gripper; of a given tool that is known."""
+    if given is not None:
+        return given.gripper
+    gripper = fields.get("gripper", False)
     if not isinstance(gripper, bool):
         raise DesignError(f"'gripper' is {kind(gripper)}; it must be true or false")
-    if given is not None and gripper != usual:
-        raise DesignError(
-            f"'gripper' is {str(gripper).lower()}; the given tool needs {str(usual).lower()}"
-        )
     if gripper:
         check_gripper(task.robot)
     return gripper
 
 
 def _read_text(fields: Fields, name: str) -> str:
-    text = fields.get(name)
-    if text is None:
-        return ""
-    if not isinstance(text, str):
-        raise DesignError(f"{name!r} is {kind(text)}; it must be a text")
-    return clean(text, _LONGEST[name])
+    """Read a text that only describes: whatever stands there, no design is lost by it."""
+    text = fields.get(name) or ""
+    return clean(text if isinstance(text, str) else json.dumps(text), _LONGEST[name])
 
 
 def _read_tool(
@@ -218,12 +208,10 @@ def _read_tool(
 def _read_action_sets(
     fields: Fields, actions: ActionRepresentation, gripper: bool
 ) -> list[Any]:
-    if "action_sets" not in fields:
-        raise DesignError("'action_sets' is missing; give a list of action plans")
     schema = call_part(actions, "schema", dict, gripper=gripper)
-    plans = reader().list_plans(fields["action_sets"], schema, gripper=gripper)
+    plans = reader().list_plans(fields.get("action_sets"), schema, gripper=gripper)
     if not isinstance(plans, list) or not plans:
-        what = "an empty list" if plans == [] else kind(plans)
+        what = kind(plans) if plans else "missing or empty"
         raise DesignError(f"'action_sets' is {what}; give a list of action plans")
     return plans
 
@@ -235,25 +223,17 @@ def _count_plans(strategy: object) -> int:
 
 
 def load_designs(path: Path) -> object:
-    """Read the document in a designs file, for `read_designs`.
+    """Read the document in a designs file, for `read_designs`; a model's reply is one, too.
 
     Raises:
         UserError: the file can't be read, or holds no designs document.
     """
     what = f"designs file {path}"
-    text = read_text(path, what).rstrip()
-    start = len(text) - len(text.lstrip())
-
     try:
-        document, end = decode(text, start, what)
+        document = parse_reply(read_text(path, what))
         list_strategies(document)
-    except Malformed as error:
-        raise UserError(f"{error}; {EXPECTED}") from error
     except DesignError as error:
         raise UserError(f"{what}: {error}") from error
-
-    if end < len(text):
-        raise UserError(f"{what} goes on after its document; {EXPECTED}")
     return document
 
 

@@ -69,8 +69,8 @@ class Reader(Protocol):
 @lru_cache(maxsize=1)
 def reader() -> Reader:
     """Make the reader that is installed."""
-    made: Reader = installed().factory("reader", "designs")()
-    return made
+    found: Reader = installed().factory("reader", "designs")()
+    return found
 
 
 def parse_reply(text: str) -> object:

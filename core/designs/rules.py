@@ -107,20 +107,23 @@ def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
         joints = check_contacts(tool, robot)
     faults.refuse()
 
-    check_joints(tool, material, mount_solids(tool, robot))
-    _check_stiffness(tool, joints, material)
+    with faults.collect():
+        check_joints(tool, material, mount_solids(tool, robot))
+    with faults.collect():
+        _check_stiffness(tool, joints, material)
+    faults.refuse()
 
 
 class Faults(list[str]):
     """The faults of one design, of which all are named at once."""
 
     @contextmanager
-    def collect(self) -> Iterator[None]:
-        """Go on after a fault, and keep it."""
+    def collect(self, where: str = "") -> Iterator[None]:
+        """Go on after a fault, and keep it; ``where`` stands before it."""
         try:
             yield
         except DesignError as error:
-            self.append(str(error))
+            self.append(f"{where}{error}")
 
     def refuse(self) -> None:
         """Raise DesignError if there are faults."""
@@ -218,7 +221,7 @@ def check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:
         name = component.name
         parent = component.parent
         there = [replace(solid, pose=component.pose) for solid in solids[name]]
-        gap, point, way = closest(there, solids[parent])
+        gap, point, direction = closest(there, solids[parent])
         mount, _ = placed[name]
         most = MAX_GAP_M
         neighbour = f"parent {parent!r}"
@@ -230,15 +233,20 @@ def check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:
             _, frame = placed[parent]
 
         if gap > most:
-            moved = short_numbers(frame.rotation.apply(way), 4, ", ")
+            way = describe_way(frame.rotation.apply(gap * direction), mount)
             faults.append(
-                f"component {name!r} is {gap * 1000:.1f} mm away from its {neighbour}; move it by ({moved}) m in the "
-                f"frame of {mount!r}, or lengthen it until they touch"
+                f"component {name!r} is {gap * 1000:.1f} mm away from its {neighbour}; move it by {way}, or lengthen "
+                "it until they touch"
             )
         points[name] = frame.apply(point)
 
     faults.refuse()
     return points
+
+
+def describe_way(way: Array, mount: str) -> str:
+    """Write a way (3,) in the frame of a mount."""
+    return f"({short_numbers(way, 4, ', ')}) m in the frame of {mount!r}"
 
 
 def _check_stiffness(tool: Tool, joints: dict[str, Array], material: Material) -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
-from core.design import Candidate, DesignError, Tool
+from core.design import Tool
+from core.designs.rules import Faults, describe_way
 from core.geometry import Pose
 from core.interfaces import Task
 from core.robot.kinematics import arm_of, link_poses
@@ -14,13 +16,14 @@ from core.robot.solids import (
     Obstacles,
     Solid,
     body_solids,
+    contact,
     robot_solids,
-    signed_distance,
     solids_of,
 )
 from core.scene import Scene
 
 MAX_ARM_OVERLAP_M = 0.001  # at the start; the scene may not even be touched
+_CLEAR_M = 0.001  # from what it overlapped, by the way out
 _TOUCH_M = 1e-5  # the accuracy of the home pose from inverse kinematics
 
 
@@ -51,32 +54,40 @@ class SpawnRules:
         """Refuse a tool that starts inside the arm, in contact with the scene, or inside its other half.
 
         Raises:
-            DesignError: names the component, what it overlaps, and the depth; of several tasks which.
+            DesignError: names all components that do, what they overlap, the depths and the ways out; of several tasks
+                which.
         """
+        faults = Faults()
         for rules in self._parts:
-            try:
+            with faults.collect(f"in {rules.task.name}, "):
                 rules.check(tool)
-            except DesignError as error:
-                raise DesignError(f"in {rules.task.name}, {error}") from error
+        if not self._parts:
+            faults += self._find_faults(tool)
+        faults.refuse()
 
-        if self._parts:
-            return
-
+    def _find_faults(self, tool: Tool) -> Iterator[str]:
+        """Say what each component overlaps at the start."""
         arm, frames = self._arm(tool.gripper)
-        placed = tool.placed()
-        solids: list[tuple[Solid, str]] = []  # each with its mount
+        places = tool.placed()
+        placed: list[_Placed] = []
         for component in tool.components:
-            mount, pose = placed[component.name]
+            mount, pose = places[component.name]
             there = frames[mount] @ pose
             for solid in solids_of(component.name, component.shape, there):
-                solids.append((solid, mount))
+                placed.append(_Placed(solid, mount, frames[mount]))
 
-        _check_halves(solids)
-
-        for solid, mount in solids:
-            carriers = (mount,) if tool.gripper else self.robot.near_mount
-            _check_arm(solid, arm, carriers)
-            _check_scene(solid, self._scene)
+        for part in placed:
+            near = (part.solid, _TOUCH_M)
+            carriers = (part.mount,) if tool.gripper else self.robot.near_mount
+            halves = [other.solid for other in placed if other.mount != part.mount]
+            links = [link for link in arm.near(*near) if link.name not in carriers]
+            start = f"component {part.solid.name!r} starts"
+            for other, depth, move in part.overlaps(halves, MAX_ARM_OVERLAP_M):
+                yield f"{start} {depth} {other!r} on the other finger; {move}"
+            for link, depth, move in part.overlaps(links, MAX_ARM_OVERLAP_M):
+                yield f"{start} {depth} the arm ({link}); {move}, or bend the tool around it"
+            for body, depth, move in part.overlaps(self._scene.near(*near), -_TOUCH_M):
+                yield f"{start} {depth} {body!r} of the scene; {move}, or shorten or turn the tool"
 
     def _arm(self, gripper: bool) -> tuple[Obstacles, dict[str, Pose]]:
         """The solids of the arm at home, and the world poses of its links."""
@@ -90,53 +101,22 @@ class SpawnRules:
         return self._arms[gripper]
 
 
-def check_starts(candidates: Iterable[Candidate], rules: SpawnRules) -> list[Candidate]:
-    """Return candidates, those whose tool does not start clear of everything with that as their problem."""
-    return [_check_start(candidate, rules) for candidate in candidates]
+class _Placed(NamedTuple):
+    """A solid of a component, in the world, with the mount that it hangs from and the mount's pose."""
 
+    solid: Solid
+    mount: str
+    frame: Pose
 
-def _check_start(candidate: Candidate, rules: SpawnRules) -> Candidate:
-    if candidate.problem is not None or candidate.tool is None:
-        return candidate
-    try:
-        rules.check(candidate.tool)
-    except DesignError as error:
-        return replace(candidate, problem=str(error))
-    return candidate
-
-
-def _check_halves(solids: Sequence[tuple[Solid, str]]) -> None:
-    """Refuse components on one finger that start inside components on the other."""
-    for (left, left_mount), (right, right_mount) in itertools.combinations(solids, 2):
-        if left_mount == right_mount:
-            continue
-        depth = -signed_distance(left, right)
-        if depth > MAX_ARM_OVERLAP_M:
-            raise DesignError(
-                f"components {left.name!r} and {right.name!r}, on different fingers, start {depth * 1000:.1f} mm "
-                "inside each other; move them apart"
-            )
-
-
-def _check_arm(solid: Solid, arm: Obstacles, carriers: Sequence[str]) -> None:
-    """Refuse a component that starts inside a link of the arm, other than those that carry it."""
-    for link, gap in arm.gaps(solid, _TOUCH_M):
-        if link not in carriers and -gap > MAX_ARM_OVERLAP_M:
-            raise DesignError(
-                f"component {solid.name!r} starts {-gap * 1000:.1f} mm inside the arm ({link}); "
-                "move it away from the arm, or bend the tool around it"
-            )
-
-
-def _check_scene(solid: Solid, scene: Obstacles) -> None:
-    """Refuse a component that starts in contact with a body."""
-    for body, gap in scene.gaps(solid, _TOUCH_M):
-        if gap >= _TOUCH_M:
-            continue
-        contact = "touching"
-        if -gap > _TOUCH_M:
-            contact = f"{-gap * 1000:.1f} mm inside"
-        raise DesignError(
-            f"component {solid.name!r} starts {contact} {body!r} of the scene; "
-            "shorten or turn the tool so that it starts clear of everything"
-        )
+    def overlaps(
+        self, others: Iterable[Solid], most: float
+    ) -> Iterator[tuple[str, str, str]]:
+        """Yield the name of what it overlaps by more than ``most`` metres, the depth, and how it comes out."""
+        for other in others:
+            gap, _, direction = contact(self.solid, other)
+            if -gap > most:
+                way = self.frame.rotation.inv().apply((gap - _CLEAR_M) * direction)
+                depth = "touching"
+                if -gap > _TOUCH_M:
+                    depth = f"{-gap * 1000:.1f} mm inside"
+                yield other.name, depth, f"move it by {describe_way(way, self.mount)}"

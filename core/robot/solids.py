@@ -111,13 +111,13 @@ def body_solids(body: Body) -> Iterator[Solid]:
 
 def signed_distance(a: Solid, b: Solid) -> float:
     """Measure the distance of two solids in one frame, metres; a negative one is the penetration depth."""
-    return _contact(a, b)[0]
+    return contact(a, b)[0]
 
 
-def _contact(a: Solid, b: Solid) -> tuple[float, Array, Array]:
+def contact(a: Solid, b: Solid) -> tuple[float, Array, Array]:
     """Measure the signed distance of two solids in one frame.
 
-    Return it, the point (3,) midway where they are closest, and the way (3,) from the first to the second there.
+    Return it, the point (3,) midway where they are closest, and the direction (3,) from the first to the second there.
     """
     request = coal.DistanceRequest()
     result = coal.DistanceResult()
@@ -125,14 +125,14 @@ def _contact(a: Solid, b: Solid) -> tuple[float, Array, Array]:
     gap = coal.distance(*between, request, result)
     here = result.getNearestPoint1()
     there = result.getNearestPoint2()
-    return float(gap), (here + there) / 2, there - here
+    return float(gap), (here + there) / 2, result.normal
 
 
 def closest(
     ones: Iterable[Solid], others: Iterable[Solid]
 ) -> tuple[float, Array, Array]:
-    """Measure the least signed distance of two groups of solids; see `_contact`."""
-    contacts = itertools.starmap(_contact, itertools.product(ones, others))
+    """Measure the least signed distance of two groups of solids; see `contact`."""
+    contacts = itertools.starmap(contact, itertools.product(ones, others))
     return min(contacts, key=lambda found: found[0])
 
 
@@ -145,14 +145,13 @@ class Obstacles:
         self._centers = bounds[:, 0]
         self._halves = bounds[:, 1]
 
-    def gaps(self, solid: Solid, margin: float) -> Iterator[tuple[str, float]]:
-        """Yield the name of and the signed distance to each solid that may be within ``margin`` metres, or farther."""
+    def near(self, solid: Solid, margin: float) -> Iterator[Solid]:
+        """Yield each solid that may be within ``margin`` metres of one, or farther."""
         center, half = solid.bounds()
 
         near = np.abs(self._centers - center) <= self._halves + half + margin
         for i in np.flatnonzero(near.all(axis=1)):
-            other = self._solids[i]
-            yield other.name, signed_distance(solid, other)
+            yield self._solids[i]
 
 
 @lru_cache(maxsize=8)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import queue
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
+from types import MappingProxyType
 
 import pluggy
 
@@ -21,7 +23,7 @@ def ask_model(
     vlm: VLM,
     requests: Sequence[Request],
     events: pluggy.PluginManager,
-    stored: Mapping[str, Reply] | None = None,
+    stored: Mapping[str, Reply] = MappingProxyType({}),
 ) -> Iterator[Reply]:
     """Yield the replies to requests as they arrive; those that are ``stored``, by request id, are not asked for again.
 
@@ -32,11 +34,14 @@ def ask_model(
     missing = {request.id: request for request in requests}
 
     def receive() -> None:
-        for reply in _complete(vlm, requests, stored or {}):
+        given = [stored[request] for request in missing if request in stored]
+        asked = [request for request in requests if request.id not in stored]
+        answers = vlm.complete(asked) if asked else ()
+        for reply in chain(given, answers):
             if not isinstance(reply, Reply) or reply.request_id not in missing:
-                wrong = f"{shorten(repr(reply))}, which is no Reply"
-                if isinstance(reply, Reply):
-                    wrong = f"a reply to {reply.request_id!r}, which was not sent or has its reply already"
+                wrong = (
+                    f"{shorten(repr(reply))}, which is no Reply to a request that waits"
+                )
                 say(
                     f"{describe_part(vlm)}: complete gave {wrong}; it is left out",
                     file=sys.stderr,
@@ -57,17 +62,3 @@ def ask_model(
         if isinstance(reply, Exception):
             raise reply
         yield reply
-
-
-def _complete(
-    vlm: VLM, requests: Sequence[Request], stored: Mapping[str, Reply]
-) -> Iterator[Reply]:
-    """Yield the stored replies first, and then ask for the others."""
-    missing = []
-    for request in requests:
-        if request.id in stored:
-            yield stored[request.id]
-        else:
-            missing.append(request)
-    if missing:
-        yield from vlm.complete(missing)

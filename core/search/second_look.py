@@ -8,9 +8,10 @@ from typing import Any
 
 from core.design import Candidate, DesignError
 from core.designs.composer import PromptComposer
+from core.designs.planning import NO_PLAN
 from core.designs.reading import list_strategies, read_designs, read_fields
 from core.designs.schema import answer_schema
-from core.designs.start import SpawnRules, check_starts
+from core.designs.start import SpawnRules
 from core.interfaces import Brief, Reply, Request
 
 REPAIRED = "-repair"  # at the end of the id of a request that asks once more
@@ -26,19 +27,27 @@ def read_candidates(
         strategies: of the answer.
         starts: a tool that does not start clear of everything is faulty, too, before it is tried.
     """
-    found = read_designs(
+    rules = SpawnRules(brief.task, brief.scene_seed) if starts else None
+    return read_designs(
         {"strategies": strategies},
         brief.representation,
         brief.task,
-        generation=brief.generation,
-        agent=brief.agent,
+        base=Candidate(None, NO_PLAN, brief.generation, brief.agent),
         elites=tuple(elite.candidate.id for elite in brief.elites),
         most=(brief.n_tool, brief.n_action or None),
         actions=brief.actions,
+        start=rules,
     )
-    if not starts:
-        return found
-    return check_starts(found, SpawnRules(brief.task, brief.scene_seed))
+
+
+def list_faults(candidates: Sequence[Candidate]) -> list[str]:
+    """Say what is wrong with the designs of an answer, a line for each fault, with the number of its strategy."""
+    faults = {
+        f"strategy {candidate.strategy + 1}: {candidate.problem}": None
+        for candidate in candidates
+        if candidate.problem is not None
+    }
+    return list(faults)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,25 +68,19 @@ class Asked:
 
     def faulty(self) -> list[int]:
         """Return the numbers of the strategies that hold a design that breaks a rule."""
-        broken = [c.strategy for c in self.candidates if c.problem is not None]
-        return sorted(set(broken))
+        return sorted({c.strategy for c in self.candidates if c.problem is not None})
 
     def look_again(self, prompts: PromptComposer, reply: Reply, problem: str) -> Asked:
         """Compose the request for a second look: at the faulty designs, or at all where the reply has a ``problem``."""
-        numbers = self.faulty()
-        faults = {
-            f"strategy {c.strategy + 1}: {c.problem}": None
-            for c in self.candidates
-            if c.problem is not None
-        }
         brief = self.request.brief
-        if numbers:
-            brief = replace(brief, n_tool=len(numbers))
-        name = f"{self.sent.id}{REPAIRED}"
-        messages = prompts.repair(self.request, reply, problem, list(faults), brief)
-        schema = answer_schema(brief)
+        brief = replace(brief, n_tool=len(self.faulty()) or brief.n_tool)
+        faults = list_faults(self.candidates)
         sent = replace(
-            self.request, id=name, brief=brief, messages=messages, schema=schema
+            self.request,
+            id=f"{self.sent.id}{REPAIRED}",
+            brief=brief,
+            messages=prompts.repair(self.request, reply, problem, faults, brief),
+            schema=answer_schema(brief),
         )
         return replace(self, sent=sent)
 
@@ -122,9 +125,9 @@ class Asked:
         representation = self.request.brief.representation
         kept: dict[str, Any] = {}
         for candidate in self.candidates:
-            tool = candidate.tool
-            if candidate.strategy == number and candidate.problem is None and tool:
-                kept = representation.dump(tool)
+            if candidate.strategy == number and candidate.problem is None:
+                assert candidate.tool is not None
+                kept = representation.dump(candidate.tool)
 
         try:
             old = read_fields(self.strategies[number], representation)
@@ -140,17 +143,18 @@ def _replace(
     old = [candidate for candidate in candidates if candidate.strategy == number]
     sound = [candidate for candidate in old if candidate.problem is None]
     faulty = [candidate for candidate in old if candidate.problem is not None]
-    if not sound:
-        kept = [replace(candidate, strategy=number) for candidate in new]
-        others = [candidate for candidate in candidates if candidate.strategy != number]
-        return sorted([*others, *(kept or old)], key=lambda candidate: candidate.key)
+    if sound:
+        if len(new) > len(faulty):  # it repeats those that are sound
+            actions = {candidate.action for candidate in faulty}
+            new = [candidate for candidate in new if candidate.action in actions]
+        faulty = faulty[: len(new)]
+        new = [
+            replace(fresh, tool=sound[0].tool, action=broken.action)
+            for broken, fresh in zip(faulty, new, strict=False)
+        ]
+    if not new:
+        return candidates
 
-    if len(new) > len(faulty):  # it repeats those that are sound
-        actions = {candidate.action for candidate in faulty}
-        new = [candidate for candidate in new if candidate.action in actions]
-    tool = sound[0].tool
-    mended = {
-        broken.key: replace(fresh, tool=tool, strategy=number, action=broken.action)
-        for broken, fresh in zip(faulty, new, strict=False)
-    }
-    return [mended.get(candidate.key, candidate) for candidate in candidates]
+    others = [candidate for candidate in candidates if candidate not in faulty]
+    mended = [replace(candidate, strategy=number) for candidate in new]
+    return sorted([*others, *mended], key=lambda candidate: candidate.key)

@@ -18,7 +18,7 @@ from core.geometry import Array
 from core.goals import check_names, reaches
 from core.interfaces import Task
 from core.robot.kinematics import arm_of
-from core.robot.solids import Obstacles, body_solids
+from core.robot.solids import Obstacles, body_solids, signed_distance
 from core.scene import Scene, Soft, State, Trace
 from core.task import reward_of
 from plugins.conformance.checking import between, expect, expect_a, near
@@ -137,8 +137,8 @@ def check_nothing_overlaps_at_spawn(task: Task) -> None:
             deep = 0.0
 
             for solid in body_solids(body):
-                for _, gap in obstacles.gaps(solid, 0.0):
-                    deep = max(deep, -gap)
+                for obstacle in obstacles.near(solid, 0.0):
+                    deep = max(deep, -signed_distance(solid, obstacle))
 
             what = f"with seed {seed} {body.name!r} starts {1000 * deep:.1f} mm inside {other.name!r}"
             expect(

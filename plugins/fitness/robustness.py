@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from core.errors import UsageError
 from core.geometry import Pose
-from core.robot.solids import Obstacles, Solid, body_solids
+from core.robot.solids import Obstacles, Solid, body_solids, signed_distance
 from core.scene import Body, Scene
 
 TOGETHER_M = 0.0015  # free bodies nearer to each other than this are moved as one
@@ -146,9 +146,9 @@ def together(
         for j in range(i):
             others = Obstacles(solids[bodies[j].name])
             near[i, j] = frozenset((body.name, bodies[j].name)) in joined or any(
-                gap < TOGETHER_M
+                signed_distance(solid, other) < TOGETHER_M
                 for solid in solids[body.name]
-                for _, gap in others.gaps(solid, TOGETHER_M)
+                for other in others.near(solid, TOGETHER_M)
             )
 
     count, labels = connected_components(near, directed=False)
@@ -190,8 +190,9 @@ def _gaps(solids: Sequence[Solid], others: Obstacles) -> dict[str, float]:
     """Measure the distance to each other body that is near, by name, metres."""
     gaps: dict[str, float] = {}
     for solid in solids:
-        for other, gap in others.gaps(solid, CLEAR_M):
-            gaps[other] = min(gap, gaps.get(other, math.inf))
+        for other in others.near(solid, CLEAR_M):
+            gap = signed_distance(solid, other)
+            gaps[other.name] = min(gap, gaps.get(other.name, math.inf))
     return gaps
 
 

@@ -13,6 +13,8 @@ from omegaconf.errors import OmegaConfBaseException
 
 from core.config.compose import first_line, load
 from core.config.schemas import PartConfig
+from core.design import Candidate
+from core.designs.planning import NO_PLAN
 from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError
 from core.interfaces import Material, RolloutSettings, Task, ToolRepresentation
@@ -71,8 +73,7 @@ def stored_evaluations(
             document,
             representation,
             task,
-            generation=design.generation,
-            agent=design.agent,
+            base=Candidate(None, NO_PLAN, design.generation, design.agent),
         )
         for stored, candidate in zip(alike, candidates, strict=True):
             known = replace(

@@ -12,13 +12,13 @@ from pathlib import Path
 
 from core.design import DesignError
 from core.designs.composer import as_markdown
-from core.designs.reading import read_designs
+from core.designs.reading import list_strategies
 from core.designs.replies import parse_reply
-from core.designs.start import SpawnRules, check_starts
 from core.errors import UserError, check_positive
 from core.events import Run
 from core.hooks import hookimpl
 from core.interfaces import VLM, Picture, Reply, Request
+from core.search.second_look import list_faults, read_candidates
 from core.support.cli import say
 from core.support.files import FileMark, file_mark, read_untrusted, write_whole
 
@@ -263,20 +263,10 @@ def judge(request: Request, text: str) -> tuple[bool, list[str]]:
     if request.critique:  # any text is one
         return (True, []) if text.strip() else (False, ["it is empty"])
 
-    brief = request.brief
-    document = parse_reply(text)
-    most = (brief.n_tool, brief.n_action)
-    candidates = read_designs(
-        document, brief.representation, brief.task, most=most, actions=brief.actions
-    )
-    candidates = check_starts(candidates, SpawnRules(brief.task, brief.scene_seed))
-    problems = dict.fromkeys(
-        f"strategy {c.strategy + 1}: {c.problem}"
-        for c in candidates
-        if c.problem is not None
-    )
-
-    return any(c.problem is None for c in candidates), list(problems)
+    strategies = list_strategies(parse_reply(text))
+    candidates = read_candidates(request.brief, strategies, starts=True)
+    is_usable = any(candidate.problem is None for candidate in candidates)
+    return is_usable, list_faults(candidates)
 
 
 def _write(file: Path, data: bytes) -> None:

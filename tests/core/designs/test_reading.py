@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from core.design import Component, DesignError, Tool
+from core.design import Candidate, Component, DesignError, Tool
+from core.designs.planning import NO_PLAN
 from core.designs.reading import (
     dump_design,
     load_designs,
@@ -105,7 +106,8 @@ def test_one_candidate_per_action_plan():
         "scene_analysis": "ignored",
         "strategies": [STRATEGY, {**STRATEGY, "extra": 1}],
     }
-    candidates = read_designs(document, rods, TASK, generation=2, agent=3)
+    base = Candidate(None, NO_PLAN, generation=2, agent=3)
+    candidates = read_designs(document, rods, TASK, base=base)
     assert [c.id for c in candidates] == [
         "g2-a3-s0-p0",
         "g2-a3-s0-p1",
@@ -147,13 +149,8 @@ def test_gripper_designs():
     [
         ({"length": "long"}, "length must be a number"),
         ({"length": 5}, "5 m long in z"),
-        ({"tool_name": 3}, "'tool_name' is a number; it must be a text"),
-        ({"tool_description": []}, "'tool_description' is a list"),
-        ({"strategy_name": {}}, "'strategy_name' is an object"),
-        ({"strategy_description": 1.5}, "'strategy_description' is a number"),
-        ({"action_description": False}, "'action_description' is a boolean"),
         ({"gripper": "a"}, "'gripper' is the text 'a'; it must be true or false"),
-        ({"gripper": 1}, "'gripper' is a number"),
+        ({"gripper": 0.5}, "'gripper' is a number"),
     ],
 )
 def test_a_fault_of_a_strategy_is_a_problem_of_all_its_plans(change, reason):
@@ -187,9 +184,8 @@ def test_a_fault_of_a_plan_is_its_own():
 @pytest.mark.parametrize(
     ("plans", "reason"),
     [
-        (None, "is null"),
-        ({}, "is an object"),
-        ([], "is an empty list"),
+        *((nothing, "is missing or empty") for nothing in (None, {}, [])),
+        ({"a": 1}, "is an object"),
         ("none", "is the text 'none'"),
         (7, "is a number"),
     ],
@@ -197,7 +193,7 @@ def test_a_fault_of_a_plan_is_its_own():
 def test_unusable_action_sets_give_one_candidate(plans, reason):
     (candidate,) = read({**STRATEGY, "action_sets": plans})
     assert candidate.problem == f"'action_sets' {reason}; give a list of action plans"
-    (candidate,) = read({**STRATEGY, "action_sets": plans, "gripper": 1})
+    (candidate,) = read({**STRATEGY, "action_sets": plans, "gripper": 0.5})
     assert "'gripper'" in candidate.problem
 
 
@@ -214,19 +210,23 @@ def test_a_strategy_that_is_not_an_object():
 
 
 @pytest.mark.parametrize(
-    ("document", "reason"),
+    "document",
     [
-        (None, "the document is null"),
-        ([STRATEGY["action_sets"]], "the document is a list"),
-        ("x", "the document is the text"),
-        ({}, "has no 'strategies'"),
-        ({"strategies": {}}, "'strategies' is an object, not a list"),
-        ({"strategies": []}, "'strategies' is empty"),
+        *(None, "x", {}, [STRATEGY["action_sets"]]),
+        *({"strategies": {}}, {"strategies": []}),
     ],
 )
-def test_a_document_without_strategies(document, reason):
-    with pytest.raises(DesignError, match=f"{reason}.*expected an object"):
+def test_a_document_without_strategies(document):
+    with pytest.raises(DesignError, match=r"has no strategies; expected an object"):
         read_designs(document, Rod(), TASK)
+
+
+def test_no_design_is_lost_by_a_description():
+    texts = {"tool_name": 3, "strategy_description": ["a", "b"], "tool_description": {}}
+    (candidate,) = read({**STRATEGY, **texts, "action_sets": [PLAN]})
+    assert candidate.problem is None
+    assert candidate.tool.name == "3"
+    assert candidate.strategy_description == '["a", "b"]'
 
 
 def test_texts_are_cleaned():
@@ -280,7 +280,7 @@ def test_no_more_designs_are_read_than_requested():
     document = {
         "strategies": [
             {**STRATEGY, "action_sets": [PLAN] * 5},
-            {**STRATEGY, "gripper": 1, "action_sets": [1] * 5},
+            {**STRATEGY, "gripper": 0.5, "action_sets": [1] * 5},
         ]
         * 3
     }
@@ -333,11 +333,9 @@ def test_a_tool_is_read_alone_whatever_rules_it_breaks(tmp_path):
     [
         (b"\xff\xfe{}", "is not UTF-8 text"),
         (b'{"strategies": [\n1,]}', "malformed JSON at line 2, column"),
-        (b"", "malformed JSON at line 1, column 1"),
-        (b"[]", "the document is a list"),
-        (b"{}", "has no 'strategies'"),
-        (b'{"strategies": []}', "'strategies' is empty"),
-        (b'{"strategies": "x"}', "not a list"),
+        (b"", "has no JSON object"),
+        (b"[]", "has no JSON object"),
+        (b'{"strategies": "x"}', "has no strategies"),
     ],
 )
 def test_files_that_hold_no_designs(tmp_path, content, reason):

@@ -1,4 +1,5 @@
 import math
+import re
 
 import numpy as np
 import pytest
@@ -215,6 +216,19 @@ def test_a_gap_to_a_finger(mount, outward):
 # --- the plan ---------------------------------------------------------------------------------------------------
 
 
+def test_all_faults_of_a_plan_are_named():
+    plan = [[9, 0, "a", 0, 0, 0], WAYPOINT, [0, 0, 0.5, 90, 0, 0], 5]
+    with pytest.raises(DesignError) as caught:
+        check_plan(plan, gripper=False)
+    for fault in (
+        "waypoint 1: x is 9",
+        "waypoint 1: z must be a number",
+        "waypoint 3: roll is 90",
+        "waypoint 4 must be a list",
+    ):
+        assert fault in str(caught.value)
+
+
 def test_plans_become_arrays():
     plan = check_plan([WAYPOINT, [1, 2, 0.5, -3.1, 0, 6]], gripper=False)
     assert plan.shape == (2, 6)
@@ -318,7 +332,7 @@ def test_a_tool_in_the_arm(spawn):
     [
         (0.002, None),
         (0.0, "touching 'table' of the scene"),
-        (-0.005, "5.0 mm inside 'table' of the scene; shorten"),
+        (-0.005, r"5.0 mm inside 'table' of the scene; move it by \(0, 0, 0.006\) m"),
     ],
 )
 def test_a_tool_at_the_table(spawn, bottom, reason):
@@ -329,6 +343,27 @@ def test_a_tool_at_the_table(spawn, bottom, reason):
         return
     with pytest.raises(DesignError, match=f"component 'a' starts {reason}"):
         spawn.check(tool)
+
+
+def test_all_overlaps_are_named_and_the_moves_clear_them(spawn):
+    """Each component as if it were alone; the second one must go along for the first."""
+    places = {"a": (0, 0, -0.255), "b": (-0.005, 0, 0.03)}
+    sizes = {"a": (0.02, 0.02, 0.5), "b": (0.02, 0.02, 0.02)}
+    apart = [box(name, at, sizes[name]) for name, at in places.items()]
+    with pytest.raises(DesignError) as caught:
+        spawn.check(rigid(*apart))
+    words = str(caught.value)
+    assert "'a' starts 5.0 mm inside 'table'" in words
+
+    moves = dict(
+        re.findall(r"component '(\w)' starts [^;]*; move it by \((.*?)\)", words)
+    )
+    for part in apart:
+        if part.name in moves:
+            way = [float(number) for number in moves[part.name].split(",")]
+            spawn.check(
+                rigid(box(part.name, np.add(places[part.name], way), sizes[part.name]))
+            )
 
 
 def test_a_tool_in_a_body(spawn):
@@ -373,7 +408,7 @@ def test_an_attachment_may_be_in_its_own_finger_only(spawn):
     with pytest.raises(DesignError, match=r"10\.\d mm inside the arm \(right_finger\)"):
         spawn.check(across)
     wide = ("l", "left_finger", -0.03), ("r", "right_finger", 0.03)
-    with pytest.raises(DesignError, match="on different fingers"):
+    with pytest.raises(DesignError, match=r"'r' starts .* on the other finger"):
         spawn.check(
             gripper(
                 *(

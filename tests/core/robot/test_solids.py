@@ -58,10 +58,9 @@ def test_near_solids_are_selected_by_their_bounds():
         half, [1.05 / np.sqrt(2), 0.05, 1.05 / np.sqrt(2)], atol=1e-9
     )
     solids = Obstacles([rod, solid(CUBE, 5, 0, 0)])
-    assert [
-        name for name, _ in solids.gaps(solid(Sphere(0.1), 0, 0.2, 1), margin=0.06)
-    ] == ["rod"]
-    assert list(solids.gaps(solid(Sphere(0.1), 0, 0.2, 1), margin=0.04)) == []
+    ball = solid(Sphere(0.1), 0, 0.2, 1)
+    assert list(solids.near(ball, margin=0.06)) == [rod]
+    assert list(solids.near(ball, margin=0.04)) == []
 
 
 def test_the_robots_solids_are_those_of_its_description():

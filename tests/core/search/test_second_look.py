@@ -1,6 +1,7 @@
 """Designs that break a rule go back with all their faults, and only they; the answer takes their places."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -103,6 +104,19 @@ def test_a_tool_that_does_not_start_clear_goes_back_too():
     found = ask(vlm)
     assert "of the scene" in last_words(vlm.requests[1])
     assert all(candidate.problem is None for candidate in found)
+
+
+def test_faults_of_tool_start_and_plan_go_back_together():
+    pose = Pose(np.array([0.0, 0.0, -0.3]))
+    rod = replace(ROD.components[0], pose=pose, shape=Box((0.02, 0.02, 0.6)))
+    long = {**ONE_PLAN, **URDF.dump(replace(ROD, components=(rod,)))}
+    vlm = answering(text_of(long), text_of(SOUND))
+    assert all(candidate.problem is None for candidate in ask(vlm))
+    words = last_words(vlm.requests[1])
+    assert re.search(
+        r"mm inside '\w+' of the scene; move it by \(0, 0, 0.\d+\) m", words
+    )
+    assert "turn the tool; action plan 2: waypoint 1: x is 9" in words
 
 
 def test_a_limit_in_the_second_round_loses_no_design():
