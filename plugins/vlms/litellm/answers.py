@@ -36,14 +36,14 @@ def unwrap(content: bytes) -> tuple[int, bytes]:
     if not isinstance(message, dict) or message.get("content") == text:
         return 200, content
 
-    told = {"role": "assistant", "content": text or None}
+    plain = {"role": "assistant", "content": text or None}
     refusal = message.get("refusal")
     if isinstance(refusal, str):
-        told["refusal"] = refusal[:_LONGEST_REFUSAL]
+        plain["refusal"] = refusal[:_LONGEST_REFUSAL]
     finish = choice.get("finish_reason")
     if finish in (None, "tool_calls", "function_call"):
         finish = "stop"
-    document["choices"] = [{"index": 0, "finish_reason": finish, "message": told}]
+    document["choices"] = [{"index": 0, "finish_reason": finish, "message": plain}]
     return 200, json.dumps(document).encode()
 
 

@@ -19,6 +19,8 @@ from plugins.vlms.litellm.answers import unwrap
 MAX_BYTES = 2**25  # of an answer, unpacked
 LONGEST_ERROR = 10_000  # bytes
 
+SHORTEST_KEY = 16  # of a provider; what is shorter may be a part of any header
+
 OPENAI = ("openai", "text-completion-openai")
 """Providers that OPENAI_API_KEY is for, at any address."""
 
@@ -179,10 +181,15 @@ def _keep_openai(request: httpx.Request) -> None:
     key = os.environ.get("OPENAI_API_KEY")
     if is_openai or not key or key in _own_keys():
         return
-    if any(key in value.split() for value in request.headers.values()):
+    if any(_holds(value, key) for value in request.headers.values()):
         raise Unanswered(
             f"OPENAI_API_KEY would go to {host}; set {_prefix()}_API_KEY, the variable of {_sender.provider}"
         )
+
+
+def _holds(value: str, key: str) -> bool:
+    """Report whether a header holds a key: anywhere in it, or as a word if it is as short as what stands for none."""
+    return key in value if len(key) >= SHORTEST_KEY else key in value.split()
 
 
 def _own_keys() -> list[str]:
