@@ -7,15 +7,18 @@ from collections.abc import Iterator
 from typing import Any
 
 from core.designs.replies import DECODER
+from plugins.replies.assumptions import assume
 from plugins.replies.mending import ELLIPSIS
 
 MAX_DEPTH = 8
 """How deep strategies may lie."""
 
-PLANS = frozenset({"actionsets", "actions", "actionplans", "plans", "actionset"})
+PLANS = frozenset(
+    {"actionsets", "actions", "actionplans", "plans", "actionset", "actionplan"}
+)
 """Names of a strategy's plans, as `plain_name` gives them."""
 
-_NAMES = PLANS | {
+NAMES = PLANS | {
     "strategyname",
     "strategydescription",
     "toolname",
@@ -24,6 +27,7 @@ _NAMES = PLANS | {
     "gripper",
     "parents",
 }
+"""Names of a strategy's usual fields."""
 
 
 def plain_name(key: object) -> str:
@@ -41,14 +45,10 @@ def find_strategies(value: object, depth: int = MAX_DEPTH) -> list[Any]:
     if isinstance(value, str):
         return find_strategies(_decode(value), depth - 1)
 
-    listed = _listed(value)
-    if listed:
-        return listed
+    found = _list_here(value, depth)
     for inner in _children(value):
-        found = find_strategies(inner, depth - 1)
-        if found:
-            return found
-    return []
+        found = found or find_strategies(inner, depth - 1)
+    return found
 
 
 def is_strategy(value: object) -> bool:
@@ -56,27 +56,52 @@ def is_strategy(value: object) -> bool:
     if not isinstance(value, dict):
         return False
     names = {
-        plain_name(key) for key, inner in value.items() if not isinstance(inner, dict)
+        plain_name(key)
+        for key, inner in value.items()
+        if not (isinstance(inner, dict) and "type" in inner)
     }
-    return bool(names & PLANS) or len(names & _NAMES) >= 2
+    return bool(names & PLANS) or len(names & NAMES) >= 2
 
 
-def _listed(value: object) -> list[Any]:
+def says_degrees(key: object, value: object) -> bool:
+    """Report whether a field says that angles are in degrees: ``"angle_unit": "degrees"``."""
+    is_unit = re.search(r"unit|angle|rotation|orientation|euler|rpy", plain_name(key))
+    return (
+        is_unit is not None
+        and re.match(r"\W*deg|.{0,40}: .?deg", str(value)) is not None
+    )
+
+
+def _list_here(value: object, depth: int) -> list[Any]:
     """Return the strategies that a value is, or that it has under the name of a list of them."""
+    items: Any = ()
     if isinstance(value, list) and any(map(is_strategy, value)):
-        return [item for item in value if item not in (ELLIPSIS, None)]
-    if not isinstance(value, dict):
-        return []
+        items = value
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            is_list = isinstance(inner, list) and not _nests(inner)
+            if plain_name(key) == "strategies" and is_list:
+                return _tidy(inner, depth)
+        if is_strategy(value):
+            items = [value]
+        elif value and all(map(is_strategy, value.values())):
+            items = value.values()
+    if items:
+        assume("what stands under no 'strategies' is read as them")
+    return _tidy(items, depth)
 
-    for key, inner in value.items():
-        is_list = isinstance(inner, list)
-        if plain_name(key) == "strategies" and is_list and not _nests(inner):
-            return [item for item in inner if item not in (ELLIPSIS, None)]
-    if is_strategy(value):
-        return [value]
-    if value and all(map(is_strategy, value.values())):
-        return list(value.values())
-    return []
+
+def _tidy(items: Any, depth: int) -> list[Any]:
+    """Leave out what is no strategy's place, and take each strategy out of an object or a text that holds it alone."""
+    tidy: list[Any] = []
+    for item in items:
+        if item in (ELLIPSIS, None):
+            continue
+        inside = []
+        if not is_strategy(item):
+            inside = find_strategies(item, depth - 1)
+        tidy.append(inside[0] if len(inside) == 1 else item)
+    return tidy
 
 
 def _nests(value: list[Any]) -> bool:
@@ -97,11 +122,13 @@ def _children(value: object) -> Iterator[object]:
 
 
 def _decode(text: str) -> object:
-    """Decode a text that holds JSON; None: it holds none."""
+    """Decode a text that holds JSON, its quotes perhaps escaped; None: it holds none."""
     text = text.strip()
     if not text.startswith(("{", "[")):
         return None
-    try:
-        return DECODER.decode(text)
-    except (ValueError, RecursionError):
-        return None
+    for spelled in (text, f'"{text}"'):
+        try:
+            return DECODER.decode(spelled)
+        except (ValueError, RecursionError):
+            continue
+    return None

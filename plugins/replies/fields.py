@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import json
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -11,9 +10,9 @@ from typing import Any
 from core.design import DesignError
 from core.designs.replies import Fields
 from plugins.replies.assumptions import assume
-from plugins.replies.envelopes import PLANS, plain_name
+from plugins.replies.envelopes import PLANS, plain_name, says_degrees
 from plugins.replies.figures import figures_in
-from plugins.replies.mending import ELLIPSIS
+from plugins.replies.mending import ELLIPSIS, mend_json
 from plugins.replies.saving import BLOCK
 
 ACTION_SETS = "action_sets"
@@ -28,52 +27,57 @@ _USUAL = (
     "gripper",
     "parents",
 )
-_ANSWERS = {"true": True, "yes": True, "false": False, "no": False}
-_PLAN = PLANS | {"plan", "action", "waypoints", "trajectory", "poses", "steps", "path"}
-_HOLDERS = {"tool", "strategy", "design", "action", "motion"}  # of a strategy's fields
+_ANSWERS = {"true": True, "yes": True, "1": True}
+_ANSWERS |= dict.fromkeys(("false", "no", "none", "0"), False)
+_PLAN = PLANS | {
+    *("plan", "action", "waypoints", "trajectory", "poses", "steps", "path", "motion")
+}
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+")
+_EMPTY = {"string", "text", "xml", "code", "block", "content", "design"}
+_NUMBERED = re.compile(r"\D*\d+")
 
 
 def read_fields(strategy: Fields, wanted: Mapping[str, Any]) -> Fields:
     """Return the fields of a strategy by their proper names.
 
-    A name may be spelled otherwise (``toolUrdf``), be a part of the proper one (``urdf``), or stand in an object for
-    the tool. A text may be a list of lines, and a list may be JSON in a text. Other fields stay as they are.
+    A name may be spelled otherwise (``toolUrdf``), be a part of the proper one (``urdf``), or stand in an object. A
+    text may be a list of lines, and a list may be JSON in a text. Other fields stay as they are.
 
     Args:
         strategy: what was written.
         wanted: the JSON schemas of the fields that a tool needs, by name.
 
     Raises:
-        DesignError: a field is given twice, or is missing and another one has nearly its name.
+        DesignError: a field is given twice, or is missing and another one has nearly its name; or angles are said to be
+            in degrees.
     """
     needed = [*wanted, ACTION_SETS]
     names = {plain_name(name): name for name in (*_USUAL, *needed)}
     fields: Fields = {}
     others: Fields = {}
 
-    for key, value in _flatten(strategy, names):
+    for key, value in _flatten(strategy, names, needed):
         name = names.get(plain_name(key))
-        if name is None:
+        if says_degrees(key, value):
+            raise DesignError(
+                f"{str(key)[:60]!r} says degrees; write all angles in radians, without it"
+            )
+        if name is None or (name == "action" and isinstance(value, list)):
             others[key] = value
         elif name in fields and fields[name] != value:
             raise DesignError(
                 f"{name!r} is given twice, also as {key!r}; give it once, with that name"
             )
         else:
-            fields[name] = value
-            if key != name:
-                assume(f"{str(key)[:60]!r} is read as {name!r}")
+            _take(fields, name, key, value)
 
     for name in needed:
-        if name not in fields:
-            key = _find_other(name, others, needed)
-            if key is not None:
-                fields[name] = others.pop(key)
-                assume(f"{str(key)[:60]!r} is read as {name!r}")
+        key = None if name in fields else _find_other(name, others, needed)
+        if key is not None:
+            _take(fields, name, key, others.pop(key))
 
     texts = [name for name, schema in wanted.items() if schema.get("type") == "string"]
-    missing = [name for name in texts if name not in fields]
+    missing = [name for name in texts if "<" not in str(fields.get(name))]
     if BLOCK in others and len(missing) == 1:
         fields[missing[0]] = others[BLOCK]
 
@@ -82,11 +86,10 @@ def read_fields(strategy: Fields, wanted: Mapping[str, Any]) -> Fields:
             fields[name] = _fit(fields[name], schema.get("type"))
     if ACTION_SETS in fields:
         fields[ACTION_SETS] = _fit(fields[ACTION_SETS], "array")
-    gripper = fields.get("gripper")
-    if isinstance(gripper, str):
-        fields["gripper"] = _ANSWERS.get(gripper.strip().lower(), gripper)
-    elif gripper is None:
-        fields.pop("gripper", None)
+    gripper = fields.pop("gripper", None)
+    if gripper is not None:
+        answer = str(gripper).strip().lower()
+        fields["gripper"] = _ANSWERS.get(answer, gripper)
 
     return {**others, **fields}
 
@@ -102,7 +105,7 @@ def list_plans(value: object, schema: Mapping[str, Any]) -> object:
     if not isinstance(value, list):
         return value
 
-    plans = [_unwrap(plan) for plan in value if plan != ELLIPSIS]
+    plans = [_unwrap(_fit(plan, "array")) for plan in value if plan != ELLIPSIS]
     is_of_waypoints = schema.get("items", {}).get("type") in ("array", "object")
     if not (plans and is_of_waypoints):
         return plans
@@ -112,10 +115,19 @@ def list_plans(value: object, schema: Mapping[str, Any]) -> object:
     return plans
 
 
-def _flatten(strategy: Fields, names: Mapping[str, str]) -> Iterator[tuple[Any, Any]]:
-    """Yield keys and values; those in an object such as ``tool`` by their own name, or with the object's before it."""
+def _take(fields: Fields, name: str, key: object, value: object) -> None:
+    """Take a value as the field ``name``, whatever its key."""
+    fields[name] = value
+    if key != name:
+        assume(f"{str(key)[:60]!r} is read as {name!r}")
+
+
+def _flatten(
+    strategy: Fields, names: Mapping[str, str], needed: list[str]
+) -> Iterator[tuple[Any, Any]]:
+    """Yield keys and values; those in other objects by their own name, or with the object's before it."""
     for key, value in strategy.items():
-        if not isinstance(value, dict) or plain_name(key) not in _HOLDERS:
+        if not isinstance(value, dict) or names.get(plain_name(key)) in needed:
             yield key, value
             continue
         for inner, held in value.items():
@@ -130,7 +142,7 @@ def _find_other(name: str, others: Fields, needed: list[str]) -> Any:
         DesignError: a name is near, and may mean something else.
     """
     if name == ACTION_SETS:
-        same = [key for key in others if plain_name(key) in PLANS]
+        same = [key for key in others if plain_name(key) in _PLAN]
     else:
         same = [key for key in others if _is_part(key, name)]
         rivals = [other for other in needed if other != name]
@@ -151,29 +163,31 @@ def _find_other(name: str, others: Fields, needed: list[str]) -> Any:
 
 
 def _is_part(key: object, name: str) -> bool:
-    """Report whether a key has some of a name's words, and no others: ``urdf`` of ``tool_urdf``."""
-    words = {word.lower().rstrip("s") for word in _WORD.findall(str(key))}
-    whole = {word.rstrip("s") for word in name.split("_")}
-    return bool(words) and words < whole
+    """Report whether a key has some of a name's words, and no others that say anything: ``urdf`` of ``tool_urdf``."""
+    words = {word.lower().rstrip("s") for word in _WORD.findall(str(key))} - _EMPTY
+    return bool(words) and words <= {word.rstrip("s") for word in name.split("_")}
 
 
 def _fit(value: object, wanted: object) -> object:
-    """Make a text of a list of lines, and a list of a text that holds one."""
-    if wanted == "string" and isinstance(value, list):
-        lines = [line for line in value if isinstance(line, str)]
-        return "\n".join(lines) if len(lines) == len(value) else value
+    """Make a text of a list of lines or of an object that holds it, and a list of a text that holds one."""
+    if wanted == "string":
+        lines = list(value.values()) if isinstance(value, dict) else value
+        if isinstance(lines, list) and all(isinstance(line, str) for line in lines):
+            return "\n".join(lines)
     if wanted == "array" and isinstance(value, str) and value.lstrip().startswith("["):
         try:
-            return json.loads(value)
-        except (ValueError, RecursionError):
+            return mend_json(value)
+        except DesignError:
             return value
     return value
 
 
 def _unwrap(plan: object) -> object:
-    """Return the list in an object that is a plan, beside what only describes it; anything else as it is."""
+    """Return the list in an object that is a plan, beside what only describes it, or that numbers its items."""
     if not isinstance(plan, dict):
         return plan
+    if plan and all(_NUMBERED.fullmatch(str(key)) for key in plan):
+        return list(plan.values())
     lists = [
         inner
         for key, inner in plan.items()

@@ -1,4 +1,4 @@
-"""Read a number that a model wrote as a sum or in degrees: ``0.5 + 0.12``, ``pi/2``, ``90 deg``."""
+"""Read a number that a model wrote as a sum or with a unit: ``0.5 + 0.12``, ``pi/2``, ``90 deg``, ``45 mm``."""
 
 from __future__ import annotations
 
@@ -6,15 +6,23 @@ import ast
 import math
 import operator
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+
+from plugins.replies.assumptions import assume
+
+LENGTHS = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
+"""How many of each unit are a metre."""
+
+ANGLES = {"rad": 1.0, "deg": math.degrees(1.0), "°": math.degrees(1.0)}
+"""How many of each unit are a radian."""
 
 _LONGEST = 100  # characters
 _FIGURE = re.compile(r"-?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
-
+_NUMBER = r"(?:\d++\.?\d*+|\.\d++)(?:e[-+]?\d{1,3}+)?+"
 _SUM = re.compile(
-    r"(?:[-+*/()\s]|(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?|(?:math|np|numpy)\.|pi|radians|deg2rad)+"
+    rf"(?:[-+*/()\s]|{_NUMBER}(?!\w)|(?:math|np|numpy)\.|pi|radians|deg2rad|sqrt|float)++"
 )
-_DEGREES = re.compile(r"(.*?[\d.)])\s*(?:deg|degrees|°)", re.DOTALL)
+_UNIT = re.compile(r"(.*[\d.)])\s*(m|cm|mm|rad|deg|°)(?:(?<=g)rees?|(?<=d)ians?)?")
 # One number or two: a space stands before the sign, and none behind it.
 _UNEVEN = re.compile(r"[\d.)]\s+[-+][\d.(]")
 
@@ -24,20 +32,37 @@ _OPERATORS: dict[type, Callable[[float, float], float]] = {
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
 }
-_SIGNS: dict[type, Callable[[float], float]] = {
-    ast.UAdd: operator.pos,
-    ast.USub: operator.neg,
+_FUNCTIONS: dict[str, Callable[[float], float]] = {
+    "radians": math.radians,
+    "deg2rad": math.radians,
+    "sqrt": math.sqrt,
+    "float": float,
 }
 
 
-def read_figure(text: str) -> float | None:
-    """Return the number that a text means, degrees in radians; None: it is not just one number."""
-    return None if _UNEVEN.search(text) else _read_sum(text.strip())
+def read_figure(text: str, units: Mapping[str, float]) -> float | None:
+    """Return the number that a text means, in the base of its ``units``; None: it is not just one number."""
+    if _UNEVEN.search(text):
+        return None
+    text = text.strip().lower().replace("π", "pi")
+    unit = _UNIT.fullmatch(text)
+    if unit is None:
+        return _read_sum(text)
+    value = _read_sum(unit[1])
+    if value is None or unit[2] not in units:
+        return None
+    assume(f"numbers with {unit[2]!r} are read in that unit")
+    return value / units[unit[2]]
+
+
+def has_unit(text: str) -> bool:
+    """Report whether a text is a number with a unit."""
+    return _UNIT.fullmatch(text.strip().lower()) is not None
 
 
 def is_uneven(text: str) -> bool:
     """Report whether a text such as ``0.5 -0.2`` may be one number or two."""
-    return _UNEVEN.search(text) is not None and _read_sum(text) is not None
+    return _UNEVEN.search(text) is not None and _read_sum(text.strip()) is not None
 
 
 def figures_in(text: str) -> list[float]:
@@ -46,21 +71,13 @@ def figures_in(text: str) -> list[float]:
 
 
 def _read_sum(text: str) -> float | None:
-    """Return the value of a sum, with or without a unit; None: it is none."""
-    if len(text) > _LONGEST:
-        return None
-
-    in_degrees = _DEGREES.fullmatch(text)
-    if in_degrees is not None:
-        text = in_degrees[1]
-
-    if _SUM.fullmatch(text) is None:
+    """Return the value of a sum; None: it is none."""
+    if len(text) > _LONGEST or _SUM.fullmatch(text) is None:
         return None
     try:
-        value = _compute(ast.parse(text.strip(), mode="eval").body)
+        return _compute(ast.parse(text, mode="eval").body)
     except (SyntaxError, ValueError, ArithmeticError):
         return None
-    return value if in_degrees is None else math.radians(value)
 
 
 def _compute(node: ast.expr) -> float:
@@ -72,18 +89,15 @@ def _compute(node: ast.expr) -> float:
     match node:
         case ast.Constant(value=int() | float() as value):
             return float(value)
-        case ast.UnaryOp(op=sign, operand=operand) if type(sign) in _SIGNS:
-            return float(_SIGNS[type(sign)](_compute(operand)))
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return -_compute(operand)
+        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+            return _compute(operand)
         case ast.BinOp(left=left, op=sign, right=right) if type(sign) in _OPERATORS:
-            return float(_OPERATORS[type(sign)](_compute(left), _compute(right)))
+            return _OPERATORS[type(sign)](_compute(left), _compute(right))
         case ast.Name(id="pi") | ast.Attribute(attr="pi"):
             return math.pi
-        case ast.Call(func=function, args=[angle]) if _is_radians(function):
-            return math.radians(_compute(angle))
+        case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name), args=[inner]):
+            if name in _FUNCTIONS:
+                return _FUNCTIONS[name](_compute(inner))
     raise ValueError("not a sum of numbers")
-
-
-def _is_radians(function: ast.expr) -> bool:
-    """Report whether a function turns degrees into radians."""
-    name = getattr(function, "attr", getattr(function, "id", ""))
-    return name in ("radians", "deg2rad")

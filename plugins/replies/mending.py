@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -14,39 +15,48 @@ from core.design import DesignError
 from core.designs.replies import DECODER
 from core.support.text import shorten
 from plugins.replies.assumptions import assume
-from plugins.replies.figures import figures_in, is_uneven, read_figure
+from plugins.replies.figures import figures_in, has_unit, is_uneven, read_figure
 
 MAX_MENDED = 40_000
 """The most characters that are mended at a time; a strategy has some 15,000. The time grows with their square."""
 
-MAX_DEPTH = 40
+MAX_OPEN = 40
 """The most brackets that may be open at a time."""
 
 ELLIPSIS = "..."
 
-# Spaces of all kinds, a mark at the beginning, and the sign of typesetters.
+# Spaces and dashes of all kinds, a mark at the beginning, and other marks of typesetters.
 _ODD = str.maketrans(
     dict.fromkeys("\u00a0\u2007\u202f\u2009\u3000", " ")
     | dict.fromkeys("\ufeff\u200b")
-    | {"\u2212": "-"}
+    | dict.fromkeys("\u2212\u2010\u2011\u2012\u2013\u2014\uff0d", "-")
+    | dict(zip("，：；", ",:;", strict=True))
 )
-_TEXT = r"\"(?:[^\"\\]++|\\.)*+\"|“[^”]*+”|(?<=[\[{,:\s])'(?:[^'\\\n]++|\\.)*+'(?=\s*[\]},:])"
-_REMARK = r"//[^\n]*|/\*.*?\*/|(?<![^\s,\]}])#[^\n]*"
-_COMMENT = re.compile(rf"({_TEXT})|{_REMARK}|,(?=\s*[\]}}])", re.DOTALL)
 # A quote without an end is read once to the end, and not again from each quote in it.
 _OPEN = r"\"(?:[^\"\\]++|\\.)*+\\?\Z"
-_BRACE = re.compile(rf"{_TEXT}|{_OPEN}|{_REMARK}|([{{}}])", re.DOTALL)
+_TEXT = rf"\"(?:[^\"\\]++|\\.)*+\"|{_OPEN}|(?<=[\[{{,:\s])'(?:[^'\\\n]++|\\.)*+'(?=\s*[\]}},:])"
+_LONG = re.compile(r"(?<=[:\[,(\s])(\"\"\"|'''|`)(?=[^`'\"])(.*?)\1", re.DOTALL)
+_CURLY = re.compile(
+    rf"({_TEXT})|(?<=[\[{{,:\s])[“”„«‘]|[“”»’](?=\s*[\]}},:])", re.DOTALL
+)
+_REMARK = (
+    r"//[^\n]*|/\*.*?\*/|<!--.*?-->|(?<![^\s,\]}])#[^\n]*|\b(?:np|numpy)\.array(?=\()"
+)
+_COMMENT = re.compile(rf"({_TEXT})|{_REMARK}|,(?=\s*[\]}}])", re.DOTALL)
+_BRACE = re.compile(rf"{_TEXT}|{_REMARK}|([{{}}])", re.DOTALL)
 _BARE = re.compile(
-    rf"({_TEXT})|(?<=[\[,:])(\s*)([^\s\"'“\[\]{{}},:][^\"'“\[\]{{}},:\n]*+)(?=\s*[,\]}}])",
+    rf"({_TEXT})|(?<=[\[,:])(\s*)([^\s\"'\[\]{{}},:][^\"'\[\]{{}},:\n]*+)(?=\s*[,\]}}])",
     re.DOTALL,
 )
 _QUOTED = re.compile(_TEXT, re.DOTALL)
-_JUNK = re.compile(r"[^\s\[{,:\]}][ \n]*[\[{]")  # stands before a list or an object
+# Stands before a list, an object or a number.
+_JUNK = re.compile(r"[^\s\[{(,:\]][ \n]*[\[{]|[^\w\s\[\](){},:;+\-*/.~≈=][ \n]*[\d.]")
 _OPENS = {"]": "[", "}": "{"}
-_JSON_NUMBER = re.compile(r"-?\d+(\.\d+)?([eE][-+]?\d+)?\s*")
+_JSON_NUMBER = re.compile(r"-?\d+(\.\d+)?([eE][-+]?\d+)?")
 _CODE = re.compile(r"\\u([0-9a-fA-F]{4})")
 _YAML_COMMENT = re.compile(r"(?:(?<=\s)|(?<=\A))#[^\n]*")
-_YAML_REFERENCE = re.compile(r"(?:^|[\s\[,:-])[&*]\w", re.MULTILINE)
+# What YAML's constructors raise for values that are none.
+_YAML_ERRORS = (yaml.YAMLError, LookupError, AttributeError, TypeError)
 
 
 def mend_json(text: str) -> object:
@@ -58,11 +68,10 @@ def mend_json(text: str) -> object:
     Raises:
         DesignError: it is too long, too deep, or can't be read for certain.
     """
-    if len(text) > MAX_MENDED or _depth(text) > MAX_DEPTH:
-        raise DesignError("it is malformed, and too long or too deep to be mended")
-
-    plain = text.translate(_ODD)
-    plain = _COMMENT.sub(_drop, plain)
+    _refuse_large(text)
+    plain = _LONG.sub(_quote, text.translate(_ODD))
+    plain = _CURLY.sub(lambda match: match[1] or '"', plain)
+    plain = _COMMENT.sub(lambda match: match[1] or " ", plain)
     plain = _BARE.sub(_compute, plain)
     with suppress(ValueError, RecursionError):
         return DECODER.decode(plain)
@@ -77,12 +86,26 @@ def read_yaml(text: str) -> object:
     """Read a YAML document.
 
     Raises:
-        DesignError: it is too long, has references, or can't be read for certain.
+        DesignError: it is too long, has tags or references, or can't be read for certain.
     """
-    if len(text) > MAX_MENDED or _YAML_REFERENCE.search(text):
-        raise DesignError("it is too long for YAML, or has references")
+    _refuse_large(text)
     plain = _YAML_COMMENT.sub("", text.translate(_ODD))
-    return _read_surely(plain, yaml.safe_load)
+    return _read_surely(plain, _load_yaml)
+
+
+def _load_yaml(text: str) -> object:
+    """Load YAML of plain values.
+
+    Raises:
+        ValueError: it has tags or references, or is no YAML.
+    """
+    try:
+        for event in yaml.parse(text, yaml.SafeLoader):
+            if getattr(event, "anchor", None) or getattr(event, "tag", None):
+                raise ValueError("it has tags or references")
+        return yaml.safe_load(text)
+    except _YAML_ERRORS as error:
+        raise ValueError("it is no YAML") from error
 
 
 def closing(text: str, start: int, most: int) -> int | None:
@@ -99,14 +122,19 @@ def closing(text: str, start: int, most: int) -> int | None:
     return None
 
 
-def _depth(text: str) -> int:
-    """Count how many brackets are open at most, whatever stands in quotes."""
+def _refuse_large(text: str) -> None:
+    """Refuse what is too long, or has too many brackets open at a time, whatever stands in quotes.
+
+    Raises:
+        DesignError: it is.
+    """
     depth = 0
     most = 0
     for bracket in re.finditer(r"[\[{}\]]", text):
         depth += 1 if bracket[0] in "[{" else -1
         most = max(most, depth)
-    return most
+    if len(text) > MAX_MENDED or most > MAX_OPEN:
+        raise DesignError("it is malformed, and too long or too deep to be mended")
 
 
 def _is_nested(text: str) -> bool:
@@ -131,32 +159,31 @@ def _is_nested(text: str) -> bool:
     return not stack
 
 
-def _drop(match: re.Match[str]) -> str:
-    """Keep a text in quotes; drop a comment, or a comma before a bracket that closes."""
-    return match[1] or " "
+def _quote(match: re.Match[str]) -> str:
+    """Write a text of several lines in JSON's quotes."""
+    inside = re.sub(r'(?<!\\)"', r"\\" + '"', match[2])
+    return f'"{inside}"'
 
 
 def _compute(match: re.Match[str]) -> str:
-    """Keep a text in quotes; replace what stands bare as a value: a sum by its number, an ellipsis by a text.
+    """Keep a text in quotes; replace what stands bare as a value: a sum by its number, what has a unit by a text.
 
     Raises:
         DesignError: it may be one number or two.
     """
-    if match[1] is not None:
-        return match[1]
-
-    bare = match[3].strip()
-    if bare in (ELLIPSIS, "…"):
-        return f'{match[2]}"{ELLIPSIS}"'
-    if _JSON_NUMBER.fullmatch(bare):
-        return match[0]
+    bare = (match[3] or "").strip()
     if is_uneven(bare):
         raise DesignError(
             f"{shorten(bare)} may be one number or two; write the number itself"
         )
-
-    value = read_figure(bare)
-    return match[0] if value is None else f"{match[2]}{value!r}"
+    if bare == "…":
+        bare = ELLIPSIS
+    if bare == ELLIPSIS or has_unit(bare):
+        return f"{match[2]}{json.dumps(bare)}"
+    value = read_figure(bare, {})
+    if value is None or _JSON_NUMBER.fullmatch(bare):
+        return match[0]
+    return f"{match[2]}{value!r}"
 
 
 def _read_surely(text: str, read: Callable[[str], Any]) -> object:
@@ -168,7 +195,7 @@ def _read_surely(text: str, read: Callable[[str], Any]) -> object:
     try:
         value: object = read(text)
         written = " ".join(_leaves(value))
-    except (ValueError, RecursionError, yaml.YAMLError) as error:
+    except (ValueError, RecursionError) as error:
         raise DesignError("it is malformed, and can't be mended") from error
 
     spelled = _CODE.sub(lambda code: chr(int(code[1], 16)), text)

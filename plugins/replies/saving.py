@@ -27,11 +27,14 @@ BLOCK = "```"
 """The key of a block of another language that stands beside a strategy, for the one text that it lacks."""
 
 _FENCE = re.compile(r"```\w*[^\n]{0,100}\n(.*?)(?:\n[ \t]*```|\Z)", re.DOTALL)
-_LIST = re.compile(r"""["'“]?strategies["'”]?\s*:\s*\[""")
-_KEY = r"""\{(?:\s|//[^\n]*|/\*.{0,300}?\*/|#[^\n]*)*+["'“]?(?:%s)["'”]?\s*:"""
-_ANY_KEY = re.compile(_KEY % r"(\w+)", re.DOTALL)
+_LIST = re.compile(r"strategies\W{0,3}:\s*\[")
+_GAP = r"(?:\s++|//[^\n]{0,300}+|/\*.{0,300}?\*/|#[^\n]{0,300}+){0,20}+"
+_KEY = rf"""\{{{_GAP}["'“”„«‘]?(%s)["'”“»’]?\s*:"""
+_ANY_KEY = re.compile(_KEY % r"\w+", re.DOTALL)
 _FIRST = ("parents", "strategy_name", "strategyName")  # begins a strategy
-_YAML = re.compile(r"^(?:- )?[ \t]*(?:strategies|strategy_name)[ \t]*:", re.MULTILINE)
+_YAML = re.compile(r"^(?:- )?[ \t]*(?:strateg|tool|action)\w*[ \t]*:", re.MULTILINE)
+# Where a list of strategies is cut off before the first key of its next one.
+_CUT = re.compile(r"""\s*,\s*(?:\{\s*["'“]?\w*)?\Z""")
 
 
 def read_reply(text: str) -> dict[str, list[Any]]:
@@ -73,14 +76,13 @@ def _decode_all(text: str) -> tuple[list[dict[Any, Any]], Malformed | None]:
     reached = -1
     start = text.find("{")
     # Each failure counts all lines before it; this many take a second or two.
-    tries = 100 + 1_000_000_000 // max(1, len(text))
-    for _ in range(tries):
-        if start < 0:
-            break
+    failures = 100 + 1_000_000_000 // max(1, len(text))
+    while start >= 0 and failures > 0:
         try:
             value, end = decode(text, start, "the reply")
             values.append(value)
         except Malformed as error:
+            failures -= 1
             # An object that begins before the error would be an inner one.
             end = max(start + 1, error.end)
             if end - start > reached:
@@ -93,17 +95,16 @@ def _decode_all(text: str) -> tuple[list[dict[Any, Any]], Malformed | None]:
 
 def _last_strategies(values: list[dict[Any, Any]], *, whole: bool) -> list[Any]:
     """Return the strategies of the last document that has some; in a ``whole`` reply, else those that stand alone."""
-    alone: dict[str, Any] = {}
+    alone: list[Any] = []
     for value in reversed(values):
         if not is_strategy(value):
             found = find_strategies(value)
             if found:
                 return found
-        elif whole:
-            name = str(value.get("strategy_name", len(alone)))
-            alone.setdefault(name, value)
+        elif whole and len(alone) < MAX_SAVED and value not in alone:
+            alone.insert(0, value)
 
-    return list(reversed(alone.values()))
+    return alone
 
 
 def _save_strategies(text: str) -> list[Any]:
@@ -117,38 +118,52 @@ def _save_strategies(text: str) -> list[Any]:
         names += first.groups() if first else ()
 
     beginning = re.compile(_KEY % "|".join(names), re.DOTALL)
-    mended = 0
+    left = MAX_ALL_MENDED
     reread = 0
+    broken_end = 0  # of the last one that can't be mended
     found: list[Any] = []
     while match := beginning.search(text, position):
         if len(found) == MAX_SAVED or reread > MAX_REREAD:
             break
         start = match.start()
+        strategy: object
         try:
             strategy, position = decode(text, start, "the reply")
         except Malformed:
             reread += len(text) - start
-            strategy, position = _mend_strategy(text, start, mended < MAX_ALL_MENDED)
-            mended += position - start
-        found.append(strategy)
+            strategy, position = _mend_strategy(text, start, left)
+            left -= position - start
 
+        is_part = start < broken_end and match[1] not in _FIRST
+        if isinstance(strategy, Unread):
+            broken_end = max(broken_end, position)
+            position = start + 1
+        # What else lies in a strategy that can't be mended is a part of it, such as a component.
+        if not is_part or is_strategy(strategy):
+            found.append(strategy)
+
+    if found and _CUT.match(text, position):
+        found.append(_unread(text, position))
     is_any_sound = any(not isinstance(strategy, Unread) for strategy in found)
     return found if is_any_sound else []
 
 
-def _mend_strategy(text: str, start: int, is_allowed: bool) -> tuple[object, int]:
-    """Mend the strategy that begins at ``start``; return it, and where the next one may begin."""
-    reason = ""
+def _mend_strategy(text: str, start: int, most: int) -> tuple[object, int]:
+    """Mend the strategy of at most ``most`` characters that begins at ``start``; return it, and where it ends."""
     end = closing(text, start, MAX_MENDED)
-    if end is not None and is_allowed:
-        try:
-            return mend_json(text[start:end]), end
-        except DesignError as error:
-            reason = f": {error}"
+    if end is None or end - start > most:
+        return _unread(text, start), start + 1
+    try:
+        return mend_json(text[start:end]), end
+    except DesignError as error:
+        return _unread(text, start, f": {error}"), end
 
+
+def _unread(text: str, start: int, reason: str = "") -> Unread:
+    """Say that the strategy that begins at ``start`` can't be read."""
     line = text.count("\n", 0, start) + 1
     place = f"it begins at line {line} of the reply"
-    return Unread(f"the strategy is cut off or malformed ({place}){reason}"), start + 1
+    return Unread(f"the strategy is cut off or malformed ({place}){reason}")
 
 
 def _read_otherwise(text: str) -> list[Any]:

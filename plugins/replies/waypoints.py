@@ -11,23 +11,19 @@ from core.designs.plan_rules import WAYPOINT
 from core.support.text import shorten
 from plugins.replies.assumptions import assume
 from plugins.replies.envelopes import plain_name
-from plugins.replies.figures import read_figure
+from plugins.replies.figures import ANGLES, LENGTHS, read_figure
 from plugins.replies.mending import ELLIPSIS
 
 _POSE = WAYPOINT[:6]
+_PLACE = WAYPOINT[:3]
+_TURN = WAYPOINT[3:6]
 _LISTS = {
-    "position": WAYPOINT[:3],
-    "pos": WAYPOINT[:3],
-    "xyz": WAYPOINT[:3],
-    "translation": WAYPOINT[:3],
-    "orientation": WAYPOINT[3:6],
-    "rotation": WAYPOINT[3:6],
-    "rpy": WAYPOINT[3:6],
-    "euler": WAYPOINT[3:6],
-    "eulerangles": WAYPOINT[3:6],
-    "pose": _POSE,
-    "waypoint": _POSE,
+    **dict.fromkeys(("position", "pos", "xyz", "translation"), _PLACE),
+    **dict.fromkeys(("orientation", "rotation", "rot"), _TURN),
+    **dict.fromkeys(("rpy", "euler", "eulerangles"), _TURN),
+    **dict.fromkeys(("pose", "waypoint"), _POSE),
 }
+_COUNTS = ("step", "index", "id", "number", "waypoint")
 _DEGREES = re.compile(r"(?:in)?deg(?:rees)?$")
 _WANTED = f"write a list of {', '.join(_POSE)}, angles in radians"
 _GRIPS = {"open": 0.0, "closed": 1.0, "close": 1.0, "false": 0.0, "true": 1.0}
@@ -58,22 +54,26 @@ def _read_waypoint(waypoint: object, where: str) -> object:
     """Read one waypoint; anything that is none stays as it is."""
     if waypoint == ELLIPSIS:
         raise DesignError(f"{where} is '...'; write out every waypoint")
+    if isinstance(waypoint, str):
+        words = _BETWEEN.split(waypoint.strip(" \t\n[](),;"))
+        numbers = _name_row(words)
+        return waypoint if any(isinstance(n, str) for n in numbers) else numbers
     if isinstance(waypoint, dict):
         return _read_object(waypoint, where)
-    if isinstance(waypoint, str):
-        words = _BETWEEN.split(waypoint.strip().strip("[]()").strip())
-        numbers = [_as_number(word) for word in words]
-        return waypoint if any(isinstance(n, str) for n in numbers) else numbers
-    if isinstance(waypoint, list):
-        return [*map(_as_number, waypoint[:6]), *map(_as_grip, waypoint[6:])]
-    return waypoint
+    return _name_row(waypoint) if isinstance(waypoint, list) else waypoint
+
+
+def _name_row(values: list[Any]) -> list[Any]:
+    """Read the numbers of a waypoint in their order; more than there are names for stay as they are."""
+    row = list(map(_read_number, WAYPOINT, values))
+    return row + values[len(row) :]
 
 
 def _read_object(waypoint: dict[Any, Any], where: str) -> list[Any]:
     """Read a waypoint of named numbers; texts that only describe it are left out.
 
     Raises:
-        DesignError: a number is missing, unknown, or part of a quaternion.
+        DesignError: a number is missing, unknown, given twice, or part of a quaternion.
     """
     numbers = _name_numbers(waypoint, where)
     if not set(_POSE) <= set(numbers):
@@ -86,61 +86,60 @@ def _name_numbers(waypoint: dict[Any, Any], where: str) -> dict[str, Any]:
     """Return the numbers of a waypoint by their names in `WAYPOINT`, angles in radians.
 
     Raises:
-        DesignError: a name is unknown, or a list has another length.
+        DesignError: a name is unknown, or stands for a number that is there already, or a list has another length.
     """
     found: dict[str, Any] = {}
     for key, value in waypoint.items():
         name, *degrees = _DEGREES.split(plain_name(key))
         names = _LISTS.get(name, ())
 
+        inner: dict[str, Any] = {}
         if isinstance(value, dict) and names:
             inner = _name_numbers(value, where)
         elif isinstance(value, list) and len(value) == len(names):
-            inner = dict(zip(names, map(_as_number, value), strict=True))
+            inner = dict(zip(names, map(_read_number, names, value), strict=True))
         elif name in WAYPOINT:
-            inner = {
-                name: _as_grip(value) if name == WAYPOINT[6] else _as_number(value)
-            }
-        elif isinstance(value, str):
-            continue
-        else:
+            inner = {name: _read_number(name, value)}
+        elif not isinstance(value, str) and name not in _COUNTS:
             raise DesignError(f"{where}: {shorten(str(key))} can't be read; {_WANTED}")
 
         if degrees:
             assume(f"{str(key)[:60]!r} is read in degrees")
-            inner = {name: _to_radians(value) for name, value in inner.items()}
+            inner = {name: _to_radians(name, value) for name, value in inner.items()}
+        twice = found.keys() & inner.keys()
+        if twice:
+            raise DesignError(f"{where}: {', '.join(twice)} is given twice; {_WANTED}")
         found |= inner
 
     return found
 
 
-def _to_radians(value: Any) -> Any:
-    """Turn an angle in degrees into radians."""
-    return math.radians(value) if isinstance(value, int | float) else value
+def _to_radians(name: str, value: Any) -> Any:
+    """Turn an angle in degrees into radians; what is no angle becomes a text, for the rules to refuse."""
+    if name in _TURN and isinstance(value, int | float):
+        return math.radians(value)
+    return f"{value} degrees"
 
 
-def _as_number(value: object) -> object:
-    """Return the number that a text means; anything else as it is."""
+def _read_number(name: str, value: object) -> object:
+    """Return the number of a waypoint that a text means, or for the gripper a word; anything else as it is."""
+    if name == WAYPOINT[6]:
+        value = _GRIPS.get(str(value).strip().lower(), value)
     if not isinstance(value, str):
         return value
-    number = read_figure(value)
+    units = ANGLES if name in _TURN else LENGTHS
+    number = read_figure(value, units)
     return value if number is None else number
 
 
-def _as_grip(value: object) -> object:
-    """Return the gripper's number that a word or a truth value means; anything else as it is."""
-    word = str(value).strip().lower()
-    return _GRIPS[word] if word in _GRIPS else _as_number(value)
-
-
 def _without_gripper(rows: list[object]) -> list[object]:
-    """Leave out a seventh number that is 0 in all waypoints of a tool without the gripper.
+    """Leave out a seventh number that is 0 or null in all waypoints of a tool without the gripper.
 
     Raises:
         DesignError: the last four numbers may be a quaternion.
     """
     sevens = [row for row in rows if isinstance(row, list) and len(row) == 7]
-    if len(sevens) != len(rows) or any(row[6] != 0 for row in sevens):
+    if len(sevens) != len(rows) or any(row[6] not in (0, None) for row in sevens):
         return rows
 
     lengths = [math.hypot(*map(_number_or_nan, row[3:])) for row in sevens]

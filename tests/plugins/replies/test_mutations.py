@@ -19,7 +19,18 @@ STRATEGIES = [
     {"strategy_name": name, "tool_urdf": RAW, "action_sets": PLANS} for name in "ab"
 ]
 TEXT = json.dumps({"strategies": STRATEGIES})
-MARKS = [*list("\"'“”`{}[](),:;#/\\\n "), "//", "/*", "*/", "...", "\xa0", '\\"']
+MARKS = [
+    *list("\"'“”`{}[](),:;#/\\\n "),
+    "//",
+    "/*",
+    "*/",
+    "...",
+    "\xa0",
+    '\\"',
+    "```",
+    "«",
+    "’",
+]
 # Digits and what belongs to numbers stay: other digits would be another sound number.
 IN_NUMBERS = set("0123456789.-+eE")
 

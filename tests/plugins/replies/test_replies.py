@@ -9,6 +9,7 @@ from core.design import DesignError
 from core.designs.reading import load_designs, read_designs
 from core.designs.replies import parse_reply
 from core.errors import UserError
+from plugins.replies import saving
 from plugins.replies.saving import MAX_SAVED
 from tests.core.designs.test_reading import PLAN, STRATEGY, TASK, Rod
 
@@ -109,6 +110,28 @@ def test_comments_and_extra_commas_are_ignored(loose):
             ),
         }
     ]
+
+
+def test_what_fails_is_charged_to_what_may_be_mended(monkeypatch):
+    tried = []
+
+    def mend(text):
+        tried.append(len(text))
+        raise DesignError("it can't be mended")
+
+    monkeypatch.setattr(saving, "mend_json", mend)
+    long = f'{{"strategy_name": "a", "tool_urdf": "{"x" * 20_000}" 1}}'
+    sound = json.dumps({**STRATEGY, "strategy_name": "last"})
+    text = f'{{"strategies": [{", ".join([long] * 30)}, {sound}]}}'
+    found = parse_reply(text)["strategies"]
+    assert len(found) == 31
+    assert found[-1]["strategy_name"] == "last"
+    assert 100_000 < sum(tried) <= saving.MAX_ALL_MENDED
+
+
+def test_many_sound_objects_before_the_document_are_passed():
+    text = '{"a": 1} ' * 500_000 + TEXT
+    assert parse_reply(text) == DOCUMENT
 
 
 HUGE = 20_000_000

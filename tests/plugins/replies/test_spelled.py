@@ -45,10 +45,14 @@ def spell(entry):
     strategy = f'{{"strategy_name": "s", "tool_urdf": {json.dumps(RAW)}, "action_sets": [{plan}]}}'
     document = f'{{"strategies": [{strategy}]}}'
     parts = {
+        "TWICEESC": json.dumps(json.dumps(document)[1:-1])[1:-1],
+        "STRATESC": json.dumps(strategy)[1:-1],
         "ESCAPED": json.dumps(document)[1:-1],
         "DOC": document,
         "STRATEGY": strategy,
         "SECOND": strategy.replace('"s"', '"t"'),
+        "OTHER": strategy.replace("0.62", "9"),
+        "DIGITS": "1" * 90 + "x",
         "LINES": json.dumps(lines),
         "HTML": html.escape(RAW),
         "QUOT": RAW.replace('"', "&quot;"),
