@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable
 from typing import Any
 
 from core.designs.replies import DECODER
@@ -46,7 +46,12 @@ def find_strategies(value: object, depth: int = MAX_DEPTH) -> list[Any]:
         return find_strategies(_decode(value), depth - 1)
 
     found = _list_here(value, depth)
-    for inner in _children(value):
+    inside: Iterable[Any] = ()
+    if isinstance(value, dict):
+        inside = value.values()
+    elif isinstance(value, list):
+        inside = value
+    for inner in inside:
         found = found or find_strategies(inner, depth - 1)
     return found
 
@@ -79,8 +84,8 @@ def _list_here(value: object, depth: int) -> list[Any]:
         items = value
     if isinstance(value, dict):
         for key, inner in value.items():
-            is_list = isinstance(inner, list) and not _nests(inner)
-            if plain_name(key) == "strategies" and is_list:
+            is_named = plain_name(key) == "strategies" and isinstance(inner, list)
+            if is_named and not all(isinstance(item, list) for item in inner):
                 return _tidy(inner, depth)
         if is_strategy(value):
             items = [value]
@@ -102,23 +107,6 @@ def _tidy(items: Any, depth: int) -> list[Any]:
             inside = find_strategies(item, depth - 1)
         tidy.append(inside[0] if len(inside) == 1 else item)
     return tidy
-
-
-def _nests(value: list[Any]) -> bool:
-    """Report whether a list holds only lists."""
-    return all(isinstance(inner, list) for inner in value)
-
-
-def _children(value: object) -> Iterator[object]:
-    """Yield what may hold strategies in an object or a list."""
-    inside: Any = ()
-    if isinstance(value, dict):
-        inside = value.values()
-    elif isinstance(value, list):
-        inside = value
-    for inner in inside:
-        if isinstance(inner, dict | list | str):
-            yield inner
 
 
 def _decode(text: str) -> object:

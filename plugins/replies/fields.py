@@ -27,8 +27,10 @@ _USUAL = (
     "gripper",
     "parents",
 )
-_ANSWERS = {"true": True, "yes": True, "1": True}
-_ANSWERS |= dict.fromkeys(("false", "no", "none", "0"), False)
+_ANSWERS = {
+    **dict.fromkeys(("true", "yes", "1"), True),
+    **dict.fromkeys(("false", "no", "none", "0"), False),
+}
 _PLAN = PLANS | {
     *("plan", "action", "waypoints", "trajectory", "poses", "steps", "path", "motion")
 }
@@ -72,24 +74,19 @@ def read_fields(strategy: Fields, wanted: Mapping[str, Any]) -> Fields:
             _take(fields, name, key, value)
 
     for name in needed:
-        key = None if name in fields else _find_other(name, others, needed)
+        key = None if name in fields else _find_other(name, others)
         if key is not None:
             _take(fields, name, key, others.pop(key))
 
-    texts = [name for name, schema in wanted.items() if schema.get("type") == "string"]
-    missing = [name for name in texts if "<" not in str(fields.get(name))]
-    if BLOCK in others and len(missing) == 1:
-        fields[missing[0]] = others[BLOCK]
-
     for name, schema in wanted.items():
+        is_text = schema.get("type") == "string"
+        if is_text and BLOCK in others and "<" not in str(fields.get(name)):
+            fields[name] = others[BLOCK]
         if name in fields:
             fields[name] = _fit(fields[name], schema.get("type"))
-    if ACTION_SETS in fields:
-        fields[ACTION_SETS] = _fit(fields[ACTION_SETS], "array")
-    gripper = fields.pop("gripper", None)
-    if gripper is not None:
-        answer = str(gripper).strip().lower()
-        fields["gripper"] = _ANSWERS.get(answer, gripper)
+    if "gripper" in fields:
+        gripper = fields["gripper"]
+        fields["gripper"] = _ANSWERS.get(str(gripper).strip().lower(), gripper)
 
     return {**others, **fields}
 
@@ -101,7 +98,7 @@ def list_plans(value: object, schema: Mapping[str, Any]) -> object:
         value: what was written.
         schema: the JSON schema of one plan.
     """
-    value = _unwrap(value)
+    value = _unwrap(_fit(value, "array"))
     if not isinstance(value, list):
         return value
 
@@ -135,20 +132,15 @@ def _flatten(
             yield (joined if plain_name(joined) in names else inner), held
 
 
-def _find_other(name: str, others: Fields, needed: list[str]) -> Any:
+def _find_other(name: str, others: Fields) -> Any:
     """Return the key of another field that can only mean ``name``; None: there is none.
 
     Raises:
         DesignError: a name is near, and may mean something else.
     """
+    same = [key for key in others if _is_part(key, name)]
     if name == ACTION_SETS:
         same = [key for key in others if plain_name(key) in _PLAN]
-    else:
-        same = [key for key in others if _is_part(key, name)]
-        rivals = [other for other in needed if other != name]
-        same = [
-            key for key in same if not any(_is_part(key, rival) for rival in rivals)
-        ]
     if len(same) == 1:
         return same[0]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
@@ -194,7 +194,7 @@ def _read_surely(text: str, read: Callable[[str], Any]) -> object:
     """
     try:
         value: object = read(text)
-        written = " ".join(_leaves(value))
+        written = json.dumps(value, ensure_ascii=False, default=str)
     except (ValueError, RecursionError) as error:
         raise DesignError("it is malformed, and can't be mended") from error
 
@@ -204,16 +204,3 @@ def _read_surely(text: str, read: Callable[[str], Any]) -> object:
     if value:
         assume("malformed JSON, or YAML, is read where its numbers are certain")
     return value
-
-
-def _leaves(value: object) -> Iterator[str]:
-    """Yield all keys and values as texts, in their order."""
-    if isinstance(value, dict):
-        for key, inner in value.items():
-            yield str(key)
-            yield from _leaves(inner)
-    elif isinstance(value, list):
-        for inner in value:
-            yield from _leaves(inner)
-    else:
-        yield str(value)

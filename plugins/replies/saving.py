@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
 from core.design import DesignError
 from core.designs.replies import EXPECTED, Malformed, Unread, decode
-from plugins.replies.envelopes import find_strategies, is_strategy
+from plugins.replies.envelopes import (
+    NAMES,
+    find_strategies,
+    is_strategy,
+    plain_name,
+)
 from plugins.replies.mending import MAX_MENDED, closing, mend_json, read_yaml
 
 MAX_SAVED = 1000
-"""The most strategies of a malformed reply that are read."""
+"""The most strategies that stand alone that are read."""
 
 MAX_ALL_MENDED = 200_000
-"""The most characters of a reply that are mended, which takes time."""
+"""The most characters of a reply that are looked at to be mended, which takes time."""
 
 MAX_BLOCKS = 3
 """The most fenced blocks of a reply that are read in other ways."""
-
-MAX_REREAD = 20_000_000
-"""The most characters behind malformed strategies, which may lie inside each other, that are read again."""
 
 BLOCK = "```"
 """The key of a block of another language that stands beside a strategy, for the one text that it lacks."""
@@ -29,12 +32,19 @@ BLOCK = "```"
 _FENCE = re.compile(r"```\w*[^\n]{0,100}\n(.*?)(?:\n[ \t]*```|\Z)", re.DOTALL)
 _LIST = re.compile(r"strategies\W{0,3}:\s*\[")
 _GAP = r"(?:\s++|//[^\n]{0,300}+|/\*.{0,300}?\*/|#[^\n]{0,300}+){0,20}+"
-_KEY = rf"""\{{{_GAP}["'“”„«‘]?(%s)["'”“»’]?\s*:"""
-_ANY_KEY = re.compile(_KEY % r"\w+", re.DOTALL)
-_FIRST = ("parents", "strategy_name", "strategyName")  # begins a strategy
+_KEY = re.compile(rf"""\{{{_GAP}["'“”„«‘]?(\w+)["'”“»’]?\s*:""", re.DOTALL)
 _YAML = re.compile(r"^(?:- )?[ \t]*(?:strateg|tool|action)\w*[ \t]*:", re.MULTILINE)
 # Where a list of strategies is cut off before the first key of its next one.
-_CUT = re.compile(r"""\s*,\s*(?:\{\s*["'“]?\w*)?\Z""")
+_CUT = re.compile(r"""\},\s*(?:\{\s*["'“]?\w*)?\Z""")
+
+
+@dataclass(frozen=True)
+class _Found:
+    """An object of a reply, or the `Unread` in its place; its first key, and whether it lies in a malformed one."""
+
+    value: Any
+    key: str
+    is_inner: bool
 
 
 def read_reply(text: str) -> dict[str, list[Any]]:
@@ -47,112 +57,65 @@ def read_reply(text: str) -> dict[str, list[Any]]:
     Raises:
         DesignError: there is no strategy, or the document is malformed and has no sound one; gives line and column.
     """
-    values, longest = _decode_all(text)
-    strategies = _last_strategies(values, whole=longest is None)
-    if not strategies and longest is not None:
-        strategies = _save_strategies(text)
-    if not strategies:
-        strategies = _last_strategies(values, whole=True)
-    if not strategies:
-        strategies = _read_otherwise(text)
+    found, longest = _find_objects(text)
+    strategies = _last_strategies(found) or _read_otherwise(text)
     if strategies:
         return {"strategies": _with_blocks(strategies, text)}
 
     if longest is not None:
         raise longest
-    for value in values:
-        if "strategies" in value:
-            return value
-    if not values:
+    if not found:
         raise DesignError(f"the reply has no JSON object; {EXPECTED}")
-    named = ", ".join(str(key)[:40] for key in islice(values[0], 5))
+    named = ", ".join(str(key)[:40] for key in islice(found[0].value, 5))
     raise DesignError(f"the reply has no strategies (its JSON has {named}); {EXPECTED}")
 
 
-def _decode_all(text: str) -> tuple[list[dict[Any, Any]], Malformed | None]:
-    """Decode all outermost objects of a text; return them, and the failure that got farthest."""
-    values: list[dict[Any, Any]] = []
+def _find_objects(text: str) -> tuple[list[_Found], Malformed | None]:
+    """Read the outermost objects of a text, and those in malformed ones; return the failure that got farthest, too."""
+    found: list[_Found] = []
     longest: Malformed | None = None
     reached = -1
-    start = text.find("{")
+    left = MAX_ALL_MENDED
+    broken_end = 0
+    end = 0
     # Each failure counts all lines before it; this many take a second or two.
     failures = 100 + 1_000_000_000 // max(1, len(text))
-    while start >= 0 and failures > 0:
+    while (start := text.find("{", end)) >= 0 and failures > 0:
+        value: object
+        is_inner = start < broken_end
         try:
             value, end = decode(text, start, "the reply")
-            values.append(value)
         except Malformed as error:
             failures -= 1
-            # An object that begins before the error would be an inner one.
-            end = max(start + 1, error.end)
-            if end - start > reached:
+            if error.end - start > reached:
                 longest = error
-                reached = end - start
-        start = text.find("{", end)
+                reached = error.end - start
+            value, end = _mend(text, start, left)
+            left -= end - start
+        if isinstance(value, Unread):
+            broken_end = max(broken_end, end)
+        if not isinstance(value, dict):
+            end = start + 1
+        key = _KEY.match(text, start)
+        found.append(_Found(value, plain_name(key[1]) if key else "", is_inner))
 
-    return values, longest
-
-
-def _last_strategies(values: list[dict[Any, Any]], *, whole: bool) -> list[Any]:
-    """Return the strategies of the last document that has some; in a ``whole`` reply, else those that stand alone."""
-    alone: list[Any] = []
-    for value in reversed(values):
-        if not is_strategy(value):
-            found = find_strategies(value)
-            if found:
-                return found
-        elif whole and len(alone) < MAX_SAVED and value not in alone:
-            alone.insert(0, value)
-
-    return alone
+    if longest is not None and _CUT.search(text, len(text) - 100):
+        found.append(_Found(_unread(text, end), "strategyname", False))
+    return found, longest
 
 
-def _save_strategies(text: str) -> list[Any]:
-    """Read the strategies of a malformed document one by one; none, unless one of them is sound."""
-    opening = _LIST.search(text)
-    position = 0
-    names = list(_FIRST)
-    if opening is not None:
-        position = opening.end()
-        first = _ANY_KEY.search(text, position, position + 1000)
-        names += first.groups() if first else ()
+def _mend(text: str, start: int, most: int) -> tuple[object, int]:
+    """Mend the strategy that begins at ``start``; return it, and how far at most ``most`` characters were looked at.
 
-    beginning = re.compile(_KEY % "|".join(names), re.DOTALL)
-    left = MAX_ALL_MENDED
-    reread = 0
-    broken_end = 0  # of the last one that can't be mended
-    found: list[Any] = []
-    while match := beginning.search(text, position):
-        if len(found) == MAX_SAVED or reread > MAX_REREAD:
-            break
-        start = match.start()
-        strategy: object
-        try:
-            strategy, position = decode(text, start, "the reply")
-        except Malformed:
-            reread += len(text) - start
-            strategy, position = _mend_strategy(text, start, left)
-            left -= position - start
-
-        is_part = start < broken_end and match[1] not in _FIRST
-        if isinstance(strategy, Unread):
-            broken_end = max(broken_end, position)
-            position = start + 1
-        # What else lies in a strategy that can't be mended is a part of it, such as a component.
-        if not is_part or is_strategy(strategy):
-            found.append(strategy)
-
-    if found and _CUT.match(text, position):
-        found.append(_unread(text, position))
-    is_any_sound = any(not isinstance(strategy, Unread) for strategy in found)
-    return found if is_any_sound else []
-
-
-def _mend_strategy(text: str, start: int, most: int) -> tuple[object, int]:
-    """Mend the strategy of at most ``most`` characters that begins at ``start``; return it, and where it ends."""
-    end = closing(text, start, MAX_MENDED)
-    if end is None or end - start > most:
-        return _unread(text, start), start + 1
+    None replaces a document with a list of strategies, which are mended one by one.
+    """
+    most = max(0, min(most, MAX_MENDED))
+    closed = closing(text, start, most)
+    end = closed or min(start + most, len(text))
+    if _LIST.search(text, start, end):
+        return None, end
+    if closed is None:
+        return _unread(text, start), end
     try:
         return mend_json(text[start:end]), end
     except DesignError as error:
@@ -164,6 +127,27 @@ def _unread(text: str, start: int, reason: str = "") -> Unread:
     line = text.count("\n", 0, start) + 1
     place = f"it begins at line {line} of the reply"
     return Unread(f"the strategy is cut off or malformed ({place}){reason}")
+
+
+def _last_strategies(found: list[_Found]) -> list[Any]:
+    """Return the strategies of the last document that has some; else those that stand alone, if one is sound.
+
+    What lies in a malformed one, such as a component, is a strategy only if it begins like one.
+    """
+    alone: list[Any] = []
+    for item in reversed(found):
+        value = item.value
+        is_broken = isinstance(value, Unread) and (
+            item.key in NAMES or (item.key != "" and not item.is_inner)
+        )
+        if is_broken or is_strategy(value):
+            alone.append(value)
+        elif strategies := find_strategies(value):
+            return strategies
+
+    is_any_sound = any(not isinstance(strategy, Unread) for strategy in alone)
+    alone.reverse()
+    return alone[:MAX_SAVED] if is_any_sound else []
 
 
 def _read_otherwise(text: str) -> list[Any]:
@@ -189,7 +173,7 @@ def _read_escaped(text: str) -> object:
 
 def _read_mended(text: str) -> object:
     """Mend the first object of a text."""
-    first = _ANY_KEY.search(text)
+    first = _KEY.search(text)
     start = first.start() if first else len(text)
     return mend_json(text[start : closing(text, start, MAX_MENDED) or start])
 

@@ -104,21 +104,16 @@ def _name_numbers(waypoint: dict[Any, Any], where: str) -> dict[str, Any]:
             raise DesignError(f"{where}: {shorten(str(key))} can't be read; {_WANTED}")
 
         if degrees:
-            assume(f"{str(key)[:60]!r} is read in degrees")
-            inner = {name: _to_radians(name, value) for name, value in inner.items()}
+            inner = {
+                name: _read_number(name, f"{angle} deg")
+                for name, angle in inner.items()
+            }
         twice = found.keys() & inner.keys()
         if twice:
             raise DesignError(f"{where}: {', '.join(twice)} is given twice; {_WANTED}")
         found |= inner
 
     return found
-
-
-def _to_radians(name: str, value: Any) -> Any:
-    """Turn an angle in degrees into radians; what is no angle becomes a text, for the rules to refuse."""
-    if name in _TURN and isinstance(value, int | float):
-        return math.radians(value)
-    return f"{value} degrees"
 
 
 def _read_number(name: str, value: object) -> object:
@@ -142,14 +137,13 @@ def _without_gripper(rows: list[object]) -> list[object]:
     if len(sevens) != len(rows) or any(row[6] not in (0, None) for row in sevens):
         return rows
 
-    lengths = [math.hypot(*map(_number_or_nan, row[3:])) for row in sevens]
+    lengths = [
+        math.hypot(*(n for n in row[3:] if isinstance(n, int | float)))
+        for row in sevens
+    ]
     if all(abs(length - 1.0) < _QUATERNION for length in lengths):
         raise DesignError(
             f"waypoint 1 has 7 numbers, which may end in a quaternion; {_WANTED}"
         )
     assume("a gripper's number of 0 is left out for a tool without the gripper")
     return [row[:6] for row in sevens]
-
-
-def _number_or_nan(value: object) -> float:
-    return value if isinstance(value, int | float) else math.nan
