@@ -95,8 +95,10 @@ class ComponentTools(VariedTools):
                 "mass": NUMBER,
                 "color": TEXT,
             }
+
             if self.joints:
                 properties["joint"] = {"anyOf": [{"type": "null"}, _JOINT]}
+
             items.append(_object(properties))
 
         item = items[0]
@@ -160,7 +162,10 @@ class ComponentTools(VariedTools):
         return tool
 
     def _read(
-        self, items: list[Any], read_shape: ReadShape, mounts: tuple[str, ...]
+        self,
+        items: list[Any],
+        read_shape: ReadShape,
+        mounts: tuple[str, ...],
     ) -> Iterator[Component]:
         """Yield components after their parents, each with its pose in its parent's frame."""
         read: dict[str, Component] = {}  # with their poses in the mount's frame
@@ -197,11 +202,14 @@ class ComponentTools(VariedTools):
         """
         where = f"component {name!r}"
         known = {*_KEYS, *self.keys}
+
         if self.joints:
             known.add("joint")
+
         check_keys(item, known, where)
         usual = mounts[0] if len(mounts) == 1 else None
         parent = item.get("parent", usual)
+
         if not isinstance(parent, str):
             raise DesignError(
                 f"{where}: parent must be the name of a component or of {' or '.join(mounts)}"
@@ -215,8 +223,10 @@ class ComponentTools(VariedTools):
         shape, place = read_shape(item, where)
         pose = Pose.xyz_rpy(position, rpy) @ place
         mass = default_mass(shape.volume)
+
         if item.get("mass") is not None:
             mass = read_number(item["mass"], f"{where}: mass")
+
         color = _read_color(item, where)
         joint = _read_joint(item.get("joint"), f"{where}: its joint", pose)
 
@@ -243,6 +253,7 @@ class ComponentTools(VariedTools):
             "mass": float(f"{component.mass:.6g}"),
             "color": "#" + "".join(f"{round(255 * share):02x}" for share in shares),
         }
+
         if self.joints:
             item["joint"] = _write_joint(component.joint, pose)
 
@@ -260,6 +271,7 @@ def _abridge(item: Mapping[str, Any]) -> dict[str, Any]:
     for key, value in item.items():
         if key == "color" or value in (_NO_TURN, "box"):
             continue
+
         short[key] = value
         if isinstance(value, list):
             short[key] = [round(number, 4) for number in value]
@@ -293,7 +305,9 @@ def default_mass(volume: float) -> float:
 
 
 def parents_first(
-    parents: Mapping[str, str], mounts: tuple[str, ...], what: str
+    parents: Mapping[str, str],
+    mounts: tuple[str, ...],
+    what: str,
 ) -> Iterator[str]:
     """Yield names so that parents come before their children.
 
@@ -342,7 +356,11 @@ def robot_names(robot: Robot) -> frozenset[str]:
     return frozenset(names)
 
 
-def _read_joint(item: object, where: str, pose: Pose) -> ToolJoint | None:
+def _read_joint(
+    item: object,
+    where: str,
+    pose: Pose,
+) -> ToolJoint | None:
     """Read the joint of a component at this pose in the frame of its mount.
 
     Axis and place are written in the mount's frame; what is returned has them in the component's.
@@ -351,8 +369,10 @@ def _read_joint(item: object, where: str, pose: Pose) -> ToolJoint | None:
         return None
     if not isinstance(item, Mapping):
         raise DesignError(f"{where} must be an object or null, not {kind(item)}")
+
     check_keys(item, ("kind", "axis", "at", *_JOINT_NUMBERS), where)
     moves = item.get("kind")
+
     if moves not in ("hinge", "slider"):
         raise DesignError(
             f'{where}: kind must be "hinge" or "slider", not {shorten(str(moves))}'
@@ -361,11 +381,14 @@ def _read_joint(item: object, where: str, pose: Pose) -> ToolJoint | None:
     axis = read_numbers(item.get("axis"), 3, f"{where}: axis")
     x, y, z = pose.rotation.inv().apply(axis)
     place = pose.position
+
     if item.get("at") is not None:
         place = np.array(read_numbers(item["at"], 3, f"{where}: at"))
+
     origin = (0.0, 0.0, 0.0)
     if moves == "hinge":
         origin = tuple(pose.inverse().apply(place).tolist())
+
     numbers = {
         name: read_number(item.get(name, 0.0), f"{where}: {name}")
         for name in _JOINT_NUMBERS
@@ -381,6 +404,7 @@ def _write_joint(joint: ToolJoint | None, pose: Pose) -> dict[str, Any] | None:
     """Write the joint of a component at this pose in the frame of its mount."""
     if joint is None:
         return None
+
     axis = pose.rotation.apply(joint.axis)
     at = rounded(pose.apply(joint.origin))
     numbers = {name: float(f"{getattr(joint, name):.6g}") for name in _JOINT_NUMBERS}
@@ -390,7 +414,11 @@ def _write_joint(joint: ToolJoint | None, pose: Pose) -> dict[str, Any] | None:
     return {"kind": joint.kind, "axis": rounded(axis / longest), "at": at, **numbers}
 
 
-def check_keys(item: Mapping[str, Any], keys: Iterable[str], where: str) -> None:
+def check_keys(
+    item: Mapping[str, Any],
+    keys: Iterable[str],
+    where: str,
+) -> None:
     """Refuse what no one would read, such as a misspelt key."""
     known = set(keys)
 
@@ -419,7 +447,11 @@ def read_number(value: object, where: str) -> float:
     return float(value)
 
 
-def read_numbers(value: object, count: int, where: str) -> list[float]:
+def read_numbers(
+    value: object,
+    count: int,
+    where: str,
+) -> list[float]:
     """Read a list of ``count`` numbers.
 
     Raises:
@@ -469,11 +501,15 @@ def rounded_rpy(pose: Pose) -> list[float]:
 
 
 def _read_name(
-    item: object, where: str, taken: Mapping[str, object], reserved: frozenset[str]
+    item: object,
+    where: str,
+    taken: Mapping[str, object],
+    reserved: frozenset[str],
 ) -> str:
     """Read the name of a component, which neither the tool nor the robot has already."""
     if not isinstance(item, Mapping):
         raise DesignError(f"{where} must be an object, not {kind(item)}")
+
     name = item.get("name")
     if not isinstance(name, str):
         raise DesignError(

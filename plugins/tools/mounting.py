@@ -18,8 +18,6 @@ from core.support.templates import fill
 from core.support.text import short_number
 from core.values.materials import Material
 
-_MEET_M = 0.0005  # fingers nearer than this meet
-
 
 def check_angles(angles: Iterable[float], where: str) -> None:
     """Refuse angles of a tool that must be degrees; ``where`` names their place.
@@ -40,20 +38,16 @@ def describe_mount(brief: Brief) -> str:
     upright = np.allclose(brief.task.home.rpy, 0.0, atol=1e-3)
     if not brief.gripper:
         return _write("mount", gripper=False, robot=robot, upright=upright)
-    gap = finger_gap(robot)
-    closed_m = max(0.0, gap - 2 * robot.opening_m)
-    closed = "meet when it is closed"
-    if closed_m >= _MEET_M:
-        closed = f"{short_number(closed_m, 3)} m when it is closed"
 
+    gap = finger_gap(robot)
     return _write(
         "mount",
         gripper=True,
         fingers=fingers_of(robot),
         axis_of=_axis,
         short=short_number,
-        gap=short_number(gap, 3),
-        closed=closed,
+        gap=gap,
+        closed=gap - 2 * robot.opening_m,
     )
 
 
@@ -68,6 +62,7 @@ def instruct(template: str, brief: Brief, material: Material, **given: Any) -> s
     """
     robot = brief.task.robot
     weight = ""
+
     if material.density_kg_m3 is not None:
         weight = describe_weight(material, robot)
 
@@ -85,14 +80,13 @@ def instruct(template: str, brief: Brief, material: Material, **given: Any) -> s
 
 def describe_weight(material: Material, robot: Robot) -> str:
     """Write the part of a prompt that says what tools of a real material weigh, and what they may; a list item."""
-    payload = f"{statics.mass_limit(robot, material)[0]:g} kg"
-    moment = f"{statics.moment_limit(robot):g} N m"
-
-    return f"""\
-- Tools are made of {material.name}, {material.density_kg_m3:g} kg/m^3, {material.filling}. What a component
-  weighs follows from its volume; a mass that you write is ignored. The tool may weigh {payload}, and turn the wrist
-  with {moment}: its mass in kg times {statics.GRAVITY:g} times the distance in metres of its centre of mass
-  from the mount."""
+    return _write(
+        "weight",
+        material=material,
+        payload=statics.mass_limit(robot, material)[0],
+        moment=statics.moment_limit(robot),
+        gravity=statics.GRAVITY,
+    )
 
 
 def _write(template: str, /, **given: Any) -> str:

@@ -39,11 +39,14 @@ def tool_numbers(design: Tool) -> Numbers:
     """
     if design.bearers:
         return Numbers()
+
     steps = np.repeat((GROWTH, SLIDE_M, TURN_RAD), 3)
     most = np.repeat((MOST_GROWTH, MOST_SLIDE_M, MOST_TURN_RAD), 3)
     numbers = Numbers()
+
     for _ in design.components:  # a table each, since they change one by one
         numbers += Numbers.near(np.zeros(9), steps, most)
+
     return numbers
 
 
@@ -61,6 +64,7 @@ def vary_tool(design: Tool, values: Array) -> Tool:
     changed: dict[str, Component] = {}
     old = {component.name: component for component in design.components}
     changes = values.reshape(-1, 3, 3)
+
     for component, (growth, slide, turn) in zip(
         design.components, changes, strict=True
     ):
@@ -94,6 +98,7 @@ def tool_change(design: Tool, other: Tool) -> Array | None:
     """
     if design.bearers or _structure(design) != _structure(other):
         return None
+
     values = []
     old = {c.name: c for c in design.components}
     new = {c.name: c for c in other.components}
@@ -117,16 +122,24 @@ def tool_change(design: Tool, other: Tool) -> Array | None:
 def _structure(tool: Tool) -> object:
     """What `vary_tool` leaves as it is, but for names."""
     number = {component.name: n for n, component in enumerate(tool.components)}
+
     structure: list[tuple[object, object]] = []
     for component in tool.components:
         shape: object = type(component.shape)
         if isinstance(component.shape, Compound):
             shape = content_of(component.shape)
+
         structure.append((number.get(component.parent, component.parent), shape))
+
     return tool.gripper, structure
 
 
-def _slid(point: Array, slide: Array, before: Component, after: Component) -> Array:
+def _slid(
+    point: Array,
+    slide: Array,
+    before: Component,
+    after: Component,
+) -> Array:
     """Find where a point of a parent is, after the parent has grown and the point has slid.
 
     Args:
@@ -139,13 +152,19 @@ def _slid(point: Array, slide: Array, before: Component, after: Component) -> Ar
     new_middle, new_sides = after.shape.bounds
     half = new_sides / 2
     share = np.clip((point - middle) / sides * 2, -1.0, 1.0)
+
     return new_middle + np.clip(share * half + slide, -half, half)
 
 
-def _scaled(point: Array, before: Shape | Compound, after: Shape | Compound) -> Array:
+def _scaled(
+    point: Array,
+    before: Shape | Compound,
+    after: Shape | Compound,
+) -> Array:
     """Find where a ``point`` (3,) of a shape is after the shape has grown, in the shape's frame."""
     middle, sides = before.bounds
     new_middle, new_sides = after.bounds
+
     return new_middle + (point - middle) * new_sides / sides
 
 
@@ -153,6 +172,7 @@ def _touching(component: Component, parent: Component) -> Array:
     """The point (3,) in the parent's frame where the two are closest."""
     solids = solids_of(component.name, component.shape, component.pose)
     _, point, _ = closest(solids, solids_of(parent.name, parent.shape, Pose()))
+
     return point
 
 

@@ -61,11 +61,14 @@ def count_triangles(node: Node) -> int:
     match node.kind:
         case "sphere" | "capsule":
             return around**2 // 2 + 2 * around
+
         case "cylinder" | "cone":
             return 4 * around
+
         case "revolve":
             radius = max(r for r, _ in node.points)
             return 2 * len(node.points) * segments(1000 * radius)
+
         case _:
             below = sum(map(count_triangles, node.children))
             return max(12, 4 * len(node.points)) + below
@@ -75,35 +78,39 @@ def _placed(node: Node, solid: Manifold) -> Manifold:
     """Place a node's solid as the node says."""
     if not any(node.at):
         return solid
+
     matrix = Pose.xyz_rpy(1000 * np.array(node.at[:3]), node.at[3:]).matrix
+
     return solid.transform(matrix[:3])
 
 
 def _leaf(node: Node) -> Manifold:
-    """Build a convex primitive about the origin."""
+    """Build a convex primitive about the origin, or the hull of points."""
     sizes = [1000 * size for size in node.sizes]
 
     match node.kind:
         case "box":
             return Manifold.cube(sizes, True)
+
         case "sphere":
             return Manifold.sphere(sizes[0], segments(sizes[0]))
+
         case "capsule":
             radius, length = sizes
             ball = Manifold.sphere(radius, segments(radius))
             ends = [ball.translate([0, 0, way * length / 2]) for way in (-1, 1)]
             return Manifold.batch_hull(ends)
+
+        case "hull":
+            return Manifold.hull_points(1000 * np.array(node.points))
+
         case "cylinder":
             radius, length = sizes
             return Manifold.cylinder(length, radius, radius, segments(radius), True)
+
         case _:
             low, high, length = sizes
             return Manifold.cylinder(length, low, high, segments(max(low, high)), True)
-
-
-def _hull(node: Node) -> Manifold:
-    """Build the hull of a node's points."""
-    return Manifold.hull_points(1000 * np.array(node.points))
 
 
 def _outline(node: Node) -> CrossSection:
@@ -111,9 +118,17 @@ def _outline(node: Node) -> CrossSection:
     points = 1000 * np.array(node.points)
     x, y = points.T
     clockwise = np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) < 0
+
     if clockwise:
         points = points[::-1]
+
     return CrossSection([points])
+
+
+def _extrude(outline: CrossSection, node: Node) -> Manifold:
+    """Extrude an outline to a node's height, about the origin."""
+    height = 1000 * node.sizes[0]
+    return outline.extrude(height).translate([0, 0, -height / 2])
 
 
 def surface(node: Node) -> Manifold:
@@ -133,20 +148,21 @@ def surface(node: Node) -> Manifold:
                 solid = Manifold.batch_boolean([solid, surface(child)], operation)
                 if solid.num_tri() > MAX_TRIANGLES:
                     raise TooFine
-        case "hull":
-            solid = _hull(node)
+
         case "extrude":
-            height = 1000 * node.sizes[0]
-            solid = _outline(node).extrude(height).translate([0, 0, -height / 2])
+            solid = _extrude(_outline(node), node)
+
         case "revolve":
             outline = _outline(node)
             around = segments(outline.bounds()[2])
             solid = outline.revolve(around, math.degrees(node.sizes[0]))
+
         case _:
             solid = _leaf(node)
 
     if solid.num_tri() > MAX_TRIANGLES:
         raise TooFine
+
     return _placed(node, solid)
 
 
@@ -163,25 +179,26 @@ def convex_parts(node: Node, tolerance: Tolerance) -> list[Manifold]:
     match node.kind:
         case "union":
             parts = _all_parts(node.children, tolerance)
+
         case "intersection":
             parts = _intersect(node, tolerance)
+
         case "difference":
             parts = _subtract(node, tolerance)
+
         case "extrude":
-            height = 1000 * node.sizes[0]
-            parts = [
-                piece.extrude(height).translate([0, 0, -height / 2])
-                for piece in outline_pieces(_outline(node), tolerance)
-            ]
+            pieces = outline_pieces(_outline(node), tolerance)
+            parts = [_extrude(piece, node) for piece in pieces]
+
         case "revolve":
             parts = _revolved(_outline(node), math.degrees(node.sizes[0]), tolerance)
-        case "hull":
-            parts = [_hull(node)]
+
         case _:
             parts = [_leaf(node)]
 
     if len(parts) > MAX_PIECES:
         raise TooManyPieces
+
     # A flat hull has no volume.
     return [_placed(node, part) for part in parts if part.volume() >= SLIVER]
 
@@ -191,6 +208,7 @@ def _all_parts(nodes: Iterable[Node], tolerance: Tolerance) -> list[Manifold]:
     parts: list[Manifold] = []
     for node in nodes:
         parts += convex_parts(node, tolerance)
+
     return parts
 
 
@@ -205,6 +223,7 @@ def _intersect(node: Node, tolerance: Tolerance) -> list[Manifold]:
         others = convex_parts(child, tolerance)
         if len(parts) * len(others) > _MAX_PAIRS:
             raise TooManyPieces
+
         overlaps = [a ^ b for a, b in itertools.product(parts, others)]
         parts = [overlap for overlap in overlaps if overlap.volume() >= SLIVER]
 
@@ -218,8 +237,10 @@ def _subtract(node: Node, tolerance: Tolerance) -> list[Manifold]:
     """
     first, *others = node.children
     parts = convex_parts(first, tolerance)
+
     cutters = _all_parts(others, tolerance)
     cutters.sort(key=lambda solid: solid.num_tri())  # fewer pieces than otherwise
+
     few = len(cutters) <= _FEW
     gone = Manifold()
 
@@ -227,8 +248,10 @@ def _subtract(node: Node, tolerance: Tolerance) -> list[Manifold]:
         rest = cutter - gone if few else cutter
         if rest.volume() < SLIVER:
             continue
+
         if not is_convex(rest):
             rest = cutter
+
         parts = cut(parts, few_planes(rest, tolerance))
         if few:
             gone += cutter
@@ -240,6 +263,7 @@ def _round_hull(outline: CrossSection) -> CrossSection:
     """Return the outline whose full turn is the convex hull of the given outline's."""
     _, low, right, high = outline.bounds()
     half = CrossSection.square([right, high - low]).translate([0, low])
+
     return (outline + outline.mirror([1, 0])).hull() ^ half
 
 
@@ -249,7 +273,9 @@ def _convex_when_turned(outline: CrossSection) -> bool:
 
 
 def _revolved(
-    outline: CrossSection, degrees: float, tolerance: Tolerance
+    outline: CrossSection,
+    degrees: float,
+    tolerance: Tolerance,
 ) -> list[Manifold]:
     """Build the convex parts of a revolved outline.
 
@@ -258,12 +284,15 @@ def _revolved(
     """
     hull = _round_hull(outline)
     around = segments(outline.bounds()[2])
+
     gaps = (hull - outline).decompose()
     pockets = [pocket for pocket in gaps if pocket.area() >= _ALIKE]
+
     if all(map(_convex_when_turned, pockets)):
         parts = _sectors(hull, degrees, tolerance)
         for pocket in pockets:
             parts = cut(parts, few_planes(pocket.revolve(around), tolerance))
+
         return parts
 
     sectors: list[Manifold] = []
@@ -276,7 +305,9 @@ def _revolved(
 
 
 def _sectors(
-    outline: CrossSection, degrees: float, tolerance: Tolerance
+    outline: CrossSection,
+    degrees: float,
+    tolerance: Tolerance,
 ) -> list[Manifold]:
     """Revolve a convex outline in as few convex sectors as the tolerance allows: one, where the whole is convex.
 
@@ -296,4 +327,5 @@ def _sectors(
         count = math.ceil(degrees / 180 - 1e-6)
 
     sector = outline.revolve(segments(radius), degrees / count).hull()
+
     return [sector.rotate([0, 0, k * degrees / count]) for k in range(count)]

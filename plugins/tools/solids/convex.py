@@ -107,6 +107,7 @@ class Faces:
         kept = ~curved | (np.cumsum(curved) % (1 + curved.sum() // _FACETS) == 0)
         normals = normals[kept]
         areas = areas[kept]
+
         return cls(
             normals=normals,
             offsets=np.max(normals @ corners.T, axis=1),
@@ -127,12 +128,14 @@ class Faces:
         size = 4 * np.abs(self.corners).max()
         walls = np.column_stack([np.vstack([np.eye(3), -np.eye(3)]), np.full(6, -size)])
         halves = np.column_stack([planes[0], -planes[1]])
+
         try:
             found = HalfspaceIntersection(np.vstack([walls, halves]), np.zeros(3))
         except QhullError as error:
             raise TooManyPieces from error
 
         corners = found.intersections
+
         return corners, corners @ self.normals.T - self.offsets
 
 
@@ -156,10 +159,13 @@ def few_planes(solid: Manifold, tolerance: Tolerance) -> Planes:
     while True:
         _, excess = faces.excess((faces.normals[chosen], faces.offsets[chosen]))
         excess[:, chosen] = 0.0
+
         if excess.max() <= sum(tolerance):
             break
+
         if len(chosen) == MAX_PIECES:
             raise TooManyPieces
+
         chosen.append(int(excess.max(axis=0).argmax()))
 
     flat = [k for k in chosen if not faces.curved[k]]
@@ -168,6 +174,7 @@ def few_planes(solid: Manifold, tolerance: Tolerance) -> Planes:
 
     corners, excess = faces.excess((normals, offsets))
     moved = offsets.copy()
+
     for k in range(len(flat), len(offsets)):
         on = np.abs(corners @ normals[k] - offsets[k]) < _ON
         moved[k] -= excess[on].max(initial=0.0) * tolerance.short / sum(tolerance)
@@ -176,7 +183,10 @@ def few_planes(solid: Manifold, tolerance: Tolerance) -> Planes:
 
 
 def _spread_fewest(
-    faces: Faces, flat: list[int], bent: list[int], tolerance: Tolerance
+    faces: Faces,
+    flat: list[int],
+    bent: list[int],
+    tolerance: Tolerance,
 ) -> Planes:
     """Spread as few planes over the curved surface as the tolerance allows: see `_spread`.
 
@@ -191,10 +201,12 @@ def _spread_fewest(
     best = _spread(faces, flat, bent)
     too_few = 0
     enough = len(bent)
+
     while enough - too_few > 1:
         count = (too_few + enough) // 2
         planes = _spread(faces, flat, bent[:count])
         _, excess = faces.excess(planes)
+
         if excess.max() <= sum(tolerance):
             best = planes
             enough = count
@@ -204,7 +216,11 @@ def _spread_fewest(
     return best
 
 
-def _spread(faces: Faces, flat: list[int], bent: list[int]) -> Planes:
+def _spread(
+    faces: Faces,
+    flat: list[int],
+    bent: list[int],
+) -> Planes:
     """Return the flat faces' planes, and as many as ``bent`` that share the curved surface evenly.
 
     In each round a facet goes to the plane whose edge with it would stand out least, and a plane becomes the mean of
@@ -217,6 +233,7 @@ def _spread(faces: Faces, flat: list[int], bent: list[int]) -> Planes:
     areas = faces.areas[faces.curved]
 
     rounds = _ROUNDS if bent else 0
+
     for _ in range(rounds):
         # How far the edge between two tangent planes exceeds the surface grows with (c - c') (n - n').
         across = facet_centers @ normals.T + facet_normals @ centers.T
@@ -234,6 +251,7 @@ def _spread(faces: Faces, flat: list[int], bent: list[int]) -> Planes:
         normals /= np.linalg.norm(normals, axis=1)[:, None]
 
     normals = np.vstack([faces.normals[flat], normals])
+
     return normals, np.max(normals @ faces.corners.T, axis=1)
 
 
@@ -265,12 +283,15 @@ def _cut_part(part: Manifold, planes: Planes) -> list[Manifold]:
     beyond = vertices_of(part) @ normals.T > offsets + 1e-6
     if beyond.all(axis=0).any():
         return [part]
+
     left = part
+
     pieces = []
     for plane in np.flatnonzero(beyond.any(axis=0)):
         piece, left = left.split_by_plane(normals[plane], offsets[plane])
         if piece.volume() >= SLIVER:
             pieces.append(piece)
+
         if left.volume() < SLIVER:
             return [part]
 
@@ -278,7 +299,9 @@ def _cut_part(part: Manifold, planes: Planes) -> list[Manifold]:
 
 
 def outline_pieces(
-    outline: CrossSection, tolerance: Tolerance, nested: int = 0
+    outline: CrossSection,
+    tolerance: Tolerance,
+    nested: int = 0,
 ) -> list[CrossSection]:
     """Cut an outline into convex outlines: its hull, less the hulls of its pockets, and what lies within these.
 
@@ -292,16 +315,19 @@ def outline_pieces(
     """
     hull = outline.hull()
     solids = [hull.extrude(100.0)]
+
     within = []
     for pocket in (hull - outline).decompose():
         if pocket.area() < _AREA:
             continue
+
         around = pocket.hull()
         solids = cut(solids, few_planes(around.extrude(100.0), tolerance))
         if around.area() - pocket.area() < _AREA:
             continue
         if nested == _MAX_NESTED:
             raise TooManyPieces
+
         for inner in (outline ^ around).decompose():
             if inner.area() >= _AREA:
                 within += outline_pieces(inner, tolerance, nested + 1)

@@ -105,6 +105,7 @@ def make_shape(tree: Node, most: int = MAX_PARTS) -> tuple[Shape | Compound, Pos
 
         if is_convex(solid):
             return WrittenMesh(*_triangles(_slim(solid.hull())), tree), Pose()
+
         parts = _parts(tree, solid, most)
         return WrittenCompound(Mesh(*_triangles(solid)), parts, tree), Pose()
     except TooFine as error:
@@ -135,18 +136,16 @@ def _parts(tree: Node, solid: Manifold, most: int) -> tuple[Mesh, ...]:
     problem = ""
     for tolerance in _TOLERANCES:
         parts = []
-        needed = f"more than {MAX_PARTS}"
-
         with suppress(TooManyPieces):
             parts = convex_parts(tree, tolerance)
             parts = [part for part in parts if part.volume() >= SLIVER]
-            if parts:
-                needed = str(len(parts))
 
+        needed = len(parts) or f"more than {MAX_PARTS}"
         if not 0 < len(parts) <= most:
             left = ""
             if most < MAX_PARTS:
                 left = f", of which {most} are left"
+
             raise DesignError(
                 f"needs {needed} convex parts to keep within {1000 * WITHIN_M:g} mm{problem}; at most {MAX_PARTS} "
                 f"are allowed for a tool{left}: make round hollows smaller or flat-walled, or leave some out"
@@ -156,6 +155,7 @@ def _parts(tree: Node, solid: Manifold, most: int) -> tuple[Mesh, ...]:
         off = deviation(parts, solid)
         if off <= 1000 * WITHIN_M:
             return tuple(Mesh(*_triangles(part)) for part in parts)
+
         problem = f" (with fewer, {off:.2f} mm)"
 
     raise DesignError(
@@ -177,6 +177,7 @@ def deviation(parts: list[Manifold], solid: Manifold) -> float:
     out = _farthest(whole - solid, solid)
     if out > 1000 * WITHIN_M:
         return out
+
     return max(out, _farthest(solid - whole, whole))
 
 
@@ -184,6 +185,7 @@ def _farthest(pieces: Manifold, solid: Manifold) -> float:
     """Measure how far corners and random points of pieces are from a solid's surface, mm."""
     if pieces.volume() < SLIVER:
         return 0.0
+
     mesh = pieces.to_mesh64()
     corners = vertices_of(pieces)
     rng = np.random.default_rng(0)
@@ -227,7 +229,9 @@ def _slim(part: Manifold) -> Manifold:
     for tolerance in _SLIM:
         if slim.num_vert() <= MANY_VERTICES:
             break
+
         slim = part.simplify(tolerance).hull()
+
     return slim
 
 

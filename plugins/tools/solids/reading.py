@@ -93,6 +93,7 @@ def dump_node(node: Node) -> dict[str, Any]:
     data: dict[str, Any] = {node.kind: content}
     if node.kind in _EXTRA and node.sizes != (FULL_TURN,):
         data |= dict.fromkeys(_EXTRA[node.kind], rounded(node.sizes)[0])
+
     if any(node.at[3:]):
         data["at"] = rounded(node.at)
     elif any(node.at):
@@ -119,9 +120,15 @@ class TreeReader:
         """
         if isinstance(value, str):
             value = _parse_json(value, where)
+
         return self._read_node(value, where, 1)
 
-    def _read_node(self, value: object, where: str, depth: int) -> Node:
+    def _read_node(
+        self,
+        value: object,
+        where: str,
+        depth: int,
+    ) -> Node:
         """Read a node and what is below it; ``depth`` counts from 1."""
         self._nodes += 1
         if self._nodes > MAX_NODES:
@@ -142,12 +149,14 @@ class TreeReader:
         name = _read_kind(value, where)
         check_keys(value, {name, "at", *_EXTRA.get(name, ())}, where)
         content = value[name]
+
         where = f"{where}: {name}"
         at = _read_pose(value.get("at"), f"{where}: at")
         if name in OPERATIONS:
             return Node(name, children=self._children(content, where, depth), at=at)
         if name in SIZES:
             return Node(name, _read_sizes(content, name, where), at=at)
+
         if name == "hull":
             points = _read_points(content, 3, 4, MAX_HULL_POINTS, where)
             return Node(name, points=points, at=at)
@@ -162,14 +171,16 @@ class TreeReader:
 
         return Node(name, (size,), points, at=at)
 
-    def _children(self, content: object, where: str, depth: int) -> tuple[Node, ...]:
+    def _children(
+        self,
+        content: object,
+        where: str,
+        depth: int,
+    ) -> tuple[Node, ...]:
         """Read the children of an operation at this depth."""
         if not isinstance(content, list) or len(content) < 2:
             raise DesignError(f"{where} must be a list of two or more shapes")
-        if self._nodes + len(content) > MAX_NODES:
-            raise DesignError(
-                f"{where} has {len(content)} shapes; a tool may have {MAX_NODES} in all"
-            )
+
         return tuple(
             self._read_node(child, f"{where} {number}", depth + 1)
             for number, child in enumerate(content, start=1)
@@ -206,6 +217,7 @@ def _read_kind(value: Mapping[str, Any], where: str) -> str:
     named = [name for name in _KINDS if name in value]
     if len(named) == 1:
         return named[0]
+
     others = ", ".join(shorten(str(key)) for key in list(value)[:3])
     found = " and ".join(named) or others or "nothing"
     raise DesignError(
@@ -213,17 +225,23 @@ def _read_kind(value: Mapping[str, Any], where: str) -> str:
     )
 
 
-def _read_turn(angle: object, points: Sequence[Sequence[float]], where: str) -> float:
+def _read_turn(
+    angle: object,
+    points: Sequence[Sequence[float]],
+    where: str,
+) -> float:
     """Read the angle of a revolution of an outline, whose points are [r, z]."""
     if min(r for r, _ in points) < 0:
         raise DesignError(
             f"{where}: its points are [r, z] with r from 0, the distance from the z axis"
         )
+
     radians = read_number(angle, f"{where}: angle")
     if not 0.01 <= radians <= FULL_TURN + 1e-4:
         raise DesignError(
             f"{where}: angle must be between 0.01 and {FULL_TURN} radians, a full turn"
         )
+
     return round(min(radians, FULL_TURN), DIGITS)
 
 
@@ -231,44 +249,62 @@ def _read_pose(value: object, where: str) -> tuple[float, ...]:
     """Read where a shape lies: x, y, z, and perhaps roll, pitch and yaw."""
     if value is None:
         return (0.0,) * 6
+
     count = 3
     if isinstance(value, list) and len(value) > 3:
         count = 6
+
     where = f"{where}, x, y, z and rpy if any,"
     numbers = [
         round(number, DIGITS) + 0.0 for number in read_numbers(value, count, where)
     ]
     if max(map(abs, numbers[:3])) > MAX_SIZE_M:
         raise DesignError(f"{where} is more than {MAX_SIZE_M:g} m away")
+
     return (*numbers, *[0.0] * (6 - count))
 
 
-def _read_size(value: object, where: str, least: float = MIN_SIDE_M) -> float:
+def _read_size(
+    value: object,
+    where: str,
+    least: float = MIN_SIDE_M,
+) -> float:
     """Read a size between ``least`` and `MAX_SIZE_M`, metres."""
     size = round(read_number(value, where), DIGITS)
     if not least <= size <= MAX_SIZE_M:
         raise DesignError(
             f"{where} is {size:g} m; it must be between {least:g} and {MAX_SIZE_M:g} m"
         )
+
     return size
 
 
-def _read_sizes(content: object, name: str, where: str) -> tuple[float, ...]:
+def _read_sizes(
+    content: object,
+    name: str,
+    where: str,
+) -> tuple[float, ...]:
     """Read the sizes of a primitive; a sphere's may stand without a list."""
     names = SIZES[name]
     if name == "sphere" and not isinstance(content, list):
         content = [content]
+
     numbers = read_numbers(content, len(names), f"{where} [{', '.join(names)}]")
 
     sizes = []
     for size, number in zip(names, numbers, strict=True):
         least = 0.0 if size == "top radius" else MIN_SIDE_M
         sizes.append(_read_size(number, f"{where}: {size}", least))
+
     return tuple(sizes)
 
 
 def _read_points(
-    content: object, count: int, fewest: int, most: int, where: str
+    content: object,
+    count: int,
+    fewest: int,
+    most: int,
+    where: str,
 ) -> tuple[tuple[float, ...], ...]:
     """Read points of ``count`` coordinates each, from ``fewest`` to ``most`` of them."""
     if not isinstance(content, list) or not fewest <= len(content) <= most:
@@ -291,6 +327,7 @@ def _check_outline(points: Array, where: str) -> None:
     """Refuse outlines that cross themselves, or have no area; ``points`` are (N, 2), metres."""
     x, y = 1000 * points.T
     area = abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))) / 2
+
     if area < (1000 * MIN_SIDE_M) ** 2:
         raise DesignError(
             f"{where}: its outline has an area of {area:.3g} mm^2; give its corners in order"
@@ -299,6 +336,7 @@ def _check_outline(points: Array, where: str) -> None:
     # Where it crosses itself, less of it is filled.
     filled = CrossSection([1000 * points], FillRule.EvenOdd)
     crosses = abs(filled.area() - area) > _SAME * area
+
     if crosses or len(filled.offset(-_PINCHED_MM).decompose()) != 1:
         raise DesignError(
             f"{where}: its outline crosses or touches itself; list its corners in order"

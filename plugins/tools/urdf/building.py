@@ -74,7 +74,12 @@ _Holders = tuple[list[_Holder], Pose | None]
 
 
 def build_tool(
-    text: str, gripper: bool, robot: Robot, *, masses: bool = True, loose: bool = False
+    text: str,
+    gripper: bool,
+    robot: Robot,
+    *,
+    masses: bool = True,
+    loose: bool = False,
 ) -> Tool:
     """Build the tool whose links and joints are in a text.
 
@@ -93,11 +98,16 @@ def build_tool(
     root = _parse(text)
     names = _check(root, reserved, " or ".join(mounts))
 
-    weighed = _links_with_mass(root) if masses else set()
-
+    weighed = set()  # the names of links that say what they weigh
     for link in root.iterfind("link"):
-        if link.get("name") not in weighed:
-            link[:] = [element for element in link if element.tag != "inertial"]
+        inertial = link.find("inertial")
+        if inertial is None:
+            continue
+
+        if masses:
+            weighed.add(link.get("name"))
+        else:
+            link.remove(inertial)
 
     aliases = dict(robot.aliases)
     _add_mounts(root, mounts, aliases)
@@ -107,17 +117,14 @@ def build_tool(
     except UserError as error:
         raise DesignError(str(error)) from error
 
-    for element in root:
-        for origin in element.iter("origin"):
-            angles = _ANGLE.findall(origin.get("rpy", ""))
-            where = f"{element.tag} {element.get('name', '')!r}: rpy"
-            check_angles(map(float, angles), where)
+    _check_turns(root)
 
     components: list[Component] = []
     holders: dict[str, _Holders] = {
         mount: ([_Holder(mount, None, Pose())], None) for mount in mounts
     }
     taken = {*names, *reserved}
+
     parents: dict[str, str] = {}
 
     for name in names:
@@ -129,8 +136,10 @@ def build_tool(
         joint = tree.joints[name]
         shapes = _boxes(held)
         mass = held.inertial.mass
+
         if name not in weighed:
-            mass = _usual_mass(shapes)
+            mass = default_mass(math.fsum(shape.box.volume for shape in shapes))
+
         moving = _moving(joint, loose)
         boxes, holders[name] = _hang(
             name, shapes, mass, joint.origin.pose, moving, holders[parents[name]], taken
@@ -140,17 +149,10 @@ def build_tool(
     return Tool(tuple(components), gripper)
 
 
-def _links_with_mass(root: Element) -> set[str | None]:
-    """Return the names of links that say what they weigh."""
-    return {
-        link.get("name")
-        for link in root.iterfind("link")
-        if link.find("inertial") is not None
-    }
-
-
 def _add_mounts(
-    root: Element, mounts: tuple[str, ...], aliases: Mapping[str, str]
+    root: Element,
+    mounts: tuple[str, ...],
+    aliases: Mapping[str, str],
 ) -> None:
     """Add links for the mounts, by each of their names; all hang from the first: a description has one base."""
     others = [alias for alias, mount in aliases.items() if mount in mounts]
@@ -161,14 +163,6 @@ def _add_mounts(
             joint = SubElement(root, "joint", name=f"to {name}", type="fixed")
             SubElement(joint, "parent", link=mounts[0])
             SubElement(joint, "child", link=name)
-
-
-def _usual_mass(shapes: list[_Shape]) -> float:
-    """Return the mass of a link that says none."""
-    if not shapes:
-        return Component.mass
-
-    return default_mass(math.fsum(shape.box.volume for shape in shapes))
 
 
 def _parse(text: str) -> Element:
@@ -202,7 +196,11 @@ def _unescape(text: str) -> str:
     return text.replace('\\"', '"')
 
 
-def _check(root: Element, reserved: frozenset[str], mounts: str) -> list[str]:
+def _check(
+    root: Element,
+    reserved: frozenset[str],
+    mounts: str,
+) -> list[str]:
     """Refuse what can't be in a tool, before anything is compared with all others; list the names of the links."""
     links = []
 
@@ -216,6 +214,7 @@ def _check(root: Element, reserved: frozenset[str], mounts: str) -> list[str]:
         name = element.get("name", "")
         if tag == "link":
             links.append(name)
+
         if tag in MAX_NAME:
             _check_name(tag, name, reserved)
 
@@ -245,7 +244,20 @@ def _check(root: Element, reserved: frozenset[str], mounts: str) -> list[str]:
     return links
 
 
-def _check_name(tag: str, name: str, reserved: frozenset[str]) -> None:
+def _check_turns(root: Element) -> None:
+    """Refuse angles that look like degrees."""
+    for element in root:
+        where = f"{element.tag} {element.get('name', '')!r}: rpy"
+        for origin in element.iter("origin"):
+            angles = _ANGLE.findall(origin.get("rpy", ""))
+            check_angles(map(float, angles), where)
+
+
+def _check_name(
+    tag: str,
+    name: str,
+    reserved: frozenset[str],
+) -> None:
     """Refuse the name of a link or joint that a robot's description could not hold, or that is the robot's."""
     most = MAX_NAME[tag]
     if not _NAME.fullmatch(name) or len(name) > most:
@@ -266,8 +278,10 @@ def _boxes(link: RobotLink) -> list[_Shape]:
     """
     collisions = link.collisions or link.visuals
     painted = collisions
+
     if len(link.visuals) == len(collisions):
         painted = link.visuals
+
     boxes = []
 
     for shape, looks in zip(collisions, painted, strict=True):
@@ -275,6 +289,7 @@ def _boxes(link: RobotLink) -> list[_Shape]:
             found = type(shape.shape).__name__.lower()
             if isinstance(shape.shape, Path):
                 found = "mesh"
+
             raise DesignError(
                 f'link {link.name!r}: boxes only; expected <box size="x y z"/>, found <{found}>'
             )
@@ -296,11 +311,13 @@ def _moving(joint: RobotJoint, loose: bool) -> ToolJoint | None:
         wanted = 'tools are rigid: use type "fixed"'
         if loose:
             wanted = 'use type "fixed", "revolute" or "prismatic"'
+
         raise DesignError(f"{where} is of type {shorten(joint.kind)}; {wanted}")
 
     lower, upper, *_ = joint.limits
     if lower is None or upper is None:
         raise DesignError(f'{where} needs <limit lower="..." upper="..."/>')
+
     stiffness, rest = joint.spring or (0.0, 0.0)
     numbers = {
         "damping": joint.damping,
@@ -353,6 +370,7 @@ def _hang(
 
     volume = math.fsum(shape.box.volume for shape in shapes)
     components: list[Component] = []
+
     bearers: list[_Holder] = []
 
     for box, place, color in shapes:
@@ -366,8 +384,10 @@ def _hang(
         else:
             parent, there = _nearest(parents, box, base @ place)
             joint = None
+
             if moving is not None:
                 joint = _in_box(moving, place)
+
             part = Component(name, parent, there, box, share, color, joint)
 
         components.append(part)
@@ -385,35 +405,28 @@ def _in_box(joint: ToolJoint, place: Pose) -> ToolJoint:
     return replace(joint, axis=(along_x, along_y, along_z), origin=(x, y, z))
 
 
-def _nearest(holders: list[_Holder], box: Box, pose: Pose) -> tuple[str, Pose]:
+def _nearest(
+    holders: list[_Holder],
+    box: Box,
+    pose: Pose,
+) -> tuple[str, Pose]:
     """Choose the one closest to a box at a pose in their link's frame, the first of equal ones.
 
     Return its name, and the pose in its own frame.
     """
-    nearest = holders[0]
 
-    if len(holders) > 1:
-        least = math.inf
-        for holder in holders:
-            distance = _gap_to(holder, box, pose)
-            if distance < least:
-                nearest = holder
-                least = distance
+    def gap_to(holder: _Holder) -> float:
+        if holder.box is None:
+            return 0.0
 
-            if least == 0:
-                break
+        moved = Solid("", solid_geometry(box), holder.frame @ pose)
+        still = Solid("", solid_geometry(holder.box), Pose())
+
+        return max(0.0, signed_distance(moved, still))
+
+    nearest = min(holders, key=gap_to)
 
     return nearest.name, nearest.frame @ pose
-
-
-def _gap_to(holder: _Holder, box: Box, pose: Pose) -> float:
-    """Measure the gap between a holder and a box at a pose in their link's frame, metres."""
-    if holder.box is None:
-        return 0.0
-    moved = Solid("", solid_geometry(box), holder.frame @ pose)
-    still = Solid("", solid_geometry(holder.box), Pose())
-
-    return max(0.0, signed_distance(moved, still))
 
 
 def _free_name(name: str, taken: set[str]) -> str:
