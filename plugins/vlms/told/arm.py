@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -12,24 +11,20 @@ from core.design import Tool
 from core.designs.prompt_values import RunFacts
 from core.designs.statics import moment_limit
 from core.geometry import Array, Pose
-from core.interfaces import Brief, Robot, RolloutSettings, Task, Waypoints
+from core.interfaces import Brief, Robot, RolloutSettings, Waypoints
 from core.robot.extents import Finger, fingers_of
 from core.robot.kinematics import Arm, arm_of
 from core.robot.trajectory import plan_motion
 from core.support.text import short_number, short_numbers
 from plugins.vlms.told.outline import extents_at_home
-from plugins.vlms.told.reach import as_table, compute_reach, turns_at
-from plugins.vlms.told.tables import table
+from plugins.vlms.told.reach import compute_reach, turns_at
+from plugins.vlms.told.tables import say, table
 
 DIRECTIONS = ("forward", "left", "up")
 LENGTHS_M = (0.1, 0.2, 0.4)
 _EACH_M = 0.6  # up to here each height is shown, above it every other
-_AT_WILL_RAD = 2.8  # nearly half a turn to both sides
 _SAMPLES = 400
 _LEVEL_M = 0.001
-_ALIGNED = 1 - 1e-4  # within a degree
-_POSITIVE = ("to the front", "to the left", "up")  # along x, y, z
-_NEGATIVE = ("to the back", "to the right", "down")
 
 
 @dataclass(frozen=True)
@@ -99,82 +94,63 @@ class ArmSheet:
 
 def arm_value(brief: Brief, mounted: Tool, facts: RunFacts) -> ArmSheet:
     """Describe the arm for templates: their ``arm``."""
-    return describe_arm(brief.task, facts.rollout, facts.engine, brief.gripper)
-
-
-def describe_arm(
-    task: Task,
-    rollout: RolloutSettings,
-    engine: str,
-    gripper: bool,
-) -> ArmSheet:
-    """Describe the arm at the task's home, in the engine of this name, with its gripper or without.
-
-    Args:
-        task: whose robot and home it is about.
-        rollout: how fast plans are carried out.
-        engine: by which the arm's exactness was measured.
-        gripper: whether the tool is one for the gripper's fingers.
-
-    Raises:
-        UserError: the arm can't reach the task's home.
-    """
-    return _describe(task.robot, task.home, rollout, engine, gripper)
+    task = brief.task
+    return describe_arm(
+        task.robot, task.home, facts.rollout, facts.engine, brief.gripper
+    )
 
 
 @lru_cache(maxsize=16)
-def _describe(
+def describe_arm(
     robot: Robot,
     home: Pose,
     rollout: RolloutSettings,
     engine: str,
     gripper: bool,
 ) -> ArmSheet:
-    """Measure what a sheet says, once for each robot and home."""
+    """Describe an arm at a task's home, in the engine of this name, with its gripper or without.
+
+    What is measured for it takes seconds; it is kept.
+
+    Args:
+        robot: with its base where it stands.
+        home: pose of the end-effector.
+        rollout: how fast plans are carried out.
+        engine: by which the arm's exactness was measured.
+        gripper: whether the tool is one for the gripper's fingers.
+
+    Raises:
+        UserError: the arm can't reach ``home``.
+    """
     arm = arm_of(robot)
     base = robot.base
     yaw = base.rpy[2]
     bare = extents_at_home(robot, False, home)
+
+    # Of every other height where they are high.
+    reach = {}
+    for z, row in compute_reach(arm).items():
+        if z <= _EACH_M or round(10 * z) % 2 == 0:
+            reach[z] = row
+
+    turns = dict(zip(("roll", "pitch", "yaw"), turns_at(arm, home), strict=True))
+    exactness = ""
+    if engine in robot.measured:
+        exactness = say("arm", "exactness", robot.measured[engine], engine)
+
     return ArmSheet(
         at=short_numbers(base.position, 4, ", ") if base != Pose() else "",
         yaw=short_number(yaw, 4) if yaw else "",
-        reach=_describe_reach(arm),
-        turns=f"{_describe_turns(arm, home)}, with {moment_limit(robot):g} N m",
+        reach=say("arm", "reach", reach),
+        turns=f"{say('arm', 'turning', turns)}, with {moment_limit(robot):g} N m",
         joints=short_numbers(arm.home_for(home), 2, ", "),
-        speed=describe_speed(segments(arm, home, rollout)),
-        exactness=describe_exactness(robot.measured, engine),
+        speed=say("arm", "speed", segments(arm, home, rollout)),
+        exactness=exactness,
         around=_describe_links(robot, gripper, home),
         clear=all(low[2] > -_LEVEL_M for low, _ in bare.values()),
         bearers=tuple(name for name in robot.near_mount if name in bare),
         fingers=tuple(_describe_finger(finger) for finger in fingers_of(robot)),
     )
-
-
-def _describe_reach(arm: Arm) -> str:
-    """Write the reach as a table, of every other height where they are high."""
-    shown = {}
-    for z, row in compute_reach(arm).items():
-        if z <= _EACH_M or round(10 * z) % 2 == 0:
-            shown[z] = row
-    return as_table(shown)
-
-
-def _describe_turns(arm: Arm, home: Pose) -> str:
-    """Say how far the end-effector turns at home.
-
-    Args:
-        arm: of the robot.
-        home: pose of the end-effector.
-    """
-    texts = []
-    names = ("roll", "pitch", "yaw")
-    for name, (least, most) in zip(names, turns_at(arm, home), strict=True):
-        if min(-least, most) > _AT_WILL_RAD:
-            texts.append(f"{name} at will")
-        else:
-            texts.append(f"{name} {least:.1f} to {most:.1f}")
-
-    return ", ".join(texts)
 
 
 def _describe_links(robot: Robot, gripper: bool, home: Pose) -> str:
@@ -198,19 +174,12 @@ def _describe_links(robot: Robot, gripper: bool, home: Pose) -> str:
 def _describe_finger(finger: Finger) -> FingerSheet:
     """Describe a finger for templates."""
     origin = short_numbers(finger.pose.position, 4, ", ")
-    axes = [_describe_axis(axis) for axis in finger.pose.rotation.as_matrix().T]
+    axes = []
+    for axis in finger.pose.rotation.as_matrix().T:
+        axes.append(say("arm", "axis", axis.tolist(), short_numbers))
+
     depth = -finger.place(finger.tip)[2]
     return FingerSheet(finger.name, origin, tuple(axes), short_number(depth, 3))
-
-
-def _describe_axis(axis: Array) -> str:
-    """Say where an axis (3,) points in the frame of the tool mount."""
-    number = int(np.abs(axis).argmax())
-    if axis[number] > _ALIGNED:
-        return _POSITIVE[number]
-    if axis[number] < -_ALIGNED:
-        return _NEGATIVE[number]
-    return f"along ({short_numbers(axis, 3, ', ')})"
 
 
 def segments(arm: Arm, home: Pose, rollout: RolloutSettings) -> list[Segment]:
@@ -248,9 +217,8 @@ def _time(
     Returns:
         Seconds, and the ratio of the peak speed to the mean.
     """
-    ends = np.array(
-        [[*(home.position - half), *home.rpy], [*(home.position + half), *home.rpy]]
-    )
+    places = (home.position - half, home.position + half)
+    ends = np.array([[*place, *home.rpy] for place in places])
     motion = plan_motion(
         Waypoints(ends),
         home,
@@ -263,56 +231,3 @@ def _time(
     steps = np.linalg.norm(np.diff(arm.positions(joints), axis=0), axis=1)
 
     return last - first, float(steps.max() / steps.mean())
-
-
-def describe_speed(segments: Sequence[Segment]) -> str:
-    """Say how long segments take, and how much faster than on average they are at most."""
-    times = []
-    for length in (LENGTHS_M[0], LENGTHS_M[-1]):
-        same = [segment for segment in segments if segment.length == length]
-        seconds = "/".join(f"{segment.seconds:.2g}" for segment in same)
-        times.append(f"{seconds} s for {length:g} m")
-
-    peaks = [segment.peak for segment in segments]
-    return (
-        f"Segments {'/'.join(DIRECTIONS)} through home take {', '.join(times)}, with a peak speed of "
-        f"{min(peaks):.2g} to {max(peaks):.2g} times the mean"
-    )
-
-
-def short(figure: float) -> str:
-    """Write a figure with two digits, and no fewer before the point."""
-    return f"{figure:.2g}" if abs(figure) < 99.5 else f"{figure:.0f}"
-
-
-def describe_exactness(
-    measured: Mapping[str, Mapping[str, float | None]],
-    engine: str,
-) -> str:
-    """Say how exact the arm is in this engine; empty where it was not measured.
-
-    Args:
-        measured: figures by engine.
-        engine: its name.
-    """
-    if engine not in measured:
-        return ""
-
-    figures = {}
-    for name, figure in measured[engine].items():
-        if figure is not None:
-            figures[name] = short(figure)
-
-    force = "full force at once"
-    if "push_n_per_mm" in figures:
-        force = f"{figures['push_n_per_mm']} N per mm"
-
-    turn = measured[engine]["turn_nm_per_rad"]
-    torque = "full torque at once" if turn is None else f"{turn:.0f} N m per rad"
-    return (
-        f"Measured in {engine}: in motion it lags by up to {figures['lag_mm']} mm, with 1 kg mounted by "
-        f"{figures['lag_mm_1kg']} mm; at rest it misses by {figures['rest_mm']} mm, under a load of 1 kg by "
-        f"{figures['sag_mm_1kg']} mm. Held back, it presses with {force}, {figures['most_n']} N at most; turned "
-        f"back, it turns with {torque}. Sent 2 mm into the table and 0.1 m along it, it ends "
-        f"{figures['slid_miss_mm']} mm behind"
-    )

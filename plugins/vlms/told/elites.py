@@ -25,6 +25,11 @@ def elites_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
 
     Plans and their rollouts are all that plans for a given tool differ in; else the paper shows none.
 
+    Args:
+        brief: with its elites, the best first.
+        mounted: the tool on the arm, which this says nothing of.
+        facts: of the run: the settings of prompts, and the level at which bodies are described.
+
     Raises:
         ValueError: an elite has no tool.
     """
@@ -32,32 +37,47 @@ def elites_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
     sight = facts.level.sight(task, brief.scene_seed)
     given = brief.representation.given(task) is not None
     plans = facts.criticised or given or facts.settings.feedback != "paper"
+
     entries = []
     for elite in brief.elites:
         entry = _describe_design(elite, brief.representation)
         figures = combined_figures(elite, task, sight)
+
         if figures:
             entry["details"] = _round_numbers(figures)
+
         if plans:
             entry |= _describe_rollout(elite, sight)
+
         entries.append(entry)
 
     text = _dump(entries)
     for pattern in (_NUMBERS, _INNERMOST):
         text = pattern.sub(_join_lines, text)
+
     return text
 
 
 def critiques_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
-    """Write critiques of elites and of what was tried as JSON for templates, their ``critiques``; empty: no critic."""
+    """Write critiques of elites and of what was tried as JSON for templates, their ``critiques``; empty: no critic.
+
+    Args:
+        brief: with its critiques, by candidate.
+        mounted: the tool on the arm, which this says nothing of.
+        facts: of the run.
+    """
     known = {e.candidate.id: e for e in (*brief.tried, *brief.elites)}
+
     entries = []
     for name, critique in brief.critiques.items():
         entry: dict[str, Any] = {"id": name, "reward": round(known[name].reward, 4)}
         tool = known[name].candidate.tool
+
         if tool is not None and tool.name:
             entry["tool_name"] = tool.name
+
         entries.append({**entry, "critique": critique})
+
     return _dump(entries) if entries else ""
 
 
@@ -73,12 +93,17 @@ def _describe_design(
         "id": candidate.id,
         "reward": round(elite.reward, 4),
     }
+
     entry |= dump_names(candidate)
+
     for name in ("strategy_description", "tool_description"):
         entry[name] = clean(entry[name], _LONGEST)
+
     if candidate.plan.action != Waypoints.action:
         entry["action"] = candidate.plan.action
+
     assert candidate.tool is not None
+
     return entry | representation.abridge(candidate.tool)
 
 
@@ -87,9 +112,11 @@ def _describe_rollout(elite: Evaluation, sight: Sight) -> dict[str, Any]:
         "action_plan": elite.candidate.plan.dump(),
         "distance_m": elite.distance_m,
     }
+
     described: dict[str, Any] = _round_numbers(figures)
     described |= elite_feedback(elite, sight)
     described["warnings"] = [sight.text(warning) for warning in elite.warnings]
+
     return described
 
 

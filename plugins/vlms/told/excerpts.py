@@ -73,7 +73,9 @@ def task_source(task: Task) -> str:
             members += part.body
 
     hidden = {"in_words", "variations"}
-    if _ignores_goals(members):
+    rewards = [m for m in members if isinstance(m, ast.FunctionDef)]
+    rewards = [method for method in rewards if method.name == "reward"]
+    if rewards and "goals" not in ast.unparse(rewards[0]):
         hidden |= {"goals", "every"}
 
     lines = text.splitlines(keepends=True)
@@ -83,14 +85,6 @@ def task_source(task: Task) -> str:
             del lines[member.lineno - 1 : member.end_lineno]
 
     return "".join(lines)
-
-
-def _ignores_goals(members: list[ast.stmt]) -> bool:
-    """Report whether a class has a reward that does not read its goals."""
-    for member in members:
-        if isinstance(member, ast.FunctionDef) and member.name == "reward":
-            return "goals" not in ast.unparse(member)
-    return False
 
 
 def helpers(task: Task) -> str:

@@ -14,8 +14,8 @@ from core.plugins import ROBOT
 from core.robot.kinematics import arm_of
 from core.support.cli import arguments, say
 from core.support.templates import fill
-from plugins.vlms.told.arm import segments, short
-from plugins.vlms.told.reach import as_table, compute_reach
+from plugins.vlms.told.arm import segments
+from plugins.vlms.told.reach import compute_reach
 
 USAGE = "usage: vlmgineer facts [robot=NAME]"
 
@@ -38,10 +38,9 @@ def sheet(robot: Robot) -> str:
         "facts",
         robot=robot,
         joints=list(zip(robot.arm_joints, limits.tolist(), strict=True)),
-        reach=as_table(compute_reach(arm)),
+        reach=compute_reach(arm),
         speed=segments(arm, arm.forward(arm.home), RolloutSettings()),
         measured=robot.measured,
-        short=short,
     )
 
 

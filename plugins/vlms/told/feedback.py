@@ -12,11 +12,11 @@ from typing import Any
 from core.design import Tool
 from core.designs.feedback import last_generation, outcome_of
 from core.designs.prompt_values import RunFacts
-from core.interfaces import Brief, Contact, Evaluation, Observation, Task, Trial
-from core.support.templates import macros
+from core.interfaces import Brief, Contact, Evaluation, Observation, Task
 from core.support.text import by_reason, clean, short_numbers
 from core.trial import best_first, summarise_rewards
 from core.values.observations import Sight
+from plugins.vlms.told.tables import say
 
 ALL = Sight()
 """All may be said of bodies."""
@@ -40,19 +40,33 @@ _REASONS = 3  # of candidates without a line of their own
 _FREE = (None, None, None)  # the error of a body whose place does not matter
 
 
-def candidates_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
-    """Write the lines about the last generation for templates, their ``candidates``; the paper shows none."""
+def candidates_value(
+    brief: Brief,
+    mounted: Tool,
+    facts: RunFacts,
+) -> str:
+    """Write the lines about the last generation for templates, their ``candidates``; the paper shows none.
+
+    Args:
+        brief: which has what was tried.
+        mounted: the tool on the arm, which no line says anything of.
+        facts: of the run: the settings of prompts, and the level at which bodies are described.
+    """
     settings = facts.settings
     if settings.feedback == "paper":
         return ""
+
     sight = facts.level.sight(brief.task, brief.scene_seed)
     last = last_generation(brief.tried)
+
     return generation_lines(last, settings.generation_characters, sight)
 
 
 @lru_cache(maxsize=2)
 def generation_lines(
-    evaluations: tuple[Evaluation, ...], budget: int, sight: Sight = ALL
+    evaluations: tuple[Evaluation, ...],
+    budget: int,
+    sight: Sight = ALL,
 ) -> str:
     """Write a line for each candidate, the best first.
 
@@ -66,16 +80,19 @@ def generation_lines(
     """
     others = [e for e in evaluations if e.status != "ok"]
     others.sort(key=lambda e: (e.status, e.candidate.key))
+
     groups: dict[str, list[Evaluation]] = {}
     for evaluation in (*best_first(evaluations, tie=0.0), *others):
         text = describe(evaluation, sight)
         groups.setdefault(text, []).append(evaluation)
 
     lines: dict[str, str] = {}
+
     left_out: list[Evaluation] = []
     for text in _alternate(groups):
-        line = f"- {_ids(groups[text])}: {text}"
+        line = f"- {say('observed', 'ids', groups[text])}: {text}"
         budget -= len(line) + 1
+
         if budget < 0 and lines:  # the best one has its line in any case
             left_out += groups[text]
         else:
@@ -84,49 +101,63 @@ def generation_lines(
     shown = [lines[text] for text in groups if text in lines]
     if left_out:
         shown.append(_count_left_out(left_out, sight))
+
     return "\n".join(shown)
 
 
 def _alternate(groups: dict[str, list[Evaluation]]) -> list[str]:
-    """Order the texts of groups: first the best one of each kind of outcome, then the second of each..."""
+    """Order the texts of groups: first the best one of each kind of outcome, then the second of each...
+
+    Args:
+        groups: evaluations that share a line, by its text.
+    """
     counts = Counter[str]()
+
     ranks: dict[str, int] = {}
     for text, group in groups.items():
         outcome = outcome_of(group[0])
         ranks[text] = counts[outcome]
         counts[outcome] += 1
+
     return sorted(groups, key=lambda text: ranks[text])
 
 
 def _count_left_out(evaluations: Sequence[Evaluation], sight: Sight) -> str:
-    """Write the line about candidates that have none: their outcomes, and the commonest reasons."""
+    """Write the line about candidates that have none: their outcomes, and the commonest reasons.
+
+    Args:
+        evaluations: without a line of their own.
+        sight: what may be said of bodies.
+    """
     counts = Counter(map(outcome_of, evaluations)).most_common()
-    kinds = ", ".join(f"{count} {outcome}" for outcome, count in counts)
-    parts = [f"{len(evaluations)} candidates: {kinds}"]
-    for reason in by_reason((e.candidate.id, e.reason) for e in evaluations)[:_REASONS]:
-        parts.append(sight.text(clean(reason, _OUTCOME)))
-    return f"- Left out: {'; '.join(parts)}."
+    reasons = by_reason((e.candidate.id, e.reason) for e in evaluations)
+    shown = [sight.text(clean(reason, _OUTCOME)) for reason in reasons[:_REASONS]]
 
-
-def _ids(group: Sequence[Evaluation]) -> str:
-    """Name the first candidates of a group, and count the others."""
-    ids = ", ".join(evaluation.candidate.id for evaluation in group[:3])
-    return ids if len(group) <= 3 else f"{ids} and {len(group) - 3} more"
+    return say("observed", "left_out", len(evaluations), counts, shown)
 
 
 def report(evaluation: Evaluation, task: Task) -> dict[str, Any]:
-    """Describe what was observed of a candidate, see `core.task.Level.report`."""
+    """Describe what was observed of a candidate, see `core.task.Level.report`.
+
+    Args:
+        evaluation: of one candidate.
+        task: in which it was tried.
+    """
     found: dict[str, Any] = {}
     if evaluation.observation is not None:
         found["observed"] = describe(evaluation)
+
     details = combined_figures(evaluation, task)
     if details:
         found["details"] = details
+
     return found
 
 
 def combined_figures(
-    evaluation: Evaluation, task: Task, sight: Sight = ALL
+    evaluation: Evaluation,
+    task: Task,
+    sight: Sight = ALL,
 ) -> dict[str, Any]:
     """Describe what a fitness made of several trials, as JSON: the same for the same trials, however long they took.
 
@@ -146,7 +177,9 @@ def combined_figures(
             engine: summarise_rewards(rewards)
             for engine, rewards in evaluation.by_engine.items()
         }
+
         poor = _poor_layouts(evaluation, task)
+
         if poor and sight.numbers:
             figures["poor_layouts"] = poor
 
@@ -154,7 +187,15 @@ def combined_figures(
 
 
 def _poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
-    """List the layouts in which a plan failed, the worst first, each with the numbers that were drawn for it."""
+    """List the layouts in which a plan failed, the worst first, each with the numbers that were drawn for it.
+
+    Args:
+        evaluation: of several trials.
+        task: which has the numbers of a layout.
+
+    Returns:
+        As JSON; perturbed scenes don't count as layouts.
+    """
     if evaluation.status == "rejected" or len(task.parts) > 1:
         return []
 
@@ -162,14 +203,18 @@ def _poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
     for trial in sorted(evaluation.trials, key=lambda trial: trial.reward):
         if trial.change is not None or trial.reward >= task.success_reward:
             continue
+
         described = {
             "layout": trial.layout,
             "engine": trial.engine,
             "reward": round(trial.reward, 3),
         }
+
         draw = task.draw(trial.layout)
+
         for name in draw.ranges:
             described[name] = round(draw(name, math.nan), 3)
+
         poor.append(described)
 
     return poor[:_LAYOUTS]
@@ -179,6 +224,10 @@ def describe(evaluation: Evaluation, sight: Sight = ALL) -> str:
     """Say in one line what became of a candidate.
 
     It is why it was not played to its end; or else its reward, and what was observed of the trial that stands for all.
+
+    Args:
+        evaluation: of one candidate.
+        sight: what may be said of bodies.
     """
     reason = sight.text(clean(evaluation.reason, _REASON))
     if evaluation.status != "ok":
@@ -198,25 +247,35 @@ def describe(evaluation: Evaluation, sight: Sight = ALL) -> str:
     trials = trial_lines(evaluation, sight) if evaluation.combined else []
     outcome = (evaluation.reward, reason, trials)
     touches = list(first.values())[:_TOUCHES]
-    return _say("line", *outcome, seen, entry, touches, sight.numbers)
+
+    return say("observed", "line", *outcome, seen, entry, touches, sight.numbers)
 
 
 def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
-    """Say what became of each trial: those that are alike in one line, the worst first."""
+    """Say what became of each trial: those that are alike in one line, the worst first.
+
+    Args:
+        evaluation: of several trials.
+        sight: what may be said of bodies.
+    """
     places: dict[str, list[str]] = {}
     for trial in sorted(evaluation.trials, key=lambda trial: trial.reward):
         outcome = trial.outcome
         if trial.status != "ok" or trial.reason:
             outcome = f"{trial.status}: {trial.reason}"
+
         outcome = sight.text(clean(outcome, _OUTCOME))
         text = f"{trial.reward:.3f} {outcome}".rstrip()
-        places.setdefault(text, []).append(_name_trial(trial, evaluation))
+        name = say("observed", "trial", trial, len(evaluation.tasks))
+        places.setdefault(text, []).append(name)
 
     if len(places) == 1:
         return [f"{text} in all {len(evaluation.trials)} trials" for text in places]
+
     lines = [f"{text} in {', '.join(names)}" for text, names in places.items()]
     if len(lines) > _OUTCOMES:
         lines[_OUTCOMES:] = [f"{len(lines) - _OUTCOMES} others"]
+
     return lines
 
 
@@ -224,6 +283,10 @@ def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
     """Describe what was observed of the trial that stands for an elite, as JSON; empty: nothing was.
 
     Lengths are metres, times seconds from the start of the motion. What is empty, or not worth its words, is left out.
+
+    Args:
+        elite: the evaluation of a candidate.
+        sight: what may be said of bodies.
     """
     trial = elite.shown
     seen = elite.observation
@@ -234,10 +297,10 @@ def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
     contacts = sorted(
         seen.contacts, key=lambda c: c.kind != "tool" or c.other not in seen.errors
     )
-    touches = [_say("touch", contact, sight.numbers) for contact in contacts]
+    touches = [say("observed", "touch", contact, sight.numbers) for contact in contacts]
     described: dict[str, Any] = {
-        "trial": _name_trial(trial, elite),
-        "result": sight.text(_say("result", seen)),
+        "trial": say("observed", "trial", trial, len(elite.tasks)),
+        "result": sight.text(say("observed", "result", seen)),
         # Rounded down, since 100 % means all of it.
         "goals": {name: f"{int(100 * share)} %" for name, share in trial.goals},
         "margins": [sight.text(str(margin)) for margin in trial.margins[:_BODIES]],
@@ -245,9 +308,10 @@ def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
         "arrivals_s": list(seen.arrivals),
         "guards": list(seen.felt),
         "contacts": touches[:_CONTACTS],
-        "missed": _say("miss", seen),
-        "lag": _say("lag", seen),
+        "missed": say("observed", "miss", seen),
+        "lag": say("observed", "lag", seen),
     }
+
     if sight.numbers:
         described |= _places(seen)
 
@@ -255,7 +319,14 @@ def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
 
 
 def _places(seen: Observation) -> dict[str, Any]:
-    """Tell in numbers how far bodies are from their goals, where they were and when, and what the robot came near."""
+    """Tell in numbers how far bodies are from their goals, where they were and when, and what the robot came near.
+
+    Args:
+        seen: what was observed of a trial.
+
+    Returns:
+        By the words of the prompt: metres, seconds, and paths as texts of points.
+    """
     errors = [
         (name, list(offset)) for name, offset in seen.errors.items() if offset != _FREE
     ]
@@ -265,6 +336,7 @@ def _places(seen: Observation) -> dict[str, Any]:
         "error_m": dict(errors[:_BODIES]),
         "clearance_m": dict(nearest[:_BODIES]),
     }
+
     if seen.paths:
         places["path_m"] = {name: _path(path) for name, path in seen.paths.items()}
         places["times_s"] = list(seen.instants)
@@ -277,36 +349,31 @@ def _path(points: Iterable[Sequence[float]]) -> str:
     return " ".join(f"({short_numbers(point, 3, ', ')})" for point in points)
 
 
-def _name_trial(trial: Trial, evaluation: Evaluation) -> str:
-    """Name a trial: the task of several, the engine, the layout's number, and that of a perturbation."""
-    name = f"{trial.engine} layout {trial.layout}"
-    if len(evaluation.tasks) > 1:
-        name = f"{trial.task} {name}"
-    if trial.change is not None:
-        name = f"{name} change {trial.change}"
-    return name
-
-
 def _moves(seen: Observation, sight: Sight) -> dict[str, str]:
-    """Describe how bodies moved: of several those of the goal that are not in place, then those that moved most."""
+    """Describe how bodies moved: of several those of the goal that are not in place, then those that moved most.
+
+    Args:
+        seen: what was observed of a trial.
+        sight: what may be said of bodies.
+
+    Returns:
+        By the name of the body; the last entry may count the others.
+    """
     ways = {name: math.hypot(*moved.by) for name, moved in seen.moved.items()}
     stirred = [
         name
         for name, moved in seen.moved.items()
         if ways[name] > _MOVED_M or moved.tilt_deg >= _TILT_DEG
     ]
+
     stirred.sort(key=lambda name: (name not in seen.left, -ways[name]))
 
     described = {}
     for name in stirred[:_BODIES]:
         moved = seen.moved[name]
-        described[name] = _say("move", moved, sight.way(moved))
+        described[name] = say("observed", "move", moved, sight.way(moved))
 
     if len(stirred) > _BODIES:
         described[f"{len(stirred) - _BODIES} others"] = "moved too"
+
     return described
-
-
-def _say(phrase: str, *values: object) -> str:
-    """Fill in a macro of ``templates/observed.md.j2``."""
-    return str(getattr(macros("plugins.vlms.told", "observed"), phrase)(*values))

@@ -8,13 +8,13 @@ from itertools import groupby
 
 import numpy as np
 
-from core.geometry import Array, Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
+from core.geometry import Array, Mesh, Pose, Shape, Sphere
 from core.interfaces import Task
 from core.robot.solids import Solid, signed_distance, solid_geometry
 from core.scene import Body, Soft
 from core.support.text import short_number, short_numbers
-from plugins.vlms.told.bodies import bounds, slip, softness, weight
-from plugins.vlms.told.tables import table
+from plugins.vlms.told.bodies import bounds, bounds_in_world
+from plugins.vlms.told.tables import say, table
 
 _ALIKE = 3  # bodies alike, one after the other, from which on they share a row
 _HOLLOW = (
@@ -22,7 +22,6 @@ _HOLLOW = (
 )
 _STEP_M = 0.0005
 _UPRIGHT_RAD = 0.001
-_PLURAL = {"box": "boxes"}
 _HEAD = ("body", "position", "shape", "x", "y", "z", "mass", "friction")
 
 
@@ -63,27 +62,30 @@ def _write_row(bodies: Sequence[Body], worded: bool) -> tuple[str, ...]:
 
     places = "; ".join(_describe_pose(body.pose) for body in bodies)
 
-    corners = [bounds(body, body.pose) for body in bodies]
-    lows = np.min([low for low, _ in corners], axis=0)
-    highs = np.max([high for _, high in corners], axis=0)
-    extents = []
+    lows, highs = bounds_in_world(bodies)
 
-    for low, high in zip(lows, highs, strict=True):
-        extents.append(f"{short_number(low, 3)} to {short_number(high, 3)}")
+    extents = [
+        f"{short_number(low, 3)} to {short_number(high, 3)}"
+        for low, high in zip(lows, highs, strict=True)
+    ]
 
     mass = "fixed"
     if first.mass:
-        mass = weight(first) if worded else f"{first.mass:.3g} kg"
+        mass = say("bodies", "weight", first.mass) if worded else f"{first.mass:.3g} kg"
 
-    friction = slip(first) if worded else _describe_friction(first)
+    friction = say("bodies", "slip", first)
+    if not worded:
+        friction = say("layout", "friction", first)
+
     return name, places, _describe_body(first, is_alone), *extents, mass, friction
 
 
 def _collect_properties(body: Body) -> tuple[object, ...]:
     """Return the properties that bodies of one row share."""
-    parts = []
-    for part in body.collisions or body.visuals:
-        parts.append((describe_shape(part.shape), part.pose))
+    parts = [
+        (describe_shape(part.shape), part.pose)
+        for part in body.collisions or body.visuals
+    ]
 
     substance = body.elastic if isinstance(body, Soft) else bool(body.collisions)
     return (
@@ -97,14 +99,9 @@ def _collect_properties(body: Body) -> tuple[object, ...]:
 
 
 def _describe_pose(pose: Pose) -> str:
-    """Write a position, and the turn where there is one; about z alone as a yaw."""
-    position = short_numbers(pose.position, 3)
-    roll, pitch, yaw = pose.rpy.round(3) + 0.0
-    if roll or pitch:
-        return f"{position} rpy {short_numbers((roll, pitch, yaw), 3)}"
-    if yaw:
-        return f"{position} yaw {short_number(yaw, 3)}"
-    return position
+    """Write a position, and the turn where there is one."""
+    rpy = pose.rpy.round(3) + 0.0
+    return say("layout", "pose", pose.position, rpy, short_numbers)
 
 
 def _describe_body(body: Body, is_alone: bool) -> str:
@@ -115,9 +112,8 @@ def _describe_body(body: Body, is_alone: bool) -> str:
         is_alone: whether the row is about this body alone.
     """
     if isinstance(body, Soft):
-        form = body.form
-        size = short_numbers(np.ptp(form.nodes, axis=0), 3)
-        return f"soft {form.kind}, {size}, {form.thickness:g} thick; {softness(body)}"
+        size = short_numbers(np.ptp(body.form.nodes, axis=0), 3)
+        return say("layout", "soft", body, size)
 
     if not body.collisions:
         return "a mark: nothing touches it"
@@ -126,25 +122,13 @@ def _describe_body(body: Body, is_alone: bool) -> str:
     if len(body.collisions) == 1 and not isinstance(first, Mesh):
         return describe_shape(first)
 
-    text = _count_parts(body)
+    counts = Counter(type(part.shape).__name__ for part in body.collisions)
+    text = say("layout", "parts", counts)
     low, high = bounds(body, Pose())
     if not (_is_upright(body) and is_alone):
         text += f", {short_numbers(high - low, 3)} along its own axes"
+
     return text + _describe_inside(body, low, high)
-
-
-def _count_parts(body: Body) -> str:
-    """Say of how many shapes of each kind a body is made."""
-    counts: Counter[str] = Counter()
-    for part in body.collisions:
-        kind = type(part.shape).__name__.lower()
-        counts[kind.replace("mesh", "convex part")] += 1
-
-    texts = []
-    for kind, number in counts.items():
-        name = kind if number == 1 else _PLURAL.get(kind, f"{kind}s")
-        texts.append(f"{number} {name}")
-    return " + ".join(texts)
 
 
 def _is_upright(body: Body) -> bool:
@@ -212,6 +196,7 @@ class _Inside:
             gap = self.clearance(point)
             if gap <= _STEP_M:
                 return short_number((point + self._shift)[axis], 3)
+
             point[axis] += sign * gap
 
         return "open"
@@ -219,28 +204,4 @@ class _Inside:
 
 def describe_shape(shape: Shape) -> str:
     """Name a shape with its sizes in metres."""
-    match shape:
-        case Box(size):
-            return f"box {short_numbers(size, 3)}"
-        case Sphere(radius):
-            return f"sphere, radius {short_number(radius, 3)}"
-        case Cylinder(radius, length):
-            return f"cylinder, radius {short_number(radius, 3)}, length {short_number(length, 3)}"
-        case Capsule(radius, length):
-            return f"capsule, radius {short_number(radius, 3)}, length {short_number(length, 3)} without its ends"
-        case Mesh(vertices):
-            extent = short_numbers(np.ptp(vertices, axis=0), 3)
-            return f"convex part of {len(vertices)} corners, {extent}"
-
-
-def _describe_friction(body: Body) -> str:
-    """Write the coefficient of friction, and what else a contact has that is not 0."""
-    if not (body.collisions or body.mass):
-        return "-"
-
-    text = f"{body.friction:g}"
-    if body.rolling_friction:
-        text += f", rolling {body.rolling_friction:g}"
-    if body.restitution:
-        text += f", restitution {body.restitution:g}"
-    return text
+    return say("layout", "shape", type(shape).__name__, shape, short_numbers)

@@ -18,7 +18,12 @@ _CLEAR = 0.9
 """Opacity; a depth camera does not measure what has less: glass has no depth."""
 
 
-def nearness(bodies: Iterable[Body], camera: Camera, wide: int, high: int) -> Array:
+def nearness(
+    bodies: Iterable[Body],
+    camera: Camera,
+    wide: int,
+    high: int,
+) -> Array:
     """Compute how far bodies reach toward a parallel camera in each pixel (high, wide), metres from the origin.
 
     From above that is the height. Where nothing is, it is nan; what is clear, as glass, is left out.
@@ -59,6 +64,7 @@ def _raise_to_mesh(
     toward = -points @ camera.axes[2]
 
     faces = np.asarray(mesh.faces)
+
     if mesh.is_volume:  # what faces away is hidden by the rest
         backward = pose.rotation.inv().apply(camera.axes[2])
         faces = faces[np.asarray(mesh.face_normals) @ backward < 0]
@@ -67,7 +73,11 @@ def _raise_to_mesh(
         _raise_to_triangle(nearest, pixels[corners], toward[corners])
 
 
-def _raise_to_triangle(nearest: Array, corners: Array, toward: Array) -> None:
+def _raise_to_triangle(
+    nearest: Array,
+    corners: Array,
+    toward: Array,
+) -> None:
     """Raise ``nearest`` (H, W) to a triangle.
 
     Args:
@@ -77,8 +87,10 @@ def _raise_to_triangle(nearest: Array, corners: Array, toward: Array) -> None:
     """
     high, wide = nearest.shape
     left, top = np.ceil(corners.min(axis=0))
+
     right, bottom = np.floor(corners.max(axis=0))
     columns = np.arange(max(int(left), 0), min(int(right), wide - 1) + 1)
+
     rows = np.arange(max(int(top), 0), min(int(bottom), high - 1) + 1)
     edges = np.stack([corners[1] - corners[0], corners[2] - corners[0]], axis=1)
     is_edge_on = abs(np.linalg.det(edges)) < 1e-9

@@ -16,7 +16,7 @@ from core.robot.kinematics import arm_of, link_poses, robot_model
 from core.robot.solids import corners, robot_solids
 from core.support.text import short_numbers
 from core.values.descriptions import RobotJoint
-from plugins.vlms.told.tables import table
+from plugins.vlms.told.tables import say, table
 
 GRIPPER = "gripper"
 HEAD = (
@@ -28,11 +28,6 @@ HEAD = (
     "speed",
     "box around the link",
 )
-_MOTIONS = {
-    "revolute": "turns about",
-    "continuous": "turns about",
-    "prismatic": "slides along",
-}
 _NEAR_M = (
     0.3  # from the mount's origin; tools that bend around the arm are seldom larger
 )
@@ -66,13 +61,11 @@ def extents_at_home(robot: Robot, gripper: bool, home: Pose) -> dict[str, Extent
         pose = mount @ poses[solid.name] @ solid.pose
         placed.append((name, pose.apply(corners(solid.geometry))))
 
-    near = {}
-    for name, (low, high) in extents_of(placed).items():
-        distance = np.maximum(np.maximum(low, -high), 0.0)
-        if np.linalg.norm(distance) < _NEAR_M:
-            near[name] = low, high
-
-    return near
+    return {
+        name: (low, high)
+        for name, (low, high) in extents_of(placed).items()
+        if np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0)) < _NEAR_M
+    }
 
 
 def outline(robot: Robot, tool: Tool) -> str:
@@ -85,9 +78,10 @@ def outline(robot: Robot, tool: Tool) -> str:
         robot: as its description has it.
         tool: which is merged in; its components are links too.
     """
-    boxes = {}
-    for name, (low, high) in link_extents(robot, tool.gripper).items():
-        boxes[name] = _describe_box(low.round(3), high.round(3))
+    boxes = {
+        name: _describe_box(low.round(3), high.round(3))
+        for name, (low, high) in link_extents(robot, tool.gripper).items()
+    }
 
     for component in tool.components:
         middle, size = component.shape.bounds
@@ -125,24 +119,13 @@ def _joint_cells(joint: RobotJoint | None, link: str) -> tuple[str, ...]:
     if joint is None:
         return link, "the base", "-", "-", "-", "-"
 
-    motion = joint.kind
-    if joint.kind in _MOTIONS:
-        motion = f"{_MOTIONS[joint.kind]} {_name_axis(joint.axis)}"
-
-    span = "-"
-    speed = "-"
-    if joint.kind != "fixed" and any(limit is not None for limit in joint.limits):
-        speed = f"{joint.limits.velocity or 0.0:g}"
-        if joint.kind != "continuous":
-            span = "{:g} to {:g}".format(*joint.range)
-
     return (
         f"{link} on {joint.parent}",
-        motion,
+        say("outline", "motion", joint, _name_axis(joint.axis)),
         short_numbers(joint.origin.xyz, 4),
         short_numbers(joint.origin.rpy, 4),
-        span,
-        speed,
+        say("outline", "span", joint),
+        say("outline", "speed", joint),
     )
 
 

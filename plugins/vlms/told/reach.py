@@ -55,10 +55,12 @@ def compute_reach(arm: Arm, pitches: tuple[float, ...] = PITCHES) -> dict[float,
     """
     reach: dict[float, Row] = {}
     home = max(0, round(float(arm.forward(arm.home).position[2]) / _RISE_M))
+
     for numbers in (count(home), range(home - 1, -1, -1)):
         for number in numbers:
             height = round(number * _RISE_M, 3)
             row = {pitch: span_at(arm, height, pitch) for pitch in pitches}
+
             if not any(row.values()):
                 break
 
@@ -84,6 +86,7 @@ def span_at(arm: Arm, height: float, pitch: float) -> Span | None:
     x, y, _ = base.position
     axis = Pose.xyz_rpy((x, y, 0.0), (0.0, 0.0, base.rpy[2]))
     turn = Rotation.from_euler("y", pitch)
+
     poses = []
 
     for step in range(int(robot_model(arm.robot, Tool()).reach / _STEP_M)):
@@ -92,6 +95,7 @@ def span_at(arm: Arm, height: float, pitch: float) -> Span | None:
 
     home = axis.inverse().apply(arm.forward(arm.home).position)
     nearest = round(float(np.hypot(*home[:2])) / _STEP_M)
+
     for first in sorted(range(len(poses)), key=lambda step: abs(step - nearest)):
         start = arm.inverse(poses[first], arm.home)
         if _is_near(start) and _find_meeting(arm, [start.joints] * 2) is None:
@@ -112,10 +116,10 @@ def turns_at(arm: Arm, home: Pose) -> list[tuple[float, float]]:
         arm: with its base where it stands.
         home: pose of the end-effector.
     """
-    turns = []
-    for axis in np.eye(3):
-        turns.append((-_turn_about(arm, home, -axis), _turn_about(arm, home, axis)))
-    return turns
+    return [
+        (-_turn_about(arm, home, -axis), _turn_about(arm, home, axis))
+        for axis in np.eye(3)
+    ]
 
 
 def _turn_about(arm: Arm, home: Pose, axis: Array) -> float:
@@ -130,6 +134,7 @@ def _turn_about(arm: Arm, home: Pose, axis: Array) -> float:
     for step in range(1, int(np.pi / _STEP_RAD) + 1):
         turn = Rotation.from_rotvec(axis * (step * _STEP_RAD))
         poses.append(Pose.from_rotation(home.position, turn * home.rotation))
+
     return float((len(_march(arm, poses, arm.home_for(home))) - 1) * _STEP_RAD)
 
 
@@ -146,11 +151,13 @@ def _march(arm: Arm, poses: Iterable[Pose], seed: Array) -> list[Array]:
         solution = arm.inverse(pose, way[-1])
         if not _is_near(solution):
             break
+
         way.append(solution.joints)
 
     met_s = _find_meeting(arm, way)
     if met_s is not None:
         del way[max(1, int(np.ceil(met_s))) :]
+
     return way
 
 
@@ -170,19 +177,3 @@ def _find_meeting(arm: Arm, way: list[Array]) -> float | None:
     motion = JointTrajectory(seconds, np.array(way), np.zeros(len(way)))
     met = find_self_collision(arm.robot, Tool(), motion)
     return None if met is None else met.time_s
-
-
-def as_table(reach: dict[float, Row]) -> str:
-    """Write the reach as a Markdown table in centimetres, a row for each height in metres."""
-    pitches = list(next(iter(reach.values()), {}))
-    head = ["z", *(f"{pitch:g}" for pitch in pitches)]
-    lines = [head, ["-"] * len(head)]
-
-    for height, row in reach.items():
-        lines.append([f"{height:g}", *map(_in_cm, row.values())])
-    return "\n".join(f"|{'|'.join(cells)}|" for cells in lines)
-
-
-def _in_cm(span: Span | None) -> str:
-    """Write a span in whole centimetres."""
-    return f"{100 * span.least:.0f}-{100 * span.most:.0f}" if span else "none"

@@ -11,10 +11,10 @@ from core.interfaces import Task
 from core.scene import Camera
 from core.values.observations import Moved, Sight
 from plugins.vlms.told.projection import project
+from plugins.vlms.told.tables import say
 
 _WIDTH = 640  # pixels, of which ways are shares
 _HEIGHT = 480
-_SHARE = 0.01  # of the picture; a shorter way is not seen
 _UNIT = r"mm|cm|m/s|m|kg|g|N m|N|J|deg|degrees|rad"
 # A number with a unit, or a decimal that is neither a time nor a count; a list of them; names such as card_3 stay.
 _MEASURED = rf"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?= ?(?:{_UNIT})\b)"
@@ -63,23 +63,4 @@ class Hidden(Sight):
         right = (to_x - x) / _WIDTH
         up = (y - to_y) / _HEIGHT
 
-        seen = [
-            *_describe_share(right, "right", "left", "width"),
-            *_describe_share(up, "up", "down", "height"),
-        ]
-        if not seen:
-            return "not seen in the picture"
-        return f"in the picture {' and '.join(seen)}"
-
-
-def _describe_share(
-    share: float,
-    positive: str,
-    negative: str,
-    side: str,
-) -> list[str]:
-    """Say which way a body went, and by how much of the picture's side; nothing of a way that is not seen."""
-    if abs(share) < _SHARE:
-        return []
-    direction = positive if share >= 0 else negative
-    return [f"{direction} by {100 * abs(share):.0f} % of its {side}"]
+        return say("observed", "way", right, up)

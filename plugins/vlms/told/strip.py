@@ -43,8 +43,10 @@ def draw_strip(
     for instant, what in moments(recording, seen):
         frame = Pillow.fromarray(draw(int(np.abs(recording.times - instant).argmin())))
         text = f"{instant:.1f} s: {what}" if what else f"{instant:.1f} s"
+
         pen = ImageDraw.Draw(frame)
         pen.rectangle([(0, 0), (320, 17)], fill=(255, 255, 255))
+
         pen.text((4, 2), clean(text, 60), fill=(30, 30, 30), font_size=12)
         frames.append(np.asarray(frame))
 
@@ -57,10 +59,15 @@ def moments(recording: Recording, seen: Observation | None = None) -> list[Momen
     The first are the start and the end, then what ``seen`` names: the first touches, and when it went wrong; else the
     first motion of a body. Then come the highest points of bodies that are lifted, and the fastest motions. Instants
     less than `APART_S` apart count as one. At last, the longest gaps are halved.
+
+    Args:
+        recording: of the rollout, from before the motion on.
+        seen: what was observed of the rollout, if it was.
     """
     happened = [(0.0, "start"), (float(recording.times[-1]), "end")]
     if seen is not None:
         happened += _list_observed(seen)
+
     happened += _list_motions(recording)
 
     chosen: list[Moment] = []
@@ -79,38 +86,56 @@ def moments(recording: Recording, seen: Observation | None = None) -> list[Momen
 
 
 def _list_observed(seen: Observation) -> list[Moment]:
-    """List the first touch, when it went wrong, and the first touches of other bodies."""
+    """List the first touch, when it went wrong, and the first touches of other bodies.
+
+    Args:
+        seen: what was observed of the rollout.
+
+    Returns:
+        What matters most goes first; instants may be close to each other.
+    """
     touches: dict[str, Moment] = {}  # the first of each body
     for contact in sorted(seen.contacts, key=lambda contact: contact.first_s):
         if contact.kind != "body":
             text = f"{contact.one} touches {contact.other}"
             touches.setdefault(contact.other, (contact.first_s, text))
+
     observed = list(touches.values())
     if seen.at_s:
         text = f"{seen.result}: {seen.what}" if seen.what else seen.result
         observed.insert(1, (seen.at_s, text))
+
     return observed
 
 
 def _list_motions(recording: Recording) -> Iterator[Moment]:
-    """Yield when the two bodies that get farthest begin to move, are highest, and are fastest."""
+    """Yield when the two bodies that get farthest begin to move, are highest, and are fastest.
+
+    Args:
+        recording: whose samples before 0 s, while bodies settle, don't count.
+    """
     states = recording.states
     times = recording.times
     moving = times >= 0
     if not moving.any():
         return
+
     paths = states.positions - states.positions[moving][0]
     paths[~moving] = 0.0
+
     shifts = np.linalg.norm(paths, axis=-1)
     farthest = np.argsort(-shifts.max(axis=0), kind="stable")
+
     for body in farthest[:2].tolist():
         name = states.names[body]
         shift = shifts[:, body]
         height = paths[:, body, 2]
         if shift.max() <= STIRRED_M:
             continue
+
         yield float(times[np.argmax(shift > STIRRED_M)]), f"{name} moves"
         if height.max() > LIFTED_M:
             yield float(times[height.argmax()]), f"{name} is highest"
+
         speed = np.abs(np.gradient(shift, times))
         yield float(times[speed.argmax()]), f"{name} is fastest"

@@ -1,12 +1,19 @@
-"""Write tables in Markdown."""
+"""Write tables in Markdown, and phrases by the macros of this package's templates."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from core.support.templates import macros
+
 
 def table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Write a Markdown table; no text of a cell ends its cell or row."""
+    """Write a Markdown table; no text of a cell ends its cell or row.
+
+    Args:
+        columns: the texts of the head.
+        rows: of as many cells as there are columns.
+    """
     lines = [_write_row(columns), _write_row(["---"] * len(columns))]
     lines += [_write_row(row) for row in rows]
     return "\n".join(lines)
@@ -15,3 +22,14 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 def _write_row(row: Sequence[str]) -> str:
     cells = [" ".join(cell.split()).replace("|", r"\|") for cell in row]
     return f"| {' | '.join(cells)} |"
+
+
+def say(template: str, phrase: str, *values: object) -> str:
+    """Fill in a macro of a template.
+
+    Args:
+        template: ``templates/TEMPLATE.md.j2``.
+        phrase: the macro's name.
+        values: of its parameters.
+    """
+    return str(getattr(macros("plugins.vlms.told", template), phrase)(*values))

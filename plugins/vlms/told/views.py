@@ -14,11 +14,11 @@ from PIL import Image as Pillow
 from PIL import ImageDraw
 from scipy.ndimage import binary_erosion
 
-from core.geometry import Array, Pose
+from core.geometry import Pose
 from core.interfaces import Image, Picture, Task
 from core.scene import Body, Camera
 from core.simulation.pictures import describe_camera, png
-from plugins.vlms.told.bodies import bounds
+from plugins.vlms.told.bodies import bounds, bounds_in_world
 from plugins.vlms.told.nearness import nearness
 from plugins.vlms.told.projection import project
 
@@ -85,14 +85,13 @@ def calibrated_pictures(
     """
     bodies = task.scene(seed).bodies
     small = _find_small(bodies)
+
     moving = [body for body in bodies if body.mass]
     cameras = {
         "scene": task.camera,
         "close": _move_closer(task.camera, moving or bodies),
+        **{name: parallel_camera(name, bodies) for name in _VIEWS},
     }
-
-    for name in _VIEWS:
-        cameras[name] = parallel_camera(name, bodies)
 
     pictures = []
     for name, camera in cameras.items():
@@ -113,22 +112,13 @@ def _find_small(bodies: Sequence[Body]) -> list[Body]:
     """Find the bodies that are smaller than a table.
 
     It is their own size that counts, along their own axes.
+
+    Args:
+        bodies: of a layout.
     """
-    small = []
-    for body in bodies:
-        low, high = bounds(body, Pose())
-        if (high - low).max() < _LARGE_M:
-            small.append(body)
-
-    return small
-
-
-def _extent(bodies: Sequence[Body]) -> tuple[Array, Array]:
-    """Compute the lowest and the highest corner (3,) of bodies in the world."""
-    corners = [bounds(body, body.pose) for body in bodies]
-    low = np.min([low for low, _ in corners], axis=0)
-    high = np.max([high for _, high in corners], axis=0)
-    return low, high
+    return [
+        body for body in bodies if np.ptp(bounds(body, Pose()), axis=0).max() < _LARGE_M
+    ]
 
 
 def parallel_camera(name: str, bodies: Sequence[Body]) -> Camera:
@@ -139,8 +129,9 @@ def parallel_camera(name: str, bodies: Sequence[Body]) -> Camera:
         bodies: of the layout.
     """
     view = _VIEWS[name]
-    low, high = _extent(_find_small(bodies) or bodies)
+    low, high = bounds_in_world(_find_small(bodies) or bodies)
     backward = np.array(view.backward)
+
     room = high - low + 2 * _ROOM_M
     tall = room[view.up] * HEIGHT / (HEIGHT - 2 * _MARGIN)
     wide = room[view.right] * HEIGHT / (WIDTH - 2 * _MARGIN)
@@ -148,6 +139,7 @@ def parallel_camera(name: str, bodies: Sequence[Body]) -> Camera:
     middle = (low + high) / 2
     away = float(np.abs(backward @ (high - low))) / 2 + _ROOM_M / 2
     x, y, z = (middle + away * backward).tolist()
+
     return Camera((x, y, z), tuple(middle.tolist()), 2.0, float(max(tall, wide)))
 
 
@@ -158,9 +150,10 @@ def _move_closer(camera: Camera, bodies: Sequence[Body]) -> Camera:
         camera: which keeps its place.
         bodies: which fill the picture.
     """
-    low, high = _extent(bodies)
+    low, high = bounds_in_world(bodies)
     middle = _ROUND_M * np.round((low + high) / 2 / _ROUND_M)
     away = float(np.linalg.norm(np.asarray(camera.position) - middle))
+
     half = max(float(np.linalg.norm(high - low)) / 2, 0.08) + _ROUND_M / 2
     fov_deg = float(np.degrees(2 * np.arctan(half / away))) * 1.15
 
@@ -170,18 +163,28 @@ def _move_closer(camera: Camera, bodies: Sequence[Body]) -> Camera:
 class _Grid:
     """Lines and scales in metres over a parallel view."""
 
-    def __init__(self, picture: Pillow.Image, camera: Camera, view: _View) -> None:
-        """Choose how far lines are apart: the closest distance of which there are not too many."""
+    def __init__(
+        self,
+        picture: Pillow.Image,
+        camera: Camera,
+        view: _View,
+    ) -> None:
+        """Choose how far lines are apart: the closest distance of which there are not too many.
+
+        Args:
+            picture: that is drawn on.
+            camera: a parallel one, which took the picture.
+            view: the camera's direction.
+        """
         assert camera.height_m is not None
         self._pen = ImageDraw.Draw(picture, "RGBA")
         self._camera = camera
+
         self._view = view
         self._per_m = HEIGHT / camera.height_m
-        self._step = _STEPS[-1]
 
-        for step in reversed(_STEPS):
-            if WIDTH / self._per_m / step <= _LINES:
-                self._step = step
+        enough = [step for step in _STEPS if WIDTH / self._per_m / step <= _LINES]
+        self._step = min(enough, default=_STEPS[-1])
 
     def draw(self) -> str:
         """Draw it, and say what one needs to measure in the picture."""
@@ -191,19 +194,27 @@ class _Grid:
 
         for position, x in self._lines(right, WIDTH, sign):
             self._draw_line([(x, 0), (x, HEIGHT)], (x + 2, HEIGHT - 15), position)
+
         for position, y in self._lines(up, HEIGHT, -1.0):
             self._draw_line([(0, y), (WIDTH, y)], (2, y - 14), position)
+
         self._write((WIDTH - 60, HEIGHT - 32), f"{'xyz'[right]} (m)")
         self._write((40, 4), f"{'xyz'[up]} (m)")
 
         minus = "-" if sign < 0 else ""
+
         return (
             f"parallel projection, {minus}{'xyz'[right]} to the right and {'xyz'[up]} up, {WIDTH} x {HEIGHT} pixels, "
             f"{1000 / self._per_m:.3f} mm per pixel; scales and grid in metres; "
             "outlines are drawn also of what is hidden"
         )
 
-    def _lines(self, axis: int, pixels: int, sign: float) -> list[tuple[float, float]]:
+    def _lines(
+        self,
+        axis: int,
+        pixels: int,
+        sign: float,
+    ) -> list[tuple[float, float]]:
         """Return the lines across an axis: where each is in the world, metres, and in the picture, pixels.
 
         Args:
@@ -215,6 +226,7 @@ class _Grid:
         half = pixels / 2 / self._per_m
         first = math.ceil((middle - half) / self._step)
         last = math.floor((middle + half) / self._step)
+
         lines = []
 
         for number in range(first, last + 1):
@@ -230,7 +242,13 @@ class _Grid:
         place: tuple[float, float],
         position: float,
     ) -> None:
-        """Draw a line between two ends, and write its position at a place."""
+        """Draw a line between two ends, and write its position at a place.
+
+        Args:
+            ends: of the line, pixels.
+            place: of the text's left upper corner, pixels.
+            position: of the line in the world, metres.
+        """
         self._pen.line(ends, fill=(*_INK, 100))
         self._write(place, f"{position:.2f}")
 
@@ -246,7 +264,11 @@ class _Grid:
         self._pen.text(place, text, fill=_INK, font_size=_FONT)
 
 
-def _draw_edges(picture: Pillow.Image, camera: Camera, bodies: Sequence[Body]) -> None:
+def _draw_edges(
+    picture: Pillow.Image,
+    camera: Camera,
+    bodies: Sequence[Body],
+) -> None:
     """Draw edges in a parallel view, and the outline of each body, also of what is clear or hidden.
 
     Edges are where the distance to the camera bends or steps; they are drawn in ink, and pale on what is dark.
@@ -267,6 +289,7 @@ def _draw_edges(picture: Pillow.Image, camera: Camera, bodies: Sequence[Body]) -
 
     gray = picture.convert("L")
     ink = gray.point(lambda light: _PALE[0] if light < _DARK else _INK[0])
+
     mask = Pillow.fromarray(_OPAQUE * edges.astype(np.uint8))
     picture.paste(ink.convert("RGB"), mask=mask)
 
@@ -280,11 +303,13 @@ def _fill(body: Body, camera: Camera) -> npt.NDArray[np.bool_]:
     """
     silhouette = Pillow.new("1", SIZE)
     pen = ImageDraw.Draw(silhouette)
+
     for part in body.visuals:
         mesh = part.shape.to_trimesh()
         vertices = np.asarray(mesh.vertices, dtype=np.float64)
         placed = (body.pose @ part.pose).apply(vertices)
         pixels = project(camera, placed, WIDTH, HEIGHT)
+
         for corners in pixels[np.asarray(mesh.faces)]:
             pen.polygon([(x, y) for x, y in corners.tolist()], fill=1)
 
@@ -307,7 +332,11 @@ class _Box(NamedTuple):
     bottom: float
 
     def overlaps(self, other: _Box) -> bool:
-        """Report whether two boxes have a pixel in common."""
+        """Report whether two boxes have a pixel in common.
+
+        Args:
+            other: in the same picture.
+        """
         beside = self.right < other.left or self.left > other.right
         return not (beside or self.bottom < other.top or self.top > other.bottom)
 
@@ -321,9 +350,14 @@ class _Labels:
         self._names: list[_Box] = []
 
     def draw(self, bodies: Sequence[Body]) -> None:
-        """Mark the bodies that are in the picture; of many alike, only the first and the last have their names."""
+        """Mark the bodies that are in the picture; of many alike, only the first and the last have their names.
+
+        Args:
+            bodies: where they are in the layout.
+        """
         alike = Counter(_strip_number(body) for body in bodies)
         seen = Counter[str]()
+
         for body in bodies:
             x, y = self._project(body.pose)
             if not (0 <= x < WIDTH and 0 <= y < HEIGHT):
@@ -332,6 +366,7 @@ class _Labels:
             self._draw_axes(body.pose)
             kind = _strip_number(body)
             seen[kind] += 1
+
             if alike[kind] <= _ALL or seen[kind] in (1, alike[kind]):
                 self._draw_name(body.name, x, y)
 
@@ -341,7 +376,11 @@ class _Labels:
         return x, y
 
     def _draw_axes(self, pose: Pose) -> None:
-        """Draw the axes x and y of a frame, and a ring about its origin."""
+        """Draw the axes x and y of a frame, and a ring about its origin.
+
+        Args:
+            pose: of the frame in the world.
+        """
         x, y = self._project(pose)
         for axis, color in ((0, _RED), (1, _GREEN)):
             tip = pose @ Pose(_AXIS_M * np.eye(3)[axis])
@@ -349,7 +388,12 @@ class _Labels:
 
         self._pen.ellipse([(x - 3, y - 3), (x + 3, y + 3)], outline=_INK)
 
-    def _draw_name(self, name: str, x: float, y: float) -> None:
+    def _draw_name(
+        self,
+        name: str,
+        x: float,
+        y: float,
+    ) -> None:
         """Write a name near a point, with a line to it.
 
         Args:
@@ -360,11 +404,17 @@ class _Labels:
         pen = self._pen
         box = self._find_place(x, y, pen.textlength(name, font_size=_FONT) + 4)
         self._names.append(box)
+
         pen.line([(x, y), (box.left, (box.top + box.bottom) / 2)], fill=_INK, width=1)
         pen.rectangle(box, fill=_PALE)
         pen.text((box.left + 2, box.top + 1), name, fill=_INK, font_size=_FONT)
 
-    def _find_place(self, x: float, y: float, width: float) -> _Box:
+    def _find_place(
+        self,
+        x: float,
+        y: float,
+        width: float,
+    ) -> _Box:
         """Find a box for a name near a point that covers no other name.
 
         Args:
@@ -377,6 +427,7 @@ class _Labels:
             below = y + 4 + (-1) ** turn * 9 * turn
             top = min(max(below, 1.0), HEIGHT - 17.0)
             box = _Box(left, top, left + width, top + 16)
+
             if not any(box.overlaps(name) for name in self._names):
                 break
 

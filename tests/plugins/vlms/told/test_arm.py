@@ -1,13 +1,11 @@
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from core.geometry import Pose
 from core.interfaces import RolloutSettings, Task
 from core.plugins import installed
-from core.scene import Scene
-from plugins.vlms.told.arm import FingerSheet, describe_arm, describe_speed, segments
+from plugins.vlms.told.arm import FingerSheet, describe_arm, segments
 from tests.panda import ARM, PANDA
 
 pytestmark = pytest.mark.slow
@@ -15,21 +13,8 @@ pytestmark = pytest.mark.slow
 UR5 = installed().create("robot", "ur5")
 
 
-class Nothing(Task):
-    name = description = "Nothing"
-    goals = ()
-
-    def scene(self, seed):
-        return Scene(())
-
-    def reward(self, start, end):
-        return np.zeros(start.positions.shape[:-2])
-
-
 def sheet(robot, *, engine="mujoco", gripper=False):
-    task = Nothing()
-    task.robot = robot
-    return describe_arm(task, RolloutSettings(), engine, gripper)
+    return describe_arm(robot, Task.home, RolloutSettings(), engine, gripper)
 
 
 def test_how_exact_the_arm_is_depends_on_the_engine():
@@ -62,7 +47,7 @@ def test_segments_take_the_time_of_the_motion():
         > fast["left", 0.1].seconds
     )
     assert fast["forward", 0.4].peak > 1.5
-    assert "for 0.1 m" in describe_speed(slow)
+    assert "for 0.1 m" in sheet(PANDA).speed
 
 
 def test_what_a_tool_meets_at_the_mount():

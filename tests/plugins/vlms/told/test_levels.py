@@ -120,7 +120,7 @@ def test_no_level_without_numbers_has_one_of_the_scene(task, monkeypatch):
     made = installed().create("task", task, {"variation": "wide"})
     home = " ".join(f"{x:.3f} {x:.4g}" for x in [*made.home.position, *made.home.rpy])
     arm = " ".join(
-        repr(describe_arm(made, RolloutSettings(), "mujoco", gripper))
+        repr(describe_arm(made.robot, made.home, RolloutSettings(), "mujoco", gripper))
         for gripper in (False, True)
     )
     words = ("task.variation=wide", "seed=7", "prompt.picture=false")

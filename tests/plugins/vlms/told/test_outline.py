@@ -14,19 +14,20 @@ from core.geometry import Pose
 from core.plugins import installed
 from core.robot.description import assemble, assembled
 from core.robot.solids import robot_solids
-from plugins.tools.given import broom
 from plugins.vlms.told.outline import HEAD, link_extents, outline
+from tasks.clean_table import CleanTable
 from tests.panda import PANDA
 
 UR5 = installed().create("robot", "ur5")
+BROOM = installed().create("tool", "rlbench").given(CleanTable())
 
 MOUNTED = [
     pytest.param(PANDA, Tool(), id="rigid"),
     pytest.param(PANDA, Tool(gripper=True), id="gripper"),
-    pytest.param(PANDA, broom(), id="broom"),
+    pytest.param(PANDA, BROOM, id="broom"),
     pytest.param(
         replace(UR5, base=Pose.xyz_rpy((0.1, -0.2, 0), (0, 0, 0.5))),
-        broom(),
+        BROOM,
         id="six joints, elsewhere",
     ),
 ]
@@ -132,8 +133,8 @@ def test_an_axis_that_is_not_given_is_x():
 
 
 def test_a_tool_keeps_its_boxes():
-    shown, joints = rows(PANDA, broom()), assembled(PANDA, broom()).joints
-    for component in broom().components:
+    shown, joints = rows(PANDA, BROOM), assembled(PANDA, BROOM).joints
+    for component in BROOM.components:
         low, high = box(shown[component.name])
         np.testing.assert_allclose(high - low, component.shape.size, atol=2e-4)
         np.testing.assert_allclose(high + low, 0, atol=1e-9)
