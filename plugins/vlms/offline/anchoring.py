@@ -66,7 +66,7 @@ def _share_of_way(ways: Array, subgoal: Subgoal) -> Array:
         subgoal: with a shift on the ground.
     """
     along = ways @ (subgoal.shift * LEVEL) / subgoal.length
-    whole = max(float(along.max()), subgoal.length)
+    whole = max(along.max(), subgoal.length)
     return np.asarray(np.clip(along / whole, 0.0, 1.0).round(3))
 
 
@@ -129,7 +129,7 @@ def find_turn(analysis: SceneAnalysis, seen: Seen) -> Pose | None:
     if name is None:
         return None
 
-    yaw = -float(seen.poses[name].rpy[2])
+    yaw = -seen.poses[name].rpy[2]
     if not yaw:
         return None
 

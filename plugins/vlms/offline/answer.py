@@ -33,10 +33,12 @@ def answer(brief: Brief) -> dict[str, Any]:
     parents = find_parents(brief.elites, brief.gripper, sampler.layout.seen)
     strategies = [_make_strategy(sampler, parents) for _ in range(brief.n_tool)]
 
-    solids = sampler.model.solids
+    bodies = len(sampler.model.solids)
     moving = sum(len(goal.bodies) for goal in sampler.analysis.goals)
-    analysis = f"{len(solids)} bodies have collision shapes; to be moved: {moving}."
-    return {"scene_analysis": analysis, "strategies": strategies}
+    return {
+        "scene_analysis": f"{bodies} bodies have collision shapes; to be moved: {moving}.",
+        "strategies": strategies,
+    }
 
 
 def _make_strategy(sampler: Sampler, parents: Sequence[Parent]) -> dict[str, Any]:

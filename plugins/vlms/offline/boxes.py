@@ -42,6 +42,7 @@ class Boxes:
         """
         centers = []
         axes = []
+
         halves = []
 
         for pose, size in placed:
@@ -85,6 +86,7 @@ class Boxes:
         middles = (self.centers - origin) @ way
         slopes = np.einsum("nji,j->ni", self.axes, way)
         halves = np.abs(slopes * self.halves).sum(axis=1)
+
         return middles - halves, middles + halves
 
     def moved_to(self, positions: Array, rotations: Array) -> Boxes:
@@ -96,8 +98,10 @@ class Boxes:
         """
         centers = np.einsum("kij,nj->kni", rotations, self.centers)
         centers = centers + positions[:, None]
+
         axes = np.einsum("kij,njl->knil", rotations, self.axes)
         halves = np.broadcast_to(self.halves, centers.shape)
+
         return Boxes(
             centers.reshape(-1, 3),
             axes.reshape(-1, 3, 3),
@@ -113,10 +117,15 @@ def heading_axes(heading: float) -> tuple[Array, Array]:
     """
     ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
     left = np.array([-ahead[1], ahead[0], 0.0])
+
     return ahead, left
 
 
-def count_overlaps(a: Boxes, b: Boxes, margin: float = 0.0) -> int:
+def count_overlaps(
+    a: Boxes,
+    b: Boxes,
+    margin: float = 0.0,
+) -> int:
     """Count the pairs, a box of each, that are closer than ``margin`` metres (negative: that overlap by more).
 
     Pairs whose bounding boxes are apart are left out before the others are measured.
@@ -129,11 +138,13 @@ def count_overlaps(a: Boxes, b: Boxes, margin: float = 0.0) -> int:
     lower, upper = a.bounds
     other_lower, other_upper = b.bounds
     begins_before = lower[:, None] - margin < other_upper
+
     ends_after = other_lower - margin < upper[:, None]
     near = (begins_before & ends_after).all(axis=-1)
 
     first, second = np.nonzero(near)
     gaps, _ = separations(a[first], b[second])
+
     return int((gaps < margin).sum())
 
 
@@ -159,10 +170,12 @@ def separations(a: Boxes, b: Boxes) -> tuple[Array, Array]:
 
     between = np.einsum("nki,ni->nk", axes, b.centers - a.centers)
     extents = np.einsum("nkj,nj->nk", np.abs(axes @ a.axes), a.halves)
+
     extents += np.einsum("nkj,nj->nk", np.abs(axes @ b.axes), b.halves)
     gaps = np.where(parallel, -np.inf, np.abs(between) - extents)
 
     rows = np.arange(len(gaps))
     best = np.argmax(gaps, axis=1)
     signs = np.where(between[rows, best] < 0, -1.0, 1.0)
+
     return gaps[rows, best], axes[rows, best] * signs[:, None]

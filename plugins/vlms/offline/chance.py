@@ -10,8 +10,6 @@ from numpy.random import Generator
 
 K = TypeVar("K", bound=Hashable)
 
-_HEAD_TURNS = (0.0, np.pi / 4, -np.pi / 4, np.pi / 2, -np.pi / 2)
-
 
 def draw(weights: Mapping[K, float], rng: Generator) -> K:
     """Choose at random, by weights.
@@ -27,4 +25,23 @@ def draw(weights: Mapping[K, float], rng: Generator) -> K:
 
 def draw_head_turn(rng: Generator) -> float:
     """Draw a turn of a head about z, radians: most often none, or by an eighth or a quarter."""
-    return float(rng.choice(_HEAD_TURNS, p=[0.6, 0.1, 0.1, 0.1, 0.1]))
+    turns = np.array([0.0, 0.25, -0.25, 0.5, -0.5]) * np.pi
+    return rng.choice(turns, p=[0.6, 0.1, 0.1, 0.1, 0.1])
+
+
+def add_error(
+    angle: float,
+    error: float,
+    rng: Generator,
+    often: float = 0.5,
+) -> float:
+    """Add a random error to an angle, not every time.
+
+    Args:
+        angle: radians.
+        error: its standard deviation, radians.
+        rng: random numbers.
+        often: the share of times.
+    """
+    drawn = rng.normal(0.0, error)
+    return angle + float(drawn) if rng.random() < often else angle

@@ -38,7 +38,7 @@ class DesignDrawer:
     def __init__(self, brief: Brief, rng: Generator) -> None:
         material = brief.representation.material
         ratio = PAPER.young_pa / material.young_pa
-        self.thickness_factor = float(max(1.0, ratio**0.125))
+        self.thickness_factor = max(1.0, ratio**0.125)
         self._gripper = brief.gripper
         self._rng = rng
         self._is_guided: bool | None = None
@@ -66,7 +66,7 @@ class DesignDrawer:
         if not needs_guided_head(subgoal):
             return None
         if self._is_guided is None:
-            self._is_guided = bool(self._rng.random() < _GUIDED)
+            self._is_guided = self._rng.random() < _GUIDED
         return make_guided_head(subgoal, self._rng) if self._is_guided else None
 
     def _draw_pourer(self, subgoal: Subgoal) -> Head | None:
@@ -95,8 +95,8 @@ class DesignDrawer:
             return build_pourer(head, pose)
 
         rng = self._rng
-        thickness = self.thickness_factor * float(rng.uniform(0.012, 0.024))
-        kind = _SHAFT_KINDS[int(rng.choice(3, p=[0.6, 0.2, 0.2]))]
+        thickness = self.thickness_factor * rng.uniform(0.012, 0.024)
+        kind = _SHAFT_KINDS[rng.choice(3, p=[0.6, 0.2, 0.2])]
 
         if head.primitive == "clamp":
             if subgoal.is_enclosed:
@@ -107,8 +107,8 @@ class DesignDrawer:
             return build_tool(head, pose, Shaft(kind, thickness), self._gripper)
 
         # The jib passes over the bodies.
-        above = max(subgoal.height + thickness, float(head.attachment[2]))
-        top = float(pose.position[2] + above + rng.uniform(0.01, 0.06))
-        bend = float(rng.uniform(0.25, 0.6))
+        above = max(subgoal.height + thickness, head.attachment[2])
+        top = pose.position[2] + above + rng.uniform(0.01, 0.06)
+        bend = rng.uniform(0.25, 0.6)
         riser = Shaft("riser", thickness, bend, top)
         return build_tool(head, pose, riser, self._gripper)

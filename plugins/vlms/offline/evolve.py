@@ -17,7 +17,11 @@ _TRIES = 12
 _CROSSES = 0.4  # how often two different parents are crossed
 
 
-def breed(parents: Sequence[Parent], count: int, sampler: Sampler) -> Strategy:
+def breed(
+    parents: Sequence[Parent],
+    count: int,
+    sampler: Sampler,
+) -> Strategy:
     """Breed one tool with ``count`` plans. Better elites are parents more often.
 
     Where no change keeps the rules, the tool is its parent's.
@@ -35,6 +39,7 @@ def breed(parents: Sequence[Parent], count: int, sampler: Sampler) -> Strategy:
         chosen = rng.choice(len(parents), 2, p=shares)
         first, second = (parents[int(number)] for number in chosen)
         crosses = second is not first and rng.random() < _CROSSES
+
         if crosses:
             tool, change = cross(first.tool, second.tool, rng)
         else:

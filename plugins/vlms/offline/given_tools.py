@@ -54,10 +54,10 @@ class PartSeed:
 
 def read_part_seeds(tool: Tool) -> dict[str, PartSeed]:
     """Read from a tool's description what its parts were drawn from, by the end of their names."""
-    seeds = {}
-    for task, degrees, mm, seed in _PART.findall(tool.description):
-        seeds[task] = PartSeed(task, int(degrees), int(mm), int(seed))
-    return seeds
+    return {
+        task: PartSeed(task, int(degrees), int(mm), int(seed))
+        for task, degrees, mm, seed in _PART.findall(tool.description)
+    }
 
 
 def plan_for_given_tool(

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from core.geometry import Array
 from plugins.vlms.offline.boxes import UP, heading_axes
-from plugins.vlms.offline.heads import Head, make_piece
+from plugins.vlms.offline.heads import Head, Motion, make_piece
 from plugins.vlms.offline.joint_pushing import make_joint_pusher
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.raycast import LiftPoint, find_lift_point
@@ -34,7 +34,11 @@ _WALL_M = 0.008
 
 
 def needs_guided_head(subgoal: Subgoal) -> bool:
-    """Report whether the subgoal's only body hangs from a joint, is to be turned, or stands in or around another."""
+    """Report whether the subgoal's only body hangs from a joint, is to be turned, or stands in or around another.
+
+    Args:
+        subgoal: of any bodies.
+    """
     goal = subgoal.goal
     if goal is None or len(subgoal.solids) > 1:
         return False
@@ -44,6 +48,7 @@ def needs_guided_head(subgoal: Subgoal) -> bool:
     lower, upper = subgoal.obstacles.bounds
     above = lower < subgoal.upper - 0.003
     below = upper > subgoal.lower + 0.003
+
     return bool((above & below).all(axis=1).any())
 
 
@@ -54,18 +59,22 @@ def make_guided_head(subgoal: Subgoal, rng: Generator) -> Head | None:
         subgoal: with one body.
         rng: random numbers.
     """
-    assert subgoal.goal is not None
-    if subgoal.goal.joint is not None:
-        return make_joint_pusher(subgoal, rng)
+    goal = subgoal.goal
+    if goal is not None and goal.joint is not None:
+        return make_joint_pusher(subgoal, goal.joint, rng)
 
     turn = _find_turn(subgoal)
     if turn is not None:
         return _make_tipper(subgoal, turn, rng)
+
     return _make_carrier(subgoal, rng)
 
 
 def _find_turn(subgoal: Subgoal) -> tuple[Array, float] | None:
     """Find how the bodies are to be turned; None: not at all, or about an axis that is not level.
+
+    Args:
+        subgoal: of which the first body counts.
 
     Returns:
         The axis (3,), level or nearly so, as long as the angle's sine; and the angle, radians.
@@ -78,6 +87,7 @@ def _find_turn(subgoal: Subgoal) -> tuple[Array, float] | None:
         return None
     if abs(axis[2]) > 0.5 * np.linalg.norm(axis) + 1e-6:
         return None
+
     return axis, angle
 
 
@@ -102,40 +112,78 @@ def _draw_lift_point(
 
     most = max(point.worth for point in points)
     best = [point for point in points if point.worth > most - 0.03]
-    return best[int(rng.integers(len(best)))]
+
+    return best[rng.integers(len(best))]
 
 
-def _make_tines_head(
-    kind: str,
-    point: LiftPoint,
-    width: float,
-    thick: float,
-    motion: _Carrying | _Tipping,
-) -> Head:
-    """Make two tines ahead of a wall, or one; their upper faces are at z = 0.
+@dataclass(frozen=True, eq=False)
+class _Tines:
+    """Two tines ahead of a wall, or one, that get under bodies; their upper faces are at z = 0.
 
-    Args:
-        kind: of the head.
-        point: where they get under the bodies.
+    Attributes:
+        subgoal: with the bodies.
+        point: where the tines get under them.
         width: of each, metres.
         thick: of each, metres.
-        motion: of the head, which knows how far they go ahead of the wall.
+        depth: how far they go ahead of the wall, metres.
     """
-    depth = motion.depth
-    across = 2 * point.apart + width
-    wall_size = (_WALL_M, across, 0.03)
-    pieces = [make_piece("wall", -_WALL_M / 2, 0.0, 0.015 - thick, wall_size)]
 
-    sides = (1.0, -1.0) if point.apart > width / 2 else (0.0,)
-    size = (depth + _WALL_M, width, thick)
-    x = (depth - _WALL_M) / 2
+    subgoal: Subgoal
+    point: LiftPoint
+    width: float
+    thick: float
+    depth: float
 
-    for number, side in enumerate(sides, start=1):
-        y = side * point.apart
-        pieces.append(make_piece(f"tine_{number}", x, y, -thick / 2, size))
+    def make_head(self, kind: str, motion: Motion) -> Head:
+        """Make a head of these tines.
 
-    attachment = np.array([0.0, 0.0, 0.03 - thick])
-    return Head(kind, "guided", tuple(pieces), attachment, depth, across, motion=motion)
+        Args:
+            kind: of the head.
+            motion: of the head.
+        """
+        across = 2 * self.point.apart + self.width
+        wall_size = (_WALL_M, across, 0.03)
+        wall = make_piece("wall", -_WALL_M / 2, 0.0, 0.015 - self.thick, wall_size)
+        pieces = [wall]
+
+        sides = (1.0, -1.0) if self.point.apart > self.width / 2 else (0.0,)
+        size = (self.depth + _WALL_M, self.width, self.thick)
+        x = (self.depth - _WALL_M) / 2
+
+        for number, side in enumerate(sides, start=1):
+            y = side * self.point.apart
+            pieces.append(make_piece(f"tine_{number}", x, y, -self.thick / 2, size))
+
+        attachment = np.array([0.0, 0.0, 0.03 - self.thick])
+
+        return Head(
+            kind,
+            "guided",
+            tuple(pieces),
+            attachment,
+            self.depth,
+            across,
+            motion=motion,
+        )
+
+    def enter(
+        self,
+        path: HeadPath,
+        wall: Array,
+        ahead: Array,
+    ) -> None:
+        """Come down behind the bodies, and go ahead until the wall is at a place.
+
+        Args:
+            path: that waypoints are added to.
+            wall: the place, (3,).
+            ahead: unit vector (3,) along the heading.
+        """
+        behind = wall - (self.depth + 0.02) * ahead
+        path.descend(self.subgoal, self.point.heading, behind)
+
+        path.go(self.point.heading, wall)
+        path.hold()
 
 
 def _make_carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
@@ -155,73 +203,40 @@ def _make_carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
     if point is None:
         return None
 
-    ahead, _ = heading_axes(point.heading)
-    gap = rng.uniform(0.01, 0.02)
-    depth = gap + min(point.depth, float(np.ptp(subgoal.points @ ahead)))
-    carrying = _Carrying(subgoal, point, depth, gap)
+    heading = point.heading
+    ahead, _ = heading_axes(heading)
+
+    gap = rng.uniform(0.01, 0.02)  # between the wall and the bodies
+    depth = gap + min(point.depth, np.ptp(subgoal.points @ ahead))
+
     thick = min(0.008, point.gap / 2)
+    tines = _Tines(subgoal, point, _CARRIER_TINE_M, thick, depth)
 
-    return _make_tines_head("tines", point, _CARRIER_TINE_M, thick, carrying)
-
-
-@dataclass(frozen=True, eq=False)
-class _TinesMotion:
-    """The motion of tines that get under bodies.
-
-    Attributes:
-        subgoal: with the bodies.
-        point: where the tines get under them.
-        depth: of the tines, metres.
-    """
-
-    subgoal: Subgoal
-    point: LiftPoint
-    depth: float
-
-    @property
-    def ahead(self) -> Array:
-        """Unit vector (3,) along the heading."""
-        return heading_axes(self.point.heading)[0]
-
-    def enter(self, path: HeadPath, wall: Array) -> None:
-        """Come down behind the bodies, and go ahead until the wall is at a place (3,)."""
-        behind = wall - (self.depth + 0.02) * self.ahead
-        path.descend(self.subgoal, self.point.heading, behind)
-        path.go(self.point.heading, wall)
-        path.hold()
-
-
-@dataclass(frozen=True, eq=False)
-class _Carrying(_TinesMotion):
-    """The motion of a carrier; ``gap`` is the distance between its wall and the bodies, metres."""
-
-    gap: float
-
-    def __call__(self, path: HeadPath, rng: Generator) -> str:
-        """Get under the bodies, lift them, carry them over what holds them, lower them, and leave.
-
-        Args:
-            path: that waypoints are added to.
-            rng: random numbers.
-        """
-        heading = self.point.heading
-        inside = self.point.rear - self.gap * self.ahead - 0.001 * UP
-        self.enter(path, inside)
+    def carry(path: HeadPath, rng: Generator) -> str:
+        """Get under the bodies, lift them, carry them over what holds them, lower them, and leave."""
+        inside = point.rear - gap * ahead - 0.001 * UP
+        tines.enter(path, inside, ahead)
 
         lifted = inside + 0.001 * UP
-        goal = inside + 0.001 * UP + self.subgoal.shift
+        goal = inside + 0.001 * UP + subgoal.shift
         height = max(lifted[2], goal[2]) + _LIFT_M
         over_start = np.array([*lifted[:2], height + rng.uniform(0.0, 0.03)])
+
         over_goal = np.array([*goal[:2], height + rng.uniform(0.0, 0.03)])
         lowered = goal - rng.uniform(0.004, 0.012) * UP
 
         for place in (lifted, over_start, over_goal, goal, lowered):
-            length = float(np.linalg.norm(place - path.end))
+            length = np.linalg.norm(place - path.end)
             path.move(place, heading, 0.15 if length > 0.02 else 1.0)
 
-        path.go(heading, path.end - (self.depth + 0.02) * self.ahead, touch=True)
+        path.go(heading, path.end - (depth + 0.02) * ahead, touch=True)
 
-        return "gets tines under the body, lifts it off, carries it over, lowers it and leaves"
+        return (
+            "gets tines under the body, lifts it off, carries it over, lowers it and "
+            "leaves"
+        )
+
+    return tines.make_head("tines", carry)
 
 
 def _make_tipper(
@@ -244,16 +259,21 @@ def _make_tipper(
 
     if np.linalg.norm(axis) > 0.2:
         x, y, _ = np.cross(axis, UP)
-        headings = [float(np.arctan2(y, x))]
+        headings = [np.arctan2(y, x)]
 
     point = _draw_lift_point(subgoal, headings, _TIPPER_TINE_M, rng)
     if point is None:
         return None
 
-    ahead, _ = heading_axes(point.heading)
-    grip = min(point.depth * rng.uniform(0.5, 0.9), 0.04)
+    heading = point.heading
+    ahead, _ = heading_axes(heading)
+    grip = min(point.depth * rng.uniform(0.5, 0.9), 0.04)  # under the bodies
+
     gap = rng.uniform(0.006, 0.015)
-    front = subgoal.extent(point.heading).front
+    depth = grip + gap  # from the face to the tip
+
+    # A point of the opposite edge, about which the bodies turn.
+    front = subgoal.extent(heading).front
     pivot = point.rear + (front - point.rear @ ahead) * ahead
     pivot[2] = subgoal.lower[2]
 
@@ -262,48 +282,27 @@ def _make_tipper(
     else:
         most = rng.uniform(1.7, 2.3)
 
-    depth = grip + gap  # from the face to the tip
-    tipping = _Tipping(subgoal, point, depth, pivot, grip, most)
-    thick = min(0.008, 0.6 * point.gap)
-    return _make_tines_head("lip", point, _TIPPER_TINE_M, thick, tipping)
+    tines = _Tines(subgoal, point, _TIPPER_TINE_M, min(0.008, 0.6 * point.gap), depth)
 
+    def tip(path: HeadPath, rng: Generator) -> str:
+        """Get under the bodies, turn them in steps about their opposite edge, and leave."""
+        end = point.rear + grip * ahead - 0.001 * UP
+        tines.enter(path, end - depth * ahead, ahead)
 
-@dataclass(frozen=True, eq=False)
-class _Tipping(_TinesMotion):
-    """The motion of a tipper.
-
-    Attributes:
-        pivot: a point of the opposite edge, (3,).
-        grip: how far the lip is under the bodies, metres.
-        angle: by which it turns them, radians.
-    """
-
-    pivot: Array
-    grip: float
-    angle: float
-
-    def __call__(self, path: HeadPath, rng: Generator) -> str:
-        """Get under the bodies, turn them in steps about their opposite edge, and leave.
-
-        Args:
-            path: that waypoints are added to.
-            rng: random numbers.
-        """
-        heading = self.point.heading
-        ahead = self.ahead
-        tip = self.point.rear + self.grip * ahead - 0.001 * UP
-        face = tip - self.depth * ahead
-        self.enter(path, face)
-
-        radius = float((self.pivot - self.point.rear) @ ahead) - self.grip
-        rise = float(tip[2] - self.pivot[2])
+        radius = ((pivot - point.rear) @ ahead) - grip
+        rise = end[2] - pivot[2]
         arm = -radius * ahead + rise * UP
-        steps = int(np.ceil(self.angle / _STEP_RAD))
+        steps = int(np.ceil(most / _STEP_RAD))
 
-        for angle in np.linspace(0.0, self.angle, steps + 1)[1:]:
+        for angle in np.linspace(0.0, most, steps + 1)[1:]:
             turned = Rotation.from_rotvec(np.cross(UP, ahead) * angle).apply(arm)
-            path.go(heading, self.pivot + turned - self.depth * ahead, touch=True)
+            path.go(heading, pivot + turned - depth * ahead, touch=True)
 
         path.go(heading, path.end - 0.06 * ahead + 0.02 * UP, touch=True)
-        degrees = np.degrees(self.angle)
-        return f"raises one side by a lip, and turns the body about its other edge by {degrees:.0f} degrees"
+
+        return (
+            "raises one side by a lip, and turns the body about its other edge by "
+            f"{np.degrees(most):.0f} degrees"
+        )
+
+    return tines.make_head("lip", tip)

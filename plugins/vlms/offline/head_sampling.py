@@ -6,8 +6,6 @@ others mostly pushed. The families of heads are in `heads`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.random import Generator
 
@@ -51,6 +49,7 @@ def draw_clamp(subgoal: Subgoal, rng: Generator) -> Head:
     """
     extent = subgoal.extent(0.0)
     gap = extent.across + rng.uniform(0.01, min(0.06, 2 * FINGER_OPEN - 0.01))
+
     thick = rng.uniform(0.006, 0.014)
     length = extent.along * rng.uniform(0.3, 1.2)
 
@@ -59,8 +58,9 @@ def draw_clamp(subgoal: Subgoal, rng: Generator) -> Head:
         thick = thick / 2
         length = extent.along * rng.uniform(0.15, 0.4)
 
-    height = float(np.clip(subgoal.height * rng.uniform(0.5, 1.3), 0.02, 0.12))
+    height = np.clip(subgoal.height * rng.uniform(0.5, 1.3), 0.02, 0.12)
     size = (max(0.012, length), thick, height)
+
     pads = []
 
     for name, side in SIDES:  # the left finger is at the negative y
@@ -68,10 +68,15 @@ def draw_clamp(subgoal: Subgoal, rng: Generator) -> Head:
         pads.append(make_piece(f"{name}_pad", 0.0, y, height / 2, size))
 
     attachment = np.array([0.0, (gap + thick) / 2, height])
+
     return Head("clamp", "clamp", tuple(pads), attachment, size[0] / 2, gap)
 
 
-def draw_head(subgoal: Subgoal, rng: Generator, thickness_factor: float) -> Head:
+def draw_head(
+    subgoal: Subgoal,
+    rng: Generator,
+    thickness_factor: float,
+) -> Head:
     """Draw a head of a suitable family at random, sized by the bodies.
 
     Args:
@@ -90,24 +95,13 @@ def draw_head(subgoal: Subgoal, rng: Generator, thickness_factor: float) -> Head
         or (barred and rng.random() < 0.8)
         or (falls and rng.random() < 0.3)
     )
+
     if lifts:
         return drawing.draw_lifter()
     if rng.random() < (0.8 if subgoal.is_covered else 0.08):
         return drawing.draw_hook()
+
     return drawing.draw_pusher()
-
-
-@dataclass(frozen=True, eq=False)
-class _HookSide:
-    """A side on which a hook's arm can pass the bodies.
-
-    Attributes:
-        clearance: metres.
-        outward: a unit vector (3,) from the bodies to the arm.
-    """
-
-    clearance: float
-    outward: Array
 
 
 class _HeadDrawing:
@@ -129,9 +123,11 @@ class _HeadDrawing:
         self._subgoal = subgoal
         self._rng = rng
         self._factor = thickness_factor
+
         extent = subgoal.extent(subgoal.heading)
         self._along = extent.along
         self._across = extent.across
+
         self._clearances = subgoal.side_clearances(subgoal.heading)
         # of a head that moves behind the bodies
         self._widest = extent.across + 2 * min(self._clearances) - 0.002
@@ -144,14 +140,25 @@ class _HeadDrawing:
         """
         rng = self._rng
         across = self._across
+
+        # Measures that all families have.
         thick = self._factor * rng.uniform(0.004, 0.012)
+
         height = self._subgoal.height * rng.uniform(0.5, 1.3)
-        height = float(np.clip(height, 0.02, 0.15))
+        height = np.clip(height, 0.02, 0.15)
+
         kinds = {"blade": 2.0, "peg": 0.7}
         spare = rng.uniform(0.004, 0.04)
 
+        # What encloses needs room for its walls.
         if self._widest > across + 0.02:
-            kinds |= {"cage": 3.0, "pen": 1.2, "funnel": 1.0, "wedge": 1.0, "rake": 0.7}
+            kinds |= {
+                "cage": 3.0,
+                "pen": 1.2,
+                "funnel": 1.0,
+                "wedge": 1.0,
+                "rake": 0.7,
+            }
             widest_spare = (self._widest - across) / 2 - thick
             spare = max(_LEAST_M, min(spare, widest_spare))
 
@@ -161,33 +168,39 @@ class _HeadDrawing:
             case "blade":
                 width = min(self._widest, across * rng.uniform(0.7, 2.0))
                 return make_blade(width, height, thick)
+
             case "peg":
                 side = min(self._widest, rng.uniform(0.012, 0.035))
                 return make_blade(side, height, min(side, 0.02))
+
             case "cage":
                 depth = self._along * rng.uniform(0.4, 1.1)
                 return make_cage(inside, depth, height, thick)
+
             case "pen":
                 return make_pen(inside, self._along + 2 * spare, height, thick)
+
             case "funnel":
                 depth = self._along * rng.uniform(0.4, 1.0)
                 return make_cage(
                     inside, depth, height, thick, splay=rng.uniform(0.1, 0.6)
                 )
+
             case "wedge":
                 half_angle = rng.uniform(0.6, 1.2)
                 wing = across * rng.uniform(0.6, 1.2) / np.sin(half_angle)
                 return make_wedge(wing, half_angle, height, thick)
+
             case _:
                 width = min(self._widest, across * rng.uniform(1.0, 1.6))
                 return make_rake(width, height, thick, 0.6 * self._smallest_side())
 
     def _smallest_side(self) -> float:
         """The least side of a body on the ground, metres."""
-        sides = []
-        for solid in self._subgoal.solids:
-            sides.append(float(np.ptp(solid.points[:, :2], axis=0).min()))
-        return min(sides)
+        return min(
+            float(np.ptp(solid.points[:, :2], axis=0).min())
+            for solid in self._subgoal.solids
+        )
 
     def draw_lifter(self) -> Head:
         """Draw a head that goes under the bodies, or under their overhang if they have one.
@@ -197,22 +210,26 @@ class _HeadDrawing:
         """
         rng = self._rng
         height = self._subgoal.height * rng.uniform(0.7, 1.3)
-        height = float(np.clip(height, 0.02, 0.2))
+        height = np.clip(height, 0.02, 0.2)
         depth = self._along * rng.uniform(0.75, 1.15)
 
+        # Tines beside the foot carry the overhang, without going under the bodies.
         overhangs, halves = self._subgoal.overhang(self._subgoal.heading)
+
         if overhangs.any() and rng.random() < 0.8:
             lowest = self._subgoal.boxes.bounds[0][:, 2]
-            under = float(lowest[overhangs].min() - self._subgoal.lower[2])
+            under = lowest[overhangs].min() - self._subgoal.lower[2]
             foot = ~overhangs & (lowest < self._subgoal.lower[2] + under)
-            return self._draw_fork(height, depth, float(halves[foot].max()), under)
+            return self._draw_fork(height, depth, halves[foot].max(), under)
 
+        # Thin tines under the bodies.
         if rng.random() < 0.2:
             tine = self._across * rng.uniform(0.08, 0.2)
             inner = self._across * rng.uniform(0.4, 0.7)
             count = int(rng.integers(2, 5))
             return make_fork(inner, depth, height, tine, self._factor * 0.002, count)
 
+        # A floor under the bodies, most often between rails.
         rail = 0.0
         if rng.random() >= 0.3:
             rail = self._subgoal.height * rng.uniform(0.1, 0.6)
@@ -220,6 +237,7 @@ class _HeadDrawing:
         width = self._across + rng.uniform(0.005, 0.04)
         width = min(width, max(self._widest, 0.6 * self._across))
         thick = self._factor * rng.uniform(0.001, 0.003)
+
         return make_scoop(width, depth, height, rail, thick)
 
     def _draw_fork(
@@ -239,8 +257,10 @@ class _HeadDrawing:
         """
         rng = self._rng
         tine = (self._across / 2 - foot_half) * rng.uniform(0.5, 1.2)
+
+        # They fit below the overhang, and are as high as they can be.
         thick = under * rng.uniform(0.3, 0.7)
-        thick = float(np.clip(thick, 0.002, self._factor * 0.01))
+        thick = np.clip(thick, 0.002, self._factor * 0.01)
         level = max(0.0, under - thick - rng.uniform(0.003, 0.02))
         inner = 2 * foot_half + rng.uniform(0.004, 0.016)
 
@@ -253,41 +273,45 @@ class _HeadDrawing:
         """
         rng = self._rng
         subgoal = self._subgoal
-        side = self._draw_hook_side()
-        passes_over = side.outward[2] > 0.5
+
+        clearance, outward = self._draw_hook_side()
+        passes_over = outward[2] > 0.5
 
         longest = self._along + _HOOK_AHEAD_M
+
         if subgoal.is_covered:
             longest = self._along + _HOOK_WAY * subgoal.length
 
         least = max(0.003, _HOOK_STOUTNESS * longest)
-        thick = side.clearance * self._factor * rng.uniform(0.1, 0.25)
-        thick = float(np.clip(thick, least, self._factor * 0.014))
-        gap = min(0.004, 0.1 * side.clearance)
+        thick = clearance * self._factor * rng.uniform(0.1, 0.25)
+        thick = np.clip(thick, least, self._factor * 0.014)
+        gap = min(0.004, 0.1 * clearance)
 
+        # The toe takes what room is left, and grips up to all of the bodies' side.
         behind = subgoal.height if passes_over else self._across
-        toe = (side.clearance - thick - gap) * rng.uniform(0.5, 0.9)
-        toe = float(np.clip(toe, 0.004, behind * rng.uniform(0.5, 1.0)))
+        toe = (clearance - thick - gap) * rng.uniform(0.5, 0.9)
+        toe = np.clip(toe, 0.004, behind * rng.uniform(0.5, 1.0))
+
         breadth = self._across if passes_over else subgoal.height
         breadth *= rng.uniform(0.4, 0.9)
 
+        # Where something is above, the whole way is under it.
         if subgoal.is_covered:
             length = self._along + subgoal.length * rng.uniform(0.9, _HOOK_WAY)
         else:
             length = self._along + rng.uniform(0.02, _HOOK_AHEAD_M)
 
-        return make_hook(length, toe, breadth, thick, gap, side.outward)
+        return make_hook(length, toe, breadth, thick, gap, outward)
 
-    def _draw_hook_side(self) -> _HookSide:
-        """Draw the side on which a hook's arm passes, more likely where there is more clearance."""
-        right, left = self._clearances
-        sides = (
-            _HookSide(right, np.array([0.0, -1.0, 0.0])),
-            _HookSide(left, np.array([0.0, 1.0, 0.0])),
-            _HookSide(self._subgoal.clearance_above, UP),
-        )
-        weights = {}
+    def _draw_hook_side(self) -> tuple[float, Array]:
+        """Draw the side on which a hook's arm passes, more likely where there is more clearance.
 
-        for number, side in enumerate(sides):
-            weights[number] = min(side.clearance, 0.1) + 1e-3
-        return sides[draw(weights, self._rng)]
+        Returns:
+            The clearance there, metres; and a unit vector (3,) from the bodies to the arm.
+        """
+        clearances = np.array([*self._clearances, self._subgoal.clearance_above])
+        weights = np.minimum(clearances, 0.1) + 1e-3
+        chosen = self._rng.choice(3, p=weights / weights.sum())
+        outward = np.array([(0.0, -1.0, 0.0), (0.0, 1.0, 0.0), UP])
+
+        return clearances[chosen], outward[chosen]

@@ -172,10 +172,10 @@ def _make_tines(
         z: of the middle of each.
         size: of each.
     """
-    tines = []
-    for number, place in enumerate(np.linspace(-y, y, count).tolist(), start=1):
-        tines.append(make_piece(f"tine_{number}", x, place, z, size))
-    return tines
+    return [
+        make_piece(f"tine_{number}", x, place, z, size)
+        for number, place in enumerate(np.linspace(-y, y, count).tolist(), start=1)
+    ]
 
 
 def make_cage(
@@ -363,7 +363,7 @@ def make_hook(
     """
     toe_length = toe + gap + thick
     toe_size = (thick, toe_length, breadth)
-    if abs(float(outward[2])) > 0.5:
+    if abs(outward[2]) > 0.5:
         toe_size = (thick, breadth, toe_length)
 
     along_arm = np.array([(length - thick) / 2, 0.0, 0.0])

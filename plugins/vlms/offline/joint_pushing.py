@@ -16,7 +16,7 @@ from core.geometry import Array, Pose
 from core.values.joints import PlacedJoint, Placement
 from plugins.vlms.offline.heads import Head, make_piece
 from plugins.vlms.offline.paths import HeadPath
-from plugins.vlms.offline.raycast import PushPoint, find_push_points, frame_along
+from plugins.vlms.offline.raycast import find_push_points, frame_along
 from plugins.vlms.offline.subgoals import Subgoal
 
 _STEP_M = 0.045  # between waypoints, of a slider
@@ -24,7 +24,7 @@ _STEP_RAD = 0.15  # and of a hinge
 
 
 @dataclass(frozen=True, eq=False)
-class JointMotion:
+class _JointMotion:
     """How a joint's body gets to its goal, and a little beyond.
 
     Attributes:
@@ -38,34 +38,39 @@ class JointMotion:
     displacements: Sequence[Pose]
 
 
-def find_joint_motion(subgoal: Subgoal, rng: Generator) -> JointMotion | None:
+def _find_motion(
+    subgoal: Subgoal,
+    joint: str,
+    rng: Generator,
+) -> _JointMotion | None:
     """Find the motion to the goal of a subgoal with a joint; None: of a ball joint, or one that is there.
 
     Args:
         subgoal: with one body, which has the joint.
+        joint: its name.
         rng: random numbers, of how far it goes beyond the goal.
     """
-    goal = subgoal.goal
-    assert goal is not None
-    placed = subgoal.model.scene.placed_joints[goal.joint or ""]
-    joint = placed.joint
+    placed = subgoal.model.scene.placed_joints[joint]
+    spec = placed.joint
     body = subgoal.solids[0].body
-    end = float(goal.to)
-
-    if joint.kind == "ball" or end == joint.start:
+    assert subgoal.goal is not None
+    missing = float(subgoal.goal.to) - spec.start
+    if spec.kind == "ball" or not missing:
         return None
 
-    way = body.pose.rotation.apply(joint.axis) * np.sign(end - joint.start)
+    way = body.pose.rotation.apply(spec.axis) * np.sign(missing)
     pole = None
-    if joint.kind == "hinge":
-        pole = np.stack([body.pose.apply(joint.origin), way])
+
+    if spec.kind == "hinge":
+        pole = np.stack([body.pose.apply(spec.origin), way])
         speeds = np.cross(way, subgoal.points - pole[0])
         way = speeds[int(np.linalg.norm(speeds, axis=1).argmax())]
 
-    beyond = (end - joint.start) * rng.uniform(0.0, 0.4)
-    end = float(np.clip(end + beyond, joint.lower, joint.upper))
+    beyond = missing * rng.uniform(0.0, 0.4)
+    end = np.clip(subgoal.goal.to + beyond, spec.lower, spec.upper)
     displacements = _find_displacements(subgoal, placed, end)
-    return JointMotion(way / np.linalg.norm(way), pole, displacements)
+
+    return _JointMotion(way / np.linalg.norm(way), pole, displacements)
 
 
 def _find_displacements(
@@ -82,6 +87,7 @@ def _find_displacements(
     """
     joint = placed.joint
     parent = Pose()
+
     if joint.parent:
         parent = subgoal.model.scene[joint.parent].pose
 
@@ -90,6 +96,7 @@ def _find_displacements(
     count = max(2, int(np.ceil(abs(end - joint.start) / step)))
 
     back = subgoal.solids[0].body.pose.inverse()
+
     displacements = []
     for position in np.linspace(joint.start, end, count + 1)[1:]:
         place = placed.carry(np.asarray(position), np.zeros(()), resting)
@@ -98,61 +105,43 @@ def _find_displacements(
     return displacements
 
 
-def make_joint_pusher(subgoal: Subgoal, rng: Generator) -> Head | None:
+def make_joint_pusher(
+    subgoal: Subgoal,
+    joint: str,
+    rng: Generator,
+) -> Head | None:
     """Make a rod that pushes a body along the motion that its joint leaves it; None: it gets nowhere.
 
     Args:
         subgoal: with one body, which has the joint.
+        joint: its name.
         rng: random numbers.
     """
-    motion = find_joint_motion(subgoal, rng)
+    motion = _find_motion(subgoal, joint, rng)
     if motion is None:
         return None
 
-    points = find_push_points(subgoal, motion.way, motion.pole)
+    way = motion.way
+    displacements = motion.displacements
+    points = find_push_points(subgoal, way, motion.pole)
     if not points:
         return None
 
-    point = points[int(rng.integers(len(points)))]
-    length = point.length + rng.uniform(0.04, 0.07)
-    thick = 2 * point.half
+    chosen = points[rng.integers(len(points))]
+    length = chosen.length + rng.uniform(0.04, 0.07)
+    thick = 2 * chosen.half
     rod = make_piece("rod", -length / 2, 0.0, 0.0, (length, thick, thick))
     attachment = np.array([0.006 - length, 0.0, 0.0])
-    pushing = _Pushing(subgoal, motion, point, length)
 
-    return Head("rod", "guided", (rod,), attachment, 0.0, thick, motion=pushing)
-
-
-@dataclass(frozen=True, eq=False)
-class _Pushing:
-    """The motion of a rod that is ``length`` metres long.
-
-    Attributes:
-        subgoal: with one body, which has the joint.
-        joint_motion: of that body.
-        point: where the rod meets the body.
-        length: of the rod, metres.
-    """
-
-    subgoal: Subgoal
-    joint_motion: JointMotion
-    point: PushPoint
-    length: float
-
-    def __call__(self, path: HeadPath, rng: Generator) -> str:
-        """Thrust the rod against the body, follow the body's motion, and draw back.
-
-        Args:
-            path: that waypoints are added to.
-            rng: random numbers.
-        """
-        way = self.joint_motion.way
+    def push(path: HeadPath, rng: Generator) -> str:
+        """Thrust the rod against the body, follow the body's motion, and draw back."""
         turn = frame_along(way)
-        point = self.point.point
-        tip = point - way * rng.uniform(0.001, 0.004)
-        path.descend(self.subgoal, turn, point - way * (self.point.length + 0.03))
+        tip = chosen.point - way * rng.uniform(0.001, 0.004)
+        path.descend(subgoal, turn, chosen.point - way * (chosen.length + 0.03))
         path.go(turn, tip)
-        end = path.follow(self.joint_motion.displacements)
+        end = path.follow(displacements)
         path.go(end, end.position - way * 0.03, touch=True)
 
-        return f"thrusts a rod of {self.length:.2f} m against the body, along the way that it is free to go"
+        return f"thrusts a rod of {length:.2f} m against the body, along the way that it is free to go"
+
+    return Head("rod", "guided", (rod,), attachment, 0.0, thick, motion=push)

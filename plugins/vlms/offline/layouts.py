@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -35,7 +35,7 @@ class Layout:
         Raises:
             NothingToMove: see `SceneAnalysis`.
         """
-        poses = look(brief.task, brief.scene_seed, Perception()).poses
+        poses = _see(brief)
         if turn is not None:
             poses = {name: turn @ pose for name, pose in poses.items()}
 
@@ -63,14 +63,13 @@ def make_layouts(brief: Brief) -> list[Layout]:
 
 def _choose_unlike(brief: Brief) -> list[Brief]:
     """Choose briefs of layouts that are as unlike this one and each other as can be, with the same bodies."""
-    drawn = [replace(brief, scene_seed=brief.scene_seed + i) for i in range(_DRAWN)]
     alike = []
     places = []
-    names: list[str] = []
+    names = list(_see(brief))
 
-    for other in drawn:
-        poses = look(other.task, other.scene_seed, Perception()).poses
-        names = names or list(poses)
+    for i in range(_DRAWN):
+        other = replace(brief, scene_seed=brief.scene_seed + i)
+        poses = _see(other)
         if list(poses) == names:
             alike.append(other)
             places.append(np.ravel([pose.matrix[:3] for pose in poses.values()]))
@@ -82,6 +81,11 @@ def _choose_unlike(brief: Brief) -> list[Brief]:
         chosen.append(int(distances.min(axis=1).argmax()))
 
     return [alike[number] for number in chosen[1:]]
+
+
+def _see(brief: Brief) -> Mapping[str, Pose]:
+    """Return the poses that a plan sees in a brief's layout."""
+    return look(brief.task, brief.scene_seed, Perception()).poses
 
 
 def keeps_rules(tool: Tool, brief: Brief, layouts: Sequence[Layout]) -> bool:

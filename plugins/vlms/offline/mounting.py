@@ -8,8 +8,8 @@ import numpy as np
 from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
-from core.geometry import Array, Pose
-from plugins.vlms.offline.chance import draw_head_turn
+from core.geometry import Pose
+from plugins.vlms.offline.chance import add_error, draw_head_turn
 from plugins.vlms.offline.faults import FaultCounter
 from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.paths import HeadPath
@@ -83,10 +83,14 @@ class HeadPlacer:
         least, most = self._find_drops(path, head, subgoal)
         from_above = head.primitive == "clamp" and subgoal.is_enclosed
 
+        # The head's positions (N, 3) and turns (N, 3, 3) along the path, in each layout.
         rows = path.to_rows(Pose(), self.gripper)
-        motions = [_Motion(rows)]
-        for other in self.faults.resolve_elsewhere(rows, path.anchors):
-            motions.append(_Motion(other))
+        elsewhere = self.faults.resolve_elsewhere(rows, path.anchors)
+        motions = []
+
+        for waypoints in (rows, *elsewhere):
+            turns = Rotation.from_euler("xyz", waypoints[:, 3:6]).as_matrix()
+            motions.append((waypoints[:, :3], turns))
 
         ahead = 0.0
         if workspace.base[:2].any():
@@ -108,7 +112,7 @@ class HeadPlacer:
             mount = Pose.xyz_rpy((x, y, height), (0.0, 0.0, yaw))
             pose = mount.inverse() @ start
             back = pose.inverse().position
-            excess = sum(workspace.excess(motion.mounts(back)) for motion in motions)
+            excess = sum(workspace.excess(p + turns @ back) for p, turns in motions)
             cost = 20.0 * excess + np.hypot(*pose.position[:2]) + rng.uniform(0.0, 0.15)
             if cost < least_cost:
                 best = pose
@@ -121,10 +125,7 @@ class HeadPlacer:
 
         The head points ahead of the end-effector most often. A clamp's turn is the end-effector's.
         """
-        yaw = draw_head_turn(self.rng)
-        error = self.rng.normal(0.0, 0.15)
-        if self.rng.random() < 0.5:
-            yaw += error
+        yaw = add_error(draw_head_turn(self.rng), 0.15, self.rng)
         if head.primitive == "clamp":
             return float(path.poses[1].rpy[2])
         if self.direction is not None and not works_above_home(path, self.model):
@@ -150,8 +151,8 @@ class HeadPlacer:
         if head.motion is not None:
             top = path.poses[1].rotation.apply(head.attachment)
 
-        least = float(top[2]) + (0.18 if self.gripper else 0.03)
-        above_path = float(self.model.home.position[2]) - path.lowest
+        least = top[2] + (0.18 if self.gripper else 0.03)
+        above_path = self.model.home.position[2] - path.lowest
         room = min(self.model.clearance_at_home, above_path)
         most = max(least + 0.02, min(room - 0.015, 0.45))
 
@@ -168,16 +169,3 @@ class HeadPlacer:
             least = min(most, subgoal.clear_height - path.lowest + _HAND_M)
 
         return least, most
-
-
-class _Motion:
-    """The motion of a head whose frame is the end-effector's."""
-
-    def __init__(self, rows: Array) -> None:
-        """Read waypoints, (N, 6) or (N, 7)."""
-        self._heads = rows[:, :3]
-        self._turns = Rotation.from_euler("xyz", rows[:, 3:6]).as_matrix()
-
-    def mounts(self, back: Array) -> Array:
-        """Compute the positions (N, 3) of a mount that is at ``back`` (3,) in the head's frame."""
-        return np.asarray(self._heads + self._turns @ back)

@@ -53,6 +53,7 @@ def find_parents(
         gripper: which kind of tool is asked for.
         seen: the layout.
     """
+    known = {*seen.poses, Anchor().name, Anchor().toward}
     parents = []
     for evaluation in evaluations:
         candidate = evaluation.candidate
@@ -66,7 +67,11 @@ def find_parents(
         if len(given) != len(plan.poses):
             given = (Anchor(),) * len(plan.poses)
 
-        anchors = [_known(given[i], seen) for i in kept]
+        # The world stands for what is not seen, such as where a guard ended.
+        anchors = []
+        for i in kept:
+            is_known = {given[i].name, given[i].toward} <= known
+            anchors.append(given[i] if is_known else Anchor())
 
         shown = evaluation.shown
         moved_m = shown.moved_m if shown is not None else {}
@@ -97,16 +102,3 @@ def _find_unguarded(plan: Waypoints) -> list[int]:
             kept.append(i)
 
     return kept
-
-
-def _known(anchor: Anchor, seen: Seen) -> Anchor:
-    """Return an anchor by what is seen, or the world in place of one that is where a guard ends.
-
-    Args:
-        anchor: of a plan that may have guards.
-        seen: the layout.
-    """
-    known = {*seen.poses, Anchor().name, Anchor().toward}
-    if {anchor.name, anchor.toward} <= known:
-        return anchor
-    return Anchor()

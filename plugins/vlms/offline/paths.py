@@ -113,7 +113,7 @@ class HeadPath:
             turn: see `go`.
             position: of the head in the world, (3,).
         """
-        rise = max(0.03, subgoal.clear_height - float(position[2]) + 0.03)
+        rise = max(0.03, subgoal.clear_height - position[2] + 0.03)
         self.go(turn, position + rise * UP, position)
 
     def move(

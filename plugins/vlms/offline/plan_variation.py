@@ -7,6 +7,7 @@ the stroke may be made longer by what was missing.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,6 +47,7 @@ def make_offspring_plans(
     rng = sampler.rng
     part = working_part(tool, sampler.brief.task)
     fitted = _fit(parent, part, sampler)
+
     plans: list[SampledPlan] = []
 
     for number in range(count):
@@ -58,6 +60,7 @@ def make_offspring_plans(
 
         changes = rng.integers(1, 3) if number > 0 else rng.integers(0, 2)
         plan = fitted
+
         for _ in range(int(changes)):
             plan = vary(plan, parent, sampler.analysis, rng)
 
@@ -66,7 +69,11 @@ def make_offspring_plans(
     return plans
 
 
-def _fit(parent: Parent, part: Tool, sampler: Sampler) -> SampledPlan:
+def _fit(
+    parent: Parent,
+    part: Tool,
+    sampler: Sampler,
+) -> SampledPlan:
     """Fit the parent's plan to a part of a tool, whose lowest boxes move as those of the parent's did.
 
     Args:
@@ -76,8 +83,10 @@ def _fit(parent: Parent, part: Tool, sampler: Sampler) -> SampledPlan:
     """
     before = lowest_middle(working_part(parent.tool, sampler.brief.task))
     offset = before - lowest_middle(part)
+
     rows = parent.rows.copy()
     rows[:, :3] += Rotation.from_euler("xyz", rows[:, 3:6]).apply(offset)
+
     return SampledPlan(rows, "the parent's plan", parent.anchors)
 
 
@@ -113,21 +122,25 @@ def _find_stroke(rows: Array) -> _Stroke:
     ways = np.diff(rows[:, :3], axis=0)
     lengths = np.linalg.norm(ways, axis=1)
     level = np.flatnonzero(lengths > 2 * np.abs(ways[:, 2]) + 0.01).tolist()
+
     start = max(0, len(rows) - 2)
     end = len(rows) - 1
 
     if level:
         last = max([i for i in level if lengths[i] > _LONG_M] or level)
         start = last
+
         while start - 1 in level:
             along = ways[start - 1] @ ways[last]
             if along <= 0.9 * lengths[start - 1] * lengths[last]:
                 break
+
             start -= 1
 
         end = last + 1
 
     way = rows[end, :3] - rows[start, :3]
+
     return _Stroke(start, end, way, float(np.linalg.norm(way)))
 
 
@@ -157,6 +170,7 @@ def vary(
         "slower": 0.05,
         "faster": 0.05,
     }
+
     if abs(missing) > 0.001 and stroke.length > 0.02:
         kinds["measure"] = 0.25
 
@@ -166,33 +180,41 @@ def vary(
     match draw(kinds, rng):
         case "length":
             change = _lengthen(rows, stroke, rng.normal(0.0, 0.08 * scale))
+
         case "measure":
-            more = (
-                missing * rng.uniform(0.6, 1.2) * rng.choice([1.0, -1.0], p=[0.8, 0.2])
-            )
-            change = _lengthen(rows, stroke, more)
+            share = rng.uniform(0.6, 1.2) * rng.choice([1.0, -1.0], p=[0.8, 0.2])
+            change = _lengthen(rows, stroke, missing * share)
+
         case "shift":
             shift = rng.normal(0.0, 0.02 * scale, 3) * np.array([1.0, 1.0, 0.2])
             rows[:, :3] += shift
             change = f"shifted by {np.linalg.norm(shift) * 1000:.1f} mm"
+
         case "height":
             rise = rng.normal(0.0, 0.02 * scale)
             rows[rng.integers(0, max(1, stroke.start + 1)) :, 2] += rise
             higher = "higher" if rise > 0 else "lower"
             change = f"from some waypoint on {abs(rise) * 1000:.1f} mm {higher}"
+
         case "yaw":
             turn = rng.normal(0.0, 0.2 * scale)
             rows[:, 5] += turn
             change = f"turned by {np.degrees(turn):.1f} degrees"
+
         case "slower" if len(rows) < _MOST_ROWS:
             return _slow_down(plan, stroke)
+
         case _:
             return _speed_up(plan, stroke)
 
     return SampledPlan(rows, f"{plan.text}, {change}", plan.anchors)
 
 
-def _lengthen(rows: Array, stroke: _Stroke, more: float) -> str:
+def _lengthen(
+    rows: Array,
+    stroke: _Stroke,
+    more: float,
+) -> str:
     """Lengthen the stroke in the rows by ``more`` metres, and say so; what comes after it goes along.
 
     Args:
@@ -204,52 +226,53 @@ def _lengthen(rows: Array, stroke: _Stroke, more: float) -> str:
     shares = np.clip(steps / max(1, stroke.end - stroke.start), 0.0, 1.0)
     rows[:, :3] += shares[:, None] * more * stroke.way / max(stroke.length, 1e-6)
     longer = "longer" if more > 0 else "shorter"
+
     return f"its stroke {longer} by {abs(more) * 1000:.1f} mm"
 
 
 def _slow_down(plan: SampledPlan, stroke: _Stroke) -> SampledPlan:
-    """Add a waypoint halfway between each two of the stroke.
+    """Add a waypoint halfway between each two of the stroke."""
+    whole = [(i, i) for i in range(len(plan.rows))]
+    halves = [(i, i + 1) for i in range(stroke.start, stroke.end)]
+    text = f"{plan.text}, its stroke at half the speed"
 
-    Args:
-        plan: with fewer waypoints than would take too long.
-        stroke: of the plan.
-    """
-    start = stroke.start
-    end = stroke.end
-    halfway = (plan.rows[start:end] + plan.rows[start + 1 : end + 1]) / 2
-    places = np.arange(start + 1, end + 1)
-    rows = np.insert(plan.rows, places, halfway, axis=0)
-
-    anchors = list(plan.anchors[: start + 1])
-    for i in range(start, end):
-        before = plan.anchors[i]
-        after = plan.anchors[i + 1]
-        between = after
-        if (before.name, before.toward) == (after.name, after.toward):
-            between = replace(after, share=(before.share + after.share) / 2)
-
-        anchors += [between, after]
-
-    anchors += plan.anchors[end + 1 :]
-    return SampledPlan(rows, f"{plan.text}, its stroke at half the speed", anchors)
+    return _resample(plan, sorted(whole + halves), text)
 
 
 def _speed_up(plan: SampledPlan, stroke: _Stroke) -> SampledPlan:
-    """Leave out every second waypoint within the stroke.
+    """Leave out every second waypoint within the stroke."""
+    left_out = range(stroke.start + 1, stroke.end, 2)
+    kept = [(i, i) for i in range(len(plan.rows)) if i not in left_out]
+
+    return _resample(plan, kept, f"{plan.text}, its stroke with fewer waypoints")
+
+
+def _resample(
+    plan: SampledPlan,
+    pairs: Sequence[tuple[int, int]],
+    text: str,
+) -> SampledPlan:
+    """Make a plan of the waypoints halfway between two of a plan each.
 
     Args:
         plan: of any length.
-        stroke: of the plan.
+        pairs: numbers of waypoints, in the order of the new plan; equal ones keep a waypoint.
+        text: of the new plan.
     """
-    kept = []
-    for i in range(len(plan.rows)):
-        is_within = stroke.start < i < stroke.end
-        if not is_within or (i - stroke.start) % 2 == 0:
-            kept.append(i)
+    anchors = []
+    for i, j in pairs:
+        before = plan.anchors[i]
+        anchor = plan.anchors[j]
 
-    anchors = [plan.anchors[i] for i in kept]
-    text = f"{plan.text}, its stroke with fewer waypoints"
-    return SampledPlan(plan.rows[kept], text, anchors)
+        if (before.name, before.toward) == (anchor.name, anchor.toward):
+            anchor = replace(anchor, share=(before.share + anchor.share) / 2)
+
+        anchors.append(anchor)
+
+    first, second = np.transpose(pairs)
+    rows = (plan.rows[first] + plan.rows[second]) / 2
+
+    return SampledPlan(rows, text, anchors)
 
 
 def _measure_missing(parent: Parent, analysis: SceneAnalysis) -> float:

@@ -59,10 +59,12 @@ class PlanWriter:
 
         first = int(low[0])
         there = range(first + 1)
+
         onward = range(first, len(plan.rows))
         order = [*there, first, *onward]  # there, down, and up again
         rows = plan.rows[order]
         rows[first + 1, 2] -= heights[first] + _BEYOND_M
+
         steps = self.write(rows, [plan.anchors[i] for i in order])
         steps[first + 1] |= {
             "until": "touch",
@@ -81,12 +83,14 @@ class PlanWriter:
             tool: with the fingers open.
         """
         analysis = self._layout.analysis
+
         grounds = []
         for goal in analysis.goals:
             for name in goal.bodies:
-                grounds.append(float(analysis.model.solids[name].points[:, 2].min()))
+                grounds.append(analysis.model.solids[name].points[:, 2].min())
 
         turns = Rotation.from_euler("xyz", rows[:, 3:6]).as_matrix()
         bottoms = tool_boxes(tool).moved_to(rows[:, :3], turns).bounds[0][:, 2]
         by_waypoint = bottoms.reshape(len(turns), len(tool.components))
+
         return np.asarray(by_waypoint.min(axis=1, initial=np.inf) - min(grounds))

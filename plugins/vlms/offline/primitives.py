@@ -20,9 +20,10 @@ from numpy.random import Generator
 
 from core.geometry import Array, Pose
 from plugins.vlms.offline.boxes import LEVEL, UP
+from plugins.vlms.offline.chance import add_error
 from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.paths import HeadPath
-from plugins.vlms.offline.subgoals import Extent, Subgoal
+from plugins.vlms.offline.subgoals import Subgoal
 
 PrimitiveMotion = Callable[[HeadPath, Subgoal, Head, Generator], str]
 """Adds waypoints to a path, and says in words what they do."""
@@ -31,7 +32,11 @@ _FALL_M = 0.1  # bodies that go down by more are pushed over an edge
 _IN_PLACE_M = 0.03  # bodies whose way on the ground is shorter are only lifted
 
 
-def _draw_rise(subgoal: Subgoal, low: float, rng: Generator) -> Array:
+def _draw_rise(
+    subgoal: Subgoal,
+    low: float,
+    rng: Generator,
+) -> Array:
     """Draw the vector (3,) up from the height ``low`` to where the head is clear of everything.
 
     Args:
@@ -68,17 +73,19 @@ def push(
         head: a pusher, which may enclose the bodies.
         rng: random numbers.
     """
-    extent = _draw_push_extent(subgoal, rng)
+    extent = subgoal.extent(add_error(subgoal.heading, 0.06, rng, often=0.4))
 
-    # Where the head comes down: how far behind, beside and above the ground.
+    # How far behind the bodies the head comes down; a pen comes down around them.
     gap = max(0.001, (head.depth - extent.along) / 2)
     if head.primitive != "surround":
         gap = rng.uniform(0.004, 0.03)
 
+    # How far beside: what has walls must meet the bodies in their middle.
     slip = 0.0
     if head.depth == 0:
         slip = rng.normal(0.0, 0.08) * extent.across
 
+    # How high: clear of the ground, and sometimes well above the bodies' foot.
     low = subgoal.lower[2] + rng.uniform(0.002, 0.012)
     if rng.random() < 0.25 and head.primitive == "push":
         low += rng.uniform(0.0, 0.5) * subgoal.height
@@ -89,15 +96,20 @@ def push(
     start = start + slip * extent.side + low * UP
     end = start + (gap + length) * extent.ahead
 
+    # Come down from above everything near.
     rise = _draw_rise(subgoal, low, rng)
     path.go(extent.heading - swing, start + rise, start)
     path.move(end, extent.heading + swing, speed)
 
-    text = f"comes down {gap * 1000:.0f} mm behind and moves by {length:.2f} m at {speed:.2f} m/s"
+    text = (
+        f"comes down {gap * 1000:.0f} mm behind and moves by {length:.2f} m at "
+        f"{speed:.2f} m/s"
+    )
     leaves = rng.random() < 0.4 or len(subgoal.solids) > 1 or subgoal.alone
     if not leaves:
         return text
 
+    # A face backs off first, so that it does not drag the bodies up; walls rise straight around them.
     if head.primitive == "push":
         end = end - 0.03 * extent.ahead
         path.go(extent.heading + swing, end, touch=True)
@@ -105,19 +117,6 @@ def push(
     path.go(extent.heading + swing, end + rise, touch=True)
 
     return f"{text}, then leaves"
-
-
-def _draw_push_extent(subgoal: Subgoal, rng: Generator) -> Extent:
-    """Draw a heading near the shift's, and measure the bodies along it.
-
-    Args:
-        subgoal: what is moved.
-        rng: random numbers.
-    """
-    error = rng.normal(0.0, 0.06)
-    if rng.random() >= 0.4:
-        error = 0.0
-    return subgoal.extent(subgoal.heading + error)
 
 
 def _draw_stroke(subgoal: Subgoal, rng: Generator) -> tuple[float, float, float]:
@@ -131,14 +130,18 @@ def _draw_stroke(subgoal: Subgoal, rng: Generator) -> tuple[float, float, float]
     """
     goal = subgoal.center + subgoal.shift
     distance = np.hypot(*subgoal.workspace.from_axis(goal))
+
+    # These are drawn in any case, so that the random numbers after them are the same.
     length = _draw_about(subgoal.length, rng)
     speed = rng.uniform(0.1, 0.4)
 
+    # They go over an edge: neither the way nor the speed is critical.
     if subgoal.shift[2] < -_FALL_M:
         length = subgoal.length * rng.uniform(0.4, 1.3)
         return length, rng.uniform(0.5, 2.0), 0.0
 
-    if distance > subgoal.workspace.farthest:  # they are thrown
+    # They are thrown.
+    if distance > subgoal.workspace.farthest:
         length = rng.uniform(0.3, 0.9)
         return length, 2.0, rng.uniform(-0.8, 0.8)
 
@@ -159,14 +162,13 @@ def scoop(
         head: a scoop or a fork.
         rng: random numbers.
     """
-    in_place = subgoal.length < _IN_PLACE_M
-
     # Bodies that are only lifted can be reached from any side.
+    in_place = subgoal.length < _IN_PLACE_M
     heading = subgoal.heading
 
     if in_place:
         turns = [0.0, np.pi, np.pi / 2, -np.pi / 2]
-        heading += float(rng.choice(turns, p=[0.3, 0.5, 0.1, 0.1]))
+        heading += rng.choice(turns, p=[0.3, 0.5, 0.1, 0.1])
 
     extent = subgoal.extent(heading + rng.normal(0.0, 0.05))
     heading = extent.heading
@@ -176,6 +178,7 @@ def scoop(
     low = subgoal.lower[2] + head.level + rng.uniform(0.0005, 0.004)
     gap = rng.uniform(0.005, 0.03)
     speed = rng.uniform(0.08, 0.35)
+
     start = (extent.rear - gap - head.depth) * ahead + extent.middle + low * UP
     under = start + (gap + head.depth * rng.uniform(0.85, 1.02)) * ahead
 
@@ -183,14 +186,16 @@ def scoop(
     path.move(under, heading, speed)
     path.hold()
 
+    # From here on the bodies go along.
     lift = max(subgoal.shift[2] + rng.uniform(-0.01, 0.03), 0.0)
     rise = _draw_about(lift, rng)
+
     if in_place:
+        # Lean back at times, so that nothing slides off.
         tilt = 0.0
         if rng.random() < 0.4:
             tilt = -rng.uniform(0.0, 0.25)
 
-        # Lean back, so that nothing slides off.
         lifted = under + rise * UP
         path.move(lifted, heading, rng.uniform(0.1, 0.4))
         path.add(Pose.xyz_rpy(lifted, (0.0, tilt, heading)), touch=True)
@@ -206,7 +211,10 @@ def scoop(
     path.move(there, heading, rng.uniform(0.15, 0.5))
     path.add(Pose.xyz_rpy(there, (0.0, rng.uniform(0.5, 1.3), heading)), touch=True)
 
-    return f"slides under, lifts by {high:.2f} m, carries by {subgoal.length:.2f} m and tips out"
+    return (
+        f"slides under, lifts by {high:.2f} m, carries by {subgoal.length:.2f} m and "
+        "tips out"
+    )
 
 
 def hook(
@@ -233,8 +241,10 @@ def hook(
     if passes_over:
         edge = extent.middle + subgoal.upper[2] * UP
     else:
+        # The toe is as low as it can be, a little above the ground.
         toe_middle = max(head.pieces[1].size[2] / 2 - 0.004, 0.0)
         toe_middle += rng.uniform(0.004, 0.02)
+
         beside = extent.left if head.aside[1] > 0 else extent.right
         edge = beside * extent.side + (subgoal.lower[2] + toe_middle) * UP
 
@@ -242,8 +252,9 @@ def hook(
     outside = subgoal.length if subgoal.is_covered else 0.0
     behind = edge + (extent.rear - rng.uniform(0.004, 0.02)) * ahead
     before = edge + (extent.front + outside + rng.uniform(0.01, 0.04)) * ahead
-    rise = 0.05 * UP
 
+    # Under a cover there is no way down from above.
+    rise = 0.05 * UP
     if not subgoal.is_covered:
         rise = _draw_rise(subgoal, subgoal.lower[2], rng)
 
@@ -255,6 +266,7 @@ def hook(
     end = edge + (extent.rear + length) * ahead
     path.move(end, extent.heading, rng.uniform(0.1, 0.4))
     passes = "over" if passes_over else "beside"
+
     return f"passes {passes}, gets behind and pulls by {length:.2f} m"
 
 
@@ -273,7 +285,9 @@ def clamp(
         rng: random numbers.
     """
     # Close the fingers around the bodies.
-    yaw = _draw_clamp_yaw(rng)
+    turn = rng.choice([0.0, np.pi / 2, -np.pi / 2], p=[0.8, 0.1, 0.1])
+    yaw = add_error(turn, 0.1, rng)  # how the fingers are turned about z
+
     above_foot = rng.uniform(0.002, max(0.002, 0.4 * subgoal.height))
     low = subgoal.lower[2] + above_foot
     grasp = np.array([*subgoal.center[:2], low])
@@ -290,17 +304,21 @@ def clamp(
 
     # Get out from under an obstacle first.
     sidestep = subgoal.find_sidestep() if rises else np.zeros(3)
+
     if sidestep.any():
         path.move(grasp + 0.02 * UP, yaw, 0.2, grip=1.0)
         path.move(grasp + sidestep + 0.04 * UP, yaw, 0.1, grip=1.0)
+
         grasp = grasp + sidestep
         goal = goal + sidestep
 
+    # Carry or drag them to the goal.
     if not drags:
         path.move(grasp + lift * UP, yaw, 0.3, grip=1.0)
 
     path.move(goal + lift * UP, yaw, rng.uniform(0.1, 0.4), grip=1.0)
 
+    # Set them down where the goal is, and open; what must be held stays in hand.
     if not rises:
         down = goal + min(lift, subgoal.shift[2] + 0.003) * UP
         path.move(down, yaw, 0.2, grip=1.0)
@@ -308,16 +326,8 @@ def clamp(
 
     verb = "drags" if drags else "carries"
     distance = np.linalg.norm(subgoal.shift)
+
     return f"closes the fingers and {verb} by {distance:.2f} m"
-
-
-def _draw_clamp_yaw(rng: Generator) -> float:
-    """Draw how the fingers are turned about z, radians: most often not."""
-    turn = float(rng.choice([0.0, np.pi / 2, -np.pi / 2], p=[0.8, 0.1, 0.1]))
-    error = rng.normal(0.0, 0.1)
-    if rng.random() < 0.5:
-        return turn + error
-    return turn
 
 
 def _draw_lift(subgoal: Subgoal, rng: Generator) -> float:
@@ -332,7 +342,8 @@ def _draw_lift(subgoal: Subgoal, rng: Generator) -> float:
     over_obstacles = 0.0
     if subgoal.length > _IN_PLACE_M:
         over_obstacles = subgoal.clear_height - subgoal.lower[2]
-    return float(max(subgoal.shift[2], over_obstacles) + rng.uniform(0.0, 0.03))
+
+    return float(max(subgoal.shift[2], over_obstacles)) + rng.uniform(0.0, 0.03)
 
 
 PRIMITIVES: dict[str, PrimitiveMotion] = {

@@ -72,6 +72,7 @@ class LiftPoint:
         """More for one that is high, wide apart, and far ahead."""
         ahead = min(self.depth, 0.06)
         wide = min(self.apart, 0.05)
+
         return ahead + wide + self.gap + float(self.rear[2])
 
 
@@ -79,10 +80,12 @@ def frame_along(way: Array) -> Pose:
     """Return the turn of a frame whose x points along ``way`` (3,), its y horizontal."""
     x, y, z = way / np.linalg.norm(way)
     yaw = 0.0
+
     if np.hypot(x, y) > 1e-6:
         yaw = np.arctan2(y, x)
 
     pitch = -np.arcsin(np.clip(z, -1.0, 1.0))
+
     return Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, pitch, yaw))
 
 
@@ -109,6 +112,7 @@ class _Rays:
         self.turn = frame_along(way)
         points = self.turn.inverse().apply(subgoal.points)
         lower = points.min(axis=0) - _AROUND_M
+
         upper = points.max(axis=0) + _AROUND_M
         counts = np.ceil((upper - lower)[1:] / _GRID_M).astype(int)
         counts = np.minimum(counts, _MOST_RAYS)
@@ -117,7 +121,8 @@ class _Rays:
             np.linspace(lower[1], upper[1], counts[0]),
             np.linspace(lower[2], upper[2], counts[1]),
         ]
-        self.steps = [float(axis[1] - axis[0]) for axis in self.axes]
+
+        self.steps = [(axis[1] - axis[0]) for axis in self.axes]
         self.near, self.far = self._cross(subgoal.boxes)
         self.obstacle_near, self.obstacle_far = self._cross(subgoal.obstacles)
 
@@ -137,6 +142,7 @@ class _Rays:
         """
         back = self.turn.rotation.as_matrix().T
         axes = np.einsum("ij,njk->nik", back, boxes.axes)
+
         centers = boxes.centers @ back.T
         starts = self.starts()[:, :, None] - centers
         inside = np.einsum("nik,uvni->uvnk", axes, starts)
@@ -144,8 +150,10 @@ class _Rays:
         slopes = axes[:, 0]  # of a ray, along each of a box's axes
         slopes = np.where(np.abs(slopes) < 1e-9, 1e-9, slopes)
         low = (-boxes.halves - inside) / slopes
+
         high = (boxes.halves - inside) / slopes
         near = np.minimum(low, high).max(axis=-1)
+
         far = np.maximum(low, high).min(axis=-1)
         missed = near >= far
 
@@ -155,7 +163,12 @@ class _Rays:
         """Count the rays within ``half`` metres of one, along both axes."""
         return tuple(2 * int(np.ceil(half / step)) + 1 for step in self.steps)
 
-    def point(self, u: int, v: int, depth: float) -> Array:
+    def point(
+        self,
+        u: int,
+        v: int,
+        depth: float,
+    ) -> Array:
         """Return a point (3,) of a ray in the world.
 
         Args:
@@ -201,16 +214,23 @@ def _find_push_points(
     """
     rays = _Rays(subgoal, way)
     hit = rays.near.min(axis=-1)
+
     blocked = rays.obstacle_near.min(axis=-1, initial=np.inf)
     passed = minimum_filter(blocked, rays.window(0.025))  # where obstacles begin
 
     for half in _HALF_M:
         free = minimum_filter(blocked, rays.window(half + 0.002)) > hit + 0.01
+
         points = []
         for u, v in np.argwhere(np.isfinite(hit) & free).tolist():
             point = rays.point(u, v, hit[u, v])
-            length = float(np.clip(hit[u, v] - passed[u, v], 0.0, _LONGEST_M))
-            cost = _push_cost(point, subgoal.center, way, pole)
+            length = np.clip(hit[u, v] - passed[u, v], 0.0, _LONGEST_M)
+
+            if pole is None:  # how far it is beside the bodies' centre
+                cost = float(np.linalg.norm(np.cross(way, point - subgoal.center)))
+            else:  # how little they move along the way there
+                cost = float(-np.cross(pole[1], point - pole[0]) @ way)
+
             points.append(PushPoint(point, half, length, cost))
 
         if points:
@@ -220,26 +240,11 @@ def _find_push_points(
     return []
 
 
-def _push_cost(
-    point: Array,
-    center: Array,
-    way: Array,
-    pole: Array | None,
-) -> float:
-    """Measure how far a point is beside the bodies' centre; with a pole, how little they move along the way there.
-
-    Args:
-        point: where the rod meets the bodies, (3,).
-        center: of the bodies, (3,).
-        way: along which they are pushed, (3,).
-        pole: see `find_push_points`.
-    """
-    if pole is None:
-        return float(np.linalg.norm(np.cross(way, point - center)))
-    return float(-np.cross(pole[1], point - pole[0]) @ way)
-
-
-def find_lift_point(subgoal: Subgoal, heading: float, tine: float) -> LiftPoint | None:
+def find_lift_point(
+    subgoal: Subgoal,
+    heading: float,
+    tine: float,
+) -> LiftPoint | None:
     """Find where tines ``tine`` metres wide get under the bodies along a heading; None: nowhere.
 
     Args:
@@ -269,6 +274,7 @@ class _Underside:
         self._center = subgoal.center
         self._heading = heading
         self._ahead, side = (axis[:2] for axis in heading_axes(heading))
+
         self._rays = _Rays(subgoal, UP)
         rays = self._rays
         self._near = np.concatenate([rays.near, rays.obstacle_near], axis=-1)
@@ -287,14 +293,17 @@ class _Underside:
         near = self._rays.near
         levels = np.unique(near[np.isfinite(near)].round(3))
         step = 2 * min(self._rays.steps)
+
         found: list[LiftPoint] = []
 
         for level in levels[:: -max(1, len(levels) // _MOST_LEVELS)]:
             underside = np.abs(near - level).min(axis=-1) < 0.0015
-            widest = float(self.across[underside].max(initial=0.0))
+            widest = self.across[underside].max(initial=0.0)
+
             for gap in _GAPS_M:
                 full = (self._near < level - 0.0016) & (self._far > level - gap)
                 filled = full.any(axis=-1)
+
                 for apart in np.arange(0.0, widest + 1e-9, step):
                     half = tine / 2 + step / 2
                     lane = np.abs(self.across - apart) < half
@@ -304,6 +313,7 @@ class _Underside:
 
                     rear, front = ends
                     place = np.array([*(self._center[:2] + rear * self._ahead), level])
+
                     depth = front - rear
                     found.append(
                         LiftPoint(self._heading, place, float(apart), gap, depth)
@@ -321,12 +331,13 @@ class _Underside:
         if not underside.any():
             return None
 
-        rear = float(self.along[underside].min())
+        rear = self.along[underside].min()
         stops = self.along[filled & (self.along > rear - _AROUND_M)]
-        stop = float(stops.min(initial=1.0))
+        stop = stops.min(initial=1.0)
         ahead = self.along[underside & (self.along < stop)]
-        front = float(ahead.max(initial=rear))
+        front = ahead.max(initial=rear)
 
         if stop > rear and front - rear > _LEAST_DEPTH_M:
             return rear, front
+
         return None

@@ -133,10 +133,11 @@ class SceneAnalysis:
             solids: of which one is enough for the goal.
             rng: random numbers.
         """
-        free = []
-        for solid in solids:
-            if Subgoal([solid], np.zeros(3), self.model).clearance_above > _FREE_M:
-                free.append(solid)
+        free = [
+            solid
+            for solid in solids
+            if Subgoal([solid], np.zeros(3), self.model).clearance_above > _FREE_M
+        ]
 
         free = free or solids
         tops = np.array([solid.points[:, 2].max() for solid in free])
@@ -189,11 +190,11 @@ def _draw_lanes(solids: list[Solid], goal: Target, rng: Generator) -> list[list[
 
         from_top = sorted(solids, key=lambda solid: -solid.position[2])
         upper = from_top[: max(1, len(solids) // 3)]
-        return [[upper[int(rng.integers(len(upper)))]]]
+        return [[upper[rng.integers(len(upper))]]]
 
     positions = np.array([solid.position for solid in solids])
     across = positions @ np.cross(UP, way / length)
-    count = int(rng.integers(1, min(_MOST_LANES, len(solids)) + 1))
+    count = rng.integers(1, min(_MOST_LANES, len(solids)) + 1)
     edges = np.linspace(across.min(), across.max() + 1e-9, count + 1)
     lanes = []
 

@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 
 from core.geometry import Array, Cylinder, Mesh, Pose, Shape
 from core.interfaces import Brief
-from core.scene import Body, Scene, Soft
+from core.scene import Body, Soft
 from plugins.vlms.offline.boxes import Boxes
 from plugins.vlms.offline.workspace import compute_workspace
 
@@ -75,7 +75,7 @@ def _boxes_around(shape: Shape) -> list[tuple[Pose, Array]]:
         turns += [_turned(yaw) for yaw in np.arctan2(edges[:, 1], edges[:, 0])]
 
     boxes = [_box_around(vertices, turn) for turn in turns]
-    return [min(boxes, key=lambda box: float(np.prod(box[1])))]
+    return [min(boxes, key=lambda box: np.prod(box[1]))]
 
 
 def _box_around(vertices: Array, turn: Pose) -> tuple[Pose, Array]:
@@ -124,7 +124,10 @@ class SceneModel:
 
         if turn is not None:
             self.home = turn @ self.home
-            self.scene = _move(self.scene, turn)
+            self.scene = replace(
+                self.scene,
+                bodies=tuple(replace(b, pose=turn @ b.pose) for b in self.scene.bodies),
+            )
 
         self.solids: dict[str, Solid] = {}
         for body in self.scene.bodies:
@@ -138,8 +141,8 @@ class SceneModel:
     def clearance_at_home(self) -> float:
         """The height of the end-effector's home over the highest body below it, metres."""
         tops = self.boxes.bounds[1][:, 2]
-        home = float(self.home.position[2])
-        return home - float(tops[tops < home].max(initial=-np.inf))
+        home = self.home.position[2]
+        return float(home - tops[tops < home].max(initial=-np.inf))
 
     def find_enclosing(self, solids: Sequence[Solid]) -> list[Solid]:
         """Find the bodies, fixed or loose, whose bounds enclose the positions of all of these.
@@ -163,7 +166,8 @@ class SceneModel:
         if not enclosing:
             return None
 
-        smallest = min(enclosing, key=_bounding_volume)
+        # By the volume of the box along the world's axes around a body.
+        smallest = min(enclosing, key=lambda s: np.ptp(s.points, axis=0).prod())
         return smallest.body.name
 
     def find_once(self, key: Hashable, find: Callable[[], T]) -> T:
@@ -175,15 +179,5 @@ class SceneModel:
         """
         if key not in self._found:
             self._found[key] = find()
+
         return self._found[key]  # type: ignore[return-value]  # a key is of one search
-
-
-def _move(scene: Scene, turn: Pose) -> Scene:
-    """Move all bodies of a scene."""
-    bodies = tuple(replace(body, pose=turn @ body.pose) for body in scene.bodies)
-    return replace(scene, bodies=bodies)
-
-
-def _bounding_volume(solid: Solid) -> float:
-    """Compute the volume of the box along the world's axes around a body, m^3."""
-    return float(np.prod(np.ptp(solid.points, axis=0)))

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from core.design import Candidate, Tool
+from core.design import Tool
 from core.interfaces import Brief, Task
 from core.trial import Evaluation
 from plugins.vlms.offline.given_tools import PartSeed
@@ -41,6 +41,7 @@ def answer_several(brief: Brief) -> dict[str, Any]:
         NothingToMove: see `SceneAnalysis`; in all of the tasks.
     """
     samplers: dict[str, Sampler] = {}
+
     reasons = []
     for part in brief.task.parts:
         alone = replace(brief, task=part)
@@ -54,13 +55,18 @@ def answer_several(brief: Brief) -> dict[str, Any]:
 
     maker = _ToolMaker(brief, samplers, np.random.default_rng(brief.seed))
     strategies = [maker.make_strategy(number) for number in range(brief.n_tool)]
+
     return {
         "scene_analysis": f"{len(samplers)} tasks for one tool.",
         "strategies": strategies,
     }
 
 
-def _as_strategy(tool: Tool, change: str, parents: Sequence[str] = ()) -> Strategy:
+def _as_strategy(
+    tool: Tool,
+    change: str,
+    parents: Sequence[str] = (),
+) -> Strategy:
     """Make a strategy of a tool without plans, named by what was done to make it."""
     return Strategy(change, f"{tool.name}: {change}.", tool, [], parents)
 
@@ -80,19 +86,27 @@ class _ToolMaker:
     rng: Generator
 
     def make_strategy(self, number: int) -> dict[str, Any]:
-        """Make a tool and write it as in a designs document, without plans."""
+        """Make a tool and write it as in a designs document, without plans.
+
+        Args:
+            number: of the tool in the document, from 0.
+        """
         strategy = self._make_tool(number)
         fields = write_tool(strategy, self.brief.representation)
+
         if self.brief.elites:
             fields["parents"] = list(strategy.parents)
+
         return fields
 
     def _make_tool(self, number: int) -> Strategy:
-        """Join the best parts first; then change the part for a task that is not done, or make a fresh one."""
+        """Join the best parts first; then change the part for a task that is not done, or make a fresh one.
+
+        Args:
+            number: see `make_strategy`.
+        """
         best = self._find_best()
-        earned = {}
-        for task, elite in best.items():
-            earned[task] = elite.figures.get(task, 0.0)
+        earned = {task: elite.figures.get(task, 0.0) for task, elite in best.items()}
 
         if not any(earned.values()):
             return self._make_first(number)
@@ -105,6 +119,7 @@ class _ToolMaker:
         done = earned[weak] >= self._task(weak).success_reward
         if not done and self.rng.random() < _FRESH:
             return self._make_alone(weak)
+
         return self._change_part(joined, weak)
 
     def _find_best(self) -> dict[str, Evaluation]:
@@ -121,10 +136,15 @@ class _ToolMaker:
         best = {}
         for task in self.samplers:
             best[task] = max(elites, key=lambda elite: elite.figures.get(task, 0.0))
+
         return best
 
     def _make_first(self, number: int) -> Strategy:
-        """Make a part for a task alone; as the last of a request, a tool with one for each."""
+        """Make a part for a task alone; as the last of a request, a tool with one for each.
+
+        Args:
+            number: see `make_strategy`.
+        """
         names = list(self.samplers)
         if number < self.brief.n_tool - 1:
             turn = self.brief.agent * self.brief.n_tool + number
@@ -133,10 +153,15 @@ class _ToolMaker:
         tool, *others = (self._make_part(name) for name in names)
         for part in others:
             tool = self._put_part(tool, replace(part, components=()), part) or tool
+
         return _as_strategy(tool, "a part for each")
 
     def _make_alone(self, name: str) -> Strategy:
-        """Make a part for a task, and nothing for the others."""
+        """Make a part for a task, and nothing for the others.
+
+        Args:
+            name: of the task.
+        """
         return _as_strategy(self._make_part(name), f"a part for {name}")
 
     def _draw_weak(self, earned: Mapping[str, float]) -> str:
@@ -147,6 +172,7 @@ class _ToolMaker:
         """
         weights = 1.02 - np.clip(list(earned.values()), 0.0, 1.0)
         chosen = self.rng.choice(len(earned), p=weights / weights.sum())
+
         return list(earned)[int(chosen)]
 
     def _change_part(self, joined: Strategy, name: str) -> Strategy:
@@ -171,12 +197,21 @@ class _ToolMaker:
     def _task(self, name: str) -> Task:
         return self.samplers[name].brief.task
 
+    @staticmethod
+    def _tool(elite: Evaluation) -> Tool:
+        assert elite.candidate.tool is not None
+        return elite.candidate.tool
+
     def _accepts(self, tool: Tool) -> bool:
         """Report whether a tool keeps the rules in all tasks."""
         return all(sampler.accepts(tool) for sampler in self.samplers.values())
 
     def _make_part(self, name: str) -> Tool:
-        """Make a tool with a part for one task, which points its own way and is as long as all others."""
+        """Make a tool with a part for one task, which points its own way and is as long as all others.
+
+        Args:
+            name: of the task.
+        """
         suffix = task_suffix(self._task(name))
         clearances = [s.model.clearance_at_home for s in self.samplers.values()]
         length_mm = int(1000 * (min(clearances) - _ABOVE_M))
@@ -185,10 +220,12 @@ class _ToolMaker:
         for _ in range(_TRIES):
             seed = PartSeed(suffix, degrees, length_mm, int(self.rng.integers(2**31)))
             tool = seed.invent(self.samplers[name].brief).tool
+
             if self._accepts(tool):
                 break
 
         own_names = {component.name for component in tool.components}
+
         components = []
         for component in tool.components:
             parent = component.parent
@@ -199,6 +236,7 @@ class _ToolMaker:
             components.append(named)
 
         description = f"{tool.description}; {seed.text}"
+
         return replace(tool, components=tuple(components), description=description)
 
     def _join_parts(self, best: Mapping[str, Evaluation]) -> Strategy:
@@ -208,7 +246,7 @@ class _ToolMaker:
             best: by task, the elite that did it best.
         """
         base = max(best.values(), key=lambda elite: elite.reward)
-        tool = _tool_of(base.candidate)
+        tool = self._tool(base)
         parents = [base.candidate.id]
 
         for name, other in best.items():
@@ -216,16 +254,23 @@ class _ToolMaker:
                 continue
 
             task = self._task(name)
-            part = working_part(_tool_of(other.candidate), task)
+            part = working_part(self._tool(other), task)
             joined = self._put_part(tool, find_part(tool, task), part)
+
             if joined is not None:
                 tool = joined
                 parents.append(other.candidate.id)
 
         unique = list(dict.fromkeys(parents))
+
         return _as_strategy(tool, "the parts that do most", unique)
 
-    def _put_part(self, tool: Tool, old: Tool, part: Tool) -> Tool | None:
+    def _put_part(
+        self,
+        tool: Tool,
+        old: Tool,
+        part: Tool,
+    ) -> Tool | None:
         """Put a part in the place of an old one; None: it does not fit, or another component has one of its names.
 
         Args:
@@ -246,9 +291,5 @@ class _ToolMaker:
 
         description = "; ".join(texts)
         new = replace(tool, components=(*kept, *added), description=description)
+
         return new if self._accepts(new) else None
-
-
-def _tool_of(candidate: Candidate) -> Tool:
-    assert candidate.tool is not None
-    return candidate.tool

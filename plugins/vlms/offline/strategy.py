@@ -94,28 +94,17 @@ def write_strategy(
     fields = write_tool(strategy, representation, is_given=is_given)
     texts = [f"{i}: {plan.text}" for i, plan in enumerate(strategy.plans, start=1)]
     fields["action_description"] = " | ".join(texts)
-    fields["action_sets"] = _write_plans(strategy, sampler)
 
+    # Where guards are known, every other plan has one.
+    writer = sampler.writer
+    action_sets = []
+    for number, plan in enumerate(strategy.plans):
+        if sampler.brief.actions.guards and number % 2 == 0:
+            action_sets.append(writer.write_with_guard(plan, strategy.tool))
+        else:
+            action_sets.append(writer.write(plan.rows, plan.anchors))
+
+    fields["action_sets"] = action_sets
     if strategy.parents:
         fields["parents"] = strategy.parents
     return fields
-
-
-def _write_plans(strategy: Strategy, sampler: Sampler) -> list[list[Any]]:
-    """Write the plans; where guards are known, every other one has one.
-
-    Args:
-        strategy: with plans for the layout that the sampler was made for.
-        sampler: which knows whether guards may be written.
-
-    Returns:
-        The waypoints or steps of each plan, as the actions have them.
-    """
-    written = []
-    for number, plan in enumerate(strategy.plans):
-        if sampler.brief.actions.guards and number % 2 == 0:
-            written.append(sampler.writer.write_with_guard(plan, strategy.tool))
-        else:
-            written.append(sampler.writer.write(plan.rows, plan.anchors))
-
-    return written

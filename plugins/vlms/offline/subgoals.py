@@ -94,10 +94,12 @@ class Subgoal:
         self.points = np.concatenate([solid.points for solid in self.solids])
         self.boxes = Boxes.concatenate(solid.boxes for solid in self.solids)
         self.lower: Array = self.points.min(axis=0)
+
         self.upper: Array = self.points.max(axis=0)
         self.center: Array = (self.lower + self.upper) / 2
-        self.height = float(self.upper[2] - self.lower[2])
-        self.length = float(np.hypot(*self.shift[:2]))
+        self.height = self.upper[2] - self.lower[2]
+
+        self.length = np.hypot(*self.shift[:2])
         self.workspace = self.model.workspace
 
     @cached_property
@@ -114,8 +116,10 @@ class Subgoal:
         """The height above everything near the bodies' way, in the world, metres."""
         lower, upper = self.model.boxes.bounds
         low = np.minimum(self.lower, self.lower + self.shift) - _NEAR_M
+
         high = np.maximum(self.upper, self.upper + self.shift) + _NEAR_M
         near = ((lower < high) & (upper > low))[:, :2].all(axis=1)
+
         return float(upper[near, 2].max())
 
     @cached_property
@@ -124,6 +128,7 @@ class Subgoal:
         for solid in self.model.find_enclosing(self.solids):
             if not solid.body.fixed:
                 return solid
+
         return None
 
     @property
@@ -146,6 +151,7 @@ class Subgoal:
         angle = float(np.arctan2(y, x))
         if self.length <= _NO_WAY_M and self.model.turned:
             return round(angle / (np.pi / 2)) * np.pi / 2
+
         return angle
 
     def extent(self, heading: float) -> Extent:
@@ -156,16 +162,18 @@ class Subgoal:
         """
         ahead, side = heading_axes(heading)
         leftward, _ = heading_axes(heading + np.pi / 2)
+
         along = self.points[:, :2] @ ahead[:2]
         across = self.points[:, :2] @ leftward[:2]
+
         return Extent(
             heading,
             ahead,
             side,
-            rear=float(along.min()),
-            front=float(along.max()),
-            right=float(across.min()),
-            left=float(across.max()),
+            rear=along.min(),
+            front=along.max(),
+            right=across.min(),
+            left=across.max(),
         )
 
     def side_clearances(self, heading: float) -> tuple[float, float]:
@@ -183,6 +191,7 @@ class Subgoal:
         lower, upper = self.obstacles.bounds
         bounds = np.stack([lower, upper])
         x = bounds[[0, 0, 1, 1], :, 0]
+
         y = bounds[[0, 1, 0, 1], :, 1]
         along = x * extent.ahead[0] + y * extent.ahead[1]  # of the obstacles' corners
         across = x * extent.side[0] + y * extent.side[1]
@@ -190,13 +199,16 @@ class Subgoal:
         beside = along.max(axis=0) >= extent.rear - _BEHIND_M
         beside &= along.min(axis=0) <= extent.rear + self.length
         beside &= upper[:, 2] >= self.lower[2] + _SUPPORT_M
+
         beside &= lower[:, 2] <= self.upper[2]
         on_left = across.mean(axis=0) > (extent.left + extent.right) / 2
 
         on_right = extent.right - across.max(axis=0)
         free_right = on_right[beside & ~on_left].min(initial=1.0)
+
         free_left = (across.min(axis=0) - extent.left)[beside & on_left]
         free_left = free_left.min(initial=1.0)
+
         return max(0.0, float(free_right)), max(0.0, float(free_left))
 
     def overhang(self, heading: float) -> tuple[npt.NDArray[np.bool_], Array]:
@@ -212,6 +224,7 @@ class Subgoal:
         right, left = self.boxes.ranges_along(side, self.center)
         halves = np.maximum(left, -right)
         low = self.boxes.bounds[0][:, 2] < self.lower[2] + _FOOT_M
+
         return ~low & (halves > halves[low].max() + _OVERHANG_M), halves
 
     @cached_property
@@ -219,8 +232,10 @@ class Subgoal:
         """The distance from the bodies' top to the lowest obstacle above them, at most 1 m."""
         lower, upper = self.obstacles.bounds
         above = (lower[:, :2] < self.upper[:2]).all(axis=1)
+
         above &= (upper[:, :2] > self.lower[:2]).all(axis=1)
         above &= lower[:, 2] > self.upper[2] - 0.002
+
         return float((lower[above, 2] - self.upper[2]).min(initial=1.0))
 
     @property
@@ -260,6 +275,7 @@ class Subgoal:
         """Find the shortest step (3,) aside, in the air, after which nothing is above the bodies; zero: none helps."""
         rise = max(self.shift[2], 0.05) * UP
         steps = [np.zeros(3)]
+
         for radius in (0.01, 0.02, 0.03, 0.04, 0.06):
             for angle in np.arange(8) * np.pi / 4:
                 ahead, _ = heading_axes(angle)
@@ -268,6 +284,7 @@ class Subgoal:
         for step in steps:
             if not self.is_blocked(rise, step + 0.02 * UP, 0.006):
                 return step
+
         return np.zeros(3)
 
 
@@ -282,6 +299,7 @@ def goal_position(here: Array, goal: Target) -> Array:
     for axis, coordinate in enumerate(goal.place or here):
         if coordinate is not None:
             place[axis] = coordinate
+
     return place
 
 
@@ -299,4 +317,6 @@ def turn_to_goal(goal: Target, body: Body) -> tuple[Array, float]:
     now = body.pose.rotation.apply(goal.axis)
     now = now / np.linalg.norm(now)
     wanted = np.divide(goal.points, np.linalg.norm(goal.points))
-    return np.cross(now, wanted), float(np.arccos(np.clip(now @ wanted, -1.0, 1.0)))
+
+    angle = float(np.arccos(np.clip(now @ wanted, -1.0, 1.0)))
+    return np.cross(now, wanted), angle

@@ -43,6 +43,7 @@ def find_targets(goal: Reach, scene: Scene) -> list[Target]:
     """Find the targets of a goal in a layout: one for all bodies that it wants at one place."""
     state = scene.state()
     groups = dict[Coordinates | None, list[str]]()
+
     for body in goal.subjects(state):
         groups.setdefault(_find_place(goal, body, state), []).append(body)
 
@@ -51,6 +52,7 @@ def find_targets(goal: Reach, scene: Scene) -> list[Target]:
         reference = getattr(part, "at", None)
         if reference is not None:
             wanted["reference"] = reference
+
         if isinstance(part, Away):
             wanted["away"] = part.away
         elif isinstance(part, JointAt):
@@ -59,6 +61,7 @@ def find_targets(goal: Reach, scene: Scene) -> list[Target]:
             points = part.points
             if part.at is not None:
                 points = scene[part.at].pose.rotation.apply(points)
+
             wanted |= {"axis": part.axis, "points": points}
             wanted["tolerance_deg"] = part.tolerance_deg
 
@@ -68,11 +71,17 @@ def find_targets(goal: Reach, scene: Scene) -> list[Target]:
     ]
 
 
-def _find_place(goal: Reach, body: str, state: State) -> Coordinates | None:
+def _find_place(
+    goal: Reach,
+    body: str,
+    state: State,
+) -> Coordinates | None:
     """Return where a goal, or what it also asks, wants a body; None: it says no place."""
     places = [part.place_of(body, state) for part in goal.parts]
     place = next((place for place in places if place is not None), None)
     if place is None:
         return None
+
     x, y, z = (None if np.isnan(wanted) else wanted for wanted in place.tolist())
+
     return x, y, z

@@ -238,7 +238,7 @@ def build_clamp(head: Head, pose: Pose, thickness: float) -> Tool:
         bar = builder.add_shaft(shaft, top, left=is_left)
         builder.add_box(piece.name, bar, pad, piece.size, _FIRST_COLOR)
 
-    reach = float(np.linalg.norm(pose.position))
+    reach = np.linalg.norm(pose.position)
     text = f"two pads {head.width:.3f} m apart, {reach:.2f} m from the hand, that close on the body"
     return builder.build("long_fingers", text)
 
@@ -277,7 +277,7 @@ def build_tool(
     last = builder.add_shaft(shaft, end, left=True)
     builder.add_head(head, last, pose)
 
-    reach = float(np.linalg.norm(pose.position))
+    reach = np.linalg.norm(pose.position)
     bearer = "the left finger" if gripper else "the flange"
     text = f"{head.kind} {head.width:.3f} m wide, {reach:.2f} m from {bearer}, carried by {SHAFTS[shaft.kind]}"
     return builder.build(f"{shaft.kind}_{head.kind}", text)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
@@ -28,27 +27,20 @@ _BLENDS = 0.7  # how often tools of equal structure are blended when they are cr
 _MOST_MOVES = 4  # of a component, until it touches its parent
 
 
-class ToolChange(NamedTuple):
-    """A changed tool, and what was changed, in words.
-
-    Attributes:
-        tool: after the change.
-        text: in the words of a tool's description.
-    """
-
-    tool: Tool
-    text: str
-
-
-def mutate(tool: Tool, scale: float, rng: Generator) -> ToolChange:
-    """Make one change at random, by a scale of 0 to 1.
+def mutate(
+    tool: Tool,
+    scale: float,
+    rng: Generator,
+) -> tuple[Tool, str]:
+    """Make one change at random, by a scale of 0 to 1; return the tool, and what was changed, in words.
 
     Args:
         tool: of any origin.
         scale: of changes of size and pose.
         rng: random numbers.
     """
-    count = len(tool.components)
+    components = [*tool.components]
+    count = len(components)
     kinds = {
         "size": 4.0,
         "shift": 2.0,
@@ -57,169 +49,162 @@ def mutate(tool: Tool, scale: float, rng: Generator) -> ToolChange:
         "remove": float(count > 2),
         "replace": float(count > 1),
     }
+
     match draw(kinds, rng):
         case "size":
-            return _resize(tool, scale, rng)
+            change = _resize(components, scale, rng)
+
         case "add":
-            return _add(tool, rng)
+            change = _add(components, rng)
+
         case "shift":
-            return _shift(tool, int(rng.integers(count)), scale, rng)
+            change = _shift(components, scale, rng)
+
         case "turn":
-            return _turn(tool, int(rng.integers(count)), scale, rng)
+            change = _turn(components, scale, rng)
+
         case "remove":
-            number = int(rng.choice(_find_leaves(tool)))
-            name = tool.components[number].name
-            return _with_components(tool, number, [], f"{name} removed")
+            leaf = components.pop(_draw_leaf(components, rng))
+            change = f"{leaf.name} removed"
+
         case _:
-            return _replace(tool, int(rng.choice(_find_leaves(tool))), rng)
+            change = _replace(components, rng)
 
-
-def _with_components(
-    tool: Tool,
-    number: int,
-    new: Sequence[Component],
-    text: str,
-) -> ToolChange:
-    """Put components in the place of the one with this number.
-
-    Args:
-        tool: of any origin.
-        number: of a component; that after the last adds at the end.
-        new: in its place.
-        text: what was changed.
-    """
-    components = [*tool.components]
-    components[number : number + 1] = new
-    return _change(tool, components, text)
-
-
-def _change(tool: Tool, components: Sequence[Component], text: str) -> ToolChange:
-    """Give a tool these components, and move each until it touches its parent."""
-    return ToolChange(_reattach(replace(tool, components=tuple(components))), text)
+    return _reattach(tool, components), change
 
 
 def _shift(
-    tool: Tool,
-    number: int,
+    components: list[Component],
     scale: float,
     rng: Generator,
-) -> ToolChange:
-    """Move a component, and with it its descendants.
+) -> str:
+    """Move a component, and with it its descendants; say so.
 
     Args:
-        tool: of any origin.
-        number: of the component.
+        components: of which one is changed.
         scale: of the way, 0..1.
         rng: random numbers.
     """
-    component = tool.components[number]
+    number = rng.integers(len(components))
+    component = components[number]
     pose = component.pose
-    way = rng.normal(0.0, 0.03 * max(scale, 0.2), 3)
-    moved = replace(component, pose=Pose(pose.position + way, pose.quaternion))
-    text = f"{component.name} moved by {np.linalg.norm(way) * 1000:.0f} mm"
 
-    return _with_components(tool, number, [moved], text)
+    way = rng.normal(0.0, 0.03 * max(scale, 0.2), 3)
+    moved = Pose(pose.position + way, pose.quaternion)
+    components[number] = replace(component, pose=moved)
+
+    return f"{component.name} moved by {np.linalg.norm(way) * 1000:.0f} mm"
 
 
 def _turn(
-    tool: Tool,
-    number: int,
+    components: list[Component],
     scale: float,
     rng: Generator,
-) -> ToolChange:
-    """Turn a component, and with it its descendants.
+) -> str:
+    """Turn a component, and with it its descendants; say so.
 
     Args:
-        tool: of any origin.
-        number: of the component.
+        components: of which one is changed.
         scale: of the angle, 0..1.
         rng: random numbers.
     """
-    component = tool.components[number]
-    axis = int(rng.integers(3))
+    number = rng.integers(len(components))
+    component = components[number]
+    axis = rng.integers(3)
+
     sign = rng.choice([-1.0, 1.0])
-    angle = float(sign * rng.uniform(0.08, 0.5) * max(scale, 0.3))
+    angle = sign * rng.uniform(0.08, 0.5) * max(scale, 0.3)
     rotation = Rotation.from_rotvec(angle * np.eye(3)[axis])
     turn = Pose.from_rotation(np.zeros(3), rotation)
-    turned = replace(component, pose=component.pose @ turn)
-    text = f"{component.name} turned by {np.degrees(angle):.0f} degrees about its {'xyz'[axis]}"
+    components[number] = replace(component, pose=component.pose @ turn)
 
-    return _with_components(tool, number, [turned], text)
+    return (
+        f"{component.name} turned by {np.degrees(angle):.0f} degrees about its "
+        f"{'xyz'[axis]}"
+    )
 
 
-def _replace(tool: Tool, number: int, rng: Generator) -> ToolChange:
-    """Put a box in the place of a component.
+def _replace(components: list[Component], rng: Generator) -> str:
+    """Put a box in the place of a component without children; say so.
 
     Args:
-        tool: of any origin.
-        number: of a component without children.
+        components: of which one is changed.
         rng: random numbers.
     """
-    component = tool.components[number]
+    number = _draw_leaf(components, rng)
+    component = components[number]
     sides = component.shape.bounds[1] * np.exp(rng.normal(0.0, 0.5, 3))
     x, y, z = np.clip(sides, _THINNEST_M, 0.6).tolist()
-    name = _free_name("part", tool)
+
+    name = _free_name("part", components)
     box = Box((x, y, z))
-    new = Component(name, component.parent, component.pose, box, color=_ADDED_COLOR)
-    text = f"{component.name} replaced by a box of {x:.3f} x {y:.3f} x {z:.3f} m"
 
-    return _with_components(tool, number, [new], text)
+    parent = component.parent
+    new = Component(name, parent, component.pose, box, color=_ADDED_COLOR)
+    components[number] = new
+
+    return f"{component.name} replaced by a box of {x:.3f} x {y:.3f} x {z:.3f} m"
 
 
-def _resize(tool: Tool, scale: float, rng: Generator) -> ToolChange:
-    """Lengthen or shorten one side; children of the component move with its faces.
+def _resize(
+    components: list[Component],
+    scale: float,
+    rng: Generator,
+) -> str:
+    """Lengthen or shorten one side; children of the component move with its faces. Say so.
 
     Args:
-        tool: of any origin, whose component becomes a box.
+        components: of which one becomes a box.
         scale: of the change.
         rng: random numbers.
     """
-    number = int(rng.integers(len(tool.components)))
-    axis = int(rng.integers(3))
+    number = rng.integers(len(components))
+    axis = rng.integers(3)
+
+    # Growing and shrinking by the same factor are as likely.
     sign = rng.choice([-1.0, 1.0])
-    factor = float(np.exp(sign * rng.uniform(0.1, 0.6) * max(scale, 0.2)))
-    component = tool.components[number]
+    factor = np.exp(sign * rng.uniform(0.1, 0.6) * max(scale, 0.2))
+
+    component = components[number]
     before = component.shape.bounds[1]
     sides = before.tolist()
-    sides[axis] = float(np.clip(sides[axis] * factor, _THINNEST_M, _LONGEST_M))
+    sides[axis] = np.clip(sides[axis] * factor, _THINNEST_M, _LONGEST_M)
 
+    # Its children keep their places on its faces.
     stretch = np.ones(3)
     stretch[axis] = sides[axis] / before[axis]
-    components = []
 
-    for other in tool.components:
-        stretched = other
+    for i, other in enumerate(components):
         if other.parent == component.name:
-            position = other.pose.position * stretch
-            stretched = replace(other, pose=Pose(position, other.pose.quaternion))
-
-        components.append(stretched)
+            pose = Pose(other.pose.position * stretch, other.pose.quaternion)
+            components[i] = replace(other, pose=pose)
 
     # The end that meets the parent stays where it is.
     pose = component.pose
     way = pose.rotation.as_matrix()[:, axis]
-    toward = np.sign(float(pose.position @ way)) or 1.0
+    toward = np.sign(pose.position @ way) or 1.0
     shift = toward * (way * (sides[axis] - before[axis]) / 2)
     moved = Pose(pose.position + shift, pose.quaternion)
+
     x, y, z = sides
     components[number] = replace(component, shape=Box((x, y, z)), pose=moved)
 
     verb = "lengthened" if factor > 1 else "shortened"
-    text = f"{component.name} {verb} in {'xyz'[axis]} to {sides[axis]:.3f} m"
-    return _change(tool, components, text)
+    return f"{component.name} {verb} in {'xyz'[axis]} to {sides[axis]:.3f} m"
 
 
-def _add(tool: Tool, rng: Generator) -> ToolChange:
-    """Add a plate on a face of a component of the second half.
+def _add(components: list[Component], rng: Generator) -> str:
+    """Add a plate on a face of a component of the second half; say so.
 
     Args:
-        tool: of any origin.
+        components: to which one is added.
         rng: random numbers.
     """
-    count = len(tool.components)
-    parent = tool.components[int(rng.integers(count // 2, count))]
-    axis = int(rng.integers(3))
-    side = float(rng.choice([-1.0, 1.0]))
+    count = len(components)
+    parent = components[rng.integers(count // 2, count)]
+    axis = rng.integers(3)
+
+    side = rng.choice([-1.0, 1.0])
     size = parent.shape.bounds[1]
     sides = size * rng.uniform(0.3, 1.0, 3)
     sides[axis] = rng.uniform(0.01, 0.08)
@@ -227,45 +212,44 @@ def _add(tool: Tool, rng: Generator) -> ToolChange:
 
     place = np.zeros(3)
     place[axis] = side * ((size[axis] + sides[axis]) / 2 - _OVERLAP_M)
-    along = (axis + int(rng.integers(1, 3))) % 3
+    along = (axis + rng.integers(1, 3)) % 3
+
     edge = rng.choice([-1.0, 0.0, 1.0])
     place[along] = edge * (size[along] - sides[along]) / 2
     x, y, z = sides
-    name = _free_name("fin", tool)
+
+    name = _free_name("fin", components)
     fin = Component(name, parent.name, Pose(place), Box((x, y, z)), color=_ADDED_COLOR)
+    components.append(fin)
 
-    return _add_component(tool, fin, f"{name} added on {parent.name}")
+    return f"{name} added on {parent.name}"
 
 
-def _add_component(tool: Tool, component: Component, text: str) -> ToolChange:
-    """Add a component at the end.
+def _draw_leaf(components: Sequence[Component], rng: Generator) -> int:
+    """Draw the number of a component without children.
 
     Args:
-        tool: of any origin.
-        component: with a name and a parent in that tool.
-        text: what was changed.
+        components: of one tool, with names of each other as parents.
+        rng: random numbers.
     """
-    return _with_components(tool, len(tool.components), [component], text)
+    parents = {component.parent for component in components}
+    leaves = [
+        number
+        for number, component in enumerate(components)
+        if component.name not in parents
+    ]
+
+    return int(rng.choice(leaves))
 
 
-def _find_leaves(tool: Tool) -> list[int]:
-    """Find the numbers of the components without children."""
-    parents = {component.parent for component in tool.components}
-    leaves = []
-    for number, component in enumerate(tool.components):
-        if component.name not in parents:
-            leaves.append(number)
-    return leaves
-
-
-def _free_name(name: str, tool: Tool) -> str:
-    """Return ``name``, with a number if a component has it.
+def _free_name(name: str, components: Sequence[Component]) -> str:
+    """Return ``name``, with a number if one of the components has it.
 
     Args:
         name: of a new component.
-        tool: which gets it.
+        components: of the tool that gets it.
     """
-    taken = {component.name for component in tool.components}
+    taken = {component.name for component in components}
     free = name
     number = 2
 
@@ -276,8 +260,12 @@ def _free_name(name: str, tool: Tool) -> str:
     return free
 
 
-def cross(first: Tool, second: Tool, rng: Generator) -> ToolChange:
-    """Blend two tools of equal structure, or put a component of the second on the first.
+def cross(
+    first: Tool,
+    second: Tool,
+    rng: Generator,
+) -> tuple[Tool, str]:
+    """Blend two tools of equal structure, or put a component of the second on the first; say what was changed.
 
     Where no component of the first tool is on the mount of the second's, the first is mutated.
 
@@ -287,44 +275,47 @@ def cross(first: Tool, second: Tool, rng: Generator) -> ToolChange:
         rng: random numbers.
     """
     if _structure(first) == _structure(second) and rng.random() < _BLENDS:
-        return _blend(first, second, float(rng.uniform(0.2, 0.8)))
+        return _blend(first, second, rng.uniform(0.2, 0.8))
 
-    donor = second.components[int(rng.choice(_find_leaves(second)))]
+    donor = second.components[_draw_leaf(second.components, rng)]
     mount, pose = second.placed()[donor.name]
+
     placed = first.placed()
-    bearers = []
-
-    for component in first.components:
-        if placed[component.name][0] == mount:
-            bearers.append(component)
-
+    bearers = [c for c in first.components if placed[c.name][0] == mount]
     if not bearers:
         return mutate(first, 0.5, rng)
 
-    size = donor.shape.bounds[1]
-    graft = Boxes.from_poses([(pose, size)] * len(bearers))
-    poses = [placed[bearer.name][1] for bearer in bearers]
-    sizes = [bearer.shape.bounds[1] for bearer in bearers]
-    gaps, _ = separations(graft, Boxes.from_poses(zip(poses, sizes, strict=True)))
-    nearest = int(np.argmin(gaps))
-    parent = bearers[nearest].name
+    graft = Boxes.from_poses([(pose, donor.shape.bounds[1])] * len(bearers))
+    boxes = [(placed[c.name][1], c.shape.bounds[1]) for c in bearers]
+    gaps, _ = separations(graft, Boxes.from_poses(boxes))
+    parent = bearers[int(np.argmin(gaps))].name
     new = replace(
         donor,
-        name=_free_name(donor.name, first),
+        name=_free_name(donor.name, first.components),
         parent=parent,
-        pose=poses[nearest].inverse() @ pose,
+        pose=placed[parent][1].inverse() @ pose,
         color=_ADDED_COLOR,
     )
 
-    return _add_component(first, new, f"{donor.name} of the second put on {parent}")
+    changed = _reattach(first, [*first.components, new])
+
+    return changed, f"{donor.name} of the second put on {parent}"
 
 
 def _structure(tool: Tool) -> list[tuple[str, str]]:
-    """Return the names of components and of their parents, which two tools of equal structure share."""
+    """Return the names of components and of their parents, which two tools of equal structure share.
+
+    Args:
+        tool: of any origin.
+    """
     return [(component.name, component.parent) for component in tool.components]
 
 
-def _blend(first: Tool, second: Tool, share: float) -> ToolChange:
+def _blend(
+    first: Tool,
+    second: Tool,
+    share: float,
+) -> tuple[Tool, str]:
     """Go a share of the way from the first tool's measures to the second's.
 
     Args:
@@ -332,63 +323,61 @@ def _blend(first: Tool, second: Tool, share: float) -> ToolChange:
         second: of equal structure.
         share: 0..1.
     """
+    rest = 1 - share
+
     components = []
     for start, end in zip(first.components, second.components, strict=True):
-        components.append(_blend_components(start, end, share))
+        sides = rest * start.shape.bounds[1] + share * end.shape.bounds[1]
+        position = rest * start.pose.position + share * end.pose.position
+
+        rotation = start.pose.rotation
+        turn = (rotation.inv() * end.pose.rotation).as_rotvec()
+        blended = rotation * Rotation.from_rotvec(share * turn)
+        pose = Pose.from_rotation(position, blended)
+        components.append(replace(start, shape=resized(start.shape, sides), pose=pose))
 
     text = f"all measures {share:.0%} of the way to the second's"
-    return _change(first, components, text)
+
+    return _reattach(first, components), text
 
 
-def _blend_components(start: Component, end: Component, share: float) -> Component:
-    """Blend the sizes and poses of two components, by a share of the second, 0..1.
+def _reattach(tool: Tool, components: Sequence[Component]) -> Tool:
+    """Give a tool components, each moved with its descendants until it touches its parent.
 
     Args:
-        start: which gives its name and its kind of shape.
-        end: of the same name.
-        share: 0..1, of the way from the first to the second.
+        tool: which gives everything else.
+        components: parents before their children.
     """
-    rest = 1 - share
-    sides = rest * start.shape.bounds[1] + share * end.shape.bounds[1]
-    position = rest * start.pose.position + share * end.pose.position
-    rotation = start.pose.rotation
-    turn = (rotation.inv() * end.pose.rotation).as_rotvec()
-    blended = rotation * Rotation.from_rotvec(share * turn)
-    pose = Pose.from_rotation(position, blended)
+    sizes = {component.name: component.shape.bounds[1] for component in components}
 
-    return replace(start, shape=resized(start.shape, sides), pose=pose)
-
-
-def _reattach(tool: Tool) -> Tool:
-    """Move each component, and with it its descendants, until it touches its parent."""
-    sizes = {component.name: component.shape.bounds[1] for component in tool.components}
-    components = []
-    for component in tool.components:
+    attached = []
+    for component in components:
         moved = component
         if component.parent in sizes:
             parent = Boxes.from_poses([(Pose(), sizes[component.parent])])
             moved = _move_to_touch(component, parent)
-        components.append(moved)
 
-    return replace(tool, components=tuple(components))
+        attached.append(moved)
+
+    return replace(tool, components=tuple(attached))
 
 
 def _move_to_touch(component: Component, parent: Boxes) -> Component:
-    """Move a component toward its parent, a single box in its own frame, until both touch.
+    """Move a component straight toward its parent, a single box in its own frame, until both touch.
 
     Args:
-        component: which is moved straight toward its parent, a few times.
-        parent: a box in its own frame.
+        component: which is moved a few times: edges may still be apart after the first.
+        parent: one box, at the origin of the frame in which the component's pose is given.
     """
     size = component.shape.bounds[1]
+    pose = component.pose
 
     for _ in range(_MOST_MOVES):
-        pose = component.pose
         gaps, axes = separations(parent, Boxes.from_poses([(pose, size)]))
         if gaps[0] <= 0.0:
             break
 
         position = pose.position - (gaps[0] + _OVERLAP_M) * axes[0]
-        component = replace(component, pose=Pose(position, pose.quaternion))
+        pose = Pose(position, pose.quaternion)
 
-    return component
+    return replace(component, pose=pose)

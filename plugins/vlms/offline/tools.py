@@ -27,9 +27,11 @@ def _make_hand() -> Boxes:
     """Make the boxes of a palm and two fingers."""
     palm = Pose(np.array([0.0, 0.0, -0.033]))
     placed = [(palm, np.array([0.064, 0.206, 0.066]))]
+
     for side in (-1, 1):
         finger = Pose(np.array([0.0, side * FINGERTIP[1], -0.086]))
         placed.append((finger, np.array([0.022, 0.016, 0.054])))
+
     return Boxes.from_poses(placed)
 
 
@@ -58,12 +60,18 @@ class PlacedHead:
 
 
 def tool_boxes(tool: Tool) -> Boxes:
-    """Place the components in the frame of the tool mount, with the fingers open."""
+    """Place the components in the frame of the tool mount, with the fingers open.
+
+    Args:
+        tool: of any origin; of shapes that are not boxes, the bounds count.
+    """
     placed = tool.placed()
+
     boxes = []
     for component in tool.components:
         mount, pose = placed[component.name]
         boxes.append((MOUNTS[mount] @ pose, component.shape.bounds[1]))
+
     return Boxes.from_poses(boxes)
 
 
@@ -79,20 +87,30 @@ def lowest_corners(tool: Tool) -> Array:
     signs = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1], indexing="ij"), axis=-1)
     offsets = signs.reshape(-1, 3) * low.halves[:, None]
     turned = np.einsum("nij,ncj->nci", low.axes, offsets)
+
     return np.asarray(low.centers[:, None] + turned).reshape(-1, 3)
 
 
 def lowest_middle(tool: Tool) -> Array:
-    """Find the middle (3,) of the boxes that do a tool's work, at their lowest height."""
+    """Find the middle (3,) of the boxes that do a tool's work, at their lowest height.
+
+    Args:
+        tool: without components the fingertip of the bare hand counts.
+    """
     corners = lowest_corners(tool)
     lower = corners.min(axis=0)
     middle = (lower + corners.max(axis=0)) / 2
     middle[2] = lower[2]
+
     return np.asarray(middle)
 
 
 def task_suffix(task: Task) -> str:
-    """Return the end of the names of components that are for one of several tasks."""
+    """Return the end of the names of components that are for one of several tasks.
+
+    Args:
+        task: whose name may have characters that a component's can't.
+    """
     return re.sub(r"[^\w.-]", "_", task.name, flags=re.ASCII)[:24]
 
 
@@ -104,6 +122,7 @@ def find_part(tool: Tool, task: Task) -> Tool:
         task: one of them.
     """
     names: set[str] = set()
+
     components = []
     for component in tool.components:  # parents go before their children
         named = component.name.endswith(f"_{task_suffix(task)}")
@@ -125,7 +144,11 @@ def working_part(tool: Tool, task: Task) -> Tool:
     return part if part.components else tool
 
 
-def guess_head(tool: Tool, subgoal: Subgoal, rng: Generator) -> PlacedHead:
+def guess_head(
+    tool: Tool,
+    subgoal: Subgoal,
+    rng: Generator,
+) -> PlacedHead:
     """Take a tool's lowest boxes for its head.
 
     The side that works is guessed at random, and so is the face: in front as a blade's, or at the back as a cage's.
@@ -136,7 +159,7 @@ def guess_head(tool: Tool, subgoal: Subgoal, rng: Generator) -> PlacedHead:
         rng: random numbers.
     """
     turn = draw_head_turn(rng) + rng.normal(0.0, 0.1)
-    encloses = bool(rng.random() < 0.5)
+    encloses = rng.random() < 0.5
 
     if tool.gripper and not tool.components:
         hand = Head("hand", "clamp", (), np.zeros(3), 0.01, 2 * FINGER_OPEN)
@@ -144,19 +167,22 @@ def guess_head(tool: Tool, subgoal: Subgoal, rng: Generator) -> PlacedHead:
 
     heading = subgoal.heading - turn
     ahead, side = (axis[:2] for axis in heading_axes(heading))
+
     corners = lowest_corners(tool)
     along = corners[:, :2] @ ahead
     across = corners[:, :2] @ side
 
     depth = 0.0
+
     if subgoal.rises or encloses:
-        depth = max(0.0, float(np.ptp(along)) - 0.01)
+        depth = max(0.0, np.ptp(along) - 0.01)
 
     middle = (across.min() + across.max()) / 2 * side
     x, y = (along.max() - depth) * ahead + middle
     primitive: Primitive = "scoop" if subgoal.rises else "push"
-    width = float(np.ptp(across))
+
+    width = np.ptp(across)
     head = Head("foot", primitive, (), np.zeros(3), depth, width)
-    lowest = float(corners[:, 2].min())
+    lowest = corners[:, 2].min()
 
     return PlacedHead(head, Pose.xyz_rpy((x, y, lowest), (0.0, 0.0, heading)))
