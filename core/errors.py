@@ -54,14 +54,14 @@ def in_line(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
-def check_positive(where: str, **numbers: float) -> None:
-    """Refuse numbers that are not finite and greater than 0.
+def check_positive(where: str, **numbers: float | None) -> None:
+    """Refuse numbers that are not finite and greater than 0; None is no number.
 
     Raises:
         UsageError: the message names the number.
     """
     for name, number in numbers.items():
-        if not (math.isfinite(number) and number > 0):
+        if number is not None and not (math.isfinite(number) and number > 0):
             raise UsageError(f"{where}{name} must be greater than 0, got {number}")
 
 

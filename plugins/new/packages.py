@@ -45,13 +45,16 @@ TEMPLATES = {
     "listener": Template("listener", "a listener", "listener", "{}Listener"),
     "command": Template("command", "a command", "command", "main"),
 }
-RUN = "python -m core.run"
 USAGE = f"""\
 usage: vlmgineer new {{{"|".join(TEMPLATES)}}} NAME [output=NEW_FOLDER]
        vlmgineer new scene NAME [output=NEW_FILE.yaml]"""
 
 
-def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]:
+def write(
+    kind: str,
+    name: str,
+    output: Path | None = None,
+) -> tuple[Path, Path]:
     """Write a package into the folder ``output`` (default: one of its name, here); return that and the part's module.
 
     Raises:
@@ -59,9 +62,11 @@ def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]
     """
     if kind not in TEMPLATES:
         raise choices("kind", kind, (*TEMPLATES, "scene"), "vlmgineer new")
+
     template = TEMPLATES[kind]
     package = check_name(template.group, name)
     folder = output or Path(package)
+
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UserError(
             f"{folder} is there already; choose another folder with output=DIR"
@@ -82,13 +87,18 @@ def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]
         "hook": KINDS[template.group].hook,
         "cls": template.cls.format(camel_case[0].upper() + camel_case[1:]),
     }
+
     for file, source in _files(kind, name, package).items():
         write_bytes(folder / file, render(source, values).encode())
 
     return folder, folder / package / f"{template.module}.py"
 
 
-def _files(kind: str, name: str, package: str) -> dict[str, str]:
+def _files(
+    kind: str,
+    name: str,
+    package: str,
+) -> dict[str, str]:
     """Return the files of a package, each with its template."""
     template = TEMPLATES[kind]
     files = {
@@ -97,10 +107,13 @@ def _files(kind: str, name: str, package: str) -> dict[str, str]:
         f"{package}/__init__.py": "init.py",
         f"{package}/{template.module}.py": f"{kind}.py",
     }
+
     if kind == "listener":
         files[f"tests/test_{package}.py"] = "listener_test.py"
+
     if kind == "robot":
         files[f"{package}/arm.urdf"] = "robot.urdf"
+
     if kind != "command":  # which has no settings
         files[f"{package}/conf/__init__.py"] = "empty.py"
         files[f"{package}/conf/{template.group}/{name}.yaml"] = f"{kind}.yaml"
@@ -121,6 +134,7 @@ def check_name(group: str, name: str) -> str:
 
     snake = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
     taken = installed().offers.get((group, name))
+
     if taken is not None:
         raise UsageError(
             f"{group} {name!r} is taken: {taken.distribution} offers it; choose another name"
@@ -143,6 +157,7 @@ def render(source: str, values: dict[str, str]) -> str:
         undefined=jinja2.StrictUndefined,
         keep_trailing_newline=True,
     )
+
     return str(template.render(values))
 
 
@@ -154,6 +169,7 @@ def write_scene(name: str, output: Path | None = None) -> Path:
     """
     snake = check_name("task", name)
     file = output or Path(f"{snake}.yaml")
+
     if file.exists():
         raise UserError(
             f"{file} is there already; choose another name, or another file with output=FILE"
@@ -179,27 +195,17 @@ def main(words: list[str]) -> None:
     unknown = [word for word in named if word.startswith("-") or "=" in word]
     if len(named) != 2 or len(outputs) > 1 or unknown:
         raise UsageError(f"a kind and a name are needed; {' '.join(USAGE.split())}")
+
     kind, name = named
     output = Path(outputs[0]) if outputs else None
+    values = {"kind": kind, "name": name}
 
     if kind == "scene":
-        file = write_scene(name, output)
-        say(f"{file}: a scene, ready to be changed")
-        for use in ("vlmgineer render", "vlmgineer conformance", RUN):
-            say(f"  {use} task=file task.file={file}")
-        return
+        values["file"] = str(write_scene(name, output))
+    else:
+        folder, file = write(kind, name, output)
+        template = TEMPLATES[kind]
+        values |= {"file": str(file), "folder": str(folder)}
+        values |= {"group": template.group, "what": template.what}
 
-    folder, file = write(kind, name, output)
-    template = TEMPLATES[kind]
-    use = f"{RUN} {template.group}={name}"
-    if kind == "listener":
-        use = f"{RUN} listener=[progress,{name}]"
-    if kind == "command":
-        use = f"vlmgineer {name}"
-    say(
-        f"{file}: {template.what}, ready to be changed",
-        f"  pip install -e '{folder}[test]'",
-        f"  vlmgineer conformance {template.group}={name}",
-        f"  {use}",
-        f"  python -m pytest {folder}",
-    )
+    say(*render("next_steps.txt", values).splitlines())

@@ -67,11 +67,17 @@ class PlannedTool:
     lost: str | None = None
 
     def take(self, task: str, answer: Answer) -> None:
-        """Take the plans for a task."""
+        """Take the plans for a task.
+
+        Args:
+            task: the name of the task.
+            answer: to the request for its plans.
+        """
         first = answer.candidates[0]
         self.plans[task] = [c.problem or c.plan for c in answer.candidates]
         self.words[task] = first.action_description
         self.waits -= 1
+
         if answer.lost:
             self.lost = first.problem
 
@@ -83,6 +89,7 @@ class PlannedTool:
 
         words = [f"{task}: {text}" for task, text in sorted(self.words.items())]
         sets = zip_longest(*self.plans.values()) if self.plans else [()]
+
         for number, plans in enumerate(sets):
             chosen: dict[str, ActionPlan | str] = dict(self.kept) if number == 0 else {}
             for task, plan in zip(self.plans, plans, strict=True):
@@ -128,17 +135,23 @@ class SeveralDesigner(ModelDesigner):
         """Compose the requests for plans, for the elite's tool or, as an example, for none."""
         brief = request.brief
         tool = Candidate(Tool(gripper=brief.gripper), NO_PLANS)
+
         parents: list[Evaluation] = []
         if elite is not None:
             tool = elite.candidate
             parents = [elite]
+
         return [
             self._request_plans(task, tool, parents, brief, request.temperature)
             for task in self.tasks
         ]
 
     def brief(
-        self, generation: int, agent: int, team: Team, tried: tuple[Evaluation, ...]
+        self,
+        generation: int,
+        agent: int,
+        team: Team,
+        tried: tuple[Evaluation, ...],
     ) -> tuple[Brief, float]:
         """Make an agent's assignment: tools alone."""
         brief, temperature = super().brief(generation, agent, team, tried)
@@ -149,12 +162,15 @@ class SeveralDesigner(ModelDesigner):
         document = super().parse(brief, text)
         if brief.n_action or not isinstance(document, dict):
             return document
+
         strategies = document.get("strategies")
         if not isinstance(strategies, list):
             return document
+
         planless = [
             {**s, "action_sets": [[]]} if isinstance(s, dict) else s for s in strategies
         ]
+
         return {"strategies": planless}
 
     def _keep_tools(
@@ -164,28 +180,40 @@ class SeveralDesigner(ModelDesigner):
 
         All agents keep a given tool.
         """
+        given = self.assignment.given
+
         kept: dict[int, list[Candidate]] = {}
+
         for team in teams:
-            tools = [
-                elite.candidate
-                for elite in team.elites
-                if self.assignment.given is not None
-                or len(self._held(elite)) < len(self.tasks)
-            ]
-            if not tools and self.assignment.given is not None:
-                tools = [Candidate(self.assignment.given, NO_PLANS)]
-            if not tools:
-                continue
+            tools = []
+            for elite in team.elites:
+                if given is not None or len(self._held(elite)) < len(self.tasks):
+                    tools.append(elite.candidate)
+
+            if not tools and given is not None:
+                tools = [Candidate(given, NO_PLANS)]
+
             for agent in team.agents:
-                if self.assignment.given is not None or (agent + generation) % 2:
+                if tools and (given is not None or (agent + generation) % 2):
                     kept[agent] = self._renew(tools, generation, agent, team)
 
         return kept
 
     def _renew(
-        self, tools: Sequence[Candidate], generation: int, agent: int, team: Team
+        self,
+        tools: Sequence[Candidate],
+        generation: int,
+        agent: int,
+        team: Team,
     ) -> list[Candidate]:
-        """Make candidates without plans of tools that are kept."""
+        """Make candidates without plans of tools that are kept.
+
+        Args:
+            tools: candidates of earlier generations, the best first.
+            generation: the number of the one that they are kept in.
+            agent: which has plans asked for.
+            team: of the agent.
+        """
         most = self.assignment.budget.n_tool
         return [
             replace(
@@ -204,8 +232,14 @@ class SeveralDesigner(ModelDesigner):
     def _plan(
         self, tools: Iterable[Candidate], teams: Sequence[Team]
     ) -> Iterator[Candidate]:
-        """Ask for plans for tools, and yield their candidates as replies arrive."""
+        """Ask for plans for tools, and yield their candidates as replies arrive.
+
+        Args:
+            tools: candidates without plans; those with a problem are yielded as they are.
+            teams: of the generation.
+        """
         waiting: dict[str, tuple[PlannedTool, str]] = {}
+
         requests: list[Request] = []
         for tool in tools:
             if tool.problem is not None:
@@ -215,6 +249,7 @@ class SeveralDesigner(ModelDesigner):
             planned, new = self._ask_for_plans(tool, teams)
             for request in new:
                 waiting[request.id] = (planned, request.brief.task.name)
+
             requests += new
             if not new:
                 yield from planned.candidates()
@@ -222,19 +257,30 @@ class SeveralDesigner(ModelDesigner):
         for answer in self.ask(requests):
             planned, task = waiting[answer.request.id]
             planned.take(task, answer)
+
             if planned.waits == 0:
                 yield from planned.candidates()
 
     def _ask_for_plans(
         self, tool: Candidate, teams: Sequence[Team]
     ) -> tuple[PlannedTool, list[Request]]:
-        """Compose the requests for the plans that a tool lacks."""
+        """Compose the requests for the plans that a tool lacks.
+
+        Args:
+            tool: a candidate without plans.
+            teams: of the generation; one has the tool's agent.
+
+        Returns:
+            The tool, which waits for as many answers as there are requests; and the requests.
+        """
         team = next(team for team in teams if tool.agent in team.agents)
         parents = [e for e in team.elites if e.candidate.id in tool.parents]
+        known = any(_has_tool(parent, tool) for parent in parents)
+
         held: dict[str, ActionPlan] = {}
         for parent in parents:
             held |= self._held(parent)
-        known = any(_has_tool(parent, tool) for parent in parents)
+
         open_tasks = [task for task in self.tasks if task.name not in held]
         if known and not open_tasks:
             open_tasks = list(self.tasks)
@@ -242,6 +288,7 @@ class SeveralDesigner(ModelDesigner):
         tried = tuple(e for e in self.tried if _has_tool(e, tool))
         brief, temperature = self.brief(tool.generation, tool.agent, team, tried)
         planned = PlannedTool(tool, {} if known else held, waits=len(open_tasks))
+
         requests: list[Request] = []
         for task in open_tasks:
             planned.plans[task.name] = []
@@ -257,8 +304,10 @@ class SeveralDesigner(ModelDesigner):
         for task in self.tasks:
             plan = evaluation.candidate.plan.of(task.name)
             reward = evaluation.figures.get(task.name, 0.0)
+
             if reward >= task.success_reward and isinstance(plan, ActionPlan):
                 held[task.name] = plan
+
         return held
 
     def _request_plans(
@@ -269,7 +318,15 @@ class SeveralDesigner(ModelDesigner):
         brief: Brief,
         temperature: float,
     ) -> Request:
-        """Compose the request for plans with which a tool does one task."""
+        """Compose the request for plans with which a tool does one task.
+
+        Args:
+            task: one of the tasks.
+            tool: a candidate without plans.
+            parents: what the prompt shows: evaluations in all tasks.
+            brief: of the tool's agent.
+            temperature: of the request.
+        """
         assert tool.tool is not None
         number = self.tasks.index(task)
         alone = [parent.in_task(task.name) for parent in parents]
@@ -289,17 +346,26 @@ class SeveralDesigner(ModelDesigner):
             critiques={},
             seed=int(rng.integers(2**31)),
         )
+
         messages = self.plan_prompts[task.name].compose(
             for_task,
             self.plan_pictures[task.name].get(for_task.gripper, ()),
             schema=not self.vlm.takes_schema,
         )
+
         name = f"g{brief.generation}-a{brief.agent}-s{tool.strategy}-t{number}"
+
         return Request(name, for_task, messages, answer_schema(for_task), temperature)
 
 
 def _has_tool(evaluation: Evaluation, candidate: Candidate) -> bool:
-    """Report whether a candidate was tried with the same tool."""
+    """Report whether a candidate was tried with the same tool.
+
+    Args:
+        evaluation: of a candidate that was tried.
+        candidate: another one.
+    """
     tool = evaluation.candidate.tool
     other = candidate.tool
+
     return tool is not None and other is not None and tool.content == other.content

@@ -5,6 +5,7 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 
 from core.design import Candidate
 from core.interfaces import ActionPlan, Condition, Evaluation, Fitness, Score, Trial
@@ -30,14 +31,17 @@ class Together(Fitness):
         self._combine = combine
 
     def conditions(self) -> list[Condition]:
-        found: list[Condition] = []
-        for fitness in self.by_task.values():
-            found += fitness.conditions()
-        return found
+        return list(chain(*[judge.conditions() for judge in self.by_task.values()]))
 
     def score(self, candidate: Candidate, trials: Sequence[Trial]) -> Score:
-        """Combine the scores in each task; the trial that is shown is that of the task with the lowest reward."""
+        """Combine the scores in each task; the trial that is shown is that of the task with the lowest reward.
+
+        Args:
+            candidate: with a plan for each task.
+            trials: of all tasks, in the order of the conditions.
+        """
         scores: dict[str, Score] = {}
+
         shown: dict[str, int] = {}
         for task, fitness in self.by_task.items():
             numbers = [n for n, trial in enumerate(trials) if trial.task == task]
@@ -47,35 +51,45 @@ class Together(Fitness):
 
         played = [task for task in scores if trials[shown[task]].status == "ok"]
         lowest = min(played or list(scores), key=lambda task: scores[task].reward)
+
         warnings: list[str] = []
         for task, score in scores.items():
             warnings += _describe(task, trials[shown[task]], score)
+
         figures = {task: score.reward for task, score in scores.items()}
         reward = COMBINE[self._combine](list(figures.values()))
+
         return Score(reward, figures, shown[lowest], tuple(warnings))
 
     def finals(self) -> Iterator[list[Condition]]:
-        endless = [fitness.finals() for fitness in self.by_task.values()]
+        endless = [judge.finals() for judge in self.by_task.values()]
         for alike in zip(*endless, strict=False):
-            yield [condition for conditions in alike for condition in conditions]
+            yield list(chain(*alike))
 
     def unseen(self) -> list[Condition]:
-        found: list[Condition] = []
-        for fitness in self.by_task.values():
-            found += fitness.unseen()
-        return found
+        return list(chain(*[judge.unseen() for judge in self.by_task.values()]))
 
     def rewards(self, trials: Sequence[Trial]) -> dict[str, tuple[float, ...]]:
-        """Return the combined rewards in each engine: a number for each layout."""
-        by_task = [
-            fitness.rewards([trial for trial in trials if trial.task == task])
-            for task, fitness in self.by_task.items()
-        ]
-        found: dict[str, tuple[float, ...]] = {}
-        for engine in by_task[0]:
-            alike = zip(*(rewards[engine] for rewards in by_task), strict=True)
-            found[engine] = tuple(COMBINE[self._combine](rewards) for rewards in alike)
-        return found
+        """Return the combined rewards in each engine: a number for each layout.
+
+        Args:
+            trials: of one candidate, in all tasks.
+
+        Returns:
+            By engine. A task's layouts are numbered alike in all of them.
+        """
+        by_engine: dict[str, list[tuple[float, ...]]] = {}
+        for task, judge in self.by_task.items():
+            in_task = [trial for trial in trials if trial.task == task]
+            for engine, rewards in judge.rewards(in_task).items():
+                by_engine.setdefault(engine, []).append(rewards)
+
+        combine = COMBINE[self._combine]
+
+        return {
+            engine: tuple(map(combine, zip(*rewards, strict=True)))
+            for engine, rewards in by_engine.items()
+        }
 
     def instructions(self) -> str:
         reward = "mean" if self._combine == "mean" else "lowest"
@@ -85,12 +99,18 @@ class Together(Fitness):
         )
 
     def recombine(self, tried: Sequence[Evaluation]) -> Iterator[Candidate]:
-        """Yield for each tool of the last generation the best of all its plans for the tasks, if that is new."""
+        """Yield for each tool of the last generation the best of all its plans for the tasks, if that is new.
+
+        Args:
+            tried: all candidates of the run so far, in any order.
+        """
         ordered = sorted(tried, key=lambda evaluation: evaluation.candidate.key)
         last = max((e.candidate.generation for e in ordered), default=0)
+
         for known in _group_by_tool(ordered).values():
             recent = [e.candidate for e in known if e.candidate.generation == last]
             plans = self._best_plans(known)
+
             if not recent or any(
                 e.candidate.plan.content == plans.content for e in known
             ):
@@ -98,6 +118,7 @@ class Together(Fitness):
 
             strategy = recent[0].key[:3]
             siblings = [e.candidate for e in tried if e.candidate.key[:3] == strategy]
+
             best = max(known, key=lambda evaluation: evaluation.reward)
             yield replace(
                 best.candidate,
@@ -109,29 +130,52 @@ class Together(Fitness):
             )
 
     def _best_plans(self, known: Sequence[Evaluation]) -> TaskPlans:
-        """Join the best plan for each task of candidates with one tool."""
+        """Join the best plan for each task of candidates with one tool.
+
+        Args:
+            known: evaluations of candidates with the same tool.
+        """
         plans: list[tuple[str, ActionPlan | str]] = []
         for task in self.by_task:
             rewards = [evaluation.figures.get(task, 0.0) for evaluation in known]
             best = known[rewards.index(max(rewards))]
             plans.append((task, best.candidate.plan.of(task)))
+
         return TaskPlans(tuple(plans))
 
 
 def _group_by_tool(
     evaluations: Iterable[Evaluation],
 ) -> dict[str, list[Evaluation]]:
-    """Group the candidates that were tried by what their tools are."""
+    """Group the candidates that were tried by what their tools are.
+
+    Args:
+        evaluations: in any order; those that were not played have no group.
+
+    Returns:
+        By a digest of the tool, the evaluations in their order.
+    """
     groups: dict[str, list[Evaluation]] = {}
     for evaluation in evaluations:
         tool = evaluation.candidate.tool
         if evaluation.status == "ok" and tool is not None:
             groups.setdefault(digest(tool.content), []).append(evaluation)
+
     return groups
 
 
-def _describe(task: str, trial: Trial, score: Score) -> Iterator[str]:
-    """Say what is to be said of a candidate in one of the tasks, beside what its trial says itself if it is shown."""
+def _describe(
+    task: str,
+    trial: Trial,
+    score: Score,
+) -> Iterator[str]:
+    """Say what is to be said of a candidate in one of the tasks, beside what its trial says itself if it is shown.
+
+    Args:
+        task: the name of the task.
+        trial: the one that is shown there.
+        score: what the fitness made of the trials there.
+    """
     reasons = [trial.reason] if trial.reason else []
     for line in (*reasons, *trial.warnings, *score.warnings):
         yield f"{task}: {line}"

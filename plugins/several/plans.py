@@ -30,13 +30,12 @@ class TaskPlans(ActionPlan):
         raise TypeError("plans for several tasks are resolved one by one")
 
     def dump(self) -> list[Any]:
-        return [_dump(task, plan) for task, plan in self.plans]
-
-
-def _dump(task: str, plan: ActionPlan | str) -> dict[str, Any]:
-    if isinstance(plan, str):
-        return {"task": task, "problem": plan}
-    return {"task": task, "action": plan.action, "plan": plan.dump()}
+        return [
+            {"task": task, "problem": plan}
+            if isinstance(plan, str)
+            else {"task": task, "action": plan.action, "plan": plan.dump()}
+            for task, plan in self.plans
+        ]
 
 
 class TaskActions(ActionRepresentation):
@@ -47,20 +46,22 @@ class TaskActions(ActionRepresentation):
 
     def instructions(self, brief: Brief) -> str:
         literal = installed().create(ACTION, Waypoints.action)
-        rules = (
-            "- A list with an object for each task: its name as `task`, and its `plan`."
+        return (
+            "- A list with an object for each task: its name as `task`, and its `plan`.\n"
+            + literal.instructions(brief).strip()
         )
-        return f"{rules}\n{literal.instructions(brief).strip()}"
 
     def schema(self, *, gripper: bool) -> dict[str, Any]:
         literal = installed().create(ACTION, Waypoints.action)
         fields = {"task": {"type": "string"}, "plan": literal.schema(gripper=gripper)}
         item = {"type": "object", "properties": fields, "required": list(fields)}
+
         return {"type": "array", "items": item, "minItems": 1}
 
     def parse(self, data: object, *, gripper: bool) -> TaskPlans:
         plans: list[tuple[str, ActionPlan | str]] = []
         items = data if isinstance(data, list) else [data]
+
         for number, item in enumerate(items, start=1):
             if not isinstance(item, dict):
                 raise DesignError(
@@ -80,11 +81,17 @@ class TaskActions(ActionRepresentation):
 
 
 def _read_plan(item: Mapping[Any, Any], *, gripper: bool) -> ActionPlan | str:
-    """Read the plan for one task; a text: there is none, and why."""
+    """Read the plan for one task; a text: there is none, and why.
+
+    Args:
+        item: with an ``action`` and a ``plan``, or with a ``problem``.
+        gripper: whether waypoints have a value for the gripper.
+    """
     problem = item.get("problem")
     if problem is None:
         try:
             return parse_plan(named_actions(dict(item)), item.get("plan"), gripper)
         except DesignError as error:
             problem = error
+
     return clean(str(problem), MAX_PROBLEM)

@@ -33,10 +33,12 @@ class Several(Task):
     ) -> None:
         super().__init__()
         self.sources = list(read_parts(TASK, of).values())
+
         self._parts: tuple[Task, ...] = tuple(
             source.create() for source in self.sources
         )
         names = [task.name for task in self._parts]
+
         if len(names) < 2 or len(set(names)) < len(names):
             raise UsageError(
                 f"task.of needs two or more different tasks, got {', '.join(names)}"
@@ -53,6 +55,7 @@ class Several(Task):
             "description": " ".join(texts),
             "in_words": " ".join(in_words),
         }
+
         vars(self).update(hidden)
 
     @property
@@ -81,6 +84,9 @@ class Several(Task):
 def _find_common_kinds(entries: Sequence[str | Mapping[str, Any]]) -> tuple[str, ...]:
     """Return the tool kinds that all tasks take.
 
+    Args:
+        entries: the tasks as the configuration has them: names, or mappings of a ``name`` and settings.
+
     Raises:
         UsageError: there is none.
     """
@@ -91,10 +97,10 @@ def _find_common_kinds(entries: Sequence[str | Mapping[str, Any]]) -> tuple[str,
         usual = load("config", [f"task={name}"]).task.get("tool_kinds")
         kinds[name] = list(settings.get("tool_kinds") or usual or ("rigid",))
 
-    first = next(iter(kinds.values()))
-    common = tuple(
-        kind for kind in first if all(kind in taken for taken in kinds.values())
-    )
+    first, *others = kinds.values()
+    shared = set(first).intersection(*others)
+    common = tuple(kind for kind in first if kind in shared)
+
     if not common:
         takes = [f"{name} takes {' or '.join(taken)}" for name, taken in kinds.items()]
         raise UsageError(

@@ -49,24 +49,23 @@ def _read_shape(item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
         f"{where}, a {name},",
     )
 
-    if name == "box":
-        sides = read_numbers(item.get("size"), 3, f"{where}: size")
-        sizes = [_positive(side, f"{where}: size") for side in sides]
-    else:
-        given = {
-            size: read_number(item.get(size), f"{where}: {size}")
-            for size in _SIZES[name]
-        }
-        sizes = [_positive(value, f"{where}: {size}") for size, value in given.items()]
+    sizes = []
+    for size in _SIZES[name]:
+        place = f"{where}: {size}"
+        value = item.get(size)
+        if name == "box":
+            numbers = read_numbers(value, 3, place)
+        else:
+            numbers = [read_number(value, place)]
+
+        for number in numbers:
+            if number < 10.0**-DIGITS:  # it would be written as 0
+                raise DesignError(
+                    f"{place} must be greater than 0, in metres, not {number:g}"
+                )
+        sizes += numbers
 
     return PRIMITIVES[name](*sizes), Pose()
-
-
-def _positive(value: float, where: str) -> float:
-    """Refuse a size that is 0 or less, or so small that it is written as 0."""
-    if value < 10.0**-DIGITS:
-        raise DesignError(f"{where} must be greater than 0, in metres, not {value:g}")
-    return value
 
 
 class BoxTools(ComponentTools):

@@ -16,9 +16,8 @@ from core.trial import Evaluation
 
 MAX_CRITIQUE = 2000  # characters
 STRIP = "Film strip of the rollout: six instants at which something happens, in reading order"
-_CRITIC = (
-    1_000_000  # in place of an agent's number: keeps requests' random numbers apart
-)
+# In place of an agent's number: keeps requests' random numbers apart.
+_CRITIC = 1_000_000
 
 
 @dataclass(eq=False)
@@ -40,13 +39,16 @@ class ModelCritic:
         first = list(self._shown.values()).count(brief.generation)
         telling = most_telling(brief.elites, last_generation(brief.tried))
         new = [e for e in telling if e.candidate.id not in self._shown]
-        chosen = new[: max(0, self.designer.prompts.settings.critic - first)]
-        return [
-            self._request(brief, number, evaluation)
-            for number, evaluation in enumerate(chosen, first)
-        ]
+        most = range(first, self.designer.prompts.settings.critic)
 
-    def _request(self, brief: Brief, number: int, shown: Evaluation) -> Request:
+        return [self._request(brief, *pair) for pair in zip(most, new, strict=False)]
+
+    def _request(
+        self,
+        brief: Brief,
+        number: int,
+        shown: Evaluation,
+    ) -> Request:
         self._shown[shown.candidate.id] = brief.generation
         tool = shown.candidate.tool
         task, elite = shown_in(brief.task, shown)
@@ -61,25 +63,39 @@ class ModelCritic:
             n_action=1,
             seed=int(rng.integers(2**31)),
         )
+
         film = self.designer.film
-        strip = None if film is None else film(shown)
-        pictures = {} if strip is None else {STRIP: strip}
+        strip = film and film(shown)
+        pictures = {STRIP: strip} if strip is not None else {}
         messages = self.designer.prompts.critique(alone, pictures)
         temperature = self.designer.sampling.temperature
         name = f"g{brief.generation}-critic{number}"
+
         return Request(name, alone, messages, {}, temperature, critique=True)
 
     def hear(self, reply: Reply, request: Request) -> None:
-        """Keep what a reply says; a failed one says nothing."""
+        """Keep what a reply says; a failed one says nothing.
+
+        Args:
+            reply: to a request for a critique.
+            request: of `requests`.
+        """
         text = clean(reply.text[: 10 * MAX_CRITIQUE], MAX_CRITIQUE, lines=True)
         words = text.replace("```", "'''")
+
         if reply.error is None and words:
             self._words[request.brief.elites[0].candidate.id] = words
 
     def words(
         self, elites: Sequence[Evaluation], tried: Iterable[Evaluation]
     ) -> dict[str, str]:
-        """Return the critiques of elites, and of the last generation's candidates, by candidate."""
+        """Return the critiques of elites, and of the last generation's candidates, by candidate.
+
+        Args:
+            elites: that a prompt will show.
+            tried: all that was tried so far.
+        """
         shown = (*elites, *last_generation(tried))
         names = dict.fromkeys(evaluation.candidate.id for evaluation in shown)
+
         return {name: self._words[name] for name in names if name in self._words}

@@ -55,11 +55,9 @@ class Ensemble(VLM):
                 "vlm.members is empty; name models, such as vlm.members=[gemini,openai]"
             )
 
-        if max_cost_usd is not None:
-            check_positive("vlm.", max_cost_usd=max_cost_usd)
-        if max_tokens_total is not None:
-            check_positive("vlm.", max_tokens_total=max_tokens_total)
-
+        check_positive(
+            "vlm.", max_cost_usd=max_cost_usd, max_tokens_total=max_tokens_total
+        )
         limits = Spending(max_cost_usd, max_tokens_total)
         self._members: dict[str, VLM] = {}
         self._events = event_hub()
@@ -92,17 +90,24 @@ class Ensemble(VLM):
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """See `VLM.complete`. What a member leaves at its limit goes to the others."""
         left = list(requests)
+
         closed: dict[str, LimitReached] = {}
         while left:
-            hands, refused = self._deal(left, closed)
-            if len(closed) < len(self._members):
-                for request in refused:  # a limit ends no run that can go on
-                    error = "no member that writes critiques is left"
-                    yield Reply(request.id, "", self.model, error=error)
-            else:
+            if len(closed) == len(self._members):
                 raise LimitReached(
                     f"{_describe_limits(closed)}; {len(left)} of {len(requests)} requests are left without a reply"
                 )
+
+            hands: dict[str, list[Request]] = defaultdict(list)
+            for request in left:
+                label = self._choose(request, closed)
+                if label is not None:
+                    hands[label].append(request)
+                    continue
+
+                # A limit ends no run that can go on.
+                error = "no member that writes critiques is left"
+                yield Reply(request.id, "", self.model, error=error)
 
             answered = set()
             for label, reply in self._ask(hands, closed):
@@ -113,28 +118,6 @@ class Ensemble(VLM):
             for label, hand in hands.items():
                 if label in closed:
                     left += [request for request in hand if request.id not in answered]
-
-    def _deal(
-        self,
-        requests: Sequence[Request],
-        closed: Mapping[str, LimitReached],
-    ) -> tuple[dict[str, list[Request]], list[Request]]:
-        """Deal requests to members; return those of each, and those of critiques that no member can answer.
-
-        Args:
-            requests: without a reply so far.
-            closed: the members that have reached a limit, and which.
-        """
-        hands: dict[str, list[Request]] = {}
-        refused = []
-        for request in requests:
-            label = self._choose(request, closed)
-            if label is not None:
-                hands.setdefault(label, []).append(request)
-            elif request.critique:
-                refused.append(request)
-
-        return hands, refused
 
     def _choose(
         self,
@@ -147,11 +130,7 @@ class Ensemble(VLM):
             request: of designs, or of a critique, which not all members write.
             closed: the members that have reached a limit.
         """
-        brief = request.brief
-        ranking = self._dealer.ranking(
-            brief.generation, brief.agent, critique=request.critique
-        )
-        for label in ranking:
+        for label in self._dealer.ranking(request):
             is_able = self._members[label].criticises or not request.critique
             if is_able and label not in closed:
                 return label
@@ -214,10 +193,11 @@ class Ensemble(VLM):
         if reply.model not in self._members:
             return
 
-        others = []
-        for label in self._members:
-            if label != reply.model:
-                others.append(self._events.get_plugin(label))
+        others = [
+            self._events.get_plugin(label)
+            for label in self._members
+            if label != reply.model
+        ]
 
         hear = self._events.subset_hook_caller("reply_received", others)
         hear(request=request, reply=reply)
@@ -246,6 +226,7 @@ def _describe_limits(closed: Mapping[str, LimitReached]) -> str:
     texts = []
     for label, limit in closed.items():
         texts.append(f"{label}: {str(limit).partition('; ')[0]}")
+
     return ", ".join(texts)
 
 
@@ -272,7 +253,12 @@ class Dealer:
         self._costs: dict[str, list[float]] = {name: [] for name in members}
         self._priced = True
 
-    def hear(self, member: str, reward: float, cost_usd: float | None) -> None:
+    def hear(
+        self,
+        member: str,
+        reward: float,
+        cost_usd: float | None,
+    ) -> None:
         """Take what an answer earned, and its cost; None: it is not known. An answer that failed may have cost 0.
 
         Args:
@@ -286,24 +272,16 @@ class Dealer:
 
         self._priced &= cost_usd is not None
 
-    def ranking(
-        self,
-        generation: int,
-        agent: int,
-        *,
-        critique: bool = False,
-    ) -> list[str]:
+    def ranking(self, request: Request) -> list[str]:
         """Order the members for a request, the first choice first.
 
-        Members that have not answered yet come first, each for another agent. A ``critique`` earns nothing: there
-        only the draw counts.
-
-        Args:
-            generation: of the request.
-            agent: that makes the request.
-            critique: whether it asks for one.
+        Members that have not answered yet come first, each for another agent. A critique earns nothing: there only the
+        draw counts.
         """
-        rng = np.random.default_rng([self._seed, generation, agent, int(critique)])
+        brief = request.brief
+        numbers = [self._seed, brief.generation, brief.agent, int(request.critique)]
+        rng = np.random.default_rng(numbers)
+
         costs: dict[str, float] = {}
         if self._priced:
             costs = {name: fmean(paid) for name, paid in self._costs.items() if paid}
@@ -320,6 +298,8 @@ class Dealer:
 
         ranked = sorted(draws, key=lambda name: -draws[name])
         untried = [name for name, rewards in self._rewards.items() if not rewards]
-        if agent < len(untried) and not critique:
-            ranked.sort(key=lambda name: name != untried[agent])
+
+        if brief.agent < len(untried) and not request.critique:
+            ranked.sort(key=lambda name: name != untried[brief.agent])
+
         return ranked

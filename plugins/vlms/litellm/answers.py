@@ -14,11 +14,15 @@ def unwrap(content: bytes) -> tuple[int, bytes]:
 
     An answer of OpenAI's protocol gets one message with its text, which may stand in parts, in the arguments of a tool
     call, or in what the model thought. An error without a text gets its own status, and keeps the provider's words.
+
+    Args:
+        content: the body of an answer, unpacked.
     """
     try:
         document = json.loads(content)
     except (ValueError, RecursionError):
         return 200, content
+
     if not isinstance(document, dict):
         return 200, content
 
@@ -26,11 +30,14 @@ def unwrap(content: bytes) -> tuple[int, bytes]:
     message = choice.get("message")
     error = document.get("error") or choice.get("error")
     text = find_text(message) if isinstance(message, dict) else ""
+
     if error and not text:
         code = error.get("code") if isinstance(error, dict) else None
         status = FAILED
+
         if isinstance(code, int) and 400 <= code < 600:
             status = code
+
         return status, json.dumps({"error": error}).encode()
 
     if not isinstance(message, dict) or message.get("content") == text:
@@ -38,17 +45,25 @@ def unwrap(content: bytes) -> tuple[int, bytes]:
 
     plain = {"role": "assistant", "content": text or None}
     refusal = message.get("refusal")
+
     if isinstance(refusal, str):
         plain["refusal"] = refusal[:_LONGEST_REFUSAL]
+
     finish = choice.get("finish_reason")
     if finish in (None, "tool_calls", "function_call"):
         finish = "stop"
+
     document["choices"] = [{"index": 0, "finish_reason": finish, "message": plain}]
+
     return 200, json.dumps(document).encode()
 
 
 def find_text(message: dict[str, Any]) -> str:
-    """Return the text of a message: its content, a tool call's arguments, or else what holds JSON in its thoughts."""
+    """Return the text of a message: its content, a tool call's arguments, or else what holds JSON in its thoughts.
+
+    Args:
+        message: of OpenAI's protocol, with fields of any type.
+    """
     content = _join(message.get("content"))
     if content.strip():
         return content
@@ -56,6 +71,7 @@ def find_text(message: dict[str, Any]) -> str:
     calls = message.get("tool_calls")
     functions = [call.get("function") for call in calls or () if isinstance(call, dict)]
     functions.append(message.get("function_call"))
+
     for function in functions:
         if isinstance(function, dict) and function.get("arguments"):
             arguments = function["arguments"]
@@ -65,16 +81,23 @@ def find_text(message: dict[str, Any]) -> str:
         thought = _join(message.get(name))
         if "{" in thought:
             return thought
+
     return ""
 
 
 def _join(content: object) -> str:
-    """Join the texts of a message's parts; a text is one."""
+    """Join the texts of a message's parts; a text is one.
+
+    Args:
+        content: of a message: a text, a list of parts, or anything.
+    """
     if isinstance(content, str):
         return content
     if not isinstance(content, list):
         return ""
+
     texts = [part.get("text") for part in content if isinstance(part, dict)]
+
     return "".join(text for text in texts if isinstance(text, str))
 
 
@@ -82,4 +105,5 @@ def _first(choices: object) -> dict[str, Any]:
     """Return the first of an answer's choices; empty: there is none."""
     if isinstance(choices, list) and choices and isinstance(choices[0], dict):
         return choices[0]
+
     return {}

@@ -19,12 +19,14 @@ from plugins.vlms.litellm.failures import explain, pause, unanswered, within
 _log = logging.getLogger(__name__)
 
 _LIMITS = (
+    "concurrency",
+    "timeout_s",
     "requests_per_minute",
     "max_output_tokens",
     "max_cost_usd",
     "max_tokens_total",
 )
-"""Settings that may be None."""
+"""Settings that are greater than 0, or None where this means no limit."""
 
 
 @dataclass(eq=False)
@@ -66,12 +68,8 @@ class LanguageModel(VLM):
                 "vlm.model is empty; give provider/model, such as vlm.model=gemini/gemini-2.5-pro"
             )
 
-        check_positive("vlm.", concurrency=self.concurrency, timeout_s=self.timeout_s)
-
         for name in _LIMITS:
-            limit = getattr(self, name)
-            if limit is not None:
-                check_positive("vlm.", **{name: limit})
+            check_positive("vlm.", **{name: getattr(self, name)})
 
         if self.retries < 0:
             raise UsageError(f"vlm.retries must be at least 0, got {self.retries}")

@@ -26,7 +26,7 @@ def draw(weights: Mapping[K, float], rng: Generator) -> K:
 def draw_head_turn(rng: Generator) -> float:
     """Draw a turn of a head about z, radians: most often none, or by an eighth or a quarter."""
     turns = np.array([0.0, 0.25, -0.25, 0.5, -0.5]) * np.pi
-    return rng.choice(turns, p=[0.6, 0.1, 0.1, 0.1, 0.1])
+    return float(rng.choice(turns, p=[0.6, 0.1, 0.1, 0.1, 0.1]))
 
 
 def add_error(
