@@ -1,4 +1,8 @@
-"""Change the configuration of a resumed run, where its past results do not depend on it."""
+"""Change the configuration of a resumed run, where its past results do not depend on it.
+
+A run goes on as it began: with the same parts, settings and seed. What may change is how it is executed and watched,
+the settings of its model, and how long it goes on.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +24,12 @@ from core.config.words import quote_paths
 from core.errors import UsageError, UserError
 from core.support.text import clean
 
+# What may change in a run that goes on: parts as a whole, their settings, and single ones.
 GROUPS = ("executor", "listener")
 PARTS = ("executor.", "listener.", "vlm.")
 KEYS = ("film", "budget.n_iteration", "budget.stop_reward", "evolution.refine")
+
+# The last word of a setting that is an address.
 _ADDRESS = re.compile(r"(^|_)(base|url|host|address|endpoint|server)$")
 
 
@@ -37,11 +44,16 @@ def hydra_config(folder: Path) -> dict[str, Any]:
         inside = sorted(store.parent for store in folder.glob("*/run.sqlite"))
         hint = f"; there is one in {inside[0]}" if inside else ""
         raise UserError(f"{folder} holds no run{hint}")
+
     return as_stored(read_stored_yaml(file), folder, references=True)
 
 
 def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
     """Apply the command line's overrides to a run's configuration.
+
+    Args:
+        config: of the run, resolved.
+        overrides: the words of the command line.
 
     Raises:
         UsageError: a setting that can't change, or not to this value.
@@ -61,6 +73,7 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
         raise UserError(f"{unusable}: it lacks {', '.join(lacks[:3])}")
     after = before.copy()
     words = quote_paths(overrides)
+
     try:
         for override in OverridesParser.create().parse_overrides(words):
             _apply(after, override)
@@ -84,6 +97,13 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
 
 
 def _apply(config: DictConfig, override: Override) -> None:
+    """Apply an override to a configuration.
+
+    A group is composed anew: its part has the settings that the command line gives, and else its defaults.
+
+    Raises:
+        UsageError: the setting can't change in a run that goes on.
+    """
     key = override.key_or_group
     line = override.input_line or ""
     if override.is_sweep_override():
@@ -102,10 +122,9 @@ def _apply(config: DictConfig, override: Override) -> None:
 
 
 def refuse_stored_receivers(config: dict[str, Any], repeated: Sequence[str]) -> None:
-    """Check that a stored run calls no server, and asks no model but its part's own, that the command line does not
-    name too.
+    """Check that a stored run calls no server, and asks no model but its part's own.
 
-    Requests would carry this machine's key there.
+    Requests would carry this machine's key there. What the command line names too is asked for by the user.
 
     Raises:
         UserError: there is an address of the model, the executor or a listener, or a model; says what to repeat.
@@ -113,6 +132,7 @@ def refuse_stored_receivers(config: dict[str, Any], repeated: Sequence[str]) -> 
     given = {word.lstrip("+").partition("=")[0] for word in repeated}
     usual = _usual_model(config)
     found: dict[str, str] = {}
+
     for kind in ("vlm", "executor", "listener"):
         for path, value in texts(config.get(kind), kind):
             name = path.rpartition(".")[2]
@@ -131,7 +151,10 @@ def refuse_stored_receivers(config: dict[str, Any], repeated: Sequence[str]) -> 
 
 
 def _usual_model(config: Mapping[str, Any]) -> object:
-    """Return the model that the configuration's ``vlm`` asks where nothing else is set; None: it has none."""
+    """Return the model that the configuration's ``vlm`` asks where nothing else is set.
+
+    None: it has none, or the part can't be found here.
+    """
     try:
         return load("config", [f"vlm={config['vlm']['name']}"]).vlm.get("model")
     except (UserError, KeyError, TypeError):

@@ -29,6 +29,7 @@ class PluginConfigs(SearchPathPlugin):  # type: ignore[misc]  # hydra has no typ
 
     def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
         search_path.prepend("parts", f"{PartConfigs.scheme()}://")
+
         for distribution, paths in installed().configs.items():
             for path in paths:
                 search_path.append(distribution, path)
@@ -59,6 +60,7 @@ class PartConfigs(ConfigSource):  # type: ignore[misc]
             ObjectType.CONFIG if group else ObjectType.GROUP,
         ):
             return []
+
         return installed().names(group) if group else sorted(KINDS)
 
     def load_config(self, config_path: str) -> ConfigResult:
@@ -80,16 +82,21 @@ class PartConfigs(ConfigSource):  # type: ignore[misc]
 
 
 def _placed(kind: str, name: str, node: DictConfig) -> DictConfig:
-    """Put a part's settings where its group has them: there are several listeners at once, each under its name."""
+    """Put a part's settings where its group has them.
+
+    There are several listeners at once, each under its name.
+    """
     if kind != "listener":
         return node
     settings = {
         key: value for key, value in node.items_ex(resolve=False) if key != "name"
     }
+
     return OmegaConf.create({name: settings})
 
 
 def _part(config_path: str) -> tuple[str, str]:
+    """Split the path of a config, such as ``sim/mujoco``, into the kind and the name of its part."""
     kind, _, name = config_path.strip("/").removesuffix(".yaml").partition("/")
     return kind, name
 
@@ -100,13 +107,15 @@ def _file(config_path: str) -> ConfigSource | None:
         source = ImportlibResourcesConfigSource("parts", path)
         if source.is_config(config_path):
             return source
+
     return None
 
 
 def defaults(kind: str, name: str) -> dict[str, Any]:
-    """The settings of a part with their defaults, as far as YAML can express them, and what the program itself reads.
+    """Return the settings of a part with their defaults, as far as YAML can express them.
 
-    A part that can't be imported has none here; the error is reported when the part is made.
+    What the program itself reads of such a part is among them (`core.plugins.kinds.Kind.defaults`). A part that can't
+    be imported has none here; the error is reported when the part is made.
     """
     try:
         factory = installed().factory(kind, name)
@@ -115,6 +124,7 @@ def defaults(kind: str, name: str) -> dict[str, Any]:
         return {}
 
     settings: dict[str, Any] = {}
+
     for setting, parameter in possible.items():
         needed = parameter.default is parameter.empty
         default = MISSING if needed else parameter.default

@@ -29,7 +29,7 @@ from core.trial import Evaluation
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What came of a request.
+    """What came of a request: candidates in any case, if only one that says why there is no other.
 
     Attributes:
         candidates: those of the reply, or one that has the problem.
@@ -59,6 +59,9 @@ class Critic(Protocol):
 @dataclass(eq=False)
 class ModelDesigner:
     """A `core.interfaces.Designer` that sends the requests of all agents at once.
+
+    It composes a request for each agent, sends designs that break a rule back with the reasons, and yields candidates
+    as replies arrive. What was paid for before is not asked for again (``stored``).
 
     Attributes:
         assignment: what is asked for.
@@ -122,7 +125,10 @@ class ModelDesigner:
         self.refuse_silence(generation)
 
     def start(self, generation: int, teams: Sequence[Team]) -> list[Request]:
-        """Have elites criticised, and compose the requests of a generation's agents."""
+        """Have elites criticised, and compose the requests of a generation's agents.
+
+        Of several teams each is shown only what its own agents tried.
+        """
         self._replies = []
         self._criticise(generation, [elite for team in teams for elite in team.elites])
         apart = len(teams) > 1
@@ -151,7 +157,10 @@ class ModelDesigner:
     def requests(
         self, generation: int, team: Team, *, apart: bool = False
     ) -> list[Request]:
-        """Compose the request of each agent of a team, which may be shown what was tried; if ``apart``, by the team."""
+        """Compose the request of each agent of a team.
+
+        It may be shown what was tried in earlier generations; if ``apart``, by the team alone.
+        """
         tried = [e for e in self.tried if not apart or e.candidate.agent in team.agents]
         strips = self._draw_strips(team, tried)
         return [
@@ -183,6 +192,7 @@ class ModelDesigner:
             return
         missing = {item.sent.id: item for item in asked}
         requests = [item.sent for item in asked]
+
         try:
             for reply in ask_model(self.vlm, requests, self.events, self.stored):
                 item = missing.pop(reply.request_id)
@@ -208,6 +218,7 @@ class ModelDesigner:
             return
 
         problem = ""
+
         try:
             document = self.parse(item.request.brief, reply.text)
             starts = bool(self.prompts.settings.repair)
@@ -218,10 +229,14 @@ class ModelDesigner:
         if again is not None and (problem or item.faulty()):
             again.append(item.look_again(self.prompts, reply, problem))
             return
+
         yield _answer(item, f"the reply can't be read: {problem}")
 
     def _criticise(self, generation: int, elites: Sequence[Evaluation]) -> None:
-        """Ask for critiques, and wait for them: the generation's other requests show them."""
+        """Ask for critiques, and wait for them: the generation's other requests show them.
+
+        Without a critic nothing is asked.
+        """
         if self.critic is None:
             return
         brief, _ = self.brief(generation, 0, Team(range(1), elites), tuple(self.tried))
@@ -235,22 +250,30 @@ class ModelDesigner:
     def _draw_strips(
         self, team: Team, tried: Sequence[Evaluation]
     ) -> dict[str, Picture]:
-        """Draw film strips of the best elite and of a failure, by the candidates' ids."""
+        """Draw film strips of the best elite and of a failure, by the candidates' ids.
+
+        A strip that can't be drawn is left out.
+        """
         if self.film is None or self.prompts.settings.feedback != "full":
             return {}
         best = team.elites[:1]
         telling = most_telling(best, last_generation(tried))
         strips: dict[str, Picture] = {}
+
         for evaluation in islice(telling, len(best) + 1):
             strip = self.film(evaluation)
             if strip is not None:
                 strips[evaluation.candidate.id] = strip
+
         return strips
 
     def brief(
         self, generation: int, agent: int, team: Team, tried: tuple[Evaluation, ...]
     ) -> tuple[Brief, float]:
-        """Make an agent's assignment, and draw its temperature."""
+        """Make an agent's assignment, and draw its temperature.
+
+        Both follow from the seed, the generation and the agent's number, so that a run can be repeated.
+        """
         assignment = self.assignment
         given = assignment.given
         rng = np.random.default_rng([assignment.seed, generation, agent])
@@ -289,6 +312,7 @@ class ModelDesigner:
         tried: tuple[Evaluation, ...],
         strips: Mapping[str, Picture],
     ) -> Request:
+        """Compose an agent's request, with pictures of the scene and film strips."""
         brief, temperature = self.brief(generation, agent, team, tried)
         scene = self.pictures.get(brief.gripper, ())
         schema = not self.vlm.takes_schema

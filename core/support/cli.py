@@ -23,10 +23,10 @@ from core.support.text import clean, visible
 
 
 def command(function: Callable[[list[str]], int | None]) -> NoReturn:
-    """Call ``function`` with the arguments, and end the process with its exit status; a mistake is one line on
-    standard error.
+    """Call ``function`` with the arguments, and end the process with its exit status.
 
-    Keys are left out of all that it prints.
+    A mistake of the user is one line on standard error. Keys are left out of all that is printed, a signal becomes an
+    interrupt, and what takes long is said.
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         # For an encoding that has not every letter.
@@ -61,7 +61,11 @@ def command(function: Callable[[list[str]], int | None]) -> NoReturn:
 
 
 def arguments(usage: str, given: Sequence[str]) -> list[str]:
-    """Return the command line's overrides; with ``--help`` print the usage and end the process."""
+    """Return the command line's overrides; with ``--help`` print the usage and end the process.
+
+    Raises:
+        UsageError: a word is no ``KEY=VALUE``.
+    """
     given = _help_or_words(usage, given)
     for word in given:
         if word.startswith("-") or "=" not in word:
@@ -74,7 +78,8 @@ def folders_and_overrides(
 ) -> tuple[list[Path], list[str]]:
     """Return the folders that the command line names, as they are or as ``runs=FOLDER``, and its overrides.
 
-    A path that exists is a folder, even with a ``=`` in its name, as a multirun's jobs may have.
+    With ``--help`` it prints the usage and ends the process. A path that exists is a folder, even with a ``=``
+    in its name, as a multirun's jobs may have.
     """
     folders: list[Path] = []
     overrides: list[str] = []
@@ -94,13 +99,17 @@ def folders_and_overrides(
 
 
 def join_words(given: Sequence[str]) -> list[str]:
-    """Join the values that a shell took apart at their spaces: lists and objects."""
+    """Join the values that a shell took apart at their spaces: lists and objects.
+
+    So ``sims=[mujoco, pybullet]`` needs no quotes.
+    """
     joined: list[str] = []
     for word in given:
         if joined and _is_open(joined[-1]) and "=" not in word:
             joined[-1] += f" {word}"
         else:
             joined.append(word)
+
     return joined
 
 
@@ -129,16 +138,19 @@ def path_exists(value: str) -> bool:
 
 
 def _help_or_words(usage: str, given: Sequence[str]) -> list[str]:
+    """Return the words; with ``--help`` among them print the usage and end the process."""
     if "--help" in given or "-h" in given:
         say(*usage.splitlines())
         sys.stdout.flush()
         sys.exit(0)
+
     return list(given)
 
 
 def say(*lines: str, file: TextIO | None = None) -> None:
-    """Print lines: the one way for text to a terminal. What is not printable is escaped, since others may have written
-    it: a model, a provider, an owner of a folder.
+    """Print lines: the one way for text to a terminal.
+
+    What is not printable is escaped, since others may have written it: a model, a provider, an owner of a folder.
     """
     file = sys.stdout if file is None else file
     file.write("".join(f"{visible(line)}\n" for line in lines))
@@ -184,6 +196,7 @@ def print_table(
             column = table.columns[number]
             column.justify = "right"
             column.min_width = max((len(row[number]) for row in grid), default=0)
+
     for row in grid:
         table.add_row(*map(rich.text.Text, row))
 
@@ -207,6 +220,7 @@ class _Interrupt:
         if now > self.first + 1.0:
             remove_scratch()
             os._exit(130)
+
         if now < self.first:
             self.first = now
             raise KeyboardInterrupt
@@ -221,5 +235,6 @@ def _leave(line: str, code: int) -> NoReturn:
         say(*line.splitlines(), file=sys.stderr)
         sys.stderr.flush()
         sys.stdout.flush()
+
     remove_scratch()
     os._exit(code)

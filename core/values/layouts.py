@@ -54,9 +54,13 @@ def around(
         f"{name}.x": (x - metres, x + metres),
         f"{name}.y": (y - metres, y + metres),
     }
+
     return ranges | ({f"{name}.yaw": (-radians, radians)} if radians else {})
 
 
 def within(name: str, **ranges: tuple[float, float]) -> Ranges:
-    """Ranges of a body's numbers, such as ``x``, ``yaw`` and ``mass``."""
+    """Ranges of a body's numbers, such as ``x``, ``yaw`` and ``mass``.
+
+    ``within("cube", mass=(0.1, 0.3))`` are those of the number ``cube.mass``.
+    """
     return {f"{name}.{number}": span for number, span in ranges.items()}
