@@ -86,7 +86,7 @@ def measure(folder):
     ("folder", "nodes", "in_thousand_lines"),
     [
         ("core", 77_600, 3_830),
-        ("plugins", 176_300, 3_970),
+        ("plugins", 176_500, 3_970),
         ("tasks", 20_500, 4_450),
     ],
 )
