@@ -31,6 +31,7 @@ class Together(Fitness):
         self._combine = combine
 
     def conditions(self) -> list[Condition]:
+        """Return the conditions of all tasks, one task after the other."""
         return list(chain(*[judge.conditions() for judge in self.by_task.values()]))
 
     def score(self, candidate: Candidate, trials: Sequence[Trial]) -> Score:
@@ -42,13 +43,15 @@ class Together(Fitness):
         """
         scores: dict[str, Score] = {}
 
-        shown: dict[str, int] = {}
+        shown: dict[str, int] = {}  # the number of the trial that stands for a task
+
         for task, fitness in self.by_task.items():
             numbers = [n for n, trial in enumerate(trials) if trial.task == task]
             score = fitness.score(candidate, [trials[number] for number in numbers])
             scores[task] = score
             shown[task] = numbers[score.shown]
 
+        # A task in which it was played says more than one in which it was refused.
         played = [task for task in scores if trials[shown[task]].status == "ok"]
         lowest = min(played or list(scores), key=lambda task: scores[task].reward)
 
@@ -62,11 +65,13 @@ class Together(Fitness):
         return Score(reward, figures, shown[lowest], tuple(warnings))
 
     def finals(self) -> Iterator[list[Condition]]:
+        """Yield the next conditions of each task together, without end."""
         endless = [judge.finals() for judge in self.by_task.values()]
         for alike in zip(*endless, strict=False):
             yield list(chain(*alike))
 
     def unseen(self) -> list[Condition]:
+        """Return the unseen conditions of all tasks."""
         return list(chain(*[judge.unseen() for judge in self.by_task.values()]))
 
     def rewards(self, trials: Sequence[Trial]) -> dict[str, tuple[float, ...]]:
@@ -134,6 +139,8 @@ class Together(Fitness):
 
         Args:
             known: evaluations of candidates with the same tool.
+        Returns:
+            A plan for each task, or the reason why there is none.
         """
         plans: list[tuple[str, ActionPlan | str]] = []
         for task in self.by_task:
@@ -176,6 +183,6 @@ def _describe(
         trial: the one that is shown there.
         score: what the fitness made of the trials there.
     """
-    reasons = [trial.reason] if trial.reason else []
-    for line in (*reasons, *trial.warnings, *score.warnings):
-        yield f"{task}: {line}"
+    for line in (trial.reason, *trial.warnings, *score.warnings):
+        if line:
+            yield f"{task}: {line}"

@@ -73,7 +73,11 @@ class Boxes:
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """The lowest and highest corners (N, 3) of the axis-aligned bounding boxes."""
+        """The lowest and highest corners (N, 3) of the axis-aligned bounding boxes.
+
+        Returns:
+            Metres, in the frame of the boxes.
+        """
         reaches = np.einsum("nij,nj->ni", np.abs(self.axes), self.halves)
         return self.centers - reaches, self.centers + reaches
 
@@ -134,6 +138,8 @@ def count_overlaps(
         a: N boxes.
         b: M boxes in the same frame.
         margin: of distance, metres.
+    Returns:
+        Of N M pairs, those that are too close.
     """
     lower, upper = a.bounds
     other_lower, other_upper = b.bounds

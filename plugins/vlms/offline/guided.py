@@ -58,6 +58,8 @@ def make_guided_head(subgoal: Subgoal, rng: Generator) -> Head | None:
     Args:
         subgoal: with one body.
         rng: random numbers.
+    Returns:
+        A rod, a lip or tines, by what the goal asks.
     """
     goal = subgoal.goal
     if goal is not None and goal.joint is not None:
@@ -194,6 +196,8 @@ def _make_carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
     Args:
         subgoal: the body.
         rng: random numbers.
+    Returns:
+        A head with one tine or two.
     """
     for start in (np.zeros(3), subgoal.shift + 0.004 * UP):
         if subgoal.is_blocked(_LIFT_M * UP, start, step=0.006):

@@ -105,7 +105,13 @@ def draw_head(
 
 
 class _HeadDrawing:
-    """Draws heads of three kinds for a subgoal: what pushes, lifts or hooks its bodies."""
+    """Draws heads of three kinds for a subgoal: what pushes, lifts or hooks its bodies.
+
+        drawing = _HeadDrawing(subgoal, rng, thickness_factor=1.0)
+        head = drawing.draw_pusher()
+
+    Each call draws another head. All lengths are in metres.
+    """
 
     def __init__(
         self,
@@ -137,6 +143,9 @@ class _HeadDrawing:
 
         Blades and pegs push at any place. What encloses bodies is only drawn where there is room for its walls beside
         them.
+
+        Returns:
+            A blade, a peg, a cage, a pen, a funnel, a wedge or a rake.
         """
         rng = self._rng
         across = self._across
@@ -159,6 +168,7 @@ class _HeadDrawing:
                 "wedge": 1.0,
                 "rake": 0.7,
             }
+
             widest_spare = (self._widest - across) / 2 - thick
             spare = max(_LEAST_M, min(spare, widest_spare))
 
@@ -207,10 +217,14 @@ class _HeadDrawing:
 
         Under an overhang it is most often a fork whose tines go beside the bodies' foot; otherwise a scoop, or a fork
         with thin tines under the bodies.
+
+        Returns:
+            A fork or a scoop.
         """
         rng = self._rng
         height = self._subgoal.height * rng.uniform(0.7, 1.3)
         height = np.clip(height, 0.02, 0.2)
+
         depth = self._along * rng.uniform(0.75, 1.15)
 
         # Tines beside the foot carry the overhang, without going under the bodies.
@@ -226,6 +240,7 @@ class _HeadDrawing:
         if rng.random() < 0.2:
             tine = self._across * rng.uniform(0.08, 0.2)
             inner = self._across * rng.uniform(0.4, 0.7)
+
             count = int(rng.integers(2, 5))
             return make_fork(inner, depth, height, tine, self._factor * 0.002, count)
 
@@ -270,6 +285,9 @@ class _HeadDrawing:
         """Draw a head that passes beside or over the bodies, and pulls them from behind.
 
         Its arm is as stiff as its length asks for, and clear of the bodies; its toe is in what room is left.
+
+        Returns:
+            A hook, whose arm is at one of the bodies' sides or above them.
         """
         rng = self._rng
         subgoal = self._subgoal
@@ -285,6 +303,7 @@ class _HeadDrawing:
         least = max(0.003, _HOOK_STOUTNESS * longest)
         thick = clearance * self._factor * rng.uniform(0.1, 0.25)
         thick = np.clip(thick, least, self._factor * 0.014)
+
         gap = min(0.004, 0.1 * clearance)
 
         # The toe takes what room is left, and grips up to all of the bodies' side.

@@ -28,8 +28,11 @@ from plugins.vlms.offline.subgoals import Subgoal
 PrimitiveMotion = Callable[[HeadPath, Subgoal, Head, Generator], str]
 """Adds waypoints to a path, and says in words what they do."""
 
-_FALL_M = 0.1  # bodies that go down by more are pushed over an edge
-_IN_PLACE_M = 0.03  # bodies whose way on the ground is shorter are only lifted
+# Bodies that go down by more are pushed over an edge.
+_FALL_M = 0.1
+
+# Bodies whose way on the ground is shorter are only lifted.
+_IN_PLACE_M = 0.03
 
 
 def _draw_rise(
@@ -72,11 +75,15 @@ def push(
         subgoal: what is moved.
         head: a pusher, which may enclose the bodies.
         rng: random numbers.
+
+    Returns:
+        What it does, in words, as a part of the sentence that describes the plan.
     """
     extent = subgoal.extent(add_error(subgoal.heading, 0.06, rng, often=0.4))
 
     # How far behind the bodies the head comes down; a pen comes down around them.
     gap = max(0.001, (head.depth - extent.along) / 2)
+
     if head.primitive != "surround":
         gap = rng.uniform(0.004, 0.03)
 
@@ -99,12 +106,15 @@ def push(
     # Come down from above everything near.
     rise = _draw_rise(subgoal, low, rng)
     path.go(extent.heading - swing, start + rise, start)
+
+    # Segments are as many as the speed asks for.
     path.move(end, extent.heading + swing, speed)
 
     text = (
         f"comes down {gap * 1000:.0f} mm behind and moves by {length:.2f} m at "
         f"{speed:.2f} m/s"
     )
+
     leaves = rng.random() < 0.4 or len(subgoal.solids) > 1 or subgoal.alone
     if not leaves:
         return text
@@ -138,7 +148,8 @@ def _draw_stroke(subgoal: Subgoal, rng: Generator) -> tuple[float, float, float]
     # They go over an edge: neither the way nor the speed is critical.
     if subgoal.shift[2] < -_FALL_M:
         length = subgoal.length * rng.uniform(0.4, 1.3)
-        return length, rng.uniform(0.5, 2.0), 0.0
+        speed = rng.uniform(0.5, 2.0)
+        return length, speed, 0.0
 
     # They are thrown.
     if distance > subgoal.workspace.farthest:
@@ -161,6 +172,9 @@ def scoop(
         subgoal: what is lifted.
         head: a scoop or a fork.
         rng: random numbers.
+
+    Returns:
+        What it does, in words, as a part of the sentence that describes the plan.
     """
     # Bodies that are only lifted can be reached from any side.
     in_place = subgoal.length < _IN_PLACE_M
@@ -172,6 +186,7 @@ def scoop(
 
     extent = subgoal.extent(heading + rng.normal(0.0, 0.05))
     heading = extent.heading
+
     ahead = extent.ahead
 
     # Slide under the bodies.
@@ -184,6 +199,7 @@ def scoop(
 
     path.go(heading, start + _draw_rise(subgoal, low, rng), start)
     path.move(under, heading, speed)
+
     path.hold()
 
     # From here on the bodies go along.
@@ -230,6 +246,9 @@ def hook(
         subgoal: what is pulled.
         head: a hook.
         rng: random numbers.
+
+    Returns:
+        What it does, in words, as a part of the sentence that describes the plan.
     """
     extent = subgoal.extent(subgoal.heading)
     ahead = extent.ahead
@@ -251,20 +270,23 @@ def hook(
     # Come in from outside of what covers the bodies.
     outside = subgoal.length if subgoal.is_covered else 0.0
     behind = edge + (extent.rear - rng.uniform(0.004, 0.02)) * ahead
+
     before = edge + (extent.front + outside + rng.uniform(0.01, 0.04)) * ahead
 
     # Under a cover there is no way down from above.
     rise = 0.05 * UP
+
     if not subgoal.is_covered:
         rise = _draw_rise(subgoal, subgoal.lower[2], rng)
 
     path.go(extent.heading, before + aside + rise, before + aside)
     path.go(extent.heading, behind + aside, behind)
 
-    # Pull.
+    # Pull, most often too far or not far enough: that is for evolution to find.
     length = _draw_about(subgoal.length, rng)
     end = edge + (extent.rear + length) * ahead
     path.move(end, extent.heading, rng.uniform(0.1, 0.4))
+
     passes = "over" if passes_over else "beside"
 
     return f"passes {passes}, gets behind and pulls by {length:.2f} m"
@@ -283,8 +305,11 @@ def clamp(
         subgoal: what is held.
         head: two pads on the fingers, or the bare hand.
         rng: random numbers.
+
+    Returns:
+        What it does, in words, as a part of the sentence that describes the plan.
     """
-    # Close the fingers around the bodies.
+    # The fingers are most often turned as at home.
     turn = rng.choice([0.0, np.pi / 2, -np.pi / 2], p=[0.8, 0.1, 0.1])
     yaw = add_error(turn, 0.1, rng)  # how the fingers are turned about z
 
@@ -292,14 +317,17 @@ def clamp(
     low = subgoal.lower[2] + above_foot
     grasp = np.array([*subgoal.center[:2], low])
 
+    # Come down, and close them around the bodies.
     path.go(yaw, grasp + _draw_rise(subgoal, low, rng), grasp)
     path.go(yaw, grasp, grip=1.0, touch=True)
+
     path.hold()
 
     # Bodies with a free way on the ground may be dragged.
     rises = subgoal.rises
     drags = not rises and not subgoal.is_blocked(subgoal.shift) and rng.random() < 0.6
     goal = grasp + _draw_about(1.0, rng) * subgoal.shift * LEVEL
+
     lift = 0.0 if drags else _draw_lift(subgoal, rng)
 
     # Get out from under an obstacle first.

@@ -16,10 +16,10 @@ from plugins.vlms.offline.scene_model import SceneModel, Solid
 from plugins.vlms.offline.targets import Target
 
 _NO_WAY_M = 0.01  # a shorter shift on the ground gives no direction
-_ENCLOSED_M = 0.05
-_NEAR_M = 0.15
-_BEHIND_M = 0.05
-_COVERED_M = 0.5
+_ENCLOSED_M = 0.05  # of what is near, above the bodies
+_NEAR_M = 0.15  # to what is near, on the level
+_BEHIND_M = 0.05  # from where on an obstacle is in a tool's way
+_COVERED_M = 0.5  # to what covers the bodies, above them
 _FOOT_M = 0.004  # boxes that begin lower than this are a body's foot,
 _OVERHANG_M = 0.006  # and those that stand out by more than this its overhang
 _SUPPORT_M = 0.006  # bodies are lifted by this for collision checks, since their support does not block them
@@ -159,6 +159,8 @@ class Subgoal:
 
         Args:
             heading: radians about z.
+        Returns:
+            In the world.
         """
         ahead, side = heading_axes(heading)
         leftward, _ = heading_axes(heading + np.pi / 2)
@@ -194,8 +196,10 @@ class Subgoal:
 
         y = bounds[[0, 1, 0, 1], :, 1]
         along = x * extent.ahead[0] + y * extent.ahead[1]  # of the obstacles' corners
+
         across = x * extent.side[0] + y * extent.side[1]
 
+        # Where the tool passes.
         beside = along.max(axis=0) >= extent.rear - _BEHIND_M
         beside &= along.min(axis=0) <= extent.rear + self.length
         beside &= upper[:, 2] >= self.lower[2] + _SUPPORT_M
@@ -203,6 +207,7 @@ class Subgoal:
         beside &= lower[:, 2] <= self.upper[2]
         on_left = across.mean(axis=0) > (extent.left + extent.right) / 2
 
+        # From the bodies' sides to the nearest of them.
         on_right = extent.right - across.max(axis=0)
         free_right = on_right[beside & ~on_left].min(initial=1.0)
 
@@ -272,7 +277,11 @@ class Subgoal:
         return count_overlaps(shrunk.moved_to(way, turns), self.obstacles, margin) > 0
 
     def find_sidestep(self) -> Array:
-        """Find the shortest step (3,) aside, in the air, after which nothing is above the bodies; zero: none helps."""
+        """Find the shortest step (3,) aside, in the air, after which nothing is above the bodies; zero: none helps.
+
+        Returns:
+            In the world, metres: one of eight ways, up to 6 cm.
+        """
         rise = max(self.shift[2], 0.05) * UP
         steps = [np.zeros(3)]
 
@@ -294,6 +303,8 @@ def goal_position(here: Array, goal: Target) -> Array:
     Args:
         here: where the body is, (3,).
         goal: which may leave some coordinates free.
+    Returns:
+        In the world, metres.
     """
     place = np.array(here)
     for axis, coordinate in enumerate(goal.place or here):
@@ -319,4 +330,5 @@ def turn_to_goal(goal: Target, body: Body) -> tuple[Array, float]:
     wanted = np.divide(goal.points, np.linalg.norm(goal.points))
 
     angle = float(np.arccos(np.clip(now @ wanted, -1.0, 1.0)))
+
     return np.cross(now, wanted), angle

@@ -38,6 +38,8 @@ def mutate(
         tool: of any origin.
         scale: of changes of size and pose.
         rng: random numbers.
+    Returns:
+        The tool is a new one, whose components touch their parents.
     """
     components = [*tool.components]
     count = len(components)
@@ -190,6 +192,7 @@ def _resize(
     components[number] = replace(component, shape=Box((x, y, z)), pose=moved)
 
     verb = "lengthened" if factor > 1 else "shortened"
+
     return f"{component.name} {verb} in {'xyz'[axis]} to {sides[axis]:.3f} m"
 
 
@@ -273,6 +276,8 @@ def cross(
         first: which is changed.
         second: which gives.
         rng: random numbers.
+    Returns:
+        As of `mutate`.
     """
     if _structure(first) == _structure(second) and rng.random() < _BLENDS:
         return _blend(first, second, rng.uniform(0.2, 0.8))

@@ -49,6 +49,7 @@ def class_source(part: type, *members: str) -> str:
     for child in body:
         if not isinstance(child, ast.AnnAssign):
             continue
+
         if isinstance(child.target, ast.Name) and child.target.id in members:
             kept += lines[child.lineno - 1 : child.end_lineno]
 
@@ -75,6 +76,7 @@ def task_source(task: Task) -> str:
     hidden = {"in_words", "variations"}
     rewards = [m for m in members if isinstance(m, ast.FunctionDef)]
     rewards = [method for method in rewards if method.name == "reward"]
+
     if rewards and "goals" not in ast.unparse(rewards[0]):
         hidden |= {"goals", "every"}
 
@@ -94,8 +96,10 @@ def helpers(task: Task) -> str:
     """
     if task.language != "python":
         return ""
+
     module = sys.modules[type(task).__module__]
     package = module.__name__.partition(".")[0]
+
     heads = []
 
     for value in vars(module).values():
@@ -105,6 +109,7 @@ def helpers(task: Task) -> str:
 
         origin = function.__module__
         is_imported = origin != module.__name__
+
         if is_imported and origin.partition(".")[0] == package != "core":
             heads.append(_take_head(function))
 
@@ -118,4 +123,5 @@ def _take_head(function: Callable[..., Any]) -> str:
     assert isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     if ast.get_docstring(node) is None:
         return text.rstrip("\n")
+
     return "\n".join(text.splitlines()[: node.body[0].end_lineno])

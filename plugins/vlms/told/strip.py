@@ -13,12 +13,21 @@ from core.interfaces import Image, Observation, Recording
 from core.support.text import clean
 
 FRAMES = 6
-SIZE = (320, 240)  # pixels: of a frame
-APART_S = 0.15  # between two frames, at least
-STIRRED_M = 0.003
-LIFTED_M = 0.02
 
-Moment = tuple[float, str]  # seconds, and what happens then
+SIZE = (320, 240)
+"""Of a frame, pixels."""
+
+APART_S = 0.15
+"""Between two frames, at least."""
+
+STIRRED_M = 0.003
+"""A body that has gone so far has begun to move."""
+
+LIFTED_M = 0.02
+"""A body that is so much higher than at first is lifted."""
+
+Moment = tuple[float, str]
+"""Seconds, and what happens then."""
 
 
 def draw_strip(
@@ -64,18 +73,21 @@ def moments(recording: Recording, seen: Observation | None = None) -> list[Momen
         recording: of the rollout, from before the motion on.
         seen: what was observed of the rollout, if it was.
     """
+    # In the order of what is most worth a frame.
     happened = [(0.0, "start"), (float(recording.times[-1]), "end")]
     if seen is not None:
         happened += _list_observed(seen)
 
     happened += _list_motions(recording)
 
+    # The first of those that are close to each other counts.
     chosen: list[Moment] = []
     for moment in happened:
         new = all(abs(moment[0] - other) >= APART_S for other, _ in chosen)
         if new and len(chosen) < FRAMES:
             chosen.append(moment)
 
+    # What is left is spread over the longest gaps.
     while len(chosen) < FRAMES:
         chosen.sort()
         gaps = list(pairwise(chosen)) or [(chosen[0], chosen[0])]

@@ -80,6 +80,9 @@ def calibrated_pictures(
         seed: of the layout.
         render: draws the scene from a camera, without what is written on it.
 
+    Returns:
+        In the order in which a prompt shows them, each with its caption.
+
     Raises:
         NoPicture: nothing here can draw.
     """
@@ -161,7 +164,12 @@ def _move_closer(camera: Camera, bodies: Sequence[Body]) -> Camera:
 
 
 class _Grid:
-    """Lines and scales in metres over a parallel view."""
+    """Lines and scales in metres over a parallel view.
+
+        caption = _Grid(picture, camera, view).draw()
+
+    Positions can be read off, and distances measured in pixels.
+    """
 
     def __init__(
         self,
@@ -187,7 +195,11 @@ class _Grid:
         self._step = min(enough, default=_STEPS[-1])
 
     def draw(self) -> str:
-        """Draw it, and say what one needs to measure in the picture."""
+        """Draw it, and say what one needs to measure in the picture.
+
+        Returns:
+            A part of the picture's caption.
+        """
         right = self._view.right
         up = self._view.up
         sign = float(np.sign(self._camera.axes[0][right]))
@@ -342,7 +354,12 @@ class _Box(NamedTuple):
 
 
 class _Labels:
-    """Marks of bodies in a picture: the origin of each one's frame, its axes x and y, and its name."""
+    """Marks of bodies in a picture: the origin of each one's frame, its axes x and y, and its name.
+
+        _Labels(picture, camera).draw(bodies)
+
+    No name covers another: each has the first free place near its body.
+    """
 
     def __init__(self, picture: Pillow.Image, camera: Camera) -> None:
         self._pen = ImageDraw.Draw(picture)
@@ -371,7 +388,11 @@ class _Labels:
                 self._draw_name(body.name, x, y)
 
     def _project(self, pose: Pose) -> tuple[float, float]:
-        """Compute where the origin of a frame is in the picture, pixels."""
+        """Compute where the origin of a frame is in the picture, pixels.
+
+        Args:
+            pose: of the frame in the world.
+        """
         x, y = project(self._camera, pose.position, WIDTH, HEIGHT).tolist()
         return x, y
 
@@ -435,5 +456,9 @@ class _Labels:
 
 
 def _strip_number(body: Body) -> str:
-    """Return a body's name without its number."""
+    """Return a body's name without its number.
+
+    Args:
+        body: such as the third of several alike.
+    """
     return body.name.rstrip("0123456789")
