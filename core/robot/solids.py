@@ -103,10 +103,14 @@ def solids_of(name: str, shape: Shape | Compound, pose: Pose) -> list[Solid]:
     return [Solid(name, solid_geometry(part), pose) for part in shape.convex_parts()]
 
 
-def body_solids(body: Body) -> Iterator[Solid]:
-    """Yield a body's collision shapes, in the world."""
+def body_solids(body: Body, frame: int = WORLD) -> Iterator[Solid]:
+    """Yield a body's collision shapes in the world, or in the body's ``frame``, which moves with it."""
+    name = body.name
     for part in body.collisions:
-        yield Solid(body.name, solid_geometry(part.shape), body.pose @ part.pose)
+        pose = body.pose @ part.pose if frame == WORLD else part.pose
+        yield Solid(
+            name, solid_geometry(part.shape), pose, part.shape, owner=name, frame=frame
+        )
 
 
 def signed_distance(a: Solid, b: Solid) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import chain
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from core.robot.kinematics import RobotModel, jointed, robot_model
 from core.robot.solids import (
     WORLD,
     Solid,
+    body_solids,
     bounding_box,
     robot_solids,
     solid_geometry,
@@ -28,8 +30,9 @@ class Solids:
     """N solids, each at rest in one of the frames that move, or in the world.
 
     Attributes:
-        items: the solids; ``owners`` and ``frames`` (N,) are theirs.
-        owner_numbers: (N,) a number for each one's owner.
+        items: the solids.
+        owners: (N,) the name of what each one is part of.
+        frames: (N,) the number of the frame that each one moves with.
         moving: the numbers of those that move.
         rotations: (N, 3, 3), with ``positions`` (N, 3) its place in its frame.
         middles: (N, 3), with ``halves`` (N, 3) its bounding box along its own axes.
@@ -41,8 +44,7 @@ class Solids:
 
     def __init__(self, solids: Sequence[Solid]) -> None:
         self.items = tuple(solids)
-        self.owners = tuple(solid.owner for solid in solids)
-        _, self.owner_numbers = np.unique(self.owners, return_inverse=True)
+        self.owners = np.array([solid.owner for solid in solids], dtype=str)
         self.frames = np.array([solid.frame for solid in solids], dtype=int)
         self.moving = np.flatnonzero(self.frames != WORLD)
         rotations = [solid.pose.rotation.as_matrix() for solid in solids]
@@ -104,15 +106,8 @@ def _hang(solid: Solid, link: str, model: RobotModel) -> Solid:
 def scene_solids(scene: Scene) -> Solids:
     """Measure the collision shapes of all bodies; their frames are those of the free ones."""
     frames = {body.name: number for number, body in enumerate(scene.free)}
-    solids = []
-    for body in scene.bodies:
-        frame = frames.get(body.name, WORLD)
-        for part in body.collisions:
-            pose = body.pose @ part.pose if body.fixed else part.pose
-            geometry = solid_geometry(part.shape)
-            name = body.name
-            solids.append(Solid(name, geometry, pose, part.shape, name, frame))
-    return Solids(solids)
+    solids = [body_solids(body, frames.get(body.name, WORLD)) for body in scene.bodies]
+    return Solids([*chain.from_iterable(solids)])
 
 
 @lru_cache(maxsize=8)

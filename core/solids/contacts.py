@@ -76,6 +76,7 @@ class Contacts:
         key = (kind, first, second)
         touched = self.touching[key]
         begin, end = self.taken.times[touched][[0, -1]].tolist()
+
         force = None
         forces = self.taken.forces
         if forces:
@@ -115,34 +116,34 @@ class _Touch(NamedTuple):
 def find_contacts(
     scene: Scene, robot: Robot, tool: Tool, recording: Recording
 ) -> Contacts:
-    """Find the contacts of a rollout of ``tool`` in ``scene``, at samples about `SAMPLE_HZ` apart."""
+    """Find the contacts of a rollout, at samples about `SAMPLE_HZ` apart.
+
+    Args:
+        scene: its bodies.
+        robot: the arm.
+        tool: what it holds.
+        recording: of the rollout.
+    """
     taken = subset(recording, coarse_samples(recording))
     tracks = follow(scene, robot, tool, taken)
     touches = list(_find_touches(scene, tool, tracks, taken))
+
     touching: dict[Key, Flags] = {}
     depths: dict[Key, float] = {}
     for key, _, touched, depth in touches:
         touching[key] = touching.get(key, False) | touched
         depths[key] = max(depth, depths.get(key, depth))
 
-    bodies = {body.name for body in scene.bodies}
-    softs = {soft.name for soft in scene.softs}
+    for key, touched in _find_soft_touches(scene, tool, taken):
+        touching[key] = touched
+        depths[key] = 0.0
 
-    for (presser, body), force in taken.forces.items():
-        if softs & {presser, body}:  # engines alone know what soft bodies touch
-            kind = "arm"
-            if presser in bodies:
-                kind = "body"
-            elif presser == "tool" and tool.components:
-                kind = "tool"
+    met = {other for kind, _, other in touching if kind != "body"}
+    missed = {body.name for body in scene.bodies} - met
+    robots = [track for track in tracks.items if track.owner == ROBOT]
+    others = [track for track in tracks.items if track.owner in missed]
+    gaps = nearest(robots, others)
 
-            key = (kind, presser, body)
-            touching[key] = force > 0
-            depths[key] = 0.0
-
-    missed = bodies - {other for kind, _, other in touching if kind != "body"}
-    robots = [track for track in tracks if track.owner == ROBOT]
-    gaps = nearest(robots, [track for track in tracks if track.owner in missed])
     by_tool = [
         touch
         for touch in touches
@@ -152,8 +153,8 @@ def find_contacts(
         taken,
         touching,
         depths,
-        {name: gap for name, (gap, _) in gaps.items()},
-        _measure_first_touch(robot, tool, taken, by_tool),
+        clearances={name: gap for name, (gap, _) in gaps.items()},
+        touch_m=_measure_first_touch(robot, tool, taken, by_tool),
     )
 
 
@@ -163,25 +164,29 @@ def _find_touches(
     """Yield each pair of solids that touches."""
     pairs = neighbours(tracks, TOUCH_M + 2 * HULL_M, scene.joined)
     solids = tracks.solids
+
+    # Where they are near enough.
     shapes = [solid.shape for solid in solids.items]
     hulls = np.array([shape is None or isinstance(shape, Mesh) for shape in shapes])
     most = TOUCH_M + HULL_M * hulls[pairs].sum(axis=1)
-    near = may_meet(tracks, pairs, -most)
+    everywhere = np.ones((len(pairs), tracks.samples - 1), dtype=bool)
+    near = may_meet(tracks, pairs, -most, everywhere)
 
+    # Where one of them is struck, and the other may have come by.
     struck = _find_struck(taken)
     never = np.zeros(tracks.samples - 1, dtype=bool)
-    strikes = np.array([struck.get(owner, never) for owner in solids.owners])
-    within = np.full(len(pairs), -STRUCK_M)
+    strikes = np.array([struck.get(solid.owner, never) for solid in solids.items])
     either = strikes[pairs[:, 0]] | strikes[pairs[:, 1]]
-    hit = may_meet(tracks, pairs, within, either)
+    hit = may_meet(tracks, pairs, np.full(len(pairs), -STRUCK_M), either)
 
     of_tool = {*tool.mounts, *tool.placed()}
     for number in np.flatnonzero((near | hit).any(axis=1)).tolist():
         first, second = pairs[number].tolist()
-        pair = Pair(tracks[first], tracks[second])
+        pair = Pair(tracks.items[first], tracks.items[second])
         touched, depth = _touch(pair, most[number], near[number], hit[number])
         if not touched.any():
             continue
+
         kind = "arm"
         if pair.first.owner != ROBOT:
             kind = "body"
@@ -192,15 +197,23 @@ def _find_touches(
 
 
 def _touch(pair: Pair, most: float, near: Flags, hit: Flags) -> tuple[Flags, float]:
-    """Report at which samples (T,) two solids touch, and how deep they are in each other at most, metres.
+    """Find out when two solids touch.
 
-    They do with a gap of at most ``most``. They also touch at the end of an interval (T - 1,) in which one of them is
-    ``hit``, if they may have met in it.
+    Args:
+        pair: the two.
+        most: the largest gap of a contact, metres.
+        near: (T - 1,) the intervals in which the gap may be as small.
+        hit: (T - 1,) those in which one of them is struck, and that may be by the other. They touch at the end of such
+            an interval if they may have met in it.
+
+    Returns:
+        At which samples (T,) they touch, and how deep they are in each other at most, metres.
     """
     looked = near | hit
     samples = np.flatnonzero(np.append(looked, False) | np.append(False, looked))
     gaps = np.full(len(near) + 1, np.inf)
     gaps[samples] = pair.gaps(samples)
+
     touched = gaps <= most
     met = gaps[:-1] + gaps[1:] - np.diff(pair.travel) <= 2 * most
     touched[1:] |= hit & met
@@ -215,33 +228,64 @@ def _find_struck(recording: Recording) -> dict[str, Flags]:
     return dict(zip(states.names, (changes > limits).T, strict=True))
 
 
+def _find_soft_touches(
+    scene: Scene, tool: Tool, taken: Recording
+) -> Iterator[tuple[Key, Flags]]:
+    """Yield what touches soft bodies, and when: engines alone know, by the force."""
+    bodies = {body.name for body in scene.bodies}
+    softs = {soft.name for soft in scene.softs}
+
+    for (presser, body), force in taken.forces.items():
+        if not softs & {presser, body}:
+            continue
+        kind = "arm"
+        if presser in bodies:
+            kind = "body"
+        elif presser == "tool" and tool.components:
+            kind = "tool"
+        yield (kind, presser, body), force > 0
+
+
 def _measure_first_touch(
     robot: Robot, tool: Tool, taken: Recording, touches: Sequence[_Touch]
 ) -> float | None:
-    """Measure the distance from the mount's origin to the first touch: the nearest point of the tool, metres."""
+    """Measure how far from the mount's origin the tool first touched, at its nearest point, metres."""
     if not touches:
         return None
+
     first = min(touches, key=lambda touch: touch.touched.argmax())
     k = int(first.touched.argmax())
     name = first.pair.first.name
     mount, _ = tool.placed().get(name, (name, None))
-    _, positions = link_frames(robot, tool, taken.arm[[k]], taken.fingers[[k]])[mount]
+    frames = link_frames(robot, tool, taken.arm[[k]], taken.fingers[[k]])
+    _, positions = frames[mount]
     return float(lengths(first.pair.look(k).nearest - positions[0]))
 
 
 def nearest(
     robot: Sequence[Track], bodies: Sequence[Track], most: int | None = 40
 ) -> dict[str, tuple[float, int]]:
-    """Find the smallest distance of the robot to each body, metres, and when, with ``most`` queries of a track."""
+    """Find how near the robot came to each body.
+
+    Args:
+        robot: its solids.
+        bodies: the solids of bodies.
+        most: how often a body's solid is measured, where the boxes are nearest; None: as often as needed.
+
+    Returns:
+        For each body the smallest distance, metres, and the number of the sample.
+    """
     found: dict[str, tuple[float, int]] = {}
     if not robot:
         return found
+
     middles = np.array([track.middles for track in robot])
     extents = np.array([_extents(track) for track in robot])
     for body in bodies:
         apart = np.abs(middles - body.middles) - extents - _extents(body)
         apart = np.maximum(apart, 0.0)
         bounds = np.sqrt((apart * apart).sum(axis=2))  # (robot, T)
+
         best = found.get(body.owner, (np.inf, 0))
         for index in np.argsort(bounds, axis=None)[:most].tolist():
             number, sample = divmod(index, bounds.shape[1])
@@ -262,7 +306,7 @@ def _extents(track: Track) -> Array:
 
 
 def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
-    """Make the trace of rollouts in a scene, one world for each.
+    """Make the trace of rollouts in a scene, one world for each of their contacts.
 
     What the robot touched and pressed before its motion began counts at 0, and between two instants at the nearest. A
     body that it only touched between two samples of a recording is one that it pressed.
@@ -274,12 +318,15 @@ def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
     forces: dict[tuple[str, str], Array] = defaultdict(lambda: np.zeros(shape))
     bodies = {body.name for body in scene.bodies}
     films = []
+
     for number, world in enumerate(worlds):
         taken = world.taken
         clock = _Clock(taken.times, instants)
         films.append(subset(taken, clock.chosen).states)
+
         for key, flags in world.touching.items():
             touching[key][number] = clock.read(flags, early=key[0] != "body")
+
         for (presser, body), values in taken.forces.items():
             by_robot = presser not in bodies
             force = clock.read(values, early=by_robot)
@@ -319,9 +366,11 @@ class _Clock:
         self._begun = skipped >= 0
 
     def read(self, values: Array | Flags, *, early: bool) -> Any:
-        """Read values (T,), or flags: (N,). Of samples between two instants the largest counts at the nearest one.
+        """Read at the instants (N,). Of samples between two instants the largest counts at the nearest one.
 
-        With ``early`` those before the motion began count too.
+        Args:
+            values: (T,) numbers or flags.
+            early: whether those before the motion began count too.
         """
         read = values[self.chosen]
         counted = values[self._skipped] * (self._begun | early)

@@ -1,4 +1,8 @@
-"""Find which solids of a rollout may meet, and when, by boxes around them."""
+"""Find which solids of a rollout may meet, and when, by boxes around them.
+
+It is the broad phase: what it leaves is measured exactly. It errs on one side only: solids that meet are never left
+out. The steps stand in docs/physics_explained.md.
+"""
 
 from __future__ import annotations
 
@@ -16,54 +20,69 @@ ROUNDING_M = 1e-9  # in comparisons of lengths
 
 
 def neighbours(
-    tracks: Tracks, margin: float = 0.0, joined: Collection[frozenset[str]] = ()
+    tracks: Tracks, margin: float, joined: Collection[frozenset[str]]
 ) -> Indices:
-    """Pair solids (P, 2) of different owners, one of which ever is within ``margin`` metres of where the other ever is.
+    """Pair solids of which one ever is near where the other ever is, by their boxes along the world's axes.
 
-    At least one of them is in motion. Only their bounding boxes are compared. Owners that are ``joined`` are no pair.
+    Args:
+        tracks: the solids over time.
+        margin: how far apart the boxes of a pair may be, metres.
+        joined: two owners each, whose solids are no pair.
+
+    Returns:
+        The numbers (P, 2) of two solids of different owners. The first one moves.
     """
-    if tracks.samples < 2:
-        return np.empty((0, 2), dtype=np.intp)
     moving = tracks.moving
-    lowest = tracks.rows.low[tracks.first]
-    highest = tracks.rows.high[tracks.first]
-    lowest[moving] = tracks.by_sample(tracks.rows.low).min(axis=1)
-    highest[moving] = tracks.by_sample(tracks.rows.high).max(axis=1)
+    rows = tracks.rows
+
+    # The boxes of all instants together.
+    lowest = rows.low[tracks.first]
+    highest = rows.high[tracks.first]
+    lowest[moving] = tracks.by_sample(rows.low).min(axis=1)
+    highest[moving] = tracks.by_sample(rows.high).max(axis=1)
+
     below = lowest[moving] - margin <= highest[:, None]
     above = highest[moving] + margin >= lowest[:, None]
     near = (below & above).all(axis=2)
 
-    numbers = np.arange(len(tracks))[:, None]
+    # Each two solids once, also if both move.
+    numbers = np.arange(len(lowest))[:, None]
     once = (tracks.moves[:, None] == 0) | (numbers > moving)
-    owners = tracks.solids.owner_numbers
-    others, movers = np.nonzero(near & once & (owners[:, None] != owners[moving]))
+
+    owners = tracks.solids.owners
+    strangers = owners[:, None] != owners[moving]
+    others, movers = np.nonzero(near & once & strangers)
     pairs = np.column_stack([moving[movers], others])
-    if joined:
-        names = tracks.solids.owners
-        both = [frozenset((names[i], names[j])) for i, j in pairs.tolist()]
-        pairs = pairs[[pair not in joined for pair in both]]
 
-    return pairs
+    names = owners[pairs].tolist()
+    apart = [frozenset(both) not in joined for both in names]
+    return pairs[np.array(apart, dtype=bool)]
 
 
-def may_meet(
-    tracks: Tracks, pairs: Indices, least: Array, within: Flags | None = None
-) -> Flags:
-    """Report where solids may get as deep in each other as ``least`` (P,), from a sample to the next: (P, T - 1).
+def may_meet(tracks: Tracks, pairs: Indices, least: Array, within: Flags) -> Flags:
+    """Report where two solids may get deep in each other on the way from a sample to the next.
 
-    Only intervals ``within`` (P, T - 1) are looked at; None: all. The boxes along the world's axes
-    around what the solids sweep are compared first, then those along the solids' own axes: solids are no deeper in
-    each other than these.
+    The boxes along the world's axes around what the solids sweep are compared first, then those along the solids' own
+    axes: solids are no deeper in each other than their boxes.
+
+    Args:
+        tracks: the solids at T samples.
+        pairs: (P, 2) the numbers of two solids.
+        least: (P,) the depth that counts, metres; a negative one is a gap.
+        within: (P, T - 1) the intervals that are looked at.
+
+    Returns:
+        In which of these intervals they may: (P, T - 1).
     """
-    if within is None:
-        within = np.ones((len(pairs), tracks.samples - 1), dtype=bool)
     rows = tracks.rows
     met, interval = np.nonzero(within)
+
     for axis in (2, 1, 0):  # along z first, since most moves sideways
         low = rows.low[:, axis]
         high = rows.high[:, axis]
         first = tracks.row(pairs[met, 0], interval)
         second = tracks.row(pairs[met, 1], interval)
+
         depth = np.minimum(high[first] - low[second], high[second] - low[first])
         deep = depth >= least[met] - ROUNDING_M
         met = met[deep]
@@ -72,11 +91,13 @@ def may_meet(
     first, second = pairs[met].T
     aside = rows.aside[tracks.row(first, interval)]
     aside += rows.aside[tracks.row(second, interval)]
+
     gaps = np.maximum(
         _bound_gaps(tracks, first, second, interval),
         _bound_gaps(tracks, second, first, interval),
     )
     deep = aside - gaps >= least[met] - ROUNDING_M
+
     may = np.zeros_like(within)
     may[met[deep], interval[deep]] = True
     return may
@@ -85,19 +106,26 @@ def may_meet(
 def _bound_gaps(
     tracks: Tracks, first: Indices, second: Indices, interval: Indices
 ) -> Array:
-    """Bound from below the gaps (N,) between N pairs of solids in an interval each, by boxes along the second's axes.
+    """Bound the gaps between solids from below, by boxes along the axes of the second of each two.
 
-    In the second's frame, points of the first move straight on but for what the two turn. If they do, the gap along an
-    axis is a concave function of time: it is smallest at one of the ends. So solids that slide along each other don't
-    come nearer.
+    In the second's frame, points of the first move straight on but for what the two turn. So the gap along an axis is
+    smallest at one of the ends, less the bend of the ways: solids that slide along each other don't come nearer.
+
+    Args:
+        tracks: the solids over time.
+        first: (N,) the numbers of solids.
+        second: (N,) those of the others.
+        interval: (N,) when each two are compared.
+
+    Returns:
+        Gaps (N,), metres.
     """
     rows = tracks.rows
     solids = tracks.solids
-    ends = interval + np.array([[0], [1]])
-    here = tracks.row(first, ends)  # (2, N)
-    there = tracks.row(second, ends)
+    here = tracks.ends(first, interval)  # (2, N)
+    there = tracks.ends(second, interval)
 
-    # The gaps along three axes either way, (6, 2, N). A ball extends as far as its radius, however it is turned.
+    # Where the first is, along the axes of the second. A ball extends as far as its radius, however it is turned.
     back = rows.rotations[there].swapaxes(2, 3)
     middles = rows.middles[here] - rows.middles[there]
     ahead = np.einsum("knij,knj->ikn", back, middles)
@@ -105,6 +133,8 @@ def _bound_gaps(
     extents = np.einsum("knij,nj->ikn", widths, solids.halves[first])
     extents = np.minimum(extents, solids.radii[first])
     extents += solids.halves[second].T[:, None]
+
+    # The gaps along three axes either way, (6, 2, N): along the best axis, at the worse of the two ends.
     gaps = np.concatenate([ahead - extents, -ahead - extents])
     gaps = gaps.min(axis=1).max(axis=0)
 
@@ -114,8 +144,10 @@ def _bound_gaps(
     reach = solids.reaches[first]
     turned = rows.turned[here[0]]
     others_turned = rows.turned[there[0]]
+
     far = lengths(begin) + moved + reach
     bend = others_turned**2 * far + turned**2 * reach
     bend += 2 * others_turned * (moved + reach * turned)
+
     bounds: Array = gaps - bend / 8
     return bounds

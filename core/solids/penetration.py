@@ -32,7 +32,15 @@ from core.solids.record_rate import (
     refined_samples,
     subset,
 )
-from core.solids.tracks import SAMPLE_HZ, Indices, Pair, Tracks, follow, lengths
+from core.solids.tracks import (
+    SAMPLE_HZ,
+    Indices,
+    Pair,
+    Tracks,
+    bound_speed,
+    follow,
+    lengths,
+)
 
 FLUNG_M_S = 5.0  # a body was flung if it is faster than this, and
 FLUNG_TIMES = 2.2  # so many times as fast as the robot ever was: an elastic blow gives twice the speed; and a tenth
@@ -76,7 +84,7 @@ def findings(
     tracks = follow(scene, robot, tool, coarse, detours(recording, samples))
     flung = _find_flung(coarse, tracks)
 
-    pairs = neighbours(tracks, joined=scene.joined)
+    pairs = neighbours(tracks, 0.0, scene.joined)
     depths = choose_depths(tracks.solids, pairs)
     meetings = _Meetings(tracks, pairs, depths, _mark_moving(tracks, pairs))
     wanted = meetings.count_looks()
@@ -118,10 +126,9 @@ class _Meetings:
         """
         tracks = self.tracks
         pair, interval = np.nonzero(self.near)
-        first, second = self.pairs[pair].T
-        aside = tracks.rows.aside
-        away = aside[tracks.row(first, interval)] + aside[tracks.row(second, interval)]
-        ways = self.ways[pair, interval] + 2 * away  # there and back
+        rows = tracks.row(self.pairs[pair].T, interval)  # (2, N)
+        aside = tracks.rows.aside[rows].sum(axis=0)
+        ways = self.ways[pair, interval] + 2 * aside  # there and back
         looks = np.zeros(tracks.samples - 1)
         np.maximum.at(looks, interval, np.maximum(ways / self.depths.thick[pair], 1.0))
 
@@ -133,13 +140,14 @@ class _Meetings:
 
     def find_passages(self) -> Iterator[Finding]:
         """Find the first passage of each two things."""
+        tracks = self.tracks
         passages: dict[tuple[str, str], tuple[float, str]] = {}
         depths = np.array(self.depths).T.tolist()
         for number, (first, second) in enumerate(self.pairs.tolist()):
-            pair = Pair(self.tracks[first], self.tracks[second])
+            pair = Pair(tracks.items[first], tracks.items[second])
             near = np.flatnonzero(self.near[number])
-            times = self.tracks.times
-            passage = find_passage(pair, near, self.ways[number], depths[number], times)
+            ways = self.ways[number]
+            passage = find_passage(pair, near, ways, depths[number], tracks.times)
             if passage is not None:
                 names = pair.first.name, pair.second.name
                 passages[names] = min(passages.get(names, passage), passage)
@@ -153,7 +161,7 @@ def _mark_moving(tracks: Tracks, pairs: Indices) -> Flags:
     ways = tracks.by_sample(tracks.rows.ways)[:, :-1]
     aside = tracks.by_sample(tracks.rows.aside)[:, :-1]
     steps = np.floor(np.cumsum(ways, axis=1) / _STILL_M)
-    moves = np.zeros((len(tracks), tracks.samples - 1), dtype=bool)
+    moves = np.zeros((len(tracks.items), tracks.samples - 1), dtype=bool)
     moves[tracks.moving] = np.diff(steps, axis=1, prepend=0.0) > 0
     moves[tracks.moving] |= aside > _STILL_M / 2
     marked: Flags = moves[pairs[:, 0]] | moves[pairs[:, 1]]
@@ -192,7 +200,7 @@ def _find_flung(recording: Recording, tracks: Tracks) -> list[Finding]:
     for name, speed, far in zip(states.names, fastest, farthest, strict=True):
         if speed > EXPLODED_M_S:
             raise Explosion(f"{name!r} reached {speed:.0f} m/s")
-        robots = _bound_speed(tracks) if speed > FLUNG_M_S else 0.0
+        robots = _bound_robots_speed(tracks) if speed > FLUNG_M_S else 0.0
         if speed > max(FLUNG_M_S, FLUNG_TIMES * robots):
             reached = f"it reached {speed:.1f} m/s, the robot {robots:.1f} m/s"
             texts.append(f"{name!r} was flung: {reached}")
@@ -202,13 +210,8 @@ def _find_flung(recording: Recording, tracks: Tracks) -> list[Finding]:
     return [Finding(text, penetration=False) for text in texts]
 
 
-def _bound_speed(tracks: Tracks) -> float:
+def _bound_robots_speed(tracks: Tracks) -> float:
     """Bound the speed of any point of the robot, m/s, averaged over a tenth of a second."""
-    times = tracks.times
-    if len(times) < 2:
-        return 0.0
-    count = max(1, min(len(times) - 1, round(0.1 * SAMPLE_HZ)))
-    ways = [track.travel for track in tracks if track.owner == ROBOT]
-    travel = np.reshape(ways, (-1, len(times)))
-    speeds = (travel[:, count:] - travel[:, :-count]) / (times[count:] - times[:-count])
-    return float(speeds.max(initial=0.0))
+    count = min(tracks.samples - 1, round(0.1 * SAMPLE_HZ))
+    robots = [track for track in tracks.items if track.owner == ROBOT]
+    return bound_speed(robots, tracks.times, max(1, count))

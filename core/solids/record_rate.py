@@ -1,4 +1,8 @@
-"""Choose how often a rollout is recorded and looked at, by the speed and the thinness of what moves."""
+"""Choose how often a rollout is recorded and looked at, by the speed and the thinness of what moves.
+
+A recording has as many samples as its fastest moment asks for. Most of it is looked at about `SAMPLE_HZ` times a second
+(`coarse_samples`), and more often only where thin solids are near each other (`refined_samples`).
+"""
 
 from __future__ import annotations
 
@@ -12,7 +16,14 @@ from core.interfaces import JointTrajectory, Recording, Robot
 from core.robot.kinematics import finger_values
 from core.scene import Scene, State
 from core.solids.bodies import thickness
-from core.solids.tracks import SAMPLE_HZ, Detour, Indices, follow, lengths
+from core.solids.tracks import (
+    SAMPLE_HZ,
+    Detour,
+    Indices,
+    bound_speed,
+    follow,
+    lengths,
+)
 
 MAX_HZ = 1600.0  # beyond the rate of every engine's steps
 
@@ -28,7 +39,16 @@ def sample_hz(
 ) -> float:
     """The rate at which the tool moves no farther between two samples than the thinnest solid is thick.
 
-    ``thin`` is that of the scene, metres. The rate is `SAMPLE_HZ` times a power of two, so that there are few.
+    The rate is `SAMPLE_HZ` times a power of two, so that there are few.
+
+    Args:
+        robot: what moves.
+        tool: what it holds.
+        trajectory: how it moves.
+        thin: how thick the thinnest solid of the scene is, metres.
+
+    Returns:
+        The rate, at most `MAX_HZ`.
     """
     thin = min([thin, *(thickness(part.shape) for part in tool.parts)])
     wanted = _bound_tool_speed(robot, tool, trajectory) / thin
@@ -42,13 +62,15 @@ def _bound_tool_speed(robot: Robot, tool: Tool, trajectory: JointTrajectory) -> 
     end = trajectory.duration
     times = np.append(np.arange(0.0, end, 1 / SAMPLE_HZ), end)
     arm, opening = trajectory.sample(times)
+    fingers = finger_values(robot, tool, opening)
+
+    # The motion as it is commanded, in a scene without bodies.
     triples = np.empty((len(times), 0, 3))
-    bodies = State((), triples, np.empty((len(times), 0, 4)), triples, triples)
-    recording = Recording(times, arm, finger_values(robot, tool, opening), bodies)
-    tracks = list(follow(Scene(()), robot, tool, recording))
-    parts = tracks[-len(tool.parts) :]
-    speeds = [np.diff(part.travel) / np.diff(times) for part in parts]
-    return max(float(speed.max(initial=0.0)) for speed in speeds)
+    quaternions = np.empty((len(times), 0, 4))
+    nothing = State((), triples, quaternions, triples, triples)
+    recording = Recording(times, arm, fingers, nothing)
+    tracks = follow(Scene(()), robot, tool, recording)
+    return bound_speed(tracks.items[-len(tool.parts) :], times)
 
 
 def _round_up(wanted: float) -> float:
@@ -59,8 +81,13 @@ def _round_up(wanted: float) -> float:
 def is_finite(recording: Recording) -> bool:
     """Report whether all poses, velocities and joints are numbers."""
     states = recording.states
-    poses = (states.positions, states.quaternions, states.linear_velocities)
-    return all(np.isfinite(values).all() for values in (*poses, recording.arm))
+    arrays = (
+        states.positions,
+        states.quaternions,
+        states.linear_velocities,
+        recording.arm,
+    )
+    return all(np.isfinite(array).all() for array in arrays)
 
 
 def coarse_samples(recording: Recording) -> Indices:
@@ -69,20 +96,31 @@ def coarse_samples(recording: Recording) -> Indices:
     last = len(times) - 1
     if last == 0:
         return np.array([0])
+
     rate = 1 / float(times[1] - times[0])
     every = max(1, round(rate / SAMPLE_HZ))
     return np.append(np.arange(0, last, every), last)
 
 
 def refined_samples(samples: Indices, wanted: Array) -> Indices:
-    """Return as many samples as ``wanted`` in each interval (S - 1,), if there are, and both its ends; 0: not these."""
+    """Choose more samples where they are wanted.
+
+    Args:
+        samples: (S,) those that there were looks at.
+        wanted: (S - 1,) how often to look in each interval between them; 0: not at all.
+
+    Returns:
+        As many samples in each interval, if the recording has them, and both its ends.
+    """
     taken = np.zeros(samples[-1] + 1, dtype=bool)
     taken[samples[:-1][wanted > 0]] = True
     taken[samples[1:][wanted > 0]] = True
+
     for k in np.flatnonzero(wanted > 1).tolist():
         begin, end = samples[k : k + 2].tolist()
         every = max(1, int((end - begin) / _round_up(wanted[k])))
         taken[begin:end:every] = True
+
     return np.flatnonzero(taken)
 
 
@@ -103,7 +141,16 @@ def subset(recording: Recording, samples: Indices) -> Recording:
 
 
 def _average(times: Array, values: Array, samples: Indices) -> Array:
-    """Average ``values`` (T,), each a mean since the instant before, over the time since the sample before."""
+    """Average values over the time since the sample before.
+
+    Args:
+        times: (T,) instants, seconds.
+        values: (T,) each a mean since the instant before.
+        samples: (S,) the instants that are kept.
+
+    Returns:
+        Means (S,).
+    """
     impulses = np.append(0.0, np.cumsum(values[1:] * np.diff(times)))[samples]
     lasts = np.diff(times[samples], prepend=times[0])
     means = np.diff(impulses, prepend=0.0) / np.maximum(lasts, 1e-9)
@@ -119,22 +166,30 @@ def detours(recording: Recording, samples: Indices) -> Detour:
     moved = lengths(_deviate(states.positions, samples))
     turned = 2 * lengths(_deviate(states.quaternions, samples))
     return Detour(
-        np.column_stack([fingers, moved]).T, np.column_stack([joints, turned]).T
+        moved=np.column_stack([fingers, moved]).T,
+        turned=np.column_stack([joints, turned]).T,
     )
 
 
 def _deviate(values: Array, samples: Indices) -> Array:
-    """How far values (T, ...) get from the straight way from each of S samples to the next, at most: (S, ...).
+    """Measure how far values get from the straight way from a sample to the next, at most.
 
-    It is 0 after the last one.
+    Args:
+        values: (T, ...) at all instants.
+        samples: (S,) the numbers of some of them.
+
+    Returns:
+        Deviations (S, ...); 0 after the last sample.
     """
     known = values[samples]
     if len(known) == len(values):
         return np.zeros_like(known)
+
     numbers = np.arange(len(values))
     before = np.searchsorted(samples[1:-1], numbers, side="right")
     shares = (numbers - samples[before]) / np.diff(samples)[before]
     shares = shares.reshape(-1, *np.ones(values.ndim - 1, dtype=int))
     straight = known[before] + shares * np.diff(known, axis=0)[before]
+
     deviations: Array = np.maximum.reduceat(np.abs(values - straight), samples)
     return deviations

@@ -1,9 +1,12 @@
-"""Follow the solids of a rollout over time."""
+"""Follow the solids of a rollout over time.
+
+`follow` places all solids at all samples at once, as `Rows`; a `Track` is one of them, and a `Pair` measures two.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Sequence
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -17,7 +20,7 @@ from core.design import Tool
 from core.geometry import Array
 from core.interfaces import Recording
 from core.robot.kinematics import place, robot_model, rotate
-from core.robot.solids import WORLD
+from core.robot.solids import WORLD, Solid
 from core.scene import Scene, State
 from core.solids.bodies import Solids, all_solids, scene_solids
 from core.values.robots import Robot
@@ -65,29 +68,27 @@ class Track:
     """A convex solid at T samples; one that never moves has T = 1.
 
     Attributes:
-        rotations, positions, middles, low, high: see `Rows`.
+        rotations: (T, 3, 3), with ``positions`` (T, 3) and ``middles`` (T, 3), see `Rows`.
         box: half of the bounding box's extents along its own axes, (3,), metres.
+        rows: all that is known of it.
     """
 
-    def __init__(self, solids: Solids, number: int, rows: Rows) -> None:
-        solid = solids.items[number]
+    def __init__(self, solid: Solid, box: Array, rows: Rows) -> None:
         self.name = solid.name
         self.owner = solid.owner
         self.shape = solid.shape
         self.geometry = solid.geometry
-        self.box = solids.halves[number]
+        self.box = box
         self.rotations = rows.rotations
         self.positions = rows.positions
         self.middles = rows.middles
-        self.low = rows.low
-        self.high = rows.high
-        self._ways = rows.ways
+        self.rows = rows
         self._places: dict[int, tuple[Any, Array]] = {}  # by sample
 
     @cached_property
     def travel(self) -> Array:
         """An upper bound (T,) of how far any point has moved since the first sample, metres."""
-        return np.append(0.0, np.cumsum(self._ways[:-1]))
+        return np.append(0.0, np.cumsum(self.rows.ways[:-1]))
 
     def at(self, k: int, share: float) -> tuple[Any, Array]:
         """Coal's transform and the rotation (3, 3), a ``share`` (0..1) of the way from sample ``k`` to the next."""
@@ -170,6 +171,7 @@ class Tracks:
     At sample k solid i is in row ``first[i] + moves[i] * k``. Those that move come first.
 
     Attributes:
+        items: the tracks, as the ``solids`` are numbered.
         moving: the numbers of the M solids that move.
         moves: (N,) 1 for these, 0 for the others.
         times: (T,) of the samples, seconds.
@@ -185,31 +187,29 @@ class Tracks:
         self.times = times
         self.samples = samples
         self.rows = Rows(*map(np.concatenate, zip(moved, rest, strict=True)))
-        self.first = np.full(len(self), len(self.rows.aside))
+        count = len(solids.items)
+        self.first = np.full(count, len(self.rows.aside))
         self.first[moving] = samples * np.arange(len(moving))
         self.first[resting] = samples * len(moving) + np.arange(len(resting))
-        self.moves = np.zeros(len(self), dtype=np.intp)
+        self.moves = np.zeros(count, dtype=np.intp)
         self.moves[moving] = 1
-        self._tracks: dict[int, Track] = {}
+        self.items = [self._pick(number) for number in range(count)]
 
-    def __len__(self) -> int:
-        return len(self.solids.items)
-
-    def __getitem__(self, number: int) -> Track:
-        if number not in self._tracks:
-            begin = int(self.first[number])
-            end = begin + (self.samples if self.moves[number] else 1)
-            rows = Rows(*(values[begin:end] for values in self.rows))
-            self._tracks[number] = Track(self.solids, number, rows)
-        return self._tracks[number]
-
-    def __iter__(self) -> Iterator[Track]:
-        return (self[number] for number in range(len(self)))
+    def _pick(self, number: int) -> Track:
+        """Pick a solid's rows."""
+        begin = self.first[number]
+        end = begin + 1 + self.moves[number] * (self.samples - 1)
+        rows = Rows(*(values[begin:end] for values in self.rows))
+        return Track(self.solids.items[number], self.solids.halves[number], rows)
 
     def row(self, numbers: Indices, samples: Indices) -> Indices:
         """The rows of solids at samples."""
         rows: Indices = self.first[numbers] + self.moves[numbers] * samples
         return rows
+
+    def ends(self, numbers: Indices, intervals: Indices) -> Indices:
+        """The rows (2, N) of N solids where an interval begins, and where it ends."""
+        return self.row(numbers, intervals + np.array([[0], [1]]))
 
     def by_sample(self, values: Array) -> Array:
         """Those of the rows' values (R, ...) that are of the solids that move: (M, T, ...)."""
@@ -229,6 +229,15 @@ def angles(rotations: Array, after: Array) -> Array:
     chords = lengths((after - rotations).reshape(*rotations.shape[:-2], 9))
     turned: Array = 2 * np.arcsin(np.minimum(chords / math.sqrt(8), 1.0))
     return turned
+
+
+def bound_speed(tracks: Sequence[Track], times: Array, count: int = 1) -> float:
+    """Bound the speed of any point of solids, m/s, averaged over ``count`` of the intervals between ``times`` (T,)."""
+    ways = [track.travel for track in tracks]
+    travel = np.reshape(ways, (-1, len(times)))
+    moved = travel[:, count:] - travel[:, :-count]
+    speeds = moved / (times[count:] - times[:-count])
+    return float(speeds.max(initial=0.0))
 
 
 def follow(

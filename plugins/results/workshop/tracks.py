@@ -12,13 +12,13 @@ from core.values.robots import Robot
 
 def robot_tracks(robot: Robot, tool: Tool, recording: Recording) -> list[Track]:
     """Follow the links that move, and the tool's components."""
-    return list(follow(Scene(()), robot, tool, recording))
+    return follow(Scene(()), robot, tool, recording).items
 
 
 def body_tracks(scene: Scene, robot: Robot, recording: Recording) -> list[Track]:
     """Follow the collision shapes of all bodies."""
     return [
         track
-        for track in follow(scene, robot, Tool(), recording)
+        for track in follow(scene, robot, Tool(), recording).items
         if track.owner != ROBOT
     ]

@@ -35,7 +35,7 @@ def tracks(one, other, turns, paths):
 
 
 def may(both, least, count):
-    pair = np.array([[len(both) - 2, len(both) - 1]])
+    pair = np.array([[len(both.items) - 2, len(both.items) - 1]])
     (found,) = may_meet(
         both, pair, np.array([least]), np.ones((1, count - 1), dtype=bool)
     )
@@ -67,7 +67,7 @@ def test_solids_do_not_meet_where_they_may_not(one, other, seed):
             turning.append(step * turning[-1])
         turns[name] = Rotation.concatenate(turning[1:]).as_quat(scalar_first=True)
     both = tracks(one, other, turns, paths)
-    *_, a, b = both
+    *_, a, b = both.items
     for k in np.flatnonzero(~may(both, least, count)).tolist():
         for share in np.linspace(0.0, 1.0, 10, endpoint=False).tolist():
             assert Pair(a, b).look(k, share).depth <= least + 1e-6
