@@ -41,16 +41,6 @@ class Motion:
     plan: Array
     slowed: Array
 
-    @property
-    def ik_error_m(self) -> float:
-        """The largest miss in position."""
-        return float(self.misses[:, 0].max())
-
-    @property
-    def ik_error_rad(self) -> float:
-        """The largest miss in orientation."""
-        return float(self.misses[:, 1].max())
-
     def slowdowns(self) -> list[str]:
         """Say in a line which waypoints were reached later than asked; none: all were in time."""
         late = np.flatnonzero(self.slowed > _SLOWED) + 1
@@ -178,28 +168,24 @@ def join_legs(
     legs: Sequence[Leg], arm: Arm, speed: float
 ) -> tuple[JointTrajectory, Array]:
     """Time legs, and join them to a trajectory; return also when each of the N waypoints is reached (N,)."""
-    times = [np.zeros(1)]
-    targets = [legs[0].knots[:1]]
-    closed = [legs[0].grips[:1]]
+    opening = arm.robot.opening_m
+    trajectory = JointTrajectory(
+        np.zeros(1), legs[0].knots[:1], opening * (1 - legs[0].grips[:1])
+    )
     reached = list[float]()
+
     for leg in legs:
         timed = time_leg(leg, arm, speed)
-        began = times[-1][-1]
-        times.append(began + timed.times)
-        targets.append(np.clip(timed.joints, arm.lower, arm.upper))
-        closed.append(close_fingers(leg.grips, timed.times, timed.reached))
+        began = trajectory.duration
         reached += [began + seconds for seconds in timed.reached]
 
+        targets = np.clip(timed.joints, arm.lower, arm.upper)
+        closed = close_fingers(leg.grips, timed.times, timed.reached)
+        fingers = opening * (1 - closed)
+        trajectory = trajectory.extended(timed.times, targets, fingers)
         if leg.wait_s > 0:
-            times.append(times[-1][-1:] + leg.wait_s)
-            targets.append(targets[-1][-1:])
-            closed.append(closed[-1][-1:])
+            trajectory = trajectory.held(leg.wait_s)
 
-    trajectory = JointTrajectory(
-        np.concatenate(times),
-        np.concatenate(targets),
-        arm.robot.opening_m * (1 - np.concatenate(closed)),
-    )
     return trajectory, np.array(reached)
 
 

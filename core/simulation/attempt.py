@@ -101,16 +101,6 @@ class Stage:
     def spawn_rules(self) -> SpawnRules:
         return SpawnRules(self.task, self.condition.layout, self.scene)
 
-    @property
-    def checks(self) -> bool:
-        """Whether passing through something is looked for."""
-        return self.settings.penetration != "ignore"
-
-    @property
-    def forbids(self) -> bool:
-        """Whether what passes through something earns nothing."""
-        return self.settings.penetration == "forbid"
-
 
 stage_of = lru_cache(maxsize=64)(Stage)  # a process makes a condition's scene once
 
@@ -163,7 +153,8 @@ def _check_self_collision(stage: Stage, attempt: Attempt) -> None:
     Raises:
         DesignError: it does, and that is forbidden.
     """
-    if not stage.checks:
+    penetration = stage.settings.penetration
+    if penetration == "ignore":
         return
     motion = attempt.motion
     collision = _self_collision(stage.task.robot, attempt.job.tool, motion.trajectory)
@@ -171,7 +162,7 @@ def _check_self_collision(stage: Stage, attempt: Attempt) -> None:
         return
     warning = collision.describe(motion.arrivals)
     attempt.warnings += (warning,)
-    if stage.forbids:
+    if penetration == "forbid":
         raise DesignError(f"{warning}; {collision.mend}")
 
 

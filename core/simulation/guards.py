@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -28,6 +27,7 @@ from core.interfaces import (
     JointTrajectory,
     RolloutSettings,
     Task,
+    Tempo,
     Waypoints,
 )
 from core.robot.kinematics import Arm, arm_of
@@ -43,7 +43,9 @@ _STILL_M = 1e-6  # the mount moves by less between two readings: no direction
 
 
 class PlannedGuards:
-    """The guards of one candidate's plan in one layout, see `core.interfaces.Guards`. ``scene`` is its layout.
+    """The guards of one candidate's plan in one layout, see `core.interfaces.Guards`.
+
+    An engine calls `begin`, then `feel` with each reading once the motion is at ``since``.
 
     Attributes:
         motion: as it is planned now; after a rollout, as it was played.
@@ -60,10 +62,21 @@ class PlannedGuards:
         task: Task,
         seed: int,
         settings: RolloutSettings,
-        scene: Scene | None,
+        scene: Scene,
         check: Callable[[JointTrajectory, float], object],
     ) -> None:
-        """``check`` raises a `DesignError` for what can't be played on with, and when that would begin, seconds."""
+        """Take a plan with what is planned of it.
+
+        Args:
+            plan: what is resolved anew each time that a guard ended.
+            waypoints: what the plan means before anything is felt.
+            motion: through these waypoints, as if no guard fired.
+            task: whose robot moves.
+            seed: of the layout.
+            settings: how a plan is executed.
+            scene: the layout.
+            check: raises a `DesignError` for a motion that can't be played on with, and when it would begin, seconds.
+        """
         self._check = check
         self._resolve = partial(resolve, plan, task, seed, settings, scene)
         self._task = task
@@ -83,6 +96,10 @@ class PlannedGuards:
         self._find_next(0)
         return self.motion.trajectory
 
+    @property
+    def _tempo(self) -> Tempo:
+        return self._waypoints.tempo or Tempo.usual(len(self._waypoints))
+
     def _find_next(self, after: int) -> None:
         """Find the next guard among the planned waypoints from ``after`` on, and the time of its way."""
         arrivals = self.motion.arrivals
@@ -90,17 +107,15 @@ class PlannedGuards:
         self._sensed: list[Array] = []
         self.since = math.inf
         self._until = math.inf
+
         guarded = [k for k in range(after, len(guards)) if guards[k] is not None]
-        self._number = guarded[0] if guarded else None
+        self._number = min(guarded, default=None)
         if self._number is None:
             return
-        leaves: Array = arrivals
-        if self._waypoints.tempo is not None:
-            leaves = arrivals + self._waypoints.tempo.waits[: len(arrivals)]
-        self.since = 0.0
-        if self._number > 0:
-            self.since = float(leaves[self._number - 1])
-        self._until = float(leaves[self._number])
+
+        leaves = np.append(0.0, arrivals + self._tempo.waits[: len(arrivals)])
+        self.since = float(leaves[self._number])
+        self._until = float(leaves[self._number + 1])
 
     def feel(
         self, time: float, arm: Array, points: Array, forces: Array
@@ -110,31 +125,39 @@ class PlannedGuards:
             return None
         guard = self._waypoints.guards[self._number]
         assert guard is not None
+
         self._sensed.append(self._estimate_force(arm, points, forces))
         recent = self._sensed[-_MEDIAN:]
         force = np.sort(recent, axis=0)[len(recent) // 2] - self._sensed[0]
+
         fired = self._has_fired(guard, time, arm, force)
         if not fired and time < self._until:
-            if time >= self._until - 2 * FEEL_S:
-                return self._extend(guard)
-            return None
+            near = time >= self._until - 2 * FEEL_S
+            return self._extend(guard) if near else None
 
         what = guard.until if fired else ""
         newtons = float(np.linalg.norm(force))
         self.felt += (Felt(self._number + 1, time, what, newtons),)
         self._poses += (self._arm.forward(arm) if fired else None,)
+
         if fired:
             return self._stop(time, self._number, arm)
         if guard.otherwise == "end":
             return self._stop(time, self._number)
+
         # Only where the way was too short for a reading before its end.
         extended = self._extend(guard)
         self._find_next(self._number + 1)
-
         return extended
 
     def _estimate_force(self, arm: Array, points: Array, forces: Array) -> Array:
-        """Estimate the force at the flange (3,) from the joints' torques."""
+        """Estimate the force at the flange (3,) from the joints' torques.
+
+        Args:
+            arm: the joints (J,).
+            points: (C, 3) where something pushes.
+            forces: (C, 3) with which it pushes.
+        """
         jacobian = self._arm.jacobian(arm)
         torques = self._settings.feel.noise * self._random.standard_normal(len(arm))
         if len(forces):
@@ -142,6 +165,8 @@ class PlannedGuards:
             around = turning - turning.T  # the sum of cross products
             moment = [around[1, 2], around[2, 0], around[0, 1]]
             torques += jacobian.T @ np.concatenate([forces.sum(axis=0), moment])
+
+        # Damped least squares.
         square = jacobian @ jacobian.T
         square += _DAMPING * np.trace(square) * np.eye(len(square))
         wrench = np.linalg.solve(square, jacobian @ torques)
@@ -151,9 +176,11 @@ class PlannedGuards:
         """Report whether a guard fires: by the force at the flange (3,), or by how far the arm lags."""
         if guard.until == "touch":
             return float(np.linalg.norm(force)) > self._settings.feel.threshold
+
         targets, _ = self.motion.trajectory.sample(np.array([time - FEEL_S, time]))
         if guard.until == "stall":
             return float(np.abs(targets[1] - arm).max()) > self._settings.feel.stall
+
         before, now = self._arm.positions(targets)
         way = float(np.linalg.norm(now - before))
         return way > _STILL_M and float(force @ (before - now)) / way > guard.newtons
@@ -161,24 +188,25 @@ class PlannedGuards:
     def _stop(
         self, time: float, number: int, arm: Array | None = None
     ) -> JointTrajectory:
-        """Stop at joints ``arm`` on the way to waypoint ``number``, from 0, and plan the rest; None: end the motion."""
+        """Stop on the way to a waypoint, and plan the rest.
+
+        Args:
+            time: now.
+            number: of the waypoint, from 0.
+            arm: the joints to stop at; None: those that the arm is driven to, and the motion ends there.
+        """
         before = self.motion
-        speed = self._settings.speed
-        stop = _bring_to_rest(before.trajectory, time, arm, self._arm, speed)
-        tempo = self._waypoints.tempo
-        if arm is not None and tempo is not None and tempo.waits[number] > 0:
-            ends = [-1, -1]
-            times = np.array([0.0, tempo.waits[number]])
-            wait = JointTrajectory(times, stop.arm[ends], stop.fingers[ends])
-            stop = _join(stop, wait)
+        stop = _bring_to_rest(
+            before.trajectory, time, arm, self._arm, self._settings.speed
+        )
+        wait_s = self._tempo.waits[number]
+        if arm is not None and wait_s > 0:
+            stop = stop.held(wait_s)
 
         arrivals = np.append(before.arrivals[:number], stop.duration)
-        rest = None
-        if arm is not None:
-            rest = self._plan_rest(stop, number + 1)
+        rest = None if arm is None else self._plan_rest(stop, number + 1)
         self.motion = self._join_motions(stop, arrivals, rest)
         self._find_next(number + 1)
-
         return self.motion.trajectory
 
     def _extend(self, guard: Guard) -> JointTrajectory | None:
@@ -209,7 +237,10 @@ class PlannedGuards:
         slowed = self.motion.slowed[:count]
 
         if rest is not None:
-            trajectory = _join(first, rest.trajectory)
+            added = rest.trajectory
+            trajectory = first.extended(
+                added.times[1:], added.arm[1:], added.fingers[1:]
+            )
             distance += rest.distance_m
             arrivals = np.append(arrivals, first.duration + rest.arrivals)
             misses = np.vstack([misses, rest.misses])
@@ -221,29 +252,22 @@ class PlannedGuards:
     def _plan_rest(self, stop: JointTrajectory, count: int) -> Motion | None:
         """Plan what comes after the first ``count`` waypoints until the next guard, from where the arm stopped.
 
-        None: nothing comes, or there is a ``problem``, which is kept.
+        None: nothing comes, or it means nothing, takes too long or is too much work: the ``problem``.
         """
         if count == len(self._waypoints):
             return None
-        try:
-            return self._plan_on(stop, count)
-        except DesignError as error:
-            self.problem = f"after the guard of waypoint {count}: {error}"
-            return None
 
-    def _plan_on(self, stop: JointTrajectory, count: int) -> Motion:
-        """See `_plan_rest`.
-
-        Raises:
-            DesignError: it means nothing, takes too long, or is too much work.
-        """
-        self._waypoints = self._resolve(self._poses)
-        rest = self._choose_rest(count)
         opening = self._arm.robot.opening_m
         grip = 1 - float(stop.fingers[-1]) / opening if opening else 0.0
         begin = Begin(stop.arm[-1], grip)
-        motion = plan_task_motion(rest, self._task, self._settings, begin)
-        self._check(motion.trajectory, stop.duration)
+        try:
+            self._waypoints = self._resolve(self._poses)
+            rest = self._choose_rest(count)
+            motion = plan_task_motion(rest, self._task, self._settings, begin)
+            self._check(motion.trajectory, stop.duration)
+        except DesignError as error:
+            self.problem = f"after the guard of waypoint {count}: {error}"
+            return None
         return motion
 
     def _choose_rest(self, count: int) -> Waypoints:
@@ -252,19 +276,23 @@ class PlannedGuards:
         guarded = [k for k, guard in enumerate(waypoints.guards) if guard is not None]
         last = min((k for k in guarded if k >= count), default=len(waypoints) - 1)
         rest = slice(count, last + 1)
-        tempo = waypoints.tempo
-        if tempo is not None:
-            parts = {name: array[rest] for name, array in vars(tempo).items()}
-            tempo = replace(tempo, **parts)
-        return Waypoints(waypoints.poses[rest], tempo)
+        parts = {name: array[rest] for name, array in vars(self._tempo).items()}
+        return Waypoints(waypoints.poses[rest], Tempo(**parts))
 
 
 def _bring_to_rest(
     trajectory: JointTrajectory, time: float, end: Array | None, arm: Arm, speed: float
 ) -> JointTrajectory:
-    """Cut a trajectory at ``time``, and come to rest at joints (J,) that are near, or where the targets are.
+    """Cut a trajectory, and come to rest.
 
     Each joint's course is the cubic between the two; it takes as long as the acceleration limits ask for.
+
+    Args:
+        trajectory: what is cut.
+        time: when, seconds.
+        end: joints (J,) that are near; None: where the targets are.
+        arm: gives the limits.
+        speed: the share of them to use.
     """
     targets, fingers = trajectory.sample(np.array([time - FEEL_S, time]))
     begin = targets[1]
@@ -272,9 +300,10 @@ def _bring_to_rest(
     way = np.zeros_like(begin)
     if end is not None:
         way = end - begin
+
+    # As short as the limits allow.
     limits = speed * arm.acceleration_limits
     lasts = FEEL_S
-
     while True:
         at_first = 6 * way / lasts - 4 * velocity
         at_last = 2 * velocity - 6 * way / lasts
@@ -286,24 +315,15 @@ def _bring_to_rest(
     shares = np.linspace(0.0, 1.0, count + 1)[1:, None]
     course = begin + lasts * velocity * shares * (1 - shares) ** 2
     course = course + way * shares**2 * (3 - 2 * shares)
+
     before = trajectory.times < time
-    times = [trajectory.times[before], np.array([time]), time + lasts * shares[:, 0]]
-    joints = [
-        trajectory.arm[before],
-        targets[1:],
-        np.clip(course, arm.lower, arm.upper),
-    ]
-    closed = [trajectory.fingers[before], np.full(1 + count, fingers[1])]
-    return JointTrajectory(
-        np.concatenate(times), np.vstack(joints), np.concatenate(closed)
+    cut = JointTrajectory(
+        np.append(trajectory.times[before], time),
+        np.vstack([trajectory.arm[before], begin]),
+        np.append(trajectory.fingers[before], fingers[1]),
     )
-
-
-def _join(first: JointTrajectory, second: JointTrajectory) -> JointTrajectory:
-    """Join two trajectories; the second begins where the first ends."""
-    times = first.duration + second.times[1:]
-    return JointTrajectory(
-        np.append(first.times, times),
-        np.vstack([first.arm, second.arm[1:]]),
-        np.append(first.fingers, second.fingers[1:]),
+    return cut.extended(
+        lasts * shares[:, 0],
+        np.clip(course, arm.lower, arm.upper),
+        np.full(count, fingers[1]),
     )

@@ -49,7 +49,7 @@ def _find_failure(stage: Stage, attempt: Attempt) -> str | None:
     if recording is not None:
         parts = stage.scene, stage.task.robot, attempt.job.tool, recording
         try:
-            if stage.checks:
+            if stage.settings.penetration != "ignore":
                 attempt.findings = findings(*parts)
         except Explosion as explosion:
             return f"the simulation blew up: {explosion}"
@@ -72,6 +72,7 @@ def _reward(stage: Stage, finished: Sequence[Attempt]) -> None:
         contacts = [attempt.contacts for attempt in finished]
         trace = make_trace(stage.scene, [found for found in contacts if found])
 
+    forbid = stage.settings.penetration == "forbid"
     rewards = _rewards(task, starts, ends, trace).tolist()
     shifts = np.linalg.norm(ends.positions - starts.positions, axis=-1).tolist()
     for number, attempt in enumerate(finished):
@@ -79,6 +80,7 @@ def _reward(stage: Stage, finished: Sequence[Attempt]) -> None:
         world = starts[number], ends[number], film
         reward = rewards[number]
         motion = attempt.motion
+        miss_m, miss_rad = motion.misses.max(axis=0).tolist()
         outcome = attempt.outcome
         trial = Trial(
             stage.where,
@@ -86,8 +88,8 @@ def _reward(stage: Stage, finished: Sequence[Attempt]) -> None:
             "ok",
             reward,
             distance_m=motion.distance_m,
-            ik_error_m=motion.ik_error_m,
-            ik_error_rad=motion.ik_error_rad,
+            ik_error_m=miss_m,
+            ik_error_rad=miss_rad,
             tracking_error_rad=outcome.tracking_error_rad,
             motion_s=float(motion.trajectory.duration),
             moved_m=dict(zip(starts.names, shifts[number], strict=True)),
@@ -100,7 +102,7 @@ def _reward(stage: Stage, finished: Sequence[Attempt]) -> None:
             trial = replace(trial, status="failed", reward=0.0, reason=reason)
 
         trial = _observe(stage, trial, attempt)
-        attempt.trial = _add_findings(trial, attempt.findings, stage.forbids)
+        attempt.trial = _add_findings(trial, attempt.findings, forbid)
 
 
 def _stack(stage: Stage, finished: Sequence[Attempt], moment: str) -> State:

@@ -59,6 +59,14 @@ class Instant(NamedTuple):
     sample: int
     share: float = 0.0
 
+    def read(self, values: Sequence[float]) -> float:
+        """Read a value (T,) at the samples, linear in between."""
+        k, share = self
+        value = values[k]
+        if share:
+            value += share * (values[k + 1] - value)
+        return value
+
 
 class Depths(NamedTuple):
     """How deep in each other, metres, two solids are when something begins; arrays (P,) for many pairs.
@@ -98,7 +106,7 @@ def choose_depths(solids: Solids, pairs: Indices) -> Depths:
     pressed = np.maximum(
         np.minimum(across / 2, thick), np.minimum(THIN_M, 0.9 * across)
     )
-    robots = np.array([owner == ROBOT for owner in solids.owners])[pairs[:, 0]]
+    robots = solids.owners[pairs[:, 0]] == ROBOT
     walls = robots & (solids.frames[pairs[:, 1]] == WORLD)
     robots_skin = np.minimum(SKIN_M, SKIN * thick)
     bodies_skin = np.minimum(BODY_SKIN_M, BODY_SKIN * thick)
@@ -129,11 +137,8 @@ def find_passage(
     instants = times.tolist()
     instant: Instant | None = Instant(course.near[0])
     while instant is not None:
-        k, share = instant
-        now = instants[k]
-        if share:
-            now += share * (instants[k + 1] - now)
-        look = pair.look(k, share)
+        now = instant.read(instants)
+        look = pair.look(*instant)
         passage = encounter.judge(look, instant, now)
         if passage is not None:
             return passage
@@ -268,11 +273,9 @@ class Course:
 
     def find_next(self, instant: Instant, depth: float) -> Instant | None:
         """Find the instant to look at after one at which the two were at a depth; None: there is none."""
-        k, share = instant
+        k = instant.sample
         travel = self.travel
-        now = travel[k]
-        if share:
-            now += share * (travel[k + 1] - now)
+        now = instant.read(travel)
         if depth < self.least:
             return self._skip(k, now, depth)
 
@@ -310,9 +313,8 @@ def relative_ways(tracks: Tracks, pairs: Indices, near: Flags) -> Array:
     rows = tracks.rows
     pair, interval = np.nonzero(near)
     first, second = pairs[pair].T
-    ends = interval + np.array([[0], [1]])  # (2, N)
-    here = tracks.row(first, ends)
-    there = tracks.row(second, ends)
+    here = tracks.ends(first, interval)  # (2, N)
+    there = tracks.ends(second, interval)
     back = rows.rotations[there].swapaxes(2, 3)
     apart = rows.positions[here] - rows.positions[there]
     seen = np.einsum("knij,knj->kni", back, apart)

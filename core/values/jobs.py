@@ -41,6 +41,18 @@ class JointTrajectory:
         )
         return arm, np.interp(times, self.times, self.fingers)
 
+    def extended(self, times: Array, arm: Array, fingers: Array) -> JointTrajectory:
+        """Add targets behind the last one; their ``times`` (S,) count from there."""
+        return JointTrajectory(
+            np.append(self.times, self.duration + times),
+            np.vstack([self.arm, arm]),
+            np.append(self.fingers, fingers),
+        )
+
+    def held(self, seconds: float) -> JointTrajectory:
+        """Stay at the last targets for some time."""
+        return self.extended(np.array([seconds]), self.arm[-1:], self.fingers[-1:])
+
 
 class Felt(NamedTuple):
     """How a guard ended: at its waypoint (from 1), when (s), by what, and with what force at the flange (N)."""
@@ -113,9 +125,8 @@ class Perception:
     height: float = 0.0
 
     def __post_init__(self) -> None:
-        _check_range("perception.position", self.position, 1)
-        _check_range("perception.yaw", self.yaw, 1)
-        _check_range("perception.height", self.height, 1)
+        for name, noise in vars(self).items():
+            _check_range(f"perception.{name}", noise, 1)
 
 
 def _check_range(name: str, value: float, most: float, unit: str = "") -> None:

@@ -117,12 +117,11 @@ class _Divided(ABC):
 
     def surface(self, nodes: Array) -> Mesh:
         """Make the surface that is drawn with nodes (N, 3) at these places: the faces of a solid."""
+        from trimesh.grouping import group_rows  # takes long
+
         corners = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]
         faces = self.elements[:, corners].reshape(-1, 3)
-        _, first, count = np.unique(
-            np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
-        )
-        outer = first[count == 1]
+        outer = group_rows(np.sort(faces, axis=1), require_count=1)
         return Mesh(nodes, faces[outer])
 
 
@@ -195,11 +194,10 @@ class Cloth(_Divided):
 
     def surface(self, nodes: Array) -> Mesh:
         """Make both sides."""
-        first, second, third = np.moveaxis(nodes[self.elements], 1, 0)
-        normals = np.cross(second - first, third - first)
-        outward = np.zeros_like(nodes)
-        np.add.at(outward, self.elements, normals[:, None])
-        outward = _unit(outward) * self.thickness / 2
+        import trimesh  # takes long
+
+        sheet = trimesh.Trimesh(nodes, self.elements, process=False)
+        outward = sheet.vertex_normals * self.thickness / 2
         below = self.elements[:, ::-1] + len(nodes)
         return Mesh(
             np.concatenate([nodes + outward, nodes - outward]),
