@@ -184,7 +184,7 @@ def _fuse(link: RobotLink, tool: Tool) -> RobotLink:
 
 def assemble(
     robot: Robot,
-    tool: Tool | None = None,
+    tool: Tool,
     *,
     fused: bool = False,
     visuals: bool = True,

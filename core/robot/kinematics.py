@@ -236,10 +236,9 @@ class Arm:
 
     def jacobian(self, joints: Array) -> Array:
         """Compute (6, J): what the joints' speeds make of the tool mount's speed and turning, in the world's axes."""
-        frame: Array = pin.computeFrameJacobian(
+        return pin.computeFrameJacobian(
             self._model, self._data, joints, self._frame, pin.LOCAL_WORLD_ALIGNED
         )
-        return frame
 
     def positions(self, joints: Array) -> Array:
         """Compute positions (T, 3) of the tool mount at joints (T, J)."""

@@ -1,4 +1,4 @@
-"""Keep files that were made of meshes, reduce hulls, and read what a robot and a tool look like.
+"""Keep files that were made of meshes, reduce hulls, and read what a robot looks like.
 
 What is made is kept in the user's cache folder. A file is named by the content that it was made from, so that equal
 meshes share one, and engines that load files by name never mix two up.
@@ -18,7 +18,7 @@ import platformdirs
 import trimesh
 from scipy.spatial import ConvexHull
 
-from core.design import Component, Tool
+from core.design import Tool
 from core.errors import UserError
 from core.geometry import Array, Color, Mesh, Pose, Shape
 from core.robot.description import assembled
@@ -135,19 +135,3 @@ def _pieces(file: Path) -> tuple[tuple[Mesh, Color | None], ...]:
             piece.merge_vertices(merge_tex=True, merge_norm=True)
             pieces.append((Mesh.from_trimesh(piece), color))
     return tuple(pieces)
-
-
-def solids(
-    tool: Tool, *, loose: bool = False
-) -> dict[str, list[tuple[Component, trimesh.Trimesh]]]:
-    """The components by mount, each with its solid in the mount's frame, in metres.
-
-    If ``loose``, by what bears them: a mount or, for those that a joint moves, the component with the joint.
-    """
-    placed = tool.borne if loose else tool.placed()
-    by_mount: dict[str, list[tuple[Component, trimesh.Trimesh]]] = {}
-    for component in tool.components:
-        mount, pose = placed[component.name]
-        solid = component.shape.to_trimesh().apply_transform(pose.matrix)
-        by_mount.setdefault(mount, []).append((component, solid))
-    return by_mount

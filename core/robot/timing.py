@@ -114,8 +114,7 @@ def _time_at_rest(leg: Leg, arm: Arm, asked_s: float, speed: float) -> TimedLeg:
 
 def _row_minima(values: Array) -> Array:
     """The minimum of each row; fast for many short rows."""
-    least: Array = np.ascontiguousarray(values.T).min(axis=0)
-    return least
+    return np.ascontiguousarray(values.T).min(axis=0)
 
 
 def _limit_change(square: list[float], allowed: list[float]) -> list[float]:
@@ -165,8 +164,7 @@ def _time_fastest(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
     )
 
     def measure_slope(place: float | Array) -> Array:
-        slope: Array = np.maximum(np.abs(path(place, 1)), _APART_RAD)
-        return slope
+        return np.maximum(np.abs(path(place, 1)), _APART_RAD)
 
     quickest = (arm.velocity_limits * speed / measure_slope(s)).min(axis=1)
     asked = leg.asked

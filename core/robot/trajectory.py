@@ -193,8 +193,7 @@ def close_fingers(grips: Array, times: Array, reached: list[float]) -> Array:
     """How far the gripper is closed at times (S,): linearly from each of its grips (N + 1) to the next."""
     if len(reached) > 1:
         return np.interp(times, [0.0, *reached], grips)
-    closed: Array = grips[0] + (grips[1] - grips[0]) * times / reached[0]
-    return closed
+    return grips[0] + (grips[1] - grips[0]) * times / reached[0]
 
 
 def compare_with_asked(reached: Array, wanted: Array, waits: Array) -> Array:

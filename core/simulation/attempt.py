@@ -71,11 +71,6 @@ def prepare(
     return motion, job
 
 
-def played(motion: Motion, job: Rollout) -> Motion:
-    """Return a job's motion as it was played: with guards it may differ from what was planned."""
-    return job.guards.motion if isinstance(job.guards, PlannedGuards) else motion
-
-
 class Stage:
     """A condition with its parts made, in which candidates are tried."""
 

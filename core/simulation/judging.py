@@ -23,6 +23,8 @@ from core.trial import Trial
 
 _WARNINGS = 10  # findings of a rollout that are listed
 
+World = tuple[State, State, Trace | None]  # at the start, at the end, and in between
+
 
 def judge_attempts(stage: Stage, attempts: Sequence[Attempt]) -> None:
     """Check what was played, and make a trial of each attempt."""
@@ -63,7 +65,7 @@ def _find_failure(stage: Stage, attempt: Attempt) -> str | None:
 
 
 def _reward(stage: Stage, finished: Sequence[Attempt]) -> None:
-    """Make the trials of what came to its end."""
+    """Make the trials of what came to its end: the task's reward is called once for all of them."""
     task = stage.task
     starts = _stack(stage, finished, "start")
     ends = _stack(stage, finished, "end")
@@ -72,37 +74,11 @@ def _reward(stage: Stage, finished: Sequence[Attempt]) -> None:
         contacts = [attempt.contacts for attempt in finished]
         trace = make_trace(stage.scene, [found for found in contacts if found])
 
-    forbid = stage.settings.penetration == "forbid"
     rewards = _rewards(task, starts, ends, trace).tolist()
-    shifts = np.linalg.norm(ends.positions - starts.positions, axis=-1).tolist()
     for number, attempt in enumerate(finished):
         film = None if trace is None else trace[number]
         world = starts[number], ends[number], film
-        reward = rewards[number]
-        motion = attempt.motion
-        miss_m, miss_rad = motion.misses.max(axis=0).tolist()
-        outcome = attempt.outcome
-        trial = Trial(
-            stage.where,
-            attempt.candidate.id,
-            "ok",
-            reward,
-            distance_m=motion.distance_m,
-            ik_error_m=miss_m,
-            ik_error_rad=miss_rad,
-            tracking_error_rad=outcome.tracking_error_rad,
-            motion_s=float(motion.trajectory.duration),
-            moved_m=dict(zip(starts.names, shifts[number], strict=True)),
-            warnings=(*attempt.warnings, *motion.slowdowns(), *outcome.warnings),
-            margins=margins_of(task, *world, reward),
-            goals=goals_shares(task, *world),
-        )
-        if not 0.0 <= reward <= 1.0:
-            reason = f"task {task.name}: the reward {reward} is not in [0, 1]"
-            trial = replace(trial, status="failed", reward=0.0, reason=reason)
-
-        trial = _observe(stage, trial, attempt)
-        attempt.trial = _add_findings(trial, attempt.findings, forbid)
+        attempt.trial = _make_trial(stage, attempt, rewards[number], world)
 
 
 def _stack(stage: Stage, finished: Sequence[Attempt], moment: str) -> State:
@@ -111,30 +87,68 @@ def _stack(stage: Stage, finished: Sequence[Attempt], moment: str) -> State:
     return stage.scene.complete(State.stack(states))
 
 
+def _make_trial(stage: Stage, attempt: Attempt, reward: float, world: World) -> Trial:
+    """Make the trial of an attempt from its reward, and from the states and the trace of its ``world``."""
+    task = stage.task
+    motion = attempt.motion
+    outcome = attempt.outcome
+    start, end, _ = world
+    miss_m, miss_rad = motion.misses.max(axis=0).tolist()
+    shifts = np.linalg.norm(end.positions - start.positions, axis=-1).tolist()
+
+    texts = [finding.text for finding in attempt.findings]
+    if len(texts) > _WARNINGS:
+        texts[_WARNINGS:] = [f"{len(texts) - _WARNINGS} more such findings"]
+
+    trial = Trial(
+        stage.where,
+        attempt.candidate.id,
+        "ok",
+        reward,
+        distance_m=motion.distance_m,
+        ik_error_m=miss_m,
+        ik_error_rad=miss_rad,
+        tracking_error_rad=outcome.tracking_error_rad,
+        motion_s=float(motion.trajectory.duration),
+        moved_m=dict(zip(start.names, shifts, strict=True)),
+        warnings=(
+            *attempt.warnings,
+            *motion.slowdowns(),
+            *outcome.warnings,
+            *texts,
+        ),
+        margins=margins_of(task, *world, reward),
+        goals=goals_shares(task, *world),
+    )
+    if not 0.0 <= reward <= 1.0:
+        reason = f"task {task.name}: the reward {reward} is not in [0, 1]"
+        trial = replace(trial, status="failed", reward=0.0, reason=reason)
+
+    return _forbid_penetration(stage, _observe(stage, trial, attempt), attempt.findings)
+
+
 def _observe(stage: Stage, trial: Trial, attempt: Attempt) -> Trial:
     """Add what was observed of a rollout, if that is asked for."""
     contacts = attempt.contacts
     if not stage.settings.observe or contacts is None:
         return trial
+
     played = attempt.motion, attempt.outcome
     seen = observe(stage.task, stage.scene, *played, trial.reward, contacts)
     text = f"{seen.result} {seen.what}".strip()
     return replace(trial, touch_m=seen.touch_m, outcome=text, observation=seen)
 
 
-def _add_findings(trial: Trial, found: Sequence[Finding], forbid: bool) -> Trial:
-    """Add findings to a trial's warnings; with ``forbid``, penetration sets its reward to 0."""
-    texts = [finding.text for finding in found]
-    if len(texts) > _WARNINGS:
-        texts[_WARNINGS:] = [f"{len(texts) - _WARNINGS} more such findings"]
-    warned = replace(trial, warnings=(*trial.warnings, *texts))
+def _forbid_penetration(stage: Stage, trial: Trial, found: Sequence[Finding]) -> Trial:
+    """Set the reward of a trial to 0 for penetration, where that is forbidden."""
+    passages = [finding.text for finding in found if finding.penetration]
+    forbidden = stage.settings.penetration == "forbid" and passages
+    if not forbidden or trial.reward <= 0:
+        return trial
 
-    penetrations = [finding.text for finding in found if finding.penetration]
-    if not (forbid and penetrations and trial.reward > 0):
-        return warned
     counts = f"so that its reward of {trial.reward:.2f} does not count"
-    reason = trial.reason or f"{penetrations[0]}, {counts}"
-    return replace(warned, reward=0.0, reason=reason)
+    reason = trial.reason or f"{passages[0]}, {counts}"
+    return replace(trial, reward=0.0, reason=reason)
 
 
 def _rewards(task: Task, starts: State, ends: State, trace: Trace | None) -> Array:

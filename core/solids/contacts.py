@@ -169,12 +169,12 @@ def _find_touches(
     shapes = [solid.shape for solid in solids.items]
     hulls = np.array([shape is None or isinstance(shape, Mesh) for shape in shapes])
     most = TOUCH_M + HULL_M * hulls[pairs].sum(axis=1)
-    everywhere = np.ones((len(pairs), tracks.samples - 1), dtype=bool)
+    everywhere = np.ones((len(pairs), len(taken.times) - 1), dtype=bool)
     near = may_meet(tracks, pairs, -most, everywhere)
 
     # Where one of them is struck, and the other may have come by.
     struck = _find_struck(taken)
-    never = np.zeros(tracks.samples - 1, dtype=bool)
+    never = np.zeros(len(taken.times) - 1, dtype=bool)
     strikes = np.array([struck.get(solid.owner, never) for solid in solids.items])
     either = strikes[pairs[:, 0]] | strikes[pairs[:, 1]]
     hit = may_meet(tracks, pairs, np.full(len(pairs), -STRUCK_M), either)
@@ -301,8 +301,7 @@ def nearest(
 
 def _extents(track: Track) -> Array:
     """Half lengths (T, 3) of the bounding boxes along the world's axes, metres."""
-    extents: Array = np.abs(track.rotations) @ track.box
-    return extents
+    return np.abs(track.rotations) @ track.box
 
 
 def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:

@@ -32,22 +32,16 @@ def neighbours(
     Returns:
         The numbers (P, 2) of two solids of different owners. The first one moves.
     """
-    moving = tracks.moving
-    rows = tracks.rows
-
-    # The boxes of all instants together.
-    lowest = rows.low[tracks.first]
-    highest = rows.high[tracks.first]
-    lowest[moving] = tracks.by_sample(rows.low).min(axis=1)
-    highest[moving] = tracks.by_sample(rows.high).max(axis=1)
-
+    moving = tracks.solids.moving
+    lowest = tracks.rows.low.min(axis=1)
+    highest = tracks.rows.high.max(axis=1)
     below = lowest[moving] - margin <= highest[:, None]
     above = highest[moving] + margin >= lowest[:, None]
     near = (below & above).all(axis=2)
 
     # Each two solids once, also if both move.
     numbers = np.arange(len(lowest))[:, None]
-    once = (tracks.moves[:, None] == 0) | (numbers > moving)
+    once = ~np.isin(numbers, moving) | (numbers > moving)
 
     owners = tracks.solids.owners
     strangers = owners[:, None] != owners[moving]
@@ -78,20 +72,18 @@ def may_meet(tracks: Tracks, pairs: Indices, least: Array, within: Flags) -> Fla
     met, interval = np.nonzero(within)
 
     for axis in (2, 1, 0):  # along z first, since most moves sideways
-        low = rows.low[:, axis]
-        high = rows.high[:, axis]
-        first = tracks.row(pairs[met, 0], interval)
-        second = tracks.row(pairs[met, 1], interval)
-
-        depth = np.minimum(high[first] - low[second], high[second] - low[first])
+        low = rows.low[..., axis]
+        high = rows.high[..., axis]
+        first, second = pairs[met].T
+        over = high[first, interval] - low[second, interval]
+        under = high[second, interval] - low[first, interval]
+        depth = np.minimum(over, under)
         deep = depth >= least[met] - ROUNDING_M
         met = met[deep]
         interval = interval[deep]
 
     first, second = pairs[met].T
-    aside = rows.aside[tracks.row(first, interval)]
-    aside += rows.aside[tracks.row(second, interval)]
-
+    aside = rows.aside[first, interval] + rows.aside[second, interval]
     gaps = np.maximum(
         _bound_gaps(tracks, first, second, interval),
         _bound_gaps(tracks, second, first, interval),
@@ -122,8 +114,9 @@ def _bound_gaps(
     """
     rows = tracks.rows
     solids = tracks.solids
-    here = tracks.ends(first, interval)  # (2, N)
-    there = tracks.ends(second, interval)
+    ends = interval + np.array([[0], [1]])  # (2, N)
+    here = first, ends
+    there = second, ends
 
     # Where the first is, along the axes of the second. A ball extends as far as its radius, however it is turned.
     back = rows.rotations[there].swapaxes(2, 3)
@@ -142,12 +135,11 @@ def _bound_gaps(
     begin, end = rows.positions[here] - rows.positions[there]
     moved = lengths(end - begin)
     reach = solids.reaches[first]
-    turned = rows.turned[here[0]]
-    others_turned = rows.turned[there[0]]
+    turned = rows.turned[first, interval]
+    others_turned = rows.turned[second, interval]
 
     far = lengths(begin) + moved + reach
     bend = others_turned**2 * far + turned**2 * reach
     bend += 2 * others_turned * (moved + reach * turned)
 
-    bounds: Array = gaps - bend / 8
-    return bounds
+    return gaps - bend / 8

@@ -313,8 +313,9 @@ def relative_ways(tracks: Tracks, pairs: Indices, near: Flags) -> Array:
     rows = tracks.rows
     pair, interval = np.nonzero(near)
     first, second = pairs[pair].T
-    here = tracks.ends(first, interval)  # (2, N)
-    there = tracks.ends(second, interval)
+    ends = interval + np.array([[0], [1]])  # (2, N)
+    here = first, ends
+    there = second, ends
     back = rows.rotations[there].swapaxes(2, 3)
     apart = rows.positions[here] - rows.positions[there]
     seen = np.einsum("knij,knj->kni", back, apart)

@@ -126,10 +126,9 @@ class _Meetings:
         """
         tracks = self.tracks
         pair, interval = np.nonzero(self.near)
-        rows = tracks.row(self.pairs[pair].T, interval)  # (2, N)
-        aside = tracks.rows.aside[rows].sum(axis=0)
+        aside = tracks.rows.aside[self.pairs[pair].T, interval].sum(axis=0)
         ways = self.ways[pair, interval] + 2 * aside  # there and back
-        looks = np.zeros(tracks.samples - 1)
+        looks = np.zeros(self.near.shape[1])
         np.maximum.at(looks, interval, np.maximum(ways / self.depths.thick[pair], 1.0))
 
         for _ in range(math.ceil(DEEP_S * SAMPLE_HZ)):
@@ -158,12 +157,10 @@ class _Meetings:
 
 def _mark_moving(tracks: Tracks, pairs: Indices) -> Flags:
     """Mark the intervals (P, T - 1) in which a pair may have moved since the last marked one; the first is marked."""
-    ways = tracks.by_sample(tracks.rows.ways)[:, :-1]
-    aside = tracks.by_sample(tracks.rows.aside)[:, :-1]
-    steps = np.floor(np.cumsum(ways, axis=1) / _STILL_M)
-    moves = np.zeros((len(tracks.items), tracks.samples - 1), dtype=bool)
-    moves[tracks.moving] = np.diff(steps, axis=1, prepend=0.0) > 0
-    moves[tracks.moving] |= aside > _STILL_M / 2
+    rows = tracks.rows
+    steps = np.floor(np.cumsum(rows.ways[:, :-1], axis=1) / _STILL_M)
+    moves = np.diff(steps, axis=1, prepend=0.0) > 0
+    moves |= rows.aside[:, :-1] > _STILL_M / 2
     marked: Flags = moves[pairs[:, 0]] | moves[pairs[:, 1]]
     marked[:, :1] = True
     return marked
@@ -212,6 +209,6 @@ def _find_flung(recording: Recording, tracks: Tracks) -> list[Finding]:
 
 def _bound_robots_speed(tracks: Tracks) -> float:
     """Bound the speed of any point of the robot, m/s, averaged over a tenth of a second."""
-    count = min(tracks.samples - 1, round(0.1 * SAMPLE_HZ))
+    count = min(len(tracks.times) - 1, round(0.1 * SAMPLE_HZ))
     robots = [track for track in tracks.items if track.owner == ROBOT]
     return bound_speed(robots, tracks.times, max(1, count))

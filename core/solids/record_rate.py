@@ -191,5 +191,4 @@ def _deviate(values: Array, samples: Indices) -> Array:
     shares = shares.reshape(-1, *np.ones(values.ndim - 1, dtype=int))
     straight = known[before] + shares * np.diff(known, axis=0)[before]
 
-    deviations: Array = np.maximum.reduceat(np.abs(values - straight), samples)
-    return deviations
+    return np.maximum.reduceat(np.abs(values - straight), samples)

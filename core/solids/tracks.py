@@ -20,7 +20,7 @@ from core.design import Tool
 from core.geometry import Array
 from core.interfaces import Recording
 from core.robot.kinematics import place, robot_model, rotate
-from core.robot.solids import WORLD, Solid
+from core.robot.solids import WORLD
 from core.scene import Scene, State
 from core.solids.bodies import Solids, all_solids, scene_solids
 from core.values.robots import Robot
@@ -42,16 +42,15 @@ class Detour(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Solids at samples, one after the other: R rows in all. Those of a single solid are its T samples.
+    """N solids at T samples.
 
     Attributes:
-        rotations: (R, 3, 3), with ``positions`` (R, 3) the solid's frame. That of a ball does not turn.
-        middles: (R, 3) the middle of the bounding box along the solid's own axes.
-        low: (R, 3), with ``high`` the bounding box at the sample and on the way to the next. Along an axis, rows lie
-            one after another in memory.
-        aside: (R,) how far it gets from the straight way to the next sample, metres, at most.
-        ways: (R,) how far any of its points moves until the next sample, metres, at most; the last is 0.
-        turned: (R,) the angle to the next sample, radians; the last is 0.
+        rotations: (N, T, 3, 3), with ``positions`` (N, T, 3) the solid's frame. That of a ball does not turn.
+        middles: (N, T, 3) the middle of the bounding box along the solid's own axes.
+        low: (N, T, 3), with ``high`` the bounding box at the sample and on the way to the next.
+        aside: (N, T) how far it gets from the straight way to the next sample, metres, at most.
+        ways: (N, T) how far any of its points moves until the next sample, metres, at most; the last is 0.
+        turned: (N, T) the angle to the next sample, radians; the last is 0.
     """
 
     rotations: Array
@@ -65,34 +64,39 @@ class Rows(NamedTuple):
 
 
 class Track:
-    """A convex solid at T samples; one that never moves has T = 1.
+    """A convex solid at T samples.
 
     Attributes:
-        rotations: (T, 3, 3), with ``positions`` (T, 3) and ``middles`` (T, 3), see `Rows`.
+        name: of its link, component or body; with ``owner``, ``shape`` and ``geometry`` see `Solid`.
         box: half of the bounding box's extents along its own axes, (3,), metres.
-        rows: all that is known of it.
+        rotations: (T, 3, 3), with ``positions`` (T, 3), ``middles`` (T, 3), ``low`` (T, 3) and ``high`` (T, 3), see
+            `Rows`.
     """
 
-    def __init__(self, solid: Solid, box: Array, rows: Rows) -> None:
+    def __init__(self, solids: Solids, number: int, rows: Rows) -> None:
+        solid = solids.items[number]
         self.name = solid.name
         self.owner = solid.owner
         self.shape = solid.shape
         self.geometry = solid.geometry
-        self.box = box
-        self.rotations = rows.rotations
-        self.positions = rows.positions
-        self.middles = rows.middles
-        self.rows = rows
+        self.box = solids.halves[number]
+        self.rotations = rows.rotations[number]
+        self.positions = rows.positions[number]
+        self.middles = rows.middles[number]
+        self.low = rows.low[number]
+        self.high = rows.high[number]
+        self._rests = solid.frame == WORLD
+        self._ways = rows.ways[number]
         self._places: dict[int, tuple[Any, Array]] = {}  # by sample
 
     @cached_property
     def travel(self) -> Array:
         """An upper bound (T,) of how far any point has moved since the first sample, metres."""
-        return np.append(0.0, np.cumsum(self.rows.ways[:-1]))
+        return np.append(0.0, np.cumsum(self._ways[:-1]))
 
     def at(self, k: int, share: float) -> tuple[Any, Array]:
         """Coal's transform and the rotation (3, 3), a ``share`` (0..1) of the way from sample ``k`` to the next."""
-        if len(self.positions) == 1:
+        if self._rests:
             k = 0
             share = 0.0
 
@@ -126,8 +130,7 @@ class Look(NamedTuple):
     @property
     def out(self) -> Array:
         """The direction (3,) in the world of the shortest way out of the second for the first."""
-        direction: Array = self.result.normal
-        return direction
+        return self.result.normal
 
     @property
     def nearest(self) -> Array:
@@ -165,57 +168,20 @@ class Pair:
         return gaps[numbers]
 
 
-class Tracks:
-    """The solids of a rollout at some samples: the `Track` of each, and the ``rows`` of all.
-
-    At sample k solid i is in row ``first[i] + moves[i] * k``. Those that move come first.
+class Tracks(NamedTuple):
+    """The solids of a rollout at T samples.
 
     Attributes:
-        items: the tracks, as the ``solids`` are numbered.
-        moving: the numbers of the M solids that move.
-        moves: (N,) 1 for these, 0 for the others.
+        solids: what they are, at rest.
+        rows: all of them at all samples.
+        items: the track of each.
         times: (T,) of the samples, seconds.
     """
 
-    def __init__(
-        self, solids: Solids, moving: Indices, moved: Rows, times: Array
-    ) -> None:
-        resting, rest = _rest(solids)
-        samples = len(times)
-        self.solids = solids
-        self.moving = moving
-        self.times = times
-        self.samples = samples
-        self.rows = Rows(*map(np.concatenate, zip(moved, rest, strict=True)))
-        count = len(solids.items)
-        self.first = np.full(count, len(self.rows.aside))
-        self.first[moving] = samples * np.arange(len(moving))
-        self.first[resting] = samples * len(moving) + np.arange(len(resting))
-        self.moves = np.zeros(count, dtype=np.intp)
-        self.moves[moving] = 1
-        self.items = [self._pick(number) for number in range(count)]
-
-    def _pick(self, number: int) -> Track:
-        """Pick a solid's rows."""
-        begin = self.first[number]
-        end = begin + 1 + self.moves[number] * (self.samples - 1)
-        rows = Rows(*(values[begin:end] for values in self.rows))
-        return Track(self.solids.items[number], self.solids.halves[number], rows)
-
-    def row(self, numbers: Indices, samples: Indices) -> Indices:
-        """The rows of solids at samples."""
-        rows: Indices = self.first[numbers] + self.moves[numbers] * samples
-        return rows
-
-    def ends(self, numbers: Indices, intervals: Indices) -> Indices:
-        """The rows (2, N) of N solids where an interval begins, and where it ends."""
-        return self.row(numbers, intervals + np.array([[0], [1]]))
-
-    def by_sample(self, values: Array) -> Array:
-        """Those of the rows' values (R, ...) that are of the solids that move: (M, T, ...)."""
-        count = len(self.moving)
-        moved = values[: count * self.samples]
-        return moved.reshape(count, self.samples, *values.shape[1:])
+    solids: Solids
+    rows: Rows
+    items: list[Track]
+    times: Array
 
 
 def lengths(vectors: Array) -> Array:
@@ -227,8 +193,7 @@ def lengths(vectors: Array) -> Array:
 def angles(rotations: Array, after: Array) -> Array:
     """Compute the angles (...), radians, from rotations (..., 3, 3) to others."""
     chords = lengths((after - rotations).reshape(*rotations.shape[:-2], 9))
-    turned: Array = 2 * np.arcsin(np.minimum(chords / math.sqrt(8), 1.0))
-    return turned
+    return 2 * np.arcsin(np.minimum(chords / math.sqrt(8), 1.0))
 
 
 def bound_speed(tracks: Sequence[Track], times: Array, count: int = 1) -> float:
@@ -250,14 +215,22 @@ def follow(
 ) -> Tracks:
     """Follow the robot's links that move, the tool's components, and behind them the collision shapes of all bodies.
 
-    A ``detour`` widens their bounding boxes. Of the solids that move, ``only`` those with these numbers are followed.
+    Args:
+        scene: its bodies.
+        robot: the arm.
+        tool: what it holds.
+        recording: how all of them move.
+        detour: how far they get from the straight way between two samples, which widens their bounding boxes.
+        only: the numbers of the solids that are followed; None: all.
     """
     solids = all_solids(robot, tool, scene_solids(scene))
     model = robot_model(robot, tool)
     joints = model.order(recording.arm, recording.fingers)
     rotations, positions = model.place_joints(joints)
     turns, shifts = _body_frames(recording.states)
+
     moving = solids.moving
+    resting = np.flatnonzero(solids.frames == WORLD)
     if only is not None:
         moving = np.intersect1d(moving, only)
     aside = np.zeros((len(moving), len(recording.times)))
@@ -268,8 +241,17 @@ def follow(
         aside += detour.moved[number] + far[:, None] * detour.turned[number]
 
     frames = (np.concatenate([rotations, turns]), np.concatenate([positions, shifts]))
-    rows = _rows(solids, moving, *frames, aside)
-    return Tracks(solids, moving, rows, recording.times)
+    moved = _place_solids(solids, moving, *frames, aside)
+    count = len(solids.items)
+    rows = Rows(*(np.zeros((count, *values.shape[1:])) for values in moved))
+    for values, those_moved, those_at_rest in zip(
+        rows, moved, _rest(solids), strict=True
+    ):
+        values[moving] = those_moved
+        values[resting] = those_at_rest
+
+    tracks = [Track(solids, k, rows) for k in range(count)]
+    return Tracks(solids, rows, tracks, recording.times)
 
 
 def _body_frames(states: State) -> tuple[Array, Array]:
@@ -281,21 +263,26 @@ def _body_frames(states: State) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=8)
-def _rest(solids: Solids) -> tuple[Indices, Rows]:
-    """The numbers of the solids that never move, and their rows."""
+def _rest(solids: Solids) -> Rows:
+    """Place the solids that never move, at a single sample."""
     numbers = np.flatnonzero(solids.frames == WORLD)
-    straight = np.zeros((len(numbers), 1))
     rotations = np.eye(3)[None, None]
     positions = np.zeros((1, 1, 3))
-    return numbers, _rows(solids, numbers, rotations, positions, straight)
+    straight = np.zeros((len(numbers), 1))
+    return _place_solids(solids, numbers, rotations, positions, straight)
 
 
-def _rows(
+def _place_solids(
     solids: Solids, numbers: Indices, rotations: Array, positions: Array, aside: Array
 ) -> Rows:
-    """Place solids with these numbers in frames with rotations (F, T, 3, 3) and positions (F, T, 3).
+    """Place some solids in frames that move.
 
-    They get up to ``aside`` (N, T) from the straight way, by which their bounding boxes are wider.
+    Args:
+        solids: in their frames.
+        numbers: (N,) of those that are placed.
+        rotations: (F, T, 3, 3) of the frames.
+        positions: (F, T, 3) of the frames.
+        aside: (N, T) how far each gets from the straight way, metres, by which its bounding box is wider.
     """
     frames = solids.frames[numbers]
     rotations, positions = place(
@@ -305,28 +292,20 @@ def _rows(
         solids.positions[numbers],
     )
     rotations[solids.radii[numbers] < np.inf] = np.eye(3)
+
+    # The bounding boxes, on the way to the next sample too.
     middles = positions + rotate(rotations, solids.middles[numbers])
     extents = rotate(np.abs(rotations), solids.halves[numbers])
+    low = middles - extents
+    high = middles + extents
+    np.minimum(low[:, :-1], low[:, 1:], out=low[:, :-1])
+    np.maximum(high[:, :-1], high[:, 1:], out=high[:, :-1])
+    low -= aside[..., None]
+    high += aside[..., None]
 
-    # By axis (3, N, T): numpy reduces along contiguous instants fifty times as fast.
-    low = (middles - extents).transpose(2, 0, 1).copy()
-    high = (middles + extents).transpose(2, 0, 1).copy()
-    np.minimum(low[..., :-1], low[..., 1:], out=low[..., :-1])
-    np.maximum(high[..., :-1], high[..., 1:], out=high[..., :-1])
-    low -= aside
-    high += aside
-
+    # How far they move and turn until then.
     turned = np.zeros_like(aside)
     turned[:, :-1] = angles(rotations[:, :-1], rotations[:, 1:])
     ways = solids.reaches[numbers, None] * turned
     ways[:, :-1] += lengths(positions[:, 1:] - positions[:, :-1])
-    return Rows(
-        rotations.reshape(-1, 3, 3),
-        positions.reshape(-1, 3),
-        middles.reshape(-1, 3),
-        low.reshape(3, -1).T,
-        high.reshape(3, -1).T,
-        aside.ravel(),
-        ways.ravel(),
-        turned.ravel(),
-    )
+    return Rows(rotations, positions, middles, low, high, aside, ways, turned)

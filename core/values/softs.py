@@ -153,25 +153,24 @@ class Rope(_Divided):
 
     def surface(self, nodes: Array) -> Mesh:
         """Make a tube with closed ends."""
-        along = _unit(np.gradient(nodes, axis=0))
+        from trimesh.creation import revolve  # takes long
+
+        # A straight tube of radius 1 along z, on which a node is 1 from the next.
+        numbers = np.arange(len(nodes))
+        radii = np.pad(np.ones(len(nodes)), 1)
+        heights = np.pad(numbers, 1, mode="edge")
+        tube = revolve(np.column_stack([radii, heights]), sections=_CORNERS)
+        x, y, z = tube.vertices.T[..., None]
+
         # Across the rope, away from the axis that it follows least.
+        along = _unit(np.gradient(nodes, axis=0))
         aside = np.eye(3)[np.abs(along).max(axis=0).argmin()]
         across = _unit(np.cross(along, aside))
-        angles = np.arange(_CORNERS)[:, None] * 2 * np.pi / _CORNERS
-        up = np.cross(along, across)[:, None]
-        rings = np.cos(angles) * across[:, None] + np.sin(angles) * up
+        up = np.cross(along, across)
 
-        # The ends are rings of no width.
-        widths = np.pad(np.ones(len(nodes)), 1) * self.thickness / 2
-        order = [0, *range(len(nodes)), -1]
-        points = nodes[order, None] + widths[:, None, None] * rings[order]
-
-        here = np.arange(_CORNERS * (len(nodes) + 1)).reshape(-1, _CORNERS)
-        beside = np.roll(here, -1, axis=1)
-        above = here + _CORNERS
-        corners = [here, beside, beside + _CORNERS, here, beside + _CORNERS, above]
-        faces = np.stack(corners, axis=-1).reshape(-1, 3)
-        return Mesh(points.reshape(-1, 3), faces)
+        ring = np.rint(z[:, 0]).astype(int)
+        off = x * across[ring] + y * up[ring]
+        return Mesh(nodes[ring] + self.thickness / 2 * off, tube.faces)
 
 
 @dataclass(frozen=True)
@@ -272,8 +271,7 @@ def sizes(nodes: Array, elements: Elements) -> Array:
     """Measure the length of segments, the area of triangles or the volume of tetrahedra, (E,)."""
     edges = nodes[elements[:, 1:]] - nodes[elements[:, :1]]
     squares = np.linalg.det(edges @ edges.swapaxes(1, 2))
-    found: Array = np.sqrt(np.maximum(squares, 0.0)) / math.factorial(edges.shape[1])
-    return found
+    return np.sqrt(np.maximum(squares, 0.0)) / math.factorial(edges.shape[1])
 
 
 def facing(nodes: Array, elements: Elements) -> Elements:

@@ -83,16 +83,14 @@ class State:
 
     def extent(self, name: str) -> Array:
         """The size of the box along the world's axes around a soft body's nodes, (..., 3)."""
-        extent: Array = np.ptp(self.nodes(name), axis=-2)
-        return extent
+        return np.ptp(self.nodes(name), axis=-2)
 
     def length(self, name: str, first: int = 0, last: int = -1) -> Array:
         """The length of the way through a soft body's nodes from one number to another, (...)."""
         nodes = self.nodes(name)
         count = nodes.shape[-2]
         way = nodes[..., first % count : last % count + 1, :]
-        length: Array = np.linalg.norm(np.diff(way, axis=-2), axis=-1).sum(axis=-1)
-        return length
+        return np.linalg.norm(np.diff(way, axis=-2), axis=-1).sum(axis=-1)
 
     def covered_area(self, name: str) -> Array:
         """The area of the convex hull of a soft body's nodes as seen from above, m^2, (...)."""

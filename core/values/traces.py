@@ -89,8 +89,7 @@ class Trace:
 
     def first_s(self, body: str, by: str | None = None) -> Array:
         """Find when a body was first touched, s, (...); inf: never."""
-        found: Array = np.where(self.contact(body, by), self.times, np.inf).min(axis=-1)
-        return found
+        return np.where(self.contact(body, by), self.times, np.inf).min(axis=-1)
 
     def force_n(self, body: str, by: str | None = None) -> Array:
         """Find the largest of `forces_n`, N, (...).
@@ -98,8 +97,7 @@ class Trace:
         Raises:
             ValueError: nothing measured forces.
         """
-        largest: Array = self.forces_n(body, by).max(axis=-1)
-        return largest
+        return self.forces_n(body, by).max(axis=-1)
 
     def forces_n(self, body: str, by: str | None = None) -> Array:
         """Find the largest mean normal force between a body and one other thing, N, (..., T); the tool is one thing.

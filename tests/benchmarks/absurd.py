@@ -142,10 +142,7 @@ def _deepest(tool: Sequence[Track], bodies: Sequence[Track]) -> float:
     request = coal.DistanceRequest()
     for one in tool:
         for other in bodies:
-            near = (
-                (one.rows.low <= other.rows.high[0])
-                & (one.rows.high >= other.rows.low[0])
-            ).all(axis=1)
+            near = ((one.low <= other.high[0]) & (one.high >= other.low[0])).all(axis=1)
             for k in np.flatnonzero(near[:-1]):
                 for share in (0.0, 0.5):
                     here = one.at(int(k), share)[0]
@@ -182,9 +179,7 @@ def inside(scene: Scene, tool: Tool, recording: Recording) -> tuple[float, str]:
         ]
         for one in own:
             near = [
-                (
-                    (one.rows.low <= part.rows.high) & (one.rows.high >= part.rows.low)
-                ).all(axis=1)
+                ((one.low <= part.high) & (one.high >= part.low)).all(axis=1)
                 for part in parts
             ]
             halves = [thickness(part.shape) / 2 for part in parts]

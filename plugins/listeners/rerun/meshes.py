@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 import rerun as rr
 import trimesh
 
-from core.design import Component
 from core.geometry import Pose
 from core.interfaces import Robot
 from core.robot.meshes import link_visuals
@@ -23,12 +20,6 @@ def shaded(solid: trimesh.Trimesh, color: Color) -> trimesh.Trimesh:
     mesh = trimesh.graph.smooth_shade(solid, angle=_SHARP_RAD)
     mesh.visual.vertex_colors = np.clip(color, 0.0, 1.0)
     return mesh
-
-
-def joined(solids: Iterable[tuple[Component, trimesh.Trimesh]]) -> trimesh.Trimesh:
-    """Components as one mesh, in their colours."""
-    meshes = [shaded(solid, component.color) for component, solid in solids]
-    return trimesh.util.concatenate(meshes)
 
 
 def links(robot: Robot, gripper: bool) -> dict[str, trimesh.Trimesh]:

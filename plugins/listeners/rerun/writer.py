@@ -7,6 +7,7 @@ There are two timelines. ``sim_time`` runs through the recorded rollouts, one af
 from __future__ import annotations
 
 import threading
+from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,15 +22,14 @@ from core.events import Generation, Run
 from core.geometry import Array
 from core.interfaces import Felt, Outcome, Recording
 from core.robot.kinematics import arm_of, link_frames
-from core.robot.meshes import solids
 from core.robot.trajectory import Motion
 from core.scene import Soft, State
-from core.simulation.attempt import played, prepare
+from core.simulation.attempt import prepare
+from core.simulation.guards import PlannedGuards
 from core.task import reward_of
 from core.trial import Evaluation
 from plugins.listeners.rerun.layout import design_text, layout
 from plugins.listeners.rerun.meshes import (
-    joined,
     links,
     shaded,
     to_mesh,
@@ -183,9 +183,15 @@ class Writer:
 
     def _mount(self, tool: Tool) -> None:
         """Show a tool, and the gripper if it has one, in the place of the last one."""
+        pieces = defaultdict(list)
+        for component in tool.components:
+            bearer, pose = tool.borne[component.name]
+            solid = component.shape.to_trimesh().apply_transform(pose.matrix)
+            pieces[bearer].append(shaded(solid, component.color))
+
         shown: dict[_Place, trimesh.Trimesh] = {}
-        for mount, parts in solids(tool, loose=True).items():
-            shown[*_ROBOT, mount, "tool"] = joined(parts)
+        for bearer, meshes in pieces.items():
+            shown[*_ROBOT, bearer, "tool"] = trimesh.util.concatenate(meshes)
         if tool.gripper:
             for name, mesh in self._hand.items():
                 shown[*_ROBOT, name] = mesh
@@ -305,4 +311,6 @@ def replay(
     if outcome.recording is None:
         raise ValueError(outcome.error or "no recording came back")
 
-    return played(motion, job), outcome, outcome.recording
+    if isinstance(job.guards, PlannedGuards):
+        motion = job.guards.motion  # as it was played
+    return motion, outcome, outcome.recording

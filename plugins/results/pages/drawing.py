@@ -10,7 +10,6 @@ import trimesh
 from core.design import GRIPPER_MOUNTS, Component, Tool
 from core.geometry import Box, Pose
 from core.robot.kinematics import open_mounts
-from core.robot.meshes import solids as solids_of
 from core.values.robots import Robot
 
 Color = tuple[float, float, float, float]
@@ -52,11 +51,13 @@ def _fingers(robot: Robot) -> list[trimesh.Trimesh]:
 def as_held(tool: Tool, robot: Robot) -> list[tuple[Component, trimesh.Trimesh]]:
     """The components as the arm holds them at home: x forward, y left, z up, in metres from the flange."""
     mounts = open_mounts(robot, True) if tool.gripper else {}
+    placed = tool.placed()
     held = []
-    for mount, placed in solids_of(tool).items():
-        for component, solid in placed:
-            if mount in mounts:
-                solid.apply_transform(mounts[mount].matrix)
-            held.append((component, solid))
+    for component in tool.components:
+        mount, pose = placed[component.name]
+        solid = component.shape.to_trimesh().apply_transform(pose.matrix)
+        if mount in mounts:
+            solid.apply_transform(mounts[mount].matrix)
+        held.append((component, solid))
 
     return held

@@ -156,8 +156,8 @@ def test_a_sheet_that_cuts_into_a_finger_is_found():
         if isinstance(track.geometry, coal.Box)
     )
     fingers = [track for track in boxes if track.name == "left_finger"]
-    lowest = min(fingers, key=lambda track: track.rows.low[0, 2])
-    middle = (lowest.rows.low[0] + lowest.rows.high[0]) / 2
+    lowest = min(fingers, key=lambda track: track.low[0, 2])
+    middle = (lowest.low[0] + lowest.high[0]) / 2
     path = np.linspace(middle - [0.06, 0.0, 0.0], middle - [0.01, 0.0, 0.0], count)
     found = penetrations(
         Scene((cut,)), recording(Scene((cut,)), {"cut": path}, hz=HZ, arms=arms), tool
