@@ -143,7 +143,7 @@ def resolve(
         waypoints = plan
     else:
         seen = look(task, seed, settings.perception, scene)
-        seen = replace(seen, felt=tuple(_lower(pose, rise) for pose in felt))
+        seen = replace(seen, felt=tuple(pose and _lower(pose, rise) for pose in felt))
         waypoints = call_part(plan, "resolve", Waypoints, seen)
         check_plan(waypoints.poses, gripper=waypoints.poses.shape[-1] == 7)
 
@@ -164,8 +164,6 @@ def _rise(seed: int, perception: Perception) -> Array:
     return rise
 
 
-def _lower(pose: Pose | None, rise: Array) -> Pose | None:
+def _lower(pose: Pose, rise: Array) -> Pose:
     """Say where a plan means a pose to be that the arm reached."""
-    if pose is None:
-        return None
     return Pose(pose.position - rise, pose.quaternion)

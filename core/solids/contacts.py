@@ -181,8 +181,7 @@ def _find_touches(
 
     of_tool = {*tool.mounts, *tool.placed()}
     for number in np.flatnonzero((near | hit).any(axis=1)).tolist():
-        first, second = pairs[number].tolist()
-        pair = Pair(tracks.items[first], tracks.items[second])
+        pair = tracks.pair(pairs[number])
         touched, depth = _touch(pair, most[number], near[number], hit[number])
         if not touched.any():
             continue

@@ -75,7 +75,9 @@ class Depths(NamedTuple):
         thick: as deep as the thinner one is thick.
         deep: from here on, it is too deep.
         through: from here on, they may have passed through each other.
+        limit: from here on, the first is inside the second: the less of these two.
         skin: up to here they only touch: the side that each is on is clear.
+        least: the least of what counts.
         cut: from here on beyond the shortest way out, it is a cut.
         far: from here on, the first is beyond the far side of a wall or of the thinner one: no blow goes so deep.
     """
@@ -83,19 +85,11 @@ class Depths(NamedTuple):
     thick: Array
     deep: Array
     through: Array
+    limit: Array
     skin: Array
+    least: Array
     cut: Array
     far: Array
-
-    @property
-    def limit(self) -> Array:
-        """From here on, the first is inside the second."""
-        return np.minimum(self.deep, self.through)
-
-    @property
-    def least(self) -> Array:
-        """The least of what counts."""
-        return np.minimum(self.limit, self.skin)
 
 
 def choose_depths(solids: Solids, pairs: Indices) -> Depths:
@@ -103,25 +97,34 @@ def choose_depths(solids: Solids, pairs: Indices) -> Depths:
     first, second = solids.widths[pairs.T]
     across = first + second
     thick = 2 * np.minimum(first, second)
-    pressed = np.maximum(
-        np.minimum(across / 2, thick), np.minimum(THIN_M, 0.9 * across)
-    )
+    most = np.minimum(across / 2, thick)
+    pressed = np.maximum(most, np.minimum(THIN_M, 0.9 * across))
+    deep = np.minimum(DEEP_M, pressed)
+    through = THROUGH * across
+    limit = np.minimum(deep, through)
+
     robots = solids.owners[pairs[:, 0]] == ROBOT
-    walls = robots & (solids.frames[pairs[:, 1]] == WORLD)
     robots_skin = np.minimum(SKIN_M, SKIN * thick)
     bodies_skin = np.minimum(BODY_SKIN_M, BODY_SKIN * thick)
+    skin = np.where(robots, robots_skin, bodies_skin)
+
+    walls = robots & (solids.frames[pairs[:, 1]] == WORLD)
+    behind_wall = np.maximum(2 * second, THIN_M)
+    far = np.where(walls, behind_wall, np.maximum(thick, BLOW_M))
     return Depths(
-        thick,
-        np.minimum(DEEP_M, pressed),
-        THROUGH * across,
-        np.where(robots, robots_skin, bodies_skin),
-        np.clip(2 * thick, CUT_LEAST_M, CUT_MOST_M),
-        np.where(walls, np.maximum(2 * second, THIN_M), np.maximum(thick, BLOW_M)),
+        thick=thick,
+        deep=deep,
+        through=through,
+        limit=limit,
+        skin=skin,
+        least=np.minimum(limit, skin),
+        cut=np.clip(2 * thick, CUT_LEAST_M, CUT_MOST_M),
+        far=far,
     )
 
 
 def find_passage(
-    pair: Pair, near: Indices, ways: Array, depths: Sequence[float], times: Array
+    pair: Pair, near: Indices, ways: Array, depths: Depths, times: Array
 ) -> Passage | None:
     """Find out when the first of two solids got into the second and how; None if it never did.
 
@@ -129,11 +132,11 @@ def find_passage(
         pair: the two.
         near: the intervals in which they may get as deep as counts.
         ways: (T - 1,) how far the first moves in the frame of the second in each interval, metres, at most.
-        depths: the two's `Depths`.
+        depths: of the two.
         times: (T,) of the samples, seconds.
     """
     encounter = Encounter(pair, depths)
-    course = Course(near, ways, encounter)
+    course = Course(near, ways, depths)
     instants = times.tolist()
     instant: Instant | None = Instant(course.near[0])
     while instant is not None:
@@ -159,11 +162,9 @@ class Encounter:
         stuck: since when it is too deep, seconds.
     """
 
-    def __init__(self, pair: Pair, depths: Sequence[float]) -> None:
+    def __init__(self, pair: Pair, depths: Depths) -> None:
         self.pair = pair
-        self.thick, self.deep, self.through, self.skin, self.beyond, self.far = depths
-        self.limit = min(self.deep, self.through)
-        self.least = min(self.limit, self.skin)
+        self.depths = depths
         self.entry: Look | None = None
         self.side: Look | None = None
         self.reached = 0.0
@@ -174,15 +175,17 @@ class Encounter:
     def judge(self, look: Look, instant: Instant, now: float) -> Passage | None:
         """Take a look at an instant, which is ``now``, seconds; return a passage if there is one."""
         self._follow_side(look, instant, now)
-        touching = look.depth < (self.limit if self.entry is None else self.least)
+        touching = look.depth < (
+            self.depths.limit if self.entry is None else self.depths.least
+        )
         if touching:
             if self._has_left(look):
                 return Passage(self.since, f"passed through {{}} at {self.since:.2f} s")
             self.entry = look
             self.reached = 0.0
 
-        if self.entry is not None and look.depth >= self.limit:
-            if self.reached < self.limit:
+        if self.entry is not None and look.depth >= self.depths.limit:
+            if self.reached < self.depths.limit:
                 self.since = now
             self.reached = max(self.reached, look.depth)
 
@@ -190,7 +193,7 @@ class Encounter:
 
     def _follow_side(self, look: Look, instant: Instant, now: float) -> None:
         """Keep the side while the two only touch, or the way out turns gradually; else see whether it is a cut."""
-        if look.depth < self.skin:
+        if look.depth < self.depths.skin:
             self.side = look
         elif self.side is not None:
             directions = turned_with(self.side, look)
@@ -198,24 +201,24 @@ class Encounter:
                 self.side = look
             elif self.cut is None:
                 overlaps = [overlap(self.pair, instant, way) for way in directions]
-                if min(overlaps) > look.depth + self.beyond:
+                if min(overlaps) > look.depth + self.depths.cut:
                     self.cut = Passage(now, f"cut into {{}} at {now:.2f} s")
 
     def _has_left(self, look: Look) -> bool:
         """Report whether the first, which only touches now, came out on another side than where it went in."""
-        if self.entry is None or self.reached < self.through:
+        if self.entry is None or self.reached < self.depths.through:
             return False
         _, entry = turned_with(self.entry, look)
         return bool(look.out @ entry < 0.5)
 
     def _find_stuck(self, look: Look, instant: Instant, now: float) -> Passage | None:
         """Find out at a sample whether the first has been too deep for too long, or is beyond the far side."""
-        if look.depth < self.deep:
+        if look.depth < self.depths.deep:
             self.stuck = None
         elif instant.share == 0 and self.entry is not None:
             if self.stuck is None:
                 self.stuck = now
-            if now - self.stuck >= DEEP_S or look.depth > self.far:
+            if now - self.stuck >= DEEP_S or look.depth > self.depths.far:
                 depth = f"{1000 * self.reached:.0f} mm"
                 return Passage(
                     self.stuck, f"was {depth} deep inside {{}} at {self.stuck:.2f} s"
@@ -261,14 +264,12 @@ class Course:
         step: the way from one look to the next while they are as deep, metres.
     """
 
-    def __init__(self, near: Indices, ways: Array, encounter: Encounter) -> None:
+    def __init__(self, near: Indices, ways: Array, depths: Depths) -> None:
         self.near = near.tolist()
         self.travel = np.append(0.0, ways.cumsum()).tolist()  # a list is faster
-        self.least = encounter.least
-        limit = encounter.limit
-        self.step = max(
-            min(limit / 4, encounter.beyond), min(limit, encounter.thick) / 2
-        )
+        self.least = depths.least
+        limit = depths.limit
+        self.step = max(min(limit / 4, depths.cut), min(limit, depths.thick) / 2)
         self._intervals = set(self.near)
 
     def find_next(self, instant: Instant, depth: float) -> Instant | None:

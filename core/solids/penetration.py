@@ -35,7 +35,6 @@ from core.solids.record_rate import (
 from core.solids.tracks import (
     SAMPLE_HZ,
     Indices,
-    Pair,
     Tracks,
     bound_speed,
     follow,
@@ -142,11 +141,12 @@ class _Meetings:
         tracks = self.tracks
         passages: dict[tuple[str, str], tuple[float, str]] = {}
         depths = np.array(self.depths).T.tolist()
-        for number, (first, second) in enumerate(self.pairs.tolist()):
-            pair = Pair(tracks.items[first], tracks.items[second])
+        for number, numbers in enumerate(self.pairs):
+            pair = tracks.pair(numbers)
             near = np.flatnonzero(self.near[number])
             ways = self.ways[number]
-            passage = find_passage(pair, near, ways, depths[number], tracks.times)
+            limits = Depths(*depths[number])
+            passage = find_passage(pair, near, ways, limits, tracks.times)
             if passage is not None:
                 names = pair.first.name, pair.second.name
                 passages[names] = min(passages.get(names, passage), passage)

@@ -183,6 +183,10 @@ class Tracks(NamedTuple):
     items: list[Track]
     times: Array
 
+    def pair(self, numbers: Indices) -> Pair:
+        """Return two of the solids, by their numbers (2,)."""
+        return Pair(*(self.items[number] for number in numbers))
+
 
 def lengths(vectors: Array) -> Array:
     """Compute the lengths (...) of vectors (..., N)."""
