@@ -41,6 +41,17 @@ def frozen_array(values: npt.ArrayLike, shape: tuple[int, ...] | None = None) ->
     return array
 
 
+def step_lengths(points: Array) -> Array:
+    """Measure how far each of some points (..., N, 3) is from the one before: (..., N - 1)."""
+    steps: Array = np.linalg.norm(np.diff(points, axis=-2), axis=-1)
+    return steps
+
+
+def running_sums(values: Array) -> Array:
+    """Sum up the first 0, 1, ... of values (N,): (N + 1,)."""
+    return np.append(0.0, np.cumsum(values))
+
+
 @dataclass(frozen=True, eq=False)
 class Pose:
     """A position (3,) in metres and a unit quaternion (4,), (w, x, y, z), of one frame in another.

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from core.design import DesignError, Tool
 from core.designs.rules import Faults
-from core.geometry import Array, Pose
+from core.geometry import Array, Pose, step_lengths
 from core.interfaces import JointTrajectory, RolloutSettings, Task, Waypoints
 from core.robot.paths import KNOT_M, KNOT_RAD
 from core.scene import Scene
@@ -118,7 +118,7 @@ def _check_waypoint(waypoint: object, where: str, gripper: bool) -> None:
 def _check_length(poses: Array) -> None:
     """Refuse a way through poses (N, 6 or 7) whose inverse kinematics would take too long."""
     turns = Rotation.from_euler("xyz", poses[:, 3:6])
-    metres = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1)
+    metres = step_lengths(poses[:, :3])
     radians = (turns[:-1].inv() * turns[1:]).magnitude()
     knots = np.ceil(np.maximum(metres / KNOT_M, radians / KNOT_RAD))
     if knots.sum() > MAX_KNOTS:
@@ -150,7 +150,7 @@ def check_tempo(plan: Waypoints, home: Pose, most_s: float) -> None:
             )
 
     places = np.vstack([home.position, plan.poses[:, :3]])
-    metres = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    metres = step_lengths(places)
     has_time = np.isfinite(tempo.seconds)
     asked = np.where(has_time, tempo.seconds, metres / tempo.speeds)
     seconds = float(np.nansum(asked) + tempo.waits.sum())

@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+import trimesh
 
 from core.design import DesignError, Tool
 from core.geometry import Array, Compound, Pose, Shape, mass_properties
@@ -23,13 +24,13 @@ from core.values.materials import Material
 
 POINT_M = 1e-6  # what is shorter is no beam, and has no section
 GRAVITY = 9.81  # m/s^2
-_CORNERS = np.array(np.meshgrid(*[[-0.5, 0.5]] * 3)).reshape(3, 8).T
 
 
 def corners(shape: Shape | Compound, pose: Pose) -> Array:
     """Compute the corners (8, 3) of a shape's bounding box."""
     middle, size = shape.bounds
-    return pose.apply(_CORNERS * size + middle)
+    box = [middle - size / 2, middle + size / 2]
+    return pose.apply(trimesh.bounds.corners(box))
 
 
 class Beam(NamedTuple):

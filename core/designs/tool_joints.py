@@ -87,11 +87,11 @@ def check_joints(
         )
 
     share = spring_share(material)
-    lightness = measure_lightness(tool).tolist()
-    for number, bearer in enumerate(tool.bearers):
+    measured = measure_lightness(tool).tolist()
+    for bearer, lightness in zip(tool.bearers, measured, strict=True):
         try:
             _check_range(bearer.joint)
-            _check_motion(tool, bearer, lightness[number])
+            _check_motion(tool, bearer, lightness)
             _check_strength(bearer.joint, share)
         except DesignError as error:
             raise DesignError(
@@ -107,10 +107,10 @@ def check_joints(
         solids[part.bearer].append(solid)
 
     levers = measure_levers(tool).tolist()
-    for number, bearer in enumerate(tool.bearers):
+    for bearer, lever in zip(tool.bearers, levers, strict=True):
         if bearer.joint.kind == "hinge":
             _check_pin(bearer, solids)
-        _check_touch(bearer, solids, levers[number])
+        _check_touch(bearer, solids, lever)
 
 
 def _check_springs(tool: Tool, most: float) -> None:

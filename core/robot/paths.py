@@ -15,7 +15,7 @@ from scipy.interpolate import (
 )
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from core.geometry import Array
+from core.geometry import Array, running_sums, step_lengths
 from core.robot.kinematics import Arm
 
 # Inverse kinematics is solved at knots this close; a cubic spline joins them.
@@ -87,10 +87,10 @@ def _place_on_curve(
 
     ``counts`` are the cells of each of the N ways.
     """
-    ways = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    ways = step_lengths(positions)
     angles = np.asarray((rotations[:-1].inv() * rotations[1:]).magnitude())
     lengths = np.maximum(ways + _LEVER_M * angles, APART_M)
-    along = np.concatenate([[0.0], np.cumsum(lengths)])
+    along = running_sums(lengths)
 
     places = [
         np.linspace(begin, end, count + 1)[1:]

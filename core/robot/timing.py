@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from core.design import DesignError
-from core.geometry import Array
+from core.geometry import Array, running_sums
 from core.robot.kinematics import Arm
 from core.robot.paths import bend, join_knots, sample_cells
 
@@ -201,7 +201,7 @@ def _sample_evenly(s: Array, rate: Array, lasts: Array) -> tuple[Array, Array]:
 
     The path speed is ``rate`` (S,) at ``s`` (S,); the steps between take ``lasts`` (S - 1,) seconds.
     """
-    instants = np.concatenate([[0.0], np.cumsum(lasts)])
+    instants = running_sums(lasts)
     duration = instants[-1]
     times = np.linspace(0.0, duration, max(2, math.ceil(duration / _SAMPLE_S) + 1))[1:]
 

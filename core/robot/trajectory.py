@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from core.geometry import Array, Pose
+from core.geometry import Array, Pose, step_lengths
 from core.interfaces import JointTrajectory, RolloutSettings, Task, Tempo, Waypoints
 from core.robot.kinematics import Arm, arm_of
 from core.robot.paths import APART_M, place_knots
@@ -138,7 +138,7 @@ def plan_motion(
 
     trajectory, reached = join_legs(legs, arm, speed)
 
-    steps = np.linalg.norm(np.diff(arm.positions(knots), axis=0), axis=1)
+    steps = step_lengths(arm.positions(knots))
     # Errors before the first waypoint do no harm.
     counted = [path.ends[1] - 1, *path.ends[1:-1]]
     return Motion(
@@ -159,7 +159,7 @@ def ask_seconds(tempo: Tempo, positions: Array) -> Array:
 
     A speed is that of the middle of the way, of which a fifth of the time is for each of acceleration and braking.
     """
-    ways = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    ways = step_lengths(positions)
     by_speed = np.where(ways > APART_M, PEAK * ways / tempo.speeds, np.nan)
     return np.where(np.isfinite(tempo.seconds), tempo.seconds, by_speed)
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from core.design import DesignError
 from core.designs.planning import resolve
-from core.geometry import Array, Pose
+from core.geometry import Array, Pose, step_lengths
 from core.interfaces import (
     ActionPlan,
     Felt,
@@ -232,7 +232,7 @@ class PlannedGuards:
         count = len(arrivals)
         trajectory = first
         places = self._arm.positions(first.arm)
-        distance = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+        distance = float(step_lengths(places).sum())
         misses = self.motion.misses[:count]
         slowed = self.motion.slowed[:count]
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.geometry import Array, Capsule, Cylinder, Sphere
+from core.geometry import Array, Capsule, Cylinder, Sphere, running_sums
 from core.robot.solids import WORLD, corners
 from core.solids.bodies import ROBOT, Solids
 from core.solids.near_pairs import Flags
@@ -266,7 +266,7 @@ class Course:
 
     def __init__(self, near: Indices, ways: Array, depths: Depths) -> None:
         self.near = near.tolist()
-        self.travel = np.append(0.0, ways.cumsum()).tolist()  # a list is faster
+        self.travel = running_sums(ways).tolist()  # a list is faster
         self.least = depths.least
         limit = depths.limit
         self.step = max(min(limit / 4, depths.cut), min(limit, depths.thick) / 2)

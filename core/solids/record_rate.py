@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from core.design import Tool
-from core.geometry import Array
+from core.geometry import Array, running_sums
 from core.interfaces import JointTrajectory, Recording, Robot
 from core.robot.kinematics import finger_values
 from core.scene import Scene, State
@@ -151,7 +151,7 @@ def _average(times: Array, values: Array, samples: Indices) -> Array:
     Returns:
         Means (S,).
     """
-    impulses = np.append(0.0, np.cumsum(values[1:] * np.diff(times)))[samples]
+    impulses = running_sums(values[1:] * np.diff(times))[samples]
     lasts = np.diff(times[samples], prepend=times[0])
     means = np.diff(impulses, prepend=0.0) / np.maximum(lasts, 1e-9)
     means[samples == 0] = values[0]

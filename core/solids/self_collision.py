@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from core.design import Tool
-from core.geometry import Array
+from core.geometry import Array, running_sums
 from core.interfaces import JointTrajectory
 from core.robot.kinematics import (
     RobotModel,
@@ -156,7 +156,7 @@ def _choose_rows(trajectory: JointTrajectory) -> Array:
     """Choose at which of the targets to look, as numbers with fractions: each time that the joints moved by `STEP`."""
     turned = np.abs(np.diff(trajectory.arm, axis=0)).sum(axis=1)
     turned += _PER_METRE * np.abs(np.diff(trajectory.fingers))
-    travel = np.append(0.0, np.cumsum(turned))
+    travel = running_sums(turned)
     chosen = np.linspace(0.0, travel[-1], int(travel[-1] / STEP) + 2)
     return np.interp(chosen, travel, np.arange(len(travel)))
 

@@ -17,7 +17,7 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from core.design import Tool
-from core.geometry import Array
+from core.geometry import Array, running_sums
 from core.interfaces import Recording
 from core.robot.kinematics import place, robot_model, rotate
 from core.robot.solids import WORLD
@@ -92,7 +92,7 @@ class Track:
     @cached_property
     def travel(self) -> Array:
         """An upper bound (T,) of how far any point has moved since the first sample, metres."""
-        return np.append(0.0, np.cumsum(self._ways[:-1]))
+        return running_sums(self._ways[:-1])
 
     def at(self, k: int, share: float) -> tuple[Any, Array]:
         """Coal's transform and the rotation (3, 3), a ``share`` (0..1) of the way from sample ``k`` to the next."""

@@ -257,17 +257,20 @@ class PlacedJoint:
         turn = self.turn
         spin = np.zeros(3)
         glide = np.zeros(3)
-        if joint.kind == "slider":
-            inside = self.origin + np.multiply.outer(value - joint.start, self.axis)
-            glide = rotate(parent.quaternion, np.multiply.outer(speed, self.axis))
-        elif joint.kind == "hinge":
-            half = (value - joint.start)[..., None] / 2
-            turned = np.concatenate([np.cos(half), np.sin(half) * self.axis], axis=-1)
-            turn = multiply(turned, self.turn)
-            spin = rotate(parent.quaternion, np.multiply.outer(speed, self.axis))
-        else:
+        if joint.kind == "ball":
             turn = multiply(value, self.turn)
             spin = rotate(parent.quaternion, speed)
+        else:
+            off = value - joint.start
+            along = rotate(parent.quaternion, np.multiply.outer(speed, self.axis))
+            if joint.kind == "slider":
+                inside = self.origin + np.multiply.outer(off, self.axis)
+                glide = along
+            else:
+                half = off[..., None] / 2
+                parts = [np.cos(half), np.sin(half) * self.axis]
+                turn = multiply(np.concatenate(parts, axis=-1), self.turn)
+                spin = along
 
         quaternion = multiply(parent.quaternion, turn)
         there = rotate(parent.quaternion, inside)

@@ -14,7 +14,15 @@ import numpy as np
 import numpy.typing as npt
 
 from core.errors import refuse
-from core.geometry import Array, Mesh, Shape, Vector, frozen_array
+from core.geometry import (
+    Array,
+    Mesh,
+    Shape,
+    Vector,
+    frozen_array,
+    running_sums,
+    step_lengths,
+)
 
 Elements = npt.NDArray[np.int64]
 
@@ -141,8 +149,8 @@ class Rope(_Divided):
     @cached_property
     def nodes(self) -> Array:
         points = np.array(self.path, dtype=np.float64).reshape(-1, 3)
-        pieces = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        ways = np.append(0.0, np.cumsum(pieces))
+        pieces = step_lengths(points)
+        ways = running_sums(pieces)
         evenly = np.linspace(0, ways[-1], self.count)
         axes = [np.interp(evenly, ways, axis) for axis in points.T]
         return frozen_array(np.stack(axes, axis=1))

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from core.errors import unknown
-from core.geometry import Array, Pose
+from core.geometry import Array, Pose, step_lengths
 from core.values.joints import JointState, PlacedJoint, Placement, rotate_back
 
 Value = TypeVar("Value")
@@ -90,7 +90,7 @@ class State:
         nodes = self.nodes(name)
         count = nodes.shape[-2]
         way = nodes[..., first % count : last % count + 1, :]
-        return np.linalg.norm(np.diff(way, axis=-2), axis=-1).sum(axis=-1)
+        return step_lengths(way).sum(axis=-1)
 
     def covered_area(self, name: str) -> Array:
         """The area of the convex hull of a soft body's nodes as seen from above, m^2, (...)."""

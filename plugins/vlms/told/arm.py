@@ -228,6 +228,6 @@ def _time(
     )
     first, last = motion.arrivals.tolist()
     joints, _ = motion.trajectory.sample(np.linspace(first, last, _SAMPLES))
-    steps = np.linalg.norm(np.diff(arm.positions(joints), axis=0), axis=1)
+    steps = step_lengths(arm.positions(joints))
 
     return last - first, float(steps.max() / steps.mean())
