@@ -37,6 +37,7 @@ def frozen_array(values: npt.ArrayLike, shape: tuple[int, ...] | None = None) ->
         raise ValueError(f"expected an array of shape {shape}, got {array.shape}")
     if not np.isfinite(array).all():
         raise ValueError("expected finite numbers")
+
     array.setflags(write=False)
     return array
 
@@ -68,6 +69,7 @@ class Pose:
         length = np.linalg.norm(quaternion)
         if length < 1e-9:
             raise ValueError("a quaternion of length zero is no orientation")
+
         object.__setattr__(self, "position", frozen_array(self.position, (3,)))
         object.__setattr__(self, "quaternion", frozen_array(quaternion / length, (4,)))
 
@@ -112,6 +114,7 @@ class Pose:
         matrix = np.eye(4)
         matrix[:3, :3] = self.rotation.as_matrix()
         matrix[:3, 3] = self.position
+
         return matrix
 
     def __matmul__(self, other: Pose) -> Pose:
@@ -162,6 +165,7 @@ class _Solid:
                 return math.pi * radius**2 * length
             case Capsule(radius, length):
                 return math.pi * radius**2 * (length + 4 / 3 * radius)
+
         return cast("Mesh", self.drawn).integrals.volume
 
     @property
@@ -176,12 +180,14 @@ class _Solid:
                 return 2 * math.pi * radius * (radius + length)
             case Capsule(radius, length):
                 return 2 * math.pi * radius * (length + 2 * radius)
+
         return float(self.to_trimesh().area)
 
     @property
     def bounds(self) -> tuple[Array, Array]:
         """The middle (3,) of the bounding box along the shape's own axes, and its full side lengths (3,)."""
         sides: Vector
+
         match self:
             case Box(size):
                 sides = size
@@ -196,6 +202,7 @@ class _Solid:
                 low = corners.min(axis=0)
                 high = corners.max(axis=0)
                 return (low + high) / 2, high - low
+
         return np.zeros(3), np.array(sides)
 
     def to_trimesh(self) -> trimesh.Trimesh:
@@ -319,6 +326,7 @@ class Mesh(_Solid):
         solid = self.to_trimesh()
         volume = float(solid.volume)
         tensor = frozen_array(solid.moment_inertia / volume)
+
         return Integrals(volume, frozen_array(solid.center_mass), tensor)
 
     def __eq__(self, other: object) -> bool:
@@ -376,6 +384,7 @@ def mass_properties(shape: Shape | Compound, mass: float) -> tuple[Array, Array]
         case _:
             integrals = cast("Mesh", shape.drawn).integrals
             return integrals.center, mass * integrals.tensor
+
     return np.zeros(3), np.diag(moments)
 
 

@@ -121,6 +121,7 @@ def _check_length(poses: Array) -> None:
     metres = step_lengths(poses[:, :3])
     radians = (turns[:-1].inv() * turns[1:]).magnitude()
     knots = np.ceil(np.maximum(metres / KNOT_M, radians / KNOT_RAD))
+
     if knots.sum() > MAX_KNOTS:
         raise DesignError(
             f"the way through the waypoints is {metres.sum():.0f} m and {radians.sum():.0f} rad long; at most "
@@ -154,6 +155,7 @@ def check_tempo(plan: Waypoints, home: Pose, most_s: float) -> None:
     has_time = np.isfinite(tempo.seconds)
     asked = np.where(has_time, tempo.seconds, metres / tempo.speeds)
     seconds = float(np.nansum(asked) + tempo.waits.sum())
+
     if seconds > most_s:
         raise DesignError(
             f"the plan asks for {seconds:.4g} s; at most {most_s:g} s are allowed"
@@ -183,6 +185,7 @@ def check_motion(
     """
     seconds = begins + trajectory.duration
     most = settings.max_motion_s
+
     if seconds > most:
         raise DesignError(
             f"the motion takes {seconds:.0f} s under the arm's limits, more than {most:.0f} s; use fewer waypoints"
@@ -194,6 +197,7 @@ def check_motion(
     hz = sample_hz(task.robot, tool, trajectory, thinnest(scene))
     count = len(tool.parts)
     poses = count * seconds * hz
+
     if poses > MAX_POSES:
         raise DesignError(
             f"the tool's {count} parts would be looked at {hz:.0f} times a second for {seconds:.0f} s, which "

@@ -100,7 +100,10 @@ def parse_plan(actions: ActionRepresentation, raw: object, gripper: bool) -> Act
 
 
 def look(
-    task: Task, seed: int, perception: Perception, scene: Scene | None = None
+    task: Task,
+    seed: int,
+    perception: Perception,
+    scene: Scene | None = None,
 ) -> Seen:
     """Return what is seen of the layout of ``seed`` before the motion: all poses as at spawn, with noise.
 
@@ -113,6 +116,7 @@ def look(
 
     draws = np.random.default_rng([seed, _NOISE]).standard_normal((len(bodies), 3))
     poses = {}
+
     for body, (x, y, yaw) in zip(bodies, draws.tolist(), strict=True):
         turn = Rotation.from_rotvec([0.0, 0.0, yaw * perception.yaw])
         shift = perception.position * np.array([x, y, 0.0])
@@ -150,6 +154,7 @@ def resolve(
     check_tempo(waypoints, task.home, settings.max_motion_s)
     if not rise.any():
         return waypoints
+
     poses = waypoints.poses.copy()
     poses[:, :3] += rise
     return replace(waypoints, poses=poses)
@@ -161,6 +166,7 @@ def _rise(seed: int, perception: Perception) -> Array:
     if perception.height != 0:
         draw = np.random.default_rng([seed, _HEIGHT]).uniform(-1, 1)
         rise[2] = perception.height * draw
+
     return rise
 
 

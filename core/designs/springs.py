@@ -22,6 +22,7 @@ def measure_lightness(tool: Tool) -> Array:
     """
     model = pin.Model()
     numbers = dict.fromkeys(tool.mounts, 0)
+
     for name, parent, pose, joint in tool.bearers:
         moving = _JOINTS[joint.kind](np.array(joint.axis))
         place = pin.SE3(pose.matrix)
@@ -36,20 +37,24 @@ def measure_lightness(tool: Tool) -> Array:
     data = model.createData()
     ranges = [(bearer.joint.lower, bearer.joint.upper) for bearer in tool.bearers]
     most = np.zeros(len(ranges))
+
     for values in [most, *np.reshape(ranges, (-1, 2)).T]:
         inverse = pin.computeMinverse(model, data, values)
         most = np.maximum(most, np.diag(inverse))
+
     return most
 
 
 def measure_levers(tool: Tool) -> Array:
     """Measure how far from each joint's axis what it bears ends (K,), metres; 1 for a slider."""
     levers = []
+
     for name, _, _, joint in tool.bearers:
         ends = [corners(p.shape, p.pose) for p in tool.parts if p.bearer == name]
         across = np.cross(joint.axis, np.vstack(ends))
         lever = float(np.linalg.norm(across, axis=1).max())
         levers.append(1.0 if joint.kind == "slider" else lever)
+
     return np.array(levers)
 
 

@@ -43,8 +43,10 @@ class SpawnRules:
         self._parts = [
             SpawnRules(part, seed) for part in task.parts if part is not task
         ]
+
         if self._parts:
             return
+
         self._joints = arm_of(task.robot).home_for(task.home)
         bodies = (scene or task.scene(seed)).bodies
         self._scene = Obstacles(itertools.chain(*map(body_solids, bodies)))
@@ -73,6 +75,7 @@ class SpawnRules:
         for component in tool.components:
             mount, pose = places[component.name]
             there = frames[mount] @ pose
+
             for solid in solids_of(component.name, component.shape, there):
                 placed.append(_Placed(solid, mount, frames[mount]))
 
@@ -98,6 +101,7 @@ class SpawnRules:
                 for solid in robot_solids(self.robot, gripper)
             ]
             self._arms[gripper] = Obstacles(solids), frames
+
         return self._arms[gripper]
 
 

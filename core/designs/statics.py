@@ -30,6 +30,7 @@ def corners(shape: Shape | Compound, pose: Pose) -> Array:
     """Compute the corners (8, 3) of a shape's bounding box."""
     middle, size = shape.bounds
     box = [middle - size / 2, middle + size / 2]
+
     return pose.apply(trimesh.bounds.corners(box))
 
 
@@ -70,6 +71,7 @@ class Beams:
         self._poses = {name: pose for name, (_, pose) in tool.placed().items()}
         self._shapes = {c.name: c.shape for c in tool.components}
         self.chains: dict[str, list[tuple[str, Beam]]] = {}
+
         for component in tool.components:
             parent = component.parent
             chain = list(self.chains.get(parent, ()))
@@ -85,11 +87,13 @@ class Beams:
         The stress, in pascals, is that of the component or of what carries it.
         """
         bends = {}
+
         for component in self.tool.components:
             name = component.name
             ends = corners(component.shape, self._poses[name])
             away = np.linalg.norm(ends - self.joints[name], axis=1)
             bends[name] = self.bend(name, ends[away.argmax()])
+
         return bends
 
     def bend(self, name: str, point: Array) -> tuple[float, float]:
@@ -101,6 +105,7 @@ class Beams:
         moved_m = 0.0
         stress_pa = 0.0
         beams = [beam for _, beam in self.chains[name]]
+
         for beam in (*beams, self.beam(name, point)):
             a = beam.start - point
             b = beam.stop - point
@@ -133,6 +138,7 @@ class Beams:
         length = float(np.linalg.norm(stop - start))
         softness = length / (self.material.young_pa * second_moment)
         weakness = thin / 2 / second_moment if length > POINT_M else 0.0
+
         return Beam(start, stop, softness, weakness)
 
 
@@ -154,6 +160,7 @@ def flange_moment(tool: Tool, robot: Robot) -> float:
         mount, pose = placed[component.name]
         center, _ = mass_properties(component.shape, component.mass)
         moments += component.mass * (mounts[mount] @ pose).apply(center)
+
     return GRAVITY * float(np.linalg.norm(moments))
 
 
@@ -162,6 +169,7 @@ def mass_limit(robot: Robot, material: Material) -> tuple[float, str]:
     budget_kg = math.inf if material.most_g is None else material.most_g / 1000
     if budget_kg < robot.payload_kg:
         return budget_kg, f"the budget of material is {budget_kg:g} kg"
+
     return robot.payload_kg, f"the arm carries at most {robot.payload_kg:g} kg"
 
 
@@ -174,6 +182,7 @@ def check_weight(tool: Tool, robot: Robot, material: Material) -> None:
     heaviest = max(tool.components, key=lambda component: component.mass)
     mend = f"component {heaviest.name!r} weighs most, {heaviest.mass:.3g} kg: make parts thinner, shorter or fewer"
     most_kg, why = mass_limit(robot, material)
+
     if tool.mass > most_kg:
         raise DesignError(f"the tool weighs {tool.mass:.3g} kg; {why}; {mend}")
     if material.density_kg_m3 is None:

@@ -42,8 +42,24 @@ class JointLimits(NamedTuple):
 
 # docs/materials.md has the sources.
 LIMITS = {
-    "hinge": JointLimits("rad", "N m", "N m s/rad", 2 * math.pi, 0.01, 3.0, 0.2),
-    "slider": JointLimits("m", "N", "N s/m", 0.5, 0.0005, 50.0, 20.0),
+    "hinge": JointLimits(
+        "rad",
+        "N m",
+        "N m s/rad",
+        2 * math.pi,
+        0.01,
+        3.0,
+        0.2,
+    ),
+    "slider": JointLimits(
+        "m",
+        "N",
+        "N s/m",
+        0.5,
+        0.0005,
+        50.0,
+        20.0,
+    ),
 }
 MAX_JOINTS = 8
 MIN_MOVED_KG = 0.001
@@ -69,6 +85,7 @@ def spring_share(material: Material) -> float:
     """
     if material.strength_pa is None:
         return 1.0
+
     energy = _PRINTED_M3 * material.strength_pa**2 / (18 * material.young_pa)
     return min(1.0, energy / MAX_SPRINGS_J)
 
@@ -88,6 +105,7 @@ def check_joints(
 
     share = spring_share(material)
     measured = measure_lightness(tool).tolist()
+
     for bearer, lightness in zip(tool.bearers, measured, strict=True):
         try:
             _check_range(bearer.joint)
@@ -117,6 +135,7 @@ def _check_springs(tool: Tool, most: float) -> None:
     """Refuse springs that hold more than ``most`` together, J, or make something too fast."""
     joints = {bearer.name: bearer.joint for bearer in tool.bearers}
     energy = sum(joint.energy for joint in joints.values())
+
     if energy > most:
         strongest = max(joints, key=lambda name: joints[name].energy)
         raise DesignError(
@@ -154,6 +173,7 @@ def _check_motion(tool: Tool, bearer: Bearer, lightness: float) -> None:
     joint = bearer.joint
     borne = tool.borne
     mass = sum(c.mass for c in tool.components if borne[c.name][0] == bearer.name)
+
     if mass < MIN_MOVED_KG:
         raise DesignError(
             f"moves {mass:.2g} kg; at least {MIN_MOVED_KG:g} kg is needed"
@@ -180,6 +200,7 @@ def _check_strength(joint: ToolJoint, share: float) -> None:
     limits = LIMITS[joint.kind]
     exerted = joint.stiffness * joint.strain
     most = share * limits.spring
+
     if exerted > most:
         raise DesignError(
             f"has too strong a spring: it exerts {exerted:.3g} {limits.load} where it is {joint.strain:.3g} "
@@ -190,7 +211,12 @@ def _check_strength(joint: ToolJoint, share: float) -> None:
     _check_most("a dry friction", joint.friction, limits.spring, limits.load)
 
 
-def _check_most(what: str, value: float, most: float, unit: str) -> None:
+def _check_most(
+    what: str,
+    value: float,
+    most: float,
+    unit: str,
+) -> None:
     if value > most:
         raise DesignError(
             f"has {what} of {value:.3g} {unit}; at most {most:g} is allowed"
@@ -204,10 +230,12 @@ def _check_pin(bearer: Bearer, solids: Mapping[str, Sequence[Solid]]) -> None:
     """
     axis = np.array(bearer.joint.axis)
     ends = []
+
     for solid in solids[bearer.name]:
         middle, half = solid.bounds()
         reach = half @ np.abs(axis)
         ends += [middle @ axis - reach, middle @ axis + reach]
+
     low = float(min(ends))
     high = float(max(ends))
     turn, _ = Rotation.align_vectors([axis], [[0.0, 0.0, 1.0]])
@@ -242,6 +270,7 @@ def _check_touch(
         place = bearer.pose @ _move(joint, value)
         if near is not None and _touch(*near, place):
             continue
+
         near = next((pair for pair in pairs if _touch(*pair, place)), None)
         if near is None:
             raise DesignError(
@@ -255,6 +284,7 @@ def _move(joint: ToolJoint, value: float) -> Pose:
     way = value * np.array(joint.axis)
     if joint.kind == "slider":
         return Pose(way)
+
     return Pose.from_rotation(np.zeros(3), Rotation.from_rotvec(way))
 
 

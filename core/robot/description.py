@@ -63,6 +63,7 @@ def assembled(
     gripper = robot.gripper
     if tool is None:
         tool = Tool(gripper=gripper is not None)
+
     arm = robot.description
     mount = _joint(RIGID_MOUNT, robot.mount_link, robot.mount)
     if gripper is not None and tool.gripper:
@@ -74,8 +75,10 @@ def assembled(
     links = {**arm.links, RIGID_MOUNT: RobotLink(RIGID_MOUNT)}
     joints = {**arm.joints, RIGID_MOUNT: mount}
     parts = tool_parts(tool)
+
     if fused:
         parts = ((RobotLink(bearer.name), _joint(*bearer)) for bearer in tool.bearers)
+
     for link, bearing in parts:
         links[link.name] = link
         joints[link.name] = bearing
@@ -87,6 +90,7 @@ def assembled(
 
     if fused:
         links = {name: _fuse(link, tool) for name, link in links.items()}
+
     return Description(arm.name, links, joints)
 
 
@@ -105,6 +109,7 @@ def tool_parts(tool: Tool) -> Iterator[tuple[RobotLink, RobotJoint]]:
             pose = pose @ component.link
         if component.parent in frames:
             pose = frames[component.parent].inverse() @ pose
+
         yield link, _joint(component.name, component.parent, pose, component.joint)
 
 
@@ -112,11 +117,15 @@ def weigh(shape: Shape | Compound, mass: float, pose: Pose) -> Weight:
     """Compute the inertia of a solid at a pose, in the axes of the frame that the pose is given in."""
     center, tensor = mass_properties(shape, mass)
     turn = pose.rotation.as_matrix()
+
     return mass, pose.apply(center), turn @ tensor @ turn.T
 
 
 def _joint(
-    name: str, parent: str, pose: Pose, moving: ToolJoint | None = None
+    name: str,
+    parent: str,
+    pose: Pose,
+    moving: ToolJoint | None = None,
 ) -> RobotJoint:
     """Make the joint that bears a link of a tool, or a frame."""
     fixed = RobotJoint.fixed(joint_name(name), parent, name, pose)
@@ -147,6 +156,7 @@ def _place_shapes(
     collisions = chain.from_iterable(urdf_shapes(part, pose) for part in parts)
     drawn = urdf_shapes(component.shape.drawn, pose)
     visuals = [replace(shape, color=component.color) for shape in drawn]
+
     return tuple(collisions), tuple(visuals)
 
 
@@ -155,9 +165,11 @@ def merge_inertias(parts: Sequence[Weight]) -> Weight:
     masses, centers, _ = zip(*parts, strict=True)
     center: Array = np.average(centers, axis=0, weights=masses)
     whole = np.zeros((3, 3))
+
     for mass, place, tensor in parts:
         arm = place - center
         whole += tensor + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+
     return sum(masses), center, whole
 
 

@@ -39,9 +39,11 @@ def fingers_of(robot: Robot) -> tuple[Finger, ...]:
     """Measure the fingers of the open gripper, the left one first; none without a gripper."""
     if robot.gripper is None:
         return ()
+
     poses = open_mounts(robot, True)
     solids = robot_solids(robot, True)
     found = []
+
     for name, joint in zip(GRIPPER_MOUNTS, robot.gripper.joints, strict=True):
         opens = _nearest_axis(robot.description.named[joint].direction)
         tip = _nearest_axis(poses[name].rotation.inv().apply((0.0, 0.0, -1.0)))
@@ -50,6 +52,7 @@ def fingers_of(robot: Robot) -> tuple[Finger, ...]:
         around = np.concatenate(points)
         extent = around.min(axis=0), around.max(axis=0)
         found.append(Finger(name, poses[name], extent, opens, tip))
+
     return tuple(found)
 
 
@@ -58,4 +61,5 @@ def _nearest_axis(way: Array) -> Array:
     longest = np.abs(way).argmax()
     axis = np.zeros(3)
     axis[longest] = np.sign(way[longest])
+
     return axis

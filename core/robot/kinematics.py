@@ -37,6 +37,7 @@ class RobotModel:
         self.data = self.model.createData()
         self.supports = [{*joints} - {0} for joints in self.model.supports]
         self.links: dict[str, tuple[int, Pose]] = {}
+
         for frame in self.model.frames:
             if frame.type == pin.FrameType.BODY:
                 pose = Pose.from_matrix(frame.placement.homogeneous)
@@ -54,6 +55,7 @@ class RobotModel:
         placements = list(self.model.jointPlacements)[2:]
         chain = sum(float(np.linalg.norm(place.translation)) for place in placements)
         links = [np.linalg.norm(pose.position) for _, pose in self.links.values()]
+
         return chain + float(max(links))
 
     def order(self, arm: Array, fingers: Array) -> Array:
@@ -67,10 +69,12 @@ class RobotModel:
         """
         rotations = np.empty((self.model.njoints, len(joints), 3, 3))
         positions = np.empty((self.model.njoints, len(joints), 3))
+
         for k, values in enumerate(joints):
             pin.forwardKinematics(self.model, self.data, values)
             rotations[:, k] = self._rotations
             positions[:, k] = self._positions
+
         return rotations, positions
 
 
@@ -84,6 +88,7 @@ def _view_frames(frames: Any) -> tuple[Array, Array]:
     position = first.translation
     step = second.translation.ctypes.data - position.ctypes.data
     rotations = as_strided(rotation, (len(frames), 3, 3), (step, *rotation.strides))
+
     return rotations, as_strided(position, (len(frames), 3), (step, *position.strides))
 
 
@@ -107,7 +112,10 @@ def finger_values(robot: Robot, tool: Tool, opening: Array) -> Array:
 
 
 def link_frames(
-    robot: Robot, tool: Tool, arm: Array, fingers: Array
+    robot: Robot,
+    tool: Tool,
+    arm: Array,
+    fingers: Array,
 ) -> dict[str, tuple[Array, Array]]:
     """Compute the rotations (T, 3, 3) and positions (T, 3) of links' frames in the world, with the tool's bearers.
 
@@ -148,7 +156,10 @@ def open_mounts(robot: Robot, gripper: bool) -> dict[str, Pose]:
 
 
 def place(
-    rotations: Array, positions: Array, rotation: Array, position: Array
+    rotations: Array,
+    positions: Array,
+    rotation: Array,
+    position: Array,
 ) -> tuple[Array, Array]:
     """Place in the world what has a rotation (..., 3, 3) and a position (..., 3) in each of frames that move.
 
@@ -243,9 +254,11 @@ class Arm:
     def positions(self, joints: Array) -> Array:
         """Compute positions (T, 3) of the tool mount at joints (T, J)."""
         positions = np.empty((len(joints), 3))
+
         for k, q in enumerate(joints):
             self._move(q)
             positions[k] = self._here
+
         return positions
 
     def inverse(self, pose: Pose, seed: Array) -> Solution:
@@ -273,6 +286,7 @@ class Arm:
         left = _MAX_STEPS_ALL
         joints = np.empty((len(positions), len(self.home)))
         errors = np.empty((len(positions), 2))
+
         for k, position in enumerate(positions):
             most = _MAX_STEPS if left > 0 else _FEW_STEPS
             seed, error, steps = self._closest(
@@ -293,10 +307,16 @@ class Arm:
         error = np.empty(6)
         error[:3] = self._back.dot(position - self._here)
         error[3:] = _RADIAN_WEIGHT * pin.log3(self._back.dot(rotation))
+
         return error, float(error.dot(error))
 
     def _closest(
-        self, position: Array, rotation: Array, seed: Array, most: int, jump_rad: float
+        self,
+        position: Array,
+        rotation: Array,
+        seed: Array,
+        most: int,
+        jump_rad: float,
     ) -> tuple[Array, Array, int]:
         """Solve one pose: joints, their `_miss`, and the steps taken.
 
@@ -310,9 +330,11 @@ class Arm:
         error, cost = self._miss(position, rotation, q)
         damping = 1e-4
         count = 0
+
         for count in range(most):
             if cost < _POSITION_TOLERANCE**2:
                 break
+
             jacobian = pin.computeFrameJacobian(
                 self._model, self._data, q, self._frame, pin.LOCAL
             )
@@ -347,6 +369,7 @@ class Arm:
             error = trial_error
             cost = trial_cost
             damping = max(damping / 5, 1e-8)
+
             if settled:
                 break
 

@@ -42,7 +42,10 @@ class Visual(NamedTuple):
 
 
 def keep_file(
-    kind: str, suffix: str, content: bytes, make: Callable[[], bytes]
+    kind: str,
+    suffix: str,
+    content: bytes,
+    make: Callable[[], bytes],
 ) -> Path:
     """Make a file in the user's cache folder, once for each content.
 
@@ -50,6 +53,7 @@ def keep_file(
         UserError: it can't be made, or not be written.
     """
     file = kept_file(kind, suffix, content)
+
     try:
         # A power cut may leave it empty.
         if not (file.is_file() and file.stat().st_size):
@@ -68,6 +72,7 @@ def kept_file(kind: str, suffix: str, content: bytes) -> Path:
     """Name the file that `keep_file` makes of a content."""
     name = hashlib.sha256(f"{_VERSION} ".encode() + content).hexdigest()[:32]
     folder = platformdirs.user_cache_path("vlmgineer") / "meshes" / kind
+
     return folder / f"{name}.{suffix}"
 
 
@@ -111,9 +116,11 @@ def _visuals(visual: RobotShape) -> Iterator[Visual]:
     shape = visual.shape
     pose = visual.origin.pose
     color = visual.color or _GREY
+
     if not isinstance(shape, Path):
         yield Visual(shape, pose, color)
         return
+
     for piece, painted in _pieces(shape):
         mesh = piece
         if visual.scale != ONE:
@@ -125,6 +132,7 @@ def _visuals(visual: RobotShape) -> Iterator[Visual]:
 def _pieces(file: Path) -> tuple[tuple[Mesh, Color | None], ...]:
     """Read a file's meshes and their colours; None: the file has none."""
     pieces: list[tuple[Mesh, Color | None]] = []
+
     for piece in trimesh.load_scene(file).dump():
         if isinstance(piece, trimesh.Trimesh) and len(piece.faces):  # not lines
             color: Color | None = None
@@ -132,6 +140,8 @@ def _pieces(file: Path) -> tuple[tuple[Mesh, Color | None], ...]:
                 rgba = piece.visual.material.main_color / 255
                 red, green, blue, opacity = rgba.tolist()
                 color = (red, green, blue, opacity)
+
             piece.merge_vertices(merge_tex=True, merge_norm=True)
             pieces.append((Mesh.from_trimesh(piece), color))
+
     return tuple(pieces)

@@ -114,6 +114,7 @@ def join_knots(knots: Array, arm: Arm) -> JointPath:
 
     if (below | above).any():
         return PchipInterpolator(s, knots, axis=0)
+
     return path
 
 
@@ -127,5 +128,6 @@ def bend(path: JointPath, s: Array) -> Array:
     after: Array = np.abs(path(s, 2))
     if not isinstance(path, PchipInterpolator):
         return after
+
     # Its second derivative jumps at a knot: take both sides.
     return np.maximum(after, np.abs(path(np.maximum(s - 1e-9, 0.0), 2)))

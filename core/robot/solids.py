@@ -87,6 +87,7 @@ def corners(geometry: Any) -> Array:
     """List the corners (V, 3) of a Coal shape; of what is round, those of its bounding box."""
     if isinstance(geometry, coal.ConvexBase):
         return np.asarray(geometry.points())
+
     middle, half = bounding_box(geometry)
     return np.asarray(trimesh.bounds.corners([middle - half, middle + half]))
 
@@ -95,6 +96,7 @@ def bounding_box(geometry: Any) -> tuple[Array, Array]:
     """Measure the bounding box of a Coal shape along its own axes: its middle (3,), and half of its extents (3,)."""
     geometry.computeLocalAABB()
     box = geometry.aabb_local
+
     return (box.max_ + box.min_) / 2, (box.max_ - box.min_) / 2
 
 
@@ -106,10 +108,16 @@ def solids_of(name: str, shape: Shape | Compound, pose: Pose) -> list[Solid]:
 def body_solids(body: Body, frame: int = WORLD) -> Iterator[Solid]:
     """Yield a body's collision shapes in the world, or in the body's ``frame``, which moves with it."""
     name = body.name
+
     for part in body.collisions:
         pose = body.pose @ part.pose if frame == WORLD else part.pose
         yield Solid(
-            name, solid_geometry(part.shape), pose, part.shape, owner=name, frame=frame
+            name,
+            solid_geometry(part.shape),
+            pose,
+            part.shape,
+            owner=name,
+            frame=frame,
         )
 
 
@@ -162,6 +170,7 @@ class Obstacles:
 def robot_solids(robot: Robot, gripper: bool) -> tuple[Solid, ...]:
     """List the collision shapes of the robot without a tool, each in the frame of its link."""
     solids = []
+
     for link in assembled(robot, Tool(gripper=gripper)).links.values():
         for part in link.collisions:
             shape = part.shape
@@ -169,5 +178,7 @@ def robot_solids(robot: Robot, gripper: bool) -> tuple[Solid, ...]:
                 geometry = _hull(trimesh.load_mesh(shape).apply_scale(part.scale))
             else:
                 geometry = solid_geometry(shape)
+
             solids.append(Solid(link.name, geometry, part.origin.pose))
+
     return tuple(solids)

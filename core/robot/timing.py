@@ -72,16 +72,24 @@ def time_leg(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
     """
     if len(leg.asked) > 1:
         return _time_fastest(leg, arm, speed)
+
     asked_s = float(leg.asked[0])
     timed = _time_at_rest(leg, arm, asked_s, speed)
     late = timed.times[-1] > asked_s + _EXACT_S
     moves = float(np.ptp(leg.knots, axis=0).max()) >= _STILL_RAD
+
     if late and leg.hurried and moves:
         return _time_fastest(leg, arm, speed)
+
     return timed
 
 
-def _time_at_rest(leg: Leg, arm: Arm, asked_s: float, speed: float) -> TimedLeg:
+def _time_at_rest(
+    leg: Leg,
+    arm: Arm,
+    asked_s: float,
+    speed: float,
+) -> TimedLeg:
     """Time a leg in ``asked_s`` seconds or longer.
 
     Without limits the path speed is a trapezoid: a fifth of the time to accelerate, a fifth to brake. Where a joint
@@ -188,6 +196,7 @@ def _time_fastest(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
         short = took < leg.seconds - _EXACT_S
         if not short.any():
             break
+
         asked = np.where(short, asked * leg.seconds / took, asked)
 
     times, along = _sample_evenly(s, rate, lasts)

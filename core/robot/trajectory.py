@@ -46,9 +46,11 @@ class Motion:
         late = np.flatnonzero(self.slowed > _SLOWED) + 1
         if len(late) == 0:
             return []
+
         names = ", ".join(map(str, late[:_NAMED]))
         if len(late) > _NAMED:
             names += f" and {len(late) - _NAMED} more"
+
         times = f"{self.slowed.max():.1f} times slower than asked"
         return [f"waypoint {names}: the arm's limits make the way there up to {times}"]
 
@@ -61,7 +63,10 @@ class Begin(NamedTuple):
 
 
 def plan_task_motion(
-    plan: Waypoints, task: Task, settings: RolloutSettings, begin: Begin | None = None
+    plan: Waypoints,
+    task: Task,
+    settings: RolloutSettings,
+    begin: Begin | None = None,
 ) -> Motion:
     """Plan the motion of the task's robot through waypoints, under a run's settings; see `plan_motion`."""
     return plan_motion(
@@ -123,6 +128,7 @@ def plan_motion(
     asked = np.where(np.isfinite(wanted), wanted, segment_s)
     hurried = np.isfinite(tempo.seconds) | np.isfinite(tempo.speeds)
     legs = []
+
     for first, last in pairwise(stops):
         ends = path.ends[first : last + 1]
         leg = Leg(
@@ -161,6 +167,7 @@ def ask_seconds(tempo: Tempo, positions: Array) -> Array:
     """
     ways = step_lengths(positions)
     by_speed = np.where(ways > APART_M, PEAK * ways / tempo.speeds, np.nan)
+
     return np.where(np.isfinite(tempo.seconds), tempo.seconds, by_speed)
 
 
@@ -183,6 +190,7 @@ def join_legs(
         closed = close_fingers(leg.grips, timed.times, timed.reached)
         fingers = opening * (1 - closed)
         trajectory = trajectory.extended(timed.times, targets, fingers)
+
         if leg.wait_s > 0:
             trajectory = trajectory.held(leg.wait_s)
 
@@ -200,6 +208,7 @@ def compare_with_asked(reached: Array, wanted: Array, waits: Array) -> Array:
     """How many times longer each way takes than ``wanted`` (N,); 1 where that is nan: nothing is asked."""
     begins = np.concatenate([[0.0], reached[:-1] + waits[:-1]])
     slowed = np.maximum(1.0, (reached - begins) / wanted)
+
     return np.where(np.isfinite(wanted), slowed, 1.0)
 
 

@@ -33,8 +33,10 @@ def write(
         mesh_path: maps a mesh's absolute path to the text that is written.
     """
     root = _element("robot", name=description.name)
+
     for link in description.links.values():
         root.append(_link_element(link, visuals, mesh_path))
+
     root.extend(map(_joint_element, description.joints.values()))
     return _to_text(root)
 
@@ -74,6 +76,7 @@ def _link_element(link: RobotLink, visuals: bool, mesh_path: MeshPath) -> Any:
 
     for shape in link.collisions:
         element.append(_shape_element("collision", shape, mesh_path))
+
     return element
 
 
@@ -87,6 +90,7 @@ def _geometry_element(shape: RobotShape, mesh_path: MeshPath) -> Any:
     if isinstance(solid, Path):
         scale = None if shape.scale == ONE else shape.scale
         return _element("mesh", filename=mesh_path(solid), scale=scale)
+
     # Our solids and their lengths are named as in URDF.
     return _element(type(solid).__name__.lower(), **vars(solid))
 
@@ -107,6 +111,7 @@ def _joint_element(joint: RobotJoint) -> Any:
     element.append(_element("axis", xyz=joint.axis))
     if joint.limits != Limits():
         element.append(_element("limit", **joint.limits._asdict()))
+
     element.append(_element("dynamics", damping=joint.damping, friction=joint.friction))
     if joint.mimic is not None:
         element.append(_element("mimic", **joint.mimic._asdict()))
@@ -124,9 +129,11 @@ def _origin_element(origin: Origin) -> Any:
 def _element(tag: str, /, *children: Any, **values: Any) -> Any:
     """Make an element of texts, numbers and tuples of numbers; what is None is left out."""
     element = etree.Element(tag)
+
     for name, value in values.items():
         if value is not None:
             element.set(name, _attribute(value))
+
     element.extend(children)
     return element
 
@@ -137,5 +144,6 @@ def _attribute(value: str | float | tuple[float, ...]) -> str:
         return value
     if isinstance(value, tuple):
         return " ".join(map(_attribute, value))
+
     text = f"{value:.15g}"
     return text if float(text) == value else repr(float(value))

@@ -49,15 +49,25 @@ def prepare(
 
     if scene is None:
         scene = task.scene(seed)
+
     waypoints = resolve(plan, task, seed, settings, scene)
     plan_motion = _motion if isinstance(task, Hashable) else plan_task_motion
     motion = plan_motion(waypoints, task, settings)
     guards = None
+
     if waypoints.guards:
         check = partial(check_motion, task, tool, scene, settings)
         guards = PlannedGuards(
-            plan, waypoints, motion, task, seed, settings, scene, check
+            plan,
+            waypoints,
+            motion,
+            task,
+            seed,
+            settings,
+            scene,
+            check,
         )
+
     job = Rollout(
         tool,
         motion.trajectory,
@@ -134,11 +144,13 @@ class Attempt:
 def plan_attempt(stage: Stage, candidate: Candidate) -> Attempt:
     """Plan a candidate's motion, or reject the candidate."""
     attempt = Attempt(candidate.of(stage.task.name))
+
     try:
         _prepare_job(stage, attempt)
         _check_self_collision(stage, attempt)
     except DesignError as error:
         attempt.end(stage, "rejected", str(error))
+
     return attempt
 
 
@@ -151,10 +163,12 @@ def _check_self_collision(stage: Stage, attempt: Attempt) -> None:
     penetration = stage.settings.penetration
     if penetration == "ignore":
         return
+
     motion = attempt.motion
     collision = _self_collision(stage.task.robot, attempt.job.tool, motion.trajectory)
     if collision is None:
         return
+
     warning = collision.describe(motion.arrivals)
     attempt.warnings += (warning,)
     if penetration == "forbid":
@@ -171,12 +185,14 @@ def _prepare_job(stage: Stage, attempt: Attempt) -> None:
     candidate = attempt.candidate
     condition = stage.condition
     settings = stage.settings
+
     if candidate.problem is not None or candidate.tool is None:
         raise DesignError(candidate.problem or "there is no tool")
     if condition.examiner is not None:
         refusal = condition.examiner.refuse(condition, candidate)
         if refusal is not None:
             raise DesignError(refusal)
+
     _check_start(stage, candidate.tool)
     motion, job = prepare(
         stage.task, candidate, condition.layout, settings, scene=stage.scene
@@ -191,6 +207,7 @@ def _prepare_job(stage: Stage, attempt: Attempt) -> None:
         if job.tool.bearers or job.guards:  # what they will do is not known yet
             hz = MAX_HZ
         job = replace(job, record_hz=hz, forces=bool(stage.scene.softs))
+
     if stage.task.reads_trace:
         job = replace(job, record_hz=job.record_hz or TRACE_HZ, forces=True)
 
@@ -212,9 +229,11 @@ def follow_guards(stage: Stage, attempt: Attempt) -> None:
     guards = attempt.job.guards
     if not isinstance(guards, PlannedGuards) or guards.motion is attempt.motion:
         return
+
     attempt.motion = guards.motion
     if guards.problem:
         attempt.warnings += (guards.problem,)
+
     try:
         _check_self_collision(stage, attempt)
     except DesignError as error:

@@ -78,7 +78,14 @@ class PlannedGuards:
             check: raises a `DesignError` for a motion that can't be played on with, and when it would begin, seconds.
         """
         self._check = check
-        self._resolve = partial(resolve, plan, task, seed, settings, scene)
+        self._resolve = partial(
+            resolve,
+            plan,
+            task,
+            seed,
+            settings,
+            scene,
+        )
         self._task = task
         self._seed = seed
         self._settings = settings
@@ -94,6 +101,7 @@ class PlannedGuards:
         self._poses: tuple[Pose | None, ...] = ()
         self._random = np.random.default_rng([self._seed, _NOISE])
         self._find_next(0)
+
         return self.motion.trajectory
 
     @property
@@ -118,11 +126,16 @@ class PlannedGuards:
         self._until = float(leaves[self._number + 1])
 
     def feel(
-        self, time: float, arm: Array, points: Array, forces: Array
+        self,
+        time: float,
+        arm: Array,
+        points: Array,
+        forces: Array,
     ) -> JointTrajectory | None:
         """See `core.interfaces.Guards`."""
         if self._number is None:
             return None
+
         guard = self._waypoints.guards[self._number]
         assert guard is not None
 
@@ -160,6 +173,7 @@ class PlannedGuards:
         """
         jacobian = self._arm.jacobian(arm)
         torques = self._settings.feel.noise * self._random.standard_normal(len(arm))
+
         if len(forces):
             turning = (points - self._arm.positions(arm[None])).T @ forces
             around = turning - turning.T  # the sum of cross products
@@ -170,9 +184,16 @@ class PlannedGuards:
         square = jacobian @ jacobian.T
         square += _DAMPING * np.trace(square) * np.eye(len(square))
         wrench = np.linalg.solve(square, jacobian @ torques)
+
         return np.asarray(wrench[:3], dtype=np.float64)
 
-    def _has_fired(self, guard: Guard, time: float, arm: Array, force: Array) -> bool:
+    def _has_fired(
+        self,
+        guard: Guard,
+        time: float,
+        arm: Array,
+        force: Array,
+    ) -> bool:
         """Report whether a guard fires: by the force at the flange (3,), or by how far the arm lags."""
         if guard.until == "touch":
             return float(np.linalg.norm(force)) > self._settings.feel.threshold
@@ -200,6 +221,7 @@ class PlannedGuards:
             before.trajectory, time, arm, self._arm, self._settings.speed
         )
         wait_s = self._tempo.waits[number]
+
         if arm is not None and wait_s > 0:
             stop = stop.held(wait_s)
 
@@ -207,6 +229,7 @@ class PlannedGuards:
         rest = None if arm is None else self._plan_rest(stop, number + 1)
         self.motion = self._join_motions(stop, arrivals, rest)
         self._find_next(number + 1)
+
         return self.motion.trajectory
 
     def _extend(self, guard: Guard) -> JointTrajectory | None:
@@ -217,11 +240,14 @@ class PlannedGuards:
         motion = self.motion
         count = len(motion.arrivals)
         last = self._number == count - 1
+
         if not last or guard.otherwise == "end" or self.problem:
             return None
+
         rest = self._plan_rest(motion.trajectory, count)
         if rest is None:
             return None
+
         self.motion = self._join_motions(motion.trajectory, motion.arrivals, rest)
         return self.motion.trajectory
 
@@ -247,7 +273,14 @@ class PlannedGuards:
             slowed = np.append(slowed, rest.slowed)
 
         plan = self._waypoints.poses[: len(arrivals)]
-        return Motion(trajectory, distance, arrivals, misses, plan, slowed)
+        return Motion(
+            trajectory,
+            distance,
+            arrivals,
+            misses,
+            plan,
+            slowed,
+        )
 
     def _plan_rest(self, stop: JointTrajectory, count: int) -> Motion | None:
         """Plan what comes after the first ``count`` waypoints until the next guard, from where the arm stopped.
@@ -260,6 +293,7 @@ class PlannedGuards:
         opening = self._arm.robot.opening_m
         grip = 1 - float(stop.fingers[-1]) / opening if opening else 0.0
         begin = Begin(stop.arm[-1], grip)
+
         try:
             self._waypoints = self._resolve(self._poses)
             rest = self._choose_rest(count)
@@ -268,6 +302,7 @@ class PlannedGuards:
         except DesignError as error:
             self.problem = f"after the guard of waypoint {count}: {error}"
             return None
+
         return motion
 
     def _choose_rest(self, count: int) -> Waypoints:
@@ -277,11 +312,16 @@ class PlannedGuards:
         last = min((k for k in guarded if k >= count), default=len(waypoints) - 1)
         rest = slice(count, last + 1)
         parts = {name: array[rest] for name, array in vars(self._tempo).items()}
+
         return Waypoints(waypoints.poses[rest], Tempo(**parts))
 
 
 def _bring_to_rest(
-    trajectory: JointTrajectory, time: float, end: Array | None, arm: Arm, speed: float
+    trajectory: JointTrajectory,
+    time: float,
+    end: Array | None,
+    arm: Arm,
+    speed: float,
 ) -> JointTrajectory:
     """Cut a trajectory, and come to rest.
 
@@ -298,17 +338,20 @@ def _bring_to_rest(
     begin = targets[1]
     velocity = (targets[1] - targets[0]) / FEEL_S
     way = np.zeros_like(begin)
+
     if end is not None:
         way = end - begin
 
     # As short as the limits allow.
     limits = speed * arm.acceleration_limits
     lasts = FEEL_S
+
     while True:
         at_first = 6 * way / lasts - 4 * velocity
         at_last = 2 * velocity - 6 * way / lasts
         if not (np.abs([at_first, at_last]) > limits * lasts).any():
             break
+
         lasts *= _LONGER
 
     count = max(1, math.ceil(lasts / FEEL_S))

@@ -42,6 +42,7 @@ def _find_failure(stage: Stage, attempt: Attempt) -> str | None:
     """Find what was unphysical and what touched; say why a rollout failed; None: it did not."""
     if attempt.problem is not None:
         return attempt.problem
+
     outcome = attempt.outcome
     if outcome.error is not None or outcome.start is None or outcome.end is None:
         return outcome.error or "the simulator returned no state"
@@ -61,6 +62,7 @@ def _find_failure(stage: Stage, attempt: Attempt) -> str | None:
 
     if reads_trace and attempt.contacts is None:
         return "the reward reads a trace, and the simulator returned no recording of finite states"
+
     return None
 
 
@@ -70,6 +72,7 @@ def _reward(stage: Stage, finished: Sequence[Attempt]) -> None:
     starts = _stack(stage, finished, "start")
     ends = _stack(stage, finished, "end")
     trace = None
+
     if task.reads_trace:
         contacts = [attempt.contacts for attempt in finished]
         trace = make_trace(stage.scene, [found for found in contacts if found])
@@ -87,7 +90,12 @@ def _stack(stage: Stage, finished: Sequence[Attempt], moment: str) -> State:
     return stage.scene.complete(State.stack(states))
 
 
-def _make_trial(stage: Stage, attempt: Attempt, reward: float, world: World) -> Trial:
+def _make_trial(
+    stage: Stage,
+    attempt: Attempt,
+    reward: float,
+    world: World,
+) -> Trial:
     """Make the trial of an attempt from its reward, and from the states and the trace of its ``world``."""
     task = stage.task
     motion = attempt.motion
@@ -136,6 +144,7 @@ def _observe(stage: Stage, trial: Trial, attempt: Attempt) -> Trial:
     played = attempt.motion, attempt.outcome
     seen = observe(stage.task, stage.scene, *played, trial.reward, contacts)
     text = f"{seen.result} {seen.what}".strip()
+
     return replace(trial, touch_m=seen.touch_m, outcome=text, observation=seen)
 
 
@@ -143,6 +152,7 @@ def _forbid_penetration(stage: Stage, trial: Trial, found: Sequence[Finding]) ->
     """Set the reward of a trial to 0 for penetration, where that is forbidden."""
     passages = [finding.text for finding in found if finding.penetration]
     forbidden = stage.settings.penetration == "forbid" and passages
+
     if not forbidden or trial.reward <= 0:
         return trial
 
@@ -151,7 +161,12 @@ def _forbid_penetration(stage: Stage, trial: Trial, found: Sequence[Finding]) ->
     return replace(trial, reward=0.0, reason=reason)
 
 
-def _rewards(task: Task, starts: State, ends: State, trace: Trace | None) -> Array:
+def _rewards(
+    task: Task,
+    starts: State,
+    ends: State,
+    trace: Trace | None,
+) -> Array:
     """Compute the rewards of many worlds.
 
     Raises:
@@ -159,6 +174,7 @@ def _rewards(task: Task, starts: State, ends: State, trace: Trace | None) -> Arr
     """
     count = len(ends.positions)
     rewards = np.asarray(reward_of(task, starts, ends, trace), dtype=np.float64)
+
     if rewards.shape != (count,):
         raise PluginError(
             f"{describe_part(task)}: reward gave an array of shape {rewards.shape} for {count} worlds; "

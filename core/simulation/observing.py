@@ -77,6 +77,7 @@ def observe(
     instants = np.linspace(0.0, taken.times[-1], INSTANTS)
     samples = np.abs(taken.times - instants[:, None]).argmin(axis=1)
     paths = dict[str, tuple[Point, ...]]()
+
     for name in case.choose_paths(moved):
         places = taken.states.position(name)[samples]
         paths[name] = tuple(_round_all(place, 3) for place in places)
@@ -155,6 +156,7 @@ class _Case:
         bodies = dict[str, None]()
         for goal in self.reaches:
             bodies |= dict.fromkeys(goal.subjects(self.start))
+
         self.names = tuple(bodies) or self.start.names
         self.left = tuple(name for name in self.names if not self._is_in_place(name))
 
@@ -166,6 +168,7 @@ class _Case:
         """Choose the class, see the module; also the thing that it is about, and when it happened, seconds."""
         if reward >= self.task.success_reward:
             return "solved", "", None
+
         forbidden = min(self._breaches(), default=None)
         if forbidden is not None:
             instant, what = forbidden
@@ -177,6 +180,7 @@ class _Case:
         touched = [self.contacts.with_robot(name) for name in self.names]
         touches = np.flatnonzero(np.logical_or.reduce(touched))
         causes = self._causes(touches)
+
         if causes:
             instant, result, what = min(causes)
             return result, what, instant
@@ -185,15 +189,18 @@ class _Case:
             return "never touched", "", None
         if len(self.left) == len(self.names):
             return "missed", "", None
+
         return "missed", ", ".join(self.left[:NAMED]), None
 
     def moved(self) -> dict[str, Moved]:
         """Describe how the bodies of the goals, and what else moved, ended."""
         found = {}
+
         for name in self.start.names:
             begin = self.start.position(name)
             end = self.end.position(name)
             tilt = 0.0
+
             if not self._is_ball(name):
                 tilt = round(float(self._tilts(name, self.end)), 1)
 
@@ -217,15 +224,18 @@ class _Case:
                 -ways[name],
             )
         )
+
         return strayed[:PATHS]
 
     def errors(self) -> dict[str, Offset]:
         """Measure how far each body of the goals ended from its place; the goal that is nearest counts."""
         found = dict[str, Offset]()
+
         for goal in sorted(self.reaches, key=self._measure_left):
             for name in goal.subjects(self.start):
                 wanted = goal.place_of(name, self.start)
                 found.setdefault(name, _offset(wanted, self.end.position(name)))
+
         return {name: found[name] for name in self.names if name in found}
 
     def _way(self, name: str) -> float:
@@ -248,9 +258,11 @@ class _Case:
         """Measure how far a goal's bodies are from where it wants them, on average."""
         left = 0.0
         bodies = goal.subjects(self.start)
+
         for name in bodies:
             for measure in goal.all_measures(name, self.start):
                 left += float(measure.left(self.end))
+
         return left / len(bodies)
 
     def _breaches(self) -> Iterator[tuple[float, str]]:
@@ -259,6 +271,7 @@ class _Case:
         if forbidding:
             trace = make_trace(self.scene, [self.contacts])[0]
             evidence = Evidence(self.start, self.end, trace)
+
             for limit in forbidding:
                 yield from limit.breaches(evidence)
 
@@ -266,6 +279,7 @@ class _Case:
         """Find what may have gone wrong while the robot was at work."""
         begun = 0.0
         ended = np.inf
+
         if touches.size:
             begun, ended = self.times[touches[[0, -1]]].tolist()
 
@@ -278,10 +292,12 @@ class _Case:
         fallen = [self._find_fallen(name) for name in self.left]
         known = [cause for cause in fallen if cause is not None]
         needed = len(self.left) / 2
+
         if any(goal.any for goal in self.reaches):
             needed = 1
         if len(known) >= needed:
             causes += known
+
         return causes
 
     def _find_unreachable(self) -> Iterator[Mishap]:
@@ -289,6 +305,7 @@ class _Case:
         arrivals = self.motion.arrivals
         begins = np.append(0.0, arrivals[:-1])
         missed = (self.motion.misses > (MISSED_M, MISSED_RAD)).any(axis=1)
+
         for number in np.flatnonzero(missed):
             begin = float(begins[number])
             yield begin, arrivals[number], "unreachable", f"waypoint {number + 1}"
@@ -296,12 +313,15 @@ class _Case:
     def _find_stuck(self) -> Iterator[Mishap]:
         """Find stretches of large lag, at whose peak the robot touches something that does not yield."""
         times = self.times
+
         for begin, stop in _runs(self.lags > STUCK_RAD):
             peak = begin + int(self.lags[begin:stop].argmax())
             before = np.searchsorted(times, times[peak] - UNYIELDING_S)
+
             for (kind, _, other), touched in self.contacts.touching.items():
                 if kind == "body" or not touched[max(0, peak - 2) : peak + 3].any():
                     continue
+
                 moved = 0.0
                 if not self.scene[other].fixed:
                     places = self.states.position(other)
@@ -314,6 +334,7 @@ class _Case:
         """Find when a body was dropped, or tipped over."""
         heights = self.states.position(name)[:, 2]
         rest = float(self.start.position(name)[2])
+
         for begin, stop in _runs(~self.contacts.held(name)):
             top = heights[begin - 1] if begin else rest
             if top - rest >= LIFTED_M and top - heights[begin:stop].min() >= FALLEN_M:
@@ -321,6 +342,7 @@ class _Case:
 
         if self._is_ball(name):
             return None
+
         upright = np.flatnonzero(self._tilts(name, self.states) <= TIPPED_DEG)
         tipped = int(upright[-1]) + 1 if upright.size else 0
         # It stayed so, and did not fall.
@@ -337,6 +359,7 @@ class _Case:
         """Compute how far a body's upward axis has turned since the start, degrees, in each state (...)."""
         upward = rotate_back(self.start.quaternion(name), np.array([0.0, 0.0, 1.0]))
         heights = rotate(states.quaternion(name), upward)[..., 2]
+
         return np.degrees(np.arccos(np.clip(heights, -1.0, 1.0)))
 
 
@@ -345,6 +368,7 @@ def _fits(goal: Goal, scene: Scene) -> bool:
         check_names(goal, scene)
     except UsageError:
         return False
+
     return True
 
 
@@ -352,6 +376,7 @@ def _runs(flags: Flags) -> Iterator[tuple[int, int]]:
     """Yield where flags begin to be set and where they end."""
     changes = np.diff(np.pad(flags.astype(np.int8), 1))
     edges = np.flatnonzero(changes).tolist()
+
     return zip(edges[::2], edges[1::2], strict=True)
 
 
@@ -359,6 +384,7 @@ def _offset(wanted: Array | None, position: Array) -> Offset:
     """Subtract from a place the wanted one, metres; None: a coordinate that is free."""
     if wanted is None:
         return None, None, None
+
     x, y, z = (
         None if np.isnan(off) else round(off, 4) + 0.0
         for off in (position - wanted).tolist()

@@ -28,6 +28,7 @@ def png(picture: Image) -> bytes:
     """Encode a picture (H, W, 3) as a PNG file."""
     buffer = io.BytesIO()
     Pillow.fromarray(picture).save(buffer, "PNG")
+
     return buffer.getvalue()
 
 
@@ -40,9 +41,11 @@ def save_film(film: Film, file: Path) -> None:
     """Write an animated GIF in real time."""
     recording, draw = film
     frames = []
+
     for number in range(len(recording.times)):
         picture = Pillow.fromarray(draw(number))
         frames.append(picture.quantize(96, dither=Pillow.Dither.NONE))
+
     first, *others = frames
     first.save(
         file,
@@ -71,6 +74,7 @@ def filmed(
     _, job = prepare(task, candidate, seed, settings, record_hz=FILM_HZ)
     (outcome,) = simulator.rollout(task, [job])
     recording = outcome.recording
+
     if recording is None:
         raise ValueError(f"candidate {candidate.id} can't be filmed: {outcome.error}")
 
@@ -94,6 +98,7 @@ def describe_camera(camera: Camera, size: tuple[int, int]) -> str:
     place = ", ".join(f"{x:.3f}" for x in camera.position)
     target = ", ".join(f"{x:.3f}" for x in camera.target)
     focal = size[1] / 2 / np.tan(np.radians(camera.fov_deg) / 2)
+
     return (
         f"perspective, camera at ({place}), its axis through ({target}) in the middle of the picture, not rolled, "
         f"{size[0]} x {size[1]} pixels, focal length {focal:.1f} pixels"

@@ -44,19 +44,23 @@ def _play(stage: Stage, candidates: Sequence[Candidate]) -> list[Trial]:
     attempts = [plan_attempt(stage, candidate) for candidate in candidates]
     planned = [attempt for attempt in attempts if attempt.trial is None]
     outcomes = _run_engine(stage, [attempt.job for attempt in planned])
+
     for attempt, outcome in zip(planned, outcomes, strict=True):
         attempt.outcome = outcome
         follow_guards(stage, attempt)
+
     judge_attempts(stage, planned)
 
     condition = stage.condition
     examiner = condition.examiner
     trials = []
+
     for candidate, attempt in zip(candidates, attempts, strict=True):
         trial = attempt.trial
         assert trial is not None
         if examiner is not None and trial.status == "ok":
             trial = examiner.examine(condition, candidate, trial)
+
         trials.append(trial)
 
     return trials
@@ -72,10 +76,12 @@ def _run_engine(stage: Stage, jobs: Sequence[Rollout]) -> list[Outcome]:
     outcomes = simulator.rollout(stage.task, jobs)
     got = None
     listed = isinstance(outcomes, list)
+
     if not listed or not all(isinstance(outcome, Outcome) for outcome in outcomes):
         got = f"{shorten(repr(outcomes))}; expected a list of Outcome"
     elif len(outcomes) != len(jobs):
         got = f"{len(outcomes)} outcomes for {len(jobs)} jobs"
+
     if got is not None:
         raise PluginError(f"{describe_part(simulator)}: rollout gave {got}")
 

@@ -41,6 +41,7 @@ class Schedule:
         self.ends: Array = self.times + time_step
         self.every = 0
         self.samples = np.empty(0, dtype=int)
+
         if job.record_hz > 0:
             self.every = max(1, round(1 / (job.record_hz * time_step)))
             self.samples = np.append(np.arange(0, count, self.every), count)
@@ -56,12 +57,14 @@ class Schedule:
         """
         arm, fingers = self.job.trajectory.sample(np.append(self.times, self.ends[-1:]))
         speeds = np.diff(arm, axis=0) / self.time_step
+
         return arm[1:], fingers[1:], speeds, np.diff(fingers) / self.time_step
 
     def orders(self) -> list[tuple[Array, float, Array, float]]:
         """Return what `World.step` takes, for each step."""
         arm, fingers, speeds, finger_speeds = self.targets()
         steps = zip(arm, fingers.tolist(), speeds, finger_speeds.tolist(), strict=True)
+
         return list(steps)
 
     def measure_lag(self, arm: Array) -> float:
@@ -70,16 +73,22 @@ class Schedule:
         return float(np.abs(wanted - np.reshape(arm, wanted.shape)).max(initial=0.0))
 
     def conclude(
-        self, start: State | None, end: State, lag: float, film: Film | None = None
+        self,
+        start: State | None,
+        end: State,
+        lag: float,
+        film: Film | None = None,
     ) -> Outcome:
         """Make the outcome of what was played; ``film`` is what was seen at the samples, if the job is recorded."""
         if not all(np.isfinite(array).all() for array in end.arrays[:3]):
             error = "the simulation blew up: a body's state is not finite"
             return Outcome(None, None, error=error)
+
         recording = None
         if film is not None:
             instants = np.append(self.times, self.ends[-1])[self.samples]
             recording = Recording(instants, *film)
+
         felt = self.job.guards.felt if self.job.guards else ()
         return Outcome(start, end, lag, recording=recording, felt=felt)
 
@@ -136,6 +145,7 @@ def refuse_targets(job: Rollout) -> Outcome | None:
     targets = np.column_stack([job.trajectory.arm, job.trajectory.fingers])
     if np.isfinite(targets).all():
         return None
+
     return Outcome(None, None, error="the trajectory's targets are not finite")
 
 
@@ -143,6 +153,7 @@ def play(world: World, job: Rollout) -> Outcome:
     """Play a job: settle, move, hold. A job with guards needs a `core.values.jobs.FeelingWorld`."""
     job = begin_guards(job)
     refused = refuse_targets(job)
+
     if refused is not None:
         return refused
 
@@ -153,13 +164,16 @@ def play(world: World, job: Rollout) -> Outcome:
     notes: list[Any] = []
     reached: list[Array] = []
     done = 0  # steps
+
     while done < len(orders):
         if schedule.every and done % schedule.every == 0:
             notes.append(bulk.note())
+
         world.step(*orders[done])
         now = float(schedule.ends[done])
         if done >= schedule.settle and done % LAG_EVERY == 0:
             reached.append(world.joints()[0])
+
         done += 1
         if done == schedule.settle:
             start = begin_motion(world)
@@ -167,6 +181,7 @@ def play(world: World, job: Rollout) -> Outcome:
         due = (done - schedule.settle) % schedule.tick == 0
         if job.guards is None or not due or now < job.guards.since:
             continue
+
         pushes = cast(FeelingWorld, world).pushes()
         changed = job.guards.feel(now, world.joints()[0], *pushes)
         if changed is not None:
@@ -176,5 +191,6 @@ def play(world: World, job: Rollout) -> Outcome:
     film = None
     if schedule.every:
         film = bulk.read([*notes, bulk.note()])
+
     lag = schedule.measure_lag(np.array(reached))
     return schedule.conclude(start, world.state(), lag, film)

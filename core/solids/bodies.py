@@ -55,6 +55,7 @@ class Solids:
         self.middles, self.halves = np.reshape(boxes, (-1, 2, 3)).swapaxes(0, 1)
         self.widths = self.halves.min(axis=1, initial=np.inf)
         self.radii = np.full(len(solids), np.inf)
+
         for number, solid in enumerate(solids):
             if isinstance(solid.shape, Mesh):
                 self.widths[number] = thickness(solid.shape) / 2
@@ -72,6 +73,7 @@ def thickness(shape: Shape) -> float:
     straight = float(shape.bounds[1].min())
     if not isinstance(shape, Mesh):
         return straight
+
     convex = shape.to_trimesh().convex_hull
     across = np.ptp(convex.vertices @ convex.face_normals.T, axis=0)
     return min(straight, float(across.min()))
@@ -82,6 +84,7 @@ def link_solids(robot: Robot, tool: Tool) -> tuple[Solid, ...]:
     """Return the solids of the links in the joints' frames; 0 is that of links that never move."""
     model = robot_model(robot, tool)
     solids = robot_solids(robot, tool.gripper)
+
     return tuple(_hang(solid, solid.name, model) for solid in solids)
 
 
@@ -89,10 +92,12 @@ def tool_solids(robot: Robot, tool: Tool) -> list[Solid]:
     """Return the solids of a tool's parts in the joints' frames."""
     model = robot_model(robot, tool)
     solids = []
+
     for part in tool.parts:
         geometry = solid_geometry(part.shape)
         solid = Solid(part.component, geometry, part.pose, part.shape)
         solids.append(_hang(solid, part.bearer, model))
+
     return solids
 
 
@@ -107,6 +112,7 @@ def scene_solids(scene: Scene) -> Solids:
     """Measure the collision shapes of all bodies; their frames are those of the free ones."""
     frames = {body.name: number for number, body in enumerate(scene.free)}
     solids = [body_solids(body, frames.get(body.name, WORLD)) for body in scene.bodies]
+
     return Solids([*chain.from_iterable(solids)])
 
 
@@ -122,4 +128,5 @@ def all_solids(robot: Robot, tool: Tool, bodies: Solids) -> Solids:
         solid if solid.frame == WORLD else replace(solid, frame=joints + solid.frame)
         for solid in bodies.items
     ]
+
     return Solids([*links, *tool_solids(robot, tool), *others])

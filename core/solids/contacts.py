@@ -69,6 +69,7 @@ class Contacts:
             self._describe(*key) for key in self.touching if key not in self.resting
         ]
         contacts.sort(key=lambda contact: (contact.first_s, contact.one, contact.other))
+
         return tuple(contacts)
 
     def _describe(self, kind: Any, first: str, second: str) -> Contact:
@@ -85,22 +86,34 @@ class Contacts:
             values = forces.get((presser, second), unpressed)
             force = float((values * touched).max())
 
-        return Contact(kind, first, second, begin, end, self.depths[key], force)
+        return Contact(
+            kind,
+            first,
+            second,
+            begin,
+            end,
+            self.depths[key],
+            force,
+        )
 
     def with_robot(self, body: str) -> Flags:
         """Report at which samples (T,) the arm or the tool touches a body."""
         touched = np.zeros(len(self.taken.times), dtype=bool)
+
         for (kind, _, second), flags in self.touching.items():
             if kind != "body" and second == body:
                 touched |= flags
+
         return touched
 
     def held(self, body: str) -> Flags:
         """Report at which samples (T,) the robot touches a body, or another body that touches it."""
         held = self.with_robot(body)
+
         for (kind, first, second), flags in self.touching.items():
             if kind == "body" and body in (first, second):
                 held |= flags & self.with_robot(second if first == body else first)
+
         return held
 
 
@@ -114,7 +127,10 @@ class _Touch(NamedTuple):
 
 
 def find_contacts(
-    scene: Scene, robot: Robot, tool: Tool, recording: Recording
+    scene: Scene,
+    robot: Robot,
+    tool: Tool,
+    recording: Recording,
 ) -> Contacts:
     """Find the contacts of a rollout, at samples about `SAMPLE_HZ` apart.
 
@@ -130,6 +146,7 @@ def find_contacts(
 
     touching: dict[Key, Flags] = {}
     depths: dict[Key, float] = {}
+
     for key, _, touched, depth in touches:
         touching[key] = touching.get(key, False) | touched
         depths[key] = max(depth, depths.get(key, depth))
@@ -159,7 +176,10 @@ def find_contacts(
 
 
 def _find_touches(
-    scene: Scene, tool: Tool, tracks: Tracks, taken: Recording
+    scene: Scene,
+    tool: Tool,
+    tracks: Tracks,
+    taken: Recording,
 ) -> Iterator[_Touch]:
     """Yield each pair of solids that touches."""
     pairs = neighbours(tracks, TOUCH_M + 2 * HULL_M, scene.joined)
@@ -191,11 +211,17 @@ def _find_touches(
             kind = "body"
         elif pair.first.name in of_tool:
             kind = "tool"
+
         key = (kind, pair.first.name, pair.second.name)
         yield _Touch(key, pair, touched, depth)
 
 
-def _touch(pair: Pair, most: float, near: Flags, hit: Flags) -> tuple[Flags, float]:
+def _touch(
+    pair: Pair,
+    most: float,
+    near: Flags,
+    hit: Flags,
+) -> tuple[Flags, float]:
     """Find out when two solids touch.
 
     Args:
@@ -216,6 +242,7 @@ def _touch(pair: Pair, most: float, near: Flags, hit: Flags) -> tuple[Flags, flo
     touched = gaps <= most
     met = gaps[:-1] + gaps[1:] - np.diff(pair.travel) <= 2 * most
     touched[1:] |= hit & met
+
     return touched, -float(gaps.min())
 
 
@@ -224,6 +251,7 @@ def _find_struck(recording: Recording) -> dict[str, Flags]:
     states = recording.states
     changes = np.linalg.norm(np.diff(states.linear_velocities, axis=0), axis=2)
     limits = STRUCK_M_S + 9.81 * np.diff(recording.times)[:, None]  # it may fall
+
     return dict(zip(states.names, (changes > limits).T, strict=True))
 
 
@@ -237,16 +265,21 @@ def _find_soft_touches(
     for (presser, body), force in taken.forces.items():
         if not softs & {presser, body}:
             continue
+
         kind = "arm"
         if presser in bodies:
             kind = "body"
         elif presser == "tool" and tool.components:
             kind = "tool"
+
         yield (kind, presser, body), force > 0
 
 
 def _measure_first_touch(
-    robot: Robot, tool: Tool, taken: Recording, touches: Sequence[_Touch]
+    robot: Robot,
+    tool: Tool,
+    taken: Recording,
+    touches: Sequence[_Touch],
 ) -> float | None:
     """Measure how far from the mount's origin the tool first touched, at its nearest point, metres."""
     if not touches:
@@ -258,6 +291,7 @@ def _measure_first_touch(
     mount, _ = tool.placed().get(name, (name, None))
     frames = link_frames(robot, tool, taken.arm[[k]], taken.fingers[[k]])
     _, positions = frames[mount]
+
     return float(lengths(first.pair.look(k).nearest - positions[0]))
 
 
@@ -280,6 +314,7 @@ def nearest(
 
     middles = np.array([track.middles for track in robot])
     extents = np.array([_extents(track) for track in robot])
+
     for body in bodies:
         apart = np.abs(middles - body.middles) - extents - _extents(body)
         apart = np.maximum(apart, 0.0)
@@ -290,6 +325,7 @@ def nearest(
             number, sample = divmod(index, bounds.shape[1])
             if bounds[number, sample] >= best[0]:
                 break
+
             gap = -Pair(robot[number], body).look(sample).depth
             best = min(best, (gap, sample))
 
@@ -329,6 +365,7 @@ def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
             by_robot = presser not in bodies
             force = clock.read(values, early=by_robot)
             forces[presser, body][number] = force
+
             if by_robot and not world.with_robot(body).any():
                 kind = "tool" if presser == "tool" else "arm"
                 touching[kind, presser, body][number] |= force > 0
@@ -373,4 +410,5 @@ class _Clock:
         read = values[self.chosen]
         counted = values[self._skipped] * (self._begun | early)
         np.maximum.at(read, self._nearest, counted)
+
         return read

@@ -53,7 +53,12 @@ def neighbours(
     return pairs[np.array(apart, dtype=bool)]
 
 
-def may_meet(tracks: Tracks, pairs: Indices, least: Array, within: Flags) -> Flags:
+def may_meet(
+    tracks: Tracks,
+    pairs: Indices,
+    least: Array,
+    within: Flags,
+) -> Flags:
     """Report where two solids may get deep in each other on the way from a sample to the next.
 
     The boxes along the world's axes around what the solids sweep are compared first, then those along the solids' own
@@ -96,7 +101,10 @@ def may_meet(tracks: Tracks, pairs: Indices, least: Array, within: Flags) -> Fla
 
 
 def _bound_gaps(
-    tracks: Tracks, first: Indices, second: Indices, interval: Indices
+    tracks: Tracks,
+    first: Indices,
+    second: Indices,
+    interval: Indices,
 ) -> Array:
     """Bound the gaps between solids from below, by boxes along the axes of the second of each two.
 

@@ -63,8 +63,10 @@ class Instant(NamedTuple):
         """Read a value (T,) at the samples, linear in between."""
         k, share = self
         value = values[k]
+
         if share:
             value += share * (values[k + 1] - value)
+
         return value
 
 
@@ -111,6 +113,7 @@ def choose_depths(solids: Solids, pairs: Indices) -> Depths:
     walls = robots & (solids.frames[pairs[:, 1]] == WORLD)
     behind_wall = np.maximum(2 * second, THIN_M)
     far = np.where(walls, behind_wall, np.maximum(thick, BLOW_M))
+
     return Depths(
         thick=thick,
         deep=deep,
@@ -124,7 +127,11 @@ def choose_depths(solids: Solids, pairs: Indices) -> Depths:
 
 
 def find_passage(
-    pair: Pair, near: Indices, ways: Array, depths: Depths, times: Array
+    pair: Pair,
+    near: Indices,
+    ways: Array,
+    depths: Depths,
+    times: Array,
 ) -> Passage | None:
     """Find out when the first of two solids got into the second and how; None if it never did.
 
@@ -139,12 +146,15 @@ def find_passage(
     course = Course(near, ways, depths)
     instants = times.tolist()
     instant: Instant | None = Instant(course.near[0])
+
     while instant is not None:
         now = instant.read(instants)
         look = pair.look(*instant)
         passage = encounter.judge(look, instant, now)
+
         if passage is not None:
             return passage
+
         instant = course.find_next(instant, look.depth)
 
     return encounter.cut
@@ -178,6 +188,7 @@ class Encounter:
         touching = look.depth < (
             self.depths.limit if self.entry is None else self.depths.least
         )
+
         if touching:
             if self._has_left(look):
                 return Passage(self.since, f"passed through {{}} at {self.since:.2f} s")
@@ -208,6 +219,7 @@ class Encounter:
         """Report whether the first, which only touches now, came out on another side than where it went in."""
         if self.entry is None or self.reached < self.depths.through:
             return False
+
         _, entry = turned_with(self.entry, look)
         return bool(look.out @ entry < 0.5)
 
@@ -223,6 +235,7 @@ class Encounter:
                 return Passage(
                     self.stuck, f"was {depth} deep inside {{}} at {self.stuck:.2f} s"
                 )
+
         return None
 
 
@@ -230,6 +243,7 @@ def turned_with(before: Look, now: Look) -> tuple[Array, Array]:
     """The direction out of an earlier look, (3,) in the world, if it has turned with the first solid, or the second."""
     with_first = now.rotation @ (before.out @ before.rotation)
     with_second = now.others_rotation @ (before.out @ before.others_rotation)
+
     return with_first, with_second
 
 
@@ -239,12 +253,14 @@ def overlap(pair: Pair, instant: Instant, direction: Array) -> float:
     there, others_rotation = pair.second.at(*instant)
     far = _extent(pair.first, -(direction @ rotation))
     far += _extent(pair.second, direction @ others_rotation)
+
     return far - float((here.getTranslation() - there.getTranslation()) @ direction)
 
 
 def _extent(track: Track, direction: Array) -> float:
     """How far a solid extends from its frame's origin along a direction (3,) of the frame, metres."""
     x, y, z = map(float, direction)
+
     match track.shape:
         case Sphere(radius):
             return radius
@@ -252,6 +268,7 @@ def _extent(track: Track, direction: Array) -> float:
             return radius + length / 2 * abs(z)
         case Cylinder(radius, length):
             return radius * math.hypot(x, y) + length / 2 * abs(z)
+
     return float((corners(track.geometry) @ direction).max())
 
 
@@ -277,14 +294,17 @@ class Course:
         k = instant.sample
         travel = self.travel
         now = instant.read(travel)
+
         if depth < self.least:
             return self._skip(k, now, depth)
 
         if k + 1 == len(travel):
             return None
+
         ahead = now + self.step
         if k not in self._intervals or ahead >= travel[k + 1]:
             return Instant(k + 1)
+
         return self._between(k, ahead)
 
     def _skip(self, k: int, now: float, depth: float) -> Instant | None:
@@ -293,11 +313,14 @@ class Course:
         room = self.least - depth
         way = max(room, self.step) if -depth < _FROM_AFAR_M else -depth
         ahead = now + way
+
         if k in self._intervals and now + room < travel[k + 1] <= ahead:
             return Instant(k + 1)  # they may be as deep there, and stay so at rest
+
         number = bisect_left(self.near, bisect_right(travel, ahead) - 1)
         if ahead > travel[-1] or number == len(self.near):
             return None
+
         following = self.near[number]
         return Instant(following) if following > k else self._between(k, ahead)
 
@@ -323,4 +346,5 @@ def relative_ways(tracks: Tracks, pairs: Indices, near: Flags) -> Array:
     turned = angles(*(back @ rows.rotations[here]))
     ways = np.full(near.shape, _ELSEWHERE_M)
     ways[near] = lengths(seen[1] - seen[0]) + tracks.solids.reaches[first] * turned
+
     return ways

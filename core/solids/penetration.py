@@ -64,7 +64,10 @@ class Explosion(Exception):
 
 
 def findings(
-    scene: Scene, robot: Robot, tool: Tool, recording: Recording
+    scene: Scene,
+    robot: Robot,
+    tool: Tool,
+    recording: Recording,
 ) -> list[Finding]:
     """Find what is unphysical in a rollout of ``tool`` in ``scene``.
 
@@ -77,6 +80,7 @@ def findings(
     """
     if not is_finite(recording):
         raise Explosion("a body's state is not finite")
+
     unpressed = replace(recording, forces={})
     samples = coarse_samples(recording)
     coarse = subset(unpressed, samples)
@@ -87,6 +91,7 @@ def findings(
     depths = choose_depths(tracks.solids, pairs)
     meetings = _Meetings(tracks, pairs, depths, _mark_moving(tracks, pairs))
     wanted = meetings.count_looks()
+
     if (wanted > 1).any() and len(samples) < len(recording.times):
         chosen = refined_samples(samples, wanted)  # elsewhere no two move near others
         before = np.searchsorted(samples, chosen[:-1], side="right") - 1
@@ -108,7 +113,11 @@ class _Meetings:
     """
 
     def __init__(
-        self, tracks: Tracks, pairs: Indices, depths: Depths, within: Flags
+        self,
+        tracks: Tracks,
+        pairs: Indices,
+        depths: Depths,
+        within: Flags,
     ) -> None:
         near = may_meet(tracks, pairs, depths.least, within)
         met = near.any(axis=1)
@@ -141,12 +150,14 @@ class _Meetings:
         tracks = self.tracks
         passages: dict[tuple[str, str], tuple[float, str]] = {}
         depths = np.array(self.depths).T.tolist()
+
         for number, numbers in enumerate(self.pairs):
             pair = tracks.pair(numbers)
             near = np.flatnonzero(self.near[number])
             ways = self.ways[number]
             limits = Depths(*depths[number])
             passage = find_passage(pair, near, ways, limits, tracks.times)
+
             if passage is not None:
                 names = pair.first.name, pair.second.name
                 passages[names] = min(passages.get(names, passage), passage)
@@ -163,6 +174,7 @@ def _mark_moving(tracks: Tracks, pairs: Indices) -> Flags:
     moves |= rows.aside[:, :-1] > _STILL_M / 2
     marked: Flags = moves[pairs[:, 0]] | moves[pairs[:, 1]]
     marked[:, :1] = True
+
     return marked
 
 
@@ -170,11 +182,13 @@ def _find_overrun(tool: Tool, recording: Recording) -> Iterator[Finding]:
     """Find joints of the tool that stay beyond their range: a light part may be pressed through an engine's stop."""
     fingers = recording.fingers.T
     loose = fingers[len(fingers) - len(tool.bearers) :]
+
     for bearer, values in zip(tool.bearers, loose, strict=True):
         joint = bearer.joint
         most, unit = OVERRUN[joint.kind]
         beyond = np.maximum(joint.lower - values, values - joint.upper)
         over = (beyond > most)[1:]
+
         if np.diff(recording.times)[over].sum() > DEEP_S:
             first = recording.times[1:][over.argmax()]
             text = f"{bearer.name!r} went {beyond.max():.3g} {unit} beyond the range of its joint from {first:.2f} s on"
@@ -194,6 +208,7 @@ def _find_flung(recording: Recording, tracks: Tracks) -> list[Finding]:
     fastest = np.sqrt(np.maximum(squares, 0.0).max(axis=0))
     farthest = lengths(states.positions[:, :, :2]).max(axis=0)
     texts = []
+
     for name, speed, far in zip(states.names, fastest, farthest, strict=True):
         if speed > EXPLODED_M_S:
             raise Explosion(f"{name!r} reached {speed:.0f} m/s")
@@ -211,4 +226,5 @@ def _bound_robots_speed(tracks: Tracks) -> float:
     """Bound the speed of any point of the robot, m/s, averaged over a tenth of a second."""
     count = min(len(tracks.times) - 1, round(0.1 * SAMPLE_HZ))
     robots = [track for track in tracks.items if track.owner == ROBOT]
+
     return bound_speed(robots, tracks.times, max(1, count))

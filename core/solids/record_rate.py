@@ -35,7 +35,10 @@ def thinnest(scene: Scene) -> float:
 
 
 def sample_hz(
-    robot: Robot, tool: Tool, trajectory: JointTrajectory, thin: float
+    robot: Robot,
+    tool: Tool,
+    trajectory: JointTrajectory,
+    thin: float,
 ) -> float:
     """The rate at which the tool moves no farther between two samples than the thinnest solid is thick.
 
@@ -52,6 +55,7 @@ def sample_hz(
     """
     thin = min([thin, *(thickness(part.shape) for part in tool.parts)])
     wanted = _bound_tool_speed(robot, tool, trajectory) / thin
+
     return min(MAX_HZ, SAMPLE_HZ * _round_up(wanted / SAMPLE_HZ))
 
 
@@ -59,6 +63,7 @@ def _bound_tool_speed(robot: Robot, tool: Tool, trajectory: JointTrajectory) -> 
     """Bound the speed of any point of a tool on its way, m/s, averaged over a sample of `SAMPLE_HZ`."""
     if not tool.parts:
         return 0.0
+
     end = trajectory.duration
     times = np.append(np.arange(0.0, end, 1 / SAMPLE_HZ), end)
     arm, opening = trajectory.sample(times)
@@ -70,6 +75,7 @@ def _bound_tool_speed(robot: Robot, tool: Tool, trajectory: JointTrajectory) -> 
     nothing = State((), triples, quaternions, triples, triples)
     recording = Recording(times, arm, fingers, nothing)
     tracks = follow(Scene(()), robot, tool, recording)
+
     return bound_speed(tracks.items[-len(tool.parts) :], times)
 
 
@@ -87,6 +93,7 @@ def is_finite(recording: Recording) -> bool:
         states.linear_velocities,
         recording.arm,
     )
+
     return all(np.isfinite(array).all() for array in arrays)
 
 
@@ -94,6 +101,7 @@ def coarse_samples(recording: Recording) -> Indices:
     """The samples of a recording that are about `SAMPLE_HZ` apart, the first and the last among them."""
     times = recording.times
     last = len(times) - 1
+
     if last == 0:
         return np.array([0])
 
@@ -131,6 +139,7 @@ def subset(recording: Recording, samples: Indices) -> Recording:
         pair: _average(times, values, samples)
         for pair, values in recording.forces.items()
     }
+
     return Recording(
         times[samples],
         recording.arm[samples],
@@ -155,6 +164,7 @@ def _average(times: Array, values: Array, samples: Indices) -> Array:
     lasts = np.diff(times[samples], prepend=times[0])
     means = np.diff(impulses, prepend=0.0) / np.maximum(lasts, 1e-9)
     means[samples == 0] = values[0]
+
     return means
 
 
@@ -165,6 +175,7 @@ def detours(recording: Recording, samples: Indices) -> Detour:
     joints = _deviate(recording.arm, samples).sum(axis=1)
     moved = lengths(_deviate(states.positions, samples))
     turned = 2 * lengths(_deviate(states.quaternions, samples))
+
     return Detour(
         moved=np.column_stack([fingers, moved]).T,
         turned=np.column_stack([joints, turned]).T,

@@ -59,6 +59,7 @@ class SelfCollision:
         whole = "the tool's" if self.with_tool else "the arm's"
         depth = f"{self.depth_m * 1000:.0f} mm inside the arm's {self.other!r}"
         waypoint = int(np.searchsorted(arrivals, self.time_s)) + 1
+
         return f"{whole} {self.part!r} is {depth} at {self.time_s:.2f} s, on the way to waypoint {waypoint}"
 
     @property
@@ -86,6 +87,7 @@ class SolidPairs:
         self.deep = np.array([*limits.values()])
         self._robot = robot
         self._geometry = pin.GeometryModel()
+
         for number, solid in enumerate(solids):
             place = pin.SE3(solid.pose.rotation.as_matrix(), solid.pose.position)
             self._geometry.addGeometryObject(
@@ -94,9 +96,11 @@ class SolidPairs:
 
         for pair in limits:
             self._geometry.addCollisionPair(pin.CollisionPair(*pair))
+
         self._data = pin.GeometryData(self._geometry)
         for request, deep in zip(self._data.collisionRequests, self.deep, strict=True):
             request.security_margin = -deep
+
         self._near = pin.BroadPhaseManager_NaiveCollisionManager(
             robot.model, self._geometry, self._data
         )
@@ -133,12 +137,14 @@ def find_self_collision(
     rows = _choose_rows(trajectory)
     looks = np.column_stack([np.interp(rows, numbers, values) for values in joints.T])
     first = next((k for k, look in enumerate(looks) if pairs.collide(look)), None)
+
     if first is None:
         return None
 
     depths = pairs.depths(looks[first])
     pair = int(np.argmax(depths - pairs.deep))
     course = [(depths[pair], rows[first])]
+
     for later in range(int(rows[first]) + 1, len(joints)):
         depth = pairs.depths(joints[later])[pair]
         if depth <= 0:
@@ -149,6 +155,7 @@ def find_self_collision(
     part, second = pairs.names[pair]
     time = float(np.interp(row, numbers, trajectory.times))
     with_tool = part in tool.placed()
+
     return SelfCollision(time, part, second, float(deepest), with_tool)
 
 
@@ -158,6 +165,7 @@ def _choose_rows(trajectory: JointTrajectory) -> Array:
     turned += _PER_METRE * np.abs(np.diff(trajectory.fingers))
     travel = running_sums(turned)
     chosen = np.linspace(0.0, travel[-1], int(travel[-1] / STEP) + 2)
+
     return np.interp(chosen, travel, np.arange(len(travel)))
 
 
@@ -173,11 +181,13 @@ def self_pairs(robot: Robot, tool: Tool) -> SolidPairs:
         if tool.borne[solid.name][0] in tool.mounts
     ]
     limits = dict(_link_limits(robot, jointed(tool)))
+
     for first, part in enumerate(mounted, start=len(links)):
         for second, link in enumerate(links):
             before = model.supports[part.frame]
             behind = model.supports[link.frame]
             on_two_fingers = before - behind and behind - before
+
             if part.frame != link.frame and not on_two_fingers:
                 limits[first, second] = DEEP_M
 
@@ -191,16 +201,19 @@ def _link_limits(robot: Robot, tool: Tool) -> dict[tuple[int, int], float]:
     links = link_solids(robot, tool)
     arm = {solid.name for solid in robot_solids(robot, False)}
     limits = {}
+
     for (first, part), (second, link) in combinations(enumerate(links), 2):
         between = model.supports[part.frame] ^ model.supports[link.frame]
         apart = sum(model.model.names[joint] in robot.arm_joints for joint in between)
         of_arm = {part.name, link.name} <= arm
+
         if apart >= (_APART if of_arm else _APART_ON_FLANGE):
             limits[first, second] = DEEP_M if apart >= _APART else DEEP_NEAR_M
 
     fingers = finger_values(robot, tool, np.array([robot.opening_m]))
     home = model.order(np.array([robot.home]), fingers)[0]
     depths = SolidPairs(model, links, limits).depths(home)
+
     return {
         pair: deep
         for (pair, deep), depth in zip(limits.items(), depths, strict=True)

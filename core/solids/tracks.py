@@ -110,6 +110,7 @@ class Track:
         if k not in self._places:
             rotation = self.rotations[k]
             self._places[k] = coal.Transform3s(rotation, self.positions[k]), rotation
+
         return self._places[k]
 
 
@@ -157,6 +158,7 @@ class Pair:
         there, others_rotation = self.second.at(k, share)
         result = coal.DistanceResult()
         gap = float(self._measure(there, here, _REQUEST, result))
+
         return Look(-gap, rotation, others_rotation, result)
 
     def gaps(self, samples: Indices) -> Array:
@@ -165,6 +167,7 @@ class Pair:
             self.travel[samples], return_index=True, return_inverse=True
         )
         gaps = np.array([-self.look(k).depth for k in samples[firsts].tolist()])
+
         return gaps[numbers]
 
 
@@ -206,6 +209,7 @@ def bound_speed(tracks: Sequence[Track], times: Array, count: int = 1) -> float:
     travel = np.reshape(ways, (-1, len(times)))
     moved = travel[:, count:] - travel[:, :-count]
     speeds = moved / (times[count:] - times[:-count])
+
     return float(speeds.max(initial=0.0))
 
 
@@ -237,6 +241,7 @@ def follow(
     resting = np.flatnonzero(solids.frames == WORLD)
     if only is not None:
         moving = np.intersect1d(moving, only)
+
     aside = np.zeros((len(moving), len(recording.times)))
     if detour is not None:
         number = np.maximum(solids.frames[moving] + 1 - len(rotations), 0)
@@ -248,6 +253,7 @@ def follow(
     moved = _place_solids(solids, moving, *frames, aside)
     count = len(solids.items)
     rows = Rows(*(np.zeros((count, *values.shape[1:])) for values in moved))
+
     for values, those_moved, those_at_rest in zip(
         rows, moved, _rest(solids), strict=True
     ):
@@ -263,6 +269,7 @@ def _body_frames(states: State) -> tuple[Array, Array]:
     quaternions = states.quaternions.swapaxes(0, 1)
     turns = Rotation.from_quat(quaternions.reshape(-1, 4), scalar_first=True)
     rotations = turns.as_matrix().reshape(*quaternions.shape[:2], 3, 3)
+
     return rotations, states.positions.swapaxes(0, 1)
 
 
@@ -273,11 +280,16 @@ def _rest(solids: Solids) -> Rows:
     rotations = np.eye(3)[None, None]
     positions = np.zeros((1, 1, 3))
     straight = np.zeros((len(numbers), 1))
+
     return _place_solids(solids, numbers, rotations, positions, straight)
 
 
 def _place_solids(
-    solids: Solids, numbers: Indices, rotations: Array, positions: Array, aside: Array
+    solids: Solids,
+    numbers: Indices,
+    rotations: Array,
+    positions: Array,
+    aside: Array,
 ) -> Rows:
     """Place some solids in frames that move.
 
@@ -312,4 +324,14 @@ def _place_solids(
     turned[:, :-1] = angles(rotations[:, :-1], rotations[:, 1:])
     ways = solids.reaches[numbers, None] * turned
     ways[:, :-1] += lengths(positions[:, 1:] - positions[:, :-1])
-    return Rows(rotations, positions, middles, low, high, aside, ways, turned)
+
+    return Rows(
+        rotations,
+        positions,
+        middles,
+        low,
+        high,
+        aside,
+        ways,
+        turned,
+    )

@@ -80,7 +80,11 @@ class Guards(Protocol):
         """Begin anew, and return the motion in which no guard fires."""
 
     def feel(
-        self, time: float, arm: Array, points: Array, forces: Array
+        self,
+        time: float,
+        arm: Array,
+        points: Array,
+        forces: Array,
     ) -> JointTrajectory | None:
         """Take what the arm feels every `FEEL_S`: its joints (J,), and forces (C, 3) at points (C, 3).
 
@@ -129,7 +133,12 @@ class Perception:
             _check_range(f"perception.{name}", noise, 1)
 
 
-def _check_range(name: str, value: float, most: float, unit: str = "") -> None:
+def _check_range(
+    name: str,
+    value: float,
+    most: float,
+    unit: str = "",
+) -> None:
     if not 0 <= value <= most:
         raise UsageError(
             f"rollout.{name} must be between 0 and {most}{unit}, got {value}"
@@ -265,7 +274,11 @@ class World(Protocol):
     time_step: float
 
     def step(
-        self, arm: Array, fingers: float, speeds: Array, finger_speed: float
+        self,
+        arm: Array,
+        fingers: float,
+        speeds: Array,
+        finger_speed: float,
     ) -> None:
         """Drive the joints to targets (J,) and a finger opening at these speeds, and advance by one time step."""
 

@@ -83,6 +83,7 @@ class Drive:
         times = np.maximum(times, 0.0)
         if self.repeats:
             times = np.mod(times, self.times[-1])
+
         return np.interp(times, self.times, self.positions)
 
 
@@ -161,6 +162,7 @@ class Joint:
                 self.drive and (self.latches or self.stiffness or self.friction)
             ),
         }
+
         for name in ("damping", "friction", "stiffness"):
             value = getattr(self, name)
             problem = f"{name} must be from 0 to {MAX_FORCE:g}, got {value}"
@@ -212,12 +214,14 @@ class PlacedJoint:
         inside = parent.inverse() @ body
         origin = frozen_array(inside.apply(joint.origin))
         axis = frozen_array(inside.rotation.apply(joint.axis))
+
         return cls(joint, origin, axis, inside.quaternion)
 
     def read(self, body: Placement, parent: Placement) -> JointState:
         """Compute position and speed from where the two bodies are, and how they move."""
         joint = self.joint
         axis = rotate(parent.quaternion, self.axis)
+
         if joint.kind == "slider":
             arm = rotate(body.quaternion, np.asarray(joint.origin))
             there = body.position + arm - parent.position
@@ -244,6 +248,7 @@ class PlacedJoint:
         angle = joint.start + 2 * np.arctan2(imaginary @ self.axis, real)
         middle = (joint.lower + joint.upper) / 2 if joint.limited else 0.0
         angle = middle + np.mod(angle - middle + np.pi, 2 * np.pi) - np.pi
+
         return JointState(angle, (spin * axis).sum(axis=-1))
 
     def carry(self, value: Array, speed: Array, parent: Placement) -> Placement:
@@ -257,6 +262,7 @@ class PlacedJoint:
         turn = self.turn
         spin = np.zeros(3)
         glide = np.zeros(3)
+
         if joint.kind == "ball":
             turn = multiply(value, self.turn)
             spin = rotate(parent.quaternion, speed)
@@ -282,6 +288,7 @@ class PlacedJoint:
             + glide
             - np.cross(angular, arm)
         )
+
         return Placement(parent.position + there - arm, quaternion, linear, angular)
 
 
@@ -306,4 +313,5 @@ def multiply(after: Array, first: Array) -> Array:
     w, a = np.split(after, [1], axis=-1)
     v, b = np.split(first, [1], axis=-1)
     real = w * v - (a * b).sum(axis=-1, keepdims=True)
+
     return np.concatenate([real, w * b + v * a + np.cross(a, b)], axis=-1)

@@ -121,6 +121,7 @@ class _Divided(ABC):
         of_corner = size / size.sum() / self.elements.shape[1]
         found = np.zeros(len(self.nodes))
         np.add.at(found, self.elements, of_corner[:, None])
+
         return found
 
     def surface(self, nodes: Array) -> Mesh:
@@ -130,6 +131,7 @@ class _Divided(ABC):
         corners = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]
         faces = self.elements[:, corners].reshape(-1, 3)
         outer = group_rows(np.sort(faces, axis=1), require_count=1)
+
         return Mesh(nodes, faces[outer])
 
 
@@ -153,6 +155,7 @@ class Rope(_Divided):
         ways = running_sums(pieces)
         evenly = np.linspace(0, ways[-1], self.count)
         axes = [np.interp(evenly, ways, axis) for axis in points.T]
+
         return frozen_array(np.stack(axes, axis=1))
 
     @property
@@ -206,6 +209,7 @@ class Cloth(_Divided):
         sheet = trimesh.Trimesh(nodes, self.elements, process=False)
         outward = sheet.vertex_normals * self.thickness / 2
         below = self.elements[:, ::-1] + len(nodes)
+
         return Mesh(
             np.concatenate([nodes + outward, nodes - outward]),
             np.concatenate([self.elements, below]),
@@ -237,6 +241,7 @@ class Filling(_Divided):
         never = np.full_like(toward, np.inf)
         reach = np.divide(far, toward, out=never, where=toward > 1e-9)
         nearest = reach.min(axis=1, keepdims=True)
+
         return frozen_array(middle + ways * np.where(away, nearest, 0.0))
 
 
@@ -249,6 +254,7 @@ def lattice(counts: Sequence[int]) -> Array:
     ends = [min(count - 1, 1) for count in counts]
     axes = [np.linspace(-end, end, n) for end, n in zip(ends, counts, strict=True)]
     places = np.meshgrid(*axes, indexing="ij")
+
     return np.stack(places, axis=-1).reshape(-1, 3)
 
 
@@ -259,9 +265,11 @@ def simplices(counts: Sequence[int]) -> Elements:
     cells = np.argwhere(np.ones([max(count - 1, 1) for count in counts]))
     mirrored = cells % 2  # every second cell, so that both sides of a body are alike
     found = []
+
     for axes in permutations([axis for axis, count in enumerate(counts) if count > 1]):
         corner = cells + mirrored
         element = [numbers[tuple(corner.T)]]
+
         for axis in axes:
             corner[:, axis] += 1 - 2 * mirrored[:, axis]
             element.append(numbers[tuple(corner.T)])
@@ -279,6 +287,7 @@ def sizes(nodes: Array, elements: Elements) -> Array:
     """Measure the length of segments, the area of triangles or the volume of tetrahedra, (E,)."""
     edges = nodes[elements[:, 1:]] - nodes[elements[:, :1]]
     squares = np.linalg.det(edges @ edges.swapaxes(1, 2))
+
     return np.sqrt(np.maximum(squares, 0.0)) / math.factorial(edges.shape[1])
 
 
@@ -286,11 +295,14 @@ def facing(nodes: Array, elements: Elements) -> Elements:
     """Order the nodes of triangles so that they face up, and of tetrahedra so that their volumes are positive."""
     edges = nodes[elements[:, 1:]] - nodes[elements[:, :1]]
     corners = elements.shape[1]
+
     if corners == 2:
         return elements
+
     signs = np.cross(edges[:, 0], edges[:, 1])[:, 2]
     if corners == 4:
         signs = np.linalg.det(edges)
+
     turned = elements[:, [0, 2, 1, 3][:corners]]
     return np.where((signs < 0)[:, None], turned, elements)
 

@@ -64,6 +64,7 @@ class State:
             return Placement.at_rest(Pose())
         if name in self.places:
             return Placement.at_rest(self.places[name])
+
         number = self._number(name)
         return Placement(*(array[..., number, :] for array in self.arrays))
 
@@ -71,6 +72,7 @@ class State:
         """The position and speed of a joint, each (...); states of engines have none, see `Scene.complete`."""
         placed = _find("joint", name, self.joints)
         joint = placed.joint
+
         return placed.read(self.placement(joint.body), self.placement(joint.parent))
 
     def nodes(self, name: str, to: str | None = None) -> Array:
@@ -78,6 +80,7 @@ class State:
         nodes = _find("soft body", name, self.soft)
         if to is None:
             return nodes
+
         origin = self.position(to)[..., None, :]
         return rotate_back(self.quaternion(to)[..., None, :], nodes - origin)
 
@@ -90,6 +93,7 @@ class State:
         nodes = self.nodes(name)
         count = nodes.shape[-2]
         way = nodes[..., first % count : last % count + 1, :]
+
         return step_lengths(way).sum(axis=-1)
 
     def covered_area(self, name: str) -> Array:
@@ -100,6 +104,7 @@ class State:
         shape = nodes.shape[:-2]
         if nodes.shape[-2] < 3:
             return np.zeros(shape)
+
         worlds = nodes.reshape(-1, *nodes.shape[-2:])
         hulls = [ConvexHull(points, qhull_options="QJ") for points in worlds]
         return np.array([hull.volume for hull in hulls]).reshape(shape)
@@ -129,6 +134,7 @@ class State:
         """Merge the arrays of states of one layout with a function such as `numpy.stack`."""
         first = states[0]
         arrays = zip(*(state.arrays for state in states), strict=True)
+
         return State(
             first.names,
             *map(how, arrays),
@@ -157,12 +163,14 @@ class State:
         if name in self.places:
             value = getattr(self.places[name], field)
             return np.broadcast_to(value, (*array.shape[:-2], len(value)))
+
         return array[..., self._number(name), :]
 
     def _number(self, name: str) -> int:
         if name not in self.names:
             known = (*self.names, *self.places)
             raise unknown("body", name, "that moves in the state", known)
+
         return self.names.index(name)
 
 

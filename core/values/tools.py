@@ -53,6 +53,7 @@ class ToolJoint:
         length = float(np.linalg.norm(self.axis))
         if not 1e-6 < length < np.inf:
             raise DesignError("a joint's axis needs a length: give for example 0 0 1")
+
         x, y, z = (float(value) / length for value in self.axis)
         object.__setattr__(self, "axis", (x, y, z))
 
@@ -181,22 +182,27 @@ class Tool:
     def _place(self, *, across_joints: bool) -> dict[str, tuple[str, Pose]]:
         """Find for each component what bears it, and its pose in that frame."""
         places = {mount: (mount, Pose()) for mount in self.mounts}
+
         for component in self.components:
             bearer, pose = places[component.parent]
             place = bearer, pose @ component.pose
             if component.joint is not None and not across_joints:
                 place = component.name, component.link.inverse()
+
             places[component.name] = place
+
         return {component.name: places[component.name] for component in self.components}
 
     @cached_property
     def parts(self) -> tuple[ConvexPart, ...]:
         """The convex shapes that collide, in the order of the components."""
         parts = []
+
         for component in self.components:
             bearer, pose = self.borne[component.name]
             for shape in component.shape.convex_parts():
                 parts.append(ConvexPart(component.name, shape, bearer, pose))
+
         return tuple(parts)
 
     @property
@@ -208,10 +214,12 @@ class Tool:
     def bearers(self) -> tuple[Bearer, ...]:
         """The K components with a joint, in the order of the joints' values."""
         bearers = []
+
         for component in self.components:
             if component.joint is not None:
                 parent = component.parent
                 bearer, pose = self.borne.get(parent, (parent, Pose()))
                 frame = pose @ component.pose @ component.link
                 bearers.append(Bearer(component.name, bearer, frame, component.joint))
+
         return tuple(bearers)

@@ -126,6 +126,7 @@ class Trace:
 
         if by in ("robot", "tool"):
             found = found + self.passed_on(body, by)
+
         return found
 
     def passed_on(self, body: str, by: str) -> Array:
@@ -175,6 +176,7 @@ class Trace:
 
         robot = self._never()
         fixed = self._never()
+
         for name, within in group.items():
             robot |= within & self.contact(name, "robot")
             for place in self.states.places:
@@ -220,6 +222,7 @@ def _spread(values: dict[str, npt.NDArray[Any]], links: Iterable[Link]) -> None:
     ways += [(taker, giver, link) for giver, taker, link in links]
     known = [way for way in ways if way[0] in values and way[1] in values]
     changed = True
+
     while changed:
         changed = False
         for giver, taker, link in known:
@@ -228,7 +231,13 @@ def _spread(values: dict[str, npt.NDArray[Any]], links: Iterable[Link]) -> None:
             values[taker] = more
 
 
-def _is_between(kind: str, toucher: str, other: str, body: str, by: str | None) -> bool:
+def _is_between(
+    kind: str,
+    toucher: str,
+    other: str,
+    body: str,
+    by: str | None,
+) -> bool:
     """Report whether a contact of ``toucher`` with ``other`` is one of ``body`` with ``by``, see `Trace`."""
     if kind == "body" and body == toucher:
         return by in (None, other)
@@ -238,4 +247,5 @@ def _is_between(kind: str, toucher: str, other: str, body: str, by: str | None) 
         return kind == "arm" or (kind == "tool" and toucher in GRIPPER_MOUNTS)
     if by in (None, toucher):
         return True
+
     return (by == "robot" and kind != "body") or (by == "tool" and kind == "tool")
