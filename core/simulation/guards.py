@@ -109,7 +109,11 @@ class PlannedGuards:
         return self._waypoints.tempo or Tempo.usual(len(self._waypoints))
 
     def _find_next(self, after: int) -> None:
-        """Find the next guard among the planned waypoints from ``after`` on, and the time of its way."""
+        """Find the next guard among the planned waypoints, and the time of its way.
+
+        Args:
+            after: the first waypoint that is looked at, from 0.
+        """
         arrivals = self.motion.arrivals
         guards = self._waypoints.guards[: len(arrivals)]
         self._sensed: list[Array] = []
@@ -194,7 +198,14 @@ class PlannedGuards:
         arm: Array,
         force: Array,
     ) -> bool:
-        """Report whether a guard fires: by the force at the flange (3,), or by how far the arm lags."""
+        """Report whether a guard fires: by the force at the flange, or by how far the arm lags.
+
+        Args:
+            guard: says what it waits for.
+            time: now, seconds.
+            arm: the joints (J,).
+            force: (3,) what is felt, less what was felt when the way began.
+        """
         if guard.until == "touch":
             return float(np.linalg.norm(force)) > self._settings.feel.threshold
 
@@ -254,7 +265,13 @@ class PlannedGuards:
     def _join_motions(
         self, first: JointTrajectory, arrivals: Array, rest: Motion | None
     ) -> Motion:
-        """Join the motion until now, with its waypoints' ``arrivals`` (K,), and the rest of it."""
+        """Join the motion until now and the rest of it.
+
+        Args:
+            first: how the arm moved until now.
+            arrivals: (K,) when the waypoints of that were reached, seconds.
+            rest: what comes then; None: nothing.
+        """
         count = len(arrivals)
         trajectory = first
         places = self._arm.positions(first.arm)
@@ -306,7 +323,7 @@ class PlannedGuards:
         return motion
 
     def _choose_rest(self, count: int) -> Waypoints:
-        """Choose the waypoints after the first ``count``, up to the next one with a guard."""
+        """Choose the waypoints after the first ``count``, up to the next one with a guard, and their tempo."""
         waypoints = self._waypoints
         guarded = [k for k, guard in enumerate(waypoints.guards) if guard is not None]
         last = min((k for k in guarded if k >= count), default=len(waypoints) - 1)

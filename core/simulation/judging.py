@@ -27,7 +27,12 @@ World = tuple[State, State, Trace | None]  # at the start, at the end, and in be
 
 
 def judge_attempts(stage: Stage, attempts: Sequence[Attempt]) -> None:
-    """Check what was played, and make a trial of each attempt."""
+    """Check what was played, and make a trial of each attempt.
+
+    Args:
+        stage: the condition in which they were tried.
+        attempts: what was played, each with its outcome. They get their trials.
+    """
     for attempt in attempts:
         failure = _find_failure(stage, attempt)
         if failure is not None:
@@ -39,7 +44,11 @@ def judge_attempts(stage: Stage, attempts: Sequence[Attempt]) -> None:
 
 
 def _find_failure(stage: Stage, attempt: Attempt) -> str | None:
-    """Find what was unphysical and what touched; say why a rollout failed; None: it did not."""
+    """Find what was unphysical and what touched, as far as the condition asks for it.
+
+    Returns:
+        Why the rollout failed; None: it did not.
+    """
     if attempt.problem is not None:
         return attempt.problem
 
@@ -96,7 +105,14 @@ def _make_trial(
     reward: float,
     world: World,
 ) -> Trial:
-    """Make the trial of an attempt from its reward, and from the states and the trace of its ``world``."""
+    """Make the trial of an attempt that came to its end.
+
+    Args:
+        stage: the condition in which it was tried.
+        attempt: what was played, and what was found in it.
+        reward: what the task pays.
+        world: its states and its trace.
+    """
     task = stage.task
     motion = attempt.motion
     outcome = attempt.outcome
@@ -149,7 +165,7 @@ def _observe(stage: Stage, trial: Trial, attempt: Attempt) -> Trial:
 
 
 def _forbid_penetration(stage: Stage, trial: Trial, found: Sequence[Finding]) -> Trial:
-    """Set the reward of a trial to 0 for penetration, where that is forbidden."""
+    """Set the reward of a trial to 0 for penetration, where that is forbidden; ``found`` is what was unphysical."""
     passages = [finding.text for finding in found if finding.penetration]
     forbidden = stage.settings.penetration == "forbid" and passages
 
@@ -168,6 +184,15 @@ def _rewards(
     trace: Trace | None,
 ) -> Array:
     """Compute the rewards of many worlds.
+
+    Args:
+        task: pays them.
+        starts: the states at the start, of W worlds.
+        ends: those at the end.
+        trace: what happened in between, if the task reads it.
+
+    Returns:
+        Rewards (W,).
 
     Raises:
         PluginError: the task returned something else; names it.

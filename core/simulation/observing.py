@@ -37,22 +37,45 @@ from core.values.observations import Class, Moved, Offset, Point
 from core.values.traces import Flags
 
 MISSED_M = 0.02
+"""A way is missed by more than this, or by more than the next."""
+
 MISSED_RAD = 0.1
-STUCK_RAD = 0.05  # reference solutions lag by less than 0.012
-UNYIELDING_M = 0.005  # what moves by no more than this...
-UNYIELDING_S = 0.2  # ...in that time does not yield
+
+STUCK_RAD = 0.05
+"""The lag of a joint that is held back; reference solutions lag by less than 0.012."""
+
+UNYIELDING_M = 0.005
+"""What moves by no more than this in the next time does not yield."""
+
+UNYIELDING_S = 0.2
+
 LIFTED_M = 0.02
+"""A body that was dropped was lifted by this, and fell by the next."""
+
 FALLEN_M = 0.02
+
 TIPPED_DEG = 45.0
+"""How far an upward axis has turned of a body that tipped."""
+
 FELL_M = 0.05
+"""A body that is lower than at rest by more fell, and did not tip."""
+
 NUDGED_M = 0.005
+"""What moved by no more was not moved."""
 
 INSTANTS = 6
-PATHS = 2
-MAX_CONTACTS = 40
-NAMED = 3
+"""At which the places of a path are noted."""
 
-_STILL_M = 0.001
+PATHS = 2
+"""The most bodies whose paths are noted."""
+
+MAX_CONTACTS = 40
+"""The most contacts that are listed."""
+
+NAMED = 3
+"""The most bodies that a missed goal names."""
+
+_STILL_M = 0.001  # who moved by no more, and turned by no more than the next, stayed
 _STILL_DEG = 1.0
 
 Samples = npt.NDArray[np.intp]
@@ -68,7 +91,19 @@ def observe(
     reward: float,
     contacts: Contacts,
 ) -> Observation:
-    """Observe a rollout that came to its end; ``contacts`` are those of its recording."""
+    """Observe a rollout that came to its end.
+
+    Args:
+        task: its goals say which bodies matter, and where they should be.
+        scene: the layout.
+        motion: as it was played.
+        outcome: of the rollout.
+        reward: that it earns.
+        contacts: those of its recording.
+
+    Returns:
+        What is shown of it, rounded so that it is short as text.
+    """
     case = _Case(task, scene, motion, outcome, contacts)
     result, what, instant = case.classify(reward)
     moved = case.moved()
@@ -109,7 +144,7 @@ def observe(
 
 
 def _choose_contacts(contacts: Contacts) -> tuple[Contact, ...]:
-    """Choose the first contacts, the robot's before those of bodies with each other."""
+    """Choose the first contacts, the robot's before those of bodies with each other, and round them."""
     robots_first = sorted(contacts.all, key=lambda contact: contact.kind == "body")
     return tuple(
         replace(
@@ -123,10 +158,17 @@ def _choose_contacts(contacts: Contacts) -> tuple[Contact, ...]:
 
 
 class _Case:
-    """What a rollout is classed by.
+    """What a rollout is classed by: what was planned, what was played, and what the task wanted.
 
     Attributes:
+        task: gives the goals.
+        scene: the layout.
+        motion: as it was played.
+        start: the state when the motion began, complete; ``end``: that at the end.
+        contacts: those of the recording.
+        times: (T,) the samples at which contacts were looked for; ``states``: those at these samples.
         goals: the task's, without those that don't fit the scene: a goal is a hint, and may be wrong.
+        reaches: those of the goals that say where bodies should be.
         names: the bodies of the goals; all that can move, if there are none.
         left: those of them that are not in place.
         lags: of the joint that lags most at each sample, radians; 0 before the motion begins.
@@ -165,7 +207,14 @@ class _Case:
         self.lags = np.where(self.times < 0, 0.0, off)
 
     def classify(self, reward: float) -> tuple[Class, str, float | None]:
-        """Choose the class, see the module; also the thing that it is about, and when it happened, seconds."""
+        """Choose the class, by the rules of the module.
+
+        Args:
+            reward: that the rollout earns.
+
+        Returns:
+            The class, the thing that it is about, and when it happened, seconds; None: at no one instant.
+        """
         if reward >= self.task.success_reward:
             return "solved", "", None
 
@@ -212,7 +261,10 @@ class _Case:
         return found
 
     def choose_paths(self, moved: Iterable[str]) -> list[str]:
-        """Choose the bodies whose ways are told: those that are not in place, the goal's others, what moved most."""
+        """Choose the bodies whose paths are noted.
+
+        First come those that are not in place, then the goal's others, and among these what moved most.
+        """
         ways = {
             name: np.ptp(self.states.position(name), axis=0).max() for name in moved
         }
@@ -243,6 +295,10 @@ class _Case:
         return _length(self.end.position(name) - self.start.position(name))
 
     def _is_in_place(self, name: str) -> bool:
+        """Report whether a body ended where the goals want it, held or let go as they want it.
+
+        Of several goals of a body one is enough, unless the task wants every one.
+        """
         found = [
             goal.is_in_place(name, self.start, self.end)
             and (not goal.held or self.contacts.held(name)[-1])
@@ -276,7 +332,12 @@ class _Case:
                 yield from limit.breaches(evidence)
 
     def _causes(self, touches: Samples) -> list[Cause]:
-        """Find what may have gone wrong while the robot was at work."""
+        """Find what may have gone wrong.
+
+        Args:
+            touches: the samples at which the robot touches the goals' bodies. What the arm suffered before the first
+                and after the last does not count.
+        """
         begun = 0.0
         ended = np.inf
 
@@ -301,7 +362,7 @@ class _Case:
         return causes
 
     def _find_unreachable(self) -> Iterator[Mishap]:
-        """Find the waypoints that the arm misses the way to."""
+        """Find the waypoints that the arm misses the way to, and when it is on this way."""
         arrivals = self.motion.arrivals
         begins = np.append(0.0, arrivals[:-1])
         missed = (self.motion.misses > (MISSED_M, MISSED_RAD)).any(axis=1)
@@ -331,7 +392,10 @@ class _Case:
                     yield float(times[begin]), times[stop - 1], "stuck", other
 
     def _find_fallen(self, name: str) -> Cause | None:
-        """Find when a body was dropped, or tipped over."""
+        """Find when a body was dropped, or tipped over; None: neither.
+
+        It was dropped if it was lifted, and fell in a stretch of time in which nothing held it.
+        """
         heights = self.states.position(name)[:, 2]
         rest = float(self.start.position(name)[2])
 
@@ -352,6 +416,7 @@ class _Case:
         return None
 
     def _is_ball(self, name: str) -> bool:
+        """Report whether a body's turning can't be seen."""
         parts = self.scene[name].collisions
         return all(isinstance(part.shape, Sphere) for part in parts)
 
@@ -364,6 +429,7 @@ class _Case:
 
 
 def _fits(goal: Goal, scene: Scene) -> bool:
+    """Report whether all that a goal names is in the scene."""
     try:
         check_names(goal, scene)
     except UsageError:
@@ -373,7 +439,11 @@ def _fits(goal: Goal, scene: Scene) -> bool:
 
 
 def _runs(flags: Flags) -> Iterator[tuple[int, int]]:
-    """Yield where flags begin to be set and where they end."""
+    """Find the stretches of flags (T,) that are set.
+
+    Returns:
+        For each the number of the first flag, and that behind the last one.
+    """
     changes = np.diff(np.pad(flags.astype(np.int8), 1))
     edges = np.flatnonzero(changes).tolist()
 
@@ -381,7 +451,15 @@ def _runs(flags: Flags) -> Iterator[tuple[int, int]]:
 
 
 def _offset(wanted: Array | None, position: Array) -> Offset:
-    """Subtract from a place the wanted one, metres; None: a coordinate that is free."""
+    """Subtract from a place the wanted one.
+
+    Args:
+        wanted: (3,) metres, with nan where a coordinate is free; None: all are.
+        position: (3,) metres.
+
+    Returns:
+        Three numbers, metres; None: a coordinate that is free.
+    """
     if wanted is None:
         return None, None, None
 
@@ -393,6 +471,7 @@ def _offset(wanted: Array | None, position: Array) -> Offset:
 
 
 def _length(vector: Array) -> float:
+    """Measure a vector (3,)."""
     return float(np.linalg.norm(vector))
 
 
@@ -402,4 +481,5 @@ def _round_all(values: Array, digits: int) -> Any:
 
 
 def _round(number: float | None, digits: int) -> float | None:
+    """Round a number, if there is one."""
     return None if number is None else round(number, digits)

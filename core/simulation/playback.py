@@ -21,7 +21,12 @@ Film = tuple[Array, Array, State]  # arm, fingers and states of a `Recording`
 class Schedule:
     """When an engine with a time step does what while it plays a job. The motion begins at 0, seconds.
 
+    `play` steps one world by it. An engine that steps many at once reads the same schedule, so that all engines let the
+    world settle, record and measure at the same instants.
+
     Attributes:
+        job: what is played.
+        time_step: of the engine, seconds.
         settle: how many steps let the world settle.
         times: (S,) when steps begin; ``ends`` (S,) when they end.
         every: the steps between two samples of a recording; 0 without one.
@@ -68,7 +73,14 @@ class Schedule:
         return list(steps)
 
     def measure_lag(self, arm: Array) -> float:
-        """Measure the largest lag of a joint, radians, by the arm's joints (L, J) after the ``looks``."""
+        """Measure the largest lag of a joint.
+
+        Args:
+            arm: its joints (L, J) after the ``looks``.
+
+        Returns:
+            The lag, radians.
+        """
         wanted, _ = self.job.trajectory.sample(self.ends[self.looks])
         return float(np.abs(wanted - np.reshape(arm, wanted.shape)).max(initial=0.0))
 
@@ -79,7 +91,17 @@ class Schedule:
         lag: float,
         film: Film | None = None,
     ) -> Outcome:
-        """Make the outcome of what was played; ``film`` is what was seen at the samples, if the job is recorded."""
+        """Make the outcome of what was played.
+
+        Args:
+            start: the state when the motion began.
+            end: the state at the end.
+            lag: see `measure_lag`.
+            film: what was seen at the samples, if the job is recorded.
+
+        Returns:
+            The outcome; it has an error if the end is not finite.
+        """
         if not all(np.isfinite(array).all() for array in end.arrays[:3]):
             error = "the simulation blew up: a body's state is not finite"
             return Outcome(None, None, error=error)
@@ -141,7 +163,11 @@ def begin_guards(job: Rollout) -> Rollout:
 
 
 def refuse_targets(job: Rollout) -> Outcome | None:
-    """Refuse a job whose targets are not finite, before an engine sees it; None: they are."""
+    """Refuse a job whose targets are not finite, before an engine sees it.
+
+    Returns:
+        Its outcome; None: they are finite.
+    """
     targets = np.column_stack([job.trajectory.arm, job.trajectory.fingers])
     if np.isfinite(targets).all():
         return None
@@ -150,7 +176,13 @@ def refuse_targets(job: Rollout) -> Outcome | None:
 
 
 def play(world: World, job: Rollout) -> Outcome:
-    """Play a job: settle, move, hold. A job with guards needs a `core.values.jobs.FeelingWorld`."""
+    """Play a job: settle, move, hold.
+
+    Args:
+        world: with the scene, and with the robot at the first targets. A job with guards needs a
+            `core.values.jobs.FeelingWorld`.
+        job: what is played.
+    """
     job = begin_guards(job)
     refused = refuse_targets(job)
 

@@ -29,6 +29,8 @@ ROBOT = "the robot"  # the owner of its links and of the tool
 class Solids:
     """N solids, each at rest in one of the frames that move, or in the world.
 
+    What can be known of them before they move stands here once, so that `follow` only places them.
+
     Attributes:
         items: the solids.
         owners: (N,) the name of what each one is part of.
@@ -81,7 +83,15 @@ def thickness(shape: Shape) -> float:
 
 @lru_cache(maxsize=8)
 def link_solids(robot: Robot, tool: Tool) -> tuple[Solid, ...]:
-    """Return the solids of the links in the joints' frames; 0 is that of links that never move."""
+    """Return the collision shapes of the links, each in its joint's frame.
+
+    Args:
+        robot: the arm, with its gripper if the tool hangs from that.
+        tool: what `jointed` leaves of it.
+
+    Returns:
+        Solids whose frames are numbered as Pinocchio's joints; 0 is that of links that never move.
+    """
     model = robot_model(robot, tool)
     solids = robot_solids(robot, tool.gripper)
 
@@ -120,7 +130,10 @@ def scene_solids(scene: Scene) -> Solids:
 def all_solids(robot: Robot, tool: Tool, bodies: Solids) -> Solids:
     """Join the solids of the links that move, those of the tool's parts, and those of bodies.
 
-    The bodies' frames are behind the joints'.
+    Args:
+        robot: the arm.
+        tool: what it holds.
+        bodies: see `scene_solids`; their frames are behind the joints'.
     """
     links = [solid for solid in link_solids(robot, jointed(tool)) if solid.frame > 0]
     joints = robot_model(robot, tool).model.njoints

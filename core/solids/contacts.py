@@ -38,6 +38,9 @@ Key = tuple[str, str, str]  # kind, one and other of a `Contact`
 class Contacts:
     """The contacts of a rollout, and the clearances.
 
+    Feedback shows them (`all`), and a reward reads them as a `Trace` (`make_trace`). A contact has a kind: a component
+    of the tool touches a body, a link of the arm does, or another body. With fingers alone, the arm's are meant.
+
     Attributes:
         taken: the T samples of the recording that were looked at.
         touching: for each two things that ever touched, at which samples (T,).
@@ -73,7 +76,16 @@ class Contacts:
         return tuple(contacts)
 
     def _describe(self, kind: Any, first: str, second: str) -> Contact:
-        """Describe a contact; its force is the largest normal force, N, and a component has that of the tool."""
+        """Describe a contact.
+
+        Args:
+            kind: of the first.
+            first: what touches.
+            second: the body that is touched.
+
+        Returns:
+            The contact, with the largest normal force, N. A component of the tool has the force of the whole tool.
+        """
         key = (kind, first, second)
         touched = self.touching[key]
         begin, end = self.taken.times[touched][[0, -1]].tolist()
@@ -118,7 +130,14 @@ class Contacts:
 
 
 class _Touch(NamedTuple):
-    """Two solids that touch, at which of the samples (T,), and how deep they get, metres."""
+    """Two solids that touch.
+
+    Attributes:
+        key: what they are called.
+        pair: the two over time.
+        touched: (T,) at which of the samples.
+        depth: how deep they get in each other, metres.
+    """
 
     key: Key
     pair: Pair
@@ -181,7 +200,14 @@ def _find_touches(
     tracks: Tracks,
     taken: Recording,
 ) -> Iterator[_Touch]:
-    """Yield each pair of solids that touches."""
+    """Yield each pair of solids that touches.
+
+    Args:
+        scene: its bodies, some of which are joined.
+        tool: tells its components from links.
+        tracks: all solids at T samples.
+        taken: the recording at these samples.
+    """
     pairs = neighbours(tracks, TOUCH_M + 2 * HULL_M, scene.joined)
     solids = tracks.solids
 
@@ -258,7 +284,7 @@ def _find_struck(recording: Recording) -> dict[str, Flags]:
 def _find_soft_touches(
     scene: Scene, tool: Tool, taken: Recording
 ) -> Iterator[tuple[Key, Flags]]:
-    """Yield what touches soft bodies, and when: engines alone know, by the force."""
+    """Yield what touches soft bodies, and at which of the samples (T,): engines alone know, by the force."""
     bodies = {body.name for body in scene.bodies}
     softs = {soft.name for soft in scene.softs}
 
@@ -281,7 +307,17 @@ def _measure_first_touch(
     taken: Recording,
     touches: Sequence[_Touch],
 ) -> float | None:
-    """Measure how far from the mount's origin the tool first touched, at its nearest point, metres."""
+    """Measure how far from its mount the tool first touched something.
+
+    Args:
+        robot: the arm.
+        tool: what it holds.
+        taken: how the arm moves.
+        touches: those that count.
+
+    Returns:
+        The distance of the nearest point of the tool to the mount's origin, metres; None: there is no touch.
+    """
     if not touches:
         return None
 
@@ -344,6 +380,13 @@ def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
 
     What the robot touched and pressed before its motion began counts at 0, and between two instants at the nearest. A
     body that it only touched between two samples of a recording is one that it pressed.
+
+    Args:
+        scene: all worlds begin as it says.
+        worlds: of W rollouts. The trace is as long as the longest.
+
+    Returns:
+        A trace whose arrays have W worlds in front of the instants.
     """
     last = max(world.taken.times[-1] for world in worlds)
     instants = np.arange(math.ceil(last * TRACE_HZ - 1e-6) + 1) / TRACE_HZ

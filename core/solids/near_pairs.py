@@ -25,7 +25,7 @@ def neighbours(
     """Pair solids of which one ever is near where the other ever is, by their boxes along the world's axes.
 
     Args:
-        tracks: the solids over time.
+        tracks: the solids at T samples.
         margin: how far apart the boxes of a pair may be, metres.
         joined: two owners each, whose solids are no pair.
 

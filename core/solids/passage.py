@@ -95,7 +95,15 @@ class Depths(NamedTuple):
 
 
 def choose_depths(solids: Solids, pairs: Indices) -> Depths:
-    """Choose the depths for pairs (P, 2) of solids, of which the first one may be the robot's."""
+    """Choose what counts for pairs of solids.
+
+    Args:
+        solids: gives their widths.
+        pairs: (P, 2) the solids' numbers; the first one may be the robot's.
+
+    Returns:
+        Depths (P,).
+    """
     first, second = solids.widths[pairs.T]
     across = first + second
     thick = 2 * np.minimum(first, second)
@@ -161,9 +169,14 @@ def find_passage(
 
 
 class Encounter:
-    """What is known of two solids that meet.
+    """What is known of two solids that meet: a state machine that is fed with looks, in order.
+
+    Apart, they have no entry. At the first look at which they only touch it is known where the first goes in. From then
+    on it may get inside, leave on the same side, leave on another one (a passage), be stuck inside, or cut in.
 
     Attributes:
+        pair: the two.
+        depths: those that count.
         entry: the look at which they last only touched; before that nothing counts.
         side: the same, which since then may have turned gradually.
         reached: the largest depth since then, metres.
@@ -240,7 +253,15 @@ class Encounter:
 
 
 def turned_with(before: Look, now: Look) -> tuple[Array, Array]:
-    """The direction out of an earlier look, (3,) in the world, if it has turned with the first solid, or the second."""
+    """Turn the way out of an earlier look with the two solids.
+
+    Args:
+        before: the earlier look.
+        now: the present one.
+
+    Returns:
+        Directions (3,) in the world: as if it were fixed to the first solid, and to the second.
+    """
     with_first = now.rotation @ (before.out @ before.rotation)
     with_second = now.others_rotation @ (before.out @ before.others_rotation)
 
@@ -248,7 +269,13 @@ def turned_with(before: Look, now: Look) -> tuple[Array, Array]:
 
 
 def overlap(pair: Pair, instant: Instant, direction: Array) -> float:
-    """How far the first would have to go back along a direction (3,) until the two are apart, at most, metres."""
+    """How far the first would have to go back until the two are apart, at most, metres.
+
+    Args:
+        pair: the two.
+        instant: when.
+        direction: (3,) in the world.
+    """
     here, rotation = pair.first.at(*instant)
     there, others_rotation = pair.second.at(*instant)
     far = _extent(pair.first, -(direction @ rotation))
@@ -273,7 +300,7 @@ def _extent(track: Track, direction: Array) -> float:
 
 
 class Course:
-    """Which instants to look at.
+    """Which instants to look at: as few as possible, and none at which the two may be too deep is left out.
 
     Attributes:
         near: the intervals in which the two may get as deep as ``least``, metres.
@@ -290,7 +317,15 @@ class Course:
         self._intervals = set(self.near)
 
     def find_next(self, instant: Instant, depth: float) -> Instant | None:
-        """Find the instant to look at after one at which the two were at a depth; None: there is none."""
+        """Find the instant to look at next.
+
+        Args:
+            instant: of the last look.
+            depth: of the last look, metres.
+
+        Returns:
+            The instant; None: there is none.
+        """
         k = instant.sample
         travel = self.travel
         now = instant.read(travel)

@@ -69,11 +69,17 @@ def findings(
     tool: Tool,
     recording: Recording,
 ) -> list[Finding]:
-    """Find what is unphysical in a rollout of ``tool`` in ``scene``.
+    """Find what is unphysical in a rollout.
 
     There is one finding for each two things that passed through each other, at the first time, one for each joint of
     the tool that went beyond its range, and one for each body that was flung. The robot's own parts are not compared
     with each other, nor solids that overlap from the start.
+
+    Args:
+        scene: its bodies, of which those that are joined are not compared.
+        robot: the arm.
+        tool: what it holds.
+        recording: of the rollout, as finely as `sample_hz` asks for.
 
     Raises:
         Explosion: a body's state is not finite, or it is faster than `EXPLODED_M_S` without a fall to explain it.
@@ -106,7 +112,11 @@ def findings(
 class _Meetings:
     """P pairs of solids that may get as deep in each other as counts; at least one of each is in motion.
 
+    They are made twice: by all pairs at coarse samples, and then, where that is too coarse, by what is left of them.
+
     Attributes:
+        tracks: the solids at T samples.
+        depths: (P,) those of each pair.
         pairs: (P, 2) the solids' numbers among the ``tracks``.
         near: (P, T - 1) in which intervals they may.
         ways: (P, T - 1) how far the first moves in the frame of the second, metres, at most.
@@ -167,7 +177,15 @@ class _Meetings:
 
 
 def _mark_moving(tracks: Tracks, pairs: Indices) -> Flags:
-    """Mark the intervals (P, T - 1) in which a pair may have moved since the last marked one; the first is marked."""
+    """Mark the intervals in which a pair may have moved since the last marked one; the first is marked.
+
+    Args:
+        tracks: the solids at T samples.
+        pairs: (P, 2) the solids' numbers.
+
+    Returns:
+        Marks (P, T - 1).
+    """
     rows = tracks.rows
     steps = np.floor(np.cumsum(rows.ways[:, :-1], axis=1) / _STILL_M)
     moves = np.diff(steps, axis=1, prepend=0.0) > 0
@@ -179,7 +197,12 @@ def _mark_moving(tracks: Tracks, pairs: Indices) -> Flags:
 
 
 def _find_overrun(tool: Tool, recording: Recording) -> Iterator[Finding]:
-    """Find joints of the tool that stay beyond their range: a light part may be pressed through an engine's stop."""
+    """Find joints of the tool that stay beyond their range: a light part may be pressed through an engine's stop.
+
+    Args:
+        tool: gives the ranges of its K joints.
+        recording: ``fingers`` end with the joints of the tool.
+    """
     fingers = recording.fingers.T
     loose = fingers[len(fingers) - len(tool.bearers) :]
 
@@ -197,6 +220,10 @@ def _find_overrun(tool: Tool, recording: Recording) -> Iterator[Finding]:
 
 def _find_flung(recording: Recording, tracks: Tracks) -> list[Finding]:
     """Find bodies faster than the robot and a fall can have made them, and bodies that are far away.
+
+    Args:
+        recording: how the free bodies move.
+        tracks: of the robot.
 
     Raises:
         Explosion: one is faster than `EXPLODED_M_S`.

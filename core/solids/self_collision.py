@@ -43,9 +43,14 @@ _PER_METRE = 20.0
 
 @dataclass(frozen=True)
 class SelfCollision:
-    """Two parts of the robot and how deep one is in the other, metres, at ``time_s`` of the motion, when deepest.
+    """Two parts of the robot of which one is in the other.
 
-    ``with_tool``: the first is a component of the tool.
+    Attributes:
+        time_s: of the motion, when they are deepest.
+        part: a link, or a component of the tool.
+        other: a link.
+        depth_m: how deep they are, metres.
+        with_tool: whether the first is a component of the tool.
     """
 
     time_s: float
@@ -70,7 +75,12 @@ class SelfCollision:
 
 
 class SolidPairs:
-    """Pairs of the robot's own solids that may collide, measured by the joints' values.
+    """Pairs of the robot's own solids that may collide, measured by the joints' values (Q,) as the model orders them.
+
+    Args:
+        robot: its kinematic model.
+        solids: in the joints' frames.
+        limits: for two solids' numbers the depth from which on they collide, metres.
 
     Attributes:
         names: the names of each pair's two solids.
@@ -129,6 +139,14 @@ def find_self_collision(
     Targets are linear between instants, and are looked at each time that the joints have moved by `STEP` in sum. Left
     out are pairs that the limits of one or two joints keep apart, a component and the link that bears it, and what
     hangs on one finger with what hangs on the other: fingers close until they meet something.
+
+    Args:
+        robot: the arm.
+        tool: what it holds.
+        trajectory: its targets.
+
+    Returns:
+        The collision, where it is deepest; None: there is none.
     """
     pairs = self_pairs(robot, tool)
     fingers = finger_values(robot, tool, trajectory.fingers)
@@ -160,7 +178,14 @@ def find_self_collision(
 
 
 def _choose_rows(trajectory: JointTrajectory) -> Array:
-    """Choose at which of the targets to look, as numbers with fractions: each time that the joints moved by `STEP`."""
+    """Choose when to look: each time that the joints moved by `STEP`.
+
+    Args:
+        trajectory: of T targets.
+
+    Returns:
+        Numbers of targets, with fractions.
+    """
     turned = np.abs(np.diff(trajectory.arm, axis=0)).sum(axis=1)
     turned += _PER_METRE * np.abs(np.diff(trajectory.fingers))
     travel = running_sums(turned)
@@ -171,7 +196,10 @@ def _choose_rows(trajectory: JointTrajectory) -> Array:
 
 @lru_cache(maxsize=8)
 def self_pairs(robot: Robot, tool: Tool) -> SolidPairs:
-    """Pair the links and the tool's components that may collide."""
+    """Pair the links and the tool's components that may collide.
+
+    A component is compared with each link but the one that bears it, and but those of the other finger.
+    """
     model = robot_model(robot, tool)
     links = link_solids(robot, jointed(tool))
     # Where a joint of the tool will be, only the engine knows.
@@ -196,7 +224,13 @@ def self_pairs(robot: Robot, tool: Tool) -> SolidPairs:
 
 @lru_cache(maxsize=8)
 def _link_limits(robot: Robot, tool: Tool) -> dict[tuple[int, int], float]:
-    """Pairs of links that may collide, by their numbers, and the depth from which on they do."""
+    """Pair the links that may collide.
+
+    Those that overlap at home already are left out: there the hulls are wrong, and not the arm.
+
+    Returns:
+        For the numbers of two links the depth from which on they collide, metres.
+    """
     model = robot_model(robot, tool)
     links = link_solids(robot, tool)
     arm = {solid.name for solid in robot_solids(robot, False)}
