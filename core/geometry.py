@@ -27,7 +27,11 @@ Color = tuple[float, float, float, float]  # red, green, blue and opacity, 0..1
 
 
 def frozen_array(values: npt.ArrayLike, shape: tuple[int, ...] | None = None) -> Array:
-    """Copy ``values`` to a read-only float64 array.
+    """Copy values to a read-only float64 array.
+
+    Args:
+        values: numbers.
+        shape: what their shape must be; None: any.
 
     Raises:
         ValueError: the shape is not ``shape``, or a number is not finite.
@@ -55,7 +59,13 @@ def running_sums(values: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """A position (3,) in metres and a unit quaternion (4,), (w, x, y, z), of one frame in another.
+    """Where one frame is in another. Poses are compared and hashed by their numbers.
+
+    As in ``Pose.xyz_rpy((0, 0, 0.1)) @ part.pose``.
+
+    Attributes:
+        position: (3,) metres.
+        quaternion: (4,), (w, x, y, z); any length but zero is made 1.
 
     Raises:
         ValueError: wrong shapes, numbers that are not finite, or a quaternion of length zero.
@@ -75,13 +85,19 @@ class Pose:
 
     @classmethod
     def xyz_rpy(cls, xyz: Vector, rpy: Vector = (0.0, 0.0, 0.0)) -> Pose:
-        """Make a pose from a position and fixed-axis roll, pitch, yaw."""
+        """Make a pose.
+
+        Args:
+            xyz: the position, metres.
+            rpy: fixed-axis roll, pitch, yaw, radians.
+        """
         from scipy.spatial.transform import Rotation
 
         return cls.from_rotation(xyz, Rotation.from_euler("xyz", np.asarray(rpy)))
 
     @classmethod
     def from_rotation(cls, position: Vector, rotation: Rotation) -> Pose:
+        """Make a pose from a position (3,) and a rotation."""
         return cls(np.asarray(position), rotation.as_quat(scalar_first=True))
 
     @classmethod
@@ -93,6 +109,7 @@ class Pose:
 
     @cached_property
     def rotation(self) -> Rotation:
+        """The orientation as SciPy has it."""
         from scipy.spatial.transform import Rotation
 
         return Rotation.from_quat(self.quaternion, scalar_first=True)
@@ -124,6 +141,7 @@ class Pose:
         )
 
     def inverse(self) -> Pose:
+        """The pose of the frame that this one is given in, in this frame."""
         back = self.rotation.inv()
         return Pose.from_rotation(-(back.as_matrix() @ self.position), back)
 
@@ -145,13 +163,17 @@ class Pose:
 
 
 def _positive(**lengths: float) -> None:
+    """Refuse lengths that are not positive numbers, by their names."""
     for name, value in lengths.items():
         if not 0 < value < math.inf:
             raise ValueError(f"{name} must be a positive length in metres, got {value}")
 
 
 class _Solid:
-    """What all shapes can say of themselves, in their own frames."""
+    """What all shapes can say of themselves, in their own frames.
+
+    Round ones are exact but in `to_trimesh`. A `Mesh` answers for itself, a `Compound` for its surface.
+    """
 
     @property
     def volume(self) -> float:
@@ -206,6 +228,7 @@ class _Solid:
         return np.zeros(3), np.array(sides)
 
     def to_trimesh(self) -> trimesh.Trimesh:
+        """Return its triangles; what is round gets corners."""
         import trimesh
 
         match self:
@@ -238,7 +261,14 @@ class _Solid:
 
 @dataclass(frozen=True)
 class Box(_Solid):
-    """A box of full side lengths (x, y, z), centred on its frame."""
+    """A box centred on its frame.
+
+    Attributes:
+        size: its full side lengths along x, y and z, metres.
+
+    Raises:
+        ValueError: one of them is not positive.
+    """
 
     size: tuple[float, float, float]
 
@@ -249,7 +279,11 @@ class Box(_Solid):
 
 
 class _Round(_Solid):
-    """A shape whose fields are lengths."""
+    """A shape whose fields are lengths, metres.
+
+    Raises:
+        ValueError: one of them is not positive.
+    """
 
     def __post_init__(self) -> None:
         _positive(**vars(self))
@@ -279,18 +313,29 @@ class Capsule(_Round):
 
 
 class Integrals(NamedTuple):
-    """The integrals over a solid of one density."""
+    """The integrals over a solid of one density.
 
-    volume: float  # m^3
-    center: Array  # (3,) of mass
-    tensor: Array  # (3, 3) of inertia about it, for 1 kg
+    Attributes:
+        volume: m^3.
+        center: (3,) of mass.
+        tensor: (3, 3) of inertia about it, for 1 kg.
+    """
+
+    volume: float
+    center: Array
+    tensor: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh(_Solid):
-    """Triangles: vertices (V, 3) in metres, faces (F, 3) of vertex numbers.
+    """Triangles. As a collision shape they mean their convex hull.
 
-    As a collision shape it means its convex hull.
+    Attributes:
+        vertices: (V, 3) metres.
+        faces: (F, 3) of vertex numbers, counterclockwise as seen from outside.
+
+    Raises:
+        ValueError: wrong shapes, numbers that are not finite, or a face of a vertex that is not there.
     """
 
     vertices: Array
@@ -337,21 +382,29 @@ class Mesh(_Solid):
 
     @classmethod
     def from_trimesh(cls, mesh: trimesh.Trimesh) -> Mesh:
+        """Copy the triangles of a Trimesh."""
         return cls(np.asarray(mesh.vertices), np.asarray(mesh.faces))
 
 
 @dataclass(frozen=True)
 class Compound(_Solid):
-    """A solid that need not be convex: its closed ``surface``, and the convex ``parts`` that collide in its place."""
+    """A solid that need not be convex.
+
+    Attributes:
+        surface: its closed surface, which is drawn and weighed.
+        parts: the convex meshes that collide in its place.
+    """
 
     surface: Mesh
     parts: tuple[Mesh, ...]
 
     def convex_parts(self) -> tuple[Shape, ...]:
+        """Return the convex shapes that collide in its place."""
         return self.parts
 
     @property
     def drawn(self) -> Shape:
+        """The shape that is drawn."""
         return self.surface
 
 
@@ -359,9 +412,16 @@ Shape = Box | Sphere | Cylinder | Capsule | Mesh  # convex ones
 
 
 def mass_properties(shape: Shape | Compound, mass: float) -> tuple[Array, Array]:
-    """Compute the centre of mass (3,) and the inertia tensor (3, 3) about it, kg m^2, of a solid of one density.
+    """Compute where the mass of a solid of one density is.
 
     Formulas are those of a handbook; of meshes the integrals over the volume are taken.
+
+    Args:
+        shape: of the solid.
+        mass: in all, kg.
+
+    Returns:
+        The centre of mass (3,), metres, and the inertia tensor (3, 3) about it, kg m^2.
     """
     match shape:
         case Box(size):
@@ -389,7 +449,12 @@ def mass_properties(shape: Shape | Compound, mass: float) -> tuple[Array, Array]
 
 
 def resized(shape: Shape | Compound, size: Vector) -> Shape | Compound:
-    """Return a shape of the same kind with a bounding box of these side lengths; radii are means of two or three."""
+    """Return a shape of the same kind with another bounding box.
+
+    Args:
+        shape: what is stretched.
+        size: the side lengths (3,) of the new box, metres. Radii are means of two or three of them.
+    """
     x, y, z = (float(side) for side in size)
 
     match shape:
@@ -409,6 +474,12 @@ def resized(shape: Shape | Compound, size: Vector) -> Shape | Compound:
 
 
 def _stretch(mesh: Mesh, whole: Mesh, size: Vector) -> Mesh:
-    """Stretch a mesh about the middle of a ``whole``, whose bounding box gets these side lengths."""
+    """Stretch a mesh about the middle of a whole.
+
+    Args:
+        mesh: a part of the whole, or all of it.
+        whole: what gets the new bounding box.
+        size: the side lengths (3,) of this box, metres.
+    """
     middle, before = whole.bounds
     return Mesh((mesh.vertices - middle) * (size / before) + middle, mesh.faces)

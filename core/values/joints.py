@@ -21,10 +21,15 @@ MAX_POSITION = 1e3  # m or rad
 
 @dataclass(frozen=True)
 class Latch:
-    """A place at which a joint is held, until it is pulled with more than ``force`` (N, or N m).
+    """A place at which a joint is held, until it is pulled hard enough. A detent is the same.
 
-    Away from ``at`` by x the latch pulls back with force * sin(pi x / width); beyond ``width`` (m, or rad) it lets go,
-    and it takes hold again when the joint comes back. A detent is the same.
+    Away from ``at`` by x the latch pulls back with force * sin(pi x / width). Beyond ``width`` it lets go, and it takes
+    hold again when the joint comes back.
+
+    Attributes:
+        at: the place, m or rad.
+        force: with which it has to be pulled, N or N m.
+        width: m or rad.
 
     Raises:
         ValueError: ``force`` or ``width`` is not positive.
@@ -47,10 +52,15 @@ class Latch:
 
 @dataclass(frozen=True)
 class Drive:
-    """A motor that moves a joint through ``positions`` (m, or rad) at ``times`` (s), linearly in between.
+    """A motor that moves a joint through positions, linearly in between.
 
-    Time 0 is when the robot's motion begins; before, the joint is held where it is at time 0. After the last time it
-    stays, or with ``repeats`` begins again. ``force`` (N, or N m) is the most that the motor can do.
+    Time 0 is when the robot's motion begins; before, the joint is held where it is at time 0.
+
+    Attributes:
+        times: rising from 0, s.
+        positions: one for each time, m or rad.
+        force: the most that the motor can do, N or N m.
+        repeats: begin again after the last time; else the joint stays there.
 
     Raises:
         ValueError: the times do not rise from 0, there are not as many positions, or the force is not positive.
@@ -89,11 +99,14 @@ class Drive:
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint by which ``body`` moves against ``parent``, another body, or None for the world.
+    """A joint by which a body moves against another, or against the world. The two never collide with each other.
 
-    The two never collide with each other. Units are SI, angles radians.
+    Units are SI, angles radians.
 
     Attributes:
+        name: of the joint.
+        body: the name of what moves.
+        parent: the name of what it moves against; None: the world.
         kind: ``hinge`` turns about the axis, ``slider`` moves along it, ``ball`` turns about ``origin`` in any way.
         axis: (3,) in the body's frame; it becomes a unit vector.
         origin: (3,) a point of the axis, in the body's frame.
@@ -174,6 +187,7 @@ class Joint:
 
     @property
     def limited(self) -> bool:
+        """Whether it has a range."""
         return math.isfinite(self.lower)
 
 
@@ -188,7 +202,14 @@ class JointState(NamedTuple):
 
 
 class Placement(NamedTuple):
-    """Poses and velocities of one body: position, quaternion, linear and angular velocity, (..., 3) or (..., 4)."""
+    """Where one body is and how it moves, in the world.
+
+    Attributes:
+        position: (..., 3) metres.
+        quaternion: (..., 4).
+        linear: (..., 3) velocity, m/s.
+        angular: (..., 3) velocity, rad/s.
+    """
 
     position: Array
     quaternion: Array
@@ -197,20 +218,29 @@ class Placement(NamedTuple):
 
     @classmethod
     def at_rest(cls, pose: Pose) -> Placement:
+        """Place what does not move."""
         return cls(pose.position, pose.quaternion, np.zeros(3), np.zeros(3))
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedJoint:
-    """A joint in a layout: how its body was in its parent's frame at the start."""
+    """A joint in a layout: how its body was in its parent's frame at the start.
 
-    joint: Joint  # the joint
-    origin: Array  # (3,) the joint's origin in the parent's frame, at its start
-    axis: Array  # (3,) its axis in the parent's frame
-    turn: Array  # (4,) the body's quaternion in the parent's frame, at its start
+    Attributes:
+        joint: the joint.
+        origin: (3,) the joint's origin in the parent's frame, at its start.
+        axis: (3,) its axis in the parent's frame.
+        turn: (4,) the body's quaternion in the parent's frame, at its start.
+    """
+
+    joint: Joint
+    origin: Array
+    axis: Array
+    turn: Array
 
     @classmethod
     def of(cls, joint: Joint, body: Pose, parent: Pose) -> PlacedJoint:
+        """Place a joint by the poses of its body and of the parent at the start."""
         inside = parent.inverse() @ body
         origin = frozen_array(inside.apply(joint.origin))
         axis = frozen_array(inside.rotation.apply(joint.axis))
@@ -252,10 +282,12 @@ class PlacedJoint:
         return JointState(angle, (spin * axis).sum(axis=-1))
 
     def carry(self, value: Array, speed: Array, parent: Placement) -> Placement:
-        """Compute where the body is, and how it moves, for the joint's value and speed, each (...).
+        """Compute where the body is, and how it moves: the opposite of `read`.
 
-        A ball's value is the quaternion (..., 4) by which it turned in the parent's frame, its speed the angular
-        velocity (..., 3) in the parent's frame.
+        Args:
+            value: of the joint (...); of a ball the quaternion (..., 4) by which it turned in the parent's frame.
+            speed: of the joint (...); of a ball the angular velocity (..., 3) in the parent's frame.
+            parent: where the parent is.
         """
         joint = self.joint
         inside = self.origin
@@ -309,7 +341,15 @@ def inverse(quaternion: Array) -> Array:
 
 
 def multiply(after: Array, first: Array) -> Array:
-    """Multiply quaternions (..., 4): they turn by ``first``, then by ``after``."""
+    """Multiply quaternions.
+
+    Args:
+        after: (..., 4) the turn that comes second.
+        first: (..., 4) the turn that comes first.
+
+    Returns:
+        Both turns in one (..., 4).
+    """
     w, a = np.split(after, [1], axis=-1)
     v, b = np.split(first, [1], axis=-1)
     real = w * v - (a * b).sum(axis=-1, keepdims=True)

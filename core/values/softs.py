@@ -68,7 +68,14 @@ class Elastic:
 
 @dataclass(frozen=True)
 class _Divided(ABC):
-    """A shape that is divided into ``nodes`` (N, 3), in the body's frame, and ``elements`` (E, D + 1) of their numbers.
+    """A shape that is divided into N nodes, and into E elements between them.
+
+    Elements are segments, triangles or tetrahedra: simplices of D = 1, 2 or 3 dimensions.
+
+    Attributes:
+        nodes: (N, 3) in the body's frame, metres.
+        elements: (E, D + 1) the numbers of each one's nodes.
+        thickness: metres, of a rope, a sheet, or a solid's skin.
 
     Raises:
         ValueError: there are too many nodes, it is too thin, or an element has no size.
@@ -103,6 +110,7 @@ class _Divided(ABC):
 
     @cached_property
     def elements(self) -> Elements:
+        """The numbers of each element's nodes; triangles face up, and tetrahedra have positive volumes."""
         return facing(self.nodes, simplices(self.counts))
 
     @property
@@ -112,6 +120,7 @@ class _Divided(ABC):
 
     @property
     def volume(self) -> float:
+        """The volume, m^3."""
         return self.section * float(sizes(self.nodes, self.elements).sum())
 
     @cached_property
@@ -125,7 +134,11 @@ class _Divided(ABC):
         return found
 
     def surface(self, nodes: Array) -> Mesh:
-        """Make the surface that is drawn with nodes (N, 3) at these places: the faces of a solid."""
+        """Make the surface that is drawn: the faces of a solid.
+
+        Args:
+            nodes: (N, 3) where the nodes are. Whatever they are, the surface has the same faces.
+        """
         from trimesh.grouping import group_rows  # takes long
 
         corners = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]
@@ -137,7 +150,12 @@ class _Divided(ABC):
 
 @dataclass(frozen=True)
 class Rope(_Divided):
-    """A rope along straight pieces between points, m. It bends as a rod of this thickness, and does not stretch."""
+    """A rope. It bends as a rod of its thickness, and does not stretch.
+
+    Attributes:
+        path: points between which it is straight, metres.
+        count: of its nodes, which are evenly spaced.
+    """
 
     kind = "rope"
     most_young = 1e8
@@ -150,6 +168,7 @@ class Rope(_Divided):
 
     @cached_property
     def nodes(self) -> Array:
+        """The nodes along the path."""
         points = np.array(self.path, dtype=np.float64).reshape(-1, 3)
         pieces = step_lengths(points)
         ways = running_sums(pieces)
@@ -186,7 +205,12 @@ class Rope(_Divided):
 
 @dataclass(frozen=True)
 class Cloth(_Divided):
-    """A flat sheet with sides along x and y, m, around the middle of its frame."""
+    """A flat sheet around the middle of its frame.
+
+    Attributes:
+        size: its sides along x and y, metres.
+        counts: of the nodes along these sides.
+    """
 
     kind = "cloth"
     most_young = 3e7
@@ -195,6 +219,7 @@ class Cloth(_Divided):
 
     @cached_property
     def nodes(self) -> Array:
+        """The nodes, row by row."""
         long, wide = self.size
         return frozen_array(lattice(self.counts) * [long / 2, wide / 2, 0.0])
 
@@ -218,7 +243,12 @@ class Cloth(_Divided):
 
 @dataclass(frozen=True)
 class Filling(_Divided):
-    """A soft solid that fills the convex hull of a shape."""
+    """A soft solid that fills the convex hull of a shape.
+
+    Attributes:
+        shape: what it fills.
+        counts: of the nodes along x, y and z.
+    """
 
     kind = "solid"
     most_young = 3e5
@@ -249,7 +279,14 @@ Form = Rope | Cloth | Filling
 
 
 def lattice(counts: Sequence[int]) -> Array:
-    """Place nodes (N, 3) evenly in the cube from -1 to 1, or in a square or line of it."""
+    """Place nodes evenly in the cube from -1 to 1, or in a square or line of it.
+
+    Args:
+        counts: of the nodes along one to three axes.
+
+    Returns:
+        Places (N, 3), the last axis fastest.
+    """
     counts = _three(counts)
     ends = [min(count - 1, 1) for count in counts]
     axes = [np.linspace(-end, end, n) for end, n in zip(ends, counts, strict=True)]
@@ -259,7 +296,16 @@ def lattice(counts: Sequence[int]) -> Array:
 
 
 def simplices(counts: Sequence[int]) -> Elements:
-    """Divide the cells of a `lattice` into segments, triangles or tetrahedra (E, D + 1)."""
+    """Divide the cells of a `lattice` into segments, triangles or tetrahedra.
+
+    A cube has six tetrahedra, one for each order in which the axes can be walked from a corner to the opposite one.
+
+    Args:
+        counts: of the nodes along one to three axes.
+
+    Returns:
+        The numbers (E, D + 1) of the nodes of each.
+    """
     counts = _three(counts)
     numbers = np.arange(math.prod(counts)).reshape(counts)
     cells = np.argwhere(np.ones([max(count - 1, 1) for count in counts]))
@@ -280,11 +326,20 @@ def simplices(counts: Sequence[int]) -> Elements:
 
 
 def _three(counts: Sequence[int]) -> tuple[int, ...]:
+    """Count the nodes along all three axes."""
     return (*counts, 1, 1)[:3]
 
 
 def sizes(nodes: Array, elements: Elements) -> Array:
-    """Measure the length of segments, the area of triangles or the volume of tetrahedra, (E,)."""
+    """Measure the length of segments, the area of triangles or the volume of tetrahedra.
+
+    Args:
+        nodes: (N, 3) places.
+        elements: (E, D + 1) the numbers of each one's nodes.
+
+    Returns:
+        Sizes (E,): m, m^2 or m^3.
+    """
     edges = nodes[elements[:, 1:]] - nodes[elements[:, :1]]
     squares = np.linalg.det(edges @ edges.swapaxes(1, 2))
 

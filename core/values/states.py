@@ -19,12 +19,18 @@ Value = TypeVar("Value")
 class State:
     """Poses and velocities of the free bodies, in one world or in many of one layout.
 
-    Positions (..., B, 3) and quaternions (..., B, 4) of the bodies' frames in the world, velocities (..., B, 3) in m/s
-    and rad/s, world axes. Leading axes, if any, are worlds or times. ``places`` has the poses of fixed bodies and marks
-    by name, and ``joints`` the scene's joints; they are empty in what engines return, and rewards have them. ``soft``
-    has the nodes (..., N, 3) of each soft body by name; its position is its centre of mass, and it is never turned.
+    Leading axes (...), if any, are worlds or times. Methods that take a name raise a KeyError for one that isn't there.
+    As in a reward: ``end.position("cube")[..., 2] - start.position("cube")[..., 2]``.
 
-    Methods that take a name raise a KeyError for one that is not there.
+    Attributes:
+        names: of the B free bodies.
+        positions: (..., B, 3) of their frames in the world, metres.
+        quaternions: (..., B, 4) of their frames.
+        linear_velocities: (..., B, 3) in world axes, m/s.
+        angular_velocities: (..., B, 3) in world axes, rad/s.
+        places: the poses of fixed bodies and marks by name; empty in what engines return, and rewards have them.
+        joints: the scene's joints by name; likewise.
+        soft: the nodes (..., N, 3) of each soft body by name. Its position is its centre of mass, and it never turns.
     """
 
     names: tuple[str, ...]
@@ -59,7 +65,7 @@ class State:
         return rotate_back(self.quaternion(to), self.position(name) - self.position(to))
 
     def placement(self, name: str | None) -> Placement:
-        """The pose and the velocities of a body, (..., 3) and (..., 4); None: of the world."""
+        """Where a body is and how it moves; None: the world, which is at rest."""
         if name is None:
             return Placement.at_rest(Pose())
         if name in self.places:
@@ -89,7 +95,16 @@ class State:
         return np.ptp(self.nodes(name), axis=-2)
 
     def length(self, name: str, first: int = 0, last: int = -1) -> Array:
-        """The length of the way through a soft body's nodes from one number to another, (...)."""
+        """The length of the way through a soft body's nodes.
+
+        Args:
+            name: of the soft body.
+            first: the number of the node where it begins; a negative one counts from the end.
+            last: the number of the node where it ends.
+
+        Returns:
+            Lengths (...), metres.
+        """
         nodes = self.nodes(name)
         count = nodes.shape[-2]
         way = nodes[..., first % count : last % count + 1, :]
@@ -131,7 +146,12 @@ class State:
     def merged(
         states: Sequence[State], how: Callable[[Sequence[Array]], Array]
     ) -> State:
-        """Merge the arrays of states of one layout with a function such as `numpy.stack`."""
+        """Merge states of one layout.
+
+        Args:
+            states: what is merged.
+            how: makes one array of those of all states, as `numpy.stack` does.
+        """
         first = states[0]
         arrays = zip(*(state.arrays for state in states), strict=True)
 
@@ -167,6 +187,7 @@ class State:
         return array[..., self._number(name), :]
 
     def _number(self, name: str) -> int:
+        """Look a free body up."""
         if name not in self.names:
             known = (*self.names, *self.places)
             raise unknown("body", name, "that moves in the state", known)
@@ -175,6 +196,7 @@ class State:
 
 
 def _find(what: str, name: str, values: Mapping[str, Value]) -> Value:
+    """Look ``what`` has a name up."""
     if name not in values:
         raise unknown(what, name, "in the state", values)
     return values[name]

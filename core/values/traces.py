@@ -80,7 +80,7 @@ class Trace:
         return found
 
     def touched(self, body: str, by: str | None = None) -> Flags:
-        """Report whether a body was ever touched, (...)."""
+        """Report whether a body was ever touched, (...), as in ``~film.touched("vase", by="robot")``."""
         return np.asarray(self.contact(body, by).any(axis=-1))
 
     def touching_at_end(self, body: str, by: str | None = None) -> Flags:
@@ -92,7 +92,7 @@ class Trace:
         return np.where(self.contact(body, by), self.times, np.inf).min(axis=-1)
 
     def force_n(self, body: str, by: str | None = None) -> Array:
-        """Find the largest of `forces_n`, N, (...).
+        """Find the largest normal force over time, N, (...); see `forces_n`.
 
         Raises:
             ValueError: nothing measured forces.
@@ -134,6 +134,10 @@ class Trace:
 
         A chain of bodies passes on as much as its weakest contact bears. What a body lies on another with at the start
         is its weight, and is not passed on.
+
+        Args:
+            body: that is pressed.
+            by: ``robot`` or ``tool``.
         """
         forces = self.forces or {}
         between = [pair for pair in forces if self._kind(pair[0]) == "body"]
@@ -199,6 +203,7 @@ class Trace:
         )
 
     def _never(self) -> Flags:
+        """Flags (..., T) of which none is set."""
         return np.zeros(self.shape, dtype=bool)
 
     def _kind(self, presser: str) -> str:
@@ -208,16 +213,23 @@ class Trace:
         return "body" if presser in self._bodies else "arm"
 
     def _check(self, body: str) -> None:
+        """Refuse the name of a body that is not there."""
         if body not in self._bodies:
             raise unknown("body", body, "in the trace", self._bodies)
 
     @property
     def _bodies(self) -> tuple[str, ...]:
+        """The names of all bodies and marks."""
         return (*self.states.names, *self.states.places)
 
 
 def _spread(values: dict[str, npt.NDArray[Any]], links: Iterable[Link]) -> None:
-    """Pass each body's value on through links to others, as much as the weakest link of a chain lets through."""
+    """Pass each body's value on to others, as much as the weakest link of a chain lets through.
+
+    Args:
+        values: of each body, numbers or flags (..., T). They are changed.
+        links: between bodies, either way.
+    """
     ways = [(giver, taker, link) for giver, taker, link in links]
     ways += [(taker, giver, link) for giver, taker, link in links]
     known = [way for way in ways if way[0] in values and way[1] in values]
@@ -238,7 +250,15 @@ def _is_between(
     body: str,
     by: str | None,
 ) -> bool:
-    """Report whether a contact of ``toucher`` with ``other`` is one of ``body`` with ``by``, see `Trace`."""
+    """Report whether a contact is one that is asked for, see `Trace`.
+
+    Args:
+        kind: of the contact.
+        toucher: the first of the two.
+        other: the second, a body.
+        body: that is asked for.
+        by: what else touches it, as queries have it.
+    """
     if kind == "body" and body == toucher:
         return by in (None, other)
     if body != other:
