@@ -16,9 +16,15 @@ _JOINTS = {
 
 
 def measure_lightness(tool: Tool) -> Array:
-    """Measure how a torque or force of 1 accelerates each joint (K,), 1/(kg m^2) or 1/kg, while all others are free.
+    """Measure how a torque or force of 1 accelerates each joint, while all others are free.
 
     The most counts of how the tool is built, and with all joints at either end of their ranges.
+
+    Args:
+        tool: with K joints.
+
+    Returns:
+        Accelerations (K,), 1/(kg m^2) or 1/kg.
     """
     model = pin.Model()
     numbers = dict.fromkeys(tool.mounts, 0)
@@ -46,7 +52,14 @@ def measure_lightness(tool: Tool) -> Array:
 
 
 def measure_levers(tool: Tool) -> Array:
-    """Measure how far from each joint's axis what it bears ends (K,), metres; 1 for a slider."""
+    """Measure how far from each joint's axis what it bears ends.
+
+    Args:
+        tool: with K joints.
+
+    Returns:
+        Levers (K,), metres; 1 for a slider.
+    """
     levers = []
 
     for name, _, _, joint in tool.bearers:

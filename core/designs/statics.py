@@ -27,7 +27,15 @@ GRAVITY = 9.81  # m/s^2
 
 
 def corners(shape: Shape | Compound, pose: Pose) -> Array:
-    """Compute the corners (8, 3) of a shape's bounding box."""
+    """Compute the corners of a shape's bounding box.
+
+    Args:
+        shape: at a pose.
+        pose: in some frame.
+
+    Returns:
+        Corners (8, 3) in this frame.
+    """
     middle, size = shape.bounds
     box = [middle - size / 2, middle + size / 2]
 
@@ -97,9 +105,13 @@ class Beams:
         return bends
 
     def bend(self, name: str, point: Array) -> tuple[float, float]:
-        """Estimate what a newton at a point (3,) of a component does, in the mount's frame: see `bending`.
+        """Estimate what a newton at a point of a component does: see `bending`.
 
         Along a beam of length L from a to b, seen from the point, the integral of r^2 is L (a a + a b + b b) / 3.
+
+        Args:
+            name: of the component.
+            point: (3,) in the mount's frame.
         """
 
         moved_m = 0.0
@@ -116,7 +128,7 @@ class Beams:
         return moved_m, stress_pa
 
     def beam(self, name: str, stop: Array) -> Beam:
-        """Return a component's part from where it is held to ``stop`` (3,).
+        """Return a component's part from where it is held to a point (3,) where it ends.
 
         It bends about the weaker axis of the section across it, that of the bounding box: I is w t^3 / 12. What fills a
         share s of its volume has s^2 of its stiffness, which is 5 % too much for a rod.
@@ -175,6 +187,11 @@ def mass_limit(robot: Robot, material: Material) -> tuple[float, str]:
 
 def check_weight(tool: Tool, robot: Robot, material: Material) -> None:
     """Refuse a tool that is too heavy for an arm or its material's budget, or of a real one too far out for its weight.
+
+    Args:
+        tool: with the masses that it has.
+        robot: what carries it.
+        material: what it is made of.
 
     Raises:
         DesignError: with the figures, and the component that weighs most.

@@ -78,7 +78,7 @@ _MOST_STEPS = 201
 
 
 def spring_share(material: Material) -> float:
-    """Compute which share of a bought spring's energy, torque and force springs of a material may have.
+    """Compute which share of a bought spring's energy, torque and force springs of a material may have, 0 to 1.
 
     A bent spring of rectangular section holds a ninth of what its volume would at its strength, s^2 / 2 E each m^3.
     Where the material has no strength, springs are bought.
@@ -93,7 +93,12 @@ def spring_share(material: Material) -> float:
 def check_joints(
     tool: Tool, material: Material, mounts: Mapping[str, Sequence[Solid]]
 ) -> None:
-    """Check the joints of a tool; ``mounts`` are the solids of what it hangs from, each in its own frame.
+    """Check the joints of a tool.
+
+    Args:
+        tool: its joints, and what they move.
+        material: what its springs are made of.
+        mounts: the solids of what it hangs from, by their names, each in its own frame.
 
     Raises:
         DesignError: the first rule that is broken.
@@ -132,7 +137,7 @@ def check_joints(
 
 
 def _check_springs(tool: Tool, most: float) -> None:
-    """Refuse springs that hold more than ``most`` together, J, or make something too fast."""
+    """Refuse springs that hold too much together, or make something too fast; ``most``: the energy allowed, J."""
     joints = {bearer.name: bearer.joint for bearer in tool.bearers}
     energy = sum(joint.energy for joint in joints.values())
 
@@ -152,6 +157,7 @@ def _check_springs(tool: Tool, most: float) -> None:
 
 
 def _check_range(joint: ToolJoint) -> None:
+    """Refuse a range that is too wide or next to nothing, and a spring that is relaxed too far off."""
     limits = LIMITS[joint.kind]
     span = f"goes from {joint.lower:g} to {joint.upper:g} {limits.unit}"
     if max(-joint.lower, joint.upper) > limits.most:
@@ -169,7 +175,13 @@ def _check_range(joint: ToolJoint) -> None:
 
 
 def _check_motion(tool: Tool, bearer: Bearer, lightness: float) -> None:
-    """Refuse what is too light, or moves too fast for an engine's steps; ``lightness``: see `measure_lightness`."""
+    """Refuse what is too light, or moves too fast for an engine's steps.
+
+    Args:
+        tool: has the components that are moved.
+        bearer: the joint that moves them.
+        lightness: see `measure_lightness`.
+    """
     joint = bearer.joint
     borne = tool.borne
     mass = sum(c.mass for c in tool.components if borne[c.name][0] == bearer.name)
@@ -196,7 +208,7 @@ def _check_motion(tool: Tool, bearer: Bearer, lightness: float) -> None:
 
 
 def _check_strength(joint: ToolJoint, share: float) -> None:
-    """Refuse springs, dampers and brakes that are too strong."""
+    """Refuse springs, dampers and brakes that are too strong; ``share``: see `spring_share`."""
     limits = LIMITS[joint.kind]
     exerted = joint.stiffness * joint.strain
     most = share * limits.spring
@@ -227,6 +239,10 @@ def _check_pin(bearer: Bearer, solids: Mapping[str, Sequence[Solid]]) -> None:
     """Refuse a hinge whose axis passes one of its two sides too far off for a pin.
 
     The pin is as long as what turns on it.
+
+    Args:
+        bearer: the hinge.
+        solids: by the names of what bears them, each in its frame.
     """
     axis = np.array(bearer.joint.axis)
     ends = []
@@ -257,7 +273,10 @@ def _check_touch(
 ) -> None:
     """Refuse a joint whose two sides come apart within its range: what joins them there must be a solid of one.
 
-    ``lever``: see `measure_levers`.
+    Args:
+        bearer: the joint.
+        solids: by the names of what bears them, each in its frame.
+        lever: how far from the axis what moves ends, metres; see `measure_levers`.
     """
     joint = bearer.joint
     pairs = list(itertools.product(solids[bearer.parent], solids[bearer.name]))
@@ -289,5 +308,6 @@ def _move(joint: ToolJoint, value: float) -> Pose:
 
 
 def _touch(still: Solid, moving: Solid, place: Pose) -> bool:
+    """Report whether two solids touch, the second being moved to a place."""
     placed = replace(moving, pose=place @ moving.pose)
     return signed_distance(still, placed) <= MAX_GAP_M

@@ -127,7 +127,14 @@ def _joint(
     pose: Pose,
     moving: ToolJoint | None = None,
 ) -> RobotJoint:
-    """Make the joint that bears a link of a tool, or a frame."""
+    """Make the joint that bears a link of a tool, or a frame.
+
+    Args:
+        name: of the link.
+        parent: the link that it hangs from.
+        pose: where it hangs there.
+        moving: how it moves; None: it does not.
+    """
     fixed = RobotJoint.fixed(joint_name(name), parent, name, pose)
     if moving is None:
         return fixed

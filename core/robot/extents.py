@@ -17,13 +17,21 @@ Extent = tuple[Array, Array]  # the lowest and the highest x, y and z, metres
 
 
 class Finger(NamedTuple):
-    """A finger of the open gripper."""
+    """A finger of the open gripper.
 
-    name: str  # of its link, a mount
-    pose: Pose  # of its frame in that of the tool mount
-    extent: Extent  # of its collision shapes, in its frame
-    opens: Array  # the axis of its frame (3,), perhaps reversed, along which it opens
-    tip: Array  # the axis of its frame (3,), perhaps reversed, that leads to its tip
+    Attributes:
+        name: of its link, a mount.
+        pose: of its frame in that of the tool mount.
+        extent: of its collision shapes, in its frame.
+        opens: the axis of its frame (3,), perhaps reversed, along which it opens.
+        tip: the axis of its frame (3,), perhaps reversed, that leads to its tip.
+    """
+
+    name: str
+    pose: Pose
+    extent: Extent
+    opens: Array
+    tip: Array
 
     def face(self, way: Array) -> float:
         """Find where it ends along an axis of its frame (3,), perhaps reversed: a coordinate on this axis, metres."""

@@ -22,6 +22,8 @@ from core.values.robots import Robot
 class RobotModel:
     """The kinematic model of an arm with what its tool adds: the gripper, and the tool's own joints.
 
+    It places all links at many instants; `Arm` solves for the joints of the arm alone.
+
     Joints are numbered as in Pinocchio: 0 is the world, and joint j has column j - 1 of the joints' values.
 
     Attributes:
@@ -59,13 +61,25 @@ class RobotModel:
         return chain + float(max(links))
 
     def order(self, arm: Array, fingers: Array) -> Array:
-        """Order the arm's joints (T, J) and the fingers' with the tool's (T, F + K) as the model has them: (T, Q)."""
+        """Order joints as the model has them.
+
+        Args:
+            arm: (T, J) the arm's joints.
+            fingers: (T, F + K) the fingers' joints, and then the tool's.
+
+        Returns:
+            All joints (T, Q).
+        """
         return np.column_stack([arm, fingers]).take(self._columns, axis=1)
 
     def place_joints(self, joints: Array) -> tuple[Array, Array]:
-        """Compute rotations (J, T, 3, 3) and positions (J, T, 3) of the joints' frames in the world.
+        """Compute where the joints' frames are in the world.
 
-        ``joints`` (T, Q) are as the model orders them.
+        Args:
+            joints: (T, Q) as the model orders them.
+
+        Returns:
+            Rotations (J, T, 3, 3) and positions (J, T, 3).
         """
         rotations = np.empty((self.model.njoints, len(joints), 3, 3))
         positions = np.empty((self.model.njoints, len(joints), 3))
@@ -106,7 +120,16 @@ def jointed(tool: Tool) -> Tool:
 
 
 def finger_values(robot: Robot, tool: Tool, opening: Array) -> Array:
-    """Return the fingers' joints (T, F + K) at an ``opening`` (T,), metres, with the tool's own joints at 0."""
+    """Return the fingers' joints, with the tool's own joints at 0.
+
+    Args:
+        robot: has F fingers.
+        tool: has K joints.
+        opening: (T,) of each finger, metres.
+
+    Returns:
+        Joints (T, F + K).
+    """
     shares = [1.0] * len(robot.finger_joints) + [0.0] * len(tool.bearers)
     return np.outer(opening, shares)
 
@@ -117,9 +140,16 @@ def link_frames(
     arm: Array,
     fingers: Array,
 ) -> dict[str, tuple[Array, Array]]:
-    """Compute the rotations (T, 3, 3) and positions (T, 3) of links' frames in the world, with the tool's bearers.
+    """Compute where the links' frames are in the world.
 
-    ``arm`` (T, J) and ``fingers`` (T, F + K) are the joints; without the gripper the fingers do not matter.
+    Args:
+        robot: the arm.
+        tool: what it holds.
+        arm: (T, J) the arm's joints.
+        fingers: (T, F + K) those of the fingers and the tool; without the gripper the fingers do not matter.
+
+    Returns:
+        Rotations (T, 3, 3) and positions (T, 3) by the names of the links and of the tool's bearers.
     """
     model = robot_model(robot, tool)
     rotations, positions = model.place_joints(model.order(arm, fingers))
@@ -133,7 +163,13 @@ def link_frames(
 
 
 def link_poses(robot: Robot, gripper: bool, joints: Array) -> dict[str, Pose]:
-    """Place each link in the world, with the arm at joints (J,) and the fingers open."""
+    """Place each link in the world, with the fingers open.
+
+    Args:
+        robot: the arm.
+        gripper: whether it has its gripper.
+        joints: (J,) of the arm.
+    """
     tool = Tool(gripper=gripper)
     fingers = finger_values(robot, tool, np.array([robot.opening_m]))
 
@@ -302,7 +338,16 @@ class Arm:
     def _miss(
         self, position: Array, rotation: Array, joints: Array
     ) -> tuple[Array, float]:
-        """Compute the pose error (6,) at these joints, in the axes there: metres, and weighted radians; its square."""
+        """Compute how far the mount is from where it should be.
+
+        Args:
+            position: (3,) where it should be.
+            rotation: (3, 3) how it should be turned.
+            joints: (J,) of the arm.
+
+        Returns:
+            The pose error (6,) in the axes of the mount, metres and weighted radians; and its square.
+        """
         self._move(joints)
         error = np.empty(6)
         error[:3] = self._back.dot(position - self._here)
@@ -318,7 +363,7 @@ class Arm:
         most: int,
         jump_rad: float,
     ) -> tuple[Array, Array, int]:
-        """Solve one pose: joints, their `_miss`, and the steps taken.
+        """Solve one pose by damped least squares. The steps stand in docs/physics_explained.md.
 
         Most planning time is spent here: numpy's fastest calls.
         """

@@ -49,6 +49,12 @@ def keep_file(
 ) -> Path:
     """Make a file in the user's cache folder, once for each content.
 
+    Args:
+        kind: the folder in it.
+        suffix: of the file's name.
+        content: what it is made from.
+        make: returns what is written.
+
     Raises:
         UserError: it can't be made, or not be written.
     """
@@ -77,7 +83,14 @@ def kept_file(kind: str, suffix: str, content: bytes) -> Path:
 
 
 def farthest(corners: Array) -> Array:
-    """Choose at most `MAX_CORNERS` of a hull's corners (V, 3), each the one farthest outside of those before it."""
+    """Choose few of a hull's corners, each the one farthest outside of the hull of those before it.
+
+    Args:
+        corners: (V, 3) of the hull.
+
+    Returns:
+        At most `MAX_CORNERS` of them.
+    """
     if len(corners) <= MAX_CORNERS:
         return corners
     if len(corners) > _MANY:
@@ -103,7 +116,12 @@ def farthest(corners: Array) -> Array:
 
 @lru_cache(maxsize=8)
 def link_visuals(robot: Robot, gripper: bool) -> dict[str, tuple[Visual, ...]]:
-    """List the visual shapes of each link of the bare arm that has some, with its gripper or without."""
+    """List the visual shapes of each link of the bare arm that has some.
+
+    Args:
+        robot: the arm.
+        gripper: whether it has its gripper.
+    """
     links = assembled(robot, Tool(gripper=gripper)).links.values()
     return {
         link.name: tuple(itertools.chain.from_iterable(map(_visuals, link.visuals)))
@@ -113,6 +131,7 @@ def link_visuals(robot: Robot, gripper: bool) -> dict[str, tuple[Visual, ...]]:
 
 
 def _visuals(visual: RobotShape) -> Iterator[Visual]:
+    """Yield what is drawn for a shape of a description; a file may hold several meshes."""
     shape = visual.shape
     pose = visual.origin.pose
     color = visual.color or _GREY

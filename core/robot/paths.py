@@ -43,10 +43,15 @@ class Knots(NamedTuple):
 
 
 def place_knots(positions: Array, rotations: Rotation, stops: Sequence[int]) -> Knots:
-    """Place knots along poses (N + 1).
+    """Place knots along a way through poses.
 
     From pose to pose the position moves on a straight line, and the orientation by SLERP. Where the mount passes poses
     without a stop, both move on a smooth curve through these poses.
+
+    Args:
+        positions: (N + 1, 3) metres.
+        rotations: N + 1 of them.
+        stops: the numbers of the poses at which the mount rests, the first and the last among them.
     """
     ways = np.diff(positions, axis=0)
     turns = rotations[:-1].inv() * rotations[1:]
@@ -83,9 +88,15 @@ def place_knots(positions: Array, rotations: Rotation, stops: Sequence[int]) -> 
 def _place_on_curve(
     positions: Array, rotations: Rotation, counts: Sequence[int]
 ) -> tuple[Array, Array]:
-    """Place knots on a spline through poses (N + 1), after the first: (K, 3) and (K, 3, 3).
+    """Place knots on a spline through poses.
 
-    ``counts`` are the cells of each of the N ways.
+    Args:
+        positions: (N + 1, 3) metres.
+        rotations: N + 1 of them.
+        counts: (N,) the cells of each way.
+
+    Returns:
+        Positions (K, 3) and rotations (K, 3, 3) of the knots after the first pose.
     """
     ways = step_lengths(positions)
     angles = np.asarray((rotations[:-1].inv() * rotations[1:]).magnitude())
@@ -103,7 +114,12 @@ def _place_on_curve(
 
 
 def join_knots(knots: Array, arm: Arm) -> JointPath:
-    """Join joint knots (K, J): a cubic spline, or one without overshoot if that would exceed a limit."""
+    """Join joint knots by a cubic spline, or by one without overshoot if that would exceed a limit.
+
+    Args:
+        knots: (K, J) joints.
+        arm: gives the limits.
+    """
     count = len(knots)
     s = np.linspace(0.0, 1.0, count)
     path = make_interp_spline(s, knots, min(3, count - 1))
@@ -119,12 +135,27 @@ def join_knots(knots: Array, arm: Arm) -> JointPath:
 
 
 def sample_cells(cells: int) -> Array:
-    """Sample a path: s (S,) from 0 to 1, including its knots, where curvature is largest."""
+    """Sample a path evenly, its knots among them, where curvature is largest.
+
+    Args:
+        cells: how many there are from knot to knot.
+
+    Returns:
+        Places (S,) from 0 to 1.
+    """
     return np.linspace(0.0, 1.0, cells * max(16, -(-40 // cells)) + 1)
 
 
 def bend(path: JointPath, s: Array) -> Array:
-    """Compute the size of a path's second derivative (S, J) at s (S,)."""
+    """Compute how much a path bends.
+
+    Args:
+        path: of J joints.
+        s: (S,) places on it.
+
+    Returns:
+        The size of its second derivative (S, J).
+    """
     after: Array = np.abs(path(s, 2))
     if not isinstance(path, PchipInterpolator):
         return after

@@ -37,14 +37,23 @@ WORLD = -1  # the frame of what never moves
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A convex solid: Coal's geometry, and its pose in a frame."""
+    """A convex solid in a frame.
 
-    name: str  # of its link, component or body
+    Attributes:
+        name: of its link, component or body.
+        geometry: Coal's.
+        pose: in its frame.
+        shape: ours; None for a link's.
+        owner: the body that it is part of, or the robot.
+        frame: the number of the frame among those that move, or `WORLD`.
+    """
+
+    name: str
     geometry: Any
     pose: Pose
-    shape: Shape | None = None  # None for a link's
-    owner: str = ""  # the body that it is part of, or the robot
-    frame: int = WORLD  # the number of the frame among those that move, or `WORLD`
+    shape: Shape | None = None
+    owner: str = ""
+    frame: int = WORLD
 
     @property
     def transform(self) -> Any:

@@ -65,7 +65,12 @@ class TimedLeg(NamedTuple):
 
 
 def time_leg(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
-    """Time a way from rest to rest with a share ``speed`` of the arm's limits.
+    """Time a way from rest to rest.
+
+    Args:
+        leg: the way, and how long it shall take.
+        arm: gives the limits.
+        speed: the share of them to use.
 
     Raises:
         DesignError: no timing keeps the limits.
@@ -90,7 +95,7 @@ def _time_at_rest(
     asked_s: float,
     speed: float,
 ) -> TimedLeg:
-    """Time a leg in ``asked_s`` seconds or longer.
+    """Time a leg in the seconds that are asked for, or longer.
 
     Without limits the path speed is a trapezoid: a fifth of the time to accelerate, a fifth to brake. Where a joint
     would exceed a limit, the speed is reduced there, before and after: a forward and a backward pass over the squared
@@ -126,9 +131,13 @@ def _row_minima(values: Array) -> Array:
 
 
 def _limit_change(square: list[float], allowed: list[float]) -> list[float]:
-    """Lower squared speeds (S,) until neighbours differ by no more than ``allowed`` (S - 1,).
+    """Lower squared speeds until neighbours do not differ by more than is allowed: forward, and then backward.
 
     Works on Python floats, which are faster one by one than numpy's.
+
+    Args:
+        square: (S,) squared speeds; they are changed.
+        allowed: (S - 1,) differences.
     """
     for k, change in enumerate(allowed):
         most = square[k] + change
@@ -145,6 +154,8 @@ def _limit_change(square: list[float], allowed: list[float]) -> list[float]:
 
 def _time_fastest(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
     """Time a path by TOPP-RA, no faster than asked.
+
+    It is slowed in rounds, until each way takes the seconds that it must.
 
     Raises:
         DesignError: no timing keeps the limits.
@@ -206,9 +217,15 @@ def _time_fastest(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
 
 
 def _sample_evenly(s: Array, rate: Array, lasts: Array) -> tuple[Array, Array]:
-    """Sample a timed path evenly: times (T,) in seconds and path positions (T,).
+    """Sample a timed path evenly.
 
-    The path speed is ``rate`` (S,) at ``s`` (S,); the steps between take ``lasts`` (S - 1,) seconds.
+    Args:
+        s: (S,) places on the path.
+        rate: (S,) the path speed there.
+        lasts: (S - 1,) how long the steps between them take, seconds.
+
+    Returns:
+        Times (T,), seconds, and places on the path (T,).
     """
     instants = running_sums(lasts)
     duration = instants[-1]

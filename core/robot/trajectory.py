@@ -162,7 +162,6 @@ def ask_seconds(tempo: Tempo, positions: Array) -> Array:
 
     nan: nothing is asked. A speed asks for nothing where the position does not move.
 
-
     A speed is that of the middle of the way, of which a fifth of the time is for each of acceleration and braking.
     """
     ways = step_lengths(positions)
@@ -174,7 +173,16 @@ def ask_seconds(tempo: Tempo, positions: Array) -> Array:
 def join_legs(
     legs: Sequence[Leg], arm: Arm, speed: float
 ) -> tuple[JointTrajectory, Array]:
-    """Time legs, and join them to a trajectory; return also when each of the N waypoints is reached (N,)."""
+    """Time legs, and join them to a trajectory.
+
+    Args:
+        legs: one after the other, of N waypoints in all.
+        arm: gives the limits.
+        speed: the share of them to use.
+
+    Returns:
+        The trajectory, and when each waypoint is reached (N,), seconds.
+    """
     opening = arm.robot.opening_m
     trajectory = JointTrajectory(
         np.zeros(1), legs[0].knots[:1], opening * (1 - legs[0].grips[:1])

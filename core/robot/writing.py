@@ -49,11 +49,13 @@ def write_part(link: RobotLink, joint: RobotJoint, mesh_path: MeshPath) -> str:
 
 
 def _to_text(element: Any) -> str:
+    """Write an element and what is in it, a line each."""
     etree.indent(element, "  ")
     return str(etree.tostring(element, encoding="unicode")) + "\n"
 
 
 def _link_element(link: RobotLink, visuals: bool, mesh_path: MeshPath) -> Any:
+    """Write a link, with its visual shapes or without."""
     # Each link has an inertia: engines would guess one.
     inertia = link.inertial
     inertial = _element(
@@ -81,11 +83,13 @@ def _link_element(link: RobotLink, visuals: bool, mesh_path: MeshPath) -> Any:
 
 
 def _shape_element(tag: str, shape: RobotShape, mesh_path: MeshPath) -> Any:
+    """Write a shape that is drawn or that collides, as ``tag`` says."""
     geometry = _element("geometry", _geometry_element(shape, mesh_path))
     return _element(tag, _origin_element(shape.origin), geometry)
 
 
 def _geometry_element(shape: RobotShape, mesh_path: MeshPath) -> Any:
+    """Write a mesh's file, or a solid by its lengths."""
     solid = shape.shape
     if isinstance(solid, Path):
         scale = None if shape.scale == ONE else shape.scale
