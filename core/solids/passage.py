@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -71,7 +71,7 @@ class Instant(NamedTuple):
 
 
 class Depths(NamedTuple):
-    """How deep in each other, metres, two solids are when something begins; arrays (P,) for many pairs.
+    """How deep in each other, metres, two solids are when something begins: numbers, or arrays (P,) for many pairs.
 
     Attributes:
         thick: as deep as the thinner one is thick.
@@ -84,14 +84,14 @@ class Depths(NamedTuple):
         far: from here on, the first is beyond the far side of a wall or of the thinner one: no blow goes so deep.
     """
 
-    thick: Array
-    deep: Array
-    through: Array
-    limit: Array
-    skin: Array
-    least: Array
-    cut: Array
-    far: Array
+    thick: Any
+    deep: Any
+    through: Any
+    limit: Any
+    skin: Any
+    least: Any
+    cut: Any
+    far: Any
 
 
 def choose_depths(solids: Solids, pairs: Indices) -> Depths:
