@@ -106,12 +106,10 @@ def plan_motion(
         DesignError: no tempo keeps the arm's limits.
     """
     tempo = plan.tempo or Tempo.usual(len(plan))
-
     if begin is None:
         begin = Begin(arm.home_for(home))
     else:
         home = arm.forward(begin.joints)
-
     positions = np.vstack([home.position, plan.poses[:, :3]])
     turns = Rotation.from_euler("xyz", plan.poses[:, 3:6])
     rotations = Rotation.concatenate([home.rotation, turns])
@@ -127,8 +125,8 @@ def plan_motion(
     wanted = ask_seconds(tempo, positions)
     asked = np.where(np.isfinite(wanted), wanted, segment_s)
     hurried = np.isfinite(tempo.seconds) | np.isfinite(tempo.speeds)
-    legs = []
 
+    legs = []
     for first, last in pairwise(stops):
         ends = path.ends[first : last + 1]
         leg = Leg(
@@ -143,7 +141,6 @@ def plan_motion(
         legs.append(leg)
 
     trajectory, reached = join_legs(legs, arm, speed)
-
     steps = step_lengths(arm.positions(knots))
     # Errors before the first waypoint do no harm.
     counted = [path.ends[1] - 1, *path.ends[1:-1]]
