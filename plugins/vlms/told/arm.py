@@ -10,7 +10,7 @@ import numpy as np
 from core.design import Tool
 from core.designs.prompt_values import RunFacts
 from core.designs.statics import moment_limit
-from core.geometry import Array, Pose
+from core.geometry import Array, Pose, step_lengths
 from core.interfaces import Brief, Robot, RolloutSettings, Waypoints
 from core.robot.extents import Finger, fingers_of
 from core.robot.kinematics import Arm, arm_of
