@@ -10,7 +10,7 @@ import signal
 import socket
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import cache, partial
 from typing import Any, TypeVar
 
@@ -217,15 +217,15 @@ class RayExecutor(Executor):
         usual = constants.ENABLE_RAY_CLUSTER
         # A cluster that is started here listens on 127.0.0.1 only, as on macOS and Windows, not on all addresses.
         constants.ENABLE_RAY_CLUSTER = usual and self._address is not None
-        handler = signal.getsignal(signal.SIGTERM)
 
         try:
-            self._ray.init(
-                **settings,
-                logging_level=logging.ERROR,
-                configure_logging=False,
-                log_to_driver=False,
-            )
+            with _hold_interrupts():
+                self._ray.init(
+                    **settings,
+                    logging_level=logging.ERROR,
+                    configure_logging=False,
+                    log_to_driver=False,
+                )
         except (
             Exception
         ) as error:  # Ray has no class of its own for what can go wrong here
@@ -235,8 +235,6 @@ class RayExecutor(Executor):
             ) from error
         finally:
             constants.ENABLE_RAY_CLUSTER = usual
-            if threading.current_thread() is threading.main_thread():
-                signal.signal(signal.SIGTERM, handler)  # Ray replaces it
 
     def close(self) -> None:
         with self._lock:
@@ -248,6 +246,33 @@ class RayExecutor(Executor):
         if self._connected:
             self._ray.shutdown()
         self._connected = False
+
+
+@contextmanager
+def _hold_interrupts() -> Iterator[None]:
+    """Hold the first interrupt back until Ray has started: what it has started in part it does not end."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    held = list[int]()
+    handler: Any = signal.getsignal(signal.SIGINT)
+    terminate = signal.getsignal(signal.SIGTERM)
+
+    def hold(number: int, frame: Any) -> None:
+        if held:
+            handler(number, frame)
+        held.append(number)
+
+    if callable(handler):
+        signal.signal(signal.SIGINT, hold)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+        signal.signal(signal.SIGTERM, terminate)  # Ray replaces it
+    if held:
+        raise KeyboardInterrupt
 
 
 def _reach(address: str) -> None:

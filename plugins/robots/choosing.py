@@ -14,7 +14,7 @@ from core.geometry import Array, Pose
 from core.interfaces import Gripper
 from core.values.descriptions import DIGITS, Description, Limits, Origin, RobotJoint
 from plugins.robots.completing import complete
-from plugins.robots.naming import names_jaw
+from plugins.robots.naming import names_jaw, write_word
 from plugins.robots.normalise import Problems
 from plugins.robots.settings import ArmSettings, GripperOptions
 
@@ -71,7 +71,7 @@ def choose_arm(
     wrong = Problems()
     description = hold_joints(description, chosen.fixed or {})
     flange = choose_flange(description, chosen.flange, notes)
-    description = complete(description, chosen.collision, chosen.mass_kg)
+    description = complete(description, chosen, notes)
     driven = find_arm(description, flange)
     driven = set_limits(driven, "velocity", chosen.velocity)
     driven = set_limits(driven, "effort", chosen.effort)
@@ -125,7 +125,7 @@ def hold_joints(
         if not possible:
             raise UserError(
                 f"joint {name!r} can't be held at {value:g}: its limits are {lower:g} to {upper:g}; give a value, "
-                f"robot.fixed={{{name}:{lower:g}}}"
+                f"{write_word('fixed', {name: lower})}"
             )
 
         origin = joint.origin
@@ -205,7 +205,8 @@ def _refuse_jaw(description: Description, leaf: str) -> None:
     if found:
         raise UsageError(
             f"which link bears tools? {leaf!r}, the only one that bears no other, may be a gripper's jaw, {found[0]}: "
-            f"if so, robot.flange={last.parent} robot.without=[{last.child}]; if not, robot.flange={leaf}"
+            f"if so, {write_word('flange', last.parent)} {write_word('without', [last.child])}; if not, "
+            f"{write_word('flange', leaf)}"
         )
 
 
@@ -260,7 +261,7 @@ def limit_turning(joint: RobotJoint) -> RobotJoint:
     if joint.kind not in TURNING:
         raise UserError(
             f"{where} is {joint.kind}; an arm's joints turn; hold it at a value with "
-            f"robot.fixed={{{joint.name}:{joint.range[0]:g}}}"
+            f"{write_word('fixed', {joint.name: joint.range[0]})}"
         )
 
     if joint.mimic:
@@ -426,16 +427,16 @@ def check_rest(description: Description, drives: Iterable[str]) -> None:
         return
 
     tops = [link for link in free if not free.keys() & {*description.above(link)[1:]}]
-    values = []
+    values = {}
     for joint in free.values():
         lower, upper = joint.range
-        values.append(f"{joint.name}:{min(max(lower, 0.0), upper):g}")
+        values[joint.name] = f"{min(max(lower, 0.0), upper):g}"
 
     kinds = [f"{joint.name!r} is {joint.kind}" for joint in free.values()]
     found = ", ".join(kinds[:3])
     if len(kinds) > 3:
         found += f" and {len(kinds) - 3} others move"
     raise UserError(
-        f"beside joint {found}, and neither the arm's nor the gripper's; hold with robot.fixed={{{','.join(values)}}}, "
-        f"or leave out robot.without=[{','.join(tops)}]"
+        f"beside joint {found}, and neither the arm's nor the gripper's; hold with "
+        f"{write_word('fixed', values)}, or leave out {write_word('without', tops)}"
     )

@@ -19,33 +19,37 @@ from core.values.descriptions import (
     Weight,
 )
 from plugins.robots.hulls import find_job, make_all
+from plugins.robots.settings import ArmSettings
 
 
 def complete(
-    description: Description, collision: str, mass_kg: float | None
+    description: Description, chosen: ArmSettings, notes: list[str]
 ) -> Description:
-    """Fill in what is missing, as `plugins.robots.settings.ArmSettings` has it.
+    """Fill in what is missing, as settings say.
 
     Raises:
         UserError: see `_spread_mass`.
     """
-    if collision == "visual":
+    if chosen.collision == "visual":
         links = {
             name: replace(link, collisions=link.collisions or link.visuals)
             for name, link in description.links.items()
         }
         description = replace(description, links=links)
-    if mass_kg is None:
+    if chosen.mass_kg is None:
         return description
-    return _spread_mass(description, mass_kg)
+    return _spread_mass(description, chosen.mass_kg, notes)
 
 
-def _spread_mass(description: Description, mass_kg: float) -> Description:
+def _spread_mass(
+    description: Description, mass_kg: float, notes: list[str]
+) -> Description:
     """Give links without mass or inertia those of their hulls, at one density for all.
 
     Args:
         description: of the robot.
         mass_kg: of all links together; masses that the file has stay.
+        notes: get a line if that changes no mass.
 
     Raises:
         UsageError: it is no more than what the file has.
@@ -69,6 +73,11 @@ def _spread_mass(description: Description, mass_kg: float) -> Description:
     if volume and mass_kg <= known:
         raise UsageError(
             f"robot.mass_kg={mass_kg:g} is for the whole arm, but the masses in the file are {known:g} kg already"
+        )
+
+    if not volume:
+        notes.append(
+            f"robot.mass_kg={mass_kg:g} changes no mass: links with collision shapes have {known:g} kg in the file"
         )
 
     links = dict(description.links)

@@ -50,9 +50,14 @@ def read_source(chosen: ArmSettings) -> Source:
     root = read_root(read_untrusted(path, MAX_BYTES), path)
     try:
         if root.tag == "mujoco":
-            from plugins.robots.mjcf import read_mjcf  # imports MuJoCo
+            from plugins.robots.mjcf import SPEED, read_mjcf  # imports MuJoCo
 
-            return Source(*read_mjcf(path, without))
+            source = Source(*read_mjcf(path, without))
+            if chosen.velocity is None:
+                source.notes.append(
+                    f"MJCF has no limits of speed, {SPEED} rad/s is taken; robot.velocity=[...] says others"
+                )
+            return source
 
         leave_out(root, without)
         notes = find_meshes(root, path, chosen.collision == "file")

@@ -26,6 +26,7 @@ from plugins.robots.home_search import (
     measure_depth,
 )
 from plugins.robots.mounting import START
+from plugins.robots.naming import write_word
 from plugins.robots.normalise import ALSO
 from plugins.robots.reading import Unmounted, build_unmounted
 from plugins.robots.settings import ArmSettings
@@ -95,9 +96,10 @@ def _describe_beyond(arm: Unmounted, robot: Robot) -> None:
         if link.visuals or link.collisions:
             solid |= {*description.above(name)}
     on_flange = [j.child for j in description.joints.values() if j.parent == arm.flange]
-    beyond = ",".join(link for link in on_flange if link in solid)
+    beyond = [link for link in on_flange if link in solid]
     if beyond:
-        say(f"{beyond} hang where tools go; leave out robot.without=[{beyond}]")
+        words = write_word("without", beyond)
+        say(f"{', '.join(beyond)} hang where tools go; leave out {words}")
         return
 
     depth = measure_depth(robot)

@@ -68,10 +68,7 @@ def read_mjcf(
     """
     compiled = isolated(compile_arm, "it", b"", str(file), limit_s=LIMIT_S)
     said, _, binary = compiled.partition(b"\n")
-    notes = [
-        f"MJCF has no limits of speed, {SPEED} rad/s is taken; robot.velocity=[...] says others",
-        *json.loads(said),
-    ]
+    notes: list[str] = json.loads(said)
     model = mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": binary})
     reading = _Reading(model, notes)
     reading.read(without)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from core.robot.description import RESERVED
+from core.support.text import hydra_word
 from core.values.descriptions import Description
 
 _ODD = re.compile(r"[^A-Za-z0-9_.-]+")
@@ -15,6 +17,12 @@ _TOOL_FRAME = re.compile(r"attach|flange|tool|tcp|eef|end.?effector", re.IGNOREC
 _JAW = re.compile(
     r"grip|jaw|finger|claw|thumb|pinch|clamp|knuckle|grasp", re.IGNORECASE
 )
+
+
+def write_word(setting: str, value: object) -> str:
+    """Write a setting of the arm as a word to type in a shell, whatever names are in it."""
+    word = f"robot.{setting}={hydra_word(value)}"
+    return shlex.quote(word) if {*word} & {*"'{"} else word
 
 
 def names_tool_frame(name: str) -> bool:

@@ -151,7 +151,7 @@ def _inertia(head: str, parts: Sequence[tuple[RobotLink, Pose]]) -> Weight:
     if not heavy:
         raise UserError(
             f"{where} moves, but has no mass; give it <inertial> with mass and inertia, or the mass of the whole arm, "
-            "which is spread over the links that have none: robot.mass_kg=KG"
+            "which is spread over the collision shapes of links that have none: robot.mass_kg=KG"
         )
 
     mass, center, tensor = merge_inertias(heavy)

@@ -197,7 +197,8 @@ def test_a_node_that_is_lost_changes_no_result(cluster, tmp_path):
 
 
 @pytest.mark.thorough
-def test_ctrl_c_leaves_nothing_behind(tmp_path):
+@pytest.mark.parametrize("moment", ["running", "starting"])
+def test_ctrl_c_leaves_nothing_behind(tmp_path, moment):
     words = [
         "executor=ray",
         "executor.workers=1",
@@ -221,15 +222,20 @@ def test_ctrl_c_leaves_nothing_behind(tmp_path):
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
-    for line in process.stderr:
+    started = set()
+    if moment == "starting":
+        while not started and process.poll() is None:
+            time.sleep(0.05)
+            started = offspring(process.pid)
+    for line in () if started else process.stderr:
         if line.startswith("generation 0  best"):
             break
-    started = offspring(process.pid)
+    started |= offspring(process.pid)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=120)
     assert process.returncode == 130, err
     assert out == ""
-    assert f"interrupted; to go on: python -m core.run resume={tmp_path / 'run'}" in err
+    assert "interrupted" in err
     assert "Traceback" not in err
     assert started
     assert all_gone(started)
