@@ -28,7 +28,10 @@ MAX_OVERLAP_M = 0.001
 
 
 def check_it_is_described(task: Task) -> None:
-    """It has a name for configs, and a description that a model can read."""
+    """It has a name for configs, and a description that a model can read.
+
+    Its source, which a model may be shown, holds the name.
+    """
     expect(
         task.name.isidentifier(),
         f"the name {task.name!r} must be one word, for configs and folders",

@@ -37,18 +37,29 @@ MAX_REMARK = 2000  # characters
 def evaluate(cfg: DictConfig) -> list[Evaluation]:
     """Try every action plan in ``cfg.designs``, in the file's order.
 
+    Returns:
+        An evaluation of each, those that break a rule included.
+
     Raises:
         UserError: the file can't be used, or a part or setting is wrong.
     """
     document = load_designs(Path(cfg.designs))
     fitness = build_fitness(cfg)
+
     return try_all(cfg, _read_candidates(cfg, document), fitness)
 
 
 def check_all(cfg: DictConfig) -> Iterator[str]:
-    """Yield what is wrong with the plans in ``cfg.designs`` before they are played, a line for each; see `evaluate`."""
+    """Yield what is wrong with the plans in ``cfg.designs`` before they are played, a line for each.
+
+    Of several layouts the line says in how many of them, and in which one first.
+
+    Raises:
+        UserError: see `evaluate`.
+    """
     conditions = build_fitness(cfg).conditions()
     document = load_designs(Path(cfg.designs))
+
     for candidate in _read_candidates(cfg, document):
         found = [
             (f"layout {condition.layout}", problem)
@@ -65,6 +76,10 @@ def find_problems(condition: Condition, candidate: Candidate) -> list[str]:
     """Say what is wrong with a candidate in a condition, without playing it.
 
     That is why it would be rejected, or else which waypoints the arm misses or is late at, and where it meets itself.
+
+    Args:
+        condition: where it would be played.
+        candidate: the tool and its plan.
     """
     planned = plan_attempt(stage_of(condition), candidate)
     if planned.trial is not None:
@@ -72,6 +87,7 @@ def find_problems(condition: Condition, candidate: Candidate) -> list[str]:
 
     motion = planned.motion
     problems = []
+
     for number, (metres, radians) in enumerate(motion.misses.tolist(), start=1):
         if metres > MISSED_M or radians > MISSED_RAD:
             miss = f"{1000 * metres:.0f} mm, {radians:.2f} rad"
@@ -81,11 +97,15 @@ def find_problems(condition: Condition, candidate: Candidate) -> list[str]:
 
 
 def _read_candidates(cfg: DictConfig, document: object) -> list[Candidate]:
+    """Read the candidates of a designs document, for the task and by the representation that are configured."""
     return read_designs(document, tool_part(cfg).create(), task_part(cfg).create())
 
 
 def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
-    """Make one entry of the output file. Numbers that are not known are null."""
+    """Make one entry of the output file.
+
+    Numbers that are not known are null. What was observed of the rollout stands in words, as in prompts.
+    """
     shown = evaluation.shown
     misses = {
         name: None if shown is None else _known(getattr(shown, name)) for name in MISSES
@@ -98,6 +118,7 @@ def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
         )
 
     level = installed().factory("level", PromptSettings.told)()
+
     return {
         "strategy": evaluation.candidate.strategy,
         "plan": evaluation.candidate.action,
@@ -112,17 +133,25 @@ def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
 
 
 def _known(number: float) -> float | None:
+    """Return a number that JSON can hold; None: it is not known."""
     return number if math.isfinite(number) else None
 
 
 def main(words: list[str]) -> None:
+    """Try the designs that the command line names, and print what they earned; or with ``check`` what is wrong.
+
+    Raises:
+        UserError: no designs are given, or see `evaluate`.
+    """
     cfg = load("evaluate", arguments(USAGE, words))
     if OmegaConf.is_missing(cfg, "designs"):
         raise UsageError(f"no designs file given; {USAGE}")
+
     if cfg.check:
         for line in check_all(cfg):
             say(line)
         return
+
     task = task_part(cfg).create()
     records = [record(evaluation, task) for evaluation in evaluate(cfg)]
     if cfg.output is not None:
@@ -131,21 +160,27 @@ def main(words: list[str]) -> None:
 
 
 def show(records: Sequence[Mapping[str, Any]]) -> None:
-    """Print a table, and below it what is to be said of single plans."""
+    """Print a table, and below it what is to be said of single plans.
+
+    That is why one was rejected or earned nothing, warnings, and the rewards in each engine where there are several.
+    """
     numbers = ("strategy", "plan", "reward", "distance m", "IK miss mm", "lag rad")
     print_table((*numbers, "status"), [_row(entry) for entry in records], numbers)
+
     for entry in records:
         engines = entry.get("details", {}).get("engines", {})
         remarks = [entry["reason"], *entry["warnings"], entry.get("observed")]
         for engine, figures in engines.items():
             rewards = " ".join(f"{reward:.2f}" for reward in figures["rewards"])
             remarks.append(f"{engine}: {rewards}")
+
         for remark in filter(None, remarks):
             name = f"strategy {entry['strategy']} plan {entry['plan']}"
             say(f"{name}: {clean(remark, MAX_REMARK)}")
 
 
 def _row(entry: Mapping[str, Any]) -> tuple[str, ...]:
+    """Make the row of an entry; the misses are in mm and rad."""
     return (
         str(entry["strategy"]),
         str(entry["plan"]),
@@ -158,4 +193,5 @@ def _row(entry: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _format(value: float | None, form: str, scale: float = 1) -> str:
+    """Write a number, scaled; empty where it is not known."""
     return "" if value is None else format(scale * value, form)
