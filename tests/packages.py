@@ -4,17 +4,22 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 PYTHON = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
 
 
-def install(package: Path, into: Path) -> Path:
-    """Build the distribution in folder ``package`` and install it into a folder for PYTHONPATH. It is built with this
+def install(packages: Sequence[Path], into: Path) -> Path:
+    """Build the distributions in folders and install them into a folder for PYTHONPATH. They are built with this
     environment, so that no network is needed.
     """
-    copy = into / "source"
-    shutil.copytree(package, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    ignored = shutil.ignore_patterns("__pycache__", ".*", "build", "runs", "outputs")
+    copies = []
+    for package in packages:
+        copy = into / "source" / package.name
+        shutil.copytree(package, copy, ignore=ignored)
+        copies.append(str(copy))
     site = into / "site"
     words = [
         "pip",
@@ -27,7 +32,7 @@ def install(package: Path, into: Path) -> Path:
         str(site),
     ]
     done = subprocess.run(
-        [sys.executable, "-m", *words, str(copy)],
+        [sys.executable, "-m", *words, *copies],
         capture_output=True,
         text=True,
         env=PYTHON,

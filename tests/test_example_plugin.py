@@ -1,4 +1,4 @@
-"""A third-party package, installed by pip, is found at once and works with every built-in part."""
+"""Third-party packages, installed by pip, are found at once and work with every built-in part."""
 
 import csv
 import json
@@ -14,6 +14,7 @@ from tests.packages import install
 pytestmark = pytest.mark.slow
 
 HERE = Path(__file__).parent
+EXAMPLES = [HERE.parent / "examples" / name for name in ("toy_engine", "push_button")]
 SMALL = [
     "budget.n_agent=1",
     "budget.n_tool=1",
@@ -25,8 +26,9 @@ SMALL = [
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    """The folder that it is installed in."""
-    return install(HERE / "example_plugin", tmp_path_factory.mktemp("site"))
+    """The folder that they are installed in."""
+    packages = [HERE / "example_plugin", *EXAMPLES]
+    return install(packages, tmp_path_factory.mktemp("site"))
 
 
 def python_m(site, folder, *words):
@@ -150,7 +152,7 @@ def test_what_it_offers_is_listed_with_its_name(site, tmp_path):
     offered = {
         line.split()[0]: line.split()[1]
         for line in out.splitlines()
-        if "toybench" in line
+        if any(name in line for name in ("toybench", "toy-engine", "push-button"))
     }
     assert offered == {
         "task": "PushButton",

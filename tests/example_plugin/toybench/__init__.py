@@ -1,11 +1,6 @@
-"""One part of each kind, written as in any third-party package."""
+"""Small parts, written as in any third-party package."""
 
 from core.hooks import hookimpl
-
-
-@hookimpl
-def simulators():
-    return {"toy": "toybench.simulator:ToySimulator"}
 
 
 @hookimpl
@@ -14,18 +9,8 @@ def vlms():
 
 
 @hookimpl
-def tasks():
-    return {"PushButton": "toybench.push_button:PushButton"}
-
-
-@hookimpl
 def tool_representations():
     return {"numbers": "toybench.numbers:Numbers"}
-
-
-@hookimpl
-def evolution_strategies():
-    return {"restarts": "toybench.restarts:Restarts"}
 
 
 @hookimpl

@@ -50,7 +50,7 @@ def written(tmp_path_factory):
     for kind, name in PARTS.items():
         new.write(kind, name, folder / kind)
     sites = [
-        str(install(folder / kind, tmp_path_factory.mktemp(kind))) for kind in PARTS
+        str(install([folder / kind], tmp_path_factory.mktemp(kind))) for kind in PARTS
     ]
     return folder, PYTHON | {"PYTHONPATH": os.pathsep.join(sites)}
 
