@@ -22,6 +22,7 @@ from core.errors import RAISED, UsageError, UserError, choices, in_line
 from core.hooks import PROJECT, Command, Configs, Factory, Parts
 from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins.kinds import COMMAND, HOOKS, KINDS, ROBOT, Kind
+from core.plugins.packages import find_hidden, find_rivals
 from core.values.materials import PAPER, Material
 
 Settings = Mapping[str, Any] | None
@@ -333,5 +334,19 @@ def describe_part(part: object) -> str:
 
 @lru_cache(maxsize=1)
 def installed() -> Plugins:
-    """Find the plugins of this environment, once per process."""
-    return Plugins()
+    """Find the plugins of this environment, once per process.
+
+    Raises:
+        UserError: another folder or package stands in the place of one of this program's.
+    """
+    hidden = list(find_hidden())
+    if hidden:
+        raise UserError("; ".join(hidden))
+
+    plugins = Plugins()
+    broken = [fail for fail in plugins.failures if fail.distribution == PROJECT]
+    rivals = list(find_rivals()) if broken else []
+    if rivals:
+        raise UserError("; ".join(rivals))
+
+    return plugins

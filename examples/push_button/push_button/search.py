@@ -1,6 +1,6 @@
 """Random restarts: breed the best so far, and at random begin anew."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -26,7 +26,7 @@ class Restarts(EvolutionStrategy):
         self._generation = 0
         self._pool: list[Evaluation] = []
 
-    def ask(self) -> Iterable[Candidate]:
+    def ask(self) -> Iterator[Candidate]:
         if self._random.uniform() < self.chance:
             self._pool = []
         elites = best_first(self._pool)[: self.budget.k_top]

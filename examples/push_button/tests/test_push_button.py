@@ -1,5 +1,7 @@
 """The task and the strategy pass the checks of their kinds."""
 
+from collections.abc import Callable
+
 import pytest
 
 from core.plugins import PluginPart
@@ -14,5 +16,5 @@ CASES = [
 
 
 @pytest.mark.parametrize(("kind", "name", "check"), CASES)
-def test_conforms(kind, name, check):
+def test_conforms(kind: str, name: str, check: Callable[[object], object]) -> None:
     check(subject(PluginPart(kind, name)))

@@ -1,7 +1,10 @@
 """The engine keeps the contract of `Simulator`. It fails the checks of physics, since it has none."""
 
+from collections.abc import Callable
+
 import pytest
 
+from core.interfaces import Simulator
 from core.plugins import PluginPart
 from plugins.conformance.suites import SUITES, subject
 
@@ -16,10 +19,10 @@ CONTRACT = {
 CHECKS = [check for check in SUITES["sim"] if check.__name__ in CONTRACT]
 
 
-def test_the_checks_are_there():
+def test_the_checks_are_there() -> None:
     assert {check.__name__ for check in CHECKS} == CONTRACT
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
-def test_keeps_the_contract(check):
+def test_keeps_the_contract(check: Callable[[Simulator], object]) -> None:
     check(subject(PluginPart("sim", "toy")))

@@ -6,7 +6,7 @@ import numpy as np
 from typing_extensions import Unpack
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
-from core.geometry import Array, Pose, Shape
+from core.geometry import Array, Pose
 from core.interfaces import Image, Outcome, Robot, Rollout, Simulator, Task, View
 from core.robot.kinematics import arm_of
 from core.scene import State
@@ -65,8 +65,7 @@ class ToySimulator(Simulator):
         opening = robot.opening_m if fingers is None else float(np.mean(fingers))
         tool = view.get("tool")
         if tool is not None:
-            for pose, shape in place_boxes(robot, tool, joints, opening):
-                sides = shape.bounds[1]
+            for pose, sides in place_boxes(robot, tool, joints, opening):
                 for share in np.linspace(-0.5, 0.5, 20):
                     dot(pose.apply(share * sides), 0.015, BLUE)
 
@@ -76,8 +75,8 @@ class ToySimulator(Simulator):
 
 def place_boxes(
     robot: Robot, tool: Tool, joints: Array, opening: float
-) -> Iterator[tuple[Pose, Shape]]:
-    """Yield the pose in the world and the shape of each of the tool's components."""
+) -> Iterator[tuple[Pose, Array]]:
+    """Yield the pose in the world and the side lengths (3,) of the bounding box of each of the tool's components."""
     hand = arm_of(robot).forward(joints)
     mounts = {RIGID_MOUNT: hand}
     for mount, side in zip(GRIPPER_MOUNTS, (1, -1), strict=True):
@@ -87,7 +86,7 @@ def place_boxes(
     placed = tool.placed()
     for component in tool.components:
         mount, pose = placed[component.name]
-        yield mounts[mount] @ pose, component.shape
+        yield mounts[mount] @ pose, component.shape.bounds[1]
 
 
 class ToyWorld:
@@ -116,8 +115,8 @@ class ToyWorld:
         after = list(self._boxes())
 
         moved = np.zeros_like(self._positions)
-        for (old, shape), (new, _) in zip(before, after, strict=True):
-            reach = shape.bounds[1] / 2 + self._radius
+        for (old, sides), (new, _) in zip(before, after, strict=True):
+            reach = sides / 2 + self._radius
             for number, position in enumerate(self._positions):
                 local = old.inverse().apply(position)
                 if np.all(np.abs(local) < reach):
@@ -127,7 +126,7 @@ class ToyWorld:
         self._positions = self._positions + moved
         self._velocities = moved / self.time_step
 
-    def _boxes(self) -> Iterator[tuple[Pose, Shape]]:
+    def _boxes(self) -> Iterator[tuple[Pose, Array]]:
         return place_boxes(self._robot, self._tool, self._joints, self._fingers)
 
     def joints(self) -> tuple[Array, Array]:

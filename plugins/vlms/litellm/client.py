@@ -67,7 +67,13 @@ def load() -> ModuleType:
         if is_secret_name(name) and value != value.strip():
             os.environ[name] = value.strip()
 
-    litellm = importlib.import_module("litellm")
+    try:
+        litellm = importlib.import_module("litellm")
+    except ModuleNotFoundError as error:
+        raise UserError(
+            "a model behind an API needs LiteLLM: pip install 'litellm>=1.106'"
+        ) from error
+
     litellm.__dict__.update(
         suppress_debug_info=True, telemetry=False, disable_hf_tokenizer_download=True
     )

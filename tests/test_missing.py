@@ -1,0 +1,42 @@
+"""A first run and its report work where a package that is not needed for them is missing, or has no wheel."""
+
+import pytest
+
+from tests.packages import without
+
+pytestmark = pytest.mark.slow
+
+SMALL = [
+    "budget.n_agent=1",
+    "budget.n_tool=1",
+    "budget.n_action=1",
+    "budget.n_iteration=0",
+    "executor.workers=1",
+    "film=false",
+]
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("package", ["sapien", "pybullet", "litellm", "rerun"])
+def test_a_run_in_mujoco_and_its_report_do_without(package, tmp_path):
+    words = ["core.run", "sim=mujoco", *SMALL, "hydra.run.dir=run"]
+    done = without([package], words, tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "run/result.json").exists()
+    done = without([package], ["core", "report", "run", "output=report"], tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("package", "words", "line"),
+    [
+        ("sapien", ["sim=sapien"], "sim=sapien needs SAPIEN: pip install 'sapien"),
+        ("pybullet", ["sim=pybullet"], "sim=pybullet needs PyBullet: pip install"),
+        ("litellm", ["vlm=openai"], "needs LiteLLM: pip install 'litellm"),
+    ],
+)
+def test_what_needs_it_says_what_to_install(package, words, line, tmp_path):
+    done = without([package], ["core.run", *words], tmp_path, OPENAI_API_KEY="test")
+    assert done.returncode != 0
+    assert line in done.stderr
+    assert len(done.stderr.splitlines()) == 1
