@@ -1,10 +1,14 @@
 """A first run and its report work where a package that is not needed for them is missing, or has no wheel."""
 
+from pathlib import Path
+
 import pytest
 
 from tests.packages import without
 
 pytestmark = pytest.mark.slow
+
+ROOT = Path(__file__).parents[1]
 
 SMALL = [
     "budget.n_agent=1",
@@ -40,3 +44,12 @@ def test_what_needs_it_says_what_to_install(package, words, line, tmp_path):
     assert done.returncode != 0
     assert line in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_plan_with_a_tempo_is_rejected_where_toppra_is_missing(tmp_path):
+    design = ROOT / "tests/tasks/hardtoolbench/StopCart.json"
+    words = ["core", "evaluate", "task=StopCart", f"designs={design}", "sim=mujoco"]
+    words += ["tool=boxes"]
+    done = without(["toppra"], words, tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "pip install toppra" in " ".join(done.stdout.split())

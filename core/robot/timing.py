@@ -158,9 +158,16 @@ def _time_fastest(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
     It is slowed in rounds, until each way takes the seconds that it must.
 
     Raises:
-        DesignError: no timing keeps the limits.
+        DesignError: no timing keeps the limits, or TOPP-RA is not installed.
     """
-    import toppra  # takes a second
+    try:
+        import toppra  # takes a second
+    except ModuleNotFoundError as error:
+        raise DesignError(
+            "the plan's tempo needs TOPP-RA, which is not installed: pip install toppra (where it has no wheel, this "
+            "needs a C++ compiler)"
+        ) from error
+
     from toppra.algorithm import TOPPRA
     from toppra.constraint import (
         DiscretizationType,
