@@ -10,11 +10,10 @@ from collections.abc import Iterator
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
-import core
 from core.hooks import PROJECT
 
 PACKAGES = ("core", "plugins", "tasks", "conf", "prompts")
-HOME = Path(core.__file__).parents[1]
+HOME = Path(__file__).parents[2]
 
 
 def find_hidden() -> Iterator[str]:
