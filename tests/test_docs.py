@@ -248,6 +248,12 @@ def test_relative_links_lead_somewhere():
             assert (page.parent / target).exists(), f"{page.name}: {target}"
 
 
+def test_pictures_have_a_text_for_those_who_do_not_see_them():
+    texts = {page.name: page.read_text() for page in [*PAGES, ROOT / "README.md"]}
+    silent = {name for name, text in texts.items() if "![](" in text}
+    assert not silent
+
+
 def test_pages_are_short():
     words = {
         page: len(page.read_text().split()) for page in (ROOT / "docs").rglob("*.md")

@@ -24,7 +24,6 @@ from tests.panda import PANDA
 
 pytestmark = pytest.mark.slow
 
-rosbags = pytest.importorskip("rosbags.typesys")
 ANCHORED = "tests/tasks/anchored"
 
 
@@ -97,6 +96,7 @@ def test_what_fails_is_said_with_what_to_change_and_is_an_error(
 
 def test_the_message_is_one_of_ros(made):
     folder, found = made
+    rosbags = pytest.importorskip("rosbags.typesys")
     store = rosbags.get_typestore(rosbags.Stores.ROS2_HUMBLE)
     types = store.types
     data = yaml.safe_load((folder / "ros2/trajectory.yaml").read_text())
