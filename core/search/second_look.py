@@ -73,7 +73,9 @@ class Asked:
     def look_again(self, prompts: PromptComposer, reply: Reply, problem: str) -> Asked:
         """Compose the request for a second look: at the faulty designs, or at all where the reply has a ``problem``."""
         brief = self.request.brief
-        brief = replace(brief, n_tool=len(self.faulty()) or brief.n_tool)
+        numbers = self.faulty()
+        if numbers:
+            brief = replace(brief, n_tool=len(numbers))
         faults = list_faults(self.candidates)
         sent = replace(
             self.request,
