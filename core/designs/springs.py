@@ -72,6 +72,10 @@ def measure_levers(tool: Tool) -> Array:
 
 
 def bound_speeds(tool: Tool) -> Array:
-    """Bound how fast what each joint bears moves on it (K,), m/s, if all springs of the tool gave it their energy."""
+    """Bound how fast what each joint bears moves on it, if all springs of the tool gave it their energy.
+
+    Returns:
+        Speeds (K,), m/s.
+    """
     energy = sum(bearer.joint.energy for bearer in tool.bearers)
     return measure_levers(tool) * np.sqrt(2 * energy * measure_lightness(tool))

@@ -177,7 +177,15 @@ def flange_moment(tool: Tool, robot: Robot) -> float:
 
 
 def mass_limit(robot: Robot, material: Material) -> tuple[float, str]:
-    """Return how much a tool may weigh, kg, and the reason in words."""
+    """Return how much a tool may weigh.
+
+    Args:
+        robot: what carries it.
+        material: may have a budget.
+
+    Returns:
+        The mass, kg, and the reason in words.
+    """
     budget_kg = math.inf if material.most_g is None else material.most_g / 1000
     if budget_kg < robot.payload_kg:
         return budget_kg, f"the budget of material is {budget_kg:g} kg"

@@ -126,7 +126,14 @@ def _time_at_rest(
 
 
 def _row_minima(values: Array) -> Array:
-    """The minimum of each row; fast for many short rows."""
+    """Find the minimum of each row; fast for many short rows.
+
+    Args:
+        values: (S, J).
+
+    Returns:
+        Minima (S,).
+    """
     return np.ascontiguousarray(values.T).min(axis=0)
 
 

@@ -203,7 +203,13 @@ def join_legs(
 
 
 def close_fingers(grips: Array, times: Array, reached: list[float]) -> Array:
-    """How far the gripper is closed at times (S,): linearly from each of its grips (N + 1) to the next."""
+    """How far the gripper is closed on a leg: linearly from each of its grips to the next.
+
+    Args:
+        grips: (N + 1,) at the leg's begin, and at each of its waypoints.
+        times: (S,) seconds since it began.
+        reached: (N,) when the waypoints are reached.
+    """
     if len(reached) > 1:
         return np.interp(times, [0.0, *reached], grips)
     return grips[0] + (grips[1] - grips[0]) * times / reached[0]

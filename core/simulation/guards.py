@@ -136,7 +136,10 @@ class PlannedGuards:
         points: Array,
         forces: Array,
     ) -> JointTrajectory | None:
-        """See `core.interfaces.Guards`."""
+        """Take a reading, see `core.interfaces.Guards`.
+
+        The steps stand in docs/physics_explained.md.
+        """
         if self._number is None:
             return None
 
@@ -168,7 +171,7 @@ class PlannedGuards:
         return extended
 
     def _estimate_force(self, arm: Array, points: Array, forces: Array) -> Array:
-        """Estimate the force at the flange (3,) from the joints' torques.
+        """Estimate the force at the flange (3,) from the joints' torques, each with the noise of its sensor.
 
         Args:
             arm: the joints (J,).

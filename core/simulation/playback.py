@@ -129,7 +129,10 @@ class BulkWorld(World, Protocol):
 
 
 class _Noting:
-    """Gives a `World` what a `BulkWorld` has."""
+    """Gives a `World` what a `BulkWorld` has.
+
+    A snapshot is what its methods return, one by one.
+    """
 
     def __init__(self, world: World) -> None:
         self._world = world

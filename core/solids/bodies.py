@@ -71,7 +71,11 @@ class Solids:
 
 @lru_cache(maxsize=512)
 def thickness(shape: Shape) -> float:
-    """Measure how thick a shape is, metres: along its own axes, or square to a face of a mesh's hull."""
+    """Measure how thick a shape is: along its own axes, or square to a face of a mesh's hull.
+
+    Returns:
+        The thickness, metres.
+    """
     straight = float(shape.bounds[1].min())
     if not isinstance(shape, Mesh):
         return straight
@@ -99,7 +103,7 @@ def link_solids(robot: Robot, tool: Tool) -> tuple[Solid, ...]:
 
 
 def tool_solids(robot: Robot, tool: Tool) -> list[Solid]:
-    """Return the solids of a tool's parts in the joints' frames."""
+    """Return the solids of a tool's parts in the joints' frames, in the order of `Tool.parts`."""
     model = robot_model(robot, tool)
     solids = []
 

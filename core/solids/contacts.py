@@ -109,7 +109,14 @@ class Contacts:
         )
 
     def with_robot(self, body: str) -> Flags:
-        """Report at which samples (T,) the arm or the tool touches a body."""
+        """Report when the arm or the tool touches a body.
+
+        Args:
+            body: its name.
+
+        Returns:
+            At which samples (T,).
+        """
         touched = np.zeros(len(self.taken.times), dtype=bool)
 
         for (kind, _, second), flags in self.touching.items():
@@ -119,7 +126,14 @@ class Contacts:
         return touched
 
     def held(self, body: str) -> Flags:
-        """Report at which samples (T,) the robot touches a body, or another body that touches it."""
+        """Report when the robot touches a body, or another body that touches it.
+
+        Args:
+            body: its name.
+
+        Returns:
+            At which samples (T,).
+        """
         held = self.with_robot(body)
 
         for (kind, first, second), flags in self.touching.items():
@@ -273,7 +287,14 @@ def _touch(
 
 
 def _find_struck(recording: Recording) -> dict[str, Flags]:
-    """Report for each free body in which intervals (T - 1,) its velocity changes abruptly."""
+    """Report when bodies were struck: their velocities change abruptly.
+
+    Args:
+        recording: how the free bodies move, at T samples.
+
+    Returns:
+        For each free body in which intervals (T - 1,).
+    """
     states = recording.states
     changes = np.linalg.norm(np.diff(states.linear_velocities, axis=0), axis=2)
     limits = STRUCK_M_S + 9.81 * np.diff(recording.times)[:, None]  # it may fall
@@ -371,7 +392,14 @@ def nearest(
 
 
 def _extents(track: Track) -> Array:
-    """Half lengths (T, 3) of the bounding boxes along the world's axes, metres."""
+    """Measure the bounding boxes of a solid along the world's axes.
+
+    Args:
+        track: of the solid, at T samples.
+
+    Returns:
+        Half lengths (T, 3), metres.
+    """
     return np.abs(track.rotations) @ track.box
 
 

@@ -126,7 +126,8 @@ def _bound_gaps(
     here = first, ends
     there = second, ends
 
-    # Where the first is, along the axes of the second. A ball extends as far as its radius, however it is turned.
+    # Where the first is, along the axes of the second.
+    # A ball extends as far as its radius, however it is turned.
     back = rows.rotations[there].swapaxes(2, 3)
     middles = rows.middles[here] - rows.middles[there]
     ahead = np.einsum("knij,knj->ikn", back, middles)
@@ -135,11 +136,13 @@ def _bound_gaps(
     extents = np.minimum(extents, solids.radii[first])
     extents += solids.halves[second].T[:, None]
 
-    # The gaps along three axes either way, (6, 2, N): along the best axis, at the worse of the two ends.
+    # The gaps along three axes either way, (6, 2, N):
+    # along the best axis, at the worse of the two ends.
     gaps = np.concatenate([ahead - extents, -ahead - extents])
     gaps = gaps.min(axis=1).max(axis=0)
 
-    # From the straight way a point gets as far as an eighth of its acceleration, in units of the interval.
+    # From the straight way a point gets as far as an eighth of its acceleration,
+    # in units of the interval.
     begin, end = rows.positions[here] - rows.positions[there]
     moved = lengths(end - begin)
     reach = solids.reaches[first]

@@ -285,7 +285,12 @@ def overlap(pair: Pair, instant: Instant, direction: Array) -> float:
 
 
 def _extent(track: Track, direction: Array) -> float:
-    """How far a solid extends from its frame's origin along a direction (3,) of the frame, metres."""
+    """How far a solid extends from its frame's origin, metres.
+
+    Args:
+        track: of the solid.
+        direction: (3,) of the frame, in which it is looked.
+    """
     x, y, z = map(float, direction)
 
     match track.shape:

@@ -53,7 +53,12 @@ _GRAVITY = 9.81
 
 
 class Finding(NamedTuple):
-    """Something unphysical, described in words. With ``penetration`` a reward that came of it means nothing."""
+    """Something unphysical.
+
+    Attributes:
+        text: describes it in words.
+        penetration: whether a reward that came of it means nothing.
+    """
 
     text: str
     penetration: bool
@@ -156,7 +161,10 @@ class _Meetings:
         return looks
 
     def find_passages(self) -> Iterator[Finding]:
-        """Find the first passage of each two things."""
+        """Find the first passage of each two things.
+
+        Things may have many solids; that of the earliest passage counts.
+        """
         tracks = self.tracks
         passages: dict[tuple[str, str], tuple[float, str]] = {}
         depths = np.array(self.depths).T.tolist()
@@ -250,7 +258,14 @@ def _find_flung(recording: Recording, tracks: Tracks) -> list[Finding]:
 
 
 def _bound_robots_speed(tracks: Tracks) -> float:
-    """Bound the speed of any point of the robot, m/s, averaged over a tenth of a second."""
+    """Bound the speed of any point of the robot, averaged over a tenth of a second.
+
+    Args:
+        tracks: of all solids, those of the robot among them.
+
+    Returns:
+        The speed, m/s.
+    """
     count = min(len(tracks.times) - 1, round(0.1 * SAMPLE_HZ))
     robots = [track for track in tracks.items if track.owner == ROBOT]
 

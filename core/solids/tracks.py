@@ -192,19 +192,43 @@ class Tracks(NamedTuple):
 
 
 def lengths(vectors: Array) -> Array:
-    """Compute the lengths (...) of vectors (..., N)."""
+    """Compute the lengths of vectors.
+
+    Args:
+        vectors: (..., N).
+
+    Returns:
+        Lengths (...).
+    """
     squares: Array = np.einsum("...i,...i->...", vectors, vectors)
     return np.sqrt(squares)
 
 
 def angles(rotations: Array, after: Array) -> Array:
-    """Compute the angles (...), radians, from rotations (..., 3, 3) to others."""
+    """Compute the angles from rotations to others.
+
+    Args:
+        rotations: (..., 3, 3).
+        after: (..., 3, 3) the others.
+
+    Returns:
+        Angles (...), radians.
+    """
     chords = lengths((after - rotations).reshape(*rotations.shape[:-2], 9))
     return 2 * np.arcsin(np.minimum(chords / math.sqrt(8), 1.0))
 
 
 def bound_speed(tracks: Sequence[Track], times: Array, count: int = 1) -> float:
-    """Bound the speed of any point of solids, m/s, averaged over ``count`` of the intervals between ``times`` (T,)."""
+    """Bound the speed of any point of solids.
+
+    Args:
+        tracks: of the solids, at T samples.
+        times: (T,) of the samples, seconds.
+        count: of the intervals that it is averaged over.
+
+    Returns:
+        The speed, m/s.
+    """
     ways = [track.travel for track in tracks]
     travel = np.reshape(ways, (-1, len(times)))
     moved = travel[:, count:] - travel[:, :-count]

@@ -325,7 +325,15 @@ class PlacedJoint:
 
 
 def rotate(quaternion: Array, vector: Array) -> Array:
-    """Rotate vectors (..., 3) by quaternions (..., 4)."""
+    """Rotate vectors.
+
+    Args:
+        quaternion: (..., 4) unit quaternions.
+        vector: (..., 3).
+
+    Returns:
+        Vectors (..., 3).
+    """
     w, axis = np.split(quaternion, [1], axis=-1)
     return vector + 2 * np.cross(axis, w * vector + np.cross(axis, vector))
 

@@ -363,6 +363,9 @@ def facing(nodes: Array, elements: Elements) -> Elements:
 
 
 def _unit(vectors: Array) -> Array:
-    """Give vectors (N, 3) the length 1; those without one stay as they are."""
+    """Give vectors (N, 3) the length 1.
+
+    Those without a length stay as they are.
+    """
     lengths: Array = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors / np.maximum(lengths, 1e-12)

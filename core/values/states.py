@@ -82,7 +82,15 @@ class State:
         return placed.read(self.placement(joint.body), self.placement(joint.parent))
 
     def nodes(self, name: str, to: str | None = None) -> Array:
-        """The nodes of a soft body, (..., N, 3), in the world or in the frame of another body; a rope's in order."""
+        """The nodes of a soft body, a rope's in order.
+
+        Args:
+            name: of the soft body.
+            to: the body in whose frame they are; None: the world.
+
+        Returns:
+            Places (..., N, 3), metres.
+        """
         nodes = _find("soft body", name, self.soft)
         if to is None:
             return nodes
