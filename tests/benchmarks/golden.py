@@ -109,12 +109,12 @@ def designs(task: str, count: int, seed: int, file: Path) -> list[Candidate]:
                 "strategies": [dump_design(c, form) for c in made],
             },
         )
-    document = load_designs(file)
-    if document["seed"] != seed:
+    known = json.loads(file.read_text(encoding="utf-8"))["seed"]
+    if known != seed:
         raise UserError(
-            f"{file} has other designs, of seed={document['seed']}; choose another folder=..."
+            f"{file} has other designs, of seed={known}; choose another folder=..."
         )
-    return read_designs(document, form, installed().create("task", task))
+    return read_designs(load_designs(file), form, installed().create("task", task))
 
 
 def solve(task: str, sim: PluginPart, executor: Executor, file: Path) -> None:
