@@ -222,6 +222,7 @@ class AnchoredPlan(ActionPlan):
                     corrected = step.corrected(known, way, missed, where)
                     if reached:
                         poses |= corrected
+
                 known = Seen(poses)
 
             row = [*pose.position, *pose.rpy]
@@ -358,20 +359,24 @@ class AnchoredActions(ActionRepresentation):
                 written |= vars(guard)
 
             numbers = row[:6]
+
             if anchor != Anchor():
                 frame = Step((0.0, 0.0, 0.0), **written).frame(seen, where)
                 offset = frame.inverse() @ pose
                 numbers = np.round([*offset.position, *offset.rpy], _DIGITS) + 0.0
+
             if guard:
                 seen = Seen({**seen.poses, HERE: pose})
 
             place = numbers.tolist()
             written |= {"offset": place[:3], "rpy": place[3:]}
+
             try:
                 step = Step(**written)
             except ValidationError as error:
                 message = error.errors(include_url=False)[0]["msg"]
                 raise DesignError(f"{where}: {message}") from error
+
             steps.append(step.dump())
 
         return steps
@@ -487,6 +492,7 @@ def _read_step(data: object, where: str, gripper: bool) -> Step:
         if first["type"] == "unexpected_keyword_argument":
             names = [known.name for known in fields(Step)]
             raise DesignError(str(choices("field", place, names, where))) from error
+
         raise DesignError(f"{where}: {place[:100]}: {first['msg']}") from error
 
     for is_broken, message in _FAULTS:

@@ -13,7 +13,13 @@ from core.scene import Body
 
 @dataclass(frozen=True)
 class Inertia:
-    """Mass, the principal axes at the centre of mass (as a pose in the body's frame), and principal moments (3,)."""
+    """How a body or link resists motion, in its principal axes.
+
+    Attributes:
+        mass: kg.
+        frame: the principal axes at the centre of mass, as a pose in the body's frame.
+        moments: about these (3,), kg m^2.
+    """
 
     mass: float
     frame: Pose
@@ -21,7 +27,10 @@ class Inertia:
 
 
 def inertia_of(body: Body) -> Inertia:
-    """Compute the inertia of all collision parts of a body together, at one density."""
+    """Compute the inertia of all collision parts of a body together, at one density.
+
+    Its axes are the body's where those are principal; else they are turned.
+    """
     meshes = []
     for part in body.collisions:
         mesh = part.shape.to_trimesh()

@@ -27,7 +27,14 @@ _drawing = threading.RLock()
 def joint_positions(
     robot: Robot, tool: Tool, arm: Array, fingers: Array
 ) -> dict[str, float]:
-    """Name the positions of the arm's joints (J,), and of the fingers' and the tool's (F + K,), that the robot has."""
+    """Name the positions of the joints that the robot has with a tool.
+
+    Args:
+        robot: the arm.
+        tool: without the gripper, the fingers' positions are left out.
+        arm: of the arm's joints (J,).
+        fingers: of the fingers' and the tool's (F + K,).
+    """
     if not tool.gripper:
         fingers = fingers[len(robot.finger_joints) :]
     loose = [joint_name(bearer.name) for bearer in tool.bearers]

@@ -10,6 +10,7 @@ def rollers(body: Body) -> tuple[Capsule | Cylinder, ...]:
     """Return the shapes on which a free body rolls along a line: capsules and lying cylinders, if it has no others."""
     if body.fixed:
         return ()
+
     found: list[Capsule | Cylinder] = []
     for part in body.collisions:
         turn = (body.pose @ part.pose).rotation.as_matrix()

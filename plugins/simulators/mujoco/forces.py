@@ -71,9 +71,13 @@ class Feeler:
             self._model.opt.disableflags ^= _OFF
 
     def pushes(self, sensed: Array) -> tuple[Array, Array]:
-        """Return points (S, 3) and forces (S, 3), whose sum is the mean force in steps with these sensors' data (S, X).
+        """Return points (S, 3) and forces (S, 3), whose sum is the mean force in S steps.
 
-        Contacts of stiff bodies chatter, so that one step alone may have none.
+        Contacts of stiff bodies chatter, so that one step alone may have none. What the links press on each other with
+        is taken off: a tool's joint is within.
+
+        Args:
+            sensed: the sensors' data after each of the steps (S, X).
         """
         outer = sensed[:, self._outer :]
         inner = sensed[:, self._inner :]
@@ -110,7 +114,17 @@ class Measured(NamedTuple):
 
 
 class _Step(NamedTuple):
-    """What the engine says after a step: of each contact and row of the solver, and which of its bodies are awake."""
+    """What the engine says after a step, of C contacts, R rows of the solver and B bodies.
+
+    Attributes:
+        geoms: the two geoms of each contact (C, 2); a flex is -1 minus its number.
+        addresses: the first row of each contact (C,); -1: it presses with nothing.
+        dims: the rows of each contact (C,).
+        frames: its axes, the normal first (C, 9).
+        points: where it is (C, 3).
+        rows: the force of each row (R,).
+        awake: whether each body is (B,).
+    """
 
     geoms: Numbers
     addresses: Numbers
@@ -125,13 +139,20 @@ class Meter:
     """Measure what things press on each other with: the tool and the arm's links first, then the scene's bodies.
 
     A step only copies what the engine says; `pack` has the contacts of many steps, and makes sense of them at once.
+    `begin` goes before the motion, `measure` after each step, and `add_to` to its end.
+
+    Args:
+        scene: has the bodies.
+        model: whose geoms say in their names what they are part of.
     """
 
     def __init__(self, scene: Scene, model: Element) -> None:
-        owners = [
-            model.geom(number).name.partition("/")[2] for number in range(model.ngeom)
-        ]
         robot = model.geom_contype != Role.SCENE.value[0]
+        owners = []
+        for number in range(model.ngeom):
+            _, _, owner = model.geom(number).name.partition("/")
+            owners.append(owner)
+
         links = sorted({*compress(owners, robot)})
         bodies = [body.name for body in scene.bodies]
         self._names = [*links, *bodies]
@@ -140,21 +161,20 @@ class Meter:
         if "tool" in links:
             self._tool = links.index("tool")
 
+        # Names of links and bodies may be the same.
+        ranks = {name: self._links + rank for rank, name in enumerate(bodies)}
         numbers = []
         for owner, is_robot in zip(owners, robot, strict=True):
-            if is_robot:
-                numbers.append(links.index(owner))
-            else:
-                numbers.append(len(links) + bodies.index(owner))
-
-        self._owners = np.array(numbers)
-        softs = [len(links) + bodies.index(soft.name) for soft in scene.softs]
-        self._flexes = np.array(softs, dtype=np.int64)
+            numbers.append(links.index(owner) if is_robot else ranks[owner])
+        softs = [ranks[soft.name] for soft in scene.softs]
+        self._owners = np.array(numbers)  # of geoms
+        self._flexes = np.array(softs, dtype=np.int64)  # the owners of flexes
 
         # The model's bodies, of those in the scene.
         self._bodies = np.full(len(self._names), -1)
         self._bodies[self._owners[~robot]] = model.geom_bodyid[~robot]
-        for number, owner in enumerate(self._flexes):
+
+        for number, owner in enumerate(softs):
             first = model.flex_vertadr[number]
             end = first + model.flex_vertnum[number]
             bearers = model.flex_vertbodyid[first:end]
@@ -195,15 +215,17 @@ class Meter:
         return self._packed
 
     def _pack_steps(self) -> Measured:
-        """Make sense of the contacts of all steps that were only copied so far."""
-        joined = _Step(
-            *(np.concatenate(parts) for parts in zip(*self._steps, strict=True))
-        )
+        """Make sense of the contacts of all steps that were only copied so far.
+
+        Of two things that both sleep nothing is counted: `_repeat_resting` fills it in.
+        """
+        joined = _Step(*map(np.concatenate, zip(*self._steps, strict=True)))
         counts = np.array([len(step.geoms) for step in self._steps])
         rows = np.array([len(step.rows) for step in self._steps])
         steps = np.repeat(np.arange(len(counts)), counts)
         # Of an elliptic cone, a contact's first row is the normal.
         first = joined.addresses + np.repeat(np.cumsum(rows) - rows, counts)
+
         # A flex has -1 minus its number.
         owners = np.append(self._owners, self._flexes[::-1])[joined.geoms]
         pairs = np.sort(owners, axis=1)
@@ -235,9 +257,13 @@ class Meter:
         )
 
     def add_to(self, recording: Recording, samples: Numbers) -> Recording:
-        """Add the mean forces between instants, each before a step of ``samples`` (T,), to a recording.
+        """Add the mean forces between instants to a recording.
 
         Things that sleep press on each other as they did in the step before.
+
+        Args:
+            recording: without forces.
+            samples: how many steps are done at each of its instants (T,).
         """
         packed = self.pack()
         if not packed:
@@ -272,11 +298,15 @@ def _join(parts: Sequence[Measured]) -> Measured:
         steps = part.steps + done
         shifted.append(part._replace(steps=steps, touching=part.touching + done))
         done += part.length
-    return Measured(*(np.concatenate(arrays) for arrays in zip(*shifted, strict=True)))
+    return Measured(*map(np.concatenate, zip(*shifted, strict=True)))
 
 
 def _group(measured: Measured) -> Iterator[tuple[Numbers, Numbers, Array]]:
-    """Yield two things (2,), and the steps (C,) and normal forces (C,) of their contacts, of each pair that touches."""
+    """Take the contacts of each two things that touch together.
+
+    Yields:
+        the two things (2,), and the step (C,) and normal force (C,) of each of their contacts.
+    """
     codes = measured.pairs @ (measured.asleep.shape[1], 1)
     order = np.argsort(codes, kind="stable")
     begins = np.flatnonzero(np.diff(codes[order])) + 1
@@ -296,7 +326,16 @@ def _group(measured: Measured) -> Iterator[tuple[Numbers, Numbers, Array]]:
 def _repeat_resting(
     steps: Numbers, entries: Array, resting: npt.NDArray[np.bool_]
 ) -> tuple[Numbers, Array]:
-    """Give each step (S,) in which two things are ``resting`` the contacts of the last one in which they were not."""
+    """Give each step in which two things rest the contacts of the last one in which they did not.
+
+    Args:
+        steps: of each of their contacts (C,), in order.
+        entries: the normal force of each (C,).
+        resting: whether both rest in each step (S,).
+
+    Returns:
+        steps and normal forces, as given, with those that are repeated.
+    """
     numbers = np.arange(len(resting))
     since = np.maximum.accumulate(np.where(resting, 0, numbers))
     begin = np.searchsorted(steps, since)

@@ -29,39 +29,45 @@ _BACK = np.array([1.0, -1.0, -1.0, -1.0])  # makes a quaternion the inverse
 def add_bodies(spec: Element, scene: Scene) -> dict[str, Element]:
     """Add the free bodies, each inside of what it hangs from; fixed ones are the world's body.
 
+    Args:
+        spec: what they are added to.
+        scene: has them and their joints.
+
     Returns:
         the spec's body for each rigid body of the scene, by name.
     """
     bearers = {body.name: spec.worldbody for body in scene.bodies if body.fixed}
     tops: dict[str | None, Element] = {}  # of what hangs together
     hung = {placed.joint.body: placed.joint for placed in scene.ordered_joints}
-    loose = (body for body in _rigid(scene) if body.name not in hung)
-    for body in (*loose, *(scene[name] for name in hung)):
-        name = _name(scene, body.name)
-        joint = hung.get(body.name)
-        parent = None
+    loose = [body.name for body in _rigid(scene) if body.name not in hung]
+
+    for name in (*loose, *hung):
+        body = scene[name]
+        joint = hung.get(name)
+        parent = joint.parent if joint else None
         bearer = spec.worldbody
-        frame = Pose()
-        if joint is not None and joint.parent is not None:
-            parent = joint.parent
+        pose = body.pose
+
+        if parent is not None:
             bearer = bearers[parent]
             if parent in tops:
-                frame = scene[parent].pose
+                pose = scene[parent].pose.inverse() @ pose
 
-        pose = frame.inverse() @ body.pose
-        element = add_body(bearer, name, pose, inertia_of(body))
-        bearers[body.name] = element
-        tops[body.name] = tops.get(parent, element)
+        known = _name(scene, name)
+        element = add_body(bearer, known, pose, inertia_of(body))
+        bearers[name] = element
+        tops[name] = tops.get(parent, element)
+
         if joint is None:
-            element.add_freejoint(name=name)
+            element.add_freejoint(name=known)
         else:
-            _add_joint(spec, element, joint, name)
+            _add_joint(spec, element, joint, known)
             # A servo's load is known where nothing else could give way to it.
             if joint.drive and (parent not in tops or bearer.gravcomp > 0):
                 element.gravcomp = 1.0
 
         if body.launched or (joint and (joint.drive or joint.latches)):
-            tops[body.name].sleep = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
+            tops[name].sleep = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
 
     return bearers
 
@@ -77,7 +83,14 @@ def _name(scene: Scene, body: str) -> str:
 
 
 def _add_joint(spec: Element, bearer: Element, joint: Joint, name: str) -> None:
-    """Add a joint at whose ``start`` the body is where it is, and its servo."""
+    """Add a joint at whose ``start`` the body is where it is, and its servo.
+
+    Args:
+        spec: gets the servo.
+        bearer: the spec's body that it moves.
+        joint: what it can do.
+        name: its own and its servo's.
+    """
     reference = [2 * spec.option.timestep, 1.0]
     element = bearer.add_joint(
         name=name,
@@ -106,7 +119,13 @@ def _add_joint(spec: Element, bearer: Element, joint: Joint, name: str) -> None:
 
 
 class _Place(NamedTuple):
-    """The slices of a body's joint among positions and among speeds, and its number among joints."""
+    """Where a body's joint is in a model.
+
+    Attributes:
+        position: its slice of all positions.
+        speed: its slice of all speeds.
+        number: among all joints.
+    """
 
     position: slice
     speed: slice
@@ -115,6 +134,12 @@ class _Place(NamedTuple):
 
 class Moving:
     """Read the free bodies from a model's positions and speeds, and move what moves by itself.
+
+    Call `launch` once, when the robot's motion begins, and `pull` before each step.
+
+    Args:
+        scene: has the bodies and their joints.
+        model: compiled with `add_bodies`.
 
     Attributes:
         drives: those of joints.
@@ -131,60 +156,74 @@ class Moving:
         self._places: dict[str, _Place] = {}
         for name in self._names:
             joint = model.joint(_name(scene, name))
-            q = int(joint.qposadr[0])
-            v = int(joint.dofadr[0])
-            positions = slice(q, q + len(joint.qpos0))
-            speeds = slice(v, v + len(joint.damping))
-            self._places[name] = _Place(positions, speeds, joint.id)
+            position = int(joint.qposadr[0])
+            speed = int(joint.dofadr[0])
+            self._places[name] = _Place(
+                position=slice(position, position + len(joint.qpos0)),
+                speed=slice(speed, speed + len(joint.damping)),
+                number=joint.id,
+            )
 
         self._hung = scene.ordered_joints
-        self.drives = [
-            placed.joint.drive for placed in self._hung if placed.joint.drive
-        ]
+        joints = [placed.joint for placed in self._hung]
+        self.drives = [joint.drive for joint in joints if joint.drive]
         self.launched = [body for body in scene.free if body.launched]
         self.latched = [joint for joint in scene.joints if joint.latches]
 
     def state(self, qpos: Array, qvel: Array) -> State:
-        """Convert positions (..., Q) and speeds (..., V) to the free bodies' state."""
-        return self._softs.add_to(self._rigid_state(qpos, qvel), qpos, qvel)
+        """Convert positions (..., Q) and speeds (..., V) to the free bodies' state.
 
-    def _rigid_state(self, qpos: Array, qvel: Array) -> State:
-        """Convert positions (..., Q) and speeds (..., V) to the state of the rigid bodies."""
-        if not self._hung:
+        MuJoCo knows a body that hangs from another by its joint alone, so its pose is computed, parents first.
+        """
+        if not self._hung and not self._scene.softs:
             positions = qpos[..., self._first_position :]
             return state(self._names, positions, qvel[..., self._first_speed :])
 
-        found: dict[str | None, Placement] = {None: Placement.at_rest(Pose())}
-        for name, pose in self._scene.places.items():
-            found[name] = Placement.at_rest(pose)
-        hung = {placed.joint.body for placed in self._hung}
-
-        for name, (q, v, _) in self._places.items():
-            if name not in hung:
-                free = state((name,), qpos[..., q], qvel[..., v])
-                found[name] = Placement(*(array[..., 0, :] for array in free.arrays))
-
-        for placed in self._hung:
-            q, v, _ = self._places[placed.joint.body]
-            value, speed = _local(placed, qpos[..., q], qvel[..., v])
-            parent = found[placed.joint.parent]
-            found[placed.joint.body] = placed.carry(value, speed, parent)
-
-        arrays = []
+        found, nodes = self._softs.read(qpos, qvel)
+        found |= self._place_rigid(qpos, qvel)
+        names = tuple(body.name for body in self._scene.free)
         shape = qpos.shape[:-1]
-
-        for parts in zip(*(found[name] for name in self._names), strict=True):
+        arrays = []
+        for parts in zip(*(found[name] for name in names), strict=True):
             full = [np.broadcast_to(part, (*shape, part.shape[-1])) for part in parts]
             arrays.append(np.stack(full, axis=-2))
 
-        return State(self._names, *arrays)
+        return State(names, *arrays, soft=nodes)
+
+    def _place_rigid(self, qpos: Array, qvel: Array) -> dict[str, Placement]:
+        """Place the rigid bodies by positions (..., Q) and speeds (..., V): a parent first, then what hangs from it."""
+        found: dict[str, Placement] = {}
+        for name, pose in self._scene.places.items():
+            found[name] = Placement.at_rest(pose)
+
+        hung = {placed.joint.body: placed for placed in self._hung}
+
+        for name, place in self._places.items():
+            if name not in hung:
+                free = state((name,), qpos[..., place.position], qvel[..., place.speed])
+                found[name] = Placement(*(array[..., 0, :] for array in free.arrays))
+
+        world = Placement.at_rest(Pose())
+        for name, placed in hung.items():
+            place = self._places[name]
+            joint = _local(placed, qpos[..., place.position], qvel[..., place.speed])
+            parent = found.get(placed.joint.parent or "", world)
+            found[name] = placed.carry(*joint, parent)
+
+        return found
 
     def launch(self, qpos: Array, qvel: Array) -> None:
-        """Give bodies their velocities, in speeds (V,)."""
+        """Give bodies their velocities.
+
+        Args:
+            qpos: positions (Q,).
+            qvel: speeds (V,), which are changed; a body's angular velocity is in its own axes there.
+        """
         for body in self.launched:
-            q, v, _ = self._places[body.name]
-            spin = rotate(qpos[q][3:] * _BACK, np.asarray(body.spin))
-            qvel[v] = [*body.velocity, *spin]
+            place = self._places[body.name]
+            turn = qpos[place.position][3:] * _BACK
+            spin = rotate(turn, np.asarray(body.spin))
+            qvel[place.speed] = [*body.velocity, *spin]
 
     def aim(self, times: Array) -> Array:
         """Sample the drives' positions at instants (S,): (S, D)."""
@@ -192,10 +231,14 @@ class Moving:
         return positions.reshape(len(self.drives), len(times)).T
 
     def pull(self, model: Element, data: Element) -> None:
-        """Set the forces of latches. Where one rises it is a spring, which is stable however stiff."""
+        """Set the forces of latches for the next step.
+
+        Where one rises it is a spring, which is stable however stiff: MuJoCo takes its springs at the step's end. So
+        the rise goes to the joint's stiffness, and what that adds away from its rest is taken off again.
+        """
         for joint in self.latched:
-            q, v, number = self._places[joint.body]
-            position = float(data.qpos[q][0])
+            place = self._places[joint.body]
+            position = float(data.qpos[place.position][0])
             rise = 0.0
             for latch in joint.latches:
                 away = position - latch.at
@@ -204,12 +247,18 @@ class Moving:
                     rise += latch.force * turn * math.cos(turn * away)
 
             spring = rise * (position - joint.rest)
-            model.jnt_stiffness[number] = joint.stiffness + rise
-            data.qfrc_applied[v] = latch_force(joint, position) + spring
+            model.jnt_stiffness[place.number] = joint.stiffness + rise
+            data.qfrc_applied[place.speed] = latch_force(joint, position) + spring
 
 
 def _local(placed: PlacedJoint, qpos: Array, qvel: Array) -> tuple[Array, Array]:
-    """Convert a joint's positions and speeds to those of `PlacedJoint.carry`; MuJoCo's ball turns in its own axes."""
+    """Convert a joint's positions and speeds to those of `PlacedJoint.carry`; MuJoCo's ball turns in its own axes.
+
+    Args:
+        placed: the joint.
+        qpos: (..., 1), or a ball's quaternion (..., 4).
+        qvel: (..., 1), or a ball's angular velocity (..., 3).
+    """
     if placed.joint.kind != "ball":
         return qpos[..., 0], qvel[..., 0]
     turn = multiply(placed.turn, qpos)
@@ -217,7 +266,10 @@ def _local(placed: PlacedJoint, qpos: Array, qvel: Array) -> tuple[Array, Array]
 
 
 def state(names: tuple[str, ...], qpos: Array, qvel: Array) -> State:
-    """Convert the positions (..., 7 B) and speeds (..., 6 B) of bodies without a joint to a state."""
+    """Convert the positions (..., 7 B) and speeds (..., 6 B) of bodies without a joint to a state.
+
+    MuJoCo has their angular velocities in their own axes, and a state in the world's.
+    """
     shape = (*qpos.shape[:-1], len(names))
     poses = qpos.reshape(*shape, 7)
     speeds = qvel.reshape(*shape, 6)

@@ -52,7 +52,13 @@ class MuJoCoRenderer(Renderer):
                 self._context.free()
 
     def load(self, task: Task, seed: int, tool: Tool | None) -> None:
-        """Compile a model of what is drawn, and load it into the context."""
+        """Compile a model of what is drawn, and load it into the context.
+
+        Args:
+            task: has the robot and the scene.
+            seed: of the layout.
+            tool: what the arm holds; None: its hand, if it has one.
+        """
         robot = task.robot
         shown = tool
         if shown is None:
@@ -110,7 +116,12 @@ class MuJoCoRenderer(Renderer):
         mujoco.mj_camlight(self._model, self._data)
 
     def _bend(self, name: str, surface: Mesh) -> None:
-        """Give a soft body's mesh other vertices and smooth normals, in the frame of its geom."""
+        """Give a soft body's mesh other vertices and smooth normals, in the frame of its geom.
+
+        Args:
+            name: the body's.
+            surface: in the world, with the same faces as before.
+        """
         model = self._model
         geom = int(self._model.body(f"scene/{name}").geomadr[0])
         number = int(model.geom_dataid[geom])
@@ -167,10 +178,16 @@ def _vertex_normals(surface: Mesh) -> Array:
 
 
 def _open_gl() -> tuple[Any, str]:
-    """Create a context that draws without a window; return it and the name of the device.
+    """Create a context that draws without a window.
 
     The environment variable MUJOCO_GL chooses the library or switches drawing off, as everywhere with MuJoCo. By
     default the first library found is taken.
+
+    Returns:
+        the context, MuJoCo's ``GLContext``, and the name of the device that it draws on.
+
+    Raises:
+        NoPicture: there is no such library, it fails, or drawing is switched off.
     """
     libraries = {"egl": "EGL", "osmesa": "OSMesa"}
     if platform.system() == "Darwin":
@@ -212,7 +229,15 @@ def _no_open_gl(why: str) -> NoPicture:
 def _show(
     spec: Element, bearer: Element, shape: Shape, pose: Pose, color: Color
 ) -> None:
-    """Add a shape that is only drawn."""
+    """Add a shape that is only drawn.
+
+    Args:
+        spec: gets its mesh, if it has one.
+        bearer: the spec's body that it is part of.
+        shape: the shape.
+        pose: in the body.
+        color: red, green, blue and opacity, 0 to 1.
+    """
     geom = add_geom(spec, bearer, shape, pose)
     geom.rgba = color
     geom.contype = 0
@@ -235,12 +260,14 @@ def _light(spec: Element) -> None:
         pos=[1.5, -1.5, 3.0], dir=[-1.0, 1.0, -2.0], castshadow=True
     )
     sun.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+
     sun.diffuse = [0.55] * 3
     sun.ambient = [0.0] * 3
     sun.specular = [0.1] * 3
     spec.visual.headlight.ambient = [0.5] * 3
     spec.visual.headlight.diffuse = [0.1] * 3
     spec.visual.headlight.specular = [0.0] * 3
+
     # Metres; the extent is the unit of the view settings.
     spec.stat.extent = 1.0
     spec.stat.center = [0.6, 0.0, 0.2]
@@ -251,13 +278,17 @@ def _light(spec: Element) -> None:
 
 
 def _look(camera: Camera) -> Any:
-    """Make MuJoCo's camera."""
+    """Make MuJoCo's camera: it orbits its target, at an azimuth and an elevation in degrees.
+
+    Straight down the azimuth is that of the picture's upper edge.
+    """
     way = np.subtract(camera.target, camera.position)
     view = mujoco.MjvCamera()
     view.type = mujoco.mjtCamera.mjCAMERA_FREE
     view.orthographic = camera.height_m is not None
     view.lookat[:] = camera.target
     view.distance = float(np.linalg.norm(way))
+
     across = np.hypot(way[0], way[1])
     along = way
     if across < 1e-6:

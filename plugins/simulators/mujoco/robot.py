@@ -25,8 +25,11 @@ _AHEAD = 3.0  # how many times faster a joint's speed converges than its positio
 def load(robot: Robot, tool: Tool, slots: int = 0) -> tuple[Element, list[Collider]]:
     """Make a spec of the arm with a tool, and list its colliders. Rigidly joined links become one body.
 
-    Each mount gets at least ``slots`` boxes. Unused ones are a millimetre wide, weigh nothing, and are a kilometre
-    away, also from those on another mount.
+    Args:
+        robot: the arm.
+        tool: what it holds.
+        slots: the fewest boxes on each mount. Unused ones are a millimetre wide, weigh nothing, and are a kilometre
+            away, also from those on another mount.
     """
     assets: dict[str, bytes] = {}
 
@@ -81,6 +84,11 @@ def add_servos(spec: Element, robot: Robot, tool: Tool) -> None:
 
     Gravity of the arm and its tool is compensated: those torques are known, and count towards a joint's limit. The
     fingers' coupling in the description becomes a constraint.
+
+    Args:
+        spec: has the arm with its tool, see `load`.
+        robot: the arm.
+        tool: what it holds; its joints get no servo.
     """
     loose = {bearer.name for bearer in tool.bearers}
     for body in spec.bodies:
@@ -119,13 +127,20 @@ def set_gains(model: Element, robot: Robot, tracking_rate: float) -> None:
 
     A faster second pole would follow better, but a joint at its force limit would move too far within a step, and
     shake.
+
+    Args:
+        model: compiled; its servos are changed.
+        robot: the arm.
+        tracking_rate: of the slower pole, 1/s.
     """
     data = mujoco.MjData(model)
     data.qpos[: len(robot.home)] = robot.home
     mujoco.mj_forward(model, data)
+
     inertia = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, inertia)
     count = len(model.actuator_biasprm)
+
     h = model.opt.timestep
     shrink = np.exp(-h * tracking_rate * np.array([1.0, _AHEAD]))
     product = float(np.prod(shrink))

@@ -8,7 +8,8 @@ import numpy as np
 
 from core.errors import UserError
 from core.geometry import Array
-from core.scene import Scene, Soft, State
+from core.scene import Scene, Soft
+from core.values.joints import Placement
 from core.values.softs import lattice, sizes
 from plugins.simulators.mujoco.contacts import (
     IMPEDANCE,
@@ -30,6 +31,11 @@ _BOTH = 3
 def add_softs(spec: Element, scene: Scene, tools_friction: float) -> None:
     """Add each node that is not pinned as a body that slides along the world's axes, and the flexes.
 
+    Args:
+        spec: what they are added to.
+        scene: has the soft bodies.
+        tools_friction: the coefficient of what may touch them.
+
     Raises:
         UserError: bodies bounce, for which MuJoCo needs an integrator that has no soft bodies.
     """
@@ -41,59 +47,89 @@ def add_softs(spec: Element, scene: Scene, tools_friction: float) -> None:
             "a scene with soft bodies can't have two bodies with restitution; leave it out of one"
         )
 
-    reference = [2 * spec.option.timestep, 1.0]
     for number, soft in enumerate(scene.softs):
-        names = ["world"] * len(soft.placed)
-        vertices = soft.placed.copy()
-        for node in _free_nodes(soft):
-            names[node] = _name(number, node)
-            mass = soft.mass * soft.form.weights[node]
-            _add_node(spec, names[node], vertices[node], mass)
-            vertices[node] = 0.0
+        flex = _add_flex(spec, number, soft)
+        _set_contact(spec, flex, mean_friction(soft.friction, tools_friction))
+        _set_elastic(spec, flex, soft)
 
-        flex = spec.add_flex(
-            name=f"soft/{soft.name}", dim=soft.form.elements.shape[1] - 1
+
+def _add_flex(spec: Element, number: int, soft: Soft) -> Element:
+    """Add a soft body's nodes, and the flex that they are the vertices of.
+
+    Args:
+        spec: what they are added to.
+        number: the body's, among the soft ones.
+        soft: the body.
+    """
+    form = soft.form
+    bearers = ["world"] * len(soft.placed)
+    vertices = (
+        soft.placed.copy()
+    )  # of nodes that are pinned in the world, of others in their body
+    for node in _free_nodes(soft):
+        bearers[node] = _name(number, node)
+        mass = soft.mass * form.weights[node]
+        _add_node(spec, bearers[node], vertices[node], mass)
+        vertices[node] = 0.0
+
+    flex = spec.add_flex(name=f"soft/{soft.name}", dim=form.elements.shape[1] - 1)
+    flex.vertbody = bearers
+    flex.vert = np.ravel(vertices)
+    flex.elem = np.ravel(form.elements).astype(np.int32)
+    flex.radius = form.thickness / 2
+    return flex
+
+
+def _add_node(spec: Element, name: str, place: Array, mass: float) -> None:
+    """Add a node of a mass, kg, at a place (3,) in the world."""
+    body = spec.worldbody.add_body(
+        name=name,
+        pos=place,
+        mass=mass,
+        inertia=[1e-4 * mass] * 3,
+        explicitinertial=True,
+    )
+    for axis, way in enumerate(np.eye(_AXES)):
+        body.add_joint(
+            name=f"{name}/{axis}",
+            type=mujoco.mjtJoint.mjJNT_SLIDE,
+            axis=way,
         )
-        flex.vertbody = names
-        flex.vert = np.ravel(vertices)
-        flex.elem = np.ravel(soft.form.elements).astype(np.int32)
-        flex.radius = soft.form.thickness / 2
-        flex.young = soft.elastic.young
-        flex.poisson = soft.elastic.poisson
-        # MuJoCo warns of a solid without any.
-        flex.damping = max(soft.elastic.damping, 1e-9)
-        flex.contype, flex.conaffinity = Role.SCENE.value
-        flex.selfcollide = mujoco.mjtFlexSelf.mjFLEXSELF_NONE
-        # Above that of fixed geoms.
-        flex.condim = 3
-        flex.priority = 2
-        flex.friction = [mean_friction(soft.friction, tools_friction), 0.0, 0.0]
-        flex.solref = [reference[0], 1.3]
-        flex.solimp = IMPEDANCE
-        # Neo-Hookean: MuJoCo's other material, Saint Venant-Kirchhoff's, folds up under loads.
-        flex.elastic3d = int(soft.form.kind == "solid")
-        if soft.form.kind == "cloth":
+
+
+def _set_contact(spec: Element, flex: Element, friction: float) -> None:
+    """Let a flex touch the scene and the tool, with a coefficient of friction, but not itself."""
+    flex.contype, flex.conaffinity = Role.SCENE.value
+    flex.selfcollide = mujoco.mjtFlexSelf.mjFLEXSELF_NONE
+    flex.condim = 3
+    flex.priority = 2  # above that of fixed geoms
+    flex.friction = [friction, 0.0, 0.0]
+    flex.solref = [2 * spec.option.timestep, 1.3]
+    flex.solimp = IMPEDANCE
+
+
+def _set_elastic(spec: Element, flex: Element, soft: Soft) -> None:
+    """Set what a flex resists with: stretching, bending and damping."""
+    flex.young = soft.elastic.young
+    flex.poisson = soft.elastic.poisson
+    # MuJoCo warns of a solid without any.
+    flex.damping = max(soft.elastic.damping, 1e-9)
+
+    match soft.form.kind:
+        case "solid":
+            # Neo-Hookean: MuJoCo's other material, Saint Venant-Kirchhoff's, folds up under loads.
+            flex.elastic3d = 1
+
+        case "cloth":
             flex.thickness = soft.form.thickness
             flex.elastic2d = _STRETCHES
             if _bends(soft, -spec.option.gravity[2]):
                 flex.elastic2d = _BOTH
 
-        if soft.form.kind == "rope":
+        case "rope":
             length = spec.add_equality(type=mujoco.mjtEq.mjEQ_FLEX, name1=flex.name)
-            length.solref = reference
+            length.solref = [2 * spec.option.timestep, 1.0]
             length.solimp = HOLDS
-
-
-def _add_node(spec: Element, name: str, place: Array, mass: float) -> None:
-    """Add a node at a place (3,) in the world."""
-    body = spec.worldbody.add_body(
-        name=name, pos=place, mass=mass, inertia=[1e-4 * mass] * 3
-    )
-    body.explicitinertial = True
-    for axis, way in enumerate(np.eye(_AXES)):
-        body.add_joint(
-            name=f"{name}/{axis}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=way
-        )
 
 
 def hull_boxes(spec: Element) -> None:
@@ -108,8 +144,10 @@ def hull_boxes(spec: Element) -> None:
 
 
 def _bends(soft: Soft, gravity: float) -> bool:
-    """Check if a cloth's own weight bends it over more than a cell; else its stiffness in bending is left out, which
-    costs as much as all the rest."""
+    """Check if a cloth's own weight bends it over more than a cell; ``gravity``: m/s^2.
+
+    Else its stiffness in bending is left out, which costs as much as all the rest.
+    """
     elastic = soft.elastic
     thickness = soft.form.thickness
     weight = 12 * elastic.density * gravity * (1 - elastic.poisson**2)
@@ -137,10 +175,15 @@ class _Nodes(NamedTuple):
 
 
 class Softs:
-    """Where soft bodies' nodes are among a model's positions and speeds."""
+    """Where soft bodies' nodes are among a model's positions and speeds.
+
+    Args:
+        scene: has the soft bodies.
+        model: compiled with `add_softs`.
+    """
 
     def __init__(self, scene: Scene, model: Element) -> None:
-        self._scene = scene
+        self._softs = scene.softs
         self._places: list[_Nodes] = []
         for number, soft in enumerate(scene.softs):
             nodes = _Nodes(_free_nodes(soft), [], [])
@@ -149,30 +192,34 @@ class Softs:
                     joint = model.joint(f"{_name(number, node)}/{axis}")
                     nodes.positions.append(int(joint.qposadr[0]))
                     nodes.speeds.append(int(joint.dofadr[0]))
+
             self._places.append(nodes)
 
-    def add_to(self, rigid: State, qpos: Array, qvel: Array) -> State:
-        """Put the soft bodies, from positions (..., Q) and speeds (..., V), among a state of the rigid ones."""
-        if not self._scene.softs:
-            return rigid
-        shape = qpos.shape[:-1]
-        nodes = {}
-        found = {}
-        for number, name in enumerate(rigid.names):
-            found[name] = [array[..., number, :] for array in rigid.arrays]
-        for soft, place in zip(self._scene.softs, self._places, strict=True):
-            moved, moving = np.zeros((2, *shape, len(soft.form.nodes), 3))
-            moved[..., place.free, :] = qpos[..., place.positions].reshape(
-                *shape, -1, 3
-            )
-            moving[..., place.free, :] = qvel[..., place.speeds].reshape(*shape, -1, 3)
-            nodes[soft.name] = soft.placed + moved
-            middle = soft.form.weights @ nodes[soft.name]
-            speed = soft.form.weights @ moving
-            upright = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (*shape, 4))
-            found[soft.name] = [middle, upright, speed, np.zeros_like(speed)]
+    def read(
+        self, qpos: Array, qvel: Array
+    ) -> tuple[dict[str, Placement], dict[str, Array]]:
+        """Read the soft bodies from positions (..., Q) and speeds (..., V).
 
-        names = tuple(body.name for body in self._scene.free)
-        columns = zip(*(found[name] for name in names), strict=True)
-        arrays = (np.stack(parts, axis=-2) for parts in columns)
-        return State(names, *arrays, soft=nodes)
+        Returns:
+            the placement of each, in which its middle never turns, and its nodes (..., N, 3), by name.
+        """
+        shape = qpos.shape[:-1]
+        placements = {}
+        nodes = {}
+        for soft, place in zip(self._softs, self._places, strict=True):
+            moved = np.zeros((*shape, len(soft.form.nodes), 3))
+            moving = np.zeros_like(moved)
+            free = (*shape, -1, 3)
+            moved[..., place.free, :] = qpos[..., place.positions].reshape(free)
+            moving[..., place.free, :] = qvel[..., place.speeds].reshape(free)
+
+            nodes[soft.name] = soft.placed + moved
+            speed = soft.form.weights @ moving
+            placements[soft.name] = Placement(
+                soft.form.weights @ nodes[soft.name],
+                np.array([1.0, 0.0, 0.0, 0.0]),
+                speed,
+                np.zeros_like(speed),
+            )
+
+        return placements, nodes

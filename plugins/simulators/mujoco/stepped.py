@@ -15,7 +15,14 @@ from plugins.simulators.mujoco.shapes import Element
 
 
 class Stepped:
-    """A `core.interfaces.World`, with the robot at first at a trajectory's first targets."""
+    """A `core.interfaces.World`, with the robot at first at a trajectory's first targets.
+
+    Args:
+        model: of the world; the tool's joints are held in it until `launch`.
+        moving: its bodies.
+        start: a motion that begins there.
+        joints: the robot's.
+    """
 
     def __init__(
         self, model: Element, moving: Moving, start: JointTrajectory, joints: Joints
@@ -38,7 +45,14 @@ class Stepped:
     def step(
         self, arm: Array, fingers: float, speeds: Array, finger_speed: float
     ) -> None:
-        """Step once, with targets at the step's end: the arm's (A,) and their speeds, the fingers' and its speed."""
+        """Step once.
+
+        Args:
+            arm: targets at the step's end (A,).
+            fingers: the target of all fingers there.
+            speeds: at which the arm's approaches (A,).
+            finger_speed: at which the fingers' does.
+        """
         arm = arm - self._back * speeds
         fingers -= self._back * finger_speed
         controls = self._data.ctrl.reshape(-1, 2)

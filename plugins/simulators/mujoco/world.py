@@ -48,7 +48,17 @@ class _Settled:
 
 
 class World:
-    """Play jobs one after another, each from a copy of the settled world, so that no motion affects the next."""
+    """Play jobs one after another, each from a copy of the settled world, so that no motion affects the next.
+
+    MuJoCo steps a whole motion in one call, for which all controls are made before. It stops on the way only where a
+    guard may end, and steps singly where latches pull or forces are measured.
+
+    Args:
+        robot: the arm.
+        scene: in the layout that is played.
+        tool: what the arm holds.
+        model: compiled of these, see `compile_model`.
+    """
 
     def __init__(self, robot: Robot, scene: Scene, tool: Tool, model: Element) -> None:
         self._scene = scene
@@ -60,7 +70,10 @@ class World:
         self._settled: _Settled | None = None
 
     def play(self, job: Rollout) -> Outcome:
-        """Play a rollout as `core.simulation.playback.play` does, with all controls given at once."""
+        """Play a rollout as `core.simulation.playback.play` does, with all controls given at once.
+
+        A world that diverges, or that MuJoCo refuses, gives an outcome with an error.
+        """
         job = begin_guards(job)
         refused = refuse_targets(job)
         if refused is not None:
@@ -136,7 +149,18 @@ class World:
         states: Array,
         meter: Meter | None,
     ) -> tuple[Schedule, tuple[Array, Array]]:
-        """Do the steps after the settling as `_run` does, some readings at once; where a guard ends, go back to it."""
+        """Do the steps after the settling as `_run` does, where a guard may change the motion.
+
+        Several readings are played in one call, which is faster. Where a guard ends at one of them, the world goes back
+        to where the call began, and is played up to that reading alone.
+
+        Args:
+            schedule: of the motion in which no guard ends.
+            guards: of the job.
+            controls: of all steps (S, 2 J), the settling's among them.
+            states: those until the motion begins (T, X).
+            meter: measures the forces in each step, if given.
+        """
         data = self._data
         kept = mujoco.MjData(self._model)
         tick = schedule.tick
@@ -188,7 +212,13 @@ class World:
         return qpos, qvel
 
     def _settle(self, joints: Array, controls: Array, meter: Meter | None) -> _Settled:
-        """Settle with ``controls`` (S, 2 J) that hold joints (J,); kept, since many motions begin the same way."""
+        """Let the world settle; kept, since many motions begin the same way.
+
+        Args:
+            joints: positions (J,) of those with a motor.
+            controls: of each step (S, 2 J), which hold them there.
+            meter: measures the forces in each step, if given.
+        """
         known = self._settled
         measured = meter is not None
         if known is not None and known.serves(joints, len(controls), measured=measured):
@@ -262,7 +292,10 @@ class World:
         meter: Meter | None,
         sensed: Array | None,
     ) -> None:
-        """Fill in the states (S + 1, X) after the first, and ``sensed``, as MuJoCo's rollout does."""
+        """Fill in the states (S + 1, X) after the first, and ``sensed``, as MuJoCo's rollout does.
+
+        The latches' forces are set before each step, and contacts measured after it.
+        """
         model = self._model
         mujoco.mj_setState(model, data, states[0], _STATE)
         for number, control in enumerate(controls):
@@ -276,7 +309,11 @@ class World:
                 sensed[number] = data.sensordata
 
     def _controls(self, schedule: Schedule) -> Array:
-        """Make the controls (S, 2 J): each joint's target position and speed, and then each drive's."""
+        """Make the controls (S, 2 J): each joint's target position and speed, and then each drive's.
+
+        The discrete integrator takes a servo's force at the step's end, so it gets the target there. With the other
+        one the force is that at the step's beginning.
+        """
         times = schedule.times
         arm, fingers, speeds, finger_speeds = schedule.targets()
         aims = self._moving.aim(np.append(times, schedule.ends[-1:]))

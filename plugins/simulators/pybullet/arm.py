@@ -139,7 +139,14 @@ class Arm:
     def drive(
         self, arm: Array, fingers: float, speeds: Array, finger_speed: float
     ) -> None:
-        """Set motors and springs for the next step: targets (J,), a finger opening, and their speeds."""
+        """Set motors and springs for the next step.
+
+        Args:
+            arm: targets (J,), radians.
+            fingers: each finger's distance from the middle, metres.
+            speeds: of the arm's targets (J,).
+            finger_speed: of the fingers'.
+        """
         targets = [*arm.tolist(), *[fingers] * self._fingers]
         velocities = [*speeds.tolist(), *[finger_speed] * self._fingers]
         orders = (targets, velocities)
@@ -170,7 +177,10 @@ class Arm:
         return tuple([state[0] for state in states])
 
     def read(self, snapshots: Sequence[tuple[float, ...]]) -> tuple[Array, Array]:
-        """Decode T snapshots: arm (T, J) and fingers with the tool's joints (T, F + K)."""
+        """Decode T snapshots: arm (T, J) and fingers with the tool's joints (T, F + K).
+
+        Fingers that no tool hangs from are not moved, and have 0.
+        """
         rows = np.array(snapshots)
         count = len(self._joints)
         fingers = np.zeros((len(rows), self._idle_fingers))

@@ -23,6 +23,11 @@ _OUT_OF_SIGHT = [0.0, 0.0, -100.0]
 
 
 class PyBulletRenderer(Renderer):
+    """Draw with PyBullet's software renderer; files of meshes are written to ``folder``.
+
+    Each visual shape is a body without mass, so that nothing moves by itself.
+    """
+
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._client = Client()
@@ -87,8 +92,11 @@ class PyBulletRenderer(Renderer):
             self._softs[name] = (soft, self._add(part))
 
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
-        # The software renderer has no transparency. So the scene is drawn again without transparent parts, and blended
-        # in where they are nearest.
+        """See `Renderer.shoot`.
+
+        The software renderer has no transparency. So the scene is drawn again without transparent parts, and blended in
+        where they are nearest.
+        """
         picture, numbers = self._draw(camera, width, height)
         if self._clear:
             poses = {
@@ -132,8 +140,14 @@ class PyBulletRenderer(Renderer):
 
 
 def _matrices(camera: Camera, aspect: float) -> tuple[list[float], list[float]]:
-    """Compute the view matrix and the projection matrix, column by column."""
-    target, (_, up, forward) = np.asarray(camera.target), camera.axes
+    """Compute the view matrix and the projection matrix, column by column.
+
+    Args:
+        camera: where it is, and what it looks at.
+        aspect: the picture's width by its height.
+    """
+    _, up, forward = camera.axes
+    target = np.asarray(camera.target)
     position = np.asarray(camera.position)
     fov_deg = camera.fov_deg
     near = _NEAR_M

@@ -24,7 +24,14 @@ _PLACEHOLDER = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 
 @lru_cache(maxsize=4)  # consecutive jobs mostly share it
 def robot_file(folder: Path, robot: Robot, tool: Tool, *, visuals: bool) -> Path:
-    """Write the arm with its tool to a file: PyBullet reads only files."""
+    """Write the arm with its tool to a file: PyBullet reads only files.
+
+    Args:
+        folder: where it is written.
+        robot: the arm.
+        tool: what it holds.
+        visuals: with what is drawn, too.
+    """
     arm = assembled(robot, tool, fused=True)
     links = dict(arm.links)
     for name, inertia in driven_links(robot).items():

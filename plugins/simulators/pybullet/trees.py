@@ -109,6 +109,7 @@ class PreparedTree:
                 weight = replace(inertia, frame=place @ inertia.frame)
                 weights[body.name] = weight
                 offsets[body.name] = offset_of(inertia)
+
             shapes = collisions_of(body, folder, place)
             described[name] = RobotLink(name, inertial(weight), shapes)
 
@@ -183,7 +184,7 @@ class PreparedTree:
 
 
 def _set_touching(client: Client, first: Place, second: Place, touch: int) -> None:
-    """Let two bodies touch, 1, or not, 0."""
+    """Let two bodies touch, 1, or not, 0; each is a multibody and a link."""
     client.setCollisionFilterPair(first[0], second[0], first[1], second[1], touch)
 
 
@@ -203,9 +204,11 @@ def prepare_trees(scene: Scene, folder: Path) -> list[PreparedTree]:
     for body in scene.bodies:
         if body.collisions and body.name not in {*roots, *trees}:
             prepared.append(PreparedTree.of(scene, body, (), folder))
+
     for name, joints in trees.items():
         root_body = None if name in roots else scene[name]
         prepared.append(PreparedTree.of(scene, root_body, joints, folder))
+
     return prepared
 
 
@@ -215,7 +218,14 @@ def _frame(body: Body, joint: Joint) -> Pose:
 
 
 def _describe_joint(joint: Joint, link: str, parent: str, pose: Pose) -> RobotJoint:
-    """Describe the joint that bears ``link`` at a pose in its parent."""
+    """Describe a joint for a URDF file, at 0 where the scene has it.
+
+    Args:
+        joint: what it can do.
+        link: the name of the link that it bears.
+        parent: the name of the link that bears it.
+        pose: of ``link`` in ``parent``.
+    """
     kind = _KINDS[joint.kind]
     lower = 1.0  # above the upper one: none
     upper = -1.0
@@ -276,4 +286,5 @@ def _find_rate(
         latches = [math.pi * latch.force / latch.width for latch in joint.latches]
         stiffness = joint.stiffness + max(latches, default=0.0)
         rates += [math.sqrt(stiffness * lightness), joint.damping * lightness / MILD]
+
     return max(rates)

@@ -71,6 +71,12 @@ def weigh(component: Any, inertia: Inertia) -> None:
 class Bodies:
     """The bodies of a scene, at their initial poses.
 
+    Call `end_step` after each step, and `launch` once, when the robot's motion begins.
+
+    Args:
+        setup: of the world.
+        weighed: the scene.
+
     Attributes:
         components: PhysX's of the free bodies, by name.
     """
@@ -116,6 +122,7 @@ class Bodies:
                     joined.get(body.name, TOGETHER),
                     fixed=body.fixed,
                 )
+
             setup.add(body.name, component, body.pose, drive)
 
         self._steps = 0
@@ -170,7 +177,11 @@ class Bodies:
         return packed
 
     def read(self, notes: Sequence[bytes]) -> State:
-        """Decode T snapshots of the free bodies."""
+        """Decode T snapshots of the free bodies.
+
+        SAPIEN packs 13 single-precision numbers of each body, the free ones first, and 13 more behind them. Then come
+        the robot's joints.
+        """
         numbers = self._unpack(notes).astype(np.float64)
         quaternions, positions, linear, angular = np.split(numbers, [4, 7, 10], axis=2)
         squares = (quaternions * quaternions).sum(axis=2, keepdims=True)

@@ -42,7 +42,11 @@ class Brakes:
     """The brakes of a world, at first as for bodies that rest.
 
     A brake's torque is at most the arm of rolling friction times the normal force, which is taken to be what makes the
-    body deviate from free fall. Two adjustments are ``seconds`` apart.
+    body deviate from free fall.
+
+    Args:
+        brakes: of all bodies that have one.
+        seconds: between two adjustments.
     """
 
     def __init__(self, brakes: list[Brake], seconds: float) -> None:
@@ -53,6 +57,7 @@ class Brakes:
         self._held = np.array(squares, dtype=np.float32)
         still = np.zeros((len(brakes), 3), dtype=np.float32)
         self._velocities: npt.NDArray[np.float32] = still
+
         # Squares of the accelerations between which a brake may stay as it is.
         self._low = (_ALIKE[0] * GRAVITY) ** 2 * self._held
         self._high = (_ALIKE[1] * GRAVITY) ** 2 * self._held

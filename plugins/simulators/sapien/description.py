@@ -32,7 +32,15 @@ class AxisJoint:
 
 @dataclass(frozen=True, eq=False)
 class ArticulationLink:
-    """Rigidly joined links: the parent's number and the joint to it (the base has neither), inertia, and shapes."""
+    """Rigidly joined links, as one.
+
+    Attributes:
+        name: of the first of them.
+        parent: its number in the list; None: it is the base.
+        joint: to the parent; None: it is the base.
+        inertia: of all together, in the first one's frame.
+        collisions: of all.
+    """
 
     name: str
     parent: int | None

@@ -22,6 +22,7 @@ def pushes(system: Any, shapes: Collection[Any]) -> tuple[Array, Array]:
             continue
 
         sign = 1.0 if first else -1.0
+
         for point in contact.points:
             points.append(point.position)
             forces.append(sign * point.impulse / system.timestep)
@@ -69,6 +70,7 @@ class Forces(Impulses):
             if impulse is None:
                 parts = [float(p.impulse @ p.normal) for p in contact.points]
                 impulse = sum(parts)
+
             if still:
                 self._still[shapes] = impulse
             self.add(met, impulse)

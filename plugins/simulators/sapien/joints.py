@@ -156,6 +156,7 @@ class _Hinge:
         axis = np.asarray(joint.axis)
         back = Pose.xyz_rpy(_STILL, moved)
         self.slack = 0.0
+
         if joint.kind == "slider":
             back = Pose.xyz_rpy(moved, _STILL)
         else:
@@ -192,23 +193,35 @@ class _Hinge:
 
 
 def _hold(hinge: _Hinge, time_step: float, tracking_rate: float) -> Iterator[_Acting]:
-    """Make a joint, and yield what acts in it."""
+    """Make a joint, and yield what acts in it.
+
+    The first D6 joint holds the body, limits it, and has its spring, damper and latches. Dry friction and a drive act
+    in others, since each has one motor.
+
+    Args:
+        hinge: where the body hangs.
+        time_step: seconds.
+        tracking_rate: of drives, 1/s.
+    """
     joint = hinge.joint
     main = hinge.hold_point(0.0)
     if joint.kind != "ball":
         hinge.hold_point(hinge.reach)
 
     limit = main.set_limit_twist
+
     if joint.kind == "slider":
         main.set_limit_twist(0.0, 0.0)
         limit = main.set_limit_x
     else:
         main.set_limit_x(0.0, 0.0)
+
     if joint.limited:
         limit(joint.lower - hinge.middle, joint.upper - hinge.middle)
 
     motor = _Motor(main, hinge, time_step)
     motor.resist(joint.stiffness if joint.kind == "ball" else 0.0, joint.damping)
+
     if joint.kind == "ball":
         if joint.stiffness:
             yield _BallPull(motor, joint)
@@ -228,7 +241,13 @@ def _hold(hinge: _Hinge, time_step: float, tracking_rate: float) -> Iterator[_Ac
 
 
 def _find_slack(inertia: Inertia, origin: Array, axis: Array | None) -> float:
-    """Compute `_Hinge.slack` of a joint at ``origin`` (3,), about an ``axis`` (3,); None: about any."""
+    """Compute `_Hinge.slack`.
+
+    Args:
+        inertia: the body's.
+        origin: (3,) of the joint, in the body's frame, metres.
+        axis: (3,) that it turns about; None: any.
+    """
     arm = inertia.frame.position - origin
     moment = float(inertia.moments.max())
     if axis is not None:
@@ -304,7 +323,11 @@ class _Motor:
 
 
 class _Pull:
-    """The spring and latches of a hinge or slider: a force and how it changes with the position, at where it is."""
+    """The spring and latches of a hinge or slider: a force and how it changes with the position, at where it is.
+
+    How it changes is the stiffness of the motor's spring, whose end is put where the joint is. So the force is implicit
+    in the solver, and stable however steep it is.
+    """
 
     def __init__(self, motor: _Motor, joint: Joint) -> None:
         self._motor = motor
@@ -341,7 +364,7 @@ def _find_slope(latch: Latch, position: float) -> float:
 
 
 class _BallPull:
-    """The spring of a ball joint."""
+    """The spring of a ball joint: the motor's, with its end where the ball is, and a torque that pulls back."""
 
     def __init__(self, motor: _Motor, joint: Joint) -> None:
         self._motor = motor
@@ -350,13 +373,21 @@ class _BallPull:
     def act(self, time: float) -> None:
         turned = self._motor.component.relative_pose
         self._motor.component.set_drive_target(turned)
+
         w, x, y, z = turned.q
         turn = Rotation.from_quat([x, y, z, w]).as_rotvec()
         self._motor.push(-self._stiffness * turn)
 
 
 class _Servo:
-    """A motor that follows a schedule as the arm's do; ``time`` is 0 until the robot's motion begins."""
+    """A motor that follows a schedule as the arm's do; ``time`` is 0 until the robot's motion begins.
+
+    Args:
+        motor: what moves.
+        drive: the schedule, and the most that the motor does.
+        tracking_rate: how fast it converges to its target, 1/s.
+        time_step: seconds.
+    """
 
     def __init__(
         self, motor: _Motor, drive: Drive, tracking_rate: float, time_step: float
@@ -364,8 +395,10 @@ class _Servo:
         self._motor = motor
         self._drive = drive
         self._time_step = time_step
+
         self._speeds = np.append(np.diff(drive.positions) / np.diff(drive.times), 0.0)
         self._ahead = 1 / tracking_rate
+
         stiffness = drive.force / _GIVES_WAY
         motor.resist(stiffness, stiffness / tracking_rate, drive.force)
 

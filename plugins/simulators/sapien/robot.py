@@ -48,7 +48,14 @@ def surfaces_of(robot: Robot, tool: Tool) -> set[Surface]:
 
 
 class ArticulatedArm:
-    """The arm with ``tool``, its joints at the first targets of ``start``, and the tool's held."""
+    """The arm with a tool, its joints at a trajectory's first targets, and the tool's held.
+
+    Args:
+        setup: of the world.
+        robot: the arm.
+        tool: what it holds.
+        start: a motion that begins there.
+    """
 
     def __init__(
         self, setup: Setup, robot: Robot, tool: Tool, start: JointTrajectory
@@ -84,16 +91,19 @@ class ArticulatedArm:
     def launch(self) -> None:
         """Let the tool's joints go: the drive of each is its spring and damper.
 
-        With dry friction it is that: a damper that gives up at a torque. Then the spring is applied in each step.
+        PhysX's own friction of a joint is a share of its load, which ours is not. So with dry friction the drive is that:
+        a damper that gives up at a torque. Then the spring is applied in each step.
         """
         self._pulled = []
         active = self._articulation.active_joints
+
         for number, joint in zip(self._loose, self._hung, strict=True):
             drive = active[number]
             if joint.friction > 0:
                 drive.set_drive_properties(0.0, _STICKS, joint.friction, "force")
                 self._pulled.append((number, joint))
                 continue
+
             drive.set_drive_properties(
                 joint.stiffness, joint.damping, math.inf, "force"
             )
@@ -102,7 +112,14 @@ class ArticulatedArm:
     def drive(
         self, arm: Array, fingers: float, speeds: Array, finger_speed: float
     ) -> None:
-        """Set the drives for the next step: targets (J,), a finger opening, and their speeds."""
+        """Set the drives for the next step.
+
+        Args:
+            arm: targets (J,), radians.
+            fingers: each finger's distance from the middle, metres.
+            speeds: of the arm's targets (J,).
+            finger_speed: of the fingers'.
+        """
         if self._pulled:
             self._pull()
 
@@ -118,6 +135,7 @@ class ArticulatedArm:
         ):
             if order != before:  # drives keep their target
                 set_target(order)
+
         self._orders = orders
 
     def _pull(self) -> None:
@@ -145,7 +163,13 @@ class ArticulatedArm:
 
 
 class _Builder:
-    """Makes the articulation's links, with their shapes and with what drives or holds their joints."""
+    """Makes the articulation's links, with their shapes and with what drives or holds their joints.
+
+    Args:
+        setup: of the world.
+        robot: the arm.
+        tool: what it holds.
+    """
 
     def __init__(self, setup: Setup, robot: Robot, tool: Tool) -> None:
         self._setup = setup

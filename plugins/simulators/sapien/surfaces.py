@@ -55,7 +55,12 @@ class Copy(NamedTuple):
 
 
 class Surfaces:
-    """The surfaces of a world by kind, those of moving and those of fixed bodies."""
+    """The surfaces of a world by kind.
+
+    Args:
+        moving: those of the robot and of free bodies.
+        fixed: those of fixed bodies, which don't meet each other.
+    """
 
     def __init__(self, moving: Iterable[Surface], fixed: Iterable[Surface]) -> None:
         moving = {*moving}
@@ -96,10 +101,12 @@ class Surfaces:
         if friction > 0:
             # This surface's deviation from the typical one of its kind.
             friction *= 2 * math.sqrt(surface.friction / mine.friction) - 1
+
         restitution = mine.restitution * theirs.restitution
 
         material = physx.PhysxMaterial(friction, friction, restitution)
         self._materials[key] = material
+
         return material
 
 
@@ -115,6 +122,7 @@ def _sort(surfaces: set[Surface]) -> dict[Surface, int]:
         if rougher or surface.restitution != first.restitution:
             first = surface
             kind += 1
+
         kinds[surface] = kind
 
     return kinds

@@ -103,6 +103,10 @@ class MuJoCoWarpSimulator(DrawingSimulator):
     def _find_figures(self, task: Task, job: Rollout) -> ModelFigures:
         """Return a world's own figures for a job's scene and tool; those of the last few thousand are kept.
 
+        Args:
+            task: says the robot.
+            job: says the scene and the tool.
+
         Raises:
             UserError: the scene has what MuJoCo Warp can't play.
         """
@@ -170,9 +174,14 @@ class MuJoCoWarpSimulator(DrawingSimulator):
     def _batch(
         self, task: Task, schedules: Sequence[Schedule], figures: ModelFigures
     ) -> Worlds:
-        """Return worlds for the first of the jobs, which have these figures but for what is a world's own.
+        """Return worlds for the first of the jobs.
 
         Sizes are rounded up to powers of two, so that few are made.
+
+        Args:
+            task: that of all jobs.
+            schedules: of the jobs.
+            figures: theirs, but for what is a world's own.
         """
         contacts = self._contacts.get(figures.shared)
         if contacts is None:
@@ -194,7 +203,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
     def _outcome(
         self, schedule: Schedule, figures: ModelFigures, played: Played
     ) -> Outcome:
-        """Make a job's outcome of its world's result."""
+        """Make a job's outcome of its world's result; an error if that can't be trusted."""
         if played.crowded:
             problem = f"more than {_MOST_CONTACTS // 2} contacts at once"
             return Outcome(None, None, error=f"MuJoCo Warp: {problem}")

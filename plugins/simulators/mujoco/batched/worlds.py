@@ -42,6 +42,11 @@ class Worlds:
 
     All steps of a rollout are the same few hundred launches. They are recorded once, as a CUDA graph or its CPU
     equivalent.
+
+    Args:
+        compiled: the model, of one of the worlds.
+        size: their capacity.
+        device: Warp's.
     """
 
     def __init__(self, compiled: Element, size: Size, device: Any) -> None:
@@ -52,6 +57,7 @@ class Worlds:
         joints = compiled.nactuator
         numbers = compiled.nq + compiled.nv
         count = size.worlds
+
         self._ahead = int(is_discrete(compiled.opt))
         with warp.ScopedDevice(device):
             self._model = mujoco_warp.put_model(
@@ -64,6 +70,7 @@ class Worlds:
             self._data = mujoco_warp.make_data(
                 compiled, count, nconmax=size.contacts, njmax=rows
             )
+
             self._step = warp.zeros(1, dtype=int)
             self._settle, self._last, self._every, self._instants = (
                 warp.zeros(count, dtype=int) for _ in range(4)
@@ -75,6 +82,7 @@ class Worlds:
             self._stiffness, self._damping, self._aim = (
                 warp.zeros((count, joints), dtype=warp.float64) for _ in range(3)
             )
+
             self._first = warp.zeros((count, compiled.nq), dtype=float)
             self._start, self._end = (
                 warp.zeros((count, numbers), dtype=float) for _ in range(2)
@@ -82,6 +90,7 @@ class Worlds:
             self._film = warp.zeros((size.frames, count, numbers), dtype=float)
             self._springs = warp.zeros((count, compiled.njnt), dtype=float)
             self._frictions = warp.zeros((count, compiled.nv), dtype=float)
+
             self._lag = warp.zeros(count, dtype=warp.float64)
             self._lost, self._astray, self._broken, self._crowded, self._counts = (
                 warp.zeros(count, dtype=int) for _ in range(5)
@@ -93,7 +102,12 @@ class Worlds:
     def play(
         self, figures: Sequence[ModelFigures], schedules: Sequence[Schedule]
     ) -> list[Played]:
-        """Play one job in each world; at most `Size.worlds` jobs, of trajectories and recordings that fit the size."""
+        """Play one job in each world.
+
+        Args:
+            figures: of each job's model.
+            schedules: of the jobs, at most `Size.worlds`, with trajectories and recordings that fit the size.
+        """
         with warp.ScopedDevice(self._device):
             last = self._load(figures, schedules)
             if self._graph is None:
@@ -136,7 +150,15 @@ class Worlds:
     def _load(
         self, figures: Sequence[ModelFigures], schedules: Sequence[Schedule]
     ) -> list[int]:
-        """Reset all worlds, and count the steps of each. Worlds left over repeat the last job."""
+        """Reset all worlds, and load the jobs. Worlds left over repeat the last job.
+
+        Args:
+            figures: of each job's model.
+            schedules: of the jobs.
+
+        Returns:
+            how many steps each world has.
+        """
         count = self.size.worlds
         self._arm = schedules[0].job.trajectory.arm.shape[1]
         which = np.minimum(np.arange(count), len(schedules) - 1)
@@ -209,8 +231,10 @@ class Worlds:
             self._model.dof_frictionloss,
         ]
         warp.launch(release, self._frictions.shape, released)
+
         mended = [self._astray, self._first, data.qpos, data.qvel, data.qacc_warmstart]
         warp.launch(mend, self.size.worlds, mended)
+
         driven = [
             self._step,
             self._settle,
@@ -271,7 +295,12 @@ class Worlds:
 
 
 def _count_rows(compiled: Element, contacts: int) -> int:
-    """Count the constraint rows for so many contacts."""
+    """Count the constraint rows of a world at most.
+
+    Args:
+        compiled: the model.
+        contacts: how many there may be.
+    """
     dims = [int(compiled.geom_condim.max()), *(int(dim) for dim in compiled.pair_dim)]
     loose = int(np.count_nonzero(compiled.dof_frictionloss)) + MAX_JOINTS
     limited = int(compiled.jnt_limited.sum())
@@ -279,7 +308,6 @@ def _count_rows(compiled: Element, contacts: int) -> int:
 
 
 def _assign(array: Any, values: Array) -> None:
-    # The type of a vector's components.
-    """Copy numbers to the device, as an array's own type."""
+    """Copy numbers to the device, as an array's own type: of a vector, its components'."""
     scalar = getattr(array.dtype, "_wp_scalar_type_", array.dtype)
     array.assign(np.ascontiguousarray(values, dtype=warp.dtype_to_numpy(scalar)))
