@@ -219,7 +219,12 @@ class AnchoredPlan(ActionPlan):
                 if step.corrects:
                     way = pose.position - rows[-1][:3]
                     missed = poses[HERE].position - pose.position
-                    corrected = step.corrected(known, way, missed, where)
+                    corrected = step.corrected(
+                        known,
+                        way,
+                        missed,
+                        where,
+                    )
                     if reached:
                         poses |= corrected
 
@@ -238,7 +243,12 @@ class AnchoredPlan(ActionPlan):
     @property
     def anchors(self) -> tuple[Anchor, ...]:
         return tuple(
-            Anchor(step.anchor, step.axes, step.toward, step.share)
+            Anchor(
+                step.anchor,
+                step.axes,
+                step.toward,
+                step.share,
+            )
             for step in self.steps
         )
 
@@ -296,7 +306,11 @@ class AnchoredActions(ActionRepresentation):
             "required": ["offset"],
             "additionalProperties": False,
         }
-        return {"type": "array", "items": waypoint, "minItems": 1}
+        return {
+            "type": "array",
+            "items": waypoint,
+            "minItems": 1,
+        }
 
     def parse(self, data: object, *, gripper: bool) -> AnchoredPlan:
         if not isinstance(data, list):
@@ -491,7 +505,16 @@ def _read_step(data: object, where: str, gripper: bool) -> Step:
         place = ".".join(str(part) for part in first["loc"])
         if first["type"] == "unexpected_keyword_argument":
             names = [known.name for known in fields(Step)]
-            raise DesignError(str(choices("field", place, names, where))) from error
+            raise DesignError(
+                str(
+                    choices(
+                        "field",
+                        place,
+                        names,
+                        where,
+                    )
+                )
+            ) from error
 
         raise DesignError(f"{where}: {place[:100]}: {first['msg']}") from error
 

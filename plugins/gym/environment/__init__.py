@@ -87,9 +87,11 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         render_modes = self.metadata["render_modes"]
         if render_mode not in (None, *render_modes):
             raise choices("render_mode", str(render_mode), render_modes)
+
         config = load("evaluate", [f"task={task}", *words])
         self.task = task_part(config).create()
         self.simulator = part(SIMULATOR, config.sim).create()
+
         robot = self.task.robot
         if gripper and robot.gripper is None:
             raise UserError(f"{robot.title} has no gripper; leave out gripper=True")
@@ -106,15 +108,22 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         self._arm = arm_of(robot)
         self._opening = robot.opening_m
         self._world: World | None = None
+
         moves = len(robot.arm_joints) if control_mode == "joints" else 6
         moves += self.tool.gripper
-        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (moves,), np.float64)
+        self.action_space = gymnasium.spaces.Box(
+            -1.0,
+            1.0,
+            (moves,),
+            np.float64,
+        )
         observed = self._count_observations()
         self.observation_space = gymnasium.spaces.Box(
             -np.inf, np.inf, (observed,), np.float64
         )
 
     def _count_observations(self) -> int:
+        """Count the numbers that an agent sees; see the class."""
         robot = self.task.robot
         scene = self.task.scene(0)
         joints = len(robot.arm_joints) + len(robot.finger_joints)
@@ -128,11 +137,23 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Numbers, dict[str, Any]]:
-        """Start an episode in a layout that ``seed`` draws, and let it settle."""
+        """Start an episode in a layout, and let it settle.
+
+        Args:
+            seed: draws the layout; None: the episode before does.
+            options: none are known.
+
+        Returns:
+            the first observation, and the task's reward now.
+
+        Raises:
+            UserError: the task's reward needs what steps don't measure.
+        """
         super().reset(seed=seed)
         self._layout = int(self.np_random.integers(2**31))
         self._scene = self.task.scene(self._layout)
         self._film = Film(self._scene, self.task.robot, self.tool)
+
         self._elapsed = -SETTLE_S
         self._joints = self._arm.home_for(self.task.home)
         self._fingers = self._opening
@@ -140,7 +161,12 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
 
         world = self.simulator.world(self.task, self.tool, self._layout)
         self._world = world
-        self._drive(world, self._joints, self._fingers, SETTLE_S)
+        self._drive(
+            world,
+            self._joints,
+            self._fingers,
+            SETTLE_S,
+        )
         self._start = begin_motion(world)
         try:
             self._earned = self._reward(world, self._start)
@@ -155,6 +181,12 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         self, action: Numbers
     ) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:
         """Drive the arm for 0.05 s.
+
+        Args:
+            action: see the class.
+
+        Returns:
+            the observation, what the reward grew by, if the episode is done, False, and the task's reward now.
 
         Raises:
             ResetNeeded: there is no world yet.
@@ -171,7 +203,12 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             most = FINGER_SPEED * STEP_S
             fingers += float(np.clip(wanted - fingers, -most, most))
 
-        self._drive(world, self._target(action), fingers, STEP_S)
+        self._drive(
+            world,
+            self._target(action),
+            fingers,
+            STEP_S,
+        )
 
         before = self._earned
         self._earned = self._reward(world, world.state())
@@ -192,7 +229,11 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         raise gymnasium.error.InvalidAction(f"{wanted}; got {shorten(repr(action))}")
 
     def _target(self, action: Numbers) -> Array:
-        """Joint targets (J,) at the end of the step, within the limits of angle and speed."""
+        """Return joint targets (J,) at the end of the step, within the limits of angle and speed.
+
+        Args:
+            action: within -1 to 1.
+        """
         arm = self._arm
         fastest = arm.velocity_limits * STEP_S
 
@@ -230,7 +271,12 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             left = span - k * world.time_step
             arm_target = joints - speeds * left
             finger_target = fingers - finger_speed * left
-            world.step(arm_target, finger_target, speeds, finger_speed)
+            world.step(
+                arm_target,
+                finger_target,
+                speeds,
+                finger_speed,
+            )
             self._elapsed += world.time_step
 
         self._joints = joints
@@ -239,17 +285,31 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         self._pose = self._arm.forward(joints)
 
     def _reward(self, world: World, now: State) -> float:
-        """The task's reward; its trace, if it reads one, is of the episode until now, without forces."""
+        """Compute the task's reward.
+
+        Args:
+            world: is read for the trace of the episode until now, which has no forces; most rewards read none.
+            now: the state.
+        """
         trace = None
         if self.task.reads_trace:
             trace = self._film.trace(self._elapsed, world)
         first = self._scene.complete(self._start)
-        reward = reward_of(self.task, first, self._scene.complete(now), trace)
+        reward = reward_of(
+            self.task,
+            first,
+            self._scene.complete(now),
+            trace,
+        )
 
         return float(np.asarray(reward))
 
     def _observation(self, world: World) -> Numbers:
-        """Return the numbers that an agent sees; see the class."""
+        """Return the numbers that an agent sees; see the class.
+
+        Args:
+            world: is read as it is now.
+        """
         state = world.state()
         bodies = np.concatenate(state.arrays, axis=-1).ravel()
         nodes = [state.nodes(soft.name).ravel() for soft in self._scene.softs]
@@ -261,7 +321,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         return np.concatenate([*world.joints(), bodies, *nodes, *fixed])
 
     def render(self) -> Image | None:
-        """Draw a picture (height, width, 3); None without a ``render_mode``."""
+        """Draw a picture (height, width, 3); None without a ``render_mode``, or before the first episode."""
         if self.render_mode is None or self._world is None:
             return None
         arm, fingers = self._world.joints()

@@ -286,7 +286,12 @@ class Meter:
         return replace(
             recording,
             forces=found,
-            pushes=Pushes(touched, bodies, measured.points, pushes),
+            pushes=Pushes(
+                touched,
+                bodies,
+                measured.points,
+                pushes,
+            ),
         )
 
 

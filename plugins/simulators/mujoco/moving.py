@@ -54,14 +54,24 @@ def add_bodies(spec: Element, scene: Scene) -> dict[str, Element]:
                 pose = scene[parent].pose.inverse() @ pose
 
         known = _name(scene, name)
-        element = add_body(bearer, known, pose, inertia_of(body))
+        element = add_body(
+            bearer,
+            known,
+            pose,
+            inertia_of(body),
+        )
         bearers[name] = element
         tops[name] = tops.get(parent, element)
 
         if joint is None:
             element.add_freejoint(name=known)
         else:
-            _add_joint(spec, element, joint, known)
+            _add_joint(
+                spec,
+                element,
+                joint,
+                known,
+            )
             # A servo's load is known where nothing else could give way to it.
             if joint.drive and (parent not in tops or bearer.gravcomp > 0):
                 element.gravcomp = 1.0
@@ -101,10 +111,12 @@ def _add_joint(spec: Element, bearer: Element, joint: Joint, name: str) -> None:
     )
     if joint.limited:
         element.range = [joint.lower, joint.upper]
+
     element.stiffness[0] = joint.stiffness
     element.springref = joint.rest
     element.damping[0] = joint.damping
     element.frictionloss = joint.friction
+
     element.solref_limit = reference
     element.solref_friction = reference
     element.solimp_friction = HOLDS
@@ -151,6 +163,8 @@ class Moving:
         self._scene = scene
         self._names = tuple(body.name for body in _rigid(scene))
         self._softs = Softs(scene, model)
+
+        # Without joints and soft bodies theirs are the last ones.
         self._first_position = model.nq - 7 * len(self._names)
         self._first_speed = model.nv - 6 * len(self._names)
         self._places: dict[str, _Place] = {}
@@ -200,15 +214,19 @@ class Moving:
 
         for name, place in self._places.items():
             if name not in hung:
-                free = state((name,), qpos[..., place.position], qvel[..., place.speed])
+                position = qpos[..., place.position]
+                speed = qvel[..., place.speed]
+                free = state((name,), position, speed)
                 found[name] = Placement(*(array[..., 0, :] for array in free.arrays))
 
         world = Placement.at_rest(Pose())
         for name, placed in hung.items():
             place = self._places[name]
-            joint = _local(placed, qpos[..., place.position], qvel[..., place.speed])
+            position = qpos[..., place.position]
+            speed = qvel[..., place.speed]
+            value, rate = _local(placed, position, speed)
             parent = found.get(placed.joint.parent or "", world)
-            found[name] = placed.carry(*joint, parent)
+            found[name] = placed.carry(value, rate, parent)
 
         return found
 
@@ -228,7 +246,8 @@ class Moving:
     def aim(self, times: Array) -> Array:
         """Sample the drives' positions at instants (S,): (S, D)."""
         positions = np.array([drive.sample(times) for drive in self.drives])
-        return positions.reshape(len(self.drives), len(times)).T
+        shape = (len(self.drives), len(times))
+        return positions.reshape(shape).T
 
     def pull(self, model: Element, data: Element) -> None:
         """Set the forces of latches for the next step.
@@ -275,8 +294,10 @@ def state(names: tuple[str, ...], qpos: Array, qvel: Array) -> State:
     speeds = qvel.reshape(*shape, 6)
     turning = speeds[..., 3:].copy()  # in the body's own axes
     if turning.size:
-        axes = Rotation.from_quat(poses[..., 3:].reshape(-1, 4), scalar_first=True)
-        turning = axes.apply(turning.reshape(-1, 3)).reshape(turning.shape)
+        quaternions = poses[..., 3:].reshape(-1, 4)
+        axes = Rotation.from_quat(quaternions, scalar_first=True)
+        turned = axes.apply(turning.reshape(-1, 3))
+        turning = turned.reshape(turning.shape)
 
     return State(
         names,

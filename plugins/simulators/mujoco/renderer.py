@@ -63,7 +63,13 @@ class MuJoCoRenderer(Renderer):
         shown = tool
         if shown is None:
             shown = Tool(gripper=robot.gripper is not None)
-        urdf = assemble(robot, shown, visuals=False, mesh_path=lambda _: "0.stl")
+
+        urdf = assemble(
+            robot,
+            shown,
+            visuals=False,
+            mesh_path=lambda _: "0.stl",
+        )
         spec = mujoco.MjSpec.from_string(urdf, assets={"0.stl": _SPECK})
         spec.compiler.discardvisual = False  # a description's reader would
 
@@ -71,11 +77,24 @@ class MuJoCoRenderer(Renderer):
             spec.delete(geom)
         for link, visuals in link_visuals(robot, shown.gripper).items():
             for shape, pose, color in visuals:
-                _show(spec, spec.body(link), shape, pose, color)
+                _show(
+                    spec,
+                    spec.body(link),
+                    shape,
+                    pose,
+                    color,
+                )
 
         for component in shown.components:
             bearer, pose = shown.borne[component.name]
-            _show(spec, spec.body(bearer), component.shape.drawn, pose, component.color)
+            drawn = component.shape.drawn
+            _show(
+                spec,
+                spec.body(bearer),
+                drawn,
+                pose,
+                component.color,
+            )
 
         scene = task.scene(seed)
         for body in scene.bodies:
@@ -83,8 +102,15 @@ class MuJoCoRenderer(Renderer):
                 name=f"scene/{body.name}", mocap=True, pos=body.pose.position
             )
             element.quat = body.pose.quaternion
+
             for part in body.visuals:
-                _show(spec, element, part.shape, part.pose, part.color)
+                _show(
+                    spec,
+                    element,
+                    part.shape,
+                    part.pose,
+                    part.color,
+                )
 
         _light(spec)
         self._softs = scene.softs
@@ -103,16 +129,27 @@ class MuJoCoRenderer(Renderer):
 
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
         """See `Renderer.pose`; soft bodies get the shapes of their nodes."""
-        joints = joint_positions(self._robot, self._tool, arm, fingers)
+        joints = joint_positions(
+            self._robot,
+            self._tool,
+            arm,
+            fingers,
+        )
         for name, value in joints.items():
             self._data.joint(name).qpos[0] = value
+
         for name in state.names:
-            number = self._model.body_mocapid[self._model.body(f"scene/{name}").id]
+            body = self._model.body(f"scene/{name}").id
+            number = self._model.body_mocapid[body]
             self._data.mocap_pos[number] = state.position(name)
             self._data.mocap_quat[number] = state.quaternion(name)
+
         mujoco.mj_kinematics(self._model, self._data)
+
         for soft in self._softs:
-            self._bend(soft.name, soft.form.surface(state.nodes(soft.name)))
+            surface = soft.form.surface(state.nodes(soft.name))
+            self._bend(soft.name, surface)
+
         mujoco.mj_camlight(self._model, self._data)
 
     def _bend(self, name: str, surface: Mesh) -> None:
@@ -128,14 +165,17 @@ class MuJoCoRenderer(Renderer):
         turn = self._data.geom_xmat[geom].reshape(3, 3)
         first_vertex = model.mesh_vertadr[number]
         vertices = slice(first_vertex, first_vertex + model.mesh_vertnum[number])
+
         places = surface.vertices - self._data.geom_xpos[geom]
         model.mesh_vert[vertices] = places @ turn
 
         first_face = model.mesh_faceadr[number]
         faces = slice(first_face, first_face + model.mesh_facenum[number])
         normals = model.mesh_normaladr[number] + model.mesh_facenormal[faces].ravel()
+        corners = model.mesh_face[faces].ravel()
         smooth = _vertex_normals(surface) @ turn
-        model.mesh_normal[normals] = smooth[model.mesh_face[faces].ravel()]
+        model.mesh_normal[normals] = smooth[corners]
+
         with self._opengl.as_current():
             mujoco.mjr_uploadMesh(model, self._context, number)
 
@@ -155,13 +195,23 @@ class MuJoCoRenderer(Renderer):
             everything,
             self._scene,
         )
-        view = mujoco.MjrRect(0, 0, width, height)
+        view = mujoco.MjrRect(
+            0,
+            0,
+            width,
+            height,
+        )
         picture = np.empty((height, width, 3), np.uint8)
         with self._opengl.as_current():
             mujoco.mjr_resizeOffscreen(width, height, self._context)
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
             mujoco.mjr_render(view, self._scene, self._context)
-            mujoco.mjr_readPixels(picture, None, view, self._context)
+            mujoco.mjr_readPixels(
+                picture,
+                None,
+                view,
+                self._context,
+            )
 
         return picture[::-1]
 
@@ -170,10 +220,14 @@ def _vertex_normals(surface: Mesh) -> Array:
     """Compute unit normals (V, 3) of the vertices, each face weighted by its area."""
     corners = surface.vertices[surface.faces]
     first = corners[:, 0]
-    face_normals = np.cross(corners[:, 1] - first, corners[:, 2] - first)
+    second = corners[:, 1] - first
+    third = corners[:, 2] - first
+    face_normals = np.cross(second, third)
+
     normals = np.zeros_like(surface.vertices)
     np.add.at(normals, surface.faces, face_normals[:, None])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals /= np.maximum(lengths, 1e-12)
     return normals
 
 
@@ -192,6 +246,7 @@ def _open_gl() -> tuple[Any, str]:
     libraries = {"egl": "EGL", "osmesa": "OSMesa"}
     if platform.system() == "Darwin":
         libraries = {"cgl": "OpenGL"}
+
     chosen = os.environ.get("MUJOCO_GL", "").lower().strip()
     if chosen in _OFF:
         raise NoPicture(f"MuJoCo's own renderer is switched off (MUJOCO_GL={chosen})")
@@ -238,7 +293,12 @@ def _show(
         pose: in the body.
         color: red, green, blue and opacity, 0 to 1.
     """
-    geom = add_geom(spec, bearer, shape, pose)
+    geom = add_geom(
+        spec,
+        bearer,
+        shape,
+        pose,
+    )
     geom.rgba = color
     geom.contype = 0
     geom.conaffinity = 0
@@ -255,7 +315,13 @@ def _light(spec: Element) -> None:
         "type": mujoco.mjtTexture.mjTEXTURE_SKYBOX,
         "builtin": mujoco.mjtBuiltin.mjBUILTIN_FLAT,
     }
-    spec.add_texture(**white, rgb1=[1, 1, 1], rgb2=[1, 1, 1], width=8, height=48)
+    spec.add_texture(
+        **white,
+        rgb1=[1, 1, 1],
+        rgb2=[1, 1, 1],
+        width=8,
+        height=48,
+    )
     sun = spec.worldbody.add_light(
         pos=[1.5, -1.5, 3.0], dir=[-1.0, 1.0, -2.0], castshadow=True
     )
@@ -293,6 +359,7 @@ def _look(camera: Camera) -> Any:
     along = way
     if across < 1e-6:
         along = camera.axes[1]
+
     view.azimuth = float(np.degrees(np.arctan2(along[1], along[0])))
     view.elevation = float(np.degrees(np.arctan2(way[2], across)))
     return view

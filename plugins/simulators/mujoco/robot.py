@@ -39,7 +39,13 @@ def load(robot: Robot, tool: Tool, slots: int = 0) -> tuple[Element, list[Collid
         assets[name] = path.read_bytes()
         return name
 
-    urdf = assemble(robot, tool, fused=True, visuals=False, mesh_path=asset)
+    urdf = assemble(
+        robot,
+        tool,
+        fused=True,
+        visuals=False,
+        mesh_path=asset,
+    )
     spec = mujoco.MjSpec.from_string(urdf, assets=assets)
     spec.compiler.degree = False
     near = bearers(robot, tool)
@@ -65,7 +71,15 @@ def load(robot: Robot, tool: Tool, slots: int = 0) -> tuple[Element, list[Collid
             role = Role.BEARER
 
         surface = Surface(friction_of(robot, tool, link))
-        colliders.append(Collider(geom, owner, geom.parent.name, role, surface))
+        colliders.append(
+            Collider(
+                geom,
+                owner,
+                geom.parent.name,
+                role,
+                surface,
+            )
+        )
 
     for bearer in tool.bearers:
         body = spec.body(bearer.name)

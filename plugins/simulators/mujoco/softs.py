@@ -69,7 +69,12 @@ def _add_flex(spec: Element, number: int, soft: Soft) -> Element:
     for node in _free_nodes(soft):
         bearers[node] = _name(number, node)
         mass = soft.mass * form.weights[node]
-        _add_node(spec, bearers[node], vertices[node], mass)
+        _add_node(
+            spec,
+            bearers[node],
+            vertices[node],
+            mass,
+        )
         vertices[node] = 0.0
 
     flex = spec.add_flex(name=f"soft/{soft.name}", dim=form.elements.shape[1] - 1)

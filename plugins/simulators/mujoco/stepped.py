@@ -56,7 +56,13 @@ class Stepped:
         arm = arm - self._back * speeds
         fingers -= self._back * finger_speed
         controls = self._data.ctrl.reshape(-1, 2)
-        self._joints.command(controls, arm, speeds, fingers, finger_speed)
+        self._joints.command(
+            controls,
+            arm,
+            speeds,
+            fingers,
+            finger_speed,
+        )
 
         if self._moving.drives:
             driven = len(self._joints.driven)

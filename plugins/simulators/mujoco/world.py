@@ -96,14 +96,24 @@ class World:
         samples = schedule.samples
         states = self._moving.state(qpos[samples], qvel[samples])
         film = (*self._joints.read(qpos[samples]), states)
-        outcome = schedule.conclude(start, end, lag, film)
+        outcome = schedule.conclude(
+            start,
+            end,
+            lag,
+            film,
+        )
         if meter is None or outcome.recording is None:
             return outcome
         return replace(outcome, recording=meter.add_to(outcome.recording, samples))
 
     def stepped(self, start: JointTrajectory) -> Stepped:
         """Make the same world for stepping from outside, with the robot at the trajectory's first targets."""
-        return Stepped(self._model, self._moving, start, self._joints)
+        return Stepped(
+            self._model,
+            self._moving,
+            start,
+            self._joints,
+        )
 
     def _run(
         self, schedule: Schedule, meter: Meter | None
@@ -137,8 +147,19 @@ class World:
 
         guards = schedule.job.guards
         if guards is not None:
-            return self._run_guarded(schedule, guards, controls, states, meter)
-        played = self._steps(self._data, states, controls[schedule.settle :], meter)
+            return self._run_guarded(
+                schedule,
+                guards,
+                controls,
+                states,
+                meter,
+            )
+        played = self._steps(
+            self._data,
+            states,
+            controls[schedule.settle :],
+            meter,
+        )
         return schedule, self._split(played)
 
     def _run_guarded(
@@ -179,7 +200,13 @@ class World:
             mujoco.mj_copyData(kept, self._model, data)
             sensed = np.empty((len(orders), self._model.nsensordata))
             with self._feeler.on():
-                played = self._steps(data, last, orders, meter, sensed)[1:]
+                played = self._steps(
+                    data,
+                    last,
+                    orders,
+                    meter,
+                    sensed,
+                )[1:]
 
             for end in range(due, len(played) + 1, tick):
                 now = float(schedule.ends[done + end - 1])
@@ -188,13 +215,23 @@ class World:
                 qpos, _ = self._split(played[end - 1 : end])
                 arm, _ = self._joints.read(qpos)
                 points, forces = self._feeler.pushes(sensed[end - tick : end])
-                changed = guards.feel(now, arm[0], points, forces)
+                changed = guards.feel(
+                    now,
+                    arm[0],
+                    points,
+                    forces,
+                )
                 if changed is None:
                     continue
 
                 if end < len(played):
                     mujoco.mj_copyData(data, self._model, kept)
-                    played = self._steps(data, last, orders[:end], None)[1:]
+                    played = self._steps(
+                        data,
+                        last,
+                        orders[:end],
+                        None,
+                    )[1:]
 
                 job = replace(schedule.job, trajectory=changed)
                 schedule = Schedule(job, schedule.time_step)
@@ -227,13 +264,28 @@ class World:
         data = mujoco.MjData(self._model)
         data.qpos[self._joints.driven] = joints
         start = np.empty((1, mujoco.mj_stateSize(self._model, _STATE)))
-        mujoco.mj_getState(self._model, data, start[0], _STATE)
+        mujoco.mj_getState(
+            self._model,
+            data,
+            start[0],
+            _STATE,
+        )
         self._joints.hold(self._model, held=True)
-        states = self._steps(data, start, controls, meter)
+        states = self._steps(
+            data,
+            start,
+            controls,
+            meter,
+        )
         contacts = []
         if meter is not None:
             contacts = [*meter.pack()]
-        self._settled = _Settled(joints, states, data, contacts)
+        self._settled = _Settled(
+            joints,
+            states,
+            data,
+            contacts,
+        )
         return self._settled
 
     def _steps(
@@ -262,7 +314,13 @@ class World:
         states = np.concatenate([states, np.empty((len(controls), states.shape[1]))])
         with warnings_caught() as warnings:
             if self._moving.latched or meter is not None:
-                self._step_singly(data, states[now - 1 :], controls, meter, sensed)
+                self._step_singly(
+                    data,
+                    states[now - 1 :],
+                    controls,
+                    meter,
+                    sensed,
+                )
             else:
                 sensordata = None
                 if sensed is not None:
@@ -297,12 +355,22 @@ class World:
         The latches' forces are set before each step, and contacts measured after it.
         """
         model = self._model
-        mujoco.mj_setState(model, data, states[0], _STATE)
+        mujoco.mj_setState(
+            model,
+            data,
+            states[0],
+            _STATE,
+        )
         for number, control in enumerate(controls):
             data.ctrl[:] = control
             self._moving.pull(model, data)
             mujoco.mj_step(model, data)
-            mujoco.mj_getState(model, data, states[number + 1], _STATE)
+            mujoco.mj_getState(
+                model,
+                data,
+                states[number + 1],
+                _STATE,
+            )
             if meter is not None:
                 meter.measure(data)
             if sensed is not None:

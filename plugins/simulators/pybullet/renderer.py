@@ -33,13 +33,23 @@ class PyBulletRenderer(Renderer):
         self._client = Client()
 
     def load(self, task: Task, seed: int, tool: Tool | None) -> None:
+        """See `Renderer.load`."""
         client = self._client
         client.resetSimulation()
         robot = task.robot
-        shown = tool if tool is not None else Tool(gripper=robot.gripper is not None)
-        file = robot_file(self._folder, robot, shown, visuals=True)
+        shown = tool
+        if shown is None:
+            shown = Tool(gripper=robot.gripper is not None)
+
+        file = robot_file(
+            self._folder,
+            robot,
+            shown,
+            visuals=True,
+        )
         self._robot = load_robot(client, file)
         numbers, _ = joint_numbers(client, self._robot)
+
         self._arm = robot
         self._tool = shown
         self._numbers = numbers
@@ -48,7 +58,9 @@ class PyBulletRenderer(Renderer):
         self._softs = {soft.name: (soft, 0) for soft in task.scene(seed).softs}
 
         for body in task.scene(seed).bodies:
-            for part in body.visuals if body.name not in self._softs else ():
+            if body.name in self._softs:
+                continue
+            for part in body.visuals:
                 number = self._add(part)
                 self._parts.append((body.name, part.pose, number))
                 self._place(number, body.pose @ part.pose)
@@ -56,7 +68,9 @@ class PyBulletRenderer(Renderer):
                     self._clear[number] = part.color[3]
 
     def _add(self, part: Geom) -> int:
+        """Add a shape, and return the number of its body."""
         look = {"rgbaColor": part.color, "specularColor": [0.1, 0.1, 0.1]}
+
         match part.shape:
             case Box(size=size):
                 shape = self._client.createVisualShape(
@@ -73,17 +87,27 @@ class PyBulletRenderer(Renderer):
         return int(self._client.createMultiBody(0, -1, shape))
 
     def _place(self, number: int, pose: Pose) -> None:
+        """Put the body of this number somewhere."""
         w, x, y, z = pose.quaternion
         self._client.resetBasePositionAndOrientation(
             number, pose.position.tolist(), [x, y, z, w]
         )
 
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
-        for name, value in joint_positions(self._arm, self._tool, arm, fingers).items():
+        """See `Renderer.pose`; soft bodies get the shapes of their nodes."""
+        joints = joint_positions(
+            self._arm,
+            self._tool,
+            arm,
+            fingers,
+        )
+        for name, value in joints.items():
             self._client.resetJointState(self._robot, self._numbers[name], value)
+
         for name, offset, number in self._parts:
             if name in state.names:
                 self._place(number, state.pose(name) @ offset)
+
         for name, (soft, number) in self._softs.items():
             if number:
                 self._client.removeBody(number)
@@ -99,9 +123,8 @@ class PyBulletRenderer(Renderer):
         """
         picture, numbers = self._draw(camera, width, height)
         if self._clear:
-            poses = {
-                n: self._client.getBasePositionAndOrientation(n) for n in self._clear
-            }
+            client = self._client
+            poses = {n: client.getBasePositionAndOrientation(n) for n in self._clear}
             for number in poses:
                 self._client.resetBasePositionAndOrientation(
                     number, _OUT_OF_SIGHT, [0, 0, 0, 1]
@@ -110,6 +133,7 @@ class PyBulletRenderer(Renderer):
             behind, _ = self._draw(camera, width, height)
             for number, pose in poses.items():
                 self._client.resetBasePositionAndOrientation(number, *pose)
+
             # By number; the last is the background's, -1.
             opacity = np.ones(max(numbers.max(), *self._clear) + 2)
             opacity[list(self._clear)] = list(self._clear.values())
@@ -121,7 +145,11 @@ class PyBulletRenderer(Renderer):
     def _draw(
         self, camera: Camera, width: int, height: int
     ) -> tuple[Image, npt.NDArray[np.int64]]:
-        """Draw a picture (height, width, 3), and for each pixel (height, width) the number of its body, or -1."""
+        """Draw a picture without transparency.
+
+        Returns:
+            the picture (height, width, 3), and for each pixel (height, width) the number of its body, or -1.
+        """
         _, _, pixels, _, numbers = self._client.getCameraImage(
             width,
             height,
@@ -164,4 +192,9 @@ def _matrices(camera: Camera, aspect: float) -> tuple[list[float], list[float]]:
     view: list[float] = pybullet.computeViewMatrix(
         position.tolist(), target.tolist(), up.tolist()
     )
-    return view, pybullet.computeProjectionMatrixFOV(fov_deg, aspect, near, far)
+    return view, pybullet.computeProjectionMatrixFOV(
+        fov_deg,
+        aspect,
+        near,
+        far,
+    )

@@ -37,6 +37,7 @@ def robot_file(folder: Path, robot: Robot, tool: Tool, *, visuals: bool) -> Path
     for name, inertia in driven_links(robot).items():
         placeholder = replace(inertial(inertia), moments=_PLACEHOLDER)
         links[name] = replace(links[name], inertial=placeholder)
+
     text = write(replace(arm, links=links), visuals=visuals)
     return text_file(folder, text, "urdf")
 

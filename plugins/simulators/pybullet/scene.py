@@ -104,7 +104,13 @@ class PreparedScene:
             quaternions[:, shifted] = turns
             linear[:, shifted] += np.cross(angular[:, shifted], frames - centers)
 
-        return State(self.names, positions, quaternions, linear, angular)
+        return State(
+            self.names,
+            positions,
+            quaternions,
+            linear,
+            angular,
+        )
 
     def _find_frames(self, centers: Array, quaternions: Array) -> tuple[Array, Array]:
         """Convert centres of mass to the frames of the bodies that are shifted against them.

@@ -35,7 +35,11 @@ from plugins.simulators.pybullet.engine import Client
 from plugins.simulators.pybullet.mechanisms import Place
 from plugins.simulators.steps import MILD
 
-_KINDS = {"hinge": "revolute", "slider": "prismatic", "ball": "spherical"}
+_KINDS = {
+    "hinge": "revolute",
+    "slider": "prismatic",
+    "ball": "spherical",
+}
 _MODELS = {
     "hinge": pin.JointModelRevoluteUnaligned,
     "slider": pin.JointModelPrismaticUnaligned,
@@ -119,7 +123,12 @@ class PreparedTree:
             above = links.get(joint.parent or "", _ROOT)
             pose = parent.inverse() @ frames[joint.body]
             name = links[joint.body]
-            hung[name] = _describe_joint(joint, name, above, pose)
+            hung[name] = _describe_joint(
+                joint,
+                name,
+                above,
+                pose,
+            )
 
         return cls(
             file=text_file(folder, write(Description("tree", described, hung)), "urdf"),
@@ -154,17 +163,32 @@ class PreparedTree:
         )
         places = self._find_places(client, number)
 
-        client.changeDynamics(number, -1, linearDamping=0, angularDamping=0)
+        client.changeDynamics(
+            number,
+            -1,
+            linearDamping=0,
+            angularDamping=0,
+        )
         for body, dynamics in self.dynamics.items():
             client.changeDynamics(*places[body], **dynamics)
 
         for first, second in combinations(places, 2):
             touch = int(frozenset((first, second)) not in self.joined)
-            _set_touching(client, places[first], places[second], touch)
+            _set_touching(
+                client,
+                places[first],
+                places[second],
+                touch,
+            )
 
         for joint in self.joints:
             if joint.parent in others:
-                _set_touching(client, places[joint.body], others[joint.parent], 0)
+                _set_touching(
+                    client,
+                    places[joint.body],
+                    others[joint.parent],
+                    0,
+                )
 
         return places
 
@@ -185,7 +209,13 @@ class PreparedTree:
 
 def _set_touching(client: Client, first: Place, second: Place, touch: int) -> None:
     """Let two bodies touch, 1, or not, 0; each is a multibody and a link."""
-    client.setCollisionFilterPair(first[0], second[0], first[1], second[1], touch)
+    client.setCollisionFilterPair(
+        first[0],
+        second[0],
+        first[1],
+        second[1],
+        touch,
+    )
 
 
 def prepare_trees(scene: Scene, folder: Path) -> list[PreparedTree]:
@@ -203,11 +233,25 @@ def prepare_trees(scene: Scene, folder: Path) -> list[PreparedTree]:
     prepared = []
     for body in scene.bodies:
         if body.collisions and body.name not in {*roots, *trees}:
-            prepared.append(PreparedTree.of(scene, body, (), folder))
+            prepared.append(
+                PreparedTree.of(
+                    scene,
+                    body,
+                    (),
+                    folder,
+                )
+            )
 
     for name, joints in trees.items():
         root_body = None if name in roots else scene[name]
-        prepared.append(PreparedTree.of(scene, root_body, joints, folder))
+        prepared.append(
+            PreparedTree.of(
+                scene,
+                root_body,
+                joints,
+                folder,
+            )
+        )
 
     return prepared
 
@@ -236,10 +280,23 @@ def _describe_joint(joint: Joint, link: str, parent: str, pose: Pose) -> RobotJo
     elif joint.kind == "hinge":
         kind = "continuous"
 
-    limits = Limits(rounded(lower, DIGITS), rounded(upper, DIGITS), 0.0, 1000.0)
+    limits = Limits(
+        rounded(lower, DIGITS),
+        rounded(upper, DIGITS),
+        0.0,
+        1000.0,
+    )
     x, y, z = (rounded(value, DIGITS) for value in joint.axis)
     origin = Origin.from_pose(pose, DIGITS)
-    return RobotJoint(f"{link}_joint", kind, parent, link, origin, (x, y, z), limits)
+    return RobotJoint(
+        f"{link}_joint",
+        kind,
+        parent,
+        link,
+        origin,
+        (x, y, z),
+        limits,
+    )
 
 
 def _find_rate(
@@ -261,7 +318,12 @@ def _find_rate(
 
     for name in frames.keys() - {joint.body for joint in joints}:  # a free root
         pose = pin.SE3(frames[name].matrix)
-        numbers[name] = model.addJoint(0, pin.JointModelFreeFlyer(), pose, name)
+        numbers[name] = model.addJoint(
+            0,
+            pin.JointModelFreeFlyer(),
+            pose,
+            name,
+        )
 
     for joint in joints:
         moving = pin.JointModelSpherical()
@@ -270,7 +332,12 @@ def _find_rate(
         parent = frames.get(joint.parent or "", Pose())
         place = pin.SE3((parent.inverse() @ frames[joint.body]).matrix)
         above = numbers.get(joint.parent, 0)
-        numbers[joint.body] = model.addJoint(above, moving, place, joint.name)
+        numbers[joint.body] = model.addJoint(
+            above,
+            moving,
+            place,
+            joint.name,
+        )
 
     for name, weight in weights.items():
         moments = pin.Inertia(weight.mass, np.zeros(3), np.diag(weight.moments))

@@ -80,12 +80,24 @@ class World(FreshWorld):
 
         self._places = scene.place(client)
         self._free = [self._places[name] for name in scene.names]
-        self._arm = Arm(client, file, robot, job.tool, job.trajectory, gain)
+        self._arm = Arm(
+            client,
+            file,
+            robot,
+            job.tool,
+            job.trajectory,
+            gain,
+        )
 
         joints = []
         for tree in scene.jointed:
             joints += [(self._places[joint.body], joint) for joint in tree.joints]
-        self._mechanism = Mechanism(client, joints, gain, self.time_step)
+        self._mechanism = Mechanism(
+            client,
+            joints,
+            gain,
+            self.time_step,
+        )
         if job.forces and job.record_hz > 0:
             self.forces = Forces(client, self._name_things(job.tool), self.time_step)
 
@@ -102,7 +114,12 @@ class World(FreshWorld):
     def step(
         self, arm: Array, fingers: float, speeds: Array, finger_speed: float
     ) -> None:
-        self._arm.drive(arm, fingers, speeds, finger_speed)
+        self._arm.drive(
+            arm,
+            fingers,
+            speeds,
+            finger_speed,
+        )
         self._mechanism.drive()
         p.stepSimulation(self.client.number)
         if self.forces:
@@ -146,7 +163,12 @@ class World(FreshWorld):
                 position, quaternion = p.getBasePositionAndOrientation(body, client)
                 linear, angular = p.getBaseVelocity(body, client)
             else:
-                moving = self.client.getLinkState(body, link, 1, 1)
+                moving = self.client.getLinkState(
+                    body,
+                    link,
+                    1,
+                    1,
+                )
                 position = moving[0]
                 quaternion = moving[1]
                 linear = moving[6]

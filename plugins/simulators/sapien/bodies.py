@@ -123,7 +123,12 @@ class Bodies:
                     fixed=body.fixed,
                 )
 
-            setup.add(body.name, component, body.pose, drive)
+            setup.add(
+                body.name,
+                component,
+                body.pose,
+                drive,
+            )
 
         self._steps = 0
         self._brake_every = 0
@@ -141,7 +146,12 @@ class Bodies:
         drive = physx.PhysxDriveComponent(component)
         impulse = arm * body.mass * self._setup.time_step
         held = max(1.0, _LEAST_RESTING * radius / arm)
-        return Brake(self._names.index(body.name), drive, impulse, held)
+        return Brake(
+            self._names.index(body.name),
+            drive,
+            impulse,
+            held,
+        )
 
     def _check_pack(self) -> None:
         """Check that states are read as they are.
@@ -186,10 +196,18 @@ class Bodies:
         quaternions, positions, linear, angular = np.split(numbers, [4, 7, 10], axis=2)
         squares = (quaternions * quaternions).sum(axis=2, keepdims=True)
         quaternions /= np.sqrt(squares)  # single precision until here
+
         if len(self._shifted):  # PhysX reports the velocity of the centre of mass
             arms = rotate(quaternions[:, self._shifted], self._centers)
             linear[:, self._shifted] -= np.cross(angular[:, self._shifted], arms)
-        return State(self._names, positions, quaternions, linear, angular)
+
+        return State(
+            self._names,
+            positions,
+            quaternions,
+            linear,
+            angular,
+        )
 
     def _unpack(self, notes: Sequence[bytes]) -> Floats:
         """Decode each free body's quaternion, position, linear and angular velocity, (T, B, 13)."""

@@ -35,7 +35,12 @@ class Brake(NamedTuple):
     def limit(self, acceleration: float) -> None:
         """Limit the torque, for a normal force of the body's mass times ``acceleration``."""
         most = self.impulse * acceleration
-        self.drive.set_drive_property_slerp(0.0, _BRAKE, most, "acceleration")
+        self.drive.set_drive_property_slerp(
+            0.0,
+            _BRAKE,
+            most,
+            "acceleration",
+        )
 
 
 class Brakes:

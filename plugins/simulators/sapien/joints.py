@@ -29,7 +29,11 @@ _GIVES_WAY = 0.001  # m or rad off its target: there a motor does all it can
 _LEAST = 1e-9  # N s/m or N m s/rad, of a damper that only carries a force
 _MOST = 0.9  # of what a damper is made stronger by
 _PAIRS = 32  # bits
-_DRIVES = {"hinge": "twist", "slider": "x", "ball": "slerp"}
+_DRIVES = {
+    "hinge": "twist",
+    "slider": "x",
+    "ball": "slerp",
+}
 _STILL = np.zeros(3)
 
 
@@ -106,7 +110,13 @@ class Joints:
             inside = scene[joint.body].pose
             if parent is not None and joint.parent is not None:
                 inside = scene[joint.parent].pose.inverse() @ inside
-            hinge = _Hinge(joint, child, parent, inside, inertias[joint.body])
+            hinge = _Hinge(
+                joint,
+                child,
+                parent,
+                inside,
+                inertias[joint.body],
+            )
             self._acting += _hold(hinge, time_step, tracking_rate)
 
     def begin(self) -> None:
@@ -237,7 +247,12 @@ def _hold(hinge: _Hinge, time_step: float, tracking_rate: float) -> Iterator[_Ac
 
     if joint.drive is not None:
         servo = _Motor(hinge.connect(), hinge, time_step)
-        yield _Servo(servo, joint.drive, tracking_rate, time_step)
+        yield _Servo(
+            servo,
+            joint.drive,
+            tracking_rate,
+            time_step,
+        )
 
 
 def _find_slack(inertia: Inertia, origin: Array, axis: Array | None) -> float:
@@ -254,6 +269,7 @@ def _find_slack(inertia: Inertia, origin: Array, axis: Array | None) -> float:
         arm = arm - axis * (arm @ axis)
         along = inertia.frame.rotation.apply(axis, inverse=True)
         moment = float(inertia.moments @ along**2)
+
     return 1 / moment - 1 / (moment + inertia.mass * float(arm @ arm))
 
 

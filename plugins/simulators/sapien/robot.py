@@ -91,8 +91,8 @@ class ArticulatedArm:
     def launch(self) -> None:
         """Let the tool's joints go: the drive of each is its spring and damper.
 
-        PhysX's own friction of a joint is a share of its load, which ours is not. So with dry friction the drive is that:
-        a damper that gives up at a torque. Then the spring is applied in each step.
+        PhysX's own friction of a joint is a share of its load, which ours is not. So with dry friction the drive is
+        that: a damper that gives up at a torque. Then the spring is applied in each step.
         """
         self._pulled = []
         active = self._articulation.active_joints
@@ -100,7 +100,12 @@ class ArticulatedArm:
         for number, joint in zip(self._loose, self._hung, strict=True):
             drive = active[number]
             if joint.friction > 0:
-                drive.set_drive_properties(0.0, _STICKS, joint.friction, "force")
+                drive.set_drive_properties(
+                    0.0,
+                    _STICKS,
+                    joint.friction,
+                    "force",
+                )
                 self._pulled.append((number, joint))
                 continue
 
@@ -211,7 +216,14 @@ class _Builder:
             is_tool = part in self._tool.borne_on
             thing = (-1, "tool" if is_tool else part)
             surface = Surface(friction_of(self._robot, self._tool, part))
-            attach(self._setup, component, shape, thing, surface, self._apart(part))
+            attach(
+                self._setup,
+                component,
+                shape,
+                thing,
+                surface,
+                self._apart(part),
+            )
 
     def _apart(self, part: str) -> Apart:
         """Say what a part of the description doesn't touch.
@@ -245,7 +257,12 @@ class _Builder:
         joint.limit = [list(about.joint.range)]
         joint.friction = 0.0  # PhysX's own is a share of the joint's load
         if link.name in self._loose:
-            joint.set_drive_properties(_HELD, _HELD, math.inf, "force")
+            joint.set_drive_properties(
+                _HELD,
+                _HELD,
+                math.inf,
+                "force",
+            )
         else:
             self._set_motor(joint, about)
 
@@ -262,4 +279,9 @@ class _Builder:
 
         stiffness = force / _GIVES_WAY
         damping = stiffness / self._setup.tracking_rate
-        joint.set_drive_properties(stiffness, damping, force, "force")
+        joint.set_drive_properties(
+            stiffness,
+            damping,
+            force,
+            "force",
+        )
