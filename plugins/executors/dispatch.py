@@ -10,6 +10,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from typing import TypeVar
 
 from core.errors import Fault, UsageError, check_positive, fault
@@ -40,10 +41,12 @@ def dispatch(
 ) -> Iterator[tuple[A, B | Exception]]:
     """Yield each chunk with a worker's result, in the order in which they finish.
 
-    ``chunks`` is read in a thread of its own, so that results come while the next chunk is awaited. At most two chunks
-    for each worker are read and not yet taken. What a worker or ``chunks`` raises is raised here.
+    Each worker has a thread, which reads its next chunk when it is free. So results come while the next chunk is
+    awaited. At most two chunks for each worker are read and not yet taken. What a worker or ``chunks`` raises is raised
+    here.
     """
-    ready: queue.SimpleQueue[tuple[A] | None] = queue.SimpleQueue()
+    source = iter(chunks)
+    reading = threading.Lock()
     results: queue.SimpleQueue[tuple[A, B | Exception] | _Raised | None] = (
         queue.SimpleQueue()
     )
@@ -51,33 +54,22 @@ def dispatch(
     room = threading.Semaphore(2 * len(workers))
     stop = threading.Event()
 
-    def read() -> None:
-        source = iter(chunks)
-        while room.acquire() and not stop.is_set():
-            try:
-                ready.put((next(source),))
-            except StopIteration:
-                return
-
-    def read_ended(error: Exception | None) -> None:
-        if error is not None:
-            results.put(_Raised(error))
-        for _ in workers:
-            ready.put(None)
-
     def serve(worker: Callable[[A], B | Exception]) -> None:
-        while (taken := ready.get()) is not None and not stop.is_set():
+        while room.acquire() and not stop.is_set():
+            with reading:
+                taken = [*islice(source, 1)]
+            if not taken:
+                return
             (chunk,) = taken
             results.put((chunk, worker(chunk)))
 
-    def served(error: Exception | None) -> None:
+    def end(error: Exception | None) -> None:
         results.put(_Raised(error) if error is not None else None)
 
     serving = len(workers)
     try:
-        run_in_thread(read, read_ended, "chunks")
         for worker in workers:
-            run_in_thread(partial(serve, worker), served, "worker")
+            run_in_thread(partial(serve, worker), end, "worker")
         while serving:
             result = results.get()
             if result is None:
@@ -89,7 +81,7 @@ def dispatch(
                 yield result
     finally:
         stop.set()
-        room.release()
+        room.release(len(workers))
 
 
 def check_limits(workers: int | None, timeout_s: float | None) -> None:

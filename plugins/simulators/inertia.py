@@ -54,7 +54,13 @@ def inertia_of(body: Body) -> Inertia:
 
 
 def principal(mass: float, center: Array, tensor: Array) -> Inertia:
-    """Make an inertia of a mass, kg, with its centre (3,) and its tensor (3, 3) about that."""
+    """Make an inertia.
+
+    Args:
+        mass: kg.
+        center: (3,) of mass, metres.
+        tensor: (3, 3) about it, kg m^2.
+    """
     moments, axes = np.linalg.eigh(tensor)
     axes[:, 2] *= np.sign(np.linalg.det(axes))
     frame = Pose.from_rotation(center, Rotation.from_matrix(axes))

@@ -81,7 +81,9 @@ class Feeler:
         """
         outer = sensed[:, self._outer :]
         inner = sensed[:, self._inner :]
-        return outer[:, 3:6], (inner[:, :3] - outer[:, :3]) / len(sensed)
+        points = outer[:, 3:6]
+        forces = (inner[:, :3] - outer[:, :3]) / len(sensed)
+        return points, forces
 
 
 class Measured(NamedTuple):
@@ -242,6 +244,7 @@ class Meter:
         dims = joined.dims[chosen, None]
         along = joined.rows[first[chosen, None] + np.minimum(axes, dims - 1)]
         along = along * (axes < dims)
+
         frames = joined.frames[chosen].reshape(-1, 3, 3)
         on_second = np.einsum("pi,pij->pj", along, frames)
         pushes = np.where(owners[chosen, 1:] == self._tool, on_second, -on_second)
@@ -312,9 +315,11 @@ def _group(measured: Measured) -> Iterator[tuple[Numbers, Numbers, Array]]:
     Yields:
         the two things (2,), and the step (C,) and normal force (C,) of each of their contacts.
     """
-    codes = measured.pairs @ (measured.asleep.shape[1], 1)
+    things = measured.asleep.shape[1]
+    codes = measured.pairs @ (things, 1)
     order = np.argsort(codes, kind="stable")
     begins = np.flatnonzero(np.diff(codes[order])) + 1
+
     for chosen in np.split(order, begins):
         if not len(chosen):  # there are no contacts at all
             return
@@ -342,8 +347,11 @@ def _repeat_resting(
         steps and normal forces, as given, with those that are repeated.
     """
     numbers = np.arange(len(resting))
+    # The step before each, in which they did not rest.
     since = np.maximum.accumulate(np.where(resting, 0, numbers))
     begin = np.searchsorted(steps, since)
     counts = np.searchsorted(steps, since, side="right") - begin
+
     shift = np.repeat(begin - np.cumsum(counts) + counts, counts)
-    return np.repeat(numbers, counts), entries[np.arange(len(shift)) + shift]
+    places = np.arange(len(shift)) + shift
+    return np.repeat(numbers, counts), entries[places]

@@ -57,6 +57,7 @@ def load(robot: Robot, tool: Tool, slots: int = 0) -> tuple[Element, list[Collid
                 type=mujoco.mjtGeom.mjGEOM_BOX, size=[5e-4] * 3, pos=away, mass=0.0
             )
 
+    # Which link each is of, before fused bodies forget it.
     links = [(geom, geom.parent.name) for geom in spec.geoms]
     spec.fuse_static()
     colliders = []

@@ -80,7 +80,10 @@ class Arm:
         self._hold_tool()
 
     def _filter_contacts(self, robot: Robot, tool: Tool) -> None:
-        """Let a tool touch all links but its bearer. The arm's own links overlap by construction, and never touch."""
+        """Let a tool touch all links but its bearer. The arm's own links overlap by construction, and never touch.
+
+        Components that a joint connects don't touch either.
+        """
         components = {*tool.borne_on}
         joined = [{bearer.name, bearer.parent} for bearer in tool.bearers]
         near = {*bearers(robot, tool)}
@@ -111,7 +114,7 @@ class Arm:
             )
 
     def _hold_tool(self) -> None:
-        """Hold the tool's joints where they are."""
+        """Hold the tool's joints where they are, until the motion begins."""
         if self._loose:  # Bullet brakes everything that moves, by 4 % in a second
             self._client.changeDynamics(
                 self.number, -1, linearDamping=0, angularDamping=0
@@ -122,7 +125,7 @@ class Arm:
             )
 
     def launch(self) -> None:
-        """Let the tool's joints go."""
+        """Let the tool's joints go: their dampers are in the description, the rest acts from here on."""
         self._springs = []
         for number, joint in zip(self._loose, self._hung, strict=True):
             # A motor at rest is dry friction.
@@ -172,7 +175,10 @@ class Arm:
             )
 
     def snapshot(self) -> tuple[float, ...]:
-        """Read the joints; Python's garbage collector soon lets go of tuples of numbers, but not of lists."""
+        """Read the positions of the joints, the tool's behind the others.
+
+        Python's garbage collector soon lets go of tuples of numbers, but not of lists.
+        """
         states = p.getJointStates(self.number, self._noted, self._client.number)
         return tuple([state[0] for state in states])
 
@@ -183,7 +189,10 @@ class Arm:
         """
         rows = np.array(snapshots)
         count = len(self._joints)
+        arm = rows[:, : self._arm]
+        loose = rows[:, count:]
+
         fingers = np.zeros((len(rows), self._idle_fingers))
         if self._fingers:
             fingers = rows[:, self._arm : count]
-        return rows[:, : self._arm], np.concatenate([fingers, rows[:, count:]], axis=1)
+        return arm, np.concatenate([fingers, loose], axis=1)

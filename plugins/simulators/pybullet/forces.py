@@ -14,7 +14,13 @@ from plugins.simulators.pybullet.mechanisms import Place
 
 
 def pushes(client: Client, robot: int, links: Collection[int]) -> tuple[Array, Array]:
-    """Return what pushed some links of the robot in the last step, see `core.values.jobs.FeelingWorld`."""
+    """Return what pushed some links of the robot in the last step, see `core.values.jobs.FeelingWorld`.
+
+    Args:
+        client: the world.
+        robot: PyBullet's number of the robot.
+        links: those of the links; what they press on each other with is left out.
+    """
     points = []
     forces = []
     for contact in client.getContactPoints():
@@ -34,6 +40,7 @@ def _force(contact: Sequence[Any]) -> Array:
     normal = contact[9] * np.array(contact[7])
     friction = contact[10] * np.array(contact[11])
     across = contact[12] * np.array(contact[13])
+
     force: Array = normal + friction + across
     return force
 
@@ -54,6 +61,7 @@ class Forces(Impulses):
         self._client = client
         self._things = things
         self._time_step = time_step
+        # By PyBullet's numbers of both.
         self._meetings: dict[tuple[int, ...], Meeting] = {}
 
     def add_step(self) -> None:
@@ -67,4 +75,5 @@ class Forces(Impulses):
             met = self._meetings[who]
             self.add(met, point[9] * self._time_step)
             if met.body:
-                self.push(met, point[5], _force(point) * self._time_step)
+                impulse = _force(point) * self._time_step
+                self.push(met, point[5], impulse)

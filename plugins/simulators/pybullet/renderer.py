@@ -177,6 +177,7 @@ def _matrices(camera: Camera, aspect: float) -> tuple[list[float], list[float]]:
     _, up, forward = camera.axes
     target = np.asarray(camera.target)
     position = np.asarray(camera.position)
+
     fov_deg = camera.fov_deg
     near = _NEAR_M
     far = _FAR_M

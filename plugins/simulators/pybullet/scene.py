@@ -87,7 +87,8 @@ class PreparedScene:
     def read(self, snapshots: Sequence[tuple[float, ...]]) -> State:
         """Decode T snapshots of the free bodies.
 
-        Each has 13 numbers a body: position, quaternion (x, y, z, w) and velocities of its centre of mass.
+        Each has 13 numbers a body: position, quaternion (x, y, z, w) and velocities of its centre of mass. A body whose
+        frame is elsewhere gets the pose and the speed of that.
         """
         rows = np.array(snapshots, dtype=np.float64)
         rows = rows.reshape(len(snapshots), len(self.names), 13)
@@ -121,16 +122,19 @@ class PreparedScene:
             centers: positions (T, K, 3), metres.
             quaternions: (T, K, 4).
         """
-        turns = Rotation.from_quat(_unit(quaternions.reshape(-1, 4))[:, [1, 2, 3, 0]])
+        units = _unit(quaternions.reshape(-1, 4))
+        turns = Rotation.from_quat(units[:, [1, 2, 3, 0]])
         matrices = turns.as_matrix().reshape(*centers.shape, 3)
         positions = (matrices @ self._positions[:, :, None])[..., 0] + centers
 
         offsets = Rotation.from_quat(np.tile(self._turns, (len(centers), 1)))
-        turned = _unit((turns * offsets).as_quat()[:, [3, 0, 1, 2]])
+        turned = (turns * offsets).as_quat()
+        turned = _unit(turned[:, [3, 0, 1, 2]])
         return positions, turned.reshape(quaternions.shape)
 
 
 def _unit(quaternions: Array) -> Array:
     """Normalise quaternions (K, 4)."""
     rows = np.ascontiguousarray(quaternions)
-    return rows / np.sqrt(rows[:, None, :] @ rows[:, :, None])[:, 0]
+    squares = rows[:, None, :] @ rows[:, :, None]
+    return rows / np.sqrt(squares)[:, 0]

@@ -13,7 +13,12 @@ from plugins.simulators.forces import Impulses, Thing, meeting
 
 
 def pushes(system: Any, shapes: Collection[Any]) -> tuple[Array, Array]:
-    """Return what pushed these collision shapes in the last step, see `core.values.jobs.FeelingWorld`."""
+    """Return what pushed some collision shapes in the last step, see `core.values.jobs.FeelingWorld`.
+
+    Args:
+        system: PhysX's.
+        shapes: of the links; what they press on each other with is left out.
+    """
     points = []
     forces = []
     for contact in system.get_contacts():

@@ -138,7 +138,7 @@ class _Hinge:
 
     Attributes:
         joint: the joint.
-        child: PhysX's body.
+        child: PhysX's body that it moves.
         middle: of a hinge's range, rad.
         slack: how much easier the body turns about its centre of mass than about the joint, 1/(kg m^2).
         reach: between two points that move independently, m.
@@ -297,12 +297,13 @@ class _Motor:
         self._share = iterations / (iterations + 1)
         self._iteration_s = time_step / iterations
         self._damping = _LEAST
-        self._slack = hinge.slack * self._iteration_s
+        self._slack = hinge.slack * self._iteration_s  # per unit of damping
 
     def resist(self, stiffness: float, damping: float, limit: float = math.inf) -> None:
         """Set the spring, N/m or N m/rad, the damper, N s/m or N m s/rad, and the most that both do, N or N m."""
         inherent = stiffness * self._iteration_s
         self._damping = max(damping * self._share - inherent, _LEAST)
+
         scale = 1.0
         if self._kind == "ball" and stiffness > 0:
             scale = 4.0  # then PhysX works with half angles
@@ -312,6 +313,7 @@ class _Motor:
     def push(self, force: float | Array) -> None:
         """Set the force, N or N m; a ball's is a torque (3,)."""
         speed = force * self._share / self._damping
+
         match self._kind:
             case "slider":
                 self.component.set_drive_velocity_target([speed, 0.0, 0.0], _STILL)

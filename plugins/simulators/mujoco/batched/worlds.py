@@ -164,6 +164,7 @@ class Worlds:
         which = np.minimum(np.arange(count), len(schedules) - 1)
         figures = [figures[i] for i in which]
         schedules = [schedules[i] for i in which]
+
         fields = {}
         for name in PER_WORLD:
             fields[name] = np.stack([world.fields[name] for world in figures])
@@ -219,7 +220,7 @@ class Worlds:
         return last
 
     def _step_once(self) -> None:
-        """Step all worlds once."""
+        """Step all worlds once: note their states, release joints, mend those that diverged, drive, and step."""
         data = self._data
         self._note()
         released = [
@@ -254,7 +255,10 @@ class Worlds:
         warp.launch(advance, 1, [self._step])
 
     def _leave_out(self, _: Any, data: Any) -> None:
-        """Drop contacts beyond a world's room, and note that it was crowded."""
+        """Drop contacts beyond a world's room, and note that it was crowded.
+
+        MuJoCo Warp calls it after it has found the contacts, with its model and data.
+        """
         contact = data.contact
         self._counts.zero_()
         counted = [
@@ -269,7 +273,10 @@ class Worlds:
         warp.launch(cut, 1, [data.naconmax, data.nacon])
 
     def _note(self) -> None:
-        """Record the state before a step, where one is asked for."""
+        """Record the state before a step, where one is asked for.
+
+        It is also called after the last step, whose end is a state, too.
+        """
         data = self._data
         noted = [
             self._step,
