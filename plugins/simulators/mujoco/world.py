@@ -174,13 +174,6 @@ class World:
 
         Several readings are played in one call, which is faster. Where a guard ends at one of them, the world goes back
         to where the call began, and is played up to that reading alone.
-
-        Args:
-            schedule: of the motion in which no guard ends.
-            guards: of the job.
-            controls: of all steps (S, 2 J), the settling's among them.
-            states: those until the motion begins (T, X).
-            meter: measures the forces in each step, if given.
         """
         data = self._data
         kept = mujoco.MjData(self._model)
