@@ -31,6 +31,7 @@ _SETTINGS = {
 TURNING = ("revolute", "continuous")
 _TURN = 2 * math.pi  # a continuous joint turns so far each way: limits are finite
 _MOST_JOINTS = 7  # of an arm
+_LEAST_JOINTS = 2
 _NAMED = 20  # names that a message lists
 # A joint that turns no farther, from about here, may open a jaw.
 _JAW_RAD = 2.4
@@ -219,9 +220,10 @@ def find_arm(description: Description, flange: str) -> list[RobotJoint]:
     """List the joints that move between base and flange."""
     between = joints_before(description, flange)
     arm = [joint for joint in between if joint.kind != "fixed"]
-    if not arm:
+    if len(arm) < _LEAST_JOINTS:
         raise UserError(
-            f"no joint moves between base {description.root!r} and flange {flange!r}"
+            f"{len(arm) or 'no'} joint moves between base {description.root!r} and flange {flange!r}; an arm has "
+            f"{_LEAST_JOINTS} or more"
         )
     return arm
 

@@ -66,7 +66,7 @@ def read_mjcf(
     Raises:
         UserError: MuJoCo refuses the file, or nothing moves.
     """
-    compiled = isolated(compile_arm, "it", b"", str(file), limit_s=LIMIT_S)
+    compiled = isolated(compile_arm, "the model", b"", str(file), limit_s=LIMIT_S)
     said, _, binary = compiled.partition(b"\n")
     notes: list[str] = json.loads(said)
     model = mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": binary})

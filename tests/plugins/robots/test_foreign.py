@@ -195,6 +195,16 @@ def test_missing_meshes_of_mjcf_are_named_in_one_go(tmp_path):
         read_robot(file, HOME)
 
 
+def test_one_joint_is_no_arm(tmp_path):
+    file = tmp_path / "one.xml"
+    file.write_text(
+        '<mujoco><worldbody><body name="link"><joint range="-3 3" axis="0 0 1"/>'
+        '<geom type="capsule" size="0.03" fromto="0 0 0 0.3 0 0" mass="1"/></body></worldbody></mujoco>'
+    )
+    with pytest.raises(UserError, match=r"1 joint moves between base .*; an arm has 2"):
+        home.main(["robot=urdf", f"robot.path={file}", "robot.effort=40"])
+
+
 def test_an_arm_of_mjcf_without_motors_asks_for_efforts(tmp_path):
     file = tmp_path / "six.xml"
     file.write_text(mjcf(motors=False))
