@@ -12,6 +12,7 @@ from core.interfaces import ActionPlan, Condition, Evaluation, Fitness, Score, T
 from core.values.plans import digest
 from plugins.several.plans import TaskPlans
 
+# What counts of a candidate's rewards in the tasks, by the name in the configuration.
 COMBINE: dict[str, Callable[[Sequence[float]], float]] = {
     "mean": statistics.fmean,
     "worst": min,
@@ -20,6 +21,11 @@ COMBINE: dict[str, Callable[[Sequence[float]], float]] = {
 
 class Together(Fitness):
     """Score each candidate in several tasks, and combine the rewards: their ``mean``, or the ``worst``.
+
+        fitness = Together({"BringCube": nominal, "OneBook": robust}, "mean")
+        score = fitness.score(candidate, trials)
+
+    A candidate has a plan for each task. What it earned in each is among the figures of its score, by the task's name.
 
     Args:
         by_task: the fitness in each task, by the task's name.
@@ -108,6 +114,8 @@ class Together(Fitness):
 
         Args:
             tried: all candidates of the run so far, in any order.
+        Returns:
+            With a number of a plan that none of the tool's candidates has.
         """
         ordered = sorted(tried, key=lambda evaluation: evaluation.candidate.key)
         last = max((e.candidate.generation for e in ordered), default=0)
@@ -182,6 +190,8 @@ def _describe(
         task: the name of the task.
         trial: the one that is shown there.
         score: what the fitness made of the trials there.
+    Returns:
+        A line for each thing to say, which begins with the task.
     """
     for line in (trial.reason, *trial.warnings, *score.warnings):
         if line:

@@ -87,6 +87,9 @@ def _find_common_kinds(entries: Sequence[str | Mapping[str, Any]]) -> tuple[str,
     Args:
         entries: the tasks as the configuration has them: names, or mappings of a ``name`` and settings.
 
+    Returns:
+        In the order of the first task.
+
     Raises:
         UsageError: there is none.
     """

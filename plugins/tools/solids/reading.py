@@ -83,7 +83,11 @@ class Node:
 
 
 def dump_node(node: Node) -> dict[str, Any]:
-    """Write a tree as JSON values."""
+    """Write a tree as JSON values.
+
+    Args:
+        node: of any kind.
+    """
     content: Any = rounded(node.sizes)
     if node.kind in OPERATIONS:
         content = [dump_node(child) for child in node.children]

@@ -116,6 +116,9 @@ class Boxes:
 def heading_axes(heading: float) -> tuple[Array, Array]:
     """Compute the unit vectors (3,) ahead and to the left of a heading, radians about z.
 
+    Args:
+        heading: 0 along x.
+
     Returns:
         Both are level, in the frame that the heading is given in.
     """

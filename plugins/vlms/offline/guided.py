@@ -38,7 +38,10 @@ def needs_guided_head(subgoal: Subgoal) -> bool:
 
     Args:
         subgoal: of any bodies.
+    Returns:
+        A body without a goal needs none, nor do several.
     """
+    # Several bodies are never held one by one.
     goal = subgoal.goal
     if goal is None or len(subgoal.solids) > 1:
         return False
@@ -106,6 +109,8 @@ def _draw_lift_point(
         headings: along which tines may go, radians about z.
         tine: width of each, metres.
         rng: random numbers.
+    Returns:
+        At random from those that are nearly as good as the best.
     """
     found = [find_lift_point(subgoal, heading, tine) for heading in headings]
     points = [point for point in found if point is not None]

@@ -46,6 +46,8 @@ def draw_clamp(subgoal: Subgoal, rng: Generator) -> Head:
     Args:
         subgoal: what is to be moved.
         rng: random numbers.
+    Returns:
+        A head with a pad for each finger.
     """
     extent = subgoal.extent(0.0)
     gap = extent.across + rng.uniform(0.01, min(0.06, 2 * FINGER_OPEN - 0.01))
@@ -58,6 +60,7 @@ def draw_clamp(subgoal: Subgoal, rng: Generator) -> Head:
         thick = thick / 2
         length = extent.along * rng.uniform(0.15, 0.4)
 
+    # Neither too low to hold, nor so high that it meets the hand.
     height = np.clip(subgoal.height * rng.uniform(0.5, 1.3), 0.02, 0.12)
     size = (max(0.012, length), thick, height)
 

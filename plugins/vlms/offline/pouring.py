@@ -54,6 +54,8 @@ def find_handles(subgoal: Subgoal) -> Handles | None:
 
     Args:
         subgoal: of bodies that may be in a container.
+    Returns:
+        Measured along the better heading.
     """
     holder = subgoal.loose_container
     if holder is None:
@@ -173,6 +175,9 @@ class _Pourer:
         """Make a plate below the flange, a crossbar, and the channels.
 
         The plate is the first piece, and bears the crossbar; that bears the channels.
+
+        Returns:
+            In the flange's frame.
         """
         drop = self.drop
         lip = self.lip
@@ -227,7 +232,7 @@ class _Pourer:
 
         path.move(there, heading, rng.uniform(0.15, 0.4))
 
-        # Turn it over, and shake it.
+        # Turn it over, and shake it: what sticks to the wall falls then.
         steps = rng.integers(3, 7)
 
         for share in np.linspace(0.0, 1.0, steps + 1)[1:]:

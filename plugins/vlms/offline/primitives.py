@@ -46,6 +46,8 @@ def _draw_rise(
         subgoal: what is near.
         low: height of the head in the world, metres.
         rng: random numbers.
+    Returns:
+        At least 3 cm.
     """
     clearance = subgoal.clear_height - low + rng.uniform(0.01, 0.05)
     return max(0.03, clearance) * UP
@@ -57,6 +59,8 @@ def _draw_about(length: float, rng: Generator) -> float:
     Args:
         length: that would be right, metres; or a factor.
         rng: random numbers.
+    Returns:
+        In the unit of the length.
     """
     error = 0.015 if rng.random() < 0.3 else 0.18
     return length * rng.normal(1.0, error)
@@ -137,6 +141,8 @@ def _draw_stroke(subgoal: Subgoal, rng: Generator) -> tuple[float, float, float]
     Args:
         subgoal: what is moved.
         rng: random numbers.
+    Returns:
+        The length, the speed and the swing.
     """
     goal = subgoal.center + subgoal.shift
     distance = np.hypot(*subgoal.workspace.from_axis(goal))
@@ -190,6 +196,7 @@ def scoop(
     ahead = extent.ahead
 
     # Slide under the bodies.
+    # A head with a level goes under an overhang, not on the ground.
     low = subgoal.lower[2] + head.level + rng.uniform(0.0005, 0.004)
     gap = rng.uniform(0.005, 0.03)
     speed = rng.uniform(0.08, 0.35)
@@ -366,6 +373,8 @@ def _draw_lift(subgoal: Subgoal, rng: Generator) -> float:
     Args:
         subgoal: what is carried.
         rng: random numbers.
+    Returns:
+        From where they are, metres.
     """
     over_obstacles = 0.0
     if subgoal.length > _IN_PLACE_M:

@@ -267,11 +267,14 @@ class Subgoal:
             start: where it begins (3,), from where the bodies are, metres.
             margin: distance from an obstacle that is needed, metres.
             step: between two places that are checked, at most, metres.
+        Returns:
+            Whether one is at a place that is checked.
         """
         steps = max(2, int(np.ceil(np.linalg.norm(shift) / step)))
         shares = np.linspace(0.0, 1.0, steps)[1:, None]
         way = shares * shift + start + _SUPPORT_M * UP
         turns = np.broadcast_to(np.eye(3), (len(way), 3, 3))
+        # What only touches the bodies does not block them.
         shrunk = Boxes(self.boxes.centers, self.boxes.axes, self.boxes.halves - 0.001)
 
         return count_overlaps(shrunk.moved_to(way, turns), self.obstacles, margin) > 0
@@ -282,6 +285,7 @@ class Subgoal:
         Returns:
             In the world, metres: one of eight ways, up to 6 cm.
         """
+        # All the way up from the place beside must be free.
         rise = max(self.shift[2], 0.05) * UP
         steps = [np.zeros(3)]
 

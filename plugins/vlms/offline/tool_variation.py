@@ -132,6 +132,8 @@ def _replace(components: list[Component], rng: Generator) -> str:
     Args:
         components: of which one is changed.
         rng: random numbers.
+    Returns:
+        What was changed, in words.
     """
     number = _draw_leaf(components, rng)
     component = components[number]
@@ -234,6 +236,8 @@ def _draw_leaf(components: Sequence[Component], rng: Generator) -> int:
     Args:
         components: of one tool, with names of each other as parents.
         rng: random numbers.
+    Returns:
+        Its place in the list.
     """
     parents = {component.parent for component in components}
     leaves = [
@@ -327,6 +331,8 @@ def _blend(
         first: which gives names and kinds of shapes.
         second: of equal structure.
         share: 0..1.
+    Returns:
+        The tool, and what was changed.
     """
     rest = 1 - share
 

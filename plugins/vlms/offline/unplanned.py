@@ -19,6 +19,8 @@ def find_unplanned(task: Task, seed: int) -> list[str]:
     Args:
         task: of any origin.
         seed: of the layout.
+    Returns:
+        Noun phrases; none for a task that is planned for as a whole.
     """
     scene = task.scene(seed)
     reached = reaches(task.goals)

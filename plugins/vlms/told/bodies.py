@@ -21,6 +21,8 @@ def bodies_table(task: Task, seed: int) -> str:
     Args:
         task: whose scene it is.
         seed: of the layout.
+    Returns:
+        In Markdown.
     """
     scene = task.scene(seed)
     jointed = {joint.body for joint in scene.joints}

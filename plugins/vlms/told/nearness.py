@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import trimesh
 
 _CLEAR = 0.9
-"""Opacity; a depth camera does not measure what has less: glass has no depth."""
+"""An opacity, 0..1; a depth camera does not measure what has less: glass has no depth."""
 
 
 def nearness(
@@ -26,6 +26,8 @@ def nearness(
 ) -> Array:
     """Compute how far bodies reach toward a parallel camera in each pixel (high, wide), metres from the origin.
 
+    It is a depth map without a renderer, and so the same on every machine.
+
     From above that is the height. Where nothing is, it is nan; what is clear, as glass, is left out.
 
     Args:
@@ -33,6 +35,8 @@ def nearness(
         camera: a parallel one.
         wide: pixels.
         high: pixels.
+    Returns:
+        Rows from the top of the picture.
     """
     nearest = np.full((high, wide), -np.inf)
     for body in bodies:
@@ -52,12 +56,15 @@ def _raise_to_mesh(
 ) -> None:
     """Raise ``nearest`` (H, W) to the triangles of a mesh.
 
+    Of a closed mesh those that face the camera are enough, which are half of them.
+
     Args:
         nearest: is changed.
         mesh: of a shape.
         pose: of the mesh in the world.
         camera: a parallel one.
     """
+    # Pixels are counted from their middles.
     high, wide = nearest.shape
     points = pose.apply(np.asarray(mesh.vertices, dtype=np.float64))
     pixels = project(camera, points, wide, high) - 0.5
@@ -79,6 +86,8 @@ def _raise_to_triangle(
     toward: Array,
 ) -> None:
     """Raise ``nearest`` (H, W) to a triangle.
+
+    A pixel belongs to the triangle if its middle is inside. What is nearer there already stays.
 
     Args:
         nearest: is changed.

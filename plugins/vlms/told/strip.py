@@ -45,6 +45,9 @@ def draw_strip(
         draw: draws one of its samples, of `SIZE`.
         seen: what was observed of the rollout, if it was.
 
+    Returns:
+        Red, green and blue, 0..255.
+
     Raises:
         NoPicture: nothing here can draw.
     """
@@ -72,6 +75,8 @@ def moments(recording: Recording, seen: Observation | None = None) -> list[Momen
     Args:
         recording: of the rollout, from before the motion on.
         seen: what was observed of the rollout, if it was.
+    Returns:
+        `FRAMES` of them.
     """
     # In the order of what is most worth a frame.
     happened = [(0.0, "start"), (float(recording.times[-1]), "end")]
@@ -125,6 +130,8 @@ def _list_motions(recording: Recording) -> Iterator[Moment]:
 
     Args:
         recording: whose samples before 0 s, while bodies settle, don't count.
+    Yields:
+        Of each body at most three, in this order.
     """
     states = recording.states
     times = recording.times
