@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from core.interfaces import Budget, RolloutSettings, Simulator, Task, ToolRepresentation
-from core.trial import TIE, Evaluation, Rewards, best_first
+from core.trial import TIE, Evaluation, Rewards, Tally, best_first
 from core.values.efforts import Effort, Held
 
 INTERRUPTED = "interrupted"
@@ -83,7 +83,8 @@ class Result:
     lack candidates. None: it came to its end. ``tie`` is as in `Generation`. ``unseen`` are, by engine, the rewards of
     the best candidate in trials that the search never saw, if the fitness has any. ``winner`` was chosen of those that
     earn alike by more trials, in which finalists earned ``finals``, by their id and engine; ``held`` says in how many
-    layouts more the winner held. ``effort`` is the best's in the unseen trials.
+    layouts more the winner held, and ``perturbed`` what came of it with tool and bodies perturbed. ``effort`` is the
+    best's in the unseen trials.
     """
 
     generations: tuple[Generation, ...]
@@ -94,6 +95,7 @@ class Result:
     winner: Evaluation | None = None
     finals: Mapping[str, Rewards] = field(default_factory=dict)
     held: Held | None = None
+    perturbed: Tally = field(default_factory=Tally)
     effort: Effort | None = None
 
     @cached_property
@@ -120,7 +122,7 @@ class Result:
     @property
     def rollouts(self) -> int:
         """How many rollouts there were; equal candidates share theirs."""
-        rollouts = sum(e.rollouts for e in self.evaluations)
-        for engines in self.finals.values():
-            rollouts += sum(map(len, engines.values()))
-        return rollouts
+        # Nobody shares perturbed trials, and those that were rejected were not played.
+        perturbed = self.perturbed.in_order()
+        played = sum(trial.status != "rejected" for trial in perturbed)
+        return played + sum(e.rollouts for e in self.evaluations)

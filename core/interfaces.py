@@ -386,6 +386,8 @@ class Fitness(ABC):
     Its factory takes its settings, and ``condition``: the task in the run's engine, in the layout of the run's seed.
     """
 
+    races: bool = False  # its score is the mean reward of the layouts, in the engine where that is the lowest
+
     @abstractmethod
     def conditions(self) -> Sequence[Condition]:
         """Return the conditions of the search, in the order in which a candidate is tried in them."""
@@ -397,10 +399,14 @@ class Fitness(ABC):
     def finals(self) -> Iterator[Sequence[Condition]]:
         """Yield further layouts without end, of each the conditions in all engines.
 
-        They decide between candidates that earn alike. For how long is the search's setting (`Budget.final_s`).
-        Without any the distance decides.
+        They decide between candidates that earn alike. For how long are the search's settings (`Budget.final_s`,
+        `Budget.elite_s`). Without any the distance decides.
         """
         return iter(())
+
+    def perturbed(self, conditions: Sequence[Condition]) -> Sequence[Condition]:
+        """Return the conditions of a further layout with tool and bodies perturbed; none: nothing perturbs them."""
+        return ()
 
     def unseen(self) -> Sequence[Condition]:
         """Return the conditions of the best candidate at the end, which the search never sees."""

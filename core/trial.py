@@ -13,10 +13,10 @@ from typing import Any, Literal, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from core.design import Candidate
+from core.design import Candidate, Tool
 from core.scene import Scene
 from core.task import Task
-from core.values.efforts import Effort
+from core.values.efforts import Effort, Held, holds
 from core.values.jobs import RolloutSettings
 from core.values.margins import Margin
 from core.values.observations import Observation
@@ -48,13 +48,16 @@ class Part(Protocol[T_co]):
 
 
 class Change(Protocol):
-    """A perturbation of scenes: hashable and picklable."""
+    """A perturbation of scenes and tools: hashable and picklable."""
 
     @property
     def number(self) -> int: ...
 
     def __call__(self, scene: Scene) -> Scene:
         """Return the perturbed scene, the same each time."""
+
+    def perturb_tool(self, tool: Tool) -> Tool:
+        """Return the perturbed tool, the same each time."""
 
 
 class Examiner(Protocol):
@@ -123,6 +126,13 @@ class Condition:
         """Make the scene: the task's layout, perturbed if this is asked for."""
         scene = self.task.shared().scene(self.layout)
         return scene if self.change is None else self.change(scene)
+
+    def perturb(self, candidate: Candidate) -> Candidate:
+        """Return a candidate as it is played: with its plan for the task, its tool perturbed if this is asked for."""
+        played = candidate.of(self.where.task)
+        if self.change is None or played.tool is None:
+            return played
+        return replace(played, tool=self.change.perturb_tool(played.tool))
 
 
 @dataclass(frozen=True)
@@ -204,21 +214,55 @@ class Score:
     reason: str = ""
 
 
+@dataclass(eq=False)
+class Tally:
+    """What came of a candidate in the layouts of a race, by their numbers; it grows while the race goes on.
+
+    Attributes:
+        trials: in each layout.
+        losses: what it missed of a reward of 1 in each layout, by engine.
+    """
+
+    trials: dict[int, tuple[Trial, ...]] = field(default_factory=dict)
+    losses: dict[int, dict[str, float]] = field(default_factory=dict)
+
+    @property
+    def loss(self) -> float:
+        """What it lost in all layouts, in the engine where that is most."""
+        by_engine: dict[str, float] = {}
+        for losses in self.losses.values():
+            for engine, lost in losses.items():
+                by_engine[engine] = by_engine.get(engine, 0.0) + lost
+        return max(by_engine.values(), default=0.0)
+
+    def count_held(self, first: int = 0) -> Held:
+        """Count the layouts from a number on in which it held, in each engine."""
+        lost = [max(self.losses[n].values()) for n in self.losses if n >= first]
+        return Held(sum(holds(1 - loss) for loss in lost), len(lost))
+
+    def in_order(self) -> tuple[Trial, ...]:
+        """Return all trials, in the order of the layouts."""
+        return tuple(
+            trial for number in sorted(self.trials) for trial in self.trials[number]
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Evaluation:
     """A candidate, its trials, and their score.
 
     Attributes:
         candidate: what was tried.
-        trials: in the order of the conditions; none: the candidate breaks a rule in any condition.
+        trials: in the order of the conditions; none: the candidate breaks a rule in any condition. Where it was clearly
+            behind others, some are missing.
         score: what the fitness made of the trials.
-        finals: its trials as a finalist.
+        finals: what came of it in further layouts.
     """
 
     candidate: Candidate
     trials: tuple[Trial, ...] = ()
     score: Score = Score(0.0)
-    finals: tuple[Trial, ...] = ()
+    finals: Tally = field(default_factory=Tally)
 
     @property
     def shown(self) -> Trial | None:
@@ -269,7 +313,7 @@ class Evaluation:
     @property
     def combined(self) -> bool:
         """Whether it has several trials."""
-        return len(self.trials) > 1
+        return len(self.trials) > 1 or bool(self.finals.trials)
 
     @property
     def tasks(self) -> tuple[str, ...]:
@@ -307,8 +351,20 @@ class Evaluation:
 
     @property
     def rollouts(self) -> int:
-        """The number of rollouts that were played for it."""
-        return count_rollouts(self.candidate.id, self.trials)
+        """The number of rollouts that were played for it, in further layouts too."""
+        trials = (*self.trials, *self.finals.in_order())
+        return count_rollouts(self.candidate.id, trials)
+
+    @property
+    def layouts(self) -> int:
+        """In how many layouts or changes it was tried in the search."""
+        return len({(trial.layout, trial.change) for trial in self.trials})
+
+    @property
+    def expected_loss(self) -> float:
+        """What it is expected to miss of a reward of 1 in another layout, by Laplace's rule of succession."""
+        lost = self.layouts * (1 - self.reward) + self.finals.loss
+        return (lost + 1) / (self.layouts + len(self.finals.losses) + 2)
 
     def in_task(self, task: str) -> Evaluation:
         """Return what the candidate earned in one of its tasks, as the evaluation of its plan for that task alone."""
@@ -388,10 +444,19 @@ def _or_longest(distance_m: float | None) -> float:
 
 
 def best_first(evaluations: Iterable[Evaluation], tie: float = TIE) -> list[Evaluation]:
-    """Sort the evaluations with status ``ok``, the best first (`ranked`), at last by `Candidate.key`."""
+    """Sort the evaluations with status ``ok``, the best first (`ranked`), at last by `Candidate.key`.
+
+    Where some were tried in further layouts, what each is expected to earn in another one counts as its reward.
+    """
     tried = [evaluation for evaluation in evaluations if evaluation.status == "ok"]
     tried.sort(key=lambda evaluation: evaluation.candidate.key)
-    return ranked(tried, lambda tried: (tried.reward, tried.distance_m), tie)
+    raced = any(evaluation.finals.losses for evaluation in tried)
+
+    def figures(evaluation: Evaluation) -> tuple[float, float]:
+        reward = 1 - evaluation.expected_loss if raced else evaluation.reward
+        return reward, evaluation.distance_m
+
+    return ranked(tried, figures, tie)
 
 
 def best_tools(ranking: Iterable[Evaluation]) -> list[Evaluation]:

@@ -35,7 +35,8 @@ LAYOUTS = (
     "fitness=layouts",
     "fitness.layouts=3",
     "fitness.unseen=0",
-    "budget.final_s=0",
+    "budget.elite_s=1",
+    "budget.final_s=2",
 )
 PLAYED = (
     "sim=mujoco",

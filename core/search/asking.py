@@ -19,7 +19,7 @@ from core.search.designer import ModelDesigner
 from core.search.prompt_pictures import Artist
 from core.trial import TIE
 
-MAY_BE_ZERO = ("n_iteration", "final_s")  # of a budget
+MAY_BE_ZERO = ("n_iteration", "final_s", "elite_s")  # of a budget
 
 
 def build_designer(

@@ -14,6 +14,7 @@ from core.errors import LimitReached, UserError
 from core.events import INTERRUPTED, Generation, Result
 from core.interfaces import Budget, EvolutionStrategy, Fitness, Robot
 from core.plugins import describe_part, installed
+from core.search.finalists import FinalRace, evaluate_in_race
 from core.search.trials import Trials
 from core.support.text import shorten
 from core.trial import Evaluation
@@ -27,22 +28,32 @@ def evolve(
     events: pluggy.PluginManager,
     robot: Robot | None = None,
     expect: Callable[[Candidate], None] = lambda candidate: None,
+    finals: FinalRace | None = None,
 ) -> Result:
     """Run the generations of a strategy, fewer if the highest reward reaches ``budget.stop_reward``.
 
     What ``trials`` know is not tried again. Tools must suit ``robot``, by default the default one. A limit that the
     strategy runs into, or an interrupt, ends the loop early (`Result.stopped`). ``expect`` may raise where a candidate
-    is not what it was when the run was interrupted.
+    is not what it was when the run was interrupted. With ``finals`` those clearly behind are not tried in all layouts,
+    and those that may be elites in more.
     """
     began = time.monotonic()
     candidates = CheckedCandidates(strategy, robot or installed().default_robot, expect)
     arrived: list[list[Evaluation]] = []  # by generation
+    tried: list[Evaluation] = []
     generations: list[Generation] = []
 
+    def try_all(asked: Iterable[Candidate]) -> Iterator[Evaluation]:
+        if finals is None or not fitness.races:
+            return trials.evaluate(asked, fitness)
+        best = max((evaluation.reward for evaluation in tried), default=0.0)
+        return evaluate_in_race(asked, fitness, trials, strategy.tie, best)
+
     def evaluate(asked: Iterable[Candidate]) -> None:
-        for evaluation in trials.evaluate(asked, fitness):
+        for evaluation in try_all(asked):
             events.hook.candidate_evaluated(evaluation=evaluation)
             arrived[-1].append(evaluation)
+            tried.append(evaluation)
 
     try:
         while strategy.has_generation(len(generations), budget):
@@ -51,8 +62,9 @@ def evolve(
             evaluate(candidates)
             if candidates.limit is not None:
                 break
-            tried = [evaluation for earlier in arrived for evaluation in earlier]
-            evaluate(fitness.recombine(tried))
+            evaluate(fitness.recombine([*tried]))
+            if finals is not None:
+                finals.compare_elites(tried)
             generation = _generation(len(generations), arrived[-1], strategy.tie)
             strategy.tell(generation.evaluations)
             generations.append(generation)

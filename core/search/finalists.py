@@ -1,35 +1,41 @@
-"""Choose the winner among candidates that earn alike by trials in more layouts, and try it where no search looked.
+"""Race candidates: try the most promising in more and more layouts, until none that is left can be better.
 
-The choice is a best-first search. A finalist's loss is what it has missed in the layouts that it was tried in; what it
-has not been tried in may still lose nothing. So the finalist with the least loss is tried next, where the others lost
-most. The first that has been tried in all layouts, and has lost no more than any other, is the best of them there: no
-trial of another could change that. It is the bound of A* (P. Hart, N. Nilsson and B. Raphael, "A formal basis for the
-heuristic determination of minimum cost paths", 1968). A few layouts are hard for nearly all designs, so most finalists
-are out after a handful of trials.
+One race decides three times. In the search it leaves out the layouts that are left of candidates clearly behind. After
+each generation it finds the elites that hold, and where all fail. At the end it chooses the winner.
 
-Where the budget ends the search, the finalist with the least expected loss wins, by Laplace's rule of succession: (loss
-+ 1) / (layouts + 2), or where it lost more than half in the search, with twice that in place of 1.
+It is a best-first search. A candidate's loss is what it has missed in the layouts that it was tried in; what it has not
+been tried in may still lose nothing, or little where it lost much in the search. So the candidate with the least loss
+is tried next, where the others lost most. The first that has been tried in all layouts, and has lost no more than any
+other, is the best of them there: no trial of another could change that. It is the bound of A* (P. Hart, N. Nilsson and
+B. Raphael, "A formal basis for the heuristic determination of minimum cost paths", 1968). A few layouts are hard for
+nearly all designs, so most candidates are out after a handful of trials.
+
+Where the budget ends the race, the candidate with the least expected loss is the best (`Evaluation.expected_loss`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
 import pluggy
 
+from core.design import Candidate
 from core.events import Result
 from core.interfaces import Fitness
-from core.search.trials import Trials
-from core.trial import Condition, Evaluation, Rewards, Trial
-from core.values.efforts import Effort, Held, holds
+from core.search.trials import Trials, make_score
+from core.trial import Condition, Evaluation, Rewards, Tally, Trial, best_first
+from core.values.efforts import Effort, Held
 
 WIDTH = 8  # trials in an engine at once
-# Layouts that finalists are compared in; twice as many, if the budget allows.
+SEARCH_WIDTH = 16  # in the search, where many candidates are alike
+# Layouts that candidates are compared in; twice as many, if the budget allows.
 FIRST = 64
 MOST = 240  # layouts that a winner is tried in
-RACED = 0.75  # of the budget: for the choice; the winner alone is tried in new layouts for the rest
+# Shares of the budget: at most for the choice, and at least for perturbed layouts.
+RACED = 0.7
+PERTURBED = 0.1
 
 
 def try_unseen(
@@ -43,256 +49,342 @@ def try_unseen(
     return fitness.rewards(tried), replace(best, trials=tried).effort
 
 
-def finalists(result: Result) -> list[Evaluation]:
-    """Return those within the tie of the highest reward that were tried, of equal designs one.
-
-    Those with more room to spare go first, a tenth of a limit counting as none, then those with the shorter way.
-    """
-    ranking = result.ranking
-    highest = max((evaluation.reward for evaluation in ranking), default=0.0)
-    if highest <= 0:
-        return []
-    alike: dict[str, Evaluation] = {}
-    for evaluation in ranking:
-        if evaluation.reward >= highest - result.tie:
-            alike.setdefault(evaluation.candidate.content, evaluation)
-    return sorted(alike.values(), key=_room, reverse=True)
-
-
-def _room(evaluation: Evaluation) -> float:
-    margin = evaluation.least_margin
-    return 0.0 if margin is None else round(margin.margin, 1)
-
-
 @dataclass(eq=False)
-class _Finalist:
-    """A finalist, and what it has lost so far: a reward below 1 by more than the tie.
+class Runner:
+    """A candidate in a race.
 
     Attributes:
-        evaluation: of the search.
-        losses: by the layout's number, and by engine.
-        trials: by the layout's number.
+        candidate: what is tried.
+        tally: what came of it so far.
+        behind: what it lost before the race, more than the best there.
+        rate: what it will lose in each layout more, at the very least.
+        evaluation: of the search, if that is over.
     """
 
-    evaluation: Evaluation
-    losses: dict[int, dict[str, float]] = field(default_factory=dict)
-    trials: dict[int, tuple[Trial, ...]] = field(default_factory=dict)
+    candidate: Candidate
+    tally: Tally = field(default_factory=Tally)
+    behind: float = 0.0
+    rate: float = 0.0
+    evaluation: Evaluation | None = None
 
-    @property
-    def loss(self) -> float:
-        """What it has lost in the engine where that is most."""
-        by_engine: dict[str, float] = {}
-        for engines in self.losses.values():
-            for engine, lost in engines.items():
-                by_engine[engine] = by_engine.get(engine, 0.0) + lost
-        return max(by_engine.values(), default=0.0)
-
-    @property
-    def expected_loss(self) -> float:
-        """What it is expected to lose in another layout: before it was tried, half, or more if it lost more so far."""
-        usual = max(0.5, 1.0 - self.evaluation.reward)
-        return (self.loss + 2 * usual) / (len(self.losses) + 2)
-
-    @property
-    def finals(self) -> tuple[Trial, ...]:
-        """All trials, in the order of the layouts."""
-        return tuple(
-            trial for number in sorted(self.trials) for trial in self.trials[number]
-        )
-
-    def may_join(self, leader: _Finalist, numbers: Sequence[int]) -> bool:
-        """Report whether it may still be as good as another one, and was tried in none of these layouts."""
-        untried = self.losses.keys().isdisjoint(numbers)
-        return untried and self.loss <= leader.loss
-
-    def worst_loss(self, number: int) -> float | None:
-        """Return what it lost in a layout; None: it was not tried there."""
-        lost = self.losses.get(number)
-        return None if lost is None else max(lost.values())
+    def loss(self, level: int) -> float:
+        """What it has lost so far, and will have lost after this many layouts at the very least."""
+        left = level - len(self.tally.losses)
+        return self.behind + self.tally.loss + self.rate * max(left, 0)
 
 
 @dataclass(eq=False)
 class Race:
-    """Trials of finalists in more and more layouts.
+    """Trials of candidates in more and more layouts.
 
     Attributes:
-        fitness: gives the layouts, `Fitness.finals`.
+        layouts: the conditions of each, without end or not.
+        fitness: combines what was earned in a layout.
         trials: the scheduler.
-        events: hear of each finalist that was tried.
         tie: rewards that miss 1 by no more lose nothing.
-        budget: how many rollouts there may be.
+        width: how many trials there are in an engine at once.
+        tell: hears of each candidate that was tried.
     """
 
+    layouts: Iterator[Sequence[Condition]]
     fitness: Fitness
     trials: Trials
-    events: pluggy.PluginManager
     tie: float
-    budget: int
+    width: int = WIDTH
+    tell: Callable[[Runner], None] = lambda runner: None
 
     def __post_init__(self) -> None:
-        self._layouts: Iterator[Sequence[Condition]] = iter(self.fitness.finals())
         self._drawn: list[Sequence[Condition]] = []
-        self.spent = 0
+        self.spent = 0  # rollouts, with those that were known
 
-    def has_layouts(self) -> bool:
-        """Report whether the fitness has layouts for finalists."""
-        return self._draw(1) > 0
-
-    def choose(self, ranked: Sequence[Evaluation]) -> list[_Finalist]:
-        """Try finalists, and return them, the winner first; ``ranked`` says who wins of those alike."""
-        racing = [_Finalist(evaluation) for evaluation in ranked]
-        level = self._draw(FIRST)
-        limit = RACED * self.budget
-
-        while len(racing) > 1 and level and self.spent < limit:
-            leader, *others = sorted(racing, key=_standing)
-            left = [number for number in range(level) if number not in leader.losses]
-            if left:
-                self._try_next(leader, left, others)
-            elif 2 * self.spent <= limit and self._draw(min(2 * level, MOST)) > level:
-                level = len(self._drawn)
-            else:
-                break
-
-        winner = _pick(racing, self.tie)
-        return sorted(racing, key=lambda finalist: finalist is not winner)
-
-    def _try_next(
-        self, leader: _Finalist, left: Sequence[int], others: Sequence[_Finalist]
+    def run(
+        self,
+        runners: Sequence[Runner],
+        level: int,
+        limit: float = math.inf,
+        best: float = math.inf,
+        reach: float = 0.0,
     ) -> None:
-        """Try the leader in layouts that it has ``left``: where others lost, if any did, beside those alike."""
+        """Try runners in the first layouts, until none that was not tried in all can be the best.
+
+        Args:
+            runners: of those alike the first goes first.
+            level: how many layouts.
+            limit: how many rollouts the race may have had at the end, about.
+            best: what somebody else lost in all layouts.
+            reach: whoever may lose less than so much more than the best counts; then others join in their trials.
+        """
+        while self.spent < limit:
+            complete = [r for r in runners if len(r.tally.losses) >= level]
+            least = min([best, *(r.loss(level) for r in complete)])
+            left = [
+                r
+                for r in runners
+                if len(r.tally.losses) < level and r.loss(level) < least + reach
+            ]
+            if not left:
+                return
+
+            left.sort(key=lambda r: (r.loss(level), -len(r.tally.losses)))
+            leader = left[0]
+            others = [r for r in runners if r is not leader]
+            numbers = self._choose_layouts(leader, level, others)
+            group = [
+                r
+                for r in left
+                if r.tally.losses.keys().isdisjoint(numbers)
+                and (reach or r.loss(level) <= leader.loss(level))
+            ]
+            self.try_in(group[: self.width // len(numbers)], numbers)
+
+    def _choose_layouts(
+        self, leader: Runner, level: int, others: Sequence[Runner]
+    ) -> list[int]:
+        """Choose what the leader is tried in next: where others lost, if any did, the most first."""
+        left = [n for n in range(level) if n not in leader.tally.losses]
         losses = {number: _hardness(number, others) for number in left}
+        left.sort(key=lambda number: -losses[number])
         hard = [number for number in left if losses[number] > 0]
-        if not hard:
-            self._try([leader], left[:WIDTH])
-            return
+        return (hard or left)[: self.width]
 
-        hard.sort(key=lambda number: -losses[number])
-        numbers = hard[:WIDTH]
-        alike = [other for other in others if other.may_join(leader, numbers)]
-        count = WIDTH // len(numbers)
-        self._try([leader, *alike][:count], numbers)
-
-    def confirm(self, winner: _Finalist) -> Held:
-        """Try the winner in layouts that had no part in the choice."""
+    def hold(self, winner: Runner, limit: float) -> Held:
+        """Try the winner alone in layouts that had no part in the choice, and say in how many it held."""
         first = len(self._drawn)
-        last = self._draw(first + MOST)
-        held = 0
-        number = first
-        while number < last and self.spent < self.budget:
-            wave = range(number, min(number + WIDTH, last))
-            self._try([winner], wave)
-            held += sum(holds(1.0 - max(winner.losses[k].values())) for k in wave)
-            number = wave.stop
-        return Held(held, number - first)
+        last = self.draw(first + MOST)
+        for number in range(first, last, self.width):
+            if self.spent >= limit:
+                break
+            self.try_in([winner], range(number, min(number + self.width, last)))
+        return winner.tally.count_held(first)
 
-    def _draw(self, count: int) -> int:
+    def draw(self, count: int) -> int:
         """Draw layouts until there are ``count``; return how many there are, fewer where there are no more."""
         while len(self._drawn) < count:
-            conditions = next(self._layouts, None)
-            if conditions is None:
+            conditions = next(self.layouts, ())
+            if not conditions:
                 break
             self._drawn.append(conditions)
         return len(self._drawn)
 
-    def _try(self, group: Sequence[_Finalist], numbers: Sequence[int]) -> None:
-        """Try finalists in layouts, side by side."""
-        conditions = [
-            condition for number in numbers for condition in self._drawn[number]
-        ]
+    def conditions(self, numbers: Iterable[int]) -> list[Condition]:
+        """Return the conditions of layouts."""
+        return [condition for number in numbers for condition in self._drawn[number]]
+
+    def try_in(self, group: Sequence[Runner], numbers: Sequence[int]) -> None:
+        """Try runners in layouts, side by side."""
+        conditions = self.conditions(numbers)
         self.spent += len(conditions) * len(group)
-        candidates = [finalist.evaluation.candidate for finalist in group]
+        candidates = [runner.candidate for runner in group]
         tried = {
             candidate.id: trials
             for candidate, trials in self.trials.try_in(conditions, candidates)
         }
+        for runner in group:
+            self.note(runner.tally, numbers, tried[runner.candidate.id])
+            self.tell(runner)
 
-        for finalist in group:
-            found = tried[finalist.evaluation.candidate.id]
-            self._note(finalist, numbers, found)
-            evaluation = replace(finalist.evaluation, finals=finalist.finals)
-            self.events.hook.finalist_tried(evaluation=evaluation)
-
-    def _note(
-        self, finalist: _Finalist, numbers: Sequence[int], trials: tuple[Trial, ...]
+    def note(
+        self, tally: Tally, numbers: Sequence[int], trials: tuple[Trial, ...]
     ) -> None:
-        """Note what came of a finalist in layouts."""
+        """Note what came of a candidate in layouts."""
         by_engine = self.fitness.rewards(trials)
-        first = 0
+        size = len(trials) // len(numbers)  # all layouts have as many conditions
         for place, number in enumerate(numbers):
-            last = first + len(self._drawn[number])
-            finalist.trials[number] = trials[first:last]
-            first = last
-
+            tally.trials[number] = trials[place * size : (place + 1) * size]
             losses = {}
             for engine, rewards in by_engine.items():
                 lost = 1.0 - rewards[place]
                 losses[engine] = lost if lost > self.tie else 0.0
-            finalist.losses[number] = losses
+            tally.losses[number] = losses
 
 
-def _pick(racing: Sequence[_Finalist], tie: float) -> _Finalist:
-    """Pick the one that is expected to lose least, or the first that was tried as much and is within the tie of it."""
-    best = min(racing, key=lambda finalist: finalist.expected_loss)
-    for finalist in racing:
-        as_known = len(finalist.losses) >= len(best.losses)
-        if as_known and finalist.expected_loss <= best.expected_loss + tie:
-            return finalist
-    return best
-
-
-def _standing(finalist: _Finalist) -> tuple[float, int]:
-    """Sort those who lost least first, and of these those who were tried most."""
-    return finalist.loss, -len(finalist.losses)
-
-
-def _hardness(number: int, finalists: Sequence[_Finalist]) -> float:
+def _hardness(number: int, runners: Sequence[Runner]) -> float:
     """Say how much those lost, on average, that were tried in a layout."""
-    lost = [finalist.worst_loss(number) for finalist in finalists]
-    known = [loss for loss in lost if loss is not None]
-    return float(np.mean(known)) if known else 0.0
+    known = [
+        max(runner.tally.losses[number].values())
+        for runner in runners
+        if number in runner.tally.losses
+    ]
+    return sum(known) / max(len(known), 1)
 
 
-@dataclass(frozen=True)
-class Choice:
-    """The winner of a run, with its trials as a finalist.
+def _least_rate(evaluation: Evaluation) -> float:
+    """Return what a candidate will lose in a layout at the very least, by what it lost in the search.
 
-    Attributes:
-        winner: its evaluation.
-        finals: what each finalist earned, by its id and engine.
-        held: in how many layouts that had no part in the choice the winner held.
+    It is the mean of Laplace's posterior less two standard deviations.
     """
+    layouts = evaluation.layouts
+    mean = (layouts * (1 - evaluation.reward) + 1) / (layouts + 2)
+    deviation = math.sqrt(mean * (1 - mean) / (layouts + 3))
+    return max(mean - 2 * deviation, 0.0)
 
-    winner: Evaluation
-    finals: Mapping[str, Rewards] = field(default_factory=dict)
-    held: Held | None = None
+
+# --- in the search ----------------------------------------------------------------------------------------------
 
 
-def choose(
-    result: Result,
+def evaluate_in_race(
+    candidates: Iterable[Candidate],
     fitness: Fitness,
     trials: Trials,
-    events: pluggy.PluginManager,
-    budget: int,
-) -> Choice:
-    """Choose the winner of a run in which something was tried, with about ``budget`` rollouts.
+    tie: float,
+    best: float,
+) -> Iterator[Evaluation]:
+    """Yield the evaluation of each candidate, once all are there; those clearly behind are not tried in all layouts.
 
-    Means within the run's tie are equal; then the order of `finalists` decides. Without `Fitness.finals` the winner is
-    the first of the ranking and nothing is tried.
+    Clearly behind is who would earn less than the best, by more than ``tie``, with all rewards that are left.
 
-    Raises:
-        UserError: the machine is at fault for a trial that failed.
+    Args:
+        candidates: they may still arrive.
+        fitness: whose score is a mean (`Fitness.races`).
+        trials: the scheduler.
+        tie: the difference that counts as none.
+        best: the highest score so far.
     """
-    alike = finalists(result)
-    race = Race(fitness, trials, events, result.tie, budget)
-    if not (alike and budget and race.has_layouts()):
-        return Choice(result.ranking[0])
+    conditions = fitness.conditions()
+    layouts: dict[int, list[Condition]] = {}
+    for condition in conditions:
+        layouts.setdefault(condition.layout, []).append(condition)
 
-    racing = race.choose(alike)
-    held = race.confirm(racing[0])
-    finals = {}
-    for finalist in racing:
-        if finalist.trials:
-            finals[finalist.evaluation.candidate.id] = fitness.rewards(finalist.finals)
-    winner = replace(racing[0].evaluation, finals=racing[0].finals)
-    return Choice(winner, finals, held)
+    race = Race(iter(layouts.values()), fitness, trials, tie, SEARCH_WIDTH)
+    level = race.draw(len(layouts))
+    runners: list[Runner] = []
+    for candidate, tried in trials.try_in(race.conditions([0]), candidates):
+        if not tried:
+            yield Evaluation(candidate)
+            continue
+        runner = Runner(candidate)
+        race.note(runner.tally, [0], tried)
+        runners.append(runner)
+
+    runners.sort(key=lambda runner: runner.candidate.key)
+    # In each layout a tie may be lost that is not counted, by the best and by those behind.
+    race.run(runners, level, best=level * (1 - best), reach=2 * tie * level)
+
+    order = [condition.where for condition in conditions]
+    for runner in runners:
+        known = {trial.where: trial for trial in runner.tally.in_order()}
+        tried = tuple(known[where] for where in order if where in known)
+        score = make_score(fitness, runner.candidate, tried)
+        if len(tried) < len(order):
+            count = f"{len(runner.tally.trials)} of {level} layouts"
+            left_out = f"tried in {count}: too far behind to be the best"
+            score = replace(score, warnings=(*score.warnings, left_out))
+        yield Evaluation(runner.candidate, tried, score)
+
+
+# --- in further layouts -----------------------------------------------------------------------------------------
+
+
+def pick(ranking: Sequence[Evaluation], tie: float) -> Evaluation:
+    """Pick who is expected to lose least; of those alike that were tried as much, who has the shortest way."""
+    best = min(ranking, key=lambda evaluation: evaluation.expected_loss)
+    least = len(best.finals.losses)
+    as_known = [e for e in ranking if len(e.finals.losses) >= least]
+    return best_first(as_known, tie)[0]
+
+
+class FinalRace:
+    """The race of a run in further layouts (`Fitness.finals`): of elites after each generation, and of finalists.
+
+    Args:
+        fitness: gives the layouts.
+        trials: the scheduler.
+        events: hear of each candidate that was tried.
+        tie: the run's.
+        elites: how many rollouts elites are tried for after a generation.
+    """
+
+    def __init__(
+        self,
+        fitness: Fitness,
+        trials: Trials,
+        events: pluggy.PluginManager,
+        tie: float,
+        elites: int = 0,
+    ) -> None:
+        self.fitness = fitness
+        self.trials = trials
+        self.tie = tie
+        self.elites = elites
+        self._events = events
+        layouts = iter(fitness.finals())
+        self._race = Race(layouts, fitness, trials, tie, tell=self._tell)
+        self._has_layouts = self._race.draw(1) > 0
+
+    def _tell(self, runner: Runner) -> None:
+        if runner.evaluation is not None:
+            self._events.hook.finalist_tried(evaluation=runner.evaluation)
+
+    def compare_elites(self, evaluations: Iterable[Evaluation]) -> None:
+        """Try those that may hold best of all so far, which `Evaluation.finals` then tell."""
+        ranking = best_first(evaluations, self.tie)
+        self.compare(ranking, self.elites, FIRST)
+
+    def compare(
+        self, ranking: Sequence[Evaluation], rollouts: float, most: int
+    ) -> None:
+        """Try candidates in at most so many layouts, of those alike the first of a ranking first."""
+        runners = self._enter(ranking)
+        race = self._race
+        began = race.spent
+        level = min(FIRST, race.draw(FIRST))
+        while runners:
+            race.run(runners, level, began + rollouts)
+            further = min(2 * level, most)
+            further = min(further, race.draw(further))
+            if further == level or race.spent - began > rollouts / 2:
+                break
+            level = further
+
+    def _enter(self, ranking: Sequence[Evaluation]) -> list[Runner]:
+        """Return a runner for each design that earned something, of equal designs one."""
+        runners: dict[str, Runner] = {}
+        highest = max((evaluation.reward for evaluation in ranking), default=0.0)
+        for evaluation in ranking:
+            candidate = evaluation.candidate
+            if evaluation.reward <= 0 or candidate.content in runners:
+                continue
+            behind = highest - evaluation.reward
+            lost = behind * evaluation.layouts if behind > self.tie else 0.0
+            rate = _least_rate(evaluation) if lost else 0.0
+            runner = Runner(candidate, evaluation.finals, lost, rate, evaluation)
+            runners[candidate.content] = runner
+        return list(runners.values())
+
+    def choose(self, result: Result, rollouts: int) -> Result:
+        """Return the result with the winner of a search in which something was tried, with about so many rollouts.
+
+        Without `Fitness.finals` the winner is the first of the ranking and nothing is tried.
+
+        Raises:
+            UserError: the machine is at fault for a trial that failed.
+        """
+        ranking = result.ranking
+        race = self._race
+        if not (rollouts and self._has_layouts and self._enter(ranking)):
+            return replace(result, winner=ranking[0])
+
+        end = race.spent + rollouts
+        self.compare(ranking, RACED * rollouts, MOST)
+        winner = pick(ranking, self.tie)
+        runner = Runner(winner.candidate, winner.finals, evaluation=winner)
+        held = race.hold(runner, end - PERTURBED * rollouts)
+
+        finals = {}
+        for evaluation in ranking:
+            tried = evaluation.finals.in_order()
+            if tried:
+                finals[evaluation.candidate.id] = self.fitness.rewards(tried)
+
+        perturbed = self._perturb(winner, end - race.spent)
+        return replace(
+            result, winner=winner, finals=finals, held=held, perturbed=perturbed
+        )
+
+    def _perturb(self, winner: Evaluation, rollouts: int) -> Tally:
+        """Try the winner with tool and bodies perturbed."""
+        layouts = map(self.fitness.perturbed, self.fitness.finals())
+        race = Race(layouts, self.fitness, self.trials, self.tie)
+        runner = Runner(winner.candidate)
+        race.hold(runner, rollouts)
+        return runner.tally

@@ -13,10 +13,11 @@ from omegaconf import DictConfig
 from core.config.resume import changed, hydra_config, refuse_stored_receivers
 from core.errors import UserError, fault
 from core.events import INTERRUPTED, Result
+from core.interfaces import Fitness
 from core.plugins.blame import describe_failure, refuse_exit
 from core.search.best import save_best
 from core.search.evolution import evolve
-from core.search.finalists import choose, try_unseen
+from core.search.finalists import FinalRace, try_unseen
 from core.search.outcome import print_best, print_outcome, resume_hint
 from core.search.setup import Search, build_search
 from core.search.trials import Trials
@@ -81,6 +82,9 @@ def run_search(search: Search, store: RunStore, *, film: bool) -> Result:
 
     with search.executor:
         trials = Trials(search.executor, store.keep_trial, store.past.trials)
+        elites = rollouts_in(search.fitness, run.budget.elite_s)
+        tie = search.strategy.tie
+        finals = FinalRace(search.fitness, trials, events, tie, elites)
         result = evolve(
             search.strategy,
             search.fitness,
@@ -89,10 +93,11 @@ def run_search(search: Search, store: RunStore, *, film: bool) -> Result:
             events,
             run.task.robot,
             store.past.expect,
+            finals if elites else None,
         )
         if result.best is not None and result.stopped != INTERRUPTED:
             with busy("trying the best in more layouts"):
-                result = _try_finalists(result, search, trials)
+                result = _try_finalists(result, search, finals)
 
     result = replace(result, wall_time_s=store.seconds + result.wall_time_s)
     with writing(run.folder):
@@ -104,22 +109,21 @@ def run_search(search: Search, store: RunStore, *, film: bool) -> Result:
     return result
 
 
-def _try_finalists(result: Result, search: Search, trials: Trials) -> Result:
-    """Choose the winner, and try it where no search looked."""
-    fitness = search.fitness
+def rollouts_in(fitness: Fitness, seconds: float) -> int:
+    """Return how many rollouts in further layouts count as so many seconds."""
     layout = next(iter(fitness.finals()), ())
     soft = any(condition.scene().softs for condition in layout)
-    rollouts = round(search.run.budget.final_s * (SOFT_PER_S if soft else PER_S))
-    choice = choose(result, fitness, trials, search.events, rollouts)
-    unseen, effort = try_unseen(choice.winner, fitness, trials)
-    return replace(
-        result,
-        winner=choice.winner,
-        finals=choice.finals,
-        held=choice.held,
-        unseen=unseen,
-        effort=effort,
-    )
+    return round(seconds * (SOFT_PER_S if soft else PER_S))
+
+
+def _try_finalists(result: Result, search: Search, finals: FinalRace) -> Result:
+    """Choose the winner, and try it where no search looked."""
+    fitness = search.fitness
+    rollouts = rollouts_in(fitness, search.run.budget.final_s)
+    result = finals.choose(result, rollouts)
+    assert result.winner is not None
+    unseen, effort = try_unseen(result.winner, fitness, finals.trials)
+    return replace(result, unseen=unseen, effort=effort)
 
 
 def resume(folder: Path, overrides: Sequence[str] = ()) -> None:

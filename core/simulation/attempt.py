@@ -143,7 +143,7 @@ class Attempt:
 
 def plan_attempt(stage: Stage, candidate: Candidate) -> Attempt:
     """Plan a candidate's motion, or reject the candidate."""
-    attempt = Attempt(candidate.of(stage.task.name))
+    attempt = Attempt(stage.condition.perturb(candidate))
 
     try:
         _prepare_job(stage, attempt)

@@ -71,7 +71,7 @@ def evaluation_row(
         return tuple(trial_numbers[key] for key in keys)
 
     trials = numbers(evaluation.trials)
-    finals = numbers(evaluation.finals)
+    finals = numbers(evaluation.finals.in_order())
     return {
         "candidate": candidate.id,
         "generation": candidate.generation,

@@ -13,6 +13,7 @@ from packaging.requirements import Requirement
 
 from core.events import Generation, Result, Run
 from core.store.rows import Best, GenerationFigures, HeldFigures, RunFigures, Unseen
+from core.values.efforts import Held
 
 _PARTS = ("task", "robot", "sim", "vlm", "tool", "action", "evolution", "fitness")
 
@@ -30,7 +31,8 @@ def report(run: Run, result: Result) -> RunFigures:
         unseen=unseen_figures(result),
         effort=result.effort,
         finalists=finalists,
-        held=held_figures(result),
+        held=held_figures(result.held),
+        perturbed=held_figures(result.perturbed.count_held()),
         tie=result.tie,
         stopped=result.stopped,
         generations=tuple(map(summary, result.generations)),
@@ -56,9 +58,8 @@ def best_figures(result: Result) -> Best | None:
     )
 
 
-def held_figures(result: Result) -> HeldFigures | None:
-    """Return in how many further layouts the best candidate held; None: it was tried in none."""
-    held = result.held
+def held_figures(held: Held | None) -> HeldFigures | None:
+    """Return in how many layouts the best candidate held; None: it was tried in none."""
     if held is None or not held.layouts:
         return None
     return HeldFigures(held.held, held.layouts, round(held.fails_below, 4))

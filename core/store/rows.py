@@ -25,7 +25,14 @@ from core.config.schemas import RunConfig
 from core.design import Candidate
 from core.interfaces import Reply
 from core.support.text import clean
-from core.trial import Evaluation, Score, Status, Trial, Where, count_rollouts
+from core.trial import (
+    Evaluation,
+    Score,
+    Status,
+    Trial,
+    Where,
+    count_rollouts,
+)
 from core.values.efforts import Effort
 from core.values.margins import Margin
 
@@ -127,7 +134,7 @@ class Unseen:
 
 @dataclass(frozen=True)
 class HeldFigures:
-    """In how many further layouts the best candidate held, and below what its chance of failure is, at 95 %."""
+    """In how many layouts the best candidate held, and below what its chance of failure is, at 95 %."""
 
     held: Count
     layouts: Count
@@ -143,6 +150,7 @@ class RunFigures:
         effort: of the best candidate, in unseen layouts.
         finalists: what each earned in further layouts, by engine.
         held: in how many layouts more the best candidate held; None: it was tried in none.
+        perturbed: in how many with tool and bodies perturbed.
         tie: the difference up to which rewards counted as equal.
         stopped: why the run ended before its budget was spent; None: it did not.
     """
@@ -164,6 +172,7 @@ class RunFigures:
     effort: Effort | None
     finalists: dict[str, dict[str, tuple[Reward, ...]]]
     held: HeldFigures | None
+    perturbed: HeldFigures | None
     tie: Amount
     stopped: str | None
     generations: tuple[GenerationFigures, ...]
@@ -327,7 +336,7 @@ class StoredEvaluation:
 
     def of(self, candidate: Candidate) -> Evaluation:
         """Return it as the evaluation of a candidate that was read again."""
-        return Evaluation(candidate, self.trials, self.score, self.finals)
+        return Evaluation(candidate, self.trials, self.score)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ LEAST_S = 0.1  # less counts as this, as with mass
 LEAST_KG = 0.001
 NARROW = 0.1  # added to margins, so that those near 0 can be compared
 HOLDS = 0.95  # the mean reward from which on a design holds
+PERTURBED = "layouts with tool and bodies perturbed"
 _ROUNDING = 1e-9  # of a sum of rewards
 
 
@@ -19,7 +20,7 @@ def holds(mean: float) -> bool:
 
 @dataclass(frozen=True)
 class Held:
-    """In how many layouts a design held, of how many that had no part in its choice."""
+    """In how many layouts a design held, of how many."""
 
     held: int
     layouts: int
@@ -39,11 +40,11 @@ class Held:
         test = scipy.stats.binomtest(failed, self.layouts, alternative="less")
         return float(test.proportion_ci(0.95).high)
 
-    def words(self) -> str:
+    def words(self, where: str = "further layouts") -> str:
         """Say it in words."""
         percent = float(f"{100 * self.fails_below:.2g}")
         chance = f"chance of failure below {percent:g} % (95 %)"
-        return f"holds in {self.held} of {self.layouts} further layouts: {chance}"
+        return f"holds in {self.held} of {self.layouts} {where}: {chance}"
 
 
 @dataclass(frozen=True)

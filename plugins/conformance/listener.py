@@ -84,8 +84,7 @@ def script(
         ]
 
     first = generations[0].evaluations[0]
-    finalist = replace(first, finals=first.trials)
-    events.append(("finalist_tried", {"evaluation": finalist}))
+    events.append(("finalist_tried", {"evaluation": first}))
 
     return [
         *events,

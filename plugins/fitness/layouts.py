@@ -14,9 +14,12 @@ from core.interfaces import Condition, Fitness, Score, Simulator, Task, Trial
 from core.support.templates import fill
 from core.trial import Part
 from core.values.layouts import NONE, Ranges
+from plugins.fitness.robustness import Perturbation, PerturbationRange
 from plugins.fitness.several import Combine, mean, score_by_worst_engine, worst_quarter
 
 MARGIN_SHARE = 0.1  # of a reward, with ``combine=margin``
+# Of tool and bodies, beside what a layout draws; it says where bodies are.
+WEAR = PerturbationRange(position=0.0, yaw=0.0, size=0.01)
 UNSEEN = 1_000_000  # the first seed of the layouts that no search sees; the same ones for all runs
 _MOST_SEED = UNSEEN - 1_000  # of a run, whose designer and finalists see some more
 
@@ -86,6 +89,7 @@ class Layouts(Fitness):
         self._seeds = range(condition.layout, condition.layout + layouts)
         self._combine, self._counts = COMBINE[combine]
         self._weighs_margins = combine == "margin"
+        self.races = combine == "mean"
 
     def conditions(self) -> list[Condition]:
         return self._in_layouts(self._seeds, self._sims)
@@ -122,6 +126,12 @@ class Layouts(Fitness):
         """Yield the layouts after the search's, in the engines of the unseen ones."""
         for seed in range(self._seeds.stop, UNSEEN):
             yield self._in_layouts([seed], self._unseen_sims)
+
+    def perturbed(self, conditions: Sequence[Condition]) -> list[Condition]:
+        return [
+            replace(condition, change=Perturbation(WEAR, condition.layout))
+            for condition in conditions
+        ]
 
     def unseen(self) -> list[Condition]:
         return self._in_layouts(range(UNSEEN, UNSEEN + self._unseen), self._unseen_sims)

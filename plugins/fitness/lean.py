@@ -36,6 +36,7 @@ class Lean(Layouts):
         unseen_sims: list[str | dict[str, Any]] = [],  # noqa: B006
     ) -> None:
         super().__init__(condition, layouts, "mean", sims, unseen, unseen_sims)
+        self.races = False  # the effort counts too
         task = condition.task.shared().name
         form = f"[SECONDS, KILOGRAMS, MARGIN], as in +fitness.references.{task}=[8,0.2,0.5]"
         if task not in references:

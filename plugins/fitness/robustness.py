@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
+from core.design import Component, Tool
 from core.errors import UsageError
-from core.geometry import Pose
+from core.geometry import Box, Compound, Mesh, Pose, Shape
 from core.robot.solids import Obstacles, Solid, body_solids, signed_distance
 from core.scene import Body, Scene
 
@@ -29,7 +30,8 @@ class PerturbationRange:
 
     ``position``: metres, along x and along y. ``yaw``: radians, about the vertical. ``mass`` and ``friction``:
     fractions of the nominal value. The defaults are 5 mm and 3 degrees, as bodies are placed by hand or located by a
-    camera; a tenth of the mass; and a fifth of the friction, which is known least.
+    camera; a tenth of the mass; and a fifth of the friction, which is known least. ``size``: a fraction of all lengths
+    of the tool, whose own friction changes then too.
 
     Raises:
         UsageError: a number is negative or not finite, or a fraction is 1 or more.
@@ -39,6 +41,7 @@ class PerturbationRange:
     yaw: float = 0.05
     mass: float = 0.1
     friction: float = 0.2
+    size: float = 0.0
 
     def __post_init__(self) -> None:
         for name, most in (
@@ -46,6 +49,7 @@ class PerturbationRange:
             ("yaw", math.inf),
             ("mass", 1.0),
             ("friction", 1.0),
+            ("size", 1.0),
         ):
             value = getattr(self, name)
             if not 0 <= value < most:
@@ -64,6 +68,48 @@ class Perturbation:
 
     def __call__(self, scene: Scene) -> Scene:
         return perturb(scene, self.ranges, self.number)
+
+    def perturb_tool(self, tool: Tool) -> Tool:
+        """Return the tool a little larger or smaller about its mount, rougher or smoother."""
+        if self.ranges.size == 0:
+            return tool
+        rng = np.random.default_rng([self.number, 2])
+        larger, rougher = rng.uniform(-1, 1, 2).tolist()
+        scale = 1 + self.ranges.size * larger
+        components = [_scale(component, scale) for component in tool.components]
+        friction = tool.friction * (1 + self.ranges.friction * rougher)
+        return replace(tool, components=tuple(components), friction=friction)
+
+
+def _scale(component: Component, scale: float) -> Component:
+    """Return a component with all lengths scaled; its mass stays."""
+    pose = component.pose
+    joint = component.joint
+    if joint is not None:
+        x, y, z = joint.origin
+        joint = replace(joint, origin=(scale * x, scale * y, scale * z))
+    return replace(
+        component,
+        pose=Pose(scale * pose.position, pose.quaternion),
+        shape=_scale_shape(component.shape, scale),
+        joint=joint,
+    )
+
+
+def _scale_shape(shape: Shape | Compound, scale: float) -> Shape | Compound:
+    """Return a shape with all lengths scaled, about its frame."""
+    match shape:
+        case Box((x, y, z)):
+            return Box((scale * x, scale * y, scale * z))
+        case Mesh():
+            return Mesh(scale * shape.vertices, shape.faces)
+        case Compound(surface, parts):
+            scaled = [Mesh(scale * part.vertices, part.faces) for part in parts]
+            return Compound(
+                Mesh(scale * surface.vertices, surface.faces), tuple(scaled)
+            )
+    lengths = {name: scale * length for name, length in asdict(shape).items()}
+    return replace(shape, **lengths)
 
 
 def perturb(scene: Scene, ranges: PerturbationRange, draw: int) -> Scene:

@@ -21,6 +21,7 @@ from core.plugins import TASK
 from core.support.cli import print_table, say
 from core.support.text import by_reason, clean, hydra_word, number
 from core.trial import Evaluation, best_tools
+from core.values.efforts import PERTURBED
 
 if TYPE_CHECKING:
     from core.events import Result, Run
@@ -133,7 +134,9 @@ def _remarks(result: Result, best: Evaluation) -> Iterator[str]:
 
     if result.held is not None and result.held.layouts:
         yield f"the best {result.held.words()}"
-
+    perturbed = result.perturbed.count_held()
+    if perturbed.layouts:
+        yield f"the best {perturbed.words(PERTURBED)}"
     for engine, rewards in result.unseen.items():
         mean = number(fmean(rewards), 3)
         worst = number(min(rewards), 3)
@@ -147,7 +150,7 @@ def _tied(result: Result, best: Evaluation) -> Iterator[str]:
     A reward within ``evolution.tie`` of the highest one counts as equal to it (`core.trial.ranked`).
     """
     if len(result.finals) > 1:
-        tried = f"{len(result.finals)} candidates that earned alike were tried in more layouts"
+        tried = f"{len(result.finals)} candidates were tried in more layouts"
         yield f"{tried}; {best.candidate.id} held best"
         return
 
@@ -156,9 +159,6 @@ def _tied(result: Result, best: Evaluation) -> Iterator[str]:
     if reward != number(best.reward, 3):
         earned = f"{highest.candidate.id} earned {reward}"
         first = "the shortest distance goes first"
-
-        if result.finals:
-            first = "more room to spare goes first, then the shortest distance"
         yield f"{earned}; rewards within evolution.tie of it count as equal, and {first}"
 
 

@@ -174,7 +174,7 @@ write_run.open = []
 
 def keep_trials(store: RunStore, evaluation: Evaluation) -> None:
     """Store the trials of an evaluation, as the scheduler does when they end."""
-    for trial in (*evaluation.trials, *evaluation.finals):
+    for trial in (*evaluation.trials, *evaluation.finals.in_order()):
         store.keep_trial(
             (evaluation.candidate.of(trial.task).content, trial.where), trial
         )

@@ -280,8 +280,8 @@ def costs(results: Results) -> Rows:
 
 
 @_table(
-    "task|method|seed:0|best reward:3|unseen layouts, mean:3|least margin:2|distance (m):2"
-    "|generation:0|candidate|rollouts:0|wall time (s):0|folder|recordings"
+    "task|method|seed:0|best reward:3|unseen layouts, mean:3|chance of failure below:3|perturbed:3"
+    "|least margin:2|distance (m):2|generation:0|candidate|rollouts:0|wall time (s):0|folder|recordings"
 )
 def runs(results: Results) -> Rows:
     """All runs that are counted."""
@@ -295,6 +295,8 @@ def runs(results: Results) -> Rows:
                 run.seed,
                 best.reward,
                 getattr(run.figures.unseen, "mean", None),
+                getattr(run.figures.held, "fails_below", None),
+                getattr(run.figures.perturbed, "fails_below", None),
                 getattr(best.margin, "margin", None),
                 best.distance_m,
                 best.generation,

@@ -15,7 +15,9 @@ from omegaconf import MISSING, DictConfig
 from core.config.compose import check_seed, node, task_part, task_parts, tool_part
 from core.errors import UsageError, UserError
 from core.store.database import writing
+from core.store.reader import StoredRun
 from core.support.cli import folders_and_overrides, print_table, say
+from core.values.efforts import PERTURBED, Held
 from plugins.results.chosen import DesignsConfig, chosen_evaluations, config_for
 from plugins.results.workshop.export import Export
 from plugins.results.workshop.files import new_folder, write_export
@@ -80,9 +82,23 @@ def export(cfg: DictConfig) -> list[Export]:
         written = write_tool(printed, output / "tool")
         for item in exports:
             folder = output / item.task.name if len(exports) > 1 else output
-            found.append(write_export(item, written, representation, folder))
+            held = describe_held(Path(cfg.designs))
+            found.append(write_export(item, written, representation, folder, held))
 
     return found
+
+
+def describe_held(designs: Path) -> list[str]:
+    """Say in how many layouts the best of a run holds; nothing of a designs file, or where it was tried in none."""
+    ended = StoredRun(designs).result() if designs.is_dir() else None
+    if ended is None:
+        return []
+    places = {"further layouts": ended.held, PERTURBED: ended.perturbed}
+    return [
+        Held(figures.held, figures.layouts).words(where)
+        for where, figures in places.items()
+        if figures is not None
+    ]
 
 
 def configured(words: Sequence[str]) -> DictConfig:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -53,6 +53,7 @@ def write_export(
     written: PrintedTool,
     representation: ToolRepresentation,
     folder: Path,
+    held: Sequence[str] = (),
 ) -> Export:
     """Write the files of a task.
 
@@ -61,6 +62,7 @@ def write_export(
         written: the tool, whose parts are written already.
         representation: how the design is written.
         folder: where to.
+        held: in how many layouts the design holds, in words.
 
     Returns:
         The export with the verdicts on motion and tool.
@@ -73,7 +75,13 @@ def write_export(
     if written.parts:
         checked = replace(written, checks=(*export.checks, *written.checks))
         verdicts = write_sheet(
-            checked, export.task, export.scene, export.motion, export.replays, folder
+            checked,
+            export.task,
+            export.scene,
+            export.motion,
+            export.replays,
+            folder,
+            held,
         )
 
     export = replace(export, verdicts=verdicts)

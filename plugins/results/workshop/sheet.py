@@ -131,6 +131,7 @@ def write_sheet(
     motion: Sampled,
     replays: Mapping[str, PlayedMotion],
     folder: Path,
+    held: Sequence[str] = (),
 ) -> list[Check]:
     """Write ``sheet.html`` and ``sheet.json`` to a folder.
 
@@ -141,6 +142,7 @@ def write_sheet(
         motion: as it is exported.
         replays: the motion in each engine, by the engine's name.
         folder: where to.
+        held: in how many layouts the design holds, in words.
 
     Returns:
         What was checked.
@@ -151,7 +153,7 @@ def write_sheet(
     robot = task.robot
     tool = printed_tool.tool
     strengths = measured(tool, robot, printed_tool.material, scene, motion, replays)
-    data = figures(printed_tool, strengths, task)
+    data = figures(printed_tool, strengths, task) | {"held": list(held)}
     checks = [Check(**verdict) for verdict in data["verdicts"]]
     failing = [check for check in checks if check.passed is False]
     unknown = [check for check in checks if check.passed is None]

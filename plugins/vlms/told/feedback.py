@@ -200,7 +200,8 @@ def _poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
         return []
 
     poor: list[dict[str, Any]] = []
-    for trial in sorted(evaluation.trials, key=lambda trial: trial.reward):
+    tried = (*evaluation.trials, *evaluation.finals.in_order())
+    for trial in sorted(tried, key=lambda trial: trial.reward):
         if trial.change is not None or trial.reward >= task.success_reward:
             continue
 
@@ -209,7 +210,9 @@ def _poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
             "engine": trial.engine,
             "reward": round(trial.reward, 3),
         }
-
+        outcome = clean(trial.reason or trial.outcome, _OUTCOME)
+        if outcome:
+            described["outcome"] = outcome
         draw = task.draw(trial.layout)
 
         for name in draw.ranges:
@@ -270,13 +273,21 @@ def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
         places.setdefault(text, []).append(name)
 
     if len(places) == 1:
-        return [f"{text} in all {len(evaluation.trials)} trials" for text in places]
-
+        (text,) = places
+        everywhere = f"{text} in all {len(evaluation.trials)} trials"
+        return [everywhere, *_finals_lines(evaluation)]
     lines = [f"{text} in {', '.join(names)}" for text, names in places.items()]
     if len(lines) > _OUTCOMES:
         lines[_OUTCOMES:] = [f"{len(lines) - _OUTCOMES} others"]
+    return [*lines, *_finals_lines(evaluation)]
 
-    return lines
+
+def _finals_lines(evaluation: Evaluation) -> list[str]:
+    """Say in how many further layouts a candidate holds, if it was tried in any."""
+    counted = evaluation.finals.count_held()
+    if not counted.layouts:
+        return []
+    return [f"holds in {counted.held} of {counted.layouts} further layouts"]
 
 
 def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:

@@ -14,13 +14,19 @@ from core.design import Candidate
 from core.errors import UserError
 from core.events import Generation, Result
 from core.hooks import hookimpl
-from core.interfaces import Condition, Fitness, Trial
+from core.interfaces import Condition, Fitness, Score, Trial
 from core.plugins import event_hub
-from core.search.finalists import MOST, WIDTH, choose, finalists
+from core.search.finalists import (
+    FIRST,
+    MOST,
+    WIDTH,
+    FinalRace,
+    evaluate_in_race,
+)
 from core.search.orchestration import resume, run
 from core.search.trials import Trials
 from core.store.reader import StoredRun
-from core.trial import TIE
+from core.trial import TIE, best_first, rewards_by_engine, worst_mean
 from core.values.efforts import Held
 from core.values.margins import Margin
 from plugins.conformance.evaluations import tried_once
@@ -73,9 +79,13 @@ def result(*designs):
     return Result((Generation(0, tuple(evaluations)),), 1.0)
 
 
+def finals(trials=None, hub=None, elites=0):
+    trials = trials or Trials(Inline(), play=earn)
+    return FinalRace(Several(), trials, hub or event_hub(), TIE, elites)
+
+
 def race(*designs, rollouts=480):
-    trials = Trials(Inline(), play=earn)
-    return choose(result(*designs), Several(), trials, event_hub(), rollouts)
+    return finals().choose(result(*designs), rollouts)
 
 
 def winner(*designs, rollouts=480):
@@ -128,13 +138,13 @@ def test_the_engine_counts_where_most_is_lost():
     assert winner((1.0, 0.5, "a raise b 1"), (1.0, 0.7, "a 0.1 b 0.1")) == 1
 
 
-def test_more_room_to_spare_goes_before_a_shorter_way():
+def test_of_those_that_hold_the_shorter_way_wins_whatever_the_least_margin():
     found = result((1.0, 0.5, fails_in()), (1.0, 0.7, fails_in()))
     first, second = found.ranking
     margins = (Margin("clearance", 0.02, 0.04, "m", 0.5),)
     roomy = replace(second, trials=(replace(second.trials[0], margins=margins),))
     found = Result((Generation(0, (first, roomy)),), 1.0)
-    assert [e.candidate.agent for e in finalists(found)] == [1, 0]
+    assert finals().choose(found, 480).winner is first
 
 
 def test_the_budget_is_counted_in_rollouts():
@@ -153,18 +163,109 @@ def test_a_single_one_is_tried_to_say_how_well_it_holds():
     assert race((1.0, 0.5, fails_in()), rollouts=8000).held == Held(MOST, MOST)
 
 
-def test_only_those_within_the_tie_are_tried_and_equal_designs_once():
+def test_who_is_behind_is_tried_when_those_before_it_have_lost_as_much():
     first = (1.0, 0.5, "a 0 b 0")
     second = (0.996, 0.7, "a 1 b 1")
-    worse = (0.9, 0.1, "a 1 b 1")
-    assert winner(first, second, worse) == 1
-    assert [e.candidate.agent for e in finalists(result(first, second, worse))] == [
-        0,
-        1,
-    ]
-    nothing = result((0.0, 0.5, "a 1 b 1"), (0.0, 0.6, "a 1 b 1"))
-    assert finalists(nothing) == []
+    behind = (0.9, 0.1, "a 1 b 1")
+    choice = race(first, second, behind)
+    assert choice.winner.candidate.agent == 1
+    assert set(choice.finals) == {"g0-a0-s0-p0", "g0-a1-s0-p0"}
+    assert winner(first, behind) == 1
+
+
+def test_equal_designs_are_tried_once_and_those_that_earn_nothing_never():
+    found = result((1.0, 0.5, "a 1 b 1"), (1.0, 0.5, "a 1 b 1"))
+    one, other = found.ranking
+    same = replace(other, candidate=replace(other.candidate, plan=one.candidate.plan))
+    found = Result((Generation(0, (one, same)),), 1.0)
+    assert set(finals().choose(found, 480).finals) == {one.candidate.id}
     assert race((0.0, 0.5, "a 1 b 1"), (0.0, 0.6, "a 1 b 1")).finals == {}
+
+
+def test_elites_are_those_that_hold_and_an_earlier_one_stays():
+    """After a generation they are tried within a budget, and what is known of earlier ones counts on."""
+    earlier = result((1.0, 0.9, fails_in()), (1.0, 0.5, fails_in(0, 1))).ranking
+    contest = finals(elites=2 * FIRST + 2 * WIDTH)
+    contest.compare_elites(earlier)
+    assert [e.candidate.agent for e in best_first(earlier)] == [0, 1]
+    kept = best_first(earlier)[0].finals.count_held()
+    assert (kept.held, kept.layouts) == (FIRST, FIRST)
+
+    new = result(*[(0.5, 0.1, fails_in())] * 2, (1.0, 0.1, fails_in(3))).ranking
+    contest.compare_elites([*earlier, *new])
+    assert best_first([*earlier, *new])[0].candidate.agent == 0
+    assert kept == best_first(earlier)[0].finals.count_held()
+
+
+def test_rollouts_of_elites_stay_within_their_budget():
+    designs = [(1.0, n, fails_in(n, n + 1)) for n in range(20)]
+    tried = []
+    trials = Trials(Inline(), lambda key, trial: tried.append(key), play=earn)
+    finals(trials, elites=80).compare_elites(result(*designs).ranking)
+    assert 80 <= len(tried) < 80 + 2 * WIDTH
+
+
+class Search(Several):
+    """Five layouts in two engines, of which the mean counts."""
+
+    races = True
+
+    def conditions(self):
+        return [
+            Condition(Named(), Named(engine), layout)
+            for engine in ("a", "b")
+            for layout in range(5)
+        ]
+
+    def score(self, candidate, trials):
+        return Score(worst_mean(rewards_by_engine(trials)))
+
+
+def evaluate(*designs, best=0.0, order=None):
+    trials = Trials(Inline(order), play=earn)
+    candidates = [e.candidate for e in result(*designs).generations[0].evaluations]
+    found = list(evaluate_in_race(candidates, Search(), trials, TIE, best))
+    return {evaluation.candidate.agent: evaluation for evaluation in found}
+
+
+def test_in_the_search_those_clearly_behind_are_not_tried_in_the_layouts_left():
+    designs = [(0, 0, "a 1 b 1"), (0, 0, "a 1 b 0.998"), (0, 0, "a 0.5 b 1")]
+    designs += [(0, 0, f"a {n / 100} b 1") for n in range(30)]
+    found = evaluate(*designs)
+    assert [len(found[n].trials) for n in (0, 1, 3)] == [10, 10, 2]
+    assert found[3].reward == 0
+    assert found[3].warnings == (
+        "tried in 1 of 5 layouts: too far behind to be the best",
+    )
+    assert sum(len(e.trials) for e in found.values()) < 33 * 10 / 2
+
+
+def test_who_is_behind_an_earlier_generation_is_left_out_too():
+    found = evaluate((0, 0, "a 0.9 b 0.9"), (0, 0, "a 0.8 b 0.8"), best=1.0)
+    assert [len(found[n].trials) for n in range(2)] == [2, 2]
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=30, deadline=None)
+def test_nobody_who_is_left_out_could_have_been_the_best(seed):
+    rng = np.random.default_rng(seed)
+    rewards = np.round(rng.random((12, 2, 5)) ** rng.choice([0.1, 0.5, 1]), 3)
+    designs = []
+    for mine in rewards:
+        one, other = (" ".join(f"{reward:g}" for reward in row) for row in mine)
+        designs.append((0, 0, f"a {one} b {other}"))
+    found = evaluate(*designs)
+    means = rewards.mean(axis=2).min(axis=1)
+    for number, evaluation in found.items():
+        if len(evaluation.trials) == 10:
+            assert evaluation.reward == pytest.approx(means[number])
+        else:
+            assert means[number] < means.max() - TIE
+            assert evaluation.reward < means.max() - TIE
+    again = evaluate(*designs, order=np.random.default_rng(seed))
+    assert {n: e.trials for n, e in again.items()} == {
+        n: e.trials for n, e in found.items()
+    }
 
 
 def test_a_machine_at_fault_is_named():
@@ -195,8 +296,8 @@ def test_listeners_hear_of_each_round_and_what_was_tried_is_not_tried_again():
     stored = {}
     found = result(*designs)
     trials = Trials(Inline(), stored.__setitem__, play=earn)
-    choice = choose(found, Several(), trials, hub, 40)
-    heard = {e.candidate.id: len(e.finals) for e in hears.heard}
+    choice = finals(trials, hub).choose(found, 40)
+    heard = {e.candidate.id: len(e.finals.in_order()) for e in hears.heard}
     assert heard == {
         name: sum(map(len, engines.values())) for name, engines in choice.finals.items()
     }
@@ -204,7 +305,7 @@ def test_listeners_hear_of_each_round_and_what_was_tried_is_not_tried_again():
     kept = dict(list(stored.items())[:7])
     tried = {}
     trials = Trials(Inline(), tried.__setitem__, kept, play=earn)
-    again = choose(found, Several(), trials, event_hub(), 40)
+    again = finals(trials).choose(result(*designs), 40)
     assert again.winner.candidate.id == choice.winner.candidate.id
     assert (again.finals, again.held) == (choice.finals, choice.held)
     assert len(tried) == len(stored) - 7

@@ -1,0 +1,118 @@
+"""Say in which further layouts all fail that were tried there, and what those layouts have in common."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from statistics import fmean
+
+import numpy as np
+
+from core.design import Tool
+from core.designs.planning import look
+from core.designs.prompt_values import RunFacts
+from core.interfaces import Brief, Evaluation, Perception, Task, Trial
+from core.support.text import clean
+from core.values.efforts import holds
+
+_LEAST = 2  # candidates that fail in a layout, before it is the layout that is hard
+_OUTCOMES = 2
+_OUTCOME = 100  # characters
+_NUMBERS = 4
+_NARROW = 0.3  # of a range; numbers within less have their value in common
+_LARGE = 2.0  # standard deviations: noise that is larger on the mean is said
+
+Hard = Mapping[int, Sequence[Trial]]
+"""The trials in layouts in which all fail, by the layout's seed."""
+
+
+def hard_layouts_value(brief: Brief, mounted: Tool, facts: RunFacts) -> list[str]:
+    """Return lines for templates, their ``hard_layouts``; none: there is no such layout."""
+    task = brief.task
+    if len(task.parts) > 1:
+        return []
+    hard = find_hard_layouts((*brief.tried, *brief.elites))
+    if not hard:
+        return []
+
+    sight = facts.level.sight(task, brief.scene_seed)
+    lines = _outcomes(hard)
+    if sight.numbers:
+        lines += _common_numbers(hard, task)
+        lines += _large_noise(hard, task, facts.rollout.perception)
+    return [sight.text(line) for line in lines]
+
+
+def find_hard_layouts(evaluations: Iterable[Evaluation]) -> Hard:
+    """Return the further layouts in which several candidates were tried and none held."""
+    tallies = {e.candidate.content: e.finals for e in evaluations if e.finals.losses}
+    tried: dict[int, dict[str, list[Trial]]] = {}
+    for content, tally in tallies.items():
+        for trial in tally.in_order():
+            by_candidate = tried.setdefault(trial.layout, {})
+            by_candidate.setdefault(content, []).append(trial)
+
+    hard: dict[int, list[Trial]] = {}
+    for layout, by_candidate in sorted(tried.items()):
+        worst = [
+            min(trials, key=lambda t: t.reward) for trials in by_candidate.values()
+        ]
+        if len(worst) >= _LEAST and not any(holds(trial.reward) for trial in worst):
+            hard[layout] = worst
+    return hard
+
+
+def _outcomes(hard: Hard) -> list[str]:
+    """Say how many layouts there are, and what became of the trials."""
+    trials = [trial for tried in hard.values() for trial in tried]
+    counts = Counter[str]()
+    for trial in trials:
+        outcome = trial.reason or trial.outcome or f"reward {trial.reward:.1f}"
+        counts[clean(outcome, _OUTCOME)] += 1
+
+    seeds = ", ".join(map(str, hard))
+    lines = [f"layout {seeds}" if len(hard) == 1 else f"layouts {seeds}"]
+    for outcome, count in counts.most_common(_OUTCOMES):
+        lines.append(f"{outcome} (in {count} of {len(trials)} trials)")
+    return lines
+
+
+def _common_numbers(hard: Hard, task: Task) -> list[str]:
+    """Say which of the numbers that are drawn lie near each other, of their ranges the nearest first."""
+    shares: dict[str, float] = {}
+    lines: dict[str, str] = {}
+    for name, (low, high) in task.ranges.items():
+        values = [task.draw(layout)(name, math.nan) for layout in hard]
+        share = (max(values) - min(values)) / (high - low) if high > low else 1.0
+        # Of two, or of one, nothing is in common by more than chance but what is at an end.
+        ends = max(values) < low + _NARROW * (high - low)
+        ends = ends or min(values) > high - _NARROW * (high - low)
+        if share < _NARROW and (ends or len(values) > _LEAST):
+            shares[name] = share
+            span = f"{min(values):.4g} to {max(values):.4g}"
+            lines[name] = f"{name} is {span} there, of {low:.4g} to {high:.4g}"
+    return [lines[name] for name in sorted(shares, key=shares.__getitem__)[:_NUMBERS]]
+
+
+def _large_noise(hard: Hard, task: Task, perception: Perception) -> list[str]:
+    """Say of which body a plan saw a place that was farther from the truth than it usually is."""
+    if perception.position == 0:
+        return []
+    errors: dict[str, list[float]] = {}
+    for layout in hard:
+        scene = task.scene(layout)
+        seen = look(task, layout, perception, scene).poses
+        for body in scene.bodies:
+            if body.name in seen:
+                error = seen[body.name].position - body.pose.position
+                errors.setdefault(body.name, []).append(float(np.linalg.norm(error)))
+
+    lines = []
+    for name, found in errors.items():
+        mean = fmean(found)
+        if mean > _LARGE * perception.position:
+            usual = 1.25 * perception.position  # of two coordinates with that deviation
+            here = f"{name} is seen {1000 * mean:.1f} mm from its place there"
+            lines.append(f"{here}, on the mean; elsewhere {1000 * usual:.1f} mm")
+    return lines
