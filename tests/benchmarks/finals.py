@@ -1,8 +1,8 @@
 """How well is a winner chosen? ``python -m tests.benchmarks.finals folder=FOLDER tasks=BringCube seeds=0,1``.
 
-Of each task and seed the embedded designer makes a search. Then each rule chooses a winner, and the rewards of all that
-could win say how good that was: 20 unseen layouts. Trials stay in FOLDER and are played once, in any call. It prints a
-table, and writes ``finals.json`` and ``finals.svg`` to FOLDER.
+Of each task and seed the embedded designer makes a search. Then each rule chooses a winner, which 20 unseen layouts
+judge: the rule before, twelve by the shortest way in eight layouts, and the race with several budgets. Trials stay in
+FOLDER, and none is played twice. It prints a table of all in FOLDER, and writes ``finals.svg`` there.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from itertools import islice
 from pathlib import Path
 from statistics import fmean
 
+from matplotlib.figure import Figure
+
 from core.config.compose import load
 from core.interfaces import Evaluation, Trial
 from core.plugins import event_hub
@@ -22,7 +24,7 @@ from core.search.finalists import MOST, RACED, FinalRace, pick
 from core.search.orchestration import PER_S
 from core.search.setup import build_search
 from core.search.trials import Trials
-from core.support.cli import arguments, command, say
+from core.support.cli import arguments, command, print_table
 from core.trial import Tally, TrialKey
 from tests.benchmarks import measuring
 from tests.executors import Inline
@@ -41,6 +43,7 @@ WORDS = [
     "prompt.picture=false",
 ]
 BUDGETS_S = (5, 20, 60, 240)
+GOOD = 0.9
 BEFORE_FINALISTS = (
     12  # candidates that were finalists before: those with the shortest way
 )
@@ -161,18 +164,53 @@ def measure(pool: Pool) -> dict[str, Choice]:
     return found
 
 
+def summarise(folder: Path) -> None:
+    """Print the table of all that was measured in a folder, and draw the figure."""
+    stored = [json.loads(file.read_text()) for file in sorted(folder.glob("*.json"))]
+    rules = ["before", *(f"{seconds} s" for seconds in BUDGETS_S), "any"]
+    rows = []
+    curves: dict[str, list[float]] = {"mean": [], "worst": []}
+    for rule in rules:
+        choices = [Choice(**record[rule]) for record in stored]
+        means = [choice.mean for choice in choices]
+        worst = [choice.worst for choice in choices]
+        good = sum(reward >= GOOD for reward in worst)
+        rollouts = fmean(choice.rollouts for choice in choices)
+        figures = [fmean(means), fmean(worst)]
+        row = (rule, f"{rollouts:.0f}", *(f"{figure:.3f}" for figure in figures))
+        rows.append((*row, f"{good} of {len(choices)}"))
+        if rule.endswith(" s"):
+            curves["mean"].append(figures[0])
+            curves["worst"].append(figures[1])
+
+    head = ("rule", "rollouts", "mean", "worst", f"worst from {GOOD:g} on")
+    print_table(head, rows, head[1:])
+
+    figure = Figure((5, 3), layout="constrained")
+    axes = figure.add_subplot(xscale="log", xticks=BUDGETS_S, xticklabels=BUDGETS_S)
+    axes.set(xlabel="budget.final_s", ylabel="reward in 20 unseen layouts", ylim=(0, 1))
+    for name, values in curves.items():
+        axes.plot(BUDGETS_S, values, marker="o", label=name)
+        before = float(rows[0][2 if name == "mean" else 3])
+        axes.axhline(before, linestyle=":", color="grey")
+    axes.minorticks_off()
+    axes.legend()
+    figure.savefig(folder / "finals.svg", metadata={"Date": None})
+
+
 def main(words: list[str]) -> None:
     given = measuring.settings(arguments(USAGE, words), Settings)
     folder = Path(given.folder)
     folder.mkdir(parents=True, exist_ok=True)
     for seed in given.seeds:
-        for task in measuring.tasks(given.tasks):
+        for task in measuring.tasks(given.tasks) if given.tasks else ():
             file = folder / f"{task}-{seed}.json"
             if not file.exists():
                 choices = measure(Pool(file.with_suffix(".trials"), task, seed))
                 found = {rule: asdict(choice) for rule, choice in choices.items()}
                 measuring.save(file, found)
-                say(f"{task} {seed}", json.dumps(found))
+
+    summarise(folder)
 
 
 if __name__ == "__main__":
