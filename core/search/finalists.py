@@ -258,7 +258,7 @@ def evaluate_in_race(
 
     runners.sort(key=lambda runner: runner.candidate.key)
     # In each layout a tie may be lost that is not counted, by the best and by those behind.
-    race.run(runners, level, best=level * (1 - best), reach=2 * tie * level)
+    race.run(runners, level, best=level * (1 - best), reach=2 * tie * level + 1e-9)
 
     order = [condition.where for condition in conditions]
     for runner in runners:

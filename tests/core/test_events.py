@@ -5,7 +5,7 @@ import pytest
 
 from core.design import Candidate, Tool
 from core.events import Generation, Result
-from core.trial import Trial, Where
+from core.trial import Tally, Trial, Where
 from plugins.conformance.evaluations import tried_once
 
 
@@ -68,3 +68,11 @@ def test_rollouts_of_equal_candidates_count_once():
         Result((Generation(0, (one, same)), Generation(1, (other,))), 1.0).rollouts == 3
     )
     assert Result((Generation(0, (same, one)),), 1.0).rollouts == 1
+
+
+def test_rollouts_of_finals_count_for_each_task_of_a_layout():
+    trials = [Trial(Where(task, "mujoco", 7), "g0-a0-s0-p0") for task in ("a", "b")]
+    finals = Tally({0: tuple(trials)})
+    finalist = replace(evaluation(0, 0.7), finals=finals)
+    result = Result((Generation(0, (finalist,)),), 1.0, perturbed=finals)
+    assert result.rollouts == 1 + 2 + 2

@@ -9,7 +9,7 @@ from hydra import initialize_config_module
 from core.config.compose import engines, load, part
 from core.design import Candidate, Component, Tool
 from core.designs.start import SpawnRules
-from core.geometry import Box, Pose
+from core.geometry import Box, Capsule, Compound, Mesh, Pose
 from core.interfaces import Condition, Trial, Waypoints
 from core.plugins import PluginPart
 from core.simulation.play import play
@@ -162,3 +162,42 @@ def test_a_tool_that_starts_in_a_body_that_was_moved_is_refused_there():
         tried[draw].reason.startswith("in the perturbed scene, component 'bar' starts")
         for draw in near
     )
+
+
+# --- tools ------------------------------------------------------------------------------------------------------
+
+
+def test_a_tool_grows_or_shrinks_about_its_mount_and_is_rougher_or_smoother():
+    surface = Mesh.from_trimesh(Box((0.1, 0.1, 0.1)).to_trimesh())
+    shapes = (
+        Box((0.02, 0.03, 0.2)),
+        Capsule(0.01, 0.1),
+        surface,
+        Compound(surface, (surface,)),
+    )
+    components = [
+        Component(f"part{n}", "tool_mount", Pose(np.array([0, 0, -0.1 * n])), shape)
+        for n, shape in enumerate(shapes)
+    ]
+    tool = Tool(tuple(components))
+    ranges = PerturbationRange(size=0.1)
+    for number in range(5):
+        changed = Perturbation(ranges, number).perturb_tool(tool)
+        scale = changed.components[0].shape.size[2] / 0.2
+        assert 0.9 <= scale <= 1.1
+        assert scale != 1
+        assert 0.8 <= changed.friction / tool.friction <= 1.2
+        for before, after in zip(tool.components, changed.components, strict=True):
+            assert after.shape.volume == pytest.approx(before.shape.volume * scale**3)
+            assert np.allclose(after.pose.position, scale * before.pose.position)
+        assert changed == Perturbation(ranges, number).perturb_tool(tool)
+    assert Perturbation(PerturbationRange(), 3).perturb_tool(tool) is tool
+
+
+def test_a_perturbed_tool_is_played_in_its_condition_alone():
+    change = Perturbation(PerturbationRange(size=0.5), 1)
+    rod = Component("rod", "tool_mount", Pose(), Box((0.02, 0.02, 0.1)))
+    candidate = Candidate(Tool((rod,)), np.zeros((1, 6)))
+    perturbed = replace(CONDITION, change=change).perturb(candidate)
+    assert perturbed.tool != candidate.tool
+    assert CONDITION.perturb(candidate).tool is candidate.tool
