@@ -346,7 +346,7 @@ class FinalRace:
                 continue
             behind = highest - evaluation.reward
             lost = behind * evaluation.layouts if behind > self.tie else 0.0
-            rate = _least_rate(evaluation) if lost else 0.0
+            rate = _least_rate(evaluation)
             runner = Runner(candidate, evaluation.finals, lost, rate, evaluation)
             runners[candidate.content] = runner
         return list(runners.values())
