@@ -4,11 +4,11 @@ One race decides three times. In the search it leaves out the layouts that are l
 each generation it finds the elites that hold, and where all fail. At the end it chooses the winner.
 
 It is a best-first search. A candidate's loss is what it has missed in the layouts that it was tried in; what it has not
-been tried in may still lose nothing, or little where it lost much in the search. So the candidate with the least loss
-is tried next, where the others lost most. The first that has been tried in all layouts, and has lost no more than any
-other, is the best of them there: no trial of another could change that. It is the bound of A* (P. Hart, N. Nilsson and
-B. Raphael, "A formal basis for the heuristic determination of minimum cost paths", 1968). A few layouts are hard for
-nearly all designs, so most candidates are out after a handful of trials.
+been tried in may still lose nothing. So the candidate with the least loss is tried next, where the others lost most.
+The first that has been tried in all layouts, and has lost no more than any other, is the best of them there: no trial
+of another could change that. It is the bound of A* (P. Hart, N. Nilsson and B. Raphael, "A formal basis for the
+heuristic determination of minimum cost paths", 1968). A few layouts are hard for nearly all designs, so most candidates
+are out after a handful of trials.
 
 Where the budget ends the race, the candidate with the least expected loss is the best (`Evaluation.expected_loss`).
 """
@@ -56,21 +56,12 @@ class Runner:
     Attributes:
         candidate: what is tried.
         tally: what came of it so far.
-        behind: what it lost before the race, more than the best there.
-        rate: what it will lose in each layout more, at the very least.
         evaluation: of the search, if that is over.
     """
 
     candidate: Candidate
     tally: Tally = field(default_factory=Tally)
-    behind: float = 0.0
-    rate: float = 0.0
     evaluation: Evaluation | None = None
-
-    def loss(self, level: int) -> float:
-        """What it has lost so far, and will have lost after this many layouts at the very least."""
-        left = level - len(self.tally.losses)
-        return self.behind + self.tally.loss + self.rate * max(left, 0)
 
 
 @dataclass(eq=False)
@@ -116,16 +107,16 @@ class Race:
         """
         while self.spent < limit:
             complete = [r for r in runners if len(r.tally.losses) >= level]
-            least = min([best, *(r.loss(level) for r in complete)])
+            least = min([best, *(r.tally.loss for r in complete)])
             left = [
                 r
                 for r in runners
-                if len(r.tally.losses) < level and r.loss(level) < least + reach
+                if len(r.tally.losses) < level and r.tally.loss < least + reach
             ]
             if not left:
                 return
 
-            left.sort(key=lambda r: (r.loss(level), -len(r.tally.losses)))
+            left.sort(key=lambda r: (r.tally.loss, -len(r.tally.losses)))
             leader = left[0]
             others = [r for r in runners if r is not leader]
             numbers = self._choose_layouts(leader, level, others)
@@ -133,7 +124,7 @@ class Race:
                 r
                 for r in left
                 if r.tally.losses.keys().isdisjoint(numbers)
-                and (reach or r.loss(level) <= leader.loss(level))
+                and (reach or r.tally.loss <= leader.tally.loss)
             ]
             self.try_in(group[: self.width // len(numbers)], numbers)
 
@@ -206,17 +197,6 @@ def _hardness(number: int, runners: Sequence[Runner]) -> float:
         if number in runner.tally.losses
     ]
     return sum(known) / max(len(known), 1)
-
-
-def _least_rate(evaluation: Evaluation) -> float:
-    """Return what a candidate will lose in a layout at the very least, by what it lost in the search.
-
-    It is the mean of Laplace's posterior less two standard deviations.
-    """
-    layouts = evaluation.layouts
-    mean = (layouts * (1 - evaluation.reward) + 1) / (layouts + 2)
-    deviation = math.sqrt(mean * (1 - mean) / (layouts + 3))
-    return max(mean - 2 * deviation, 0.0)
 
 
 # --- in the search ----------------------------------------------------------------------------------------------
@@ -324,7 +304,8 @@ class FinalRace:
         self, ranking: Sequence[Evaluation], rollouts: float, most: int
     ) -> None:
         """Try candidates in at most so many layouts, of those alike the first of a ranking first."""
-        runners = self._enter(ranking)
+        alike = self._find_alike(ranking)
+        runners = [Runner(e.candidate, e.finals, e) for e in alike]
         race = self._race
         began = race.spent
         level = min(FIRST, race.draw(FIRST))
@@ -336,20 +317,14 @@ class FinalRace:
                 break
             level = further
 
-    def _enter(self, ranking: Sequence[Evaluation]) -> list[Runner]:
-        """Return a runner for each design that earned something, of equal designs one."""
-        runners: dict[str, Runner] = {}
+    def _find_alike(self, ranking: Sequence[Evaluation]) -> list[Evaluation]:
+        """Return those within the tie of the highest reward, if that is more than 0; of equal designs one."""
+        alike: dict[str, Evaluation] = {}
         highest = max((evaluation.reward for evaluation in ranking), default=0.0)
         for evaluation in ranking:
-            candidate = evaluation.candidate
-            if evaluation.reward <= 0 or candidate.content in runners:
-                continue
-            behind = highest - evaluation.reward
-            lost = behind * evaluation.layouts if behind > self.tie else 0.0
-            rate = _least_rate(evaluation)
-            runner = Runner(candidate, evaluation.finals, lost, rate, evaluation)
-            runners[candidate.content] = runner
-        return list(runners.values())
+            if 0 < evaluation.reward >= highest - self.tie:
+                alike.setdefault(evaluation.candidate.content, evaluation)
+        return list(alike.values())
 
     def choose(self, result: Result, rollouts: int) -> Result:
         """Return the result with the winner of a search in which something was tried, with about so many rollouts.
@@ -361,12 +336,14 @@ class FinalRace:
         """
         ranking = result.ranking
         race = self._race
-        if not (rollouts and self._has_layouts and self._enter(ranking)):
+        alike = self._find_alike(ranking)
+        if not (rollouts and self._has_layouts and alike):
             return replace(result, winner=ranking[0])
 
         end = race.spent + rollouts
-        self.compare(ranking, RACED * rollouts, MOST)
-        winner = pick(ranking, self.tie)
+        if len(alike) > 1:
+            self.compare(alike, RACED * rollouts, MOST)
+        winner = pick(alike, self.tie)
         runner = Runner(winner.candidate, winner.finals, evaluation=winner)
         held = race.hold(runner, end - PERTURBED * rollouts)
 

@@ -136,7 +136,9 @@ class Pool:
 
     def choose(self, seconds: float) -> Choice:
         """Choose by the race, with a budget."""
-        ranking = [replace(evaluation, finals=Tally()) for evaluation in self.ranking]
+        ranking = [
+            replace(evaluation, finals=Tally()) for evaluation in self.earn_alike()
+        ]
         race = FinalRace(self.fitness, self.trials, event_hub(), self.result.tie)
         race.compare(ranking, RACED * seconds * PER_S, MOST)
         self.raced = [e for e in ranking if e.finals.losses]

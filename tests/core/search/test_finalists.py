@@ -164,14 +164,14 @@ def test_a_single_one_is_tried_to_say_how_well_it_holds():
     assert race((1.0, 0.5, fails_in()), rollouts=8000).held == Held(MOST, MOST)
 
 
-def test_who_is_behind_is_tried_when_those_before_it_have_lost_as_much():
+def test_only_those_within_the_tie_of_the_highest_reward_are_tried():
     first = (1.0, 0.5, "a 0 b 0")
     second = (0.996, 0.7, "a 1 b 1")
     behind = (0.9, 0.1, "a 1 b 1")
     choice = race(first, second, behind)
     assert choice.winner.candidate.agent == 1
     assert set(choice.finals) == {"g0-a0-s0-p0", "g0-a1-s0-p0"}
-    assert winner(first, behind) == 1
+    assert winner(first, behind) == 0
 
 
 def test_equal_designs_are_tried_once_and_those_that_earn_nothing_never():
@@ -354,7 +354,7 @@ def test_a_run_interrupted_among_elites_or_finalists_keeps_their_trials(
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_order_in_which_trials_end_decides_nothing(seed):
-    designs = [(1.0 - n / 200, n, fails_in(n, 2 * n)) for n in range(12)]
+    designs = [(1.0 - n / 4000, n, fails_in(n, 2 * n)) for n in range(12)]
     shuffled = Trials(Inline(np.random.default_rng(seed)), play=earn)
     choice = finals(shuffled).choose(result(*designs), 300)
     expected = race(*designs, rollouts=300)
