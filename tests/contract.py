@@ -1,0 +1,88 @@
+"""What others may build on: ``python -m tests.contract`` writes the list of it, ``tests/contract.txt``.
+
+Run it after a public name or key was added. What was taken away stays in the list until CHANGELOG.md names it.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from omegaconf import OmegaConf
+
+from core.config.compose import load
+from core.plugins import installed
+from core.store.rows import TABLES
+
+ROOT = Path(__file__).parents[1]
+LIST = ROOT / "tests" / "contract.txt"
+# Files of core that are programs, not what a plugin imports.
+PROGRAMS = {"__init__", "__main__", "run", "evaluate", "prompt"}
+
+
+def current() -> set[str]:
+    """Return a line for each public name, key, part, command and table of today."""
+    return {*names(), *keys(), *parts(), *(f"table {table}" for table in TABLES)}
+
+
+def names() -> Iterator[str]:
+    """Public names that the flat files of core define or hand on."""
+    for file in (ROOT / "core").glob("*.py"):
+        if file.stem not in PROGRAMS:
+            for name in public(ast.parse(file.read_text())):
+                yield f"name core.{file.stem}.{name}"
+
+
+def public(module: ast.Module) -> Iterator[str]:
+    for node in module.body:
+        if isinstance(node, ast.ClassDef | ast.FunctionDef):
+            found = [node.name]
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            found = [target.id for target in targets if isinstance(target, ast.Name)]
+        elif isinstance(node, ast.ImportFrom):  # handed on: `X as X`
+            found = [alias.asname for alias in node.names if alias.asname == alias.name]
+        else:
+            found = []
+        yield from (name for name in found if name and not name.startswith("_"))
+
+
+def keys() -> Iterator[str]:
+    """Keys of the configuration of a run with default parts."""
+    config = OmegaConf.to_container(load("config", []), resolve=False)
+    for key in flat(config, ""):
+        yield f"key {key}"
+
+
+def flat(config: Any, prefix: str) -> Iterator[str]:
+    for key, value in config.items():
+        if isinstance(value, dict):
+            yield from flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}"
+
+
+def parts() -> Iterator[str]:
+    """Built-in parts by kind and name; commands are among them."""
+    for (kind, name), offer in installed().offers.items():
+        if offer.distribution == "vlmgineer":
+            yield f"part {kind}={name}"
+
+
+def stored() -> set[str]:
+    return set(LIST.read_text().splitlines())
+
+
+def unnamed(lines: set[str]) -> set[str]:
+    """Return those of the lines that CHANGELOG.md does not name between backticks."""
+    words = re.findall(r"`([^`]+)`", (ROOT / "CHANGELOG.md").read_text())
+    return {line for line in lines if line.partition(" ")[2] not in words}
+
+
+if __name__ == "__main__":
+    today = current()
+    kept = unnamed(stored() - today) if LIST.exists() else set()
+    LIST.write_text("".join(f"{line}\n" for line in sorted(today | kept)))

@@ -1,0 +1,15 @@
+"""No public name, key, part or table comes or goes unnoticed."""
+
+from tests.contract import current, stored, unnamed
+
+
+def test_what_is_new_is_in_the_list():
+    assert not current() - stored(), "python -m tests.contract"
+
+
+def test_what_is_gone_has_a_line_in_the_changelog():
+    assert not unnamed(stored() - current())
+
+
+def test_a_name_that_goes_without_a_line_is_noticed():
+    assert unnamed({"name core.task.NoSuchName"}) == {"name core.task.NoSuchName"}
