@@ -23,6 +23,9 @@ MAX_SAVED = 1000
 MAX_ALL_MENDED = 200_000
 """The most characters of a reply that are looked at to be mended, which takes time."""
 
+MAX_TRIED = 20_000_000
+"""The most characters that are read of objects which turn out to be malformed; some seconds, where one holds others."""
+
 MAX_BLOCKS = 3
 """The most fenced blocks of a reply that are read in other ways."""
 
@@ -80,13 +83,18 @@ def _find_objects(text: str) -> tuple[list[_Found], Malformed | None]:
     end = 0
     # Each failure counts all lines before it; this many take a second or two.
     failures = 100 + 1_000_000_000 // max(1, len(text))
-    while (start := text.find("{", end)) >= 0 and failures > 0:
+    tried = 0
+    while failures > 0 and tried < MAX_TRIED:
+        start = text.find("{", end)
+        if start < 0:
+            break
         value: object
         is_inner = start < broken_end
         try:
             value, end = decode(text, start, "the reply")
         except Malformed as error:
             failures -= 1
+            tried += error.end - start
             if error.end - start > reached:
                 longest = error
                 reached = error.end - start

@@ -78,7 +78,6 @@ def test_an_unknown_key_beside_a_sweep():
 def test_a_setting_without_a_value(tmp_path, monkeypatch, capsys):
     offer = Offer("executor", "remote", "theirs", "their-package", lambda address: None)
     monkeypatch.setitem(installed().offers, ("executor", "remote"), offer)
-    monkeypatch.setattr("core.run._failures", [])
     monkeypatch.setenv("HYDRA_FULL_ERROR", "1")  # set by main, and restored here
     monkeypatch.setattr(sys, "argv", ["core.run"])  # set by main, and restored here
     with pytest.raises(

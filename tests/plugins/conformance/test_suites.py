@@ -279,7 +279,7 @@ WRONG = {
     ("command", SULLEN): {
         "its help is one line": "help has more than one line",
         "help prints its usage": "with --help its exit status is 3 instead of 0",
-        "an unknown word is one line": "an unknown word raises no UsageError; the exit status is 3",
+        "an unknown word is one line": "an unknown word raises no UsageError: exit status 3",
     },
     ("listener", Trusting): {
         "it receives a whole run": "candidate_evaluated raised AttributeError: 'NoneType' object has no attribute",

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from core.design import Candidate
+from core.designs.planning import NO_PLAN
 from core.designs.reading import read_designs
 from core.designs.replies import parse_reply
 from core.designs.schema import answer_schema
@@ -123,7 +124,7 @@ def candidates(given):
         parse_reply(reply(given).text),
         given.representation,
         given.task,
-        generation=given.generation,
+        base=Candidate(None, NO_PLAN, generation=given.generation),
         elites=tuple(elite.candidate.id for elite in given.elites),
     )
 
