@@ -150,7 +150,7 @@ def explain(error: Exception, name: str) -> UserError:
     failed = installed().failed
 
     if isinstance(error, OverrideParseException):
-        return explain_word(error)
+        return explain_word(error.override)
 
     if isinstance(error, MissingConfigException) and error.options:
         group, _, choice = (error.missing_cfg_file or "").rpartition("/")
@@ -160,6 +160,10 @@ def explain(error: Exception, name: str) -> UserError:
         return UsageError(
             f"{error.full_key} has no value; give one with {error.full_key}=VALUE"
         )
+
+    several = re.match(r"Ambiguous value for argument '(.*)'\n", str(error))
+    if several:
+        return explain_word(several[1])
 
     no_group = re.match(r"Could not override '(.+?)'\. No match in the", str(error))
     if no_group:

@@ -7,7 +7,6 @@ import shlex
 from collections.abc import Sequence
 
 from hydra.core.override_parser.types import Quote, QuotedString
-from hydra.errors import OverrideParseException
 
 from core.errors import UsageError
 from core.support.cli import path_exists
@@ -34,16 +33,18 @@ def quote_paths(words: Sequence[str]) -> list[str]:
 
 
 def _quote(key: str, value: str) -> str:
+    """Write a text as it is, even where it looks like a reference to another key."""
+    value = value.replace("${", "\\${")
     return f"{key}={QuotedString(value, Quote.double).with_quotes()}"
 
 
-def explain_word(error: OverrideParseException) -> UsageError:
-    """Say how to write a word that Hydra's grammar does not read."""
-    key, equals, value = error.override.partition("=")
+def explain_word(word: str) -> UsageError:
+    """Say how to write a word that has another meaning, or none, as it is."""
+    key, equals, value = word.partition("=")
     if not equals:
-        return UsageError(f"can't read {error.override!r}; write KEY=VALUE")
+        return UsageError(f"can't read {word!r}; write KEY=VALUE")
     quoted = shlex.quote(_quote(key, value))
     mend = f"put its value in quotes: {quoted}"
     if value.startswith(("[", "{")):
-        mend = f"close its brackets, or if it is a text {mend}"
-    return UsageError(f"can't read {error.override}; {mend}")
+        mend = f"close its brackets, put texts in them in quotes, or if it is a text {mend}"
+    return UsageError(f"can't read {word}; {mend}")

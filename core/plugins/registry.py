@@ -265,6 +265,8 @@ def check_settings(
         except pydantic.ValidationError as error:
             first = error.errors()[0]
             reason = ": ".join([*map(str, first["loc"]), first["msg"]])
+            if first["type"] == "string_type":
+                reason += f"; put a text in quotes twice: '\"{first['input']}\"'"
             raise UsageError(
                 f"{where}: setting {name!r} can't be {value!r}: {reason}"
             ) from error

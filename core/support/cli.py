@@ -126,13 +126,21 @@ def read_path(value: str) -> Path:
     quoted = re.fullmatch(r"""(["'])(.+)\1""", value)
     if quoted and not path_exists(value):
         value = quoted[2].replace(f"\\{quoted[1]}", quoted[1])
-    return Path(value).expanduser()
+    return expand(value)
+
+
+def expand(value: str | Path) -> Path:
+    """Put the home folder in place of a ``~``, unless what follows is no user: then it is part of a name."""
+    try:
+        return Path(value).expanduser()
+    except RuntimeError:
+        return Path(value)
 
 
 def path_exists(value: str) -> bool:
     """Check if a value is the path of something that exists."""
     try:
-        return Path(value).expanduser().exists()
+        return expand(value).exists()
     except (OSError, ValueError):  # such as one that is too long
         return False
 

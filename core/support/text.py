@@ -7,6 +7,11 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
 
+# Texts that Hydra reads as numbers or other values.
+_OTHER = re.compile(
+    r"[+-]?([\d_]+\.?[\d_]*(e[+-]?\d+)?|inf|nan)|true|false|null", re.IGNORECASE
+)
+
 
 def clean(text: str, longest: int, *, lines: bool = False) -> str:
     """Remove control characters and superfluous space from ``text``, and cut it to ``longest`` characters.
@@ -121,7 +126,8 @@ def hydra_word(value: object) -> str:
         return f"{{{','.join(items)}}}"
 
     text = str(value).lower() if isinstance(value, bool) else str(value)
-    if re.fullmatch(r"[\w./+-]+", text, re.ASCII):
+    other = isinstance(value, str) and _OTHER.fullmatch(text)
+    if not other and re.fullmatch(r"[\w./+-]+", text, re.ASCII):
         return text
     quoted = text.replace("'", "\\'")
 

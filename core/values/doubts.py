@@ -10,8 +10,17 @@ USUAL = {
     "body mass": (1e-5, 50.0, "weighs {:g} kg", "grams?"),
     "link mass": (1e-5, 1e3, "weighs {:g} kg", "grams?"),
     "length": (1e-4, 2.0, "is {:.3g} m long", "millimetres?"),
+    "density": (1.0, 1e5, "has {:.3g} kg/m^3", "kilograms and metres are read"),
+    "gyration": (
+        1e-4,
+        2.0,
+        "turns as if its mass were {:.3g} m from its middle",
+        "inertias are read in kg m^2",
+    ),
     "offset": (0.0, 5.0, "is {:.3g} m from the one before", "millimetres?"),
-    "range": (0.1, 25.2, "ranges over {:.3g} rad", _DEGREES),
+    "turn": (0.0, 6.3, "is turned by {:.3g} rad", _DEGREES),
+    "range": (0.13, 25.2, "ranges over {:.3g} rad", _DEGREES),
+    "effort": (1e-3, 2e4, "bears up to {:.3g} N m", "newton millimetres?"),
     "speed": (1e-3, 50.0, "turns at up to {:.3g} rad/s", _DEGREES),
 }
 

@@ -36,6 +36,7 @@ _NAMED = 20  # names that a message lists
 # A joint that turns no farther, from about here, may open a jaw.
 _JAW_RAD = 2.4
 _CLOSED_RAD = 0.35
+_OPENS_RAD = 0.13  # at least: limits of less are missing, or in other units
 
 
 @dataclass(frozen=True)
@@ -198,7 +199,7 @@ def _refuse_jaw(description: Description, leaf: str) -> None:
         f"as joint {last.name!r} mimics another one": last.mimic,
         f"as joint {last.name!r} opens from about 0 by {upper - lower:.2g} rad": (
             last.kind == "revolute"
-            and upper - lower < _JAW_RAD
+            and _OPENS_RAD < upper - lower < _JAW_RAD
             and min(abs(lower), abs(upper)) < _CLOSED_RAD
         ),
     }

@@ -60,7 +60,7 @@ def _spread_mass(
     lacking = [
         link
         for link in description.links.values()
-        if link.collisions and not any(link.inertial.moments)
+        if link.collisions and not (link.inertial.mass and any(link.inertial.moments))
     ]
     shapes = chain.from_iterable(link.collisions for link in lacking)
     make_all(find_job(shape, drawn=False) for shape in shapes)

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
+import trimesh
 
-from core.values.descriptions import Description, RobotJoint
+from core.values.descriptions import Description, RobotJoint, RobotLink, RobotShape
 from core.values.doubts import find_doubt
 
 
-def find_doubts(description: Description, arm: Sequence[RobotJoint]) -> Iterator[str]:
-    """Yield a line for each mass, place and limit that is hardly meant."""
+def find_doubts(
+    description: Description, arm: Sequence[RobotJoint], whole: Description
+) -> Iterator[str]:
+    """Yield a line for each mass, place and limit that is hardly meant.
+
+    ``whole`` has the links as they are simulated: joined where one is fixed to another, with hulls for meshes.
+    """
     for joint in arm:
         lower, upper = joint.range
         where = f"joint {joint.name!r}"
         yield from find_doubt(where, "range", upper - lower)
         yield from find_doubt(where, "speed", joint.limits.velocity or 0.0)
+        yield from find_doubt(where, "effort", joint.limits.effort or 0.0)
 
     for name, link in description.links.items():
         if link.inertial.mass:
@@ -24,3 +33,27 @@ def find_doubts(description: Description, arm: Sequence[RobotJoint]) -> Iterator
     for name, borne in description.joints.items():
         away = float(np.linalg.norm(borne.origin.xyz))
         yield from find_doubt(f"link {name!r}", "offset", away)
+        turn = float(np.abs(borne.origin.rpy).max())
+        yield from find_doubt(f"link {name!r}", "turn", turn)
+
+    for name, link in whole.links.items():
+        if name != whole.root and link.inertial.mass:
+            yield from _doubt_weight(link)
+
+
+def _doubt_weight(link: RobotLink) -> Iterator[str]:
+    """Yield a line where a link's mass does not go with its size, or its inertia with its mass."""
+    where = f"link {link.name!r}"
+    mass = link.inertial.mass
+    volume = sum(map(_measure, link.collisions))
+    if volume and not any(find_doubt(where, "link mass", mass)):
+        yield from find_doubt(where, "density", mass / volume)
+    gyration = math.sqrt(max(link.inertial.moments) / mass)
+    yield from find_doubt(where, "gyration", gyration)
+
+
+def _measure(shape: RobotShape) -> float:
+    """Measure the volume of a shape, m^3; of a mesh it is that of its hull."""
+    if isinstance(shape.shape, Path):
+        return abs(float(trimesh.load_mesh(shape.shape).volume))
+    return shape.shape.volume

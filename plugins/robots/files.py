@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,14 +9,12 @@ from xml.etree.ElementTree import Element
 
 from core.errors import UserError, choices
 from core.support.files import read_untrusted
-from core.support.text import visible
 from core.values.descriptions import Description
 from core.values.urdf import MAX_BYTES, find_mesh, read_tree
 from plugins.robots.kinds import list_arms, read_root
+from plugins.robots.near import describe_near, find_near
 from plugins.robots.normalise import Problems
 from plugins.robots.settings import ArmSettings
-
-_ABOVE = 3  # folders of and above the file in which a mesh is looked for
 
 
 @dataclass(frozen=True)
@@ -133,12 +130,7 @@ def find_meshes(root: Element, file: Path, may_lack: bool) -> list[str]:
                     wrong.append(error)
 
     wrong.report()
-    if near:
-        named, taken = next(iter(near.items()))
-        notes.append(
-            f"{len(near)} meshes are not where the file says, such as {visible(named)}, which is taken to be {taken}"
-        )
-    return notes
+    return notes + describe_near(near)
 
 
 def _find(mesh: Element, file: Path, where: str, near: dict[str, Path]) -> Path:
@@ -148,33 +140,8 @@ def _find(mesh: Element, file: Path, where: str, near: dict[str, Path]) -> Path:
     try:
         return find_mesh(plain, file, where)
     except UserError:
-        alike = _find_near(plain, file)
+        alike = find_near(plain, file)
         if alike is None:
             raise
     near[named] = alike
     return alike
-
-
-def _find_near(name: str, file: Path) -> Path | None:
-    """Find a mesh of which the end of the path, with other capitals or not, leads to a file near the URDF."""
-    parts = [part for part in name.split("/") if part not in ("", ".", "..")]
-    for start in range(len(parts)):
-        for folder in list(file.parents)[:_ABOVE]:
-            near: Path | None = folder
-            for part in parts[start:]:
-                near = near and _find_alike(near, part)
-            if near is not None and near.is_file():
-                return near
-    return None
-
-
-def _find_alike(folder: Path, name: str) -> Path | None:
-    """Find what a folder has under a name, whatever its capitals."""
-    exact = folder / name
-    with contextlib.suppress(OSError):
-        if exact.exists():
-            return exact
-        for entry in folder.iterdir():
-            if entry.name.lower() == name.lower():
-                return entry
-    return None

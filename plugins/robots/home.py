@@ -64,6 +64,7 @@ def main(words: list[str]) -> None:
     try:
         source = read_source(chosen)
         arm = build_unmounted(source, chosen, anywhere=True)
+        say(*arm.notes)
         if at is None and chosen.reach is None and not any(named.base):
             found = find_for_tasks(arm, chosen)
         else:
@@ -72,7 +73,6 @@ def main(words: list[str]) -> None:
     except UserError as error:  # a line for each problem
         raise type(error)(str(error).replace(ALSO, "\n- ")) from error
 
-    say(*arm.notes)
     if found.factor != 1:
         say(describe_factor(found.factor))
     home = arm_of(found.robot).home

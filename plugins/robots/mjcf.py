@@ -29,6 +29,7 @@ from core.values.descriptions import (
     RobotShape,
 )
 from plugins.robots.naming import names_tool_frame
+from plugins.robots.near import describe_near, find_near
 
 try:
     import mujoco
@@ -39,6 +40,7 @@ except (ImportError, RuntimeError) as error:  # it reads MUJOCO_GL when it is im
 
 LIMIT_S = 120
 WORLD = "world"
+_BETWEEN = 0.01  # of a body's mass, for each link between two of its joints
 SPEED = 3.14  # rad/s or m/s: MJCF has no limits of speed
 _KINDS = ("floating", "floating", "prismatic", "revolute")  # by MuJoCo's numbers
 _FREE = 0
@@ -91,8 +93,12 @@ def compile_arm(_: bytes, file: str) -> bytes:
             spec.delete(thing)
         for material in spec.materials:
             material.textures = [""] * len(material.textures)
-        notes = _leave_out_missing(spec)
-        model = spec.compile()
+        notes = list[str]()
+        try:
+            model = spec.compile()
+        except ValueError:
+            notes = _find_meshes(spec, Path(file))
+            model = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         raise UserError(f"is refused by MuJoCo: {clean(str(error), 300)}") from error
 
@@ -101,14 +107,26 @@ def compile_arm(_: bytes, file: str) -> bytes:
     return json.dumps(notes).encode() + b"\n" + binary.tobytes()
 
 
-def _leave_out_missing(spec: Any) -> list[str]:
-    """Leave out missing meshes that are only drawn, refuse all others in one go, and say what is left out."""
-    folder = Path(spec.modelfiledir, spec.meshdir)
+def _find_meshes(spec: Any, file: Path) -> list[str]:
+    """Take meshes that are near where the file says, leave out missing ones that are only drawn, and say so.
+
+    Raises:
+        UserError: others are missing; names all of them.
+    """
+    near: dict[str, Path] = {}
     missing = {}
     for mesh in list(spec.meshes):
-        if mesh.file and not (folder / mesh.file).is_file():
-            missing[mesh.name or Path(mesh.file).stem] = str(folder / mesh.file)
-            spec.delete(mesh)
+        named = str(Path(spec.meshdir, mesh.file))
+        wanted = Path(spec.modelfiledir, named)
+        if not mesh.file or wanted.is_file():
+            continue
+        alike = find_near(named.replace("\\", "/"), file)
+        if alike is not None:
+            near[named] = alike
+            mesh.file = str(alike.absolute())
+            continue
+        missing[mesh.name or wanted.stem] = str(wanted)
+        spec.delete(mesh)
 
     needed = set[str]()
     for geom in list(spec.geoms):
@@ -121,10 +139,11 @@ def _leave_out_missing(spec: Any) -> list[str]:
         raise UserError(
             f"names mesh files that are missing: {', '.join(sorted(needed))}"
         )
-    return [
+    left_out = [
         f"not drawn, as there is no file {wanted}; where its body has no <inertial> it weighs less"
         for wanted in missing.values()
     ]
+    return describe_near(near) + left_out
 
 
 class _Reading:
@@ -189,24 +208,33 @@ class _Reading:
         return kept
 
     def _add(self, body: Any) -> None:
-        """Add a body's link; of several joints each but the last bears a link without mass."""
+        """Add a body's link; of several joints each but the last bears a link with a small part of its mass."""
         name = body.name or f"body{body.id}"
         parent, frame = self._frames[body.parentid[0]]
         frame = frame @ _pose(body.pos, body.quat)
         numbers = range(body.jntadr[0], body.jntadr[0] + body.jntnum[0])
         joints = [joint for joint in map(self._model.joint, numbers) if joint.type[0]]
+        between = dict[str, Pose]()
         for count, joint in enumerate(joints, 1):
             child = name if count == len(joints) else f"{name}:{count}"
             anchor = Pose(joint.pos)
             self._bear(child, parent, frame @ anchor, joint)
             frame = anchor.inverse()
             parent = child
+            if child != name:
+                between[child] = frame
 
         if not joints:
             self._bear(name, parent, frame)
             frame = Pose()
         self._frames[body.id] = name, frame
-        self._fill(name, body, frame)
+        self._fill(name, body, frame, 1 - _BETWEEN * len(between))
+        for child, place in between.items():
+            weight = _weigh(body, place, _BETWEEN)
+            self.links[child] = RobotLink(child, weight)
+            self._notes.append(
+                f"link {child!r}, between two joints of a body, gets {_BETWEEN:.0%} of its mass"
+            )
 
     def _bear(self, name: str, parent: str, place: Pose, joint: Any = None) -> None:
         """Add a link without shapes, and the joint that bears it, at 0 of that; the base has none.
@@ -262,11 +290,8 @@ class _Reading:
         most = [float(np.abs(ends).max()) for ends in forces]
         return min(most, default=None)
 
-    def _fill(self, name: str, body: Any, frame: Pose) -> None:
-        """Give a link what its body weighs and looks like; ``frame`` is the body's in the link."""
-        origin = Origin.from_pose(frame @ _pose(body.ipos, body.iquat), DIGITS)
-        xx, yy, zz = body.inertia.tolist()
-        moments = (xx, 0.0, 0.0, yy, 0.0, zz)
+    def _fill(self, name: str, body: Any, frame: Pose, share: float) -> None:
+        """Give a link its share of what its body weighs, and its shapes; ``frame`` is the body's in the link."""
         visuals = list[RobotShape]()
         collisions = list[RobotShape]()
         for number in np.flatnonzero(self._model.geom_bodyid == body.id):
@@ -276,7 +301,7 @@ class _Reading:
             elif geom.group[0] < _DRAWN_GROUPS:
                 visuals += self._shapes(geom, frame)
 
-        weight = Inertial(float(body.mass[0]), origin.xyz, moments, origin.rpy)
+        weight = _weigh(body, frame, share)
         self.links[name] = RobotLink(name, weight, tuple(collisions), tuple(visuals))
 
     def _shapes(self, geom: Any, frame: Pose) -> list[RobotShape]:
@@ -302,6 +327,14 @@ class _Reading:
         shown = geom.rgba if geom.matid[0] < 0 else model.mat_rgba[geom.matid[0]]
         color: Any = tuple(np.clip(shown, 0, 1).tolist())
         return [replace(shape, color=color) for shape in shapes]
+
+
+def _weigh(body: Any, frame: Pose, share: float) -> Inertial:
+    """Weigh a share of a body, whose frame in the link is ``frame``."""
+    origin = Origin.from_pose(frame @ _pose(body.ipos, body.iquat), DIGITS)
+    xx, yy, zz = (share * body.inertia).tolist()
+    mass = share * float(body.mass[0])
+    return Inertial(mass, origin.xyz, (xx, 0.0, 0.0, yy, 0.0, zz), origin.rpy)
 
 
 def _pose(position: Array, quaternion: Array) -> Pose:

@@ -13,6 +13,7 @@ from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import Gripper, Robot
 from core.robot.writing import write
+from core.support.cli import expand
 from core.support.text import clean
 from core.values.descriptions import Description
 from plugins.robots.choosing import choose_arm
@@ -74,7 +75,7 @@ def read_robot(
     Raises:
         UserError: the file or something in it can't be used; says what, where, and how to mend it.
     """
-    path = path.expanduser().absolute()
+    path = expand(path).absolute()
     if home is not None:
         home = list(home)
     chosen = ArmSettings(path, home, flange, **settings)
@@ -82,16 +83,17 @@ def read_robot(
     factor = find_factor(chosen.reach)
     try:
         arm = build_unmounted(source, chosen, name)
+        if factor != 1:
+            arm.notes.append(describe_factor(factor))
+        if parent_process() is None:  # workers stay silent
+            for note in arm.notes:
+                _log.warning("%s: %s", chosen.path, note)
         robot = turn_mount(arm.robot, arm.axis, chosen.mount_rpy, chosen.face_m)
     except UserError as error:
         raise type(error)(f"{chosen.path}: {error}") from error
 
     if factor != 1:
         robot = enlarge(robot, factor)
-        arm.notes.append(describe_factor(factor))
-    if parent_process() is None:  # workers stay silent
-        for note in arm.notes:
-            _log.warning("%s: %s", chosen.path, note)
     return robot
 
 
@@ -122,7 +124,7 @@ def build_unmounted(
     assert whole is not None
     assert parts.home is not None
     whole = read_meshes(whole, notes)
-    notes += find_doubts(parts.description, arm)
+    notes += find_doubts(parts.description, arm, whole)
 
     head, in_head = parts.description.rigid_parts(joint.child for joint in arm)[flange]
     links, joints = choose_all_names(whole, notes)

@@ -19,6 +19,7 @@ from core.errors import UserError
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
 from core.robot.meshes import MAX_CORNERS
 from core.scene import Body, Geom, Joint
+from core.support.cli import expand
 from core.support.sandbox import isolated
 from core.support.text import clean
 from core.values.urdf import MAX_BYTES, NAME, read_xml
@@ -71,7 +72,7 @@ def read_mjcf(
     Raises:
         UserError: says what can't be used, where, and how to mend it.
     """
-    file = Path(file).expanduser().absolute()
+    file = expand(file).absolute()
     left = Counter[str]()
     try:
         packed = _pack(file, folder or file.parent, left)

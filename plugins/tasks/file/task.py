@@ -5,7 +5,6 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Sequence
 from copy import deepcopy
-from pathlib import Path
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from core.geometry import Array, Pose
 from core.goals import goals_reward
 from core.interfaces import Picture, Task
 from core.scene import Scene, State, Trace
+from core.support.cli import expand
 from core.values.layouts import NONE
 from plugins.tasks.file import building, doubts, files, goals, photos, tree
 from plugins.tasks.file import spec as schema
@@ -35,7 +35,7 @@ class FileTask(Task):
     language = "yaml"
 
     def __init__(self, file: str, variation: str = NONE) -> None:
-        path = Path(file).expanduser()
+        path = expand(file)
         self._text, self._tree = tree.Tree.read(path)
         self._files = files.Files(path.absolute().parent)
         spec = schema.read_spec(self._tree, self._tree.data)

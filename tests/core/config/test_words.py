@@ -18,6 +18,7 @@ FOLDERS = [
     "a#b%c~d$e!",
     "back\\slash\\",
     "a;b&c|d*e?",
+    "~nobody of this name",
 ]
 
 
@@ -35,6 +36,12 @@ def test_an_existing_path_is_taken_as_it_is(tmp_path, monkeypatch, name):
     assert value(f"task.file={name}/scene.yaml") == f"{name}/scene.yaml"
     assert value(f"task.file={tmp_path}/{name}") == f"{tmp_path}/{name}"
     assert load("evaluate", [f"designs={name}"]).designs == name
+
+
+def test_a_path_refers_to_no_other_key(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "${seed}").mkdir()
+    assert load("evaluate", ["designs=${seed}"]).designs == "${seed}"
 
 
 @pytest.mark.parametrize(
@@ -84,13 +91,17 @@ def test_a_number_is_none_of_the_paths(tmp_path, monkeypatch, plain):
         ),
         (
             "designs=[v3] scene",
-            "can't read designs=[v3] scene; close its brackets, or if it is a text put its value in quotes: "
-            "'designs=\"[v3] scene\"'",
+            "can't read designs=[v3] scene; close its brackets, put texts in them in quotes, or if it is a text "
+            "put its value in quotes: 'designs=\"[v3] scene\"'",
         ),
         (
             "robot.base=[0, 0.3",
-            "can't read robot.base=[0, 0.3; close its brackets, or if it is a text put its value in quotes: "
-            "'robot.base=\"[0, 0.3\"'",
+            "can't read robot.base=[0, 0.3; close its brackets, put texts in them in quotes, or if it is a text "
+            "put its value in quotes: 'robot.base=\"[0, 0.3\"'",
+        ),
+        (
+            "designs=mugs, new.json",
+            "can't read designs=mugs, new.json; put its value in quotes: 'designs=\"mugs, new.json\"'",
         ),
         ("designs", "can't read 'designs'; write KEY=VALUE"),
     ],

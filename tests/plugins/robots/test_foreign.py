@@ -1,11 +1,13 @@
 """Arms as their owners have them: other formats, odd names, incomplete files, meshes elsewhere, small arms."""
 
+import re
 import shutil
 import zipfile
 
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 
 from core.design import Tool
 from core.errors import UserError
@@ -195,6 +197,68 @@ def test_missing_meshes_of_mjcf_are_named_in_one_go(tmp_path):
         read_robot(file, HOME)
 
 
+def straight():
+    """The arm without a reference angle, so that its home is that of the URDF."""
+    return mjcf().replace(' ref="20"', "")
+
+
+@pytest.mark.parametrize("named", ["Link.STL", "meshes\\link.stl"])
+def test_a_mesh_of_mjcf_that_is_nearly_where_the_file_says(tmp_path, caplog, named):
+    (tmp_path / "meshes").mkdir()
+    trimesh.creation.box((0.04, 0.04, 0.04)).export(tmp_path / "meshes/link.stl")
+    file = tmp_path / "six.xml"
+    file.write_text(
+        straight()
+        .replace("<compiler ", '<compiler meshdir="meshes" ')
+        .replace(
+            "<worldbody>",
+            f'<asset><mesh name="a" file="{named}"/></asset><worldbody>',
+        )
+        .replace("<site ", '<geom type="mesh" mesh="a"/><site ')
+    )
+    read_robot(file, HOME)
+    assert "1 meshes are not where the file says" in caplog.text
+
+
+def test_a_model_that_is_attached_has_its_own_meshes(tmp_path):
+    """Each attached model may name another folder of meshes."""
+    (tmp_path / "arm/meshes").mkdir(parents=True)
+    trimesh.creation.box((0.04, 0.04, 0.04)).export(tmp_path / "arm/meshes/link.stl")
+    (tmp_path / "arm/six.xml").write_text(
+        straight()
+        .replace("<compiler ", '<compiler meshdir="meshes" ')
+        .replace(
+            "<worldbody>",
+            '<asset><mesh name="a" file="link.stl"/></asset><worldbody>',
+        )
+        .replace("<site ", '<geom type="mesh" mesh="a"/><site ')
+    )
+    file = tmp_path / "scene.xml"
+    file.write_text(
+        '<mujoco><asset><model name="six" file="arm/six.xml"/></asset><worldbody>'
+        '<body name="table"><geom size="0.1"/><attach model="six" body="base" prefix="a_"/></body>'
+        "</worldbody></mujoco>"
+    )
+    assert read_robot(file, HOME).arm_joints[0] == "a_turn_1"
+
+
+def test_two_joints_of_one_body_are_two_links(tmp_path, caplog):
+    file = tmp_path / "six.xml"
+    text = straight()
+    # The third joint turns the second's body, too.
+    joint = '<joint name="turn 3" axis="0 1 0"/>'
+    text = text.replace(joint, "").replace(
+        '<joint name="turn 4"', f'{joint}<joint name="turn 4"'
+    )
+    file.write_text(text)
+    whole = read_robot(file, HOME).description
+    assert "'arm/link 4:1', between two joints of a body, gets 1% of its mass" in (
+        caplog.text
+    )
+    masses = [link.inertial.mass for link in whole.links.values()]
+    assert sum(masses) == pytest.approx(3 + 6 * 0.8, rel=1e-6)
+
+
 def test_one_joint_is_no_arm(tmp_path):
     file = tmp_path / "one.xml"
     file.write_text(
@@ -291,6 +355,14 @@ def test_a_jaw_is_no_flange(package, capsys, change_of, reason):
     assert "the flange 'hand'" in printed
 
 
+def test_a_joint_without_limits_is_no_jaw(package):
+    change(
+        package, ('<limit lower="-2.9" upper="2.9" effort="30" velocity="4.0"/>', "")
+    )
+    with pytest.raises(UserError, match=r"joint 'joint_6' can't move: .*give <limit"):
+        home.main(["robot=urdf", f"robot.path={package}"])
+
+
 def test_a_wrist_is_a_flange_and_is_said(file, capsys):
     assert "tools are bolted to 'tool0', as no other" in said(
         capsys, f"robot.path={file}"
@@ -330,6 +402,14 @@ def test_a_total_mass_is_spread_over_hulls(package):
     tensor = robot.description.links["turret"].inertial.tensor
     across = masses["turret"] * (3 * 0.07**2 + 0.15**2) / 12
     assert tensor[0, 0] == pytest.approx(across, rel=0.01)
+
+
+def test_inertias_of_links_without_mass_say_nothing(package):
+    text = re.sub(r'<mass value="[^"]*"/>', '<mass value="0"/>', package.read_text())
+    package.write_text(text)
+    robot = read_robot(package, HOME, FLANGE, mass_kg=27.0)
+    links = robot.description.links.values()
+    assert sum(link.inertial.mass for link in links) == pytest.approx(27.0)
 
 
 def test_masses_of_the_file_stay(package):
@@ -614,6 +694,12 @@ def model_of(robot):
         ([('<mass value="0.172"/>', '<mass value="1e-6"/>')], "link 'hand' weighs 1e-06 kg; grams?"),
         ([('<mass value="0.172"/>', '<mass value="1e5"/>')], "link 'hand' weighs 100000 kg; grams?"),
         ([('xyz="0 0 0.05"', 'xyz="0 0 50"')], "link 'tool0' is 50 m from the one before; millimetres?"),
+        ([('xyz="0 0 0.05"', 'xyz="0 0 0.05" rpy="0 0 44"')], "link 'tool0' is turned by 44 rad; degrees?"),
+        ([('"-2.9" upper="2.9" effort="30"', '"-0.05" upper="0.05" effort="30"')], "'joint_6' ranges over 0.1 rad;"),
+        ([('effort="30"', 'effort="30000"')], "'joint_6' bears up to 3e+04 N m; newton millimetres?"),
+        ([('<mass value="0.172"/>', '<mass value="172"/>')], "link 'hand' has 8.98e+05 kg/m^3"),
+        ([('<mass value="0.172"/>', '<mass value="0.000172"/>')], "link 'hand' has 0.898 kg/m^3"),
+        ([('<mass value="0.172"/>', '<mass value="1.72e-5"/>')], "link 'hand' turns as if its mass were"),
     ],
 )  # fmt: skip
 def test_units_that_were_mixed_up_are_said(package, caplog, changes, line):

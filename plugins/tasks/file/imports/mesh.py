@@ -10,6 +10,7 @@ import numpy as np
 from core.errors import UserError
 from core.geometry import Pose
 from core.scene import Body, Color, Geom
+from core.support.cli import expand
 from plugins.tasks.file.imports.bodies import Imported
 from plugins.tasks.file.imports.solids import MeshSolid, load_solid
 
@@ -34,7 +35,7 @@ def read_mesh(
     Raises:
         UserError: says what can't be used, where, and how to mend it.
     """
-    file = Path(file).expanduser().absolute()
+    file = expand(file).absolute()
     upright = file.suffix.lower() != ".glb"
     turn = np.eye(3)
     if not upright:

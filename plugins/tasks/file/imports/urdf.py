@@ -16,6 +16,7 @@ from core.errors import UserError
 from core.geometry import Color, Pose
 from core.robot.description import RESERVED
 from core.scene import Body, Geom, Joint
+from core.support.cli import expand
 from core.values.descriptions import Description, RobotJoint, RobotLink, RobotShape
 from core.values.urdf import MAX_BYTES, read_description, read_xml
 from plugins.tasks.file.imports.bodies import Imported, joined_body
@@ -47,7 +48,7 @@ def read_urdf(
     Raises:
         UserError: says what can't be used, where, and how to mend it.
     """
-    file = Path(file).expanduser().absolute()
+    file = expand(file).absolute()
     folder = folder or file.parent
     data = read_inside(file, folder, "URDF", MAX_BYTES / 1e6)
     description = read_description(data, file, taken=RESERVED)
