@@ -163,7 +163,14 @@ def choose_flange(
     leaves = sorted(description.links.keys() - parents)
     if len(leaves) == 1:
         _refuse_jaw(description, leaves[0])
-        notes.append(f"tools are bolted to {leaves[0]!r}, as no other link hangs on it")
+        note = f"tools are bolted to {leaves[0]!r}, as no other link hangs on it"
+        borne = description.joints.get(leaves[0])
+        if borne is not None and borne.kind != "fixed":
+            note += (
+                f"; if it is a gripper's jaw, {write_word('flange', borne.parent)} "
+                f"{write_word('without', leaves)}"
+            )
+        notes.append(note)
         return leaves[0]
 
     after: dict[int, list[str]] = {}  # links by the number of joints that turn them

@@ -355,6 +355,14 @@ def test_a_jaw_is_no_flange(package, capsys, change_of, reason):
     assert "the flange 'hand'" in printed
 
 
+def test_a_last_link_that_turns_is_said_with_the_other_answer(package, capsys):
+    change(package, *jaw("joint_7", "link_7", limits=(-1.5, 1.5)))
+    printed = said(capsys, f"robot.path={package}")
+    assert "if it is a gripper's jaw, robot.flange=hand robot.without=[link_7]" in (
+        printed
+    )
+
+
 def test_a_joint_without_limits_is_no_jaw(package):
     change(
         package, ('<limit lower="-2.9" upper="2.9" effort="30" velocity="4.0"/>', "")
