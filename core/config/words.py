@@ -15,7 +15,7 @@ _PLAIN = re.compile(r"[\w./+:%@-]*", re.ASCII)  # all of it is text or a number
 
 
 def quote_paths(words: Sequence[str]) -> list[str]:
-    """Put values in quotes that are paths which exist.
+    """Put values in quotes that are paths which exist, or lie in a folder that does.
 
     Raises:
         UsageError: a word has no key.
@@ -25,7 +25,8 @@ def quote_paths(words: Sequence[str]) -> list[str]:
         key, _, value = word.partition("=")
         if not key:
             raise UsageError(f"can't read {word!r}; write KEY=VALUE")
-        if not _PLAIN.fullmatch(value) and path_exists(value):
+        folder = value[: value.rfind("/") + 1]
+        if not _PLAIN.fullmatch(value) and path_exists(folder or value):
             quoted.append(_quote(key, value))
         else:
             quoted.append(word)

@@ -35,6 +35,7 @@ def test_an_existing_path_is_taken_as_it_is(tmp_path, monkeypatch, name):
     assert value(f"task.file={name}") == name
     assert value(f"task.file={name}/scene.yaml") == f"{name}/scene.yaml"
     assert value(f"task.file={tmp_path}/{name}") == f"{tmp_path}/{name}"
+    assert value(f"output={name}/new, (1).json") == f"{name}/new, (1).json"
     assert load("evaluate", [f"designs={name}"]).designs == name
 
 
