@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from core.geometry import Capsule, Cylinder, Mesh, Pose, Shape, Sphere
@@ -10,23 +12,35 @@ from core.values.descriptions import Origin, RobotShape, rounded_shape
 
 
 def urdf_shapes(shape: Shape, pose: Pose) -> list[RobotShape]:
-    """Make one of our shapes of those that URDF has; a mesh becomes a file of `scratch`."""
-    origin = Origin.from_pose(pose)
+    """Make one of our shapes of those that URDF has: a box, a cylinder, a sphere or the file of a mesh.
 
+    URDF has no capsules, so that one becomes a cylinder with a ball at each end. Lengths are rounded to picometres.
+
+    Args:
+        shape: in its own frame.
+        pose: of this frame in that of the link.
+
+    For example, a capsule gives three shapes::
+
+        body, lower_end, upper_end = urdf_shapes(Capsule(0.01, 0.2), Pose())
+    """
     match shape:
         case Capsule(radius, length):
-            shapes = [RobotShape(rounded_shape(Cylinder(radius, length)), origin)]
-            ball = rounded_shape(Sphere(radius))
+            shapes = urdf_shapes(Cylinder(radius, length), pose)
             for end in (-length / 2, length / 2):
                 place = pose @ Pose(np.array([0.0, 0.0, end]))
-                shapes.append(RobotShape(ball, Origin.from_pose(place)))
+                shapes += urdf_shapes(Sphere(radius), place)
 
             return shapes
         case Mesh():
-            file = scratch() / f"{shape.content}.obj"
-            write_once(
-                file, lambda: str(shape.to_trimesh().export(file_type="obj", digits=12))
-            )
-            return [RobotShape(file, origin)]
+            return [RobotShape(_write_mesh(shape), Origin.from_pose(pose))]
         case _:
-            return [RobotShape(rounded_shape(shape), origin)]
+            return [RobotShape(rounded_shape(shape), Origin.from_pose(pose))]
+
+
+def _write_mesh(mesh: Mesh) -> Path:
+    """Write a mesh to a file of `scratch`; meshes with the same content share it."""
+    file = scratch() / f"{mesh.content}.obj"
+    write_once(file, lambda: str(mesh.to_trimesh().export(file_type="obj", digits=12)))
+
+    return file

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from itertools import accumulate, pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,26 +19,28 @@ from core.geometry import Array, running_sums
 from core.robot.kinematics import Arm
 from core.robot.paths import bend, join_knots, sample_cells
 
-_SAMPLE_S = 0.01
-_APART_RAD = 1e-6
+_SAMPLE_S = 0.01  # the longest time between samples
+_APART_RAD = (
+    1e-6  # per path length: the least slope that a velocity limit is divided by
+)
 _STILL_RAD = 1e-5  # where no joint turns farther, TOPP-RA may find no timing
 # Of the mean speed: the highest of a way that takes a fifth of its time to speed up, and a fifth to brake.
 PEAK = 1.25
 _ROUNDS = 20  # of slowing a way until it takes its seconds
-_EXACT_S = 1e-3
+_EXACT_S = 1e-3  # by which a way may miss its seconds
 
 
 class Leg(NamedTuple):
-    """A way from stop to stop along N waypoints.
+    """A way from stop to stop along N waypoints: all are passed without a stop but the last, at which the arm rests.
 
     Attributes:
-        knots: joints (K, J) along it.
+        knots: joints (K, J) along it, radians.
         ends: which of the knots are the stop before it and the waypoints (N + 1).
-        grips: how far the gripper is closed at these (N + 1).
-        asked: (N,) seconds that the way to each waypoint is asked to take.
-        seconds: (N,) as the tempo has them; nan: any.
+        grips: how far the gripper is closed at these (N + 1), 0 to 1.
+        asked: (N,) seconds that the way to each waypoint is asked to take; above 0.
+        seconds: (N,) as the tempo has them, which no way may be shorter than; nan: any.
         hurried: whether it shall take no longer than ``asked``, if the limits allow.
-        wait_s: the rest after it.
+        wait_s: the rest after it, seconds.
     """
 
     knots: Array
@@ -54,9 +56,9 @@ class TimedLeg(NamedTuple):
     """A way from stop to stop in time.
 
     Attributes:
-        times: (S,) seconds since it began.
-        joints: (S, J).
-        reached: when each of its waypoints is reached, seconds.
+        times: (S,) seconds since it began; the sample at 0 is left out.
+        joints: (S, J) at these times, radians.
+        reached: when each of its N waypoints is reached, seconds since it began; the last of ``times`` at the end.
     """
 
     times: Array
@@ -70,17 +72,21 @@ def time_leg(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
     Args:
         leg: the way, and how long it shall take.
         arm: gives the limits.
-        speed: the share of them to use.
+        speed: the share of them to use, 0 to 1.
 
     Raises:
         DesignError: no timing keeps the limits.
+
+    For example, how long the way to a single waypoint takes::
+
+        timed = time_leg(leg, arm, speed=0.95)
+        late_s = timed.reached[-1] - leg.asked[-1]
     """
     if len(leg.asked) > 1:
         return _time_fastest(leg, arm, speed)
 
-    asked_s = float(leg.asked[0])
-    timed = _time_at_rest(leg, arm, asked_s, speed)
-    late = timed.times[-1] > asked_s + _EXACT_S
+    timed = _time_at_rest(leg, arm, speed)
+    late = timed.times[-1] > leg.asked[0] + _EXACT_S
     moves = float(np.ptp(leg.knots, axis=0).max()) >= _STILL_RAD
 
     if late and leg.hurried and moves:
@@ -89,12 +95,7 @@ def time_leg(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
     return timed
 
 
-def _time_at_rest(
-    leg: Leg,
-    arm: Arm,
-    asked_s: float,
-    speed: float,
-) -> TimedLeg:
+def _time_at_rest(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
     """Time a leg in the seconds that are asked for, or longer.
 
     Without limits the path speed is a trapezoid: a fifth of the time to accelerate, a fifth to brake. Where a joint
@@ -102,6 +103,7 @@ def _time_at_rest(
     path speed, as in J. Bobrow et al., "Time-optimal control of robotic manipulators along specified paths", IJRR 1985.
     Half of each acceleration limit is for the path's curvature, half for the change of speed.
     """
+    asked_s = float(leg.asked[0])
     path = join_knots(leg.knots, arm)
     s = sample_cells(len(leg.knots) - 1)
     slope = np.abs(path(s, 1))
@@ -167,14 +169,7 @@ def _time_fastest(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
     Raises:
         DesignError: no timing keeps the limits, or TOPP-RA is not installed.
     """
-    try:
-        import toppra  # takes a second
-    except ModuleNotFoundError as error:
-        raise DesignError(
-            "the plan's tempo needs TOPP-RA, which is not installed: pip install toppra (where it has no wheel, this "
-            "needs a C++ compiler)"
-        ) from error
-
+    toppra = _import_toppra()
     from toppra.algorithm import TOPPRA
     from toppra.constraint import (
         DiscretizationType,
@@ -182,7 +177,6 @@ def _time_fastest(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
         JointVelocityConstraintVarying,
     )
 
-    toppra.setup_logging("ERROR")
     last = leg.ends[-1]
     path = toppra.SplineInterpolator(np.linspace(0.0, 1.0, len(leg.knots)), leg.knots)
 
@@ -225,9 +219,26 @@ def _time_fastest(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
         asked = np.where(short, asked * leg.seconds / took, asked)
 
     times, along = _sample_evenly(s, rate, lasts)
+    passed = accumulate(took[:-1].tolist())
+    return TimedLeg(times, path(along), [*passed, float(times[-1])])
 
-    reached = [*accumulate(took[:-1].tolist()), float(times[-1])]
-    return TimedLeg(times, path(along), reached)
+
+def _import_toppra() -> Any:
+    """Import TOPP-RA, which takes a second.
+
+    Raises:
+        DesignError: it is not installed.
+    """
+    try:
+        import toppra
+    except ModuleNotFoundError as error:
+        raise DesignError(
+            "the plan's tempo needs TOPP-RA, which is not installed: pip install toppra (where it has no wheel, this "
+            "needs a C++ compiler)"
+        ) from error
+
+    toppra.setup_logging("ERROR")
+    return toppra
 
 
 def _sample_evenly(s: Array, rate: Array, lasts: Array) -> tuple[Array, Array]:

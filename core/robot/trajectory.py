@@ -32,6 +32,13 @@ class Motion:
             first waypoint only on arrival.
         plan: the waypoints (N, 6) or (N, 7).
         slowed: how many times longer each way takes than asked (N,); 1 where nothing was asked.
+
+    For example, when the arm rests at its last waypoint, and where its joints are then::
+
+        motion = plan_task_motion(plan, task, RolloutSettings())
+        print(motion.arrivals[-1], motion.trajectory.arm[-1])
+        for line in motion.slowdowns():
+            print(line)
     """
 
     trajectory: JointTrajectory
@@ -51,12 +58,19 @@ class Motion:
         if len(late) > _NAMED:
             names += f" and {len(late) - _NAMED} more"
 
-        times = f"{self.slowed.max():.1f} times slower than asked"
-        return [f"waypoint {names}: the arm's limits make the way there up to {times}"]
+        return [
+            f"waypoint {names}: the arm's limits make the way there up to {self.slowed.max():.1f} times slower than "
+            "asked"
+        ]
 
 
 class Begin(NamedTuple):
-    """How a motion begins: the arm's joints (J,), at rest, and how far the gripper is closed, 0 to 1."""
+    """How a motion begins.
+
+    Attributes:
+        joints: of the arm, at rest (J,), radians.
+        grip: how far the gripper is closed, 0 to 1.
+    """
 
     joints: Array
     grip: float = 0.0
@@ -68,7 +82,17 @@ def plan_task_motion(
     settings: RolloutSettings,
     begin: Begin | None = None,
 ) -> Motion:
-    """Plan the motion of the task's robot through waypoints, under a run's settings; see `plan_motion`."""
+    """Plan the motion of the task's robot through waypoints, under a run's settings.
+
+    Args:
+        plan: N waypoints.
+        task: has the robot, and the pose at which its end-effector starts.
+        settings: have the times and the speed of `plan_motion`.
+        begin: where the arm starts in place of the task's home.
+
+    Raises:
+        DesignError: see `plan_motion`.
+    """
     return plan_motion(
         plan,
         task.home,
@@ -96,9 +120,9 @@ def plan_motion(
 
     Args:
         plan: N waypoints.
-        home: where the end-effector starts.
+        home: where the end-effector starts, at rest, with the gripper open.
         arm: gives kinematics and limits.
-        begin: where the arm starts in place of ``home``.
+        begin: how the arm starts in place of ``home``.
         segment_s: the shortest time of a way that asks for none, seconds.
         speed: the share of the velocity and acceleration limits to use, 0..1.
 
@@ -110,6 +134,7 @@ def plan_motion(
         begin = Begin(arm.home_for(home))
     else:
         home = arm.forward(begin.joints)
+
     positions = np.vstack([home.position, plan.poses[:, :3]])
     turns = Rotation.from_euler("xyz", plan.poses[:, 3:6])
     rotations = Rotation.concatenate([home.rotation, turns])
@@ -122,7 +147,7 @@ def plan_motion(
     )
     knots = np.vstack([begin.joints, solved])
 
-    wanted = ask_seconds(tempo, positions)
+    wanted = _ask_seconds(tempo, positions)
     asked = np.where(np.isfinite(wanted), wanted, segment_s)
     hurried = np.isfinite(tempo.seconds) | np.isfinite(tempo.speeds)
 
@@ -140,8 +165,9 @@ def plan_motion(
         )
         legs.append(leg)
 
-    trajectory, reached = join_legs(legs, arm, speed)
+    trajectory, reached = _join_legs(legs, arm, speed)
     steps = step_lengths(arm.positions(knots))
+
     # Errors before the first waypoint do no harm.
     counted = [path.ends[1] - 1, *path.ends[1:-1]]
     return Motion(
@@ -150,16 +176,28 @@ def plan_motion(
         reached,
         np.maximum.reduceat(errors, counted, axis=0),
         plan.poses,
-        compare_with_asked(reached, wanted, tempo.waits),
+        _compare_with_asked(reached, wanted, tempo.waits),
     )
 
 
-def ask_seconds(tempo: Tempo, positions: Array) -> Array:
-    """The time that each way between positions (N + 1, 3) is asked to take (N,), if it begins and ends at rest.
+def at_home(task: Task) -> JointTrajectory:
+    """Make a trajectory without motion: the arm at the task's home pose, the fingers open."""
+    joints = arm_of(task.robot).home_for(task.home)
+    return JointTrajectory(np.zeros(1), joints[None], np.array([task.robot.opening_m]))
 
-    nan: nothing is asked. A speed asks for nothing where the position does not move.
 
-    A speed is that of the middle of the way, of which a fifth of the time is for each of acceleration and braking.
+def _ask_seconds(tempo: Tempo, positions: Array) -> Array:
+    """Compute the time that each way is asked to take, if it begins and ends at rest.
+
+    A speed is that of the middle of the way, of which a fifth of the time is for each of acceleration and braking. It
+    asks for nothing where the position does not move.
+
+    Args:
+        tempo: asks for seconds or for speeds.
+        positions: (N + 1, 3) metres.
+
+    Returns:
+        Seconds (N,); nan: nothing is asked.
     """
     ways = step_lengths(positions)
     by_speed = np.where(ways > APART_M, PEAK * ways / tempo.speeds, np.nan)
@@ -167,7 +205,7 @@ def ask_seconds(tempo: Tempo, positions: Array) -> Array:
     return np.where(np.isfinite(tempo.seconds), tempo.seconds, by_speed)
 
 
-def join_legs(
+def _join_legs(
     legs: Sequence[Leg], arm: Arm, speed: float
 ) -> tuple[JointTrajectory, Array]:
     """Time legs, and join them to a trajectory.
@@ -192,7 +230,7 @@ def join_legs(
         reached += [began + seconds for seconds in timed.reached]
 
         targets = np.clip(timed.joints, arm.lower, arm.upper)
-        closed = close_fingers(leg.grips, timed.times, timed.reached)
+        closed = _close_fingers(leg.grips, timed.times, timed.reached)
         fingers = opening * (1 - closed)
         trajectory = trajectory.extended(timed.times, targets, fingers)
 
@@ -202,28 +240,35 @@ def join_legs(
     return trajectory, np.array(reached)
 
 
-def close_fingers(grips: Array, times: Array, reached: list[float]) -> Array:
-    """How far the gripper is closed on a leg: linearly from each of its grips to the next.
+def _close_fingers(grips: Array, times: Array, reached: list[float]) -> Array:
+    """Interpolate how far the gripper is closed on a leg: linearly from each of its grips to the next.
 
     Args:
         grips: (N + 1,) at the leg's begin, and at each of its waypoints.
         times: (S,) seconds since it began.
         reached: (N,) when the waypoints are reached.
+
+    Returns:
+        Shares (S,), 0 to 1.
     """
     if len(reached) > 1:
         return np.interp(times, [0.0, *reached], grips)
+
     return grips[0] + (grips[1] - grips[0]) * times / reached[0]
 
 
-def compare_with_asked(reached: Array, wanted: Array, waits: Array) -> Array:
-    """How many times longer each way takes than ``wanted`` (N,); 1 where that is nan: nothing is asked."""
+def _compare_with_asked(reached: Array, wanted: Array, waits: Array) -> Array:
+    """Compute how many times longer each way takes than asked.
+
+    Args:
+        reached: (N,) when the waypoints are reached, seconds.
+        wanted: (N,) how long the ways are asked to take, seconds; nan: nothing is asked.
+        waits: (N,) the rests at the waypoints, seconds.
+
+    Returns:
+        Factors (N,), at least 1.
+    """
     begins = np.concatenate([[0.0], reached[:-1] + waits[:-1]])
     slowed = np.maximum(1.0, (reached - begins) / wanted)
 
     return np.where(np.isfinite(wanted), slowed, 1.0)
-
-
-def at_home(task: Task) -> JointTrajectory:
-    """Make a trajectory without motion: the arm at the task's home pose, the fingers open."""
-    joints = arm_of(task.robot).home_for(task.home)
-    return JointTrajectory(np.zeros(1), joints[None], np.array([task.robot.opening_m]))
