@@ -29,13 +29,6 @@ from core.support.text import clean, kind
 
 MAX_NAME = 200  # characters
 MAX_DESCRIPTION = 5000
-_LONGEST = {
-    "strategy_name": MAX_NAME,
-    "strategy_description": MAX_DESCRIPTION,
-    "tool_name": MAX_NAME,
-    "tool_description": MAX_DESCRIPTION,
-    "action_description": MAX_DESCRIPTION,
-}
 
 
 def read_designs(
@@ -66,9 +59,15 @@ def read_designs(
 
     Raises:
         DesignError: the document has no strategies at all.
+
+    For example, what is wrong with the designs of a file::
+
+        for candidate in read_designs(load_designs(path), representation, task):
+            print(candidate.id, candidate.problem or "sound")
     """
     n_tool, n_action = most
     candidates: list[Candidate] = []
+
     for number, strategy in enumerate(list_strategies(document)[:n_tool]):
         parents = _read_parents(strategy, elites)
         placed = replace(base, strategy=number, parents=parents)
@@ -79,7 +78,7 @@ def read_designs(
 
 
 def list_strategies(document: object) -> list[Any]:
-    """Return the strategies of a designs document.
+    """Return the strategies of a designs document, as they are written: each may still be unreadable.
 
     Raises:
         DesignError: it has none.
@@ -88,6 +87,127 @@ def list_strategies(document: object) -> list[Any]:
     if not found:
         raise DesignError(f"the document has no strategies; {EXPECTED}")
     return found
+
+
+def read_fields(strategy: object, representation: ToolRepresentation) -> Fields:
+    """Return a strategy's fields by their proper names.
+
+    Raises:
+        DesignError: it can't be read, or a name has two meanings.
+    """
+    if isinstance(strategy, Unread):
+        raise DesignError(strategy.reason)
+    if not isinstance(strategy, dict):
+        raise DesignError(f"the strategy is {kind(strategy)}, not an object")
+    return reader().read_fields(strategy, call_part(representation, "schema", dict))
+
+
+def load_designs(path: Path) -> object:
+    """Read the document in a designs file, for `read_designs`; a model's reply is one, too.
+
+    Args:
+        path: of the file, JSON or a text that holds it.
+
+    Raises:
+        UserError: the file can't be read, or holds no designs document.
+    """
+    what = f"designs file {path}"
+    try:
+        document = parse_reply(read_text(path, what))
+        list_strategies(document)
+    except DesignError as error:
+        raise UserError(f"{what}: {error}") from error
+    return document
+
+
+def load_tool(
+    path: Path, number: int, representation: ToolRepresentation, task: Task
+) -> Tool:
+    """Read the tool of a strategy in a designs file, whatever rules it breaks.
+
+    Args:
+        path: of the file.
+        number: of the strategy, from 0.
+        representation: reads the tool; if it gives one itself, that is returned.
+        task: what the tool is for.
+
+    Raises:
+        UserError: there is no such strategy, or its tool can't be read.
+    """
+    strategies = list_strategies(load_designs(path))
+    if number not in range(len(strategies)):
+        raise UserError(
+            f"{path} has {len(strategies)} strategies; there is no strategy={number}"
+        )
+
+    given = representation.given(task)
+    try:
+        fields = read_fields(strategies[number], representation)
+        gripper = _read_gripper(fields, given, task)
+        return given or _read_tool(fields, representation, gripper)
+    except DesignError as error:
+        raise UserError(
+            f"{path}: the tool of strategy {number} can't be read: {error}"
+        ) from error
+
+
+def save_design(
+    candidate: Candidate, representation: ToolRepresentation, folder: Path
+) -> None:
+    """Write ``design.json``, a designs file with one candidate, which `load_designs` reads.
+
+    Args:
+        candidate: has a tool.
+        representation: writes the tool.
+        folder: where the file is written; made if it is not there.
+
+    Raises:
+        ValueError: the candidate has no tool.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    strategies = [dump_design(candidate, representation)]
+    text = json.dumps({"strategies": strategies}, indent=2) + "\n"
+    (folder / "design.json").write_text(text, encoding="utf-8")
+
+
+def dump_design(
+    candidate: Candidate, representation: ToolRepresentation
+) -> dict[str, Any]:
+    """Write a candidate as a strategy of a designs document, with its one action plan.
+
+    Raises:
+        ValueError: the candidate has no tool.
+    """
+    strategy = dump_names(candidate)
+    assert candidate.tool is not None
+    strategy |= representation.dump(candidate.tool)
+    strategy["action_description"] = candidate.action_description
+    if candidate.plan.action != Waypoints.action:
+        strategy["action"] = candidate.plan.action
+    strategy["action_sets"] = [candidate.plan.dump()]
+
+    return strategy
+
+
+def dump_names(candidate: Candidate) -> dict[str, Any]:
+    """Write what a strategy says of itself and of its tool, whatever the representation.
+
+    Raises:
+        ValueError: the candidate has no tool.
+    """
+    tool = candidate.tool
+    if tool is None:
+        raise ValueError(
+            f"candidate {candidate.id} has no tool to write: {candidate.problem}"
+        )
+
+    return {
+        "strategy_name": candidate.strategy_name,
+        "strategy_description": candidate.strategy_description,
+        "tool_name": tool.name,
+        "tool_description": tool.description,
+        "gripper": tool.gripper,
+    }
 
 
 def _read_strategy(
@@ -111,7 +231,8 @@ def _read_strategy(
             action_description=_read_text(fields, "action_description"),
         )
     except DesignError as error:
-        for action in range(_count_plans(strategy)):
+        plans = _list_written(strategy, "action_sets")
+        for action in range(max(1, len(plans))):
             yield replace(base, action=action, problem=str(error))
         return
 
@@ -136,43 +257,54 @@ def _read_strategy(
         return
 
     for action, raw in enumerate(plans):
-        try:
-            if isinstance(raw, DesignError):
-                raise raw
-            plan = parse_plan(actions, raw, gripper)
-            yield replace(base, action=action, plan=plan)
-        except DesignError as error:
-            faults = filter(None, (problem, f"action plan {action + 1}: {error}"))
-            yield replace(base, action=action, problem="; ".join(faults))
+        yield _read_plan(raw, replace(base, action=action), actions, gripper)
 
 
-def read_fields(strategy: object, representation: ToolRepresentation) -> Fields:
-    """Return a strategy's fields by their proper names.
+def _read_plan(
+    raw: object, base: Candidate, actions: ActionRepresentation, gripper: bool
+) -> Candidate:
+    """Read an action plan into a candidate; a fault of it is added to that of the tool.
 
-    Raises:
-        DesignError: it can't be read, or a name has two meanings.
+    Args:
+        raw: the plan as it is written, or why it can't be read.
+        base: the candidate without its plan.
+        actions: reads the plan.
+        gripper: whether the tool needs the gripper.
     """
-    if isinstance(strategy, Unread):
-        raise DesignError(strategy.reason)
-    if not isinstance(strategy, dict):
-        raise DesignError(f"the strategy is {kind(strategy)}, not an object")
-    return reader().read_fields(strategy, call_part(representation, "schema", dict))
+    try:
+        if isinstance(raw, DesignError):
+            raise raw
+        return replace(base, plan=parse_plan(actions, raw, gripper))
+    except DesignError as error:
+        faults = filter(None, (base.problem, f"action plan {base.action + 1}: {error}"))
+        return replace(base, problem="; ".join(faults))
 
 
 def _read_parents(strategy: object, elites: tuple[str, ...]) -> tuple[str, ...]:
-    parents = strategy.get("parents") if isinstance(strategy, dict) else None
-    if not isinstance(parents, list):
-        return ()
-    return tuple(elite for elite in elites if elite in parents)
+    """Return the elites that a strategy names as its parents; what else it names is ignored."""
+    named = _list_written(strategy, "parents")
+    return tuple(elite for elite in elites if elite in named)
+
+
+def _list_written(strategy: object, name: str) -> list[Any]:
+    """Return the list that a strategy has under a name, read or not; empty: it has none."""
+    written = strategy.get(name) if isinstance(strategy, dict) else None
+    return written if isinstance(written, list) else []
 
 
 def _read_gripper(fields: Fields, given: Tool | None, task: Task) -> bool:
-    """Read whether the tool needs the gripper; of a given tool that is known."""
+    """Read whether the tool needs the gripper; of a given tool that is known.
+
+    Raises:
+        DesignError: neither true nor false is written, or the robot has no gripper.
+    """
     if given is not None:
         return given.gripper
+
     gripper = fields.get("gripper", False)
     if not isinstance(gripper, bool):
         raise DesignError(f"'gripper' is {kind(gripper)}; it must be true or false")
+
     if gripper:
         check_gripper(task.robot)
     return gripper
@@ -180,8 +312,9 @@ def _read_gripper(fields: Fields, given: Tool | None, task: Task) -> bool:
 
 def _read_text(fields: Fields, name: str) -> str:
     """Read a text that only describes: whatever stands there, no design is lost by it."""
+    longest = MAX_NAME if name.endswith("_name") else MAX_DESCRIPTION
     text = fields.get(name) or ""
-    return clean(text if isinstance(text, str) else json.dumps(text), _LONGEST[name])
+    return clean(text if isinstance(text, str) else json.dumps(text), longest)
 
 
 def _read_tool(
@@ -208,104 +341,14 @@ def _read_tool(
 def _read_action_sets(
     fields: Fields, actions: ActionRepresentation, gripper: bool
 ) -> list[Any]:
+    """List a strategy's action plans as they are written; a `DesignError` stands for one that can't be read.
+
+    Raises:
+        DesignError: there are none.
+    """
     schema = call_part(actions, "schema", dict, gripper=gripper)
     plans = reader().list_plans(fields.get("action_sets"), schema, gripper=gripper)
     if not isinstance(plans, list) or not plans:
         what = kind(plans) if plans else "missing or empty"
         raise DesignError(f"'action_sets' is {what}; give a list of action plans")
     return plans
-
-
-def _count_plans(strategy: object) -> int:
-    """The number of candidates of a strategy that can't be read."""
-    plans = strategy.get("action_sets") if isinstance(strategy, dict) else None
-    return max(1, len(plans)) if isinstance(plans, list) else 1
-
-
-def load_designs(path: Path) -> object:
-    """Read the document in a designs file, for `read_designs`; a model's reply is one, too.
-
-    Raises:
-        UserError: the file can't be read, or holds no designs document.
-    """
-    what = f"designs file {path}"
-    try:
-        document = parse_reply(read_text(path, what))
-        list_strategies(document)
-    except DesignError as error:
-        raise UserError(f"{what}: {error}") from error
-    return document
-
-
-def load_tool(
-    path: Path, number: int, representation: ToolRepresentation, task: Task
-) -> Tool:
-    """Read the tool of a strategy in a designs file, whatever rules it breaks.
-
-    Raises:
-        UserError: there is no such strategy, or its tool can't be read.
-    """
-    strategies = list_strategies(load_designs(path))
-    if number not in range(len(strategies)):
-        raise UserError(
-            f"{path} has {len(strategies)} strategies; there is no strategy={number}"
-        )
-
-    given = representation.given(task)
-    try:
-        fields = read_fields(strategies[number], representation)
-        gripper = _read_gripper(fields, given, task)
-        return given or _read_tool(fields, representation, gripper)
-    except DesignError as error:
-        raise UserError(
-            f"{path}: the tool of strategy {number} can't be read: {error}"
-        ) from error
-
-
-def save_design(
-    candidate: Candidate, representation: ToolRepresentation, folder: Path
-) -> None:
-    """Write ``design.json``, a designs file with one candidate."""
-    folder.mkdir(parents=True, exist_ok=True)
-    document = {"strategies": [dump_design(candidate, representation)]}
-    text = json.dumps(document, indent=2) + "\n"
-    (folder / "design.json").write_text(text, encoding="utf-8")
-
-
-def dump_design(
-    candidate: Candidate, representation: ToolRepresentation
-) -> dict[str, Any]:
-    """Write a candidate as a strategy of a designs document, with its one action plan.
-
-    Raises:
-        ValueError: the candidate has no tool.
-    """
-    strategy = dump_names(candidate)
-    assert candidate.tool is not None
-    strategy |= representation.dump(candidate.tool)
-    strategy["action_description"] = candidate.action_description
-    if candidate.plan.action != Waypoints.action:
-        strategy["action"] = candidate.plan.action
-    strategy["action_sets"] = [candidate.plan.dump()]
-    return strategy
-
-
-def dump_names(candidate: Candidate) -> dict[str, Any]:
-    """Write what a strategy says of itself and of its tool, whatever the representation.
-
-    Raises:
-        ValueError: the candidate has no tool.
-    """
-    tool = candidate.tool
-    if tool is None:
-        raise ValueError(
-            f"candidate {candidate.id} has no tool to write: {candidate.problem}"
-        )
-
-    return {
-        "strategy_name": candidate.strategy_name,
-        "strategy_description": candidate.strategy_description,
-        "tool_name": tool.name,
-        "tool_description": tool.description,
-        "gripper": tool.gripper,
-    }

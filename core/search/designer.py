@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice
+from itertools import chain, islice
 from typing import Protocol
 
 import numpy as np
@@ -32,6 +32,7 @@ class Answer:
     """What came of a request: candidates in any case, if only one that says why there is no other.
 
     Attributes:
+        request: the one that was asked first, before any second look.
         candidates: those of the reply, or one that has the problem.
         lost: there is no reply, for a reason that may pass.
     """
@@ -42,7 +43,14 @@ class Answer:
 
 
 class Critic(Protocol):
-    """Has a model say what fails in candidates, for the prompts that follow; a plugin makes it of a `ModelDesigner`."""
+    """Has a model say what fails in candidates, for the prompts that follow; a plugin makes it of a `ModelDesigner`.
+
+    Before each generation the designer calls its methods in this order::
+
+        for request in critic.requests(brief):
+            critic.hear(reply, request)  # as replies arrive
+        words = critic.words(elites, tried)  # for each request of the generation
+    """
 
     def requests(self, brief: Brief) -> Sequence[Request]:
         """Compose the requests before a generation; ``brief`` has its elites, and all that was tried before."""
@@ -63,12 +71,18 @@ class ModelDesigner:
     It composes a request for each agent, sends designs that break a rule back with the reasons, and yields candidates
     as replies arrive. What was paid for before is not asked for again (``stored``).
 
+    For example::
+
+        designer = ModelDesigner(assignment, vlm, PromptComposer(), Sampling(), event_hub())
+        for candidate in designer.design(generation=0):
+            print(candidate.id, candidate.problem or candidate.tool.name)
+
     Attributes:
         assignment: what is asked for.
         vlm: the model.
         prompts: composes the requests.
         sampling: the temperatures.
-        events: receives requests and replies.
+        events: receives requests and replies; register the designer there, so that it hears what was tried.
         pictures: those of the scene, without the gripper (False) and with it.
         film: draws a film strip of a rollout; if the prompts' feedback is ``full``, it is called for the best elite and
             for the most instructive failure of the last generation.
@@ -109,7 +123,11 @@ class ModelDesigner:
     def design(
         self, generation: int, elites: Sequence[Evaluation] = ()
     ) -> Iterator[Candidate]:
-        """See `core.interfaces.Designer`.
+        """Ask all agents for candidates, as one team; see `core.interfaces.Designer`.
+
+        Args:
+            generation: its number, from 0.
+            elites: what each agent is shown, the best first.
 
         Raises:
             LimitReached: after the last candidate; see `VLM.complete`.
@@ -130,11 +148,14 @@ class ModelDesigner:
         Of several teams each is shown only what its own agents tried.
         """
         self._replies = []
-        self._criticise(generation, [elite for team in teams for elite in team.elites])
+        elites = [*chain.from_iterable(team.elites for team in teams)]
+        self._criticise(generation, elites)
+
         apart = len(teams) > 1
         requests: list[Request] = []
         for team in teams:
             requests += self.requests(generation, team, apart=apart)
+
         return requests
 
     def refuse_silence(self, generation: int) -> None:
@@ -159,12 +180,19 @@ class ModelDesigner:
     ) -> list[Request]:
         """Compose the request of each agent of a team.
 
-        It may be shown what was tried in earlier generations; if ``apart``, by the team alone.
+        Args:
+            generation: its number, from 0.
+            team: whose agents are asked.
+            apart: requests show only what the team's own agents tried.
         """
-        tried = [e for e in self.tried if not apart or e.candidate.agent in team.agents]
+        tried = tuple(
+            evaluation
+            for evaluation in self.tried
+            if not apart or evaluation.candidate.agent in team.agents
+        )
         strips = self._draw_strips(team, tried)
         return [
-            self._request(generation, agent, team, tuple(tried), strips)
+            self._request(generation, agent, team, tried, strips)
             for agent in team.agents
         ]
 
@@ -184,12 +212,84 @@ class ModelDesigner:
             yield from self._answers(asked, again if left else None)
             asked = again
 
+    def brief(
+        self, generation: int, agent: int, team: Team, tried: tuple[Evaluation, ...]
+    ) -> tuple[Brief, float]:
+        """Make an agent's assignment, and draw its temperature.
+
+        Both follow from the seed, the generation and the agent's number, so that a run can be repeated.
+
+        Args:
+            generation: its number, from 0.
+            agent: its number, from 0.
+            team: the agent's team.
+            tried: what the prompt may show of earlier generations.
+
+        Returns:
+            The assignment, and the temperature, 0 to 2.
+        """
+        assignment = self.assignment
+        given = assignment.given
+
+        # The draws keep their order: kind, temperature, seed.
+        rng = np.random.default_rng([assignment.seed, generation, agent])
+        kinds = assignment.tool_kinds
+        kind = kinds[int(rng.integers(len(kinds)))]
+        spread = self.sampling.spread
+        temperature = (
+            self.sampling.temperature + team.warmth + rng.uniform(-spread, spread)
+        )
+
+        critiques: Mapping[str, str] = {}
+        if self.critic is not None:
+            critiques = self.critic.words(team.elites, tried)
+
+        brief = Brief(
+            task=assignment.task,
+            scene_seed=assignment.seed,
+            representation=assignment.representation,
+            actions=assignment.actions,
+            gripper=kind == "gripper" if given is None else given.gripper,
+            n_tool=assignment.budget.n_tool if given is None else 1,
+            n_action=assignment.budget.n_action,
+            generation=generation,
+            agent=agent,
+            seed=int(rng.integers(2**31)),
+            elites=tuple(team.elites),
+            tried=tried,
+            critiques=critiques,
+            style=team.style,
+        )
+
+        return brief, float(np.clip(temperature, 0.0, 2.0))
+
+    def parse(self, brief: Brief, text: str) -> object:
+        """Find the designs document in a reply.
+
+        Args:
+            brief: of the request; subclasses may read replies by it.
+            text: the reply.
+
+        Raises:
+            DesignError: there is none, or it is malformed.
+        """
+        return parse_reply(text)
+
     def _answers(
         self, asked: Sequence[Asked], again: list[Asked] | None
     ) -> Iterator[Answer]:
-        """Yield the answers to requests; append to ``again`` what goes back for a second look."""
+        """Yield the answers to requests, as replies arrive.
+
+        Args:
+            asked: the requests.
+            again: what goes back for a second look is appended to it; None: nothing goes back any more.
+
+        Raises:
+            LimitReached: after all that came, see `VLM.complete`.
+        """
         if not asked:
             return
+
         missing = {item.sent.id: item for item in asked}
         requests = [item.sent for item in asked]
 
@@ -213,16 +313,14 @@ class ModelDesigner:
         """Yield the answer that a reply is, or append to ``again`` what asks for a second look."""
         if reply.error is not None:
             answer = _answer(item, f"the model gave no answer: {reply.error}")
-            lost = reply.unanswered and not item.candidates
-            yield replace(answer, lost=lost)
+            yield replace(answer, lost=reply.unanswered and not item.candidates)
             return
 
         problem = ""
 
         try:
             document = self.parse(item.request.brief, reply.text)
-            starts = bool(self.prompts.settings.repair)
-            item = item.read(document, starts=starts)
+            item = item.read(document, starts=bool(self.prompts.settings.repair))
         except DesignError as error:
             problem = str(error)
 
@@ -239,11 +337,13 @@ class ModelDesigner:
         """
         if self.critic is None:
             return
+
         brief, _ = self.brief(generation, 0, Team(range(1), elites), tuple(self.tried))
         requests = {request.id: request for request in self.critic.requests(brief)}
         if not requests:
             return
-        asked = list(requests.values())
+
+        asked = [*requests.values()]
         for reply in ask_model(self.vlm, asked, self.events, self.stored):
             self.critic.hear(reply, requests[reply.request_id])
 
@@ -256,53 +356,17 @@ class ModelDesigner:
         """
         if self.film is None or self.prompts.settings.feedback != "full":
             return {}
+
         best = team.elites[:1]
-        telling = most_telling(best, last_generation(tried))
         strips: dict[str, Picture] = {}
 
-        for evaluation in islice(telling, len(best) + 1):
+        shown = islice(most_telling(best, last_generation(tried)), len(best) + 1)
+        for evaluation in shown:
             strip = self.film(evaluation)
             if strip is not None:
                 strips[evaluation.candidate.id] = strip
 
         return strips
-
-    def brief(
-        self, generation: int, agent: int, team: Team, tried: tuple[Evaluation, ...]
-    ) -> tuple[Brief, float]:
-        """Make an agent's assignment, and draw its temperature.
-
-        Both follow from the seed, the generation and the agent's number, so that a run can be repeated.
-        """
-        assignment = self.assignment
-        given = assignment.given
-        rng = np.random.default_rng([assignment.seed, generation, agent])
-        kinds = assignment.tool_kinds
-        kind = kinds[int(rng.integers(len(kinds)))]
-        spread = self.sampling.spread
-        temperature = (
-            self.sampling.temperature + team.warmth + rng.uniform(-spread, spread)
-        )
-        critiques: Mapping[str, str] = {}
-        if self.critic is not None:
-            critiques = self.critic.words(team.elites, tried)
-        brief = Brief(
-            task=assignment.task,
-            scene_seed=assignment.seed,
-            representation=assignment.representation,
-            actions=assignment.actions,
-            gripper=kind == "gripper" if given is None else given.gripper,
-            n_tool=assignment.budget.n_tool if given is None else 1,
-            n_action=assignment.budget.n_action,
-            generation=generation,
-            agent=agent,
-            seed=int(rng.integers(2**31)),
-            elites=tuple(team.elites),
-            tried=tried,
-            critiques=critiques,
-            style=team.style,
-        )
-        return brief, float(np.clip(temperature, 0.0, 2.0))
 
     def _request(
         self,
@@ -315,18 +379,16 @@ class ModelDesigner:
         """Compose an agent's request, with pictures of the scene and film strips."""
         brief, temperature = self.brief(generation, agent, team, tried)
         scene = self.pictures.get(brief.gripper, ())
-        schema = not self.vlm.takes_schema
-        messages = self.prompts.compose(brief, scene, strips, schema=schema)
-        name = f"g{generation}-a{agent}"
-        return Request(name, brief, messages, answer_schema(brief), temperature)
-
-    def parse(self, brief: Brief, text: str) -> object:
-        """Find the designs document in a reply.
-
-        Raises:
-            DesignError: there is none, or it is malformed.
-        """
-        return parse_reply(text)
+        messages = self.prompts.compose(
+            brief, scene, strips, schema=not self.vlm.takes_schema
+        )
+        return Request(
+            f"g{generation}-a{agent}",
+            brief,
+            messages,
+            answer_schema(brief),
+            temperature,
+        )
 
 
 def _answer(item: Asked, problem: str) -> Answer:
