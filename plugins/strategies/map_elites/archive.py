@@ -30,7 +30,18 @@ Cell = tuple[int, ...]
 
 @dataclass(frozen=True)
 class Measure:
-    """An axis of an archive. What lies below ``lower`` is in the first of its ``bins``, what lies above in the last.
+    """An axis of an archive, cut into bins of the same width.
+
+    Attributes:
+        name: one of `VALUES`, which says what is measured.
+        lower: where the first bin begins, in the unit of the value; what lies below is in it, too.
+        upper: where the last bin ends; what lies above, or is nan, is in it, too.
+        bins: how many there are, 1 to `MAX_BINS`.
+
+    For example, tools by mass in steps of 0.1 kg::
+
+        measure = Measure("mass", lower=0.0, upper=0.5, bins=5)
+        measure.bin(evaluation)  # 2 for a tool of 0.25 kg
 
     Raises:
         UsageError: the bounds are not finite and in order, or there are too few or too many bins.
@@ -47,6 +58,7 @@ class Measure:
             raise UsageError(
                 f"evolution.measures: {self.name} goes {bounds}; lower must be less than upper"
             )
+
         if not 1 <= self.bins <= MAX_BINS:
             raise UsageError(
                 f"evolution.measures: {self.name} needs 1 to {MAX_BINS} bins, got {self.bins}"
@@ -56,8 +68,9 @@ class Measure:
         """Return the number of the bin that an evaluation lies in, from 0; that of nan is the last."""
         value = VALUES[self.name](evaluation)
         share = (value - self.lower) / (self.upper - self.lower)
-        if not share < 1:
+        if not share < 1:  # nan, too
             return self.bins - 1
+
         return min(int(max(share, 0.0) * self.bins), self.bins - 1)
 
 
@@ -67,7 +80,7 @@ def tool_of(evaluation: Evaluation) -> Tool:
     return evaluation.candidate.tool
 
 
-def extent(tool: Tool) -> float:
+def measure_extent(tool: Tool) -> float:
     """Measure the longest side of the box around a tool, in the frame of its mount, metres; without components 0.
 
     Of attachments to two fingers the larger counts.
@@ -83,10 +96,11 @@ def extent(tool: Tool) -> float:
     for points in corners.values():
         sides = np.ptp(np.concatenate(points), axis=0)
         longest = max(longest, float(sides.max()))
+
     return longest
 
 
-def touch(evaluation: Evaluation) -> float:
+def mean_touch(evaluation: Evaluation) -> float:
     """Return how far from its mount a tool first touched a body that can move, metres; nan: none, or not observed.
 
     Of several trials it is the mean of those in which it touched one.
@@ -97,7 +111,7 @@ def touch(evaluation: Evaluation) -> float:
     return float(np.mean(touches)) if touches else float("nan")
 
 
-def motion(evaluation: Evaluation) -> float:
+def mean_motion_time(evaluation: Evaluation) -> float:
     """Return the mean time of the motion, s; nan: nothing was played to its end."""
     effort = evaluation.effort
     return float("nan") if effort is None else effort.motion_s
@@ -105,13 +119,13 @@ def motion(evaluation: Evaluation) -> float:
 
 VALUES: dict[str, Callable[[Evaluation], float]] = {
     "mass": lambda evaluation: tool_of(evaluation).mass,
-    "extent": lambda evaluation: extent(tool_of(evaluation)),
+    "extent": lambda evaluation: measure_extent(tool_of(evaluation)),
     "components": lambda evaluation: len(tool_of(evaluation).components),
     "distance": lambda evaluation: evaluation.distance_m,
-    "touch": touch,
-    "time": motion,
+    "touch": mean_touch,
+    "time": mean_motion_time,
 }
-# Of these values.
+# The columns of these values in ``archive.csv``, in the same order.
 COLUMNS = ("mass_kg", "extent_m", "components", "distance_m", "touch_m", "motion_s")
 MEASURES = {
     measure.name: measure
@@ -127,10 +141,17 @@ MEASURES = {
 
 
 def read_measures(written: Sequence[str | Mapping[str, Any]]) -> tuple[Measure, ...]:
-    """Read the setting ``evolution.measures``: names, or names with other bounds and bins than those of `MEASURES`.
+    """Read the setting ``evolution.measures``.
+
+    Args:
+        written: names, or mappings of a name and of what differs from its `MEASURES`: bounds or bins.
 
     Raises:
         UsageError: there is none, one is unknown or named twice, or see `Measure`.
+
+    For example::
+
+        read_measures(["distance", {"name": "mass", "upper": 0.1}])
     """
     found: dict[str, Measure] = {}
     for item in written:
@@ -140,17 +161,15 @@ def read_measures(written: Sequence[str | Mapping[str, Any]]) -> tuple[Measure, 
             raise choices("measure", name, MEASURES, "evolution.measures")
         if name in found:
             raise UsageError(f"evolution.measures names {name} twice")
-        if unknown := sorted(given.keys() - asdict(MEASURES[name])):
-            raise choices(
-                "key",
-                str(unknown[0]),
-                asdict(MEASURES[name]),
-                f"evolution.measures: {name}",
-            )
+
+        usual = asdict(MEASURES[name])
+        if unknown := sorted(given.keys() - usual):
+            where = f"evolution.measures: {name}"
+            raise choices("key", str(unknown[0]), usual, where)
 
         try:
             found[name] = pydantic.TypeAdapter(Measure).validate_python(
-                {**asdict(MEASURES[name]), **given}
+                {**usual, **given}
             )
         except pydantic.ValidationError as error:
             first = error.errors()[0]
@@ -166,7 +185,7 @@ def read_measures(written: Sequence[str | Mapping[str, Any]]) -> tuple[Measure, 
     return tuple(found.values())
 
 
-def observes(written: object) -> bool:
+def needs_observations(written: object) -> bool:
     """Report whether one of the measures, as written, needs observations of rollouts."""
     items = written if isinstance(written, Sequence) else ()
     return "touch" in [
@@ -181,11 +200,12 @@ class Archive:
         measures: the axes of the grid.
         tie: rewards this close to the highest of a cell count as equal; the shorter distance goes first.
 
-    For example::
+    For example, the reward of the best candidate of each kind::
 
         archive = Archive(read_measures(["mass", "extent"]))
         archive.add(evaluations)
-        elites = list(archive.best.values())
+        for (mass_bin, extent_bin), elite in archive.best.items():
+            print(mass_bin, extent_bin, elite.reward)
     """
 
     def __init__(self, measures: Sequence[Measure], tie: float = TIE) -> None:
@@ -194,7 +214,7 @@ class Archive:
         self._found: dict[Cell, list[Evaluation]] = {}
 
     def add(self, evaluations: Iterable[Evaluation]) -> None:
-        """File the evaluations with status ``ok``."""
+        """File the evaluations with status ``ok``; others are ignored."""
         for evaluation in evaluations:
             if evaluation.status == "ok":
                 cell = tuple(measure.bin(evaluation) for measure in self.measures)
@@ -218,13 +238,17 @@ def lean_front(evaluations: Iterable[Evaluation]) -> list[Evaluation]:
         if effort is not None and holds(worst_mean(evaluation.by_engine)):
             points.append((effort.mass_kg, effort.motion_s))
             held.append(evaluation)
-    return [held[number] for number in front(points)]
+    return [held[number] for number in find_front(points)]
 
 
-def front(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Return the numbers of the points that no other beats in one respect without losing in the other, by the first.
+def find_front(points: Sequence[tuple[float, float]]) -> list[int]:
+    """Find the points that no other beats in one respect without losing in the other; less is better in both.
 
-    Less is better in both. Of equal points the first counts.
+    Args:
+        points: pairs of figures.
+
+    Returns:
+        Their numbers, the lowest first figure first. Of equal points the first counts.
     """
     found: list[int] = []
     for number in sorted(range(len(points)), key=lambda n: points[n]):
@@ -243,21 +267,20 @@ def save_archive(
 
     These are the best of each cell, in the order of the cells, and then the best of ``ranking``, and the front of mass
     against time (`lean_front`), where these are none.
-    """
-    picked: dict[str, list[str]] = {}
-    chosen = {
-        "best": best_first(ranking, archive.tie)[:1],
-        "front": lean_front(ranking),
-    }
-    for name, evaluations in chosen.items():
-        for evaluation in evaluations:
-            picked.setdefault(evaluation.candidate.id, []).append(name)
 
+    Args:
+        archive: the cells.
+        ranking: all that was tried, among them what the archive holds.
+        representation: writes the tools.
+        folder: where the files are written; made if it is not there.
+    """
+    chosen = {
+        "best": _by_candidate(best_first(ranking, archive.tie)[:1]),
+        "front": _by_candidate(lean_front(ranking)),
+    }
     elites = archive.best
     cells = {elite.candidate.id: cell for cell, elite in elites.items()}
-    kept = dict[str, Evaluation]()
-    for evaluation in (*elites.values(), *chosen["best"], *chosen["front"]):
-        kept[evaluation.candidate.id] = evaluation
+    kept = {**_by_candidate(elites.values()), **chosen["best"], **chosen["front"]}
 
     folder.mkdir(parents=True, exist_ok=True)
     designs = [dump_design(e.candidate, representation) for e in kept.values()]
@@ -271,7 +294,12 @@ def save_archive(
 
         for number, (name, evaluation) in enumerate(kept.items()):
             where = cells.get(name, [""] * len(axes))
-            reasons = " ".join(picked.get(name, ()))
+            reasons = [reason for reason, picked in chosen.items() if name in picked]
             values = [value(evaluation) for value in VALUES.values()]
-            reward = evaluation.reward
-            writer.writerow([number, name, *where, reasons, reward, *values])
+            row = [*where, " ".join(reasons), evaluation.reward, *values]
+            writer.writerow([number, name, *row])
+
+
+def _by_candidate(evaluations: Iterable[Evaluation]) -> dict[str, Evaluation]:
+    """Return evaluations by the ids of their candidates, in order."""
+    return {evaluation.candidate.id: evaluation for evaluation in evaluations}

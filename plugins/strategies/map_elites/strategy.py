@@ -16,7 +16,7 @@ from core.interfaces import Budget, Designer, EvolutionStrategy, ToolRepresentat
 from core.trial import TIE, Evaluation, best_first, best_tools
 from plugins.strategies.map_elites.archive import (
     Archive,
-    observes,
+    needs_observations,
     read_measures,
     save_archive,
 )
@@ -50,7 +50,7 @@ class MapElites(EvolutionStrategy):
 
     @classmethod
     def observes(cls, settings: Mapping[str, Any]) -> bool:
-        return observes(settings.get("measures"))
+        return needs_observations(settings.get("measures"))
 
     def write_archive(
         self,

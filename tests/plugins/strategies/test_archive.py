@@ -20,9 +20,9 @@ from plugins.fitness.several import score_by_worst_engine
 from plugins.strategies.map_elites.archive import (
     Archive,
     Measure,
-    extent,
-    front,
-    observes,
+    find_front,
+    measure_extent,
+    needs_observations,
     read_measures,
     save_archive,
 )
@@ -86,12 +86,12 @@ def test_every_value_has_a_bin(distance, bins):
 
 def test_the_extent_is_the_longest_side_of_all_components_together():
     # The blade's other half lies below the shaft's end.
-    assert extent(hook(0.3)) == pytest.approx(0.303)
-    assert extent(Tool()) == 0
+    assert measure_extent(hook(0.3)) == pytest.approx(0.303)
+    assert measure_extent(Tool()) == 0
     pad = Component(
         "pad", "left_finger", Pose(np.array([9.0, 0.0, 0.0])), Box((0.02, 0.01, 0.05))
     )
-    assert extent(Tool((pad,), gripper=True)) == pytest.approx(0.05)
+    assert measure_extent(Tool((pad,), gripper=True)) == pytest.approx(0.05)
 
 
 def test_where_a_tool_touches_is_the_mean_of_the_trials_in_which_it_does():
@@ -149,9 +149,12 @@ def test_wrong_measures(written, message):
 
 
 def test_only_touches_need_observations():
-    assert observes(["mass", {"name": "touch", "bins": 5}])
+    assert needs_observations(["mass", {"name": "touch", "bins": 5}])
     assert not any(
-        map(observes, (None, 3, "mass", [3], [[1]], ["mass"], [{1: 2, "name": "mass"}]))
+        map(
+            needs_observations,
+            (None, 3, "mass", [3], [[1]], ["mass"], [{1: 2, "name": "mass"}]),
+        )
     )
 
 
@@ -185,13 +188,15 @@ def test_the_designs_of_an_archive_can_be_tried(tmp_path):
     for row, tried in zip(rows, evaluate(load("evaluate", words)), strict=True):
         assert tried.status == "ok"
         assert tried.candidate.strategy == int(row["strategy"])
-        assert extent(tried.candidate.tool) == pytest.approx(float(row["extent_m"]))
+        assert measure_extent(tried.candidate.tool) == pytest.approx(
+            float(row["extent_m"])
+        )
         assert tried.candidate.tool.mass == pytest.approx(float(row["mass_kg"]))
 
 
 @given(st.lists(st.tuples(st.floats(0, 9), st.floats(0, 9)), min_size=1))
 def test_nothing_beats_the_front(points):
-    found = front(points)
+    found = find_front(points)
     for x, y in points:
         assert any(points[n][0] <= x and points[n][1] <= y for n in found)
     ahead = np.diff(np.array([points[n] for n in found]), axis=0)
