@@ -49,20 +49,20 @@ def check_oblique_impact_on_a_slope() -> Iterator[Case]:
         place = np.add(hill.pose.apply([0, 0, 0.05 + radius]), [0, 0, 0.5])
         ball = make_body("ball", Sphere(radius), place, mass=1.0, friction=friction)
 
+        # Along the slope and away from it, of the speed of the impact.
         braked = min(
             friction * (1 + restitution) * math.cos(tilt), 2 / 7 * math.sin(tilt)
         )
         along = math.sin(tilt) * (1 + gained) - braked
         up = (restitution - gained) * math.cos(tilt)
-        due = speed * hill.pose.rotation.apply([along, 0.0, up])
-        what = f"the velocity of a ball after its fall on a slope of {degrees} degrees, friction {friction}, m/s"
+
         yield Case(
-            what,
+            f"the velocity of a ball after its fall on a slope of {degrees} degrees, friction {friction}, m/s",
             (hill, replace(ball, restitution=1.0)),
             velocity("ball"),
-            due,
-            _OFF * speed,
-            fall + after,
+            due=speed * hill.pose.rotation.apply([along, 0.0, up]),
+            within=_OFF * speed,
+            seconds=fall + after,
         )
 
 
@@ -72,26 +72,10 @@ def check_blow_of_the_wrist_has_its_motor_behind_it(simulator: Simulator) -> Non
     Without restitution both keep the angular momentum that the wrist had, and the motor adds its largest torque.
     """
     rate = 2.0
+    struck = 0.35  # s: 0.1 s to get to speed, and 0.25 s at it
     reach = 0.8
     radius = 0.03
     mass = 0.5
-    post = box("post", (0.02, 0.02, 0.28), (0.0, 0.0, -0.14), mass=0.005)
-    bar = box("bar", (0.9, 0.01, 0.02), (0.45, 0.0, -0.27), mass=0.005)
-    struck = 0.35  # s: 0.1 s to get to speed, and 0.25 s at it
-    times = np.array([0.0, 0.05, 0.1, struck + 0.02])
-    turned = rate * np.array([0.0, 0.0125, 0.05, struck - 0.03])
-    joints = np.tile(arm().home_for(Pose(np.array([0.5, 0.0, 0.3]))), (len(times), 1))
-    # The flange looks down: about z this is to the left.
-    joints[:, 6] += rate * (struck - 0.05) - turned
-    job = Rollout(
-        Tool((post, bar)),
-        JointTrajectory(times, joints, opened(len(times))),
-        0,
-        0.1,
-        0.0,
-        record_hz=200,
-    )
-    inertia = arm().robot.motor_inertia[-1] + _LINK
     puck = make_body(
         "puck",
         Cylinder(radius, 0.06),
@@ -99,8 +83,10 @@ def check_blow_of_the_wrist_has_its_motor_behind_it(simulator: Simulator) -> Non
         mass=mass,
         friction=0.0,
     )
-    recording = film(run(simulator, (_ICE, puck), job))
+    recording = film(run(simulator, (_ICE, puck), _swing_bar(rate, struck)))
+
     since = float(recording.times[-1]) - struck
+    inertia = arm().robot.motor_inertia[-1] + _LINK
     due = reach * (inertia * rate + _TORQUE * since) / (inertia + mass * reach**2)
     speed = np.linalg.norm(recording.states.linear_velocity("puck")[-1])
     near(
@@ -111,16 +97,42 @@ def check_blow_of_the_wrist_has_its_motor_behind_it(simulator: Simulator) -> Non
     )
 
 
+def _swing_bar(rate: float, struck: float) -> Rollout:
+    """Make a rollout in which the wrist swings a light bar to the left.
+
+    Args:
+        rate: of the wrist, rad/s, which it has after 0.1 s.
+        struck: when the bar points ahead, seconds; it goes on for 0.02 s.
+    """
+    post = box("post", (0.02, 0.02, 0.28), (0.0, 0.0, -0.14), mass=0.005)
+    bar = box("bar", (0.9, 0.01, 0.02), (0.45, 0.0, -0.27), mass=0.005)
+
+    times = np.array([0.0, 0.05, 0.1, struck + 0.02])
+    turned = rate * np.array([0.0, 0.0125, 0.05, struck - 0.03])
+    joints = np.tile(arm().home_for(Pose(np.array([0.5, 0.0, 0.3]))), (len(times), 1))
+    # The flange looks down: about z this is to the left.
+    joints[:, 6] += rate * (struck - 0.05) - turned
+
+    trajectory = JointTrajectory(times, joints, opened(len(times)))
+    return Rollout(Tool((post, bar)), trajectory, 0, 0.1, 0.0, record_hz=200)
+
+
 def check_forces_are_those_that_press(simulator: Simulator) -> str | None:
-    """A stick is driven 5 mm into a cube of 1 kg that stands on the table."""
+    """A stick is driven 5 mm into a cube of 1 kg that stands on the table; below it presses with its weight, too.
+
+    Returns:
+        Why nothing was checked; None: it was.
+    """
     trajectory = motion([[0.5, 0, 0.45, 0, 0, 0], [0.5, 0, 0.395, 0, 0, 0]])
     job = Rollout(stick(0.3), trajectory, 0, 0.0, 1.0, 100.0, forces=True)
     recording = film(run(simulator, (table(), cube(at=(0.5, 0, 0.05))), job))
     if not recording.forces:
         return "it measures no forces"
+
     late = np.flatnonzero(recording.times > recording.times[-1] - 0.4)
     above = recording.forces["tool", "cube"][late].mean()
     below = recording.forces["table", "cube"][late].mean()
+
     between("the force of a tool that is driven 5 mm into a cube, N", above, 1, 1000)
     near(
         "the force of a cube on the table that a tool presses, N",

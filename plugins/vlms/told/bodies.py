@@ -16,64 +16,44 @@ _NUMBERED = re.compile(r"_?\d+$")
 
 
 def bodies_table(task: Task, seed: int) -> str:
-    """Write a row for each body, or bodies alike: how it moves, its weight, and where its frame's origin is.
+    """Write a row for each body, or for bodies alike: how it moves, its weight, and where its frame's origin is.
+
+    Bodies are alike if their rows differ in nothing but the number at the end of their names.
 
     Args:
         task: whose scene it is.
         seed: of the layout.
+
     Returns:
-        In Markdown.
+        A table in Markdown, such as::
+
+            | body | is | weight | origin of its frame |
+            | --- | --- | --- | --- |
+            | cube_1 ... cube_4 (4) | free | light | centre |
     """
     scene = task.scene(seed)
     jointed = {joint.body for joint in scene.joints}
 
     names: dict[tuple[str, ...], list[str]] = {}
-
     for body in scene.bodies:
-        is_soft = isinstance(body, Soft)
-        row = (
-            _NUMBERED.sub("", body.name),
-            say("bodies", "kind", body, is_soft, body.name in jointed),
-            say("bodies", "weight", body.mass),
-            _describe_origin(body),
-        )
-
+        row = _describe(body, body.name in jointed)
         names.setdefault(row, []).append(body.name)
 
-    rows = []
-    for cells, alike in names.items():
-        name = alike[0]
-        if len(alike) > 1:
-            name = f"{alike[0]} ... {alike[-1]} ({len(alike)})"
-
-        rows.append((name, *cells[1:]))
-
+    rows = [(_join_names(alike), *cells[1:]) for cells, alike in names.items()]
     return table(("body", "is", "weight", "origin of its frame"), rows)
-
-
-def _describe_origin(body: Body) -> str:
-    """Name the place of a body's origin between its ends along its own axes.
-
-    Args:
-        body: rigid or soft, anywhere.
-    """
-    low, high = bounds(body, Pose())
-    shares = -low / np.maximum(high - low, 1e-9)
-    places = [say("bodies", "place", share) for share in shares.tolist()]
-    if places == ["middle"] * 3:
-        return "centre"
-
-    named = [f"{axis} {place}" for axis, place in zip("xyz", places, strict=True)]
-
-    return ", ".join(named)
 
 
 def bounds(body: Body, pose: Pose) -> tuple[Array, Array]:
     """Compute the lowest and the highest corner (3,) of a body's shapes in a frame in which it has this pose.
 
     Args:
-        body: of one shape or more.
+        body: of one shape or more; those that collide count, or those that are drawn where none does.
         pose: of the body in the frame; that of the scene for bounds in the world.
+
+    For example, a body's size along its own axes::
+
+        low, high = bounds(body, Pose())
+        size = high - low
     """
     points = []
     for part in body.collisions or body.visuals:
@@ -93,3 +73,36 @@ def bounds_in_world(bodies: Sequence[Body]) -> tuple[Array, Array]:
     """
     lows, highs = zip(*[bounds(body, body.pose) for body in bodies], strict=True)
     return np.min(lows, axis=0), np.max(highs, axis=0)
+
+
+def _describe(body: Body, is_jointed: bool) -> tuple[str, ...]:
+    """Describe a body in the cells of its row; in place of its name is what it shares with bodies alike."""
+    return (
+        _NUMBERED.sub("", body.name),
+        say("bodies", "kind", body, isinstance(body, Soft), is_jointed),
+        say("bodies", "weight", body.mass),
+        _describe_origin(body),
+    )
+
+
+def _join_names(names: Sequence[str]) -> str:
+    """Name bodies alike by the first and the last of them, and their count."""
+    if len(names) == 1:
+        return names[0]
+
+    return f"{names[0]} ... {names[-1]} ({len(names)})"
+
+
+def _describe_origin(body: Body) -> str:
+    """Name the place of a body's origin between its ends along its own axes.
+
+    Args:
+        body: rigid or soft, anywhere.
+    """
+    low, high = bounds(body, Pose())
+    shares = -low / np.maximum(high - low, 1e-9)
+    places = [say("bodies", "place", share) for share in shares.tolist()]
+    if places == ["middle"] * 3:
+        return "centre"
+
+    return ", ".join(map(" ".join, zip("xyz", places, strict=True)))
