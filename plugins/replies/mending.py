@@ -49,8 +49,10 @@ _BARE = re.compile(
     re.DOTALL,
 )
 _QUOTED = re.compile(_TEXT, re.DOTALL)
-# Stands before a list, an object or a number.
-_JUNK = re.compile(r"[^\s\[{(,:\]][ \n]*[\[{]|[^\w\s\[\](){},:;+\-*/.~≈=][ \n]*[\d.]")
+# Stands before a list, an object or a number, or as a loose quote behind a list or an object.
+_JUNK = re.compile(
+    r"[^\s\[{(,:\]][ \n]*[\[{]|[^\w\s\[\](){},:;+\-*/.~≈=][ \n]*[\d.]|[\]}][ \n]*['`]"
+)
 _OPENS = {"]": "[", "}": "{"}
 _JSON_NUMBER = re.compile(r"-?\d+(\.\d+)?([eE][-+]?\d+)?")
 _CODE = re.compile(r"\\u([0-9a-fA-F]{4})")
