@@ -94,7 +94,7 @@ MISTAKES = [
     (
         "evaluate",
         ["designs=malformed.json"],
-        "malformed.json is malformed JSON at line 2, column 3",
+        "malformed.json: the reply is malformed JSON at line 2, column 3",
     ),
     ("evaluate", [f"designs={SOLUTION}", "output=."], "can't write"),
     ("evaluate", [f"designs={SOLUTION}", "rollout.segment_s=0"], "segment_s"),
@@ -201,6 +201,7 @@ def test_the_result(tiny):
             "effort",
             "finalists",
             "held",
+            "perturbed",
             "tie",
             "stopped",
         ),

@@ -14,7 +14,6 @@ import yaml
 from core.design import DesignError
 from core.designs.replies import DECODER
 from core.support.text import shorten
-from plugins.replies.assumptions import assume
 from plugins.replies.figures import figures_in, has_unit, is_uneven, read_figure
 
 MAX_MENDED = 40_000
@@ -203,6 +202,4 @@ def _read_surely(text: str, read: Callable[[str], Any]) -> object:
     spelled = _CODE.sub(lambda code: chr(int(code[1], 16)), text)
     if figures_in(written) != figures_in(spelled):
         raise DesignError("it is malformed, and its numbers can't be read for certain")
-    if value:
-        assume("malformed JSON, or YAML, is read where its numbers are certain")
     return value

@@ -9,6 +9,7 @@ from typing import Any
 
 from core.design import DesignError
 from core.designs.replies import EXPECTED, Malformed, Unread, decode
+from plugins.replies.assumptions import assume
 from plugins.replies.envelopes import (
     NAMES,
     find_strategies,
@@ -25,6 +26,8 @@ MAX_ALL_MENDED = 200_000
 
 MAX_TRIED = 20_000_000
 """The most characters that are read of objects which turn out to be malformed; some seconds, where one holds others."""
+
+MENDED = "malformed JSON, or YAML, is read where its numbers are certain"
 
 MAX_BLOCKS = 3
 """The most fenced blocks of a reply that are read in other ways."""
@@ -100,6 +103,8 @@ def _find_objects(text: str) -> tuple[list[_Found], Malformed | None]:
                 reached = error.end - start
             value, end = _mend(text, start, left)
             left -= end - start
+            if isinstance(value, dict):
+                assume(MENDED)
         if isinstance(value, Unread):
             broken_end = max(broken_end, end)
         if not isinstance(value, dict):
@@ -168,6 +173,7 @@ def _read_otherwise(text: str) -> list[Any]:
             except DesignError:
                 continue
             if any(isinstance(strategy, dict) for strategy in strategies):
+                assume(MENDED)
                 return strategies
     return []
 

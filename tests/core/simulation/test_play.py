@@ -205,6 +205,9 @@ class Shifting:
     def __call__(self, scene):
         return Crowded().scene(1)
 
+    def perturb_tool(self, tool):
+        return tool
+
 
 def test_in_a_perturbed_scene_a_rejection_says_so():
     (trial,) = play(
