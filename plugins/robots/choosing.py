@@ -440,7 +440,7 @@ def check_rest(description: Description, drives: Iterable[str]) -> None:
     values = {}
     for joint in free.values():
         lower, upper = joint.range
-        values[joint.name] = f"{min(max(lower, 0.0), upper):g}"
+        values[joint.name] = round(min(max(lower, 0.0), upper), 6)
 
     kinds = [f"{joint.name!r} is {joint.kind}" for joint in free.values()]
     found = ", ".join(kinds[:3])

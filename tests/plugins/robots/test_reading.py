@@ -227,7 +227,7 @@ def gripped(
 def test_what_moves_beside_the_arm_is_held_or_left_out(changed):
     with pytest.raises(
         UserError,
-        match=r"'left' is prismatic, 'right' is prismatic, .*fixed={left:0,right:0}.*=\[finger_l,finger_r\]",
+        match=r"'left' is prismatic, 'right' is prismatic, .*fixed={left:0.0,right:0.0}.*=\[finger_l,finger_r\]",
     ):
         changed(*gripped())
     assert len(changed(*gripped(), fixed=["left", "right"]).arm_joints) == 6
