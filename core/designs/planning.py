@@ -147,7 +147,9 @@ def resolve(
         waypoints = plan
     else:
         seen = look(task, seed, settings.perception, scene)
-        seen = replace(seen, felt=tuple(pose and _lower(pose, rise) for pose in felt))
+        # Where the plan means those poses to be that the arm reached.
+        meant = [pose and Pose(pose.position - rise, pose.quaternion) for pose in felt]
+        seen = replace(seen, felt=tuple(meant))
         waypoints = call_part(plan, "resolve", Waypoints, seen)
         check_plan(waypoints.poses, gripper=waypoints.poses.shape[-1] == 7)
 
@@ -168,8 +170,3 @@ def _rise(seed: int, perception: Perception) -> Array:
         rise[2] = perception.height * draw
 
     return rise
-
-
-def _lower(pose: Pose, rise: Array) -> Pose:
-    """Say where a plan means a pose to be that the arm reached."""
-    return Pose(pose.position - rise, pose.quaternion)

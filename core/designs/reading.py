@@ -314,7 +314,9 @@ def _read_text(fields: Fields, name: str) -> str:
     """Read a text that only describes: whatever stands there, no design is lost by it."""
     longest = MAX_NAME if name.endswith("_name") else MAX_DESCRIPTION
     text = fields.get(name) or ""
-    return clean(text if isinstance(text, str) else json.dumps(text), longest)
+    return clean(
+        text if isinstance(text, str) else json.dumps(text, default=str), longest
+    )
 
 
 def _read_tool(

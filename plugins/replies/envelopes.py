@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterable
 from typing import Any
 
-from core.designs.replies import DECODER
 from plugins.replies.assumptions import assume
+from plugins.replies.decoding import DECODER
 from plugins.replies.mending import ELLIPSIS
 
 MAX_DEPTH = 8
@@ -28,6 +28,9 @@ NAMES = PLANS | {
     "parents",
 }
 """Names of a strategy's usual fields."""
+
+_ANGLE_UNIT = re.compile(r"^units?|units?$|angle|rotation|orientation|euler|rpy")
+_DEGREES = re.compile(r"\W*(?:(?:all )?in )?deg(?:rees?)?\W*")
 
 
 def plain_name(key: object) -> str:
@@ -70,11 +73,12 @@ def is_strategy(value: object) -> bool:
 
 def says_degrees(key: object, value: object) -> bool:
     """Report whether a field says that angles are in degrees: ``"angle_unit": "degrees"``."""
-    is_unit = re.search(r"unit|angle|rotation|orientation|euler|rpy", plain_name(key))
-    return (
-        is_unit is not None
-        and re.match(r"\W*deg|.{0,40}: .?deg", str(value)) is not None
-    )
+    if isinstance(value, dict):
+        return any(
+            says_degrees(f"{key}_{inner}", held) for inner, held in value.items()
+        )
+    is_unit = _ANGLE_UNIT.search(plain_name(key))
+    return is_unit is not None and _DEGREES.fullmatch(str(value).lower()) is not None
 
 
 def _list_here(value: object, depth: int) -> list[Any]:
@@ -92,7 +96,7 @@ def _list_here(value: object, depth: int) -> list[Any]:
         elif value and all(map(is_strategy, value.values())):
             items = value.values()
     if items:
-        assume("what stands under no 'strategies' is read as them")
+        assume("designs outside a list named 'strategies' are read, too")
     return _tidy(items, depth)
 
 

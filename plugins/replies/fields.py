@@ -36,7 +36,8 @@ _PLAN = PLANS | {
 }
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+")
 _EMPTY = {"string", "text", "xml", "code", "block", "content", "design"}
-_NUMBERED = re.compile(r"\D*\d+")
+_NUMBERED = re.compile(r"\D*(\d+)")
+_HOLDER = re.compile("tool|action|strategy|design")
 
 
 def read_fields(strategy: Fields, wanted: Mapping[str, Any]) -> Fields:
@@ -122,14 +123,25 @@ def _take(fields: Fields, name: str, key: object, value: object) -> None:
 def _flatten(
     strategy: Fields, names: Mapping[str, str], needed: list[str]
 ) -> Iterator[tuple[Any, Any]]:
-    """Yield keys and values; those in other objects by their own name, or with the object's before it."""
+    """Yield keys and values; those in an object by their own name, or with the object's before it.
+
+    An object counts that is named as a tool or the like, or that has what a tool needs and nothing else has.
+    """
+    lacking = {*needed} - {names.get(plain_name(key)) for key in strategy}
     for key, value in strategy.items():
-        if not isinstance(value, dict) or names.get(plain_name(key)) in needed:
+        is_field = names.get(plain_name(key)) in (*needed, "gripper")
+        if not isinstance(value, dict) or is_field:
             yield key, value
             continue
+        fields: Fields = {}
         for inner, held in value.items():
             joined = f"{key}_{inner}"
-            yield (joined if plain_name(joined) in names else inner), held
+            fields[joined if plain_name(joined) in names else inner] = held
+        found = {names.get(plain_name(inner)) for inner in fields}
+        if found & lacking or _HOLDER.search(plain_name(key)):
+            yield from fields.items()
+        else:
+            yield key, value
 
 
 def _find_other(name: str, others: Fields) -> Any:
@@ -178,7 +190,9 @@ def _unwrap(plan: object) -> object:
     """Return the list in an object that is a plan, beside what only describes it, or that numbers its items."""
     if not isinstance(plan, dict):
         return plan
-    if plan and all(_NUMBERED.fullmatch(str(key)) for key in plan):
+    numbers = [_NUMBERED.fullmatch(str(key)) for key in plan]
+    order = [int(number[1]) for number in numbers if number]
+    if plan and len(order) == len(plan) and order == sorted({*order}):
         return list(plan.values())
     lists = [
         inner

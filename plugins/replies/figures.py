@@ -23,6 +23,8 @@ _SUM = re.compile(
     rf"(?:[-+*/()\s]|{_NUMBER}(?!\w)|(?:math|np|numpy)\.|pi|radians|deg2rad|sqrt|float)++"
 )
 _UNIT = re.compile(r"(.*[\d.)])\s*(m|cm|mm|rad|deg|°)(?:(?<=g)rees?|(?<=d)ians?)?")
+# Between two numbers: a unit behind them may be of both or of the last.
+_SIGN = re.compile(r"[\d.)i]\s*[-+]\s*[\d.(p]")
 # One number or two: a space stands before the sign, and none behind it.
 _UNEVEN = re.compile(r"[\d.)]\s+[-+][\d.(]")
 
@@ -48,7 +50,7 @@ def read_figure(text: str, units: Mapping[str, float]) -> float | None:
     unit = _UNIT.fullmatch(text)
     if unit is None:
         return _read_sum(text)
-    value = _read_sum(unit[1])
+    value = None if _SIGN.search(unit[1]) else _read_sum(unit[1])
     if value is None or unit[2] not in units:
         return None
     assume(f"numbers with {unit[2]!r} are read in that unit")

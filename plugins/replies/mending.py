@@ -12,8 +12,8 @@ import json_repair
 import yaml
 
 from core.design import DesignError
-from core.designs.replies import DECODER
 from core.support.text import shorten
+from plugins.replies.decoding import DECODER
 from plugins.replies.figures import figures_in, has_unit, is_uneven, read_figure
 
 MAX_MENDED = 40_000

@@ -8,8 +8,9 @@ from itertools import islice
 from typing import Any
 
 from core.design import DesignError
-from core.designs.replies import EXPECTED, Malformed, Unread, decode
+from core.designs.replies import EXPECTED, Unread
 from plugins.replies.assumptions import assume
+from plugins.replies.decoding import Malformed, decode
 from plugins.replies.envelopes import (
     NAMES,
     find_strategies,
@@ -72,6 +73,8 @@ def read_reply(text: str) -> dict[str, list[Any]]:
         raise longest
     if not found:
         raise DesignError(f"the reply has no JSON object; {EXPECTED}")
+    if "strategies" in found[0].value:
+        raise DesignError(f"'strategies' is empty, or no list of objects; {EXPECTED}")
     named = ", ".join(str(key)[:40] for key in islice(found[0].value, 5))
     raise DesignError(f"the reply has no strategies (its JSON has {named}); {EXPECTED}")
 

@@ -108,9 +108,9 @@ def _name_numbers(waypoint: dict[Any, Any], where: str) -> dict[str, Any]:
                 name: _read_number(name, f"{angle} deg")
                 for name, angle in inner.items()
             }
-        twice = found.keys() & inner.keys()
-        if twice:
-            raise DesignError(f"{where}: {', '.join(twice)} is given twice; {_WANTED}")
+        again = [name for name in inner if name in found]
+        if again:
+            raise DesignError(f"{where}: {', '.join(again)} is given twice; {_WANTED}")
         found |= inner
 
     return found

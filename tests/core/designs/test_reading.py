@@ -335,7 +335,7 @@ def test_a_tool_is_read_alone_whatever_rules_it_breaks(tmp_path):
         (b'{"strategies": [\n1,]}', "malformed JSON at line 2, column"),
         (b"", "has no JSON object"),
         (b"[]", "has no JSON object"),
-        (b'{"strategies": "x"}', "has no strategies"),
+        (b'{"strategies": "x"}', "is empty, or no list of objects"),
     ],
 )
 def test_files_that_hold_no_designs(tmp_path, content, reason):

@@ -186,7 +186,7 @@ def test_temperatures_stay_in_the_providers_range():
             "quota exhausted",
         ),
         (lambda r: Reply(r.id, "I would rather not.", "a can"), "can't be read"),
-        (lambda r: Reply(r.id, '{"strategies": []}', "a can"), "no strategies"),
+        (lambda r: Reply(r.id, '{"strategies": []}', "a can"), "is empty"),
         (lambda r: None, "no reply came"),
     ],
 )
