@@ -432,15 +432,13 @@ def ranked(
         reward, distance_m = figures(item)
         if highest - reward > tie:
             highest = reward  # what is within a tie of it counts as equal
-        places.append((-highest, _or_longest(distance_m), item))
+        if distance_m is None or np.isnan(distance_m):
+            distance_m = np.inf
+        places.append((-highest, distance_m, item))
 
     places.sort(key=lambda place: place[:2])
 
     return [item for _, _, item in places]
-
-
-def _or_longest(distance_m: float | None) -> float:
-    return np.inf if distance_m is None or np.isnan(distance_m) else distance_m
 
 
 def best_first(evaluations: Iterable[Evaluation], tie: float = TIE) -> list[Evaluation]:

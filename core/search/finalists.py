@@ -30,9 +30,10 @@ from core.values.efforts import Effort, Held
 
 WIDTH = 8  # trials in an engine at once
 SEARCH_WIDTH = 16  # in the search, where many candidates are alike
-# Layouts that candidates are compared in; twice as many, if the budget allows.
+# Layouts that candidates are compared in at first; then two times as many, up to the most, while half of the budget
+# is left.
 FIRST = 64
-MOST = 240  # layouts that a winner is tried in
+MOST = 240  # layouts that candidates are compared in at most, and then the winner alone
 # Shares of the budget: at most for the choice, and at least for perturbed layouts.
 RACED = 0.7
 PERTURBED = 0.1
@@ -95,8 +96,8 @@ class Race:
         limit: float = math.inf,
         best: float = math.inf,
         reach: float = 0.0,
-    ) -> None:
-        """Try runners in the first layouts, until none that was not tried in all can be the best.
+    ) -> Iterator[None]:
+        """Try runners in the first layouts, until none that was not tried in all can be the best; yield after each try.
 
         Args:
             runners: of those alike the first goes first.
@@ -127,6 +128,7 @@ class Race:
                 and (reach or r.tally.loss <= leader.tally.loss)
             ]
             self.try_in(group[: self.width // len(numbers)], numbers)
+            yield
 
     def _choose_layouts(
         self, leader: Runner, level: int, others: Sequence[Runner]
@@ -209,7 +211,7 @@ def evaluate_in_race(
     tie: float,
     best: float,
 ) -> Iterator[Evaluation]:
-    """Yield the evaluation of each candidate, once all are there; those clearly behind are not tried in all layouts.
+    """Yield the evaluation of each candidate: those tried in all layouts when they are, then those clearly behind.
 
     Clearly behind is who would earn less than the best, by more than ``tie``, with all rewards that are left.
 
@@ -236,20 +238,34 @@ def evaluate_in_race(
         race.note(runner.tally, [0], tried)
         runners.append(runner)
 
-    runners.sort(key=lambda runner: runner.candidate.key)
+    waiting = sorted(runners, key=lambda runner: runner.candidate.key)
     # In each layout a tie may be lost that is not counted, by the best and by those behind.
-    race.run(runners, level, best=level * (1 - best), reach=2 * tie * level + 1e-9)
+    rounds = race.run(
+        tuple(waiting), level, best=level * (1 - best), reach=2 * tie * level + 1e-9
+    )
+    for _ in rounds:
+        for runner in tuple(waiting):
+            if len(runner.tally.losses) == level:
+                waiting.remove(runner)
+                yield _evaluate_runner(runner, fitness, conditions, level)
 
+    for runner in waiting:
+        yield _evaluate_runner(runner, fitness, conditions, level)
+
+
+def _evaluate_runner(
+    runner: Runner, fitness: Fitness, conditions: Sequence[Condition], level: int
+) -> Evaluation:
+    """Make a score of what a runner was tried in, of ``level`` layouts; a warning says it if those were not all."""
+    known = {trial.where: trial for trial in runner.tally.in_order()}
     order = [condition.where for condition in conditions]
-    for runner in runners:
-        known = {trial.where: trial for trial in runner.tally.in_order()}
-        tried = tuple(known[where] for where in order if where in known)
-        score = make_score(fitness, runner.candidate, tried)
-        if len(tried) < len(order):
-            count = f"{len(runner.tally.trials)} of {level} layouts"
-            left_out = f"tried in {count}: too far behind to be the best"
-            score = replace(score, warnings=(*score.warnings, left_out))
-        yield Evaluation(runner.candidate, tried, score)
+    tried = tuple(known[where] for where in order if where in known)
+    score = make_score(fitness, runner.candidate, tried)
+    if len(tried) < len(order):
+        count = f"{len(runner.tally.trials)} of {level} layouts"
+        left_out = f"tried in {count}: too far behind to be the best"
+        score = replace(score, warnings=(*score.warnings, left_out))
+    return Evaluation(runner.candidate, tried, score)
 
 
 # --- in further layouts -----------------------------------------------------------------------------------------
@@ -310,10 +326,13 @@ class FinalRace:
         began = race.spent
         level = min(FIRST, race.draw(FIRST))
         while runners:
-            race.run(runners, level, began + rollouts)
+            for _ in race.run(runners, level, began + rollouts):
+                continue
+            if race.spent - began > rollouts / 2:
+                break
             further = min(2 * level, most)
             further = min(further, race.draw(further))
-            if further == level or race.spent - began > rollouts / 2:
+            if further == level:
                 break
             level = further
 

@@ -111,6 +111,8 @@ def run_search(search: Search, store: RunStore, *, film: bool) -> Result:
 
 def rollouts_in(fitness: Fitness, seconds: float) -> int:
     """Return how many rollouts in further layouts count as so many seconds."""
+    if seconds == 0:
+        return 0
     layout = next(iter(fitness.finals()), ())
     soft = any(condition.scene().softs for condition in layout)
     return round(seconds * (SOFT_PER_S if soft else PER_S))

@@ -92,7 +92,8 @@ class Asked:
         Raises:
             DesignError: it holds no strategy.
         """
-        strategies = list_strategies(document)
+        # A reply may hold more than were asked for, which are not read.
+        strategies = list_strategies(document)[: self.request.brief.n_tool]
         if self.candidates:
             return self._mend(strategies)
         found = read_candidates(self.request.brief, strategies, starts=starts)
@@ -130,6 +131,7 @@ class Asked:
             if candidate.strategy == number and candidate.problem is None:
                 assert candidate.tool is not None
                 kept = representation.dump(candidate.tool)
+                kept["gripper"] = candidate.tool.gripper
 
         try:
             old = read_fields(self.strategies[number], representation)

@@ -76,6 +76,14 @@ class Together(Fitness):
         for alike in zip(*endless, strict=False):
             yield list(chain(*alike))
 
+    def perturbed(self, conditions: Sequence[Condition]) -> list[Condition]:
+        """Return the conditions of each task, perturbed as its own fitness does."""
+        perturbed: list[Condition] = []
+        for name, judge in self.by_task.items():
+            own_layout = [c for c in conditions if c.where.task == name]
+            perturbed += judge.perturbed(own_layout)
+        return perturbed
+
     def unseen(self) -> list[Condition]:
         """Return the unseen conditions of all tasks."""
         return list(chain(*[judge.unseen() for judge in self.by_task.values()]))

@@ -107,6 +107,9 @@ class Buildable(Fitness):
     def finals(self) -> Iterator[Sequence[Condition]]:
         return self._inner.finals()
 
+    def perturbed(self, conditions: Sequence[Condition]) -> Sequence[Condition]:
+        return self._inner.perturbed(conditions)
+
     def unseen(self) -> Sequence[Condition]:
         return self._inner.unseen()
 

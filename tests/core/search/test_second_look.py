@@ -72,6 +72,24 @@ def test_a_sound_tool_stays_and_so_do_its_sound_plans():
     assert second.tool is first.tool
 
 
+def test_designs_beyond_those_asked_for_do_not_move_the_others():
+    more = {**SOUND, "tool_name": "not asked for"}
+    mended = {**SOUND, "tool_name": "mended"}
+    vlm = answering(
+        text_of(SOUND, SOUND, APART, more, more), text_of(SOUND, SOUND, mended)
+    )
+    found = ask(vlm)
+    assert [c.tool.name for c in found if c.strategy == 2] == ["mended", "mended"]
+
+
+def test_a_sound_tool_keeps_its_gripper():
+    answer = {**SOUND, "gripper": True, "action_sets": [PLAN]}
+    vlm = answering(text_of(ONE_PLAN), text_of(answer))
+    first, second = ask(vlm)
+    assert (first.problem, second.problem) == (None, None)
+    assert second.tool is first.tool
+
+
 def test_what_an_answer_leaves_out_stays():
     vlm = answering(text_of(ONE_PLAN), text_of({"action_sets": [PLAN, PLAN]}))
     assert [c.problem for c in ask(vlm)] == [None, None]
