@@ -8,6 +8,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from core.errors import UserError, choices
+from core.support.cli import expand
 from core.support.files import read_untrusted
 from core.values.descriptions import Description
 from core.values.urdf import MAX_BYTES, find_mesh, read_tree
@@ -38,7 +39,7 @@ def read_source(chosen: ArmSettings) -> Source:
     Raises:
         UserError: the file can't be used, or meshes are missing; names all of them.
     """
-    path = chosen.path
+    path = expand(chosen.path).absolute()
     without = chosen.without or ()
     if path.is_dir():
         files = list_arms(path) or "it has no URDF or MJCF"
@@ -69,25 +70,29 @@ def leave_out(root: Element, names: Collection[str]) -> None:
     Raises:
         UserError: there is no such link.
     """
-    links = {link.get("name", ""): link for link in root.findall("link")}
+    links = [link.get("name", "") for link in root.findall("link")]
     for name in names:
         if name not in links:
             raise choices("link", name, links)
 
     borne: dict[str, list[str]] = {}
-    joints = dict[str, Element]()
     for joint in root.findall("joint"):
         child = _find_end(joint, "child")
         borne.setdefault(_find_end(joint, "parent"), []).append(child)
-        joints[child] = joint
 
     waiting = [*names]
+    removed = set[str]()
     while waiting:
         name = waiting.pop()
-        for elements in (links, joints):
-            if name in elements:
-                root.remove(elements.pop(name))
+        removed.add(name)
         waiting += borne.pop(name, ())
+
+    for link in root.findall("link"):
+        if link.get("name") in removed:
+            root.remove(link)
+    for joint in root.findall("joint"):
+        if _find_end(joint, "child") in removed:
+            root.remove(joint)
 
 
 def _find_end(joint: Element, tag: str) -> str:

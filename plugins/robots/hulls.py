@@ -25,7 +25,6 @@ MAX_MB = 64
 GREY: Color = (0.7, 0.7, 0.7, 1.0)  # of shapes without a colour
 LIMIT_S = 120
 MAX_DRAWN = 100_000  # triangles
-_DIGITS = (4, 3, 2)  # of metres, in which corners that are close agree
 _HEAD = 10_000  # bytes of a Collada file, of which the materials are the first
 _LARGEST_M = 10.0  # a link's mesh that is larger was drawn in millimetres
 
@@ -209,11 +208,14 @@ def _collada(parts: list[trimesh.Trimesh], color: Sequence[float]) -> bytes:
 
 
 def _coarsen(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Copy a mesh; corners become one that are equal, and where it has too many triangles those that are close."""
+    """Copy a mesh with at most `MAX_DRAWN` triangles: corners of one cell of a grid become one."""
     coarse = trimesh.Trimesh(mesh.vertices, mesh.faces)
-    for digits in _DIGITS:
-        if len(coarse.faces) > MAX_DRAWN:
-            coarse.merge_vertices(digits_vertex=digits)
-            whole = coarse.nondegenerate_faces() & coarse.unique_faces()
-            coarse.update_faces(whole)
+    cells = 256
+    while len(coarse.faces) > MAX_DRAWN:
+        width = mesh.extents.max() / cells
+        cells = cells // 2
+        corners = np.round(mesh.vertices / width) * width
+        coarse = trimesh.Trimesh(corners, mesh.faces)  # merges what is equal
+        whole = coarse.nondegenerate_faces() & coarse.unique_faces()
+        coarse.update_faces(whole)
     return coarse

@@ -254,6 +254,9 @@ class _Reading:
         called = joint.name or f"{name}_joint"
         self.motors[called] = float(self._model.dof_armature[joint.dofadr[0]])
         kind = _KINDS[joint.type[0]]
+        if kind == "floating":  # a ball, which has no axis
+            self.joints[name] = replace(fixed, name=called, kind=kind)
+            return
         if kind == "revolute" and not joint.limited[0]:
             kind = "continuous"
 
@@ -325,7 +328,8 @@ class _Reading:
             self._notes.append(f"left out: geom {kind.lower()} of {owner!r}")
 
         shown = geom.rgba if geom.matid[0] < 0 else model.mat_rgba[geom.matid[0]]
-        color: Any = tuple(np.clip(shown, 0, 1).tolist())
+        red, green, blue, opacity = np.clip(shown, 0, 1).tolist()
+        color = (red, green, blue, opacity or 1.0)  # what collides is often hidden
         return [replace(shape, color=color) for shape in shapes]
 
 

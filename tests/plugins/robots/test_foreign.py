@@ -259,6 +259,31 @@ def test_two_joints_of_one_body_are_two_links(tmp_path, caplog):
     assert sum(masses) == pytest.approx(3 + 6 * 0.8, rel=1e-6)
 
 
+def test_a_file_of_mjcf_is_found_from_the_folder_where_one_types(
+    tmp_path, monkeypatch, capsys
+):
+    (tmp_path / "six.xml").write_text(mjcf())
+    monkeypatch.chdir(tmp_path)
+    printed = said(capsys, "robot.path=six.xml", "at=[0.5,0,0.4]")
+    assert "tools are bolted to 'flange'" in printed
+
+
+def test_what_hangs_on_a_ball_is_not_turned(tmp_path):
+    from plugins.robots.mjcf import read_mjcf
+
+    file = tmp_path / "ball.xml"
+    ball = (
+        '<body name="bob" pos="0.3 0 0.1"><joint name="ball" type="ball" range="0 1"/>'
+        '<geom size="0.02" mass="0.1" rgba="0 0 0 0"/></body>'
+    )
+    file.write_text(mjcf().replace('<body name="base">', f'<body name="base">{ball}'))
+    description, *_ = read_mjcf(file, ())
+    joint = description.joints["bob"]
+    assert (joint.origin.xyz, joint.origin.rpy) == ((0.3, 0.0, 0.1), (0.0, 0.0, 0.0))
+    (collision,) = description.links["bob"].collisions
+    assert collision.color[3] == 1.0
+
+
 def test_one_joint_is_no_arm(tmp_path):
     file = tmp_path / "one.xml"
     file.write_text(

@@ -208,3 +208,11 @@ def test_doubled_nodes_of_collada_end_with_their_process(write, monkeypatch):
         match=r"mesh .*a.dae (takes more than 5 s|can't be read|needs too much memory)",
     ):
         hull_file(file)
+
+
+def test_a_mesh_that_is_large_and_fine_is_drawn_coarsely():
+    fine = trimesh.creation.icosphere(subdivisions=7, radius=2.0)
+    assert len(fine.faces) > hulls.MAX_DRAWN
+    coarse = hulls._coarsen(fine)
+    assert 10_000 < len(coarse.faces) <= hulls.MAX_DRAWN
+    assert np.allclose(coarse.extents, fine.extents, atol=0.05)
