@@ -17,16 +17,21 @@ _PLAIN = re.compile(r"[\w./+:%@-]*", re.ASCII)  # all of it is text or a number
 def quote_paths(words: Sequence[str]) -> list[str]:
     """Put values in quotes that are paths which exist, or lie in a folder that does.
 
+    A value that does not exist may also refer to a key, or be several of a sweep: then it stays as it is.
+
     Raises:
         UsageError: a word has no key.
     """
+    is_sweep = not {"-m", "--multirun"}.isdisjoint(words)
     quoted = []
     for word in words:
         key, _, value = word.partition("=")
         if not key:
             raise UsageError(f"can't read {word!r}; write KEY=VALUE")
-        folder = value[: value.rfind("/") + 1]
-        if not _PLAIN.fullmatch(value) and path_exists(folder or value):
+        folder = value[: value.rfind("/") + 1] or value
+        if "${" in value or ("," in value and is_sweep):
+            folder = value
+        if not _PLAIN.fullmatch(value) and (path_exists(value) or path_exists(folder)):
             quoted.append(_quote(key, value))
         else:
             quoted.append(word)

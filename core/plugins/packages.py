@@ -17,14 +17,12 @@ HOME = Path(__file__).parents[2]
 
 
 def find_hidden() -> Iterator[str]:
-    """Yield a line for each of this program's packages that a folder hides: it comes first where Python looks."""
+    """Yield a line for each of this program's packages that a file or folder hides: Python finds that first."""
     for package in PACKAGES:
         spec = importlib.util.find_spec(package)
-        places = list(spec.submodule_search_locations or ()) if spec else []
-        others = [Path(place) for place in places if Path(place).parent != HOME]
-        if places and len(others) == len(places):
+        if spec and spec.origin and Path(spec.origin).parents[1] != HOME:
             yield (
-                f"{others[0]} hides this program's package {package!r}: "
+                f"{spec.origin} hides this program's package {package!r}: "
                 "start in another folder, or give it another name"
             )
 

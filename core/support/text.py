@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 
 # Texts that Hydra reads as numbers or other values.
 _OTHER = re.compile(
-    r"[+-]?([\d_]+\.?[\d_]*(e[+-]?\d+)?|inf|nan)|true|false|null", re.IGNORECASE
+    r"[+-]?(([\d_]+\.?[\d_]*|\.\d+)(e[+-]?\d+)?|inf|nan)|true|false|null", re.IGNORECASE
 )
 
 

@@ -60,6 +60,16 @@ def test_what_is_no_path_is_read_as_before(tmp_path, monkeypatch, word, meant):
     assert value(word) == meant
 
 
+@pytest.mark.parametrize(
+    "words",
+    [["output=in/${now:%F}"], ["-m", "designs=in/a.json,in/b.json"]],
+)
+def test_a_reference_or_a_sweep_in_a_folder_stays_one(tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "in").mkdir()
+    assert quote_paths(words) == words
+
+
 @pytest.mark.parametrize("plain", ["1", "null", "true", "2.5"])
 def test_a_number_is_none_of_the_paths(tmp_path, monkeypatch, plain):
     monkeypatch.chdir(tmp_path)

@@ -19,13 +19,21 @@ def python(folder, *words, **environment):
     )
 
 
-@pytest.mark.parametrize("package", ["plugins", "tasks", "conf"])
-def test_a_folder_that_hides_ours_is_named(tmp_path, package):
-    (tmp_path / package).mkdir()
-    (tmp_path / package / "__init__.py").touch()
+@pytest.mark.parametrize(
+    ("package", "file"),
+    [
+        ("plugins", "plugins/__init__.py"),
+        ("tasks", "tasks/__init__.py"),
+        ("conf", "conf/__init__.py"),
+        ("tasks", "tasks.py"),
+    ],
+)
+def test_what_hides_ours_is_named(tmp_path, package, file):
+    (tmp_path / file).parent.mkdir(exist_ok=True)
+    (tmp_path / file).touch()
     done = python(tmp_path, "-m", "core.run", "--help")
     assert done.returncode == 1
-    hides = f"error: {tmp_path / package} hides this program's package {package!r}: "
+    hides = f"error: {tmp_path / file} hides this program's package {package!r}: "
     assert done.stderr.startswith(hides)
     assert len(done.stderr.splitlines()) == 1
 
