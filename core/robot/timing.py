@@ -20,9 +20,8 @@ from core.robot.kinematics import Arm
 from core.robot.paths import bend, join_knots, sample_cells
 
 _SAMPLE_S = 0.01  # the longest time between samples
-_APART_RAD = (
-    1e-6  # per path length: the least slope that a velocity limit is divided by
-)
+# Per path length: the least slope that a velocity limit is divided by.
+_APART_RAD = 1e-6
 _STILL_RAD = 1e-5  # where no joint turns farther, TOPP-RA may find no timing
 # Of the mean speed: the highest of a way that takes a fifth of its time to speed up, and a fifth to brake.
 PEAK = 1.25

@@ -37,7 +37,7 @@ from core.values.observations import Class, Moved, Offset, Point
 from core.values.traces import Flags
 
 MISSED_M = 0.02
-"""A way is missed by more than this, or by more than the next."""
+"""A way is missed by more than this, or by more than `MISSED_RAD`."""
 
 MISSED_RAD = 0.1
 
@@ -45,12 +45,12 @@ STUCK_RAD = 0.05
 """The lag of a joint that is held back; reference solutions lag by less than 0.012."""
 
 UNYIELDING_M = 0.005
-"""What moves by no more than this in the next time does not yield."""
+"""What moves by no more than this in `UNYIELDING_S` does not yield."""
 
 UNYIELDING_S = 0.2
 
 LIFTED_M = 0.02
-"""A body that was dropped was lifted by this, and fell by the next."""
+"""A body that was dropped was lifted by this, and fell by `FALLEN_M`."""
 
 FALLEN_M = 0.02
 
@@ -58,10 +58,10 @@ TIPPED_DEG = 45.0
 """How far an upward axis has turned of a body that tipped."""
 
 FELL_M = 0.05
-"""A body that is lower than at rest by more fell, and did not tip."""
+"""A body that ends lower than it began by more than this fell, and did not tip."""
 
 NUDGED_M = 0.005
-"""What moved by no more was not moved."""
+"""What moved by no more than this was not moved."""
 
 INSTANTS = 6
 """At which the places of a path are noted."""
@@ -75,7 +75,7 @@ MAX_CONTACTS = 40
 NAMED = 3
 """The most bodies that a missed goal names."""
 
-_STILL_M = 0.001  # who moved by no more, and turned by no more than the next, stayed
+_STILL_M = 0.001  # a body that moved by no more, and turned by no more than `_STILL_DEG`, stayed
 _STILL_DEG = 1.0
 
 Samples = npt.NDArray[np.intp]

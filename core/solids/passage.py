@@ -274,7 +274,7 @@ def overlap(pair: Pair, instant: Instant, direction: Array) -> float:
     Args:
         pair: the two.
         instant: when.
-        direction: (3,) in the world.
+        direction: (3,) in the world, along which it goes back.
     """
     here, rotation = pair.first.at(*instant)
     there, others_rotation = pair.second.at(*instant)
@@ -289,7 +289,7 @@ def _extent(track: Track, direction: Array) -> float:
 
     Args:
         track: of the solid.
-        direction: (3,) of the frame, in which it is looked.
+        direction: (3,) along which it is measured, in the solid's frame.
     """
     x, y, z = map(float, direction)
 

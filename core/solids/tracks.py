@@ -253,7 +253,7 @@ def follow(
         tool: what it holds.
         recording: how all of them move.
         detour: how far they get from the straight way between two samples, which widens their bounding boxes.
-        only: the numbers of the solids that are followed; None: all.
+        only: of the solids that move, the numbers of those that are followed; tracks of others are zeros. None: all.
     """
     solids = all_solids(robot, tool, scene_solids(scene))
     model = robot_model(robot, tool)
@@ -276,7 +276,8 @@ def follow(
     frames = (np.concatenate([rotations, turns]), np.concatenate([positions, shifts]))
     moved = _place_solids(solids, moving, *frames, aside)
     count = len(solids.items)
-    rows = Rows(*(np.zeros((count, *values.shape[1:])) for values in moved))
+    # Kept as they lie in memory.
+    rows = Rows(*(np.zeros_like(v, shape=(count, *v.shape[1:])) for v in moved))
 
     for values, those_moved, those_at_rest in zip(
         rows, moved, _rest(solids), strict=True
@@ -336,8 +337,9 @@ def _place_solids(
     # The bounding boxes, on the way to the next sample too.
     middles = positions + rotate(rotations, solids.middles[numbers])
     extents = rotate(np.abs(rotations), solids.halves[numbers])
-    low = middles - extents
-    high = middles + extents
+    # In memory the axis comes first: NumPy reduces contiguous instants far faster.
+    low = np.moveaxis((middles - extents).transpose(2, 0, 1).copy(), 0, 2)
+    high = np.moveaxis((middles + extents).transpose(2, 0, 1).copy(), 0, 2)
     np.minimum(low[:, :-1], low[:, 1:], out=low[:, :-1])
     np.maximum(high[:, :-1], high[:, 1:], out=high[:, :-1])
     low -= aside[..., None]

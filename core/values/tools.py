@@ -172,6 +172,10 @@ class Tool:
 
     def placed(self) -> dict[str, tuple[str, Pose]]:
         """Return for each component its mount and its pose in the mount's frame, with all joints at 0."""
+        return dict(self._placed)
+
+    @cached_property
+    def _placed(self) -> dict[str, tuple[str, Pose]]:
         return self._place(across_joints=True)
 
     @cached_property

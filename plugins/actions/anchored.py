@@ -186,6 +186,8 @@ class Step:
 
 _GUARD_FIELDS = ("until", "newtons", "otherwise", "corrects", "beyond")
 _STEPS = TypeAdapter(Step)
+# Of the schema, which takes longer to make than a tool takes to be read.
+_PROPERTIES = _STEPS.json_schema()["properties"]
 
 
 @dataclass(frozen=True)
@@ -296,7 +298,7 @@ class AnchoredActions(ActionRepresentation):
         if not gripper:
             left_out.add("grip")
         properties = {}
-        for name, field in _STEPS.json_schema()["properties"].items():
+        for name, field in _PROPERTIES.items():
             if name not in left_out:
                 properties[name] = _plain(field)
 

@@ -57,8 +57,8 @@ def dispatch(
     def serve(worker: Callable[[A], B | Exception]) -> None:
         while room.acquire() and not stop.is_set():
             with reading:
-                taken = [*islice(source, 1)]
-            if not taken:
+                taken = [] if stop.is_set() else [*islice(source, 1)]
+            if not taken or stop.is_set():
                 return
             (chunk,) = taken
             results.put((chunk, worker(chunk)))

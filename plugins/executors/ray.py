@@ -269,8 +269,10 @@ def _hold_interrupts() -> Iterator[None]:
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, handler)
-        signal.signal(signal.SIGTERM, terminate)  # Ray replaces it
+        if callable(handler):
+            signal.signal(signal.SIGINT, handler)
+        if terminate is not None:
+            signal.signal(signal.SIGTERM, terminate)  # Ray replaces it
     if held:
         raise KeyboardInterrupt
 

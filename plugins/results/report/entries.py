@@ -25,8 +25,10 @@ MAX_BYTES = 10_000_000
 """Of a results file."""
 
 FIRST_UNSEEN = 1_000_000
-FINALS = 1_000  # layouts after those of the search that finalists may see
 """The seed of the first test layout."""
+
+FINALS = 1_000
+"""Layouts after those of the search that finalists may see."""
 
 Rewards = Annotated[tuple[Reward, ...], Field(min_length=1, max_length=1000)]
 

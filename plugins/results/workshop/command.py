@@ -76,13 +76,13 @@ def export(cfg: DictConfig) -> list[Export]:
     printed = make_tool(tool, task.robot, representation.material, printer, fit)
     exports = [make_export(cfg, part, best, printed) for part in task_parts(cfg)]
 
+    held = describe_held(Path(cfg.designs))
     found = []
 
     with writing(output):
         written = write_tool(printed, output / "tool")
         for item in exports:
             folder = output / item.task.name if len(exports) > 1 else output
-            held = describe_held(Path(cfg.designs))
             found.append(write_export(item, written, representation, folder, held))
 
     return found

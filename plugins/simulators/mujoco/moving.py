@@ -225,7 +225,8 @@ class Moving:
             position = qpos[..., place.position]
             speed = qvel[..., place.speed]
             value, rate = _local(placed, position, speed)
-            parent = found.get(placed.joint.parent or "", world)
+            above = placed.joint.parent
+            parent = world if above is None else found[above]
             found[name] = placed.carry(value, rate, parent)
 
         return found

@@ -63,9 +63,8 @@ def _add_flex(spec: Element, number: int, soft: Soft) -> Element:
     """
     form = soft.form
     bearers = ["world"] * len(soft.placed)
-    vertices = (
-        soft.placed.copy()
-    )  # of nodes that are pinned in the world, of others in their body
+    # Of nodes that are pinned in the world, of others in their body.
+    vertices = soft.placed.copy()
     for node in _free_nodes(soft):
         bearers[node] = _name(number, node)
         mass = soft.mass * form.weights[node]

@@ -231,8 +231,9 @@ def prepare_trees(scene: Scene, folder: Path) -> list[PreparedTree]:
         trees.setdefault(root, []).append(joint)
 
     prepared = []
+    jointed = {*roots, *trees}
     for body in scene.bodies:
-        if body.collisions and body.name not in {*roots, *trees}:
+        if body.collisions and body.name not in jointed:
             prepared.append(
                 PreparedTree.of(
                     scene,

@@ -17,6 +17,7 @@ from core.support.text import clean
 from core.values.efforts import holds
 
 _LEAST = 2  # candidates that fail in a layout, before it is the layout that is hard
+_FEW_LAYOUTS = 2  # in so many, numbers are near each other by chance
 _OUTCOMES = 2
 _OUTCOME = 100  # characters
 _NUMBERS = 4
@@ -85,10 +86,10 @@ def _common_numbers(hard: Hard, task: Task) -> list[str]:
     for name, (low, high) in task.ranges.items():
         values = [task.draw(layout)(name, math.nan) for layout in hard]
         share = (max(values) - min(values)) / (high - low) if high > low else 1.0
-        # Of two, or of one, nothing is in common by more than chance but what is at an end.
+        # With few layouts, only values at an end of the range say more than chance.
         ends = max(values) < low + _NARROW * (high - low)
         ends = ends or min(values) > high - _NARROW * (high - low)
-        if share < _NARROW and (ends or len(values) > _LEAST):
+        if share < _NARROW and (ends or len(values) > _FEW_LAYOUTS):
             shares[name] = share
             span = f"{min(values):.4g} to {max(values):.4g}"
             lines[name] = f"{name} is {span} there, of {low:.4g} to {high:.4g}"
@@ -113,6 +114,8 @@ def _large_noise(hard: Hard, task: Task, perception: Perception) -> list[str]:
         mean = fmean(found)
         if mean > _LARGE * perception.position:
             usual = 1.25 * perception.position  # of two coordinates with that deviation
-            here = f"{name} is seen {1000 * mean:.1f} mm from its place there"
-            lines.append(f"{here}, on the mean; elsewhere {1000 * usual:.1f} mm")
+            here = (
+                f"{name} is seen {1000 * mean:.1f} mm from its place there on average"
+            )
+            lines.append(f"{here}; elsewhere {1000 * usual:.1f} mm")
     return lines

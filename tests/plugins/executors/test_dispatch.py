@@ -1,3 +1,6 @@
+import threading
+import time
+
 import pytest
 
 from core.interfaces import CHUNK
@@ -25,6 +28,26 @@ def test_chunks_are_read_no_faster_than_they_are_worked_on():
     assert next(results) == (0, 0)
     assert len(read) <= 4
     assert sorted(results) == [(n, n * n) for n in range(1, 20)]
+
+
+def test_no_chunk_is_begun_after_the_end():
+    """Workers that wait for the next chunk begin none when it comes too late."""
+    may_go_on = threading.Event()
+    begun = []
+
+    def chunks():
+        yield 0
+        yield 1
+        may_go_on.wait()
+        yield from range(2, 9)
+
+    results = dispatch([begun.append] * 3, chunks())
+    next(results)
+    next(results)
+    results.close()
+    may_go_on.set()
+    time.sleep(0.2)
+    assert sorted(begun) == [0, 1]
 
 
 @pytest.mark.parametrize(
