@@ -103,9 +103,12 @@ def check_joints(
     Raises:
         DesignError: the first rule that is broken.
     """
-    if len(tool.bearers) > MAX_JOINTS:
+    count = len(tool.bearers)
+    if count == 0:
+        return
+    if count > MAX_JOINTS:
         raise DesignError(
-            f"the tool has {len(tool.bearers)} moving joints; at most {MAX_JOINTS} are allowed"
+            f"the tool has {count} moving joints; at most {MAX_JOINTS} are allowed"
         )
 
     share = spring_share(material)

@@ -238,12 +238,11 @@ def evaluate_in_race(
         race.note(runner.tally, [0], tried)
         runners.append(runner)
 
-    waiting = sorted(runners, key=lambda runner: runner.candidate.key)
+    runners.sort(key=lambda runner: runner.candidate.key)
+    waiting = list(runners)
     # In each layout a tie may be lost that is not counted, by the best and by those behind.
-    rounds = race.run(
-        tuple(waiting), level, best=level * (1 - best), reach=2 * tie * level + 1e-9
-    )
-    for _ in rounds:
+    lost = level * (1 - best)
+    for _ in race.run(runners, level, best=lost, reach=2 * tie * level + 1e-9):
         for runner in tuple(waiting):
             if len(runner.tally.losses) == level:
                 waiting.remove(runner)
@@ -258,12 +257,11 @@ def _evaluate_runner(
 ) -> Evaluation:
     """Make a score of what a runner was tried in, of ``level`` layouts; a warning says it if those were not all."""
     known = {trial.where: trial for trial in runner.tally.in_order()}
-    order = [condition.where for condition in conditions]
-    tried = tuple(known[where] for where in order if where in known)
+    tried = tuple(known[c.where] for c in conditions if c.where in known)
     score = make_score(fitness, runner.candidate, tried)
-    if len(tried) < len(order):
-        count = f"{len(runner.tally.trials)} of {level} layouts"
-        left_out = f"tried in {count}: too far behind to be the best"
+    count = len(runner.tally.trials)
+    if count < level:
+        left_out = f"tried in {count} of {level} layouts: too far behind to be the best"
         score = replace(score, warnings=(*score.warnings, left_out))
     return Evaluation(runner.candidate, tried, score)
 
