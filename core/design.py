@@ -88,7 +88,7 @@ class Budget:
         reward_save: an elite earns more than this.
         stop_reward: the run ends when a reward reaches it; None: never.
         final_s: for how long, s, candidates are tried in more layouts at the end; 8 rollouts count as a second, with
-            soft bodies 1. 0: the shortest distance decides.
+            soft bodies 1. 0: what is known then decides.
         elite_s: for how long they are after each generation. 0: the reward and the distance choose elites, and all
             candidates are tried in all layouts of the search.
         name: of its file.

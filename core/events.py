@@ -54,7 +54,10 @@ class Generation:
 
     @property
     def best(self) -> Evaluation | None:
-        """The best candidate, which may earn up to ``tie`` less than `best_reward`; None if none could be tried."""
+        """The best candidate; None: none could be tried.
+
+        It may earn up to ``tie`` less than `best_reward`, or still less where trials in more layouts spoke for it.
+        """
         return next(iter(self.ranking), None)
 
     @property

@@ -394,7 +394,10 @@ class Fitness(ABC):
 
     @abstractmethod
     def score(self, candidate: Candidate, trials: Sequence[Trial]) -> Score:
-        """Make a score of a candidate's trials: one for each condition, in their order."""
+        """Make a score of a candidate's trials: one for each condition, in their order.
+
+        Where it `races`, they may be those of some layouts only.
+        """
 
     def finals(self) -> Iterator[Sequence[Condition]]:
         """Yield further layouts without end, of each the conditions in all engines.

@@ -43,6 +43,8 @@ def public(module: ast.Module) -> Iterator[str]:
         elif isinstance(node, ast.Assign | ast.AnnAssign):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
             found = [target.id for target in targets if isinstance(target, ast.Name)]
+            if found == ["__all__"]:
+                found = ast.literal_eval(node.value)
         elif isinstance(node, ast.ImportFrom):  # handed on: `X as X`
             found = [alias.asname for alias in node.names if alias.asname == alias.name]
         else:

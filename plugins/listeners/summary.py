@@ -154,6 +154,10 @@ def _tied(result: Result, best: Evaluation) -> Iterator[str]:
         yield f"{tried}; {best.candidate.id} held best"
         return
 
+    if best.finals.losses:
+        yield f"{best.candidate.id} held best in more layouts"
+        return
+
     highest = max(result.ranking, key=lambda tried: tried.reward, default=best)
     reward = number(highest.reward, 3)
     if reward != number(best.reward, 3):

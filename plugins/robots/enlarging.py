@@ -44,7 +44,8 @@ def find_factor(reach: float | None) -> float:
         return 1.0
     if not _LEAST_M <= reach <= REACH_M:
         raise UsageError(
-            f"robot.reach is {reach:g}; give {_LEAST_M:g} to {REACH_M:g} m, for which tasks are, none for a longer arm"
+            f"robot.reach must be from {_LEAST_M:g} to {REACH_M:g} m, got {reach:g}; an arm that reaches farther needs "
+            "none: leave it out"
         )
     return REACH_M / reach
 
