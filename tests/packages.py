@@ -7,6 +7,16 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+ONE_CANDIDATE = [
+    "budget.n_agent=1",
+    "budget.n_tool=1",
+    "budget.n_action=1",
+    "budget.n_iteration=0",
+    "executor.workers=1",
+    "film=false",
+]
+"""The words of a run with one candidate and one worker, without a film."""
+
 PYTHON = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.packages import PYTHON, install
+from tests.packages import ONE_CANDIDATE, PYTHON, install
 
 pytestmark = [pytest.mark.slow, pytest.mark.thorough]
 
@@ -62,16 +62,8 @@ def test_its_own_tests_pass(python, tmp_path, example):
 
 def test_its_commands_run(python, tmp_path):
     """As ``examples/README.md`` shows them."""
-    small = [
-        "budget.n_agent=1",
-        "budget.n_tool=1",
-        "budget.n_action=1",
-        "budget.n_iteration=0",
-        "executor.workers=1",
-        "film=false",
-    ]
-    run(python, tmp_path, "core.run", "sim=toy", *small, "hydra.run.dir=toy")
-    words = ["task=PushButton", "evolution=restarts", *small]
+    run(python, tmp_path, "core.run", "sim=toy", *ONE_CANDIDATE, "hydra.run.dir=toy")
+    words = ["task=PushButton", "evolution=restarts", *ONE_CANDIDATE]
     run(python, tmp_path, "core.run", *words, "hydra.run.dir=button")
     assert (tmp_path / "toy/result.json").exists()
     assert (tmp_path / "button/result.json").exists()

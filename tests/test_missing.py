@@ -4,26 +4,17 @@ from pathlib import Path
 
 import pytest
 
-from tests.packages import without
+from tests.packages import ONE_CANDIDATE, without
 
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[1]
 
-SMALL = [
-    "budget.n_agent=1",
-    "budget.n_tool=1",
-    "budget.n_action=1",
-    "budget.n_iteration=0",
-    "executor.workers=1",
-    "film=false",
-]
-
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("package", ["sapien", "pybullet", "litellm", "rerun"])
 def test_a_run_in_mujoco_and_its_report_do_without(package, tmp_path):
-    words = ["core.run", "sim=mujoco", *SMALL, "hydra.run.dir=run"]
+    words = ["core.run", "sim=mujoco", *ONE_CANDIDATE, "hydra.run.dir=run"]
     done = without([package], words, tmp_path)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "run/result.json").exists()

@@ -20,7 +20,7 @@ from plugins.simulators.pybullet.robot import driven_links, joint_numbers, load_
 _HELD = 1e4  # N m or N, of a motor that holds a joint of the tool
 
 
-class Arm:
+class ArticulatedArm:
     """The arm with a tool in a world, its joints at a trajectory's first targets, and the tool's held.
 
     Attributes:

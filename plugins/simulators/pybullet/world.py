@@ -15,7 +15,7 @@ from core.interfaces import Robot, Rollout
 from core.scene import State
 from plugins.simulators.forces import Thing
 from plugins.simulators.fresh import FreshWorld
-from plugins.simulators.pybullet.arm import Arm
+from plugins.simulators.pybullet.arm import ArticulatedArm
 from plugins.simulators.pybullet.engine import Client
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.forces import Forces, pushes
@@ -80,7 +80,7 @@ class World(FreshWorld):
 
         self._places = scene.place(client)
         self._free = [self._places[name] for name in scene.names]
-        self._arm = Arm(
+        self._arm = ArticulatedArm(
             client,
             file,
             robot,

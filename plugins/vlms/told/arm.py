@@ -18,7 +18,7 @@ from core.robot.trajectory import plan_motion
 from core.support.text import short_number, short_numbers
 from plugins.vlms.told.outline import extents_at_home
 from plugins.vlms.told.reach import compute_reach, turns_at
-from plugins.vlms.told.tables import say, table
+from plugins.vlms.told.tables import phrase, table
 
 DIRECTIONS = ("forward", "left", "up")
 LENGTHS_M = (0.1, 0.2, 0.4)
@@ -136,15 +136,15 @@ def describe_arm(
     turns = dict(zip(("roll", "pitch", "yaw"), turns_at(arm, home), strict=True))
     exactness = ""
     if engine in robot.measured:
-        exactness = say("arm", "exactness", robot.measured[engine], engine)
+        exactness = phrase("arm", "exactness", robot.measured[engine], engine)
 
     return ArmSheet(
         at=short_numbers(base.position, 4, ", ") if base != Pose() else "",
         yaw=short_number(yaw, 4) if yaw else "",
-        reach=say("arm", "reach", reach),
-        turns=f"{say('arm', 'turning', turns)}, with {moment_limit(robot):g} N m",
+        reach=phrase("arm", "reach", reach),
+        turns=f"{phrase('arm', 'turning', turns)}, with {moment_limit(robot):g} N m",
         joints=short_numbers(arm.home_for(home), 2, ", "),
-        speed=say("arm", "speed", segments(arm, home, rollout)),
+        speed=phrase("arm", "speed", segments(arm, home, rollout)),
         exactness=exactness,
         around=_describe_links(robot, gripper, home),
         clear=all(low[2] > -_LEVEL_M for low, _ in bare.values()),
@@ -176,7 +176,7 @@ def _describe_finger(finger: Finger) -> FingerSheet:
     origin = short_numbers(finger.pose.position, 4, ", ")
     axes = []
     for axis in finger.pose.rotation.as_matrix().T:
-        axes.append(say("arm", "axis", axis.tolist(), short_numbers))
+        axes.append(phrase("arm", "axis", axis.tolist(), short_numbers))
 
     depth = -finger.place(finger.tip)[2]
     return FingerSheet(finger.name, origin, tuple(axes), short_number(depth, 3))

@@ -10,7 +10,7 @@ import numpy as np
 from core.geometry import Array, Pose
 from core.interfaces import Task
 from core.scene import Body, Soft
-from plugins.vlms.told.tables import say, table
+from plugins.vlms.told.tables import phrase, table
 
 _NUMBERED = re.compile(r"_?\d+$")
 
@@ -79,8 +79,8 @@ def _describe(body: Body, is_jointed: bool) -> tuple[str, ...]:
     """Describe a body in the cells of its row; in place of its name is what it shares with bodies alike."""
     return (
         _NUMBERED.sub("", body.name),
-        say("bodies", "kind", body, isinstance(body, Soft), is_jointed),
-        say("bodies", "weight", body.mass),
+        phrase("bodies", "kind", body, isinstance(body, Soft), is_jointed),
+        phrase("bodies", "weight", body.mass),
         _describe_origin(body),
     )
 
@@ -101,7 +101,7 @@ def _describe_origin(body: Body) -> str:
     """
     low, high = bounds(body, Pose())
     shares = -low / np.maximum(high - low, 1e-9)
-    places = [say("bodies", "place", share) for share in shares.tolist()]
+    places = [phrase("bodies", "place", share) for share in shares.tolist()]
     if places == ["middle"] * 3:
         return "centre"
 

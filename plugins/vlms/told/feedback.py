@@ -16,7 +16,7 @@ from core.interfaces import Brief, Contact, Evaluation, Observation, Task
 from core.support.text import by_reason, clean, short_numbers
 from core.trial import best_first, summarise_rewards
 from core.values.observations import Sight
-from plugins.vlms.told.tables import say
+from plugins.vlms.told.tables import phrase
 
 ALL = Sight()
 """All may be said of bodies."""
@@ -90,7 +90,7 @@ def generation_lines(
 
     left_out: list[Evaluation] = []
     for text in _alternate(groups):
-        line = f"- {say('observed', 'ids', groups[text])}: {text}"
+        line = f"- {phrase('observed', 'ids', groups[text])}: {text}"
         budget -= len(line) + 1
 
         if budget < 0 and lines:  # the best one has its line in any case
@@ -133,7 +133,7 @@ def _count_left_out(evaluations: Sequence[Evaluation], sight: Sight) -> str:
     reasons = by_reason((e.candidate.id, e.reason) for e in evaluations)
     shown = [sight.text(clean(reason, _OUTCOME)) for reason in reasons[:_REASONS]]
 
-    return say("observed", "left_out", len(evaluations), counts, shown)
+    return phrase("observed", "left_out", len(evaluations), counts, shown)
 
 
 def report(evaluation: Evaluation, task: Task) -> dict[str, Any]:
@@ -251,7 +251,7 @@ def describe(evaluation: Evaluation, sight: Sight = ALL) -> str:
     outcome = (evaluation.reward, reason, trials)
     touches = list(first.values())[:_TOUCHES]
 
-    return say("observed", "line", *outcome, seen, entry, touches, sight.numbers)
+    return phrase("observed", "line", *outcome, seen, entry, touches, sight.numbers)
 
 
 def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
@@ -269,7 +269,7 @@ def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
 
         outcome = sight.text(clean(outcome, _OUTCOME))
         text = f"{trial.reward:.3f} {outcome}".rstrip()
-        name = say("observed", "trial", trial, len(evaluation.tasks))
+        name = phrase("observed", "trial", trial, len(evaluation.tasks))
         places.setdefault(text, []).append(name)
 
     if len(places) == 1:
@@ -308,10 +308,12 @@ def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
     contacts = sorted(
         seen.contacts, key=lambda c: c.kind != "tool" or c.other not in seen.errors
     )
-    touches = [say("observed", "touch", contact, sight.numbers) for contact in contacts]
+    touches = [
+        phrase("observed", "touch", contact, sight.numbers) for contact in contacts
+    ]
     described: dict[str, Any] = {
-        "trial": say("observed", "trial", trial, len(elite.tasks)),
-        "result": sight.text(say("observed", "result", seen)),
+        "trial": phrase("observed", "trial", trial, len(elite.tasks)),
+        "result": sight.text(phrase("observed", "result", seen)),
         # Rounded down, since 100 % means all of it.
         "goals": {name: f"{int(100 * share)} %" for name, share in trial.goals},
         "margins": [sight.text(str(margin)) for margin in trial.margins[:_BODIES]],
@@ -319,8 +321,8 @@ def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
         "arrivals_s": list(seen.arrivals),
         "guards": list(seen.felt),
         "contacts": touches[:_CONTACTS],
-        "missed": say("observed", "miss", seen),
-        "lag": say("observed", "lag", seen),
+        "missed": phrase("observed", "miss", seen),
+        "lag": phrase("observed", "lag", seen),
     }
 
     if sight.numbers:
@@ -382,7 +384,7 @@ def _moves(seen: Observation, sight: Sight) -> dict[str, str]:
     described = {}
     for name in stirred[:_BODIES]:
         moved = seen.moved[name]
-        described[name] = say("observed", "move", moved, sight.way(moved))
+        described[name] = phrase("observed", "move", moved, sight.way(moved))
 
     if len(stirred) > _BODIES:
         described[f"{len(stirred) - _BODIES} others"] = "moved too"

@@ -14,7 +14,7 @@ from core.robot.solids import Solid, signed_distance, solid_geometry
 from core.scene import Body, Soft
 from core.support.text import short_number, short_numbers
 from plugins.vlms.told.bodies import bounds, bounds_in_world
-from plugins.vlms.told.tables import say, table
+from plugins.vlms.told.tables import phrase, table
 
 _ALIKE = 3  # bodies alike, one after the other, from which on they share a row
 _HOLLOW = (
@@ -71,11 +71,13 @@ def _write_row(bodies: Sequence[Body], worded: bool) -> tuple[str, ...]:
 
     mass = "fixed"
     if first.mass:
-        mass = say("bodies", "weight", first.mass) if worded else f"{first.mass:.3g} kg"
+        mass = (
+            phrase("bodies", "weight", first.mass) if worded else f"{first.mass:.3g} kg"
+        )
 
-    friction = say("bodies", "slip", first)
+    friction = phrase("bodies", "slip", first)
     if not worded:
-        friction = say("layout", "friction", first)
+        friction = phrase("layout", "friction", first)
 
     return name, places, _describe_body(first, is_alone), *extents, mass, friction
 
@@ -101,7 +103,7 @@ def _collect_properties(body: Body) -> tuple[object, ...]:
 def _describe_pose(pose: Pose) -> str:
     """Write a position, and the turn where there is one."""
     rpy = pose.rpy.round(3) + 0.0
-    return say("layout", "pose", pose.position, rpy, short_numbers)
+    return phrase("layout", "pose", pose.position, rpy, short_numbers)
 
 
 def _describe_body(body: Body, is_alone: bool) -> str:
@@ -113,7 +115,7 @@ def _describe_body(body: Body, is_alone: bool) -> str:
     """
     if isinstance(body, Soft):
         size = short_numbers(np.ptp(body.form.nodes, axis=0), 3)
-        return say("layout", "soft", body, size)
+        return phrase("layout", "soft", body, size)
 
     if not body.collisions:
         return "a mark: nothing touches it"
@@ -123,7 +125,7 @@ def _describe_body(body: Body, is_alone: bool) -> str:
         return describe_shape(first)
 
     counts = Counter(type(part.shape).__name__ for part in body.collisions)
-    text = say("layout", "parts", counts)
+    text = phrase("layout", "parts", counts)
     low, high = bounds(body, Pose())
     if not (_is_upright(body) and is_alone):
         text += f", {short_numbers(high - low, 3)} along its own axes"
@@ -204,4 +206,4 @@ class _Inside:
 
 def describe_shape(shape: Shape) -> str:
     """Name a shape with its sizes in metres."""
-    return say("layout", "shape", type(shape).__name__, shape, short_numbers)
+    return phrase("layout", "shape", type(shape).__name__, shape, short_numbers)

@@ -16,7 +16,7 @@ from core.robot.kinematics import arm_of, link_poses, robot_model
 from core.robot.solids import corners, robot_solids
 from core.support.text import short_numbers
 from core.values.descriptions import RobotJoint
-from plugins.vlms.told.tables import say, table
+from plugins.vlms.told.tables import phrase, table
 
 GRIPPER = "gripper"
 HEAD = (
@@ -121,11 +121,11 @@ def _joint_cells(joint: RobotJoint | None, link: str) -> tuple[str, ...]:
 
     return (
         f"{link} on {joint.parent}",
-        say("outline", "motion", joint, _name_axis(joint.axis)),
+        phrase("outline", "motion", joint, _name_axis(joint.axis)),
         short_numbers(joint.origin.xyz, 4),
         short_numbers(joint.origin.rpy, 4),
-        say("outline", "span", joint),
-        say("outline", "speed", joint),
+        phrase("outline", "span", joint),
+        phrase("outline", "speed", joint),
     )
 
 

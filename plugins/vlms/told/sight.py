@@ -11,7 +11,7 @@ from core.interfaces import Task
 from core.scene import Camera
 from core.values.observations import Moved, Sight
 from plugins.vlms.told.projection import project
-from plugins.vlms.told.tables import say
+from plugins.vlms.told.tables import phrase
 
 _WIDTH = 640  # pixels, of which ways are shares
 _HEIGHT = 480
@@ -63,4 +63,4 @@ class Hidden(Sight):
         right = (to_x - x) / _WIDTH
         up = (y - to_y) / _HEIGHT
 
-        return say("observed", "way", right, up)
+        return phrase("observed", "way", right, up)

@@ -24,12 +24,12 @@ def _write_row(row: Sequence[str]) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def say(template: str, phrase: str, *values: object) -> str:
+def phrase(template: str, macro: str, *values: object) -> str:
     """Fill in a macro of a template.
 
     Args:
         template: ``templates/TEMPLATE.md.j2``.
-        phrase: the macro's name.
+        macro: its name.
         values: of its parameters.
     """
-    return str(getattr(macros("plugins.vlms.told", template), phrase)(*values))
+    return str(getattr(macros("plugins.vlms.told", template), macro)(*values))

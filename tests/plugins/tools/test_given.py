@@ -6,13 +6,14 @@ import pytest
 from core.config.compose import load, tool_part
 from core.design import RIGID_MOUNT, Tool
 from core.designs.composer import PromptComposer
-from core.designs.reading import dump_design, read_designs
+from core.designs.reading import dump_design, load_designs, read_designs
 from core.designs.schema import answer_schema
 from core.designs.start import SpawnRules
 from core.errors import UsageError, UserError
 from core.interfaces import Brief, Text
 from core.plugins import installed
 from plugins.actions.waypoints import WaypointActions
+from plugins.tools.given import _RLBENCH, _RLBENCH_TASKS
 from tasks.bring_cube import BringCube
 from tasks.one_book import OneBook
 from tests.panda import on_panda
@@ -28,6 +29,13 @@ def test_stick_is_as_in_the_paper():
     assert component.shape.size[0] == pytest.approx(0.4, abs=0.03)
     np.testing.assert_allclose(pose.position, [0.2, 0.0, -0.1], atol=0.02)
     SpawnRules(on_panda(BringCube()), 0).check(RLBENCH.given(BringCube()))
+
+
+def test_each_task_has_its_own_tool_of_rlbench():
+    names = [
+        strategy["strategy_name"] for strategy in load_designs(_RLBENCH)["strategies"]
+    ]
+    assert names == list(_RLBENCH_TASKS)
 
 
 def test_the_error_names_the_tasks_with_a_given_tool():
