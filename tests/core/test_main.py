@@ -85,15 +85,6 @@ def test_modules_in_the_working_directory_hide_nothing(tmp_path, name):
     assert "BringCube" in call(tmp_path, "plugins").stdout
 
 
-def test_a_module_that_hides_one_of_ours_is_named(tmp_path):
-    (tmp_path / "tasks.py").write_text("def OneBook(): pass")
-    done = call(tmp_path, "task=OneBook", start=[sys.executable, "-m", "core.run"])
-    assert (done.returncode, done.stdout) == (2, "")
-    (line,) = done.stderr.splitlines()
-    assert line.startswith("error: ")
-    assert f"{tmp_path / 'tasks.py'}'> implements no hook" in line
-
-
 @pytest.mark.thorough
 def test_a_run_beside_such_modules(tmp_path):
     """The worker processes import ours as well, and so do the conformance suites."""

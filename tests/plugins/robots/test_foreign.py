@@ -707,7 +707,7 @@ def test_an_arm_that_is_enlarged_moves_as_it_does_itself(file):
         for each in (plain, robot)
     ]
     assert halves[1] == pytest.approx(2 * halves[0], rel=1e-6)
-    with pytest.raises(UserError, match=r"robot\.reach is 1\.2; give 0\.05 to 0\.8 m"):
+    with pytest.raises(UserError, match=r"must be from 0\.05 to 0\.8 m, got 1\.2"):
         read_robot(file, HOME, FLANGE, reach=1.2)
 
 

@@ -159,7 +159,7 @@ def test_replies_come_in_any_order_and_as_markdown(tmp_path, capsys):
     ("bad", "reason"),
     [
         (b"I can't help with that.", "no JSON object"),
-        (b'{"strategies": []}', "has no strategies"),
+        (b'{"strategies": []}', "'strategies' is empty"),
         (GOOD[:300].encode(), "malformed JSON at line 1"),
         (b"\xff\xfe", "is not UTF-8 text"),
         (b'{"strategies": [{"tool_urdf": "<link/>"}]}', "strategy 1: "),
