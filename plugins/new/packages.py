@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import keyword
 import re
 from importlib import resources
@@ -45,6 +46,7 @@ TEMPLATES = {
     "listener": Template("listener", "a listener", "listener", "{}Listener"),
     "command": Template("command", "a command", "command", "main"),
 }
+SCHEMA = "scene.schema.json"
 USAGE = f"""\
 usage: vlmgineer new {{{"|".join(TEMPLATES)}}} NAME [output=NEW_FOLDER]
        vlmgineer new scene NAME [output=NEW_FILE.yaml]"""
@@ -164,6 +166,8 @@ def render(source: str, values: dict[str, str]) -> str:
 def write_scene(name: str, output: Path | None = None) -> Path:
     """Write the scene ``name`` into the file ``output`` (default: one of its name, here), and return that.
 
+    Beside it comes `SCHEMA`, by which editors check the file and complete its keys.
+
     Raises:
         UserError: a name that can't be used, or a file that is there already or can't be written.
     """
@@ -175,7 +179,10 @@ def write_scene(name: str, output: Path | None = None) -> Path:
             f"{file} is there already; choose another name, or another file with output=FILE"
         )
 
-    write_bytes(file, render("scene.yaml", {"name": name}).encode())
+    values = {"name": name, "schema": SCHEMA}
+    write_bytes(file, render("scene.yaml", values).encode())
+    schema = installed().factory("task", "file").json_schema()  # type: ignore[attr-defined]
+    write_bytes(file.parent / SCHEMA, json.dumps(schema, indent=1).encode())
 
     return file
 

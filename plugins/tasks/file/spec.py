@@ -225,6 +225,10 @@ class _Spec(BaseModel):
     model_config = STRICT
 
 
+SphereSpec = Annotated[Sphere, _read_round(Sphere)]
+SphereOrRadius = Annotated[
+    SphereSpec, BeforeValidator(_radius, json_schema_input_type=float | SphereSpec)
+]
 VesselSpec = Annotated[Vessel, _read_round(Vessel)]
 
 
@@ -232,9 +236,7 @@ class ShapeSpec(_Spec):
     """One shape, and where it is in the body's frame. ``file`` is for a body of its own."""
 
     box: tuple[Length, Length, Length] | None = None
-    sphere: Annotated[Sphere, _read_round(Sphere), BeforeValidator(_radius)] | None = (
-        None
-    )
+    sphere: SphereOrRadius | None = None
     cylinder: Annotated[Cylinder, _read_round(Cylinder)] | None = None
     capsule: Annotated[Capsule, _read_round(Capsule)] | None = None
     tube: VesselSpec | None = None
@@ -366,6 +368,14 @@ class HomeSpec(_Spec):
     rpy_deg: Turn = (0.0, 0.0, 0.0)
 
 
+def _or_text(schema: Any, handler: Callable[[Any], Any]) -> dict[str, Any]:
+    """Let a text stand for what a schema describes: `_read_picture`."""
+    return {"anyOf": [{"type": "string"}, handler(schema)]}
+
+
+_OR_TEXT = GetPydanticSchema(get_pydantic_json_schema=_or_text)
+
+
 class PhotoSpec(_Spec):
     """A photograph of one's own bench, in the scene file's folder."""
 
@@ -403,7 +413,10 @@ class SceneSpec(_Spec):
     success_reward: Annotated[float, Field(gt=0, le=1)] = 0.95
     home: HomeSpec = HomeSpec()
     camera: CameraSpec = Camera()
-    pictures: Annotated[tuple[PhotoSpec, ...], Field(max_length=MAX_PHOTOS)] = ()
+    pictures: Annotated[
+        tuple[Annotated[PhotoSpec, _OR_TEXT], ...],
+        Field(max_length=MAX_PHOTOS),
+    ] = ()
     variations: Annotated[
         dict[
             Name,
@@ -464,13 +477,15 @@ def _explain(where: Where, error: ErrorDetails) -> str:
 
 
 @cache
-def _schema() -> dict[str, Any]:
-    return SceneSpec.model_json_schema()
+def json_schema() -> dict[str, Any]:
+    """Describe what a scene file may say as a JSON Schema, for editors and for models."""
+    dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    return dialect | SceneSpec.model_json_schema()
 
 
 def keys_at(where: Where) -> list[str]:
     """The keys that are possible in the object at ``where``."""
-    found = _alternatives(_schema())
+    found = _alternatives(json_schema())
     for step in where:
         inner = list[dict[str, Any]]()
         for node in found:
@@ -493,7 +508,7 @@ def _alternatives(node: dict[str, Any]) -> list[dict[str, Any]]:
     """List the schemas of which what a node of the schema describes must fit one."""
     if "$ref" in node:
         name = node["$ref"].rpartition("/")[2]
-        return _alternatives(_schema()["$defs"][name])
+        return _alternatives(json_schema()["$defs"][name])
     if "anyOf" not in node:
         return [node]
     found = list[dict[str, Any]]()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Sequence
 from copy import deepcopy
+from typing import Any
 
 import numpy as np
 
@@ -59,6 +60,11 @@ class FileTask(Task):
         self._check_variations()
         for doubt in doubts.find_doubts(self._scene):
             files.warn_once(f"{file}: {doubt}")
+
+    @staticmethod
+    def json_schema() -> dict[str, Any]:
+        """Describe what a scene file may say as a JSON Schema."""
+        return schema.json_schema()
 
     def photographs(self) -> list[Picture]:
         """See `core.interfaces.Task.photographs`."""

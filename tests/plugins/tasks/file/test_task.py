@@ -5,6 +5,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 import trimesh
@@ -19,19 +20,21 @@ from core.goals import (
     Untouched,
 )
 from core.interfaces import JointTrajectory, Rollout, RolloutSettings
-from core.plugins import PluginPart
+from core.plugins import PluginPart, installed
 from core.robot.kinematics import arm_of
 from plugins.conformance.suites import SUITES, examine
 from plugins.new.packages import write_scene
 from plugins.tasks.file.goals import describe_goals
 from plugins.tasks.file.task import FileTask
+from plugins.tasks.file.tree import Tree
 from plugins.vlms.told.bodies import bodies_table
 from plugins.vlms.told.excerpts import helpers, task_source
 from tests.engines import every_simulator, simulator
 from tests.panda import on_panda
 from tests.playing import evaluate_batch
-from tests.plugins.tasks.file.test_mistakes import GOOD
+from tests.plugins.tasks.file.test_mistakes import GOOD, HERE
 
+SCENES = Path(__file__).parents[4] / "tasks/scenes"
 URDF = """<robot name="lever"><link name="base"/><link name="arm"><inertial><mass value="1"/>
 <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry>
 <box size="0.1 0.1 0.1"/></geometry></collision></link><joint name="pin" type="revolute"><parent link="base"/>
@@ -75,6 +78,17 @@ def test_the_scaffold_is_simulated_and_drawn(scaffold, engine):
     picture = simulator(engine).render(task, seed=0, width=64, height=48)
     assert picture.shape == (48, 64, 3)
     assert picture.std() > 1
+
+
+def test_the_json_schema_fits_what_is_read(scaffold):
+    """Editors check by it; models are shown it."""
+    schema = installed().factory("task", "file").json_schema()
+    validator = jsonschema.Draft202012Validator(schema)
+    validator.check_schema(schema)
+    for file in (scaffold, HERE / "open_door.yaml", *SCENES.glob("*.yaml")):
+        data = Tree.read(Path(file))[1].data
+        assert [error.message for error in validator.iter_errors(data)] == []
+        assert list(validator.iter_errors({**data, "bodys": []}))
 
 
 def test_each_of_several_goals_has_its_score_in_a_trial(tmp_path, scaffold):
