@@ -230,6 +230,9 @@ class Scene:
     bodies: tuple[Body, ...]
     joints: tuple[Joint, ...] = ()
 
+    def __hash__(self) -> int:  # much is kept by scene, and layouts differ in places
+        return hash(tuple((body.name, body.pose) for body in self.bodies))
+
     def __post_init__(self) -> None:
         self._check_names("bodies", [body.name for body in self.bodies])
         self._check_names("joints", [joint.name for joint in self.joints])

@@ -85,7 +85,7 @@ def measure(folder):
 @pytest.mark.parametrize(
     ("folder", "nodes", "in_thousand_lines"),
     [
-        ("core", 77_600, 3_600),
+        ("core", 77_750, 3_600),
         ("plugins", 176_500, 3_970),
         ("tasks", 20_500, 4_450),
     ],

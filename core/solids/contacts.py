@@ -378,7 +378,7 @@ def nearest(
         bounds = np.sqrt((apart * apart).sum(axis=2))  # (robot, T)
 
         best = found.get(body.owner, (np.inf, 0))
-        for index in np.argsort(bounds, axis=None)[:most].tolist():
+        for index in _find_least(bounds.ravel(), most).tolist():
             number, sample = divmod(index, bounds.shape[1])
             if bounds[number, sample] >= best[0]:
                 break
@@ -389,6 +389,15 @@ def nearest(
         found[body.owner] = best
 
     return found
+
+
+def _find_least(values: Array, most: int | None) -> Indices:
+    """Return the numbers of the least values, at most so many; the least first, and of equal ones the first."""
+    if most is None or most >= len(values):
+        return np.argsort(values, kind="stable")
+
+    least = np.flatnonzero(values <= np.partition(values, most)[most])
+    return least[np.argsort(values[least], kind="stable")[:most]]
 
 
 def _extents(track: Track) -> Array:

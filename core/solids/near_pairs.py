@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.geometry import Array
-from core.solids.tracks import Indices, Tracks, lengths
+from core.solids.tracks import Indices, Rows, Tracks, lengths
 
 Flags = npt.NDArray[np.bool_]
 
@@ -74,16 +74,15 @@ def may_meet(
         In which of these intervals they may: (P, T - 1).
     """
     rows = tracks.rows
-    met, interval = np.nonzero(within)
+    enough = least - ROUNDING_M
 
-    for axis in (2, 1, 0):  # along z first, since most moves sideways
-        low = rows.low[..., axis]
-        high = rows.high[..., axis]
-        first, second = pairs[met].T
-        over = high[first, interval] - low[second, interval]
-        under = high[second, interval] - low[first, interval]
-        depth = np.minimum(over, under)
-        deep = depth >= least[met] - ROUNDING_M
+    # Along z first, since most moves sideways: there in all intervals at once.
+    depth = _measure_overlaps(rows, 2, pairs, slice(-1))
+    met, interval = np.nonzero(within & (depth >= enough[:, None]))
+
+    for axis in (1, 0):
+        depth = _measure_overlaps(rows, axis, pairs[met], interval)
+        deep = depth >= enough[met]
         met = met[deep]
         interval = interval[deep]
 
@@ -93,11 +92,24 @@ def may_meet(
         _bound_gaps(tracks, first, second, interval),
         _bound_gaps(tracks, second, first, interval),
     )
-    deep = aside - gaps >= least[met] - ROUNDING_M
+    deep = aside - gaps >= enough[met]
 
     may = np.zeros_like(within)
     may[met[deep], interval[deep]] = True
     return may
+
+
+def _measure_overlaps(
+    rows: Rows, axis: int, pairs: Indices, interval: Indices | slice
+) -> Array:
+    """Measure how far the boxes of pairs (P, 2) overlap along an axis of the world, metres, in some intervals."""
+    first, second = pairs.T
+    low = rows.low[..., axis]
+    high = rows.high[..., axis]
+    over = high[first, interval] - low[second, interval]
+    under = high[second, interval] - low[first, interval]
+
+    return np.minimum(over, under)
 
 
 def _bound_gaps(

@@ -163,12 +163,10 @@ class Pair:
 
     def gaps(self, samples: Indices) -> Array:
         """Measure the gaps (N,) at N samples, metres, negative if the two overlap; once while they rest."""
-        _, firsts, numbers = np.unique(
-            self.travel[samples], return_index=True, return_inverse=True
-        )
-        gaps = np.array([-self.look(k).depth for k in samples[firsts].tolist()])
+        moved = np.diff(self.travel[samples], prepend=-1.0) > 0
+        gaps = np.array([-self.look(k).depth for k in samples[moved].tolist()])
 
-        return gaps[numbers]
+        return gaps[np.cumsum(moved) - 1]
 
 
 class Tracks(NamedTuple):
