@@ -21,6 +21,13 @@ COLORS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0
 
 INK = "#1b1f24"
 
+_DATED = {
+    "png": ["Software"],
+    "svg": ["Date", "Creator"],
+    "pdf": ["CreationDate", "Creator", "Producer"],
+}
+"""What files hold of when and by what they were made; it is left out."""
+
 
 @dataclass(frozen=True, eq=False)
 class FigurePage:
@@ -40,15 +47,13 @@ class FigurePage:
         """Return the figure as a file, the same bytes each time.
 
         Args:
-            format_: ``png`` or ``svg``.
+            format_: ``png``, ``svg`` or ``pdf``.
             ground: the colour behind it.
             titled: whether its title stands above it.
         """
         import matplotlib
 
-        metadata: dict[str, None] = {"Date": None, "Creator": None}
-        if format_ == "png":
-            metadata = {"Software": None}
+        metadata = dict.fromkeys(_DATED[format_])
         style = Path(__file__).parent / "templates" / "figure.mplstyle"
         buffer = io.BytesIO()
         with (

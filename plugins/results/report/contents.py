@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from plugins.results.pages.formats import to_csv
 from plugins.results.pages.page import data_address, figure_address, in_viewer, render
 from plugins.results.pages.tools import size
 from plugins.results.report.figures import comparable, figure_pages
+from plugins.results.report.methods import rank
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import CONFIDENCE, RESAMPLES
 from plugins.results.report.tables import REASONS, tables
@@ -39,7 +39,7 @@ def contents(results: Results, folder: Path) -> dict[str, bytes]:
         folder,
         _in_viewer(results),
         title="Tools and their rewards",
-        summary=_summarize(results),
+        results=results,
         films=_films(results),
         warnings=[
             f"Tools that can't be shown: {problem}"
@@ -62,36 +62,27 @@ def contents(results: Results, folder: Path) -> dict[str, bytes]:
     for picture in pictures:
         files[f"{DATA}/{picture.name}.png"] = picture.render("png")
         files[f"{DATA}/{picture.name}.svg"] = drawings[picture.name]
+        files[f"{DATA}/{picture.name}.pdf"] = picture.render("pdf", titled=False)
 
     return files
 
 
-def _summarize(results: Results) -> str:
-    runs = _count(results.runs, "finished run")
-    methods = _count(results.methods, "method")
-    return f"{runs} of {methods} on {_count(results.tasks, 'task')}."
-
-
-def _count(things: Sequence[Any], what: str) -> str:
-    return f"{len(things)} {what}{'' if len(things) == 1 else 's'}"
-
-
 def _films(results: Results) -> list[tuple[str, Markup]]:
-    """Return the films of the best runs, with what they show, as far as they are small enough for a page."""
-    films = []
+    """Return a film for each task, of the best run that has one, as far as it is small enough for a page."""
+    films = {}
     left = FILMS_BYTES
 
-    for g in results.groups:
+    for g in sorted(results.groups, key=lambda g: rank(g.best)):
         for film in g.best.films():
+            task = g.task if film.parent.name == "best" else film.parent.name
             length = film.stat().st_size
-            if length > min(FILM_BYTES, left):
+            if task in films or length > min(FILM_BYTES, left):
                 continue
             left -= length
-            task = g.task if film.parent.name == "best" else film.parent.name
             address = data_address(read_untrusted(film, FILM_BYTES), "gif")
-            films.append((f"{task}, {g.method}: the best motion", address))
+            films[task] = (f"{task}, {g.method}: the best motion", address)
 
-    return films
+    return [films[task] for task in sorted(films)]
 
 
 def _in_viewer(results: Results) -> list[dict[str, Any]]:

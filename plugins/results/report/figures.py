@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 from statistics import fmean
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from core.geometry import Array
 from plugins.results.pages.figure import COLORS, INK, FigurePage, new_figure, wrapped
 from plugins.results.pages.runs import FinishedRun
+from plugins.results.report.methods import Group
 from plugins.results.report.results import Results
-from plugins.results.report.statistics import interval
+from plugins.results.report.statistics import deviation, interval
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,18 +22,9 @@ if TYPE_CHECKING:
 POINTS = 25
 """Of a curve, at which its interval is drawn."""
 
-
-class Course(NamedTuple):
-    """The number of rollouts, and the best reward so far, after each of a run's N candidates: each (N,)."""
-
-    spent: Array
-    best: Array
-
-    def rewards(self, rollouts: Array) -> Array:
-        """Return the best reward after each of some numbers of rollouts."""
-        from_none = np.append(0.0, self.best)
-        found: Array = from_none[np.searchsorted(self.spent, rollouts, side="right")]
-        return found
+WIDTH = 0.9  # of a bar; those of a task stand 1 apart
+GAP = 0.8  # more, between two tasks
+FOOT = 0.015  # of a bar, below 0
 
 
 def figure_pages(results: Results) -> list[FigurePage]:
@@ -67,52 +60,93 @@ def _look(results: Results, method: str) -> dict[str, Any]:
 
 
 def rewards(results: Results) -> FigurePage:
-    """Grouped bars of the average, and every run as a dot."""
-    tasks = results.tasks
-    methods = results.methods
-    step = 0.8 / len(methods)
+    """Bars of the average with the best, the deviation and every run; below, the distances where rewards tie."""
+    places = _places(results)
+    tied = tied_groups(results)
 
     def paint() -> Figure:
-        figure = new_figure(max(6.4, 1.2 + 0.24 * len(tasks) * (len(methods) + 1)), 4.0)
-        ax = figure.subplots()
-        for i, method in enumerate(methods):
-            groups = results.groups_of(method)
-            places = [tasks.index(g.task) - 0.4 + step * (i + 0.5) for g in groups]
-            means = [fmean(g.rewards) for g in groups]
-            look = _look(results, method)
-            ax.bar(places, means, 0.9 * step, edgecolor="white", lw=0.5, **look)
-            dot: dict[str, Any] = {
-                "ms": 3,
-                "mfc": "none",
-                "mec": INK,
-                "mew": 0.6,
-                "clip_on": False,
-            }
-            for place, g in zip(places, groups, strict=True):
-                ax.plot([place] * len(g.rewards), g.rewards, "o", **dot)
-
-        ax.set(
-            ylim=(0, 1.02),
-            yticks=np.linspace(0, 1, 6),
-            ylabel="reward (0 to 1)",
-            xlim=(-0.5, len(tasks) - 0.5),
+        shares = [3, 1] if tied else [1]
+        width = max(6.4, 1.2 + 0.24 * max(places.values()))
+        figure = new_figure(width, 3.0 + len(shares))
+        rows = figure.subplots(
+            len(shares), sharex=True, squeeze=False, height_ratios=shares
         )
-        ax.grid(axis="y")
-        names = [wrapped(task, 30) for task in tasks]
-        ax.set_xticks(range(len(tasks)), names, rotation=35, ha="right")
-        ax.tick_params(axis="x", length=0)
-        figure.legend(loc="outside lower center", ncols=2)
+        first = rows[0, 0]
+        last = rows[-1, 0]
+        for g, place in places.items():
+            _draw_rewards(first, place, g, _look(results, g.method))
+        first.set(ylim=(0, 1.02), yticks=np.linspace(0, 1, 6), ylabel="reward (0 to 1)")
+
+        for g in tied:
+            color = _look(results, g.method)["color"]
+            last.bar(places[g], g.best.best.distance_m or 0.0, WIDTH, color=color)
+            last.set(ylabel="distance (m)")
+
+        _name_tasks(last, results, places)
+        labels = dict(zip(*first.get_legend_handles_labels()[::-1], strict=True))
+        figure.legend(labels.values(), labels.keys(), loc="outside lower center")
 
         return figure
 
     return FigurePage("rewards", "Reward by task and method", paint)
 
 
-def _read_course(run: FinishedRun) -> Course:
+def _places(results: Results) -> dict[Group, float]:
+    """Return where each group's bar stands: those of a task side by side, and a gap between tasks."""
+    gaps = [GAP * results.tasks.index(g.task) for g in results.groups]
+    return {g: i + gaps[i] for i, g in enumerate(results.groups)}
+
+
+def tied_groups(results: Results) -> list[Group]:
+    """Return the groups whose best rewards are their task's highest, within what counts as equal, where several are."""
+    tied = []
+    for task in results.tasks:
+        groups = [g for g in results.groups if g.task == task]
+        least = max(g.best.best.reward - g.best.figures.tie for g in groups)
+        first = [g for g in groups if g.best.best.reward >= least]
+        if len(first) > 1:
+            tied += first
+
+    return tied
+
+
+def _draw_rewards(ax: Any, place: float, g: Group, look: dict[str, Any]) -> None:
+    """Draw the bar of a group; a foot of its colour tells the method at a reward of 0 too."""
+    mean = fmean(g.rewards)
+    ax.bar(place, mean, WIDTH, **look)
+    ax.bar(place, -FOOT, WIDTH, color=look["color"], clip_on=False)
+
+    spread = deviation(g.rewards) or 0.0
+    ends = np.clip([mean - spread, mean + spread], 0, 1)
+    ax.plot([place, place], ends, color=INK, lw=1)
+
+    dot: dict[str, Any] = {"mfc": "none", "mec": INK, "mew": 0.7, "clip_on": False}
+    ax.plot([place] * len(g.rewards), g.rewards, "o", ms=3, **dot)
+    dot["mfc"] = "white"
+    ax.plot(place, g.best.best.reward, "D", ms=4.5, label="best run", **dot)
+
+
+def _name_tasks(ax: Any, results: Results, places: dict[Group, float]) -> None:
+    """Write each task below the middle of its bars."""
+    middles = []
+    for task in results.tasks:
+        middles.append(fmean(place for g, place in places.items() if g.task == task))
+    names = [wrapped(task, 30) for task in results.tasks]
+    ax.set_xticks(middles, names, rotation=35, ha="right", rotation_mode="anchor")
+    ax.tick_params(axis="x", length=0)
+    ax.set_xlim(-0.75, max(places.values()) + 0.75)
+
+
+def _read_course(run: FinishedRun) -> Array:
+    """Return the best reward so far after each number of a run's rollouts, from 0 on."""
     evaluations = run.store.evaluations()
     spent = np.cumsum([evaluation.rollouts for evaluation in evaluations])
     rewards = [evaluation.reward for evaluation in evaluations]
-    return Course(spent, np.maximum.accumulate(rewards))
+    best = np.append(0.0, np.maximum.accumulate(rewards))
+    rollouts = np.arange(spent[-1] + 1)
+    found: Array = best[np.searchsorted(spent, rollouts, side="right")]
+
+    return found
 
 
 def anytime(
@@ -129,33 +163,32 @@ def anytime(
         The figure; None where no run had two rollouts.
     """
     courses = {}
-    ends = {}
     for method in methods:
         groups = [g for g in results.groups_of(method) if g.task in tasks]
         courses[method] = [list(map(_read_course, g.runs)) for g in groups]
-        ends[method] = max(
-            max(course.spent[-1] for course in task) for task in courses[method]
-        )
 
-    if max(ends.values(), default=0.0) < 2:
+    ends = {m: max(map(len, chain(*by_task))) - 1 for m, by_task in courses.items()}
+    if max(ends.values(), default=0) < 2:
         return None
 
     def paint() -> Figure:
         figure = new_figure(6.4, 4.0)
         ax = figure.subplots()
         for method, by_task in courses.items():
-            x = np.linspace(0, ends[method], POINTS)
+            x = np.unique(np.linspace(0, ends[method], POINTS, dtype=int))
             scores = []  # of each task (runs, POINTS)
             for task in by_task:
-                scores.append(np.array([course.rewards(x) for course in task]))
+                # A run that ended early keeps its last.
+                rows = [course[np.minimum(x, len(course) - 1)] for course in task]
+                scores.append(np.array(rows))
+
             look = _look(results, method)
             _shade_interval(ax, x, scores, look["color"])
             means = [task.mean(axis=0) for task in scores]
-            ax.plot(x, np.mean(means, axis=0), lw=1.8, **look)
+            ax.step(x, np.mean(means, axis=0), where="post", lw=1.8, **look)
 
-        ax.grid(axis="y", visible=True)
         ax.set(ylabel="mean best reward so far (0 to 1)", xlabel="rollouts")
-        figure.legend(loc="outside lower center", ncols=2)
+        figure.legend(loc="outside lower center")
 
         return figure
 
@@ -178,4 +211,5 @@ def _shade_interval(ax: Any, x: Array, scores: Sequence[Array], color: str) -> N
             rows.append((place, *span))
 
     if rows:
-        ax.fill_between(*zip(*rows, strict=True), color=color, alpha=0.18, lw=0)
+        band = {"color": color, "alpha": 0.18, "lw": 0}
+        ax.fill_between(*zip(*rows, strict=True), step="post", **band)

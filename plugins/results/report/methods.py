@@ -23,6 +23,16 @@ CHOICES = (
 )
 """The choices that describe a method best, in this order; others follow."""
 
+Configured = tuple[str, Mapping[str, Any]]
+"""A task's name, and a configuration."""
+
+TASK = "task.name"
+
+PAPER = "paper"
+"""Of a budget, and of its settings: what the paper has for the task. One method has it in all tasks."""
+
+OF_TASK = ("k_top", "reward_save")  # which follow from the task in any budget
+
 _NO_METHOD = (
     "name",
     "seed",
@@ -59,12 +69,13 @@ class Group:
     @property
     def best(self) -> FinishedRun:
         """The run with the highest reward; of two with the same, the one with the shorter distance."""
+        return min(self.runs, key=rank)
 
-        def order(run: FinishedRun) -> tuple[Any, ...]:
-            best = run.best
-            return -best.reward, best.distance_m is None, best.distance_m
 
-        return min(self.runs, key=order)
+def rank(run: FinishedRun) -> tuple[Any, ...]:
+    """Return what sorts runs, the best first: by the reward, then by the distance."""
+    best = run.best
+    return -best.reward, best.distance_m is None, best.distance_m
 
 
 def group(
@@ -92,49 +103,91 @@ def group(
     return [Group(*key, tuple(grouped[key]), lost[key]) for key in keys]
 
 
-def label(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
-    """Name the method of each (task, configuration): by the user's ``name``, or else as `_distinguish` says."""
-    labels = []
-    unnamed = []
+def label(configs: Sequence[Configured]) -> list[str]:
+    """Name the method of each configuration: by the user's ``name``, or else by what distinguishes it.
+
+    A user's name of runs that differ says in what they do.
+    """
+    by_name = defaultdict(list)
     for number, (_, config) in enumerate(configs):
         name = config.get("name")
-        labels.append(short(name) if isinstance(name, str) else "")
-        if not labels[-1]:
-            unnamed.append(number)
+        by_name[short(name) if isinstance(name, str) else ""].append(number)
 
-    names = _distinguish([configs[number] for number in unnamed])
-    for number, name in zip(unnamed, names, strict=True):
-        labels[number] = name
+    labels = [""] * len(configs)
+    for name, numbers in by_name.items():
+        alike = [configs[number] for number in numbers]
+        apart = differing(alike)
+        names = [name] * len(alike)
+        if not name:
+            names = _distinguish(alike)
+        elif apart:
+            keys = ", ".join(key.removesuffix(".name") for key in apart)
+            names = [f"{name} (differing in {keys})"] * len(alike)
+        for number, method in zip(numbers, names, strict=True):
+            labels[number] = method
 
     return labels
 
 
-def _distinguish(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
-    """Name the method of each (task, configuration) by the settings that distinguish methods.
+def _distinguish(configs: Sequence[Configured]) -> list[str]:
+    """Name the method of each configuration by the settings in which they differ."""
+    names = differing(configs) or [f"{choice}.name" for choice in CHOICES[:3]]
+    return [" ".join(_describe(comparable(*config), names)) for config in configs]
 
-    Choices (``tool=none``) distinguish methods wherever they differ. Another setting does where two runs of one task
-    with the same choices differ in it, so that a setting that follows from a choice or from the task makes no method
-    of its own. The seed, the executor and the listeners never do.
+
+def differing(configs: Sequence[Configured]) -> list[str]:
+    """Return the settings in which runs differ, choices first (``tool.name``): by these they are of several methods.
+
+    Left out is what follows from a choice: from that of its own group, as an engine's step, or by naming another
+    group, as ``fitness.material``; and what follows from the task. The seed, the executor and the listeners never
+    distinguish methods.
     """
-    settings = [flatten(config) for _, config in configs]
+    settings = [comparable(*config) for config in configs]
     keys = sorted(set[str]().union(*settings))
-    first = [f"{choice}.name" for choice in CHOICES]
-    more = [key for key in keys if key.count(".") == 1 and key.endswith(".name")]
-    choices = list(dict.fromkeys([*first, *more]))
+    choices = [key for key in keys if key.count(".") == 1 and key.endswith(".name")]
+    groups = [key.partition(".")[0] for key in choices]
+    found = []
 
-    # The runs of one task with the same choices.
-    alike = defaultdict(list)
-    for (task, _), setting in zip(configs, settings, strict=True):
-        alike[task, *(setting.get(key) for key in choices)].append(setting)
-    varying = [key for key in choices if _varies(settings, key)]
+    for key in sorted(keys, key=_place):
+        group, *middle, _ = key.split(".")
+        same = [] if key in choices else [f"{group}.name"]
+        follows = not {*middle}.isdisjoint(groups)
+        if not follows and key != TASK and _differ(settings, key, same):
+            found.append(key)
 
-    for key in keys:
-        if key not in choices and any(_varies(runs, key) for runs in alike.values()):
-            varying.append(key)
+    return found
 
-    named_by = varying or choices[:3]
 
-    return [" ".join(_describe(setting, named_by)) for setting in settings]
+def _place(key: str) -> tuple[int, bool]:
+    """Return what sorts settings: those that describe a method best first, and choices before others."""
+    choice = key.removesuffix(".name")
+    place = CHOICES.index(choice) if choice in CHOICES else len(CHOICES)
+    return place, choice == key
+
+
+def _differ(
+    settings: Sequence[Mapping[str, str]], key: str, choices: Sequence[str]
+) -> bool:
+    """Report whether two runs that agree in some choices differ in a setting; one of the task, within a task."""
+    within = [*choices, TASK] if key.startswith("task.") else choices
+    alike = defaultdict(set)
+    for setting in settings:
+        alike[tuple(map(setting.get, within))].add(setting.get(key))
+
+    return any(len(found) > 1 for found in alike.values())
+
+
+def comparable(task: str, config: Mapping[str, Any]) -> dict[str, str]:
+    """Return the settings that can distinguish methods; `PAPER` stands for what the paper has for the task."""
+    settings = flatten(config) | {TASK: task}
+    paper = (config.get("task") or {}).get("paper") or {}
+    for name, value in flatten(paper).items():
+        key = f"budget.{name}"
+        follows = name in OF_TASK or settings.get("budget.name") == PAPER
+        if follows and settings.get(key) == value:
+            settings[key] = PAPER
+
+    return settings
 
 
 def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
@@ -150,10 +203,6 @@ def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
             found[name] = value if isinstance(value, str) else json.dumps(value)
 
     return found
-
-
-def _varies(settings: Iterable[Mapping[str, str]], key: str) -> bool:
-    return len({setting.get(key) for setting in settings}) > 1
 
 
 def _describe(setting: Mapping[str, str], keys: Iterable[str]) -> list[str]:

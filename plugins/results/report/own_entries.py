@@ -11,7 +11,7 @@ from core.store.database import FILE
 from core.store.reader import StoredRun
 from plugins.results.pages.runs import AnyRun, FinishedRun, LeftOutRun, short
 from plugins.results.report.entries import Entry, RunResult, TaskResult, check_entry
-from plugins.results.report.methods import flatten, label
+from plugins.results.report.methods import differing, flatten, label
 from plugins.results.report.protocols import Protocol, protocol
 from plugins.results.report.statistics import RunCost
 
@@ -83,14 +83,6 @@ def _group(runs: Sequence[AnyRun], name: str) -> dict[_Followed, list[AnyRun]]:
     return groups
 
 
-def differences(runs: Sequence[AnyRun]) -> str:
-    """Say in which settings runs differ; empty: in none."""
-    methods = set(label([(run.task, {**run.config, "name": ""}) for run in runs]))
-    if len(methods) == 1:
-        return ""
-    return "; ".join(sorted(methods))
-
-
 def _make_entry(
     followed: _Followed, rules: Protocol, track: str, runs: Sequence[AnyRun]
 ) -> Entry:
@@ -113,9 +105,10 @@ def _make_entry(
                     f"{short(str(run.folder))} is {run.status}; resume it, or delete it"
                 )
 
-    apart = differences(runs)
+    apart = differing([(run.task, run.config) for run in runs])
     if apart:
-        raise UserError(f"its runs differ in more than task and seed: {apart}")
+        names = ", ".join(apart)
+        raise UserError(f"its runs differ in more than task and seed: {names}")
 
     settings = flatten(runs[0].config)
     for run in runs[1:]:

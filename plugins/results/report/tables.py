@@ -99,10 +99,12 @@ def rewards(results: Results) -> Rows:
     "|IQM, low:3|IQM, high:3|which tasks"
 )
 def methods(results: Results) -> Rows:
-    """The paper's mean and the interquartile mean of each method, with intervals."""
+    """The paper's mean and the interquartile mean of each method, with intervals; none where they say no more."""
     for method in results.methods:
         groups = results.groups_of(method)
         by_task = [g.rewards for g in groups]
+        if len(results.tasks) == 1 and max(map(len, by_task)) == 1:
+            continue
         rewards = sum(by_task, list[float]())
         low, high = interval(by_task, "mean") or (None, None)
         iqm_low, iqm_high = interval(by_task, "interquartile mean") or (None, None)
@@ -255,7 +257,7 @@ def _answers_by_model(
 
 
 @_table(
-    "task|method|runs:0|rollouts per run:0|wall time per run (s):0|rollouts per second:1|requests per run:1"
+    "task|method|runs:0|rollouts per run:0|wall time per run (s):0|requests per run:1"
     "|failed requests:0|prompt tokens:0|completion tokens:0|cost (USD):2"
 )
 def costs(results: Results) -> Rows:
@@ -270,7 +272,6 @@ def costs(results: Results) -> Rows:
             len(g.runs),
             rollouts / len(g.runs),
             seconds / len(g.runs),
-            rollouts / seconds if seconds > 0 else None,
             fmean([cost.requests for cost in spent]),
             sum(cost.errors for cost in spent),
             over_known(sum, [cost.prompt_tokens for cost in spent]),

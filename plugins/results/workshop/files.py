@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from core.interfaces import ToolRepresentation
 from core.support.cli import write_bytes
 from plugins.results.artifacts import save_files
 from plugins.results.workshop.export import Export
-from plugins.results.workshop.motion import to_csv, to_json
+from plugins.results.workshop.motion import to_csv
 from plugins.results.workshop.playback import SLOW
 from plugins.results.workshop.ros import write_messages
 from plugins.results.workshop.sheet import write_sheet
@@ -89,10 +88,9 @@ def write_export(
     for name, move in export.moves.items():
         table = to_csv(move, robot.arm_joints)
         write_bytes(folder / "motion" / f"{name}.csv", table.encode())
-        data = to_json(move, robot.arm_joints)
-        _write_json(folder / "motion" / f"{name}.json", data)
 
-    _write_json(folder / "figures.json", export.figures(), indent=2)
+    text = json.dumps(export.figures(), indent=2)
+    write_bytes(folder / "figures.json", f"{text}\n".encode())
     write_bytes(folder / "CHECKLIST.md", checklist(export).encode())
     write_messages(robot, export.motion, export.scene, folder / "ros2")
     write_programs(robot, export.payload, export.moves, folder / "programs")
@@ -101,11 +99,6 @@ def write_export(
     save_files(export.candidate, robot, export.planned, folder / "design")
 
     return export
-
-
-def _write_json(file: Path, data: Mapping[str, Any], indent: int | None = None) -> None:
-    text = json.dumps(data, indent=indent)
-    write_bytes(file, f"{text}\n".encode())
 
 
 def checklist(export: Export) -> str:

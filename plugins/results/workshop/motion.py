@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -212,11 +210,3 @@ def to_csv(motion: Sampled, joints: tuple[str, ...]) -> str:
     )
 
     return text.getvalue()
-
-
-def to_json(motion: Sampled, joints: tuple[str, ...]) -> Mapping[str, Any]:
-    """Return the same as data."""
-    data: dict[str, Any] = {"joints": list(joints)}
-    for name in ("times", "positions", "velocities", "accelerations", "fingers"):
-        data[name] = np.round(getattr(motion, name), 7).tolist()
-    return data

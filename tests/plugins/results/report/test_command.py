@@ -25,6 +25,7 @@ def test_the_command(tmp_path, monkeypatch, capsys, folder):
         ".csv",
         ".png",
         ".svg",
+        ".pdf",
     }
 
 

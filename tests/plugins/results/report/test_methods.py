@@ -66,8 +66,11 @@ def test_a_method_is_called_as_the_user_says():
             "ours",
         )
     ]
-    # Whatever else differs.
-    assert labels(ours, config(seed=1) | {"name": "ours"}) == ["ours"] * 2
+    # Whatever else differs, which is said.
+    assert (
+        labels(ours, config(seed=1) | {"name": "ours"})
+        == ["ours (differing in sim)"] * 2
+    )
     assert labels(config() | {"name": ["no name"]}) == [
         "tool=urdf evolution=vlmgineer vlm=offline"
     ]
@@ -88,12 +91,21 @@ def test_what_follows_from_a_choice_or_from_the_task_makes_none():
     quick = config()
     paper = config(budget={"name": "paper", "n_agent": 20, "k_top": 5})
     other = config(
-        budget={"name": "paper", "n_agent": 30, "k_top": 7}, task__name="LiftBox"
+        budget={"name": "paper", "n_agent": 20, "k_top": 7}, task__paper={"k_top": 7}
     )
     assert labels(quick, paper, other, tasks=["BringCube", "BringCube", "LiftBox"]) == [
         "budget=quick",
         "budget=paper",
         "budget=paper",
+    ]
+
+
+def test_a_setting_of_its_own_makes_a_method_in_another_task_too():
+    """Averages over tasks are of runs with one budget."""
+    small = config(budget__n_agent=1)
+    assert labels(config(), small, tasks=["BringCube", "ScoreGoal"]) == [
+        "budget.n_agent=4",
+        "budget.n_agent=1",
     ]
 
 

@@ -23,7 +23,7 @@ def test_rewards_by_task_and_method_are_those_of_the_result_files(made):
     assert len(rows) == 7
     for row in rows:
         tool, evolution = re.fullmatch(
-            r"tool=(\w+) evolution=(\w+)", row["method"]
+            r"tool=(\w+) evolution=(\w+) budget.*", row["method"]
         ).groups()
         method = f"{tool}/{evolution}"
         stored = [result(folder) for folder in finished]
@@ -117,6 +117,14 @@ def test_figures_by_model(tmp_path):
 
 def test_all_tables_are_written(made):
     data = made[0] / "out" / "data"
-    names = {"rewards", "methods", "generations", "tools", "runs", "left_out"}
+    names = {
+        "rewards",
+        "settings",
+        "methods",
+        "generations",
+        "tools",
+        "runs",
+        "left_out",
+    }
     names |= {"costs"}  # with one model and no critic, none of models
     assert {f.stem for f in data.glob("*.csv")} == names

@@ -15,7 +15,6 @@ from plugins.results.workshop.motion import (
     cut,
     sample,
     to_csv,
-    to_json,
 )
 from tests.panda import PANDA
 from tests.solutions import literal
@@ -91,6 +90,3 @@ def test_files_have_every_sample():
     assert len(lines) == len(made.times) + 1
     assert lines[0].split(",")[:2] == ["time_s", "panda_joint1_rad"]
     assert len(lines[1].split(",")) == 1 + 3 * 7 + 1
-    assert np.allclose(
-        to_json(made, PANDA.arm_joints)["positions"], made.positions, atol=1e-6
-    )
