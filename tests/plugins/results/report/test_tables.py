@@ -119,7 +119,6 @@ def test_all_tables_are_written(made):
     data = made[0] / "out" / "data"
     names = {
         "rewards",
-        "settings",
         "methods",
         "generations",
         "tools",
