@@ -15,6 +15,10 @@ def commands() -> dict[str, Command]:
             "write tables, figures and a page about runs",
             "plugins.results.report.command:main",
         ),
+        "study": Command(
+            "compare methods on tasks, as in the paper: estimate, run, report",
+            "plugins.results.study.command:main",
+        ),
         "toolbox": Command(
             "try tools on each other's tasks, and choose few that do most",
             "plugins.results.toolbox.command:main",

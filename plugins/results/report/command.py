@@ -20,6 +20,7 @@ from plugins.results.report.own_entries import find_entries
 from plugins.results.report.results import Results
 from plugins.results.report.tables import rewards
 from plugins.results.report.verify import verification, verify
+from plugins.results.study.files import find_record
 
 USAGE = (
     "usage: vlmgineer report FOLDER [FOLDER ...] [output=DIR] [name=NAME] [entries=[FILE.json,...]] "
@@ -79,7 +80,10 @@ def report(
     say(*problems)
 
     ours = [ListedEntry(entry, "runs at hand") for entry in entries]
-    results = Results(tuple(finished), tuple(left_out), (*ours, *theirs), verified)
+    study = find_record(folders)
+    results = Results(
+        tuple(finished), tuple(left_out), (*ours, *theirs), verified, study
+    )
     for file, data in contents(results, output).items():
         write_bytes(output / file, data)
 

@@ -14,6 +14,7 @@ from plugins.results.pages.tools import Winner, best_tool
 from plugins.results.report.entries import ListedEntry
 from plugins.results.report.methods import Group, group
 from plugins.results.report.verify import VerifiedRun
+from plugins.results.study.files import Study
 
 
 class BestTools(NamedTuple):
@@ -32,16 +33,25 @@ class Results:
         left_out: runs that are not.
         entries: of a benchmark.
         verified: the runs of an entry whose designs were tried again.
+        study: that the runs belong to; None: none is known.
     """
 
     runs: tuple[FinishedRun, ...]
     left_out: tuple[LeftOutRun, ...] = ()
     entries: tuple[ListedEntry, ...] = ()
     verified: tuple[VerifiedRun, ...] = ()
+    study: Study | None = None
 
     @cached_property
     def groups(self) -> list[Group]:
-        return group(self.runs, self.left_out)
+        """The runs by task and method, the methods in the order of the study."""
+        found = group(self.runs, self.left_out)
+        return sorted(found, key=lambda g: (g.task, self._rank(g.method)))
+
+    def _rank(self, method: str) -> int:
+        """The place of a method in the study; those that it does not name come last."""
+        planned = [m.name for m in self.study.methods] if self.study else []
+        return planned.index(method) if method in planned else len(planned)
 
     @property
     def tasks(self) -> list[str]:
@@ -49,11 +59,12 @@ class Results:
 
     @cached_property
     def methods(self) -> list[str]:
-        """The methods, in the order in which they appear among the runs."""
+        """The methods, in the order of the study, or in which they appear among the runs."""
         method_of: dict[FinishedRun, str] = {}
         for g in self.groups:
             method_of |= dict.fromkeys(g.runs, g.method)
-        return list(dict.fromkeys(method_of[run] for run in self.runs))
+        found = dict.fromkeys(method_of[run] for run in self.runs)
+        return sorted(found, key=self._rank)
 
     def groups_of(self, method: str) -> list[Group]:
         """The groups of a method."""

@@ -13,6 +13,7 @@ from plugins.results.pages.formats import Cell, CellLink, Table
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.pages.runs import reasons as find_reasons
 from plugins.results.pages.tools import size
+from plugins.results.report.comparing import comparing_tables
 from plugins.results.report.entry_tables import entry_tables
 from plugins.results.report.methods import Group
 from plugins.results.report.results import Results
@@ -39,6 +40,7 @@ def tables(results: Results) -> list[Table]:
     found = [
         rewards(results),
         methods(results),
+        *comparing_tables(results),
         generations(results),
         reasons(results),
         lineage(results),

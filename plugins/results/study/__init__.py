@@ -1,0 +1,1 @@
+"""Studies: methods compared on tasks with several seeds, as a file says; estimated first, then run, then reported."""

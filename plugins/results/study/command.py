@@ -1,0 +1,202 @@
+"""``vlmgineer study NAME|FILE``: estimate a study, run what is missing of it, and report on it."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import pydantic
+from omegaconf import DictConfig
+
+from core.config.compose import load
+from core.errors import UsageError, UserError, choices
+from core.support.cli import arguments, say, write_bytes
+from core.support.progress import busy
+from plugins.results.report.command import report, show
+from plugins.results.study.estimate import (
+    Outlook,
+    look_ahead,
+    reads_words,
+    share_cores,
+)
+from plugins.results.study.files import (
+    RECORD,
+    Method,
+    Selection,
+    find_study,
+    read_study,
+)
+from plugins.results.study.running import Failure, Runner
+
+T = TypeVar("T")
+
+USAGE = (
+    "usage: vlmgineer study NAME|FILE [budget=NAME] [tasks=NAME,NAME] [methods=NAME,NAME] [seeds=N] [jobs=N] "
+    "[launch=WORDS] [folder=DIR] [yes=true] [KEY=VALUE ...]; other keys are those of core.run, such as vlm=gemini"
+)
+SIDE_BY_SIDE = 4  # runs that wait for a model
+
+
+class StudyConfig(pydantic.BaseModel):
+    """Settings of ``vlmgineer study``.
+
+    Attributes:
+        budget: one of the study's; empty: its first.
+        tasks: those of its tasks that are run; empty: all.
+        methods: those of its methods that are run; empty: all.
+        seeds: how many; None: as many as it says.
+        jobs: runs at a time; None: one, or four that wait for a language model.
+        launch: words before each run's command, as of ``srun --cpus-per-task=8``.
+        folder: of the results; empty: ``studies/NAME``.
+        yes: start without a question.
+        ask_h: ask if it takes more hours than this.
+        ask_usd: ask if it takes more dollars than this, or nobody knows how many.
+    """
+
+    budget: str = ""
+    tasks: list[str] = []
+    methods: list[str] = []
+    seeds: int | None = pydantic.Field(default=None, ge=1)
+    jobs: int | None = pydantic.Field(default=None, ge=1)
+    launch: str = ""
+    folder: str = ""
+    yes: bool = False
+    ask_h: float = 0.5
+    ask_usd: float = 0.0
+
+
+def main(words: list[str]) -> None:
+    """Estimate a study, ask, run what is missing, and report.
+
+    Raises:
+        UserError: the study or a setting can't be used, a run failed, or nobody is there to be asked.
+        KeyboardInterrupt: says how to go on.
+    """
+    again = shlex.join(["vlmgineer", "study", *words])
+    name, cfg, others = _read_words(words)
+    selection = _select(cfg, find_study(name), others)
+    study = selection.study
+    tasks = _choose("task", cfg.tasks, {Path(task).stem: task for task in study.tasks})
+    methods = _choose("method", cfg.methods, {m.name: m for m in study.methods})
+
+    model = load("config", selection.plan(methods[:1], tasks[:1], 1)[0].words)
+    waits = reads_words(model)
+    if not waits:
+        methods = _leave_out(methods, model)
+    jobs = cfg.jobs or (SIDE_BY_SIDE if waits else 1)
+    selection.check_record(methods)
+    runs = selection.plan(methods, tasks, cfg.seeds or study.seeds)
+    with busy("estimating what the runs take"):
+        outlook = look_ahead(share_cores(runs, jobs), jobs)
+    outlook.show()
+
+    failures: list[Failure] = []
+    if outlook.needs:
+        _ask(cfg, outlook)
+        write_bytes(selection.folder / RECORD, selection.record().encode())
+        try:
+            runner = Runner(outlook.needs, jobs, shlex.split(cfg.launch))
+            failures = runner.run_all()
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"to go on: {again}") from None
+
+    if len(failures) < len(runs):
+        _report(selection.folder)
+    if failures:
+        first = failures[0]
+        raise UserError(
+            f"{len(failures)} runs failed; the first, {first.run}: {first.reason}; to try again: {again}"
+        )
+
+
+def _read_words(words: Sequence[str]) -> tuple[str, StudyConfig, list[str]]:
+    """Return the study that is named, the settings of this command, and the words for the runs.
+
+    Raises:
+        UsageError: no study is named, or a setting has a wrong value.
+    """
+    name, rest = (words[0], words[1:]) if words else ("", words)
+    if not name or "=" in name or name.startswith("-"):
+        arguments(USAGE, [word for word in words if word.startswith("-")])
+        raise UsageError(f"no study is named; {USAGE}")
+
+    own: dict[str, str | list[str]] = {}
+    others: list[str] = []
+    for word in arguments(USAGE, rest):
+        key, _, value = word.partition("=")
+        if key in ("tasks", "methods"):
+            own[key] = [item.strip() for item in value.strip("[]").split(",")]
+        elif key in StudyConfig.model_fields:
+            own[key] = value
+        else:
+            others.append(word)
+
+    try:
+        return name, StudyConfig.model_validate(own), others
+    except pydantic.ValidationError as error:
+        first = error.errors()[0]
+        raise UsageError(f"{first['loc'][0]}: {first['msg']}; {USAGE}") from error
+
+
+def _select(cfg: StudyConfig, file: Path, words: Sequence[str]) -> Selection:
+    study = read_study(file)
+    budget = cfg.budget or next(iter(study.budgets))
+    if budget not in study.budgets:
+        raise choices("budget", budget, study.budgets, str(file))
+    folder = Path(cfg.folder or f"studies/{file.stem}")
+    return Selection(study, file, folder, budget, tuple(words))
+
+
+def _choose(kind: str, names: Sequence[str], known: Mapping[str, T]) -> list[T]:
+    """Return what is named of what there is, in the study's order; all if nothing is named."""
+    for name in names:
+        if name not in known:
+            raise choices(kind, name, known, "the study")
+    return [known[name] for name in known if not names or name in names]
+
+
+def _leave_out(methods: Sequence[Method], cfg: DictConfig) -> list[Method]:
+    """Leave out the methods that mean nothing to a model that reads no words, and say so."""
+    left = [method for method in methods if not method.language]
+    out = [method.name for method in methods if method.language]
+    if out:
+        say(
+            f"left out: {', '.join(out)}; vlm={cfg.vlm.name} reads no words, and would design as it does anyway"
+        )
+    if not left:
+        raise UsageError("no method is left; name a language model, such as vlm=gemini")
+    return left
+
+
+def _ask(cfg: StudyConfig, outlook: Outlook) -> None:
+    """Ask once whether to start, if it takes more than the limits.
+
+    Raises:
+        UsageError: the answer is no, or nobody is there to be asked.
+    """
+    need = outlook.whole
+    cheap = need.usd is not None and need.usd <= cfg.ask_usd
+    if cfg.yes or (cheap and outlook.hours(need) <= cfg.ask_h):
+        return
+    answer = ""
+    if sys.stdin is not None and sys.stdin.isatty():
+        say("Start? [y/N]")
+        answer = sys.stdin.readline()
+    if answer.strip().lower() not in ("y", "yes"):
+        raise UsageError(
+            "nothing was started; to start, add yes=true; tasks=, methods=, seeds= and budget= make it smaller"
+        )
+
+
+def _report(folder: Path) -> None:
+    """Write the report of all runs in the study's folder, and print its first table.
+
+    Raises:
+        UserError: there is no run, or nothing can be written.
+    """
+    results = report([folder], folder / "report")
+    show(results)
+    say(str(folder / "report" / "index.html"))

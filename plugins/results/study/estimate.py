@@ -1,0 +1,274 @@
+"""Estimate what runs take before they start: requests, rollouts, time and dollars."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from omegaconf import DictConfig
+
+from core.config.compose import load
+from core.interfaces import VLM, Estimate, Request
+from core.plugins import event_hub, installed
+from core.search.asking import build_designer
+from core.search.assignment import Team
+from core.search.orchestration import rollouts_in
+from core.support.cli import print_table
+from plugins.results.pages.runs import FinishedRun
+from plugins.results.study.files import StudyRun, is_done, read_state
+
+# Of a language model's answer; measured of the embedded designer's designs, as text.
+TOOL_TOKENS = 2000
+PLAN_TOKENS = 350
+
+START_S = 10.0  # of a run, on one core: imports, scene, pictures
+ROLLOUT_S = 0.5  # on one core, until runs of the study say better
+ANSWER_S = 120.0  # for all answers of a generation, which come side by side
+
+
+@dataclass(frozen=True)
+class Need:
+    """What one or more runs take.
+
+    Attributes:
+        requests: to the model, without those that send designs back.
+        rollouts: at most.
+        busy_s: seconds of one core.
+        wait_s: seconds for answers of a model.
+        usd: US dollars; None: the model has no known price.
+    """
+
+    requests: int = 0
+    rollouts: int = 0
+    busy_s: float = 0.0
+    wait_s: float = 0.0
+    usd: float | None = 0.0
+
+    def __add__(self, other: Need) -> Need:
+        usd = None
+        if self.usd is not None and other.usd is not None:
+            usd = self.usd + other.usd
+        return Need(
+            self.requests + other.requests,
+            self.rollouts + other.rollouts,
+            self.busy_s + other.busy_s,
+            self.wait_s + other.wait_s,
+            usd,
+        )
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """What a study will take.
+
+    Attributes:
+        runs: all of them.
+        needs: of those that are not at their end.
+        jobs: how many go on at a time, which wait for answers side by side.
+        cores: that they share.
+    """
+
+    runs: Sequence[StudyRun]
+    needs: Mapping[StudyRun, Need]
+    jobs: int
+    cores: int
+
+    @property
+    def whole(self) -> Need:
+        return total(self.needs.values())
+
+    def hours(self, need: Need) -> float:
+        """Return how long this takes."""
+        return (need.busy_s / self.cores + need.wait_s / self.jobs) / 3600
+
+    def show(self) -> None:
+        """Print what each method takes, and all together."""
+        by_method = defaultdict(list)
+        for run, need in self.needs.items():
+            by_method[run.method].append(need)
+
+        rows = []
+        planned = Counter(run.method for run in self.runs)
+        for method, count in planned.items():
+            missing = by_method[method]
+            rows.append(self._row(method, count, len(missing), total(missing)))
+        rows.append(self._row("all", len(self.runs), len(self.needs), self.whole))
+        head = ("method", "runs", "to do", "requests", "rollouts", "hours", "dollars")
+        print_table(head, rows, head[1:])
+
+    def _row(self, method: str, runs: int, todo: int, need: Need) -> tuple[str, ...]:
+        usd = "unknown" if need.usd is None else f"{need.usd:,.2f}"
+        numbers = (runs, todo, need.requests, need.rollouts)
+        hours = f"{self.hours(need):.1f}"
+        return (method, *(f"{number:,}" for number in numbers), hours, usd)
+
+
+def look_ahead(runs: Sequence[StudyRun], jobs: int) -> Outlook:
+    """Estimate the runs that are not at their end, ``jobs`` at a time.
+
+    Raises:
+        UserError: the words of a run can't be used.
+    """
+    states = {run: read_state(run) for run in runs}
+    done = [state for state in states.values() if isinstance(state, FinishedRun)]
+    estimator = Estimator(done)
+    missing = [run for run, state in states.items() if not is_done(state)]
+    needs = {run: estimator.need(run) for run in missing}
+    power = min(cores(), jobs * workers(load("config", runs[0].words)))
+
+    return Outlook(runs, needs, jobs, power)
+
+
+def share_cores(runs: Iterable[StudyRun], jobs: int) -> list[StudyRun]:
+    """Give runs side by side their share of the cores, unless the words say how they are executed."""
+    share = f"executor.workers={max(1, cores() // jobs)}"
+    shared = []
+    for run in runs:
+        alone = jobs == 1 or any(word.startswith("executor") for word in run.words)
+        words = run.words if alone else (*run.words, share)
+        shared.append(replace(run, words=words))
+    return shared
+
+
+@dataclass(frozen=True)
+class _Demand:
+    """What a candidate of a method takes, and a request.
+
+    Attributes:
+        conditions: in which a candidate is tried.
+        given: the tool is given, so that plans alone are asked for.
+        finals: rollouts to decide between the best, in a generation and at the end.
+        prompt: the size and the prices of a request; None: it costs nothing.
+    """
+
+    conditions: int
+    given: bool
+    finals: tuple[int, int]
+    prompt: Estimate | None
+
+    def price(self, tools: int, plans: int) -> float | None:
+        """Return the dollars of a request and its answer; None: not known."""
+        if self.prompt is None:
+            return 0.0
+        sent = self.prompt.usd_per_prompt_token
+        answered = self.prompt.usd_per_completion_token
+        if sent is None or answered is None:
+            return None
+        answer = tools * (TOOL_TOKENS + PLAN_TOKENS * plans)
+        return self.prompt.prompt_tokens * sent + answer * answered
+
+
+class Estimator:
+    """Estimates runs; a method's demands are found once, for the first task that comes.
+
+    Args:
+        done: runs of the study that are there, whose time is known.
+    """
+
+    def __init__(self, done: Sequence[FinishedRun]) -> None:
+        self._seconds = {(run.figures.name, run.task): _core_s(run) for run in done}
+        rollouts = sum(run.rollouts for run in done)
+        seconds = sum(map(_core_s, done))
+        self._rollout_s = seconds / rollouts if rollouts else None
+        self._demands: dict[str, _Demand] = {}
+        self._budgets: dict[tuple[str, str], DictConfig] = {}
+
+    def need(self, run: StudyRun) -> Need:
+        """Estimate a run.
+
+        Raises:
+            UserError: its words can't be used; so mistakes are found before anything starts.
+        """
+        key = (run.method, run.task)
+        if key not in self._budgets:
+            self._budgets[key] = load("config", run.words)
+        cfg = self._budgets[key]
+        if run.method not in self._demands:
+            self._demands[run.method] = _measure(cfg)
+
+        demand = self._demands[run.method]
+        budget = cfg.budget
+        generations = budget.n_iteration + 1
+        tools = 1 if demand.given else budget.n_tool
+        candidates = budget.n_agent * tools * budget.n_action * generations
+        candidates += cfg.evolution.get("refine", 0)
+        often, last = demand.finals
+        rollouts = candidates * demand.conditions + often * generations + last
+        requests = budget.n_agent * generations
+
+        busy_s = START_S + rollouts * (self._rollout_s or ROLLOUT_S)
+        busy_s = self._seconds.get(key, busy_s)
+        waits = reads_words(cfg) and self._rollout_s is None
+        price = demand.price(tools, budget.n_action)
+        usd = None if price is None else requests * price
+
+        return Need(
+            requests, rollouts, busy_s, ANSWER_S * generations if waits else 0.0, usd
+        )
+
+
+class _NoModel(VLM):
+    """A model that receives no request, in place of another."""
+
+    model = "none"
+
+    def __init__(self, factory: object) -> None:
+        self.takes_schema = getattr(factory, "takes_schema", False)
+
+    def complete(self, requests: Sequence[Request]) -> Any:
+        raise TypeError("requests are counted here, not sent")
+
+
+def _measure(cfg: DictConfig) -> _Demand:
+    """Find what a candidate and a request of a configuration take, without a call of its model."""
+    factory = installed().factory("vlm", cfg.vlm.name)
+    designer, fitness = build_designer(cfg, _NoModel(factory), event_hub())
+    budget = designer.assignment.budget
+    finals = (0, 0)
+    if next(iter(fitness.finals()), None) is not None:
+        finals = (
+            rollouts_in(fitness, budget.elite_s),
+            rollouts_in(fitness, budget.final_s),
+        )
+
+    prompt = None
+    if reads_words(cfg):
+        (request, *_) = designer.requests(0, Team([0]))
+        count = getattr(factory, "estimate", VLM.estimate)
+        prompt = count(request, str(cfg.vlm.get("model") or cfg.vlm.name))
+
+    given = designer.assignment.given is not None
+    return _Demand(len(fitness.conditions()), given, finals, prompt)
+
+
+def reads_words(cfg: DictConfig) -> bool:
+    """Report whether the model of a configuration reads what it is told, as language models do."""
+    factory = installed().factory("vlm", cfg.vlm.name)
+    return bool(getattr(factory, "sees", VLM.sees))
+
+
+def _core_s(run: FinishedRun) -> float:
+    return run.figures.wall_time_s * workers(run.config)
+
+
+def workers(cfg: Mapping[Any, Any]) -> int:
+    """Return how many workers a run with this configuration has on this machine."""
+    return int(cfg["executor"].get("workers") or cores())
+
+
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def total(needs: Iterable[Need]) -> Need:
+    """Add up what runs take."""
+    whole = Need()
+    for need in needs:
+        whole += need
+    return whole

@@ -1,0 +1,194 @@
+"""Run what a study lacks: each run in a process of its own, some side by side, with one display of the progress."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from core.support.files import read_text
+from core.support.text import clean, hydra_word, number
+from plugins.results.pages.runs import AnyRun, FinishedRun, is_held
+from plugins.results.study.estimate import Need
+from plugins.results.study.files import StudyRun, harmless, is_done, read_state
+
+LOOK_S = 0.5  # between two looks at a run of another process
+MOST_FAILURES = 3  # one after the other, until no further run starts
+LOG = "run.log"
+
+
+@dataclass
+class Failure:
+    """A run that could not come to its end, and why."""
+
+    run: StudyRun
+    reason: str
+
+
+@dataclass(eq=False)
+class Runner:
+    """Runs what is missing. A killed study leaves runs that go on alone: the next one waits for them.
+
+    Args:
+        needs: what the runs are expected to take.
+        jobs: how many run at a time.
+        launch: words before the command of each run, such as those of ``srun``.
+    """
+
+    needs: Mapping[StudyRun, Need]
+    jobs: int = 1
+    launch: Sequence[str] = ()
+    _processes: set[subprocess.Popen[bytes]] = field(default_factory=set)
+    _stopping: threading.Event = field(default_factory=threading.Event)
+
+    def run_all(self) -> list[Failure]:
+        """Run all, and return those that failed.
+
+        Raises:
+            KeyboardInterrupt: it was interrupted; the runs under way have stopped, and can go on.
+        """
+        failures: list[Failure] = []
+        in_a_row = 0
+        display = _Display(sum(map(_seconds, self.needs.values())), len(self.needs))
+        with display, ThreadPoolExecutor(self.jobs) as pool:
+            futures = {pool.submit(self._finish, run): run for run in self.needs}
+            try:
+                for future in as_completed(futures):
+                    run = futures[future]
+                    reason = future.result()
+                    if reason is None:
+                        continue
+                    in_a_row = in_a_row + 1 if reason else 0
+                    if reason:
+                        failures.append(Failure(run, reason))
+                    if in_a_row >= MOST_FAILURES:
+                        self._stopping.set()
+                    display.show(run, self.needs[run], reason)
+            except KeyboardInterrupt:
+                self._interrupt()
+                raise
+
+        return failures
+
+    def _finish(self, run: StudyRun) -> str | None:
+        """Bring a run to its end; return why it failed, empty: it did not. None: it was not begun."""
+        while not self._stopping.is_set():
+            state = read_state(run)
+            if is_done(state):
+                return ""
+            if is_held(run.folder):  # by what an ended study left, or by another one
+                time.sleep(LOOK_S)
+                continue
+
+            status = self._start(run, state)
+            if self._stopping.is_set():
+                return None
+            state = read_state(run)
+            if not is_done(state) and not is_held(run.folder):
+                return _explain(run, state, status)
+
+        return None
+
+    def _start(self, run: StudyRun, state: AnyRun | None) -> int:
+        """Start a run or go on with it, and wait for its end; return the exit status."""
+        words = [*run.words, f"hydra.run.dir={hydra_word(str(run.folder))}"]
+        if state is not None:
+            words = [f"resume={run.folder}", *harmless(run.words)]
+        run.folder.parent.mkdir(parents=True, exist_ok=True)
+
+        with _log(run).open("ab") as log:
+            process = subprocess.Popen(  # noqa: S603
+                [*self.launch, sys.executable, "-m", "core.run", *words],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,  # an interrupt reaches it once, from here
+            )
+            self._processes.add(process)
+            try:
+                return process.wait()
+            finally:
+                self._processes.discard(process)
+
+    def _interrupt(self) -> None:
+        """Let no run begin, and stop those under way."""
+        self._stopping.set()
+        for process in list(self._processes):
+            process.send_signal(signal.SIGINT)
+
+
+class _Display:
+    """One bar for all runs, by the time that they are expected to take, and a line for each that ends."""
+
+    def __init__(self, seconds: float, runs: int) -> None:
+        self._console = Console(stderr=True)
+        self._runs = runs
+        self._ended = 0
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left:"),
+            TimeRemainingColumn(),
+            console=self._console,
+            disable=not self._console.is_terminal,
+        )
+        self._all: TaskID = self._bar.add_task(self._counts, total=seconds)
+
+    @property
+    def _counts(self) -> str:
+        return f"{self._ended}/{self._runs} runs"
+
+    def __enter__(self) -> _Display:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+    def show(self, run: StudyRun, need: Need, failure: str) -> None:
+        """Say what a run came to."""
+        self._ended += 1
+        state = read_state(run)
+        result = "no candidate could be tried"
+        if isinstance(state, FinishedRun):
+            seconds = f"{state.figures.wall_time_s:.0f} s"
+            result = f"{number(state.best.reward, 3)}  ({seconds})"
+        line = f"{self._counts}  {run}: {failure or result}"
+        self._console.print(
+            clean(line, 1000), markup=False, highlight=False, soft_wrap=True
+        )
+        self._bar.update(self._all, advance=_seconds(need), description=self._counts)
+
+
+def _seconds(need: Need) -> float:
+    return need.busy_s + need.wait_s
+
+
+def _log(run: StudyRun) -> Path:
+    return run.folder.with_suffix(".log")
+
+
+def _explain(run: StudyRun, state: AnyRun | None, status: int) -> str:
+    """Say why a run ended before its end, by the last line that it printed."""
+    lines = read_text(_log(run), str(_log(run))).split("\n")
+    printed = [line for line in lines if line.strip()]
+    last = printed[-1] if printed else f"it ended with status {status}"
+    reason = str(getattr(state, "reason", "")) if status == 0 else last
+    return f"{reason or last}; all that it printed is in {_log(run)}"
