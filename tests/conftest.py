@@ -36,7 +36,7 @@ def lacks_pybullet(error: BaseException) -> bool:
     """Report whether a failure is the missing engine's own error, or that of a command that printed it and ended."""
     refusal = "sim=pybullet needs PyBullet: "
     if isinstance(error, UserError):
-        return str(error).startswith(refusal)
+        return refusal in str(error)
     # What stands after `assert done.returncode == 0,`.
     message, asserted, _ = str(error).partition("\nassert ")
     return bool(asserted) and any(

@@ -21,7 +21,7 @@ CASES = """
         pass
 
     def test_engine():
-        raise UserError(MISSING)
+        raise UserError(f"no picture: {MISSING}")
 
     def test_command():
         done = subprocess.run([sys.executable, "-c", COMMAND], capture_output=True, text=True)

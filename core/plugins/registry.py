@@ -316,6 +316,8 @@ def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any
     try:
         with _no_exit():
             found = pkgutil.resolve_name(what) if isinstance(what, str) else what
+    except UserError:
+        raise
     except RAISED as error:  # a third-party import may raise anything
         raise UserError(f"{offer.owner} can't be imported: {in_line(error)}") from error
 

@@ -264,9 +264,8 @@ def test_nobody_who_is_left_out_could_have_been_the_best(seed):
             assert means[number] < means.max() - TIE
             assert evaluation.reward < means.max() - TIE
     again = evaluate(*designs, order=np.random.default_rng(seed))
-    assert {n: e.trials for n, e in again.items()} == {
-        n: e.trials for n, e in found.items()
-    }
+    for number, evaluation in again.items():
+        assert str(evaluation.trials) == str(found[number].trials)  # nan is not nan
 
 
 def test_a_machine_at_fault_is_named():

@@ -264,8 +264,11 @@ def test_numbers_come_back_to_the_last_bit(opened):
     events.hook.run_ended()
 
     (back,) = StoredRun(store.folder).evaluations()
-    assert (back.trials, back.score) == (trials, score)
-    assert back.finals == finals.in_order()
+    for read, tried in zip(
+        [*back.trials, *back.finals], [*trials, *finals.in_order()], strict=True
+    ):
+        np.testing.assert_equal(vars(read), vars(tried))  # nan is nan there
+    assert back.score == score
     again = back.of(candidate)
     assert (again.candidate, again.reward, again.reason) == (
         candidate,
@@ -289,7 +292,7 @@ def test_a_trial_is_stored_when_it_ends_and_is_known_when_the_run_goes_on(opened
 
     again = RunStore.open(store.folder)
     again.run_ended()
-    assert again.past.trials == {key: trial}
+    assert str(again.past.trials) == str({key: trial})  # nan is not nan
     assert again.past.candidates == set()  # it lacks its other trials
 
 

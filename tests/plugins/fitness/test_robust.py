@@ -73,8 +73,8 @@ def test_the_prompt_says_what_counts():
         ({"name": "robust", "sims": ["pybulet"]}, r"no sim 'pybulet' \(did you mean 'pybullet'\?\); possible: "),
         ({"name": "robust", "sims": ["pybullet", "pybullet"]}, "sim: 'pybullet' is repeated"),
         ({"name": "robust", "sims": [{"time_step": 0.1}]}, "names no sim"),
-        ({"name": "robust", "sims": [COARSE | {"timestep": 1}]}, r"'timestep' in sim=pybullet \(did you mean"),
-        ({"name": "robust", "sims": [COARSE | {"time_step": 1}]}, "sim.time_step must be at most"),
+        ({"name": "robust", "sims": [{"name": "sapien", "timestep": 1}]}, r"'timestep' in sim=sapien \(did you mean"),
+        ({"name": "robust", "sims": [{"name": "sapien", "time_step": 1}]}, "sim.time_step must be at most"),
     ],
 )  # fmt: skip
 def test_a_wrong_setting_is_reported(config, said):

@@ -84,7 +84,7 @@ def test_a_pipe_or_an_odd_name_is_refused_at_once(file):
     with pytest.raises(UserError, match=r"my_scene.yaml is no regular file"):
         FileTask(file.name)
     with pytest.raises(
-        UserError, match=r"'my\\x00scene' can't be a file's name: embedded null byte"
+        UserError, match=r"'my\\x00scene' can't be a file's name: .*embedded null"
     ):
         FileTask("my\0scene")
     (file.parent / "pipe.stl").symlink_to(file)
