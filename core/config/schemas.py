@@ -56,7 +56,7 @@ class PromptSettings:
     told: str = "source"
     picture: bool = True
     photographs: str = "beside"
-    feedback: str = "paper"
+    feedback: str = "numbers"
     generation_characters: int = 12_000
     repair: int | None = None
     critic: int = 0

@@ -31,13 +31,19 @@ def build_designer(
         UserError: a part or setting that can't be used.
     """
     check_seed(cfg.seed)
+    if cfg.prompt.file and not vlm.sees:
+        raise UsageError(
+            f"{vlm.model} reads no text, so prompt.file={cfg.prompt.file} would change nothing; choose a model that "
+            "does with vlm=NAME, or leave prompt=human away"
+        )
+
     builder = builder_for(task_part(cfg))
     assignment = _read_assignment(cfg)
     settings = node(cfg.rollout, RolloutSettings)
-    shows_rollouts = cfg.prompt.feedback != "paper" or cfg.prompt.critic
-    # Plans for a known tool are shown with what was observed of them.
+    # Plans for a known tool are shown with what was observed of them, too.
     asks_for_plans = assignment.given is not None or builder.asks_for_plans
-    if shows_rollouts or asks_for_plans or _strategy_observes(cfg):
+    shown = asks_for_plans or cfg.prompt.critic or cfg.prompt.feedback != "paper"
+    if (shown and vlm.sees) or _strategy_observes(cfg):
         settings = replace(settings, observe=True)
     fitness = builder.build_fitness(cfg, settings)
     prompts = PromptComposer(
@@ -77,7 +83,9 @@ def _read_assignment(cfg: DictConfig) -> Assignment:
     actions = part(ACTION, cfg.action).create()
     assignment = Assignment(task, representation, actions, budget, cfg.seed, kinds)
     if assignment.given is not None:
-        return replace(assignment, budget=replace(budget, n_tool=1))
+        # As many candidates as there would be with tools.
+        plans = budget.n_tool * budget.n_action
+        return replace(assignment, budget=replace(budget, n_tool=1, n_action=plans))
 
     return replace(assignment, tool_kinds=borne_kinds(kinds, task.robot))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from typing import ClassVar
 
 from omegaconf import DictConfig
@@ -13,7 +12,6 @@ from core.plugins import FITNESS, SIMULATOR, PluginPart, installed
 from core.robot.kinematics import arm_of
 from core.search.designer import ModelDesigner
 from core.search.prompt_pictures import Artist
-from core.support.cli import say
 
 
 class SearchBuilder:
@@ -79,12 +77,6 @@ def equip(designer: ModelDesigner, artist: Artist, *, drawable: bool) -> None:
     if drawable:
         designer.film = artist.draw_strip
 
-    count = designer.prompts.settings.critic
-    if count and designer.vlm.criticises:
+    if designer.prompts.settings.critic and designer.vlm.criticises:
         for make in installed().factories("critic").values():
             designer.critic = make(designer)
-    elif count:
-        say(
-            f"prompt.critic={count}: {designer.vlm.model} writes no critiques; there are none",
-            file=sys.stderr,
-        )

@@ -15,7 +15,7 @@ from core.plugins.blame import PluginError
 from core.scene import State, Trace
 from core.simulation.attempt import Attempt, Stage
 from core.simulation.observing import observe
-from core.solids.contacts import find_contacts, make_trace
+from core.solids.contacts import Contacts, find_contacts, make_trace
 from core.solids.penetration import Explosion, Finding, findings
 from core.solids.record_rate import is_finite
 from core.task import margins_of, reward_of
@@ -58,21 +58,27 @@ def _find_failure(stage: Stage, attempt: Attempt) -> str | None:
 
     recording = outcome.recording
     reads_trace = stage.task.reads_trace
-    if recording is not None:
+    if recording is not None and stage.settings.penetration != "ignore":
         parts = stage.scene, stage.task.robot, attempt.job.tool, recording
         try:
-            if stage.settings.penetration != "ignore":
-                attempt.findings = findings(*parts)
+            attempt.findings = findings(*parts)
         except Explosion as explosion:
             return f"the simulation blew up: {explosion}"
 
-        if (reads_trace or stage.settings.observe) and is_finite(recording):
-            attempt.contacts = find_contacts(*parts)
-
-    if reads_trace and attempt.contacts is None:
+    if reads_trace and _look_for_contacts(stage, attempt) is None:
         return "the reward reads a trace, and the simulator returned no recording of finite states"
 
     return None
+
+
+def _look_for_contacts(stage: Stage, attempt: Attempt) -> Contacts | None:
+    """Find what touched, and keep it; None: there is no recording of finite states."""
+    recording = attempt.outcome.recording
+    if recording is not None and is_finite(recording):
+        parts = stage.scene, stage.task.robot, attempt.job.tool, recording
+        attempt.contacts = find_contacts(*parts)
+
+    return attempt.contacts
 
 
 def _reward(stage: Stage, finished: Sequence[Attempt]) -> None:
@@ -152,9 +158,12 @@ def _make_trial(
 
 
 def _observe(stage: Stage, trial: Trial, attempt: Attempt) -> Trial:
-    """Add what was observed of a rollout, if that is asked for."""
-    contacts = attempt.contacts
-    if not stage.settings.observe or contacts is None:
+    """Add what was observed of a rollout, if that is asked for or if the task pays nothing: that has a cause."""
+    if trial.reward > 0 and not stage.settings.observe:
+        return trial
+
+    contacts = attempt.contacts or _look_for_contacts(stage, attempt)
+    if contacts is None:
         return trial
 
     played = attempt.motion, attempt.outcome

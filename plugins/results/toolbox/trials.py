@@ -29,7 +29,14 @@ from plugins.results.toolbox.tools import (
     task_configs,
 )
 
-BUDGET = {"n_agent": 1, "n_action": 4, "n_iteration": 1, "k_top": 2, "reward_save": 0.0}
+BUDGET = {
+    "n_agent": 1,
+    "n_tool": 1,
+    "n_action": 4,
+    "n_iteration": 1,
+    "k_top": 2,
+    "reward_save": 0.0,
+}
 DEFAULTS = {"film": "false", "listener": "[]"} | {
     f"budget.{key}": str(value) for key, value in BUDGET.items()
 }

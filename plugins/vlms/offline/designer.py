@@ -7,16 +7,21 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from core.config.schemas import PARTS, PromptSettings, Sampling
 from core.design import DesignError
 from core.hooks import hookimpl
 from core.interfaces import VLM, Reply, Request
 from core.support.cli import say
+from core.support.text import hydra_word
 from plugins.vlms.offline.answer import answer
 from plugins.vlms.offline.scene_analysis import NothingToMove
 from plugins.vlms.offline.unplanned import find_unplanned
 
 if TYPE_CHECKING:
     from core.events import Run
+
+USUAL = "vlmgineer"
+"""The prompt that is chosen without a word."""
 
 
 class OfflineDesigner(VLM):
@@ -32,7 +37,14 @@ class OfflineDesigner(VLM):
 
     @hookimpl(trylast=True)
     def run_started(self, run: Run) -> None:
-        """Say what of the goals no plan is made for."""
+        """Say which settings change nothing, and what of the goals no plan is made for."""
+        unread = _list_unread(run)
+        if unread:
+            say(
+                f"the embedded designer reads no prompt, so these change nothing: {' '.join(unread)}",
+                file=sys.stderr,
+            )
+
         parts = run.task.parts
         unplanned = []
         for task in parts:
@@ -54,3 +66,19 @@ class OfflineDesigner(VLM):
                 continue
             text = json.dumps(document, indent=1)
             yield Reply(request.id, text, self.model)
+
+
+def _list_unread(run: Run) -> list[str]:
+    """List the settings of prompts that are not as usual, as they are typed: of a run that sends none."""
+    usual = {"prompt": PromptSettings(name=""), "sampling": Sampling()}
+    chosen = run.config.get("prompt", {}).get("name")
+    unread = []
+
+    for group, defaults in usual.items():
+        for key, value in run.config.get(group, {}).items():
+            if key not in ("name", *PARTS) and value != getattr(defaults, key):
+                unread.append(f"{group}.{key}={hydra_word(value)}")
+
+    if chosen not in (None, USUAL):
+        unread.insert(0, f"prompt={chosen}")
+    return unread
