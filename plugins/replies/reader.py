@@ -7,8 +7,9 @@ from typing import Any
 
 from core.design import DesignError
 from core.designs.replies import Fields, Reader
+from core.plugins import installed
 from plugins.replies.envelopes import find_strategies
-from plugins.replies.fields import list_plans, read_fields
+from plugins.replies.fields import ACTION_SETS, list_plans, read_fields
 from plugins.replies.saving import read_reply
 from plugins.replies.waypoints import read_waypoints
 
@@ -23,7 +24,10 @@ class LenientReader(Reader):
         return find_strategies(document)
 
     def read_fields(self, strategy: Fields, wanted: Mapping[str, Any]) -> Fields:
-        return read_fields(strategy, wanted)
+        fields = read_fields(strategy, wanted)
+        if "action" not in fields:
+            fields |= _name_action(fields.get(ACTION_SETS))
+        return fields
 
     def list_plans(
         self, value: object, schema: Mapping[str, Any], *, gripper: bool
@@ -33,6 +37,26 @@ class LenientReader(Reader):
         if not (isinstance(plans, list) and is_of_numbers):
             return plans
         return [_read_plan(plan, gripper) for plan in plans]
+
+
+def _name_action(plans: object) -> Fields:
+    """Return the field ``action`` of plans that can only be written in one representation: objects with its fields.
+
+    A reply to a run does not name the representation, which its reader knows there; as a designs file it is read by it.
+    """
+    item = plans
+    while isinstance(item, list) and item:
+        item = item[0]
+    if not (isinstance(item, dict) and item):
+        return {}
+
+    names = []
+    for name, factory in installed().factories("action").items():
+        schema = factory().schema(gripper=True).get("items", {})
+        if item.keys() <= schema.get("properties", {}).keys():
+            names.append(name)
+
+    return {"action": names[0]} if len(names) == 1 else {}
 
 
 def _read_plan(plan: object, gripper: bool) -> object:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,11 +21,10 @@ from core.errors import UsageError
 from core.interfaces import Task
 from core.plugins import installed
 from core.plugins.blame import refuse_exit
-from core.simulation.attempt import plan_attempt, stage_of
-from core.simulation.observing import MISSED_M, MISSED_RAD
 from core.support.cli import arguments, print_table, say, write_bytes
-from core.support.text import by_reason, clean
-from core.trial import Condition, Evaluation
+from core.support.text import by_reason, clean, number
+from core.trial import Evaluation
+from plugins.trying.checking import find_problems
 from plugins.trying.judging import build_fitness, try_all
 
 STOPPED_RAD = 0.02  # lag of a joint above which something held it back; reference solutions stay below 0.012
@@ -70,30 +70,6 @@ def check_all(cfg: DictConfig) -> Iterator[str]:
         lines = by_reason(found) if len(conditions) > 1 else alone
         problems = clean("; ".join(lines), MAX_REMARK) or "nothing found"
         yield f"strategy {candidate.strategy} plan {candidate.action}: {problems}"
-
-
-def find_problems(condition: Condition, candidate: Candidate) -> list[str]:
-    """Say what is wrong with a candidate in a condition, without playing it.
-
-    That is why it would be rejected, or else which waypoints the arm misses or is late at, and where it meets itself.
-
-    Args:
-        condition: where it would be played.
-        candidate: the tool and its plan.
-    """
-    planned = plan_attempt(stage_of(condition), candidate)
-    if planned.trial is not None:
-        return [planned.trial.reason]
-
-    motion = planned.motion
-    problems = []
-
-    for number, (metres, radians) in enumerate(motion.misses.tolist(), start=1):
-        if metres > MISSED_M or radians > MISSED_RAD:
-            miss = f"{1000 * metres:.0f} mm, {radians:.2f} rad"
-            problems.append(f"the arm misses the way to waypoint {number} by {miss}")
-
-    return [*problems, *motion.slowdowns(), *planned.warnings]
 
 
 def _read_candidates(cfg: DictConfig, document: object) -> list[Candidate]:
@@ -147,6 +123,14 @@ def main(words: list[str]) -> None:
     if OmegaConf.is_missing(cfg, "designs"):
         raise UsageError(f"no designs file given; {USAGE}")
 
+    for word in words:
+        if word.startswith("action="):
+            say(
+                f"{word} changes nothing here: the form of each plan, or the field 'action' of its design, says how "
+                "it is written",
+                file=sys.stderr,
+            )
+
     if cfg.check:
         for line in check_all(cfg):
             say(line)
@@ -171,7 +155,7 @@ def show(records: Sequence[Mapping[str, Any]]) -> None:
         engines = entry.get("details", {}).get("engines", {})
         remarks = [entry["reason"], *entry["warnings"], entry.get("observed")]
         for engine, figures in engines.items():
-            rewards = " ".join(f"{reward:.2f}" for reward in figures["rewards"])
+            rewards = " ".join(number(reward, 3) for reward in figures["rewards"])
             remarks.append(f"{engine}: {rewards}")
 
         for remark in filter(None, remarks):
@@ -184,7 +168,7 @@ def _row(entry: Mapping[str, Any]) -> tuple[str, ...]:
     return (
         str(entry["strategy"]),
         str(entry["plan"]),
-        f"{entry['reward']:.3f}",
+        number(entry["reward"], 3),
         _format(entry["distance_m"], ".2f"),
         _format(entry["ik_error_m"], ".0f", 1000),
         _format(entry["tracking_error_rad"], ".3f"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from omegaconf import DictConfig
 
@@ -28,7 +29,8 @@ def build_fitness(cfg: DictConfig) -> Fitness:
     part(SIMULATOR, cfg.sim).create()
     task = task_part(cfg)
     check_starts(task.create())
-    settings = node(cfg.rollout, RolloutSettings)
+    # All that is tried is shown, with what was observed of it.
+    settings = replace(node(cfg.rollout, RolloutSettings), observe=True)
     return builder_for(task).build_fitness(cfg, settings)
 
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from core.interfaces import RolloutSettings, Waypoints
-from plugins.trying.evaluate import STOPPED_RAD, find_problems, show
+from plugins.trying.checking import find_problems
+from plugins.trying.evaluate import STOPPED_RAD, show
 from tests.commands import python_m
 from tests.faults import Faulty, Slide, candidate
 from tests.playing import condition
@@ -183,7 +184,9 @@ def test_plans_are_checked_without_playing_them(tmp_path):
 
 def test_problems_are_found_without_playing():
     where = condition(Slide(), Faulty(), settings=RolloutSettings(settle_s=0, hold_s=0))
-    assert find_problems(where, candidate(0)) == []
+    assert find_problems(where, candidate(0)) == [
+        "as planned, the robot touches nothing that can move: it comes no nearer than 200 mm to block"
+    ]
     far = replace(candidate(0), plan=Waypoints(np.array([[3.0, 0, 0.4, 0, 0, 0]])))
     assert "the arm misses the way to waypoint 1 by" in find_problems(where, far)[0]
     assert find_problems(where, replace(candidate(0), problem="too heavy")) == [
