@@ -15,14 +15,18 @@ from core.designs.composer import as_markdown
 from core.designs.reading import list_strategies
 from core.designs.replies import parse_reply
 from core.errors import UserError, check_positive
-from core.events import Run
+from core.events import Generation, Run
 from core.hooks import hookimpl
-from core.interfaces import VLM, Picture, Reply, Request
+from core.interfaces import VLM, Evaluation, Picture, Reply, Request
+from core.plugins import installed
 from core.search.second_look import list_faults, read_candidates
 from core.support.cli import say
 from core.support.files import FileMark, file_mark, read_untrusted, write_whole
+from core.support.text import number
+from plugins.vlms.told.feedback import describe
 
 REPLIES = ("reply.json", "reply.md")
+RESULTS = "results.md"
 SKIP = "skip"
 ACCEPT = "accept"
 MAX_BYTES = 20_000_000  # of a reply
@@ -30,6 +34,9 @@ CHECKS = (
     3  # a reply is read when its file is the same at this many: it is written whole
 )
 
+_RESULTS_HEAD = (
+    "What became of each design (generation, agent, strategy, plan) and its reward:\n"
+)
 _HELP = (
     f"Mend the file or replace it: it is read again when it changes. To skip this request, put a file named {SKIP} "
     "here.\n"
@@ -46,7 +53,8 @@ class Mailbox(VLM):
     A folder holds ``prompt.md``, the pictures that it names, and ``schema.json``. The reply is ``reply.json``, or
     ``reply.md`` with the JSON somewhere in it. While designs of a reply can't be tried, ``problem.md`` lists all faults
     of all of them, and the reply may be amended; a file named ``accept`` has it taken as it is. Replies that are
-    already there, from an interrupted run, are used at once.
+    already there, from an interrupted run, are used at once. After a generation ``results.md`` says what became of each
+    design.
 
     Args:
         folder: folder of the requests; empty: ``mailbox`` in the run's folder.
@@ -64,11 +72,37 @@ class Mailbox(VLM):
         self._own = bool(folder)
         self._poll_s = poll_s
         self._amend = amend
+        self._run: Run | None = None
 
     @hookimpl
     def run_started(self, run: Run) -> None:
+        self._run = run
         if not self._own:
             self._folder = run.folder / "mailbox"
+
+    @hookimpl
+    def generation_finished(self, generation: Generation) -> None:
+        """Write to each request's folder what became of its designs, unless prompts keep silent on it too."""
+        assert self._run is not None
+        settings = self._run.config["prompt"]
+        if settings["feedback"] == "paper":
+            return
+
+        level = installed().factory("level", settings["told"])()
+        sight = level.sight(self._run.task, self._run.seed)
+        by_agent: dict[int, list[Evaluation]] = {}
+        for evaluation in generation.evaluations:
+            by_agent.setdefault(evaluation.candidate.agent, []).append(evaluation)
+
+        for agent, evaluations in by_agent.items():
+            file = self._folder / f"g{generation.index}-a{agent}" / RESULTS
+            if file.parent.is_dir():
+                lines = [
+                    f"- {e.candidate.id}: {describe(e, sight)}" for e in evaluations
+                ]
+                _write(file, "\n".join([_RESULTS_HEAD, *lines, ""]).encode())
+                best = number(max(e.reward for e in evaluations), 3)
+                _say(f"the best of {file.parent.name} earned {best}; {file} says why")
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """See `VLM.complete`.

@@ -407,6 +407,9 @@ def test_a_run_answered_by_hand(tmp_path):
         "the model gave no answer: skipped by hand",
     ]
     assert (folder / "replies" / "g0-a0.txt").read_text() == GOOD
+    assert "- g0-a0-s0-p0: 0.99" in (box / "g0-a0" / "results.md").read_text()
+    skipped = (box / "g0-a1" / "results.md").read_text()
+    assert "rejected: the model gave no answer: skipped by hand" in skipped
     assert (box / "g0-a0" / "scene.png").read_bytes() == (
         folder / "scene.png"
     ).read_bytes()
