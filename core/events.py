@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from core.interfaces import Budget, RolloutSettings, Simulator, Task, ToolRepresentation
-from core.trial import TIE, Evaluation, Rewards, Tally, best_first
+from core.trial import TIE, Evaluation, Rewards, Tally, Trial, best_first
 from core.values.efforts import Effort, Held
 
 INTERRUPTED = "interrupted"
@@ -84,10 +84,10 @@ class Result:
 
     ``stopped`` says what cut the run short, a limit that was reached or `INTERRUPTED`; then the last generation may
     lack candidates. None: it came to its end. ``tie`` is as in `Generation`. ``unseen`` are, by engine, the rewards of
-    the best candidate in trials that the search never saw, if the fitness has any. ``winner`` was chosen of those that
-    earn alike by more trials, in which finalists earned ``finals``, by their id and engine; ``held`` says in how many
-    layouts more the winner held, and ``perturbed`` what came of it with tool and bodies perturbed. ``effort`` is the
-    best's in the unseen trials.
+    the best candidate in ``unseen_trials``, which the search never saw, if the fitness has any. ``winner`` was chosen
+    of those that earn alike by more trials, in which finalists earned ``finals``, by their id and engine; ``held`` says
+    in how many layouts more the winner held, and ``perturbed`` what came of it with tool and bodies perturbed.
+    ``effort`` is the best's in the unseen trials.
     """
 
     generations: tuple[Generation, ...]
@@ -95,6 +95,7 @@ class Result:
     stopped: str | None = None
     tie: float = TIE
     unseen: Rewards = field(default_factory=dict)
+    unseen_trials: tuple[Trial, ...] = ()
     winner: Evaluation | None = None
     finals: Mapping[str, Rewards] = field(default_factory=dict)
     held: Held | None = None

@@ -30,13 +30,12 @@ def _run_job(cfg: DictConfig) -> UserError | None:
     from omegaconf.errors import OmegaConfBaseException
 
     from core.config.compose import check_keys, explain
-    from core.search.orchestration import run
-    from core.search.outcome import print_outcome
+    from core.search.orchestration import run_and_print
 
     folder = Path(HydraConfig.get().runtime.output_dir)
     try:
         check_keys(cfg)
-        print_outcome(run(cfg, folder), folder)
+        run_and_print(cfg, folder)
     except UserError as error:
         return error
     except OmegaConfBaseException as error:  # a setting without a value

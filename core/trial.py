@@ -194,6 +194,11 @@ class Trial:
     def change(self) -> int | None:
         return self.where.change
 
+    @property
+    def cause(self) -> str:
+        """Why it earns what it earns: the reason, or what became of the goal's bodies; or empty."""
+        return self.reason or self.outcome
+
 
 @dataclass(frozen=True)
 class Score:
@@ -280,6 +285,13 @@ class Evaluation:
         if self.shown is None:
             return self.candidate.problem or ""
         return self.score.reason or self.shown.reason
+
+    @property
+    def why_nothing(self) -> str:
+        """Why it earns nothing, if it does, as far as that is known; or empty."""
+        if self.reward > 0:
+            return ""
+        return self.reason or (self.shown.cause if self.shown is not None else "")
 
     @property
     def reward(self) -> float:

@@ -35,7 +35,7 @@ PARTS = {
     "evolution": "vlmgineer, map_elites, ...",
     "fitness": "nominal, robust, layouts, ...",
     "executor": "local, ray",
-    "listener": "progress, rerun, summary",
+    "listener": "progress, rerun, unseen, summary",
     "command": "report, export, transfer, ...",
 }
 

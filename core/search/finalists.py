@@ -26,7 +26,7 @@ from core.events import Result
 from core.interfaces import Fitness
 from core.search.trials import Trials, make_score
 from core.trial import Condition, Evaluation, Rewards, Tally, Trial, best_first
-from core.values.efforts import Effort, Held
+from core.values.efforts import Held
 
 WIDTH = 8  # trials in an engine at once
 SEARCH_WIDTH = 16  # in the search, where many candidates are alike
@@ -41,13 +41,19 @@ PERTURBED = 0.1
 
 def try_unseen(
     best: Evaluation, fitness: Fitness, trials: Trials
-) -> tuple[Rewards, Effort | None]:
-    """Return the best candidate's rewards in the unseen conditions of the fitness, by engine, and its effort there."""
-    conditions = fitness.unseen()
-    if not conditions:
-        return {}, None
-    ((_, tried),) = trials.try_in(conditions, [best.candidate])
-    return fitness.rewards(tried), replace(best, trials=tried).effort
+) -> tuple[Rewards, Evaluation]:
+    """Return the best candidate's rewards in the unseen conditions of the fitness, by engine, and its trials there.
+
+    All of these are observed: where it fails, the user is told why.
+    """
+    observed = []
+    for condition in fitness.unseen():
+        settings = replace(condition.settings, observe=True)
+        observed.append(replace(condition, settings=settings))
+
+    ((_, tried),) = trials.try_in(observed, [best.candidate])
+    rewards = fitness.rewards(tried) if tried else {}
+    return rewards, replace(best, trials=tried)
 
 
 @dataclass(eq=False)

@@ -18,7 +18,7 @@ from core.plugins.blame import describe_failure, refuse_exit
 from core.search.best import save_best
 from core.search.evolution import evolve
 from core.search.finalists import FinalRace, try_unseen
-from core.search.outcome import print_best, print_outcome, resume_hint
+from core.search.outcome import Announcer, print_best, report_end, resume_hint
 from core.search.setup import Search, build_search
 from core.search.trials import Trials
 from core.store.database import writing
@@ -31,10 +31,26 @@ PER_S = 8  # rollouts of rigid bodies in a second, on two cores
 SOFT_PER_S = 1  # of soft ones
 
 
-def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
+def run_and_print(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> None:
+    """Do what `run` does, and print the outcome.
+
+    Raises:
+        UserError: see `run`; or no candidate could be tried.
+        KeyboardInterrupt: the run was interrupted.
+    """
+    report_end(run(cfg, folder, store, [Announcer()]), folder)
+
+
+def run(
+    cfg: DictConfig,
+    folder: Path,
+    store: RunStore | None = None,
+    listeners: Sequence[object] = (),
+) -> Result:
     """Make the parts that ``cfg`` names, run the loop, and leave everything in ``folder``.
 
-    ``store`` is the store of the run in ``folder`` that is resumed; None: a new run.
+    ``store`` is the store of the run in ``folder`` that is resumed; None: a new run. ``listeners`` hear of it beside
+    those of ``cfg``, and before them.
 
     Raises:
         UserError: a part or setting that can't be used, a folder that holds a run already or can't be written, or a
@@ -45,6 +61,8 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     # From here on the folder is this run's.
     store = store or RunStore.create(folder, search.run.config)
     # Registered last it is called first, and what it raises ends the run: no reply and no evaluation may be lost.
+    for listener in listeners:
+        search.events.register(listener)
     search.events.register(store, "store")
     hint = resume_hint(folder)
 
@@ -124,8 +142,10 @@ def _try_finalists(result: Result, search: Search, finals: FinalRace) -> Result:
     rollouts = rollouts_in(fitness, search.run.budget.final_s)
     result = finals.choose(result, rollouts)
     assert result.winner is not None
-    unseen, effort = try_unseen(result.winner, fitness, finals.trials)
-    return replace(result, unseen=unseen, effort=effort)
+    rewards, tried = try_unseen(result.winner, fitness, finals.trials)
+    return replace(
+        result, unseen=rewards, unseen_trials=tried.trials, effort=tried.effort
+    )
 
 
 def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
@@ -138,7 +158,7 @@ def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
     if store is None:
         config = hydra_config(folder)
         refuse_stored_receivers(config, overrides)
-        print_outcome(run(changed(config, overrides), folder), folder)
+        run_and_print(changed(config, overrides), folder)
         return
 
     try:
@@ -154,7 +174,8 @@ def _go_on(store: RunStore, folder: Path, overrides: Sequence[str]) -> None:
     ended = store.result
     if ended is not None and ended.stopped is None and not more:
         say(f"{folder} holds a run that has come to its end")
-        print_best(ended.best, folder, unseen=ended.unseen)
+        if ended.best is not None:
+            print_best(ended.best, folder)
         return
 
     refuse_stored_receivers(store.config, overrides)
@@ -164,4 +185,4 @@ def _go_on(store: RunStore, folder: Path, overrides: Sequence[str]) -> None:
     if past.again:
         there += f"; {len(past.again)} requests without an answer are sent again"
     say(f"{folder} goes on: {there}", file=sys.stderr)
-    print_outcome(run(cfg, folder, store), folder)
+    run_and_print(cfg, folder, store)

@@ -7,10 +7,12 @@ import sys
 from pathlib import Path
 
 from core.errors import UserError
-from core.events import INTERRUPTED, Result
-from core.store.figures import best_figures, unseen_figures
-from core.store.rows import Best, Unseen
+from core.events import INTERRUPTED, Result, Run
+from core.hooks import hookimpl
+from core.store.figures import best_figures
+from core.store.rows import Best
 from core.support.cli import say
+from core.support.text import number
 
 
 def resume_hint(folder: Path) -> str:
@@ -18,8 +20,31 @@ def resume_hint(folder: Path) -> str:
     return f"to go on: python -m core.run resume={shlex.quote(str(folder))}"
 
 
-def print_outcome(result: Result, folder: Path) -> None:
-    """Print the best candidate of a run, and why the run was stopped early, if it was.
+class Announcer:
+    """A listener that prints the best candidate and its folder, before other listeners say more of it."""
+
+    @hookimpl
+    def run_finished(self, run: Run, result: Result) -> None:
+        best = best_figures(result)
+        if best is not None and result.stopped != INTERRUPTED:
+            print_best(best, run.folder)
+            sys.stdout.flush()
+
+
+def print_best(best: Best, folder: Path) -> None:
+    """Print the best candidate of the run in a folder."""
+    figures = [f"best reward {number(best.reward, 3)}"]
+    if best.reason:
+        figures[0] += f" ({best.reason})"
+    if best.distance_m is not None:  # of joined plans it is not known
+        figures.append(f"distance {best.distance_m:.2f} m")
+
+    figures.append(f"candidate {best.candidate}")
+    say(", ".join(figures), str(folder / "best"))
+
+
+def report_end(result: Result, folder: Path) -> None:
+    """Say why a run was stopped early, if it was.
 
     Raises:
         UserError: no candidate could be tried.
@@ -27,40 +52,13 @@ def print_outcome(result: Result, folder: Path) -> None:
     """
     if result.stopped == INTERRUPTED:
         raise KeyboardInterrupt(resume_hint(folder))
-    if result.best is None and result.stopped is not None:
-        raise UserError(
-            f"no candidate could be tried: {result.stopped}; {resume_hint(folder)}"
-        )
 
-    why = "no candidate came"
-    if result.evaluations:
-        why = result.evaluations[0].reason
-    print_best(best_figures(result), folder, why, unseen_figures(result))
+    if result.best is None:
+        why = f"{result.stopped}; {resume_hint(folder)}"
+        if result.stopped is None:
+            reasons = (evaluation.reason for evaluation in result.evaluations)
+            why = f"the first reason: {next(reasons, 'no candidate came')}"
+        raise UserError(f"no candidate could be tried; {why}")
+
     if result.stopped is not None:
         say(f"stopped: {result.stopped}", resume_hint(folder), file=sys.stderr)
-
-
-def print_best(
-    best: Best | None,
-    folder: Path,
-    why: str = "",
-    unseen: Unseen | None = None,
-) -> None:
-    """Print the best candidate and what it earned in unseen layouts.
-
-    Raises:
-        UserError: there is none.
-    """
-    if best is None:
-        reason = f"; the first reason: {why}" if why else ""
-        raise UserError(f"no candidate could be tried{reason}")
-
-    figures = [f"best reward {best.reward:.3f}"]
-    if best.distance_m is not None:  # of joined plans it is not known
-        figures.append(f"distance {best.distance_m:.2f} m")
-    if unseen is not None:
-        mean = f"mean {unseen.mean:.3f}, worst {unseen.worst:.3f}"
-        figures.append(f"in {unseen.layouts} unseen layouts {mean}")
-
-    figures.append(f"candidate {best.candidate}")
-    say(", ".join(figures), str(folder / "best"))

@@ -6,13 +6,22 @@ import importlib.metadata
 import math
 import statistics
 import sys
+from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from functools import lru_cache
 
 from packaging.requirements import Requirement
 
 from core.events import Generation, Result, Run
-from core.store.rows import Best, GenerationFigures, HeldFigures, RunFigures, Unseen
+from core.store.rows import (
+    Best,
+    FailedLayout,
+    GenerationFigures,
+    HeldFigures,
+    RunFigures,
+    Unseen,
+)
 from core.values.efforts import Held
 
 _PARTS = ("task", "robot", "sim", "vlm", "tool", "action", "evolution", "fitness")
@@ -28,7 +37,7 @@ def report(run: Run, result: Result) -> RunFigures:
         budget=run.config["budget"]["name"],
         seed=run.seed,
         best=best_figures(result),
-        unseen=unseen_figures(result),
+        unseen=unseen_figures(run, result),
         effort=result.effort,
         finalists=finalists,
         held=held_figures(result.held),
@@ -55,6 +64,7 @@ def best_figures(result: Result) -> Best | None:
         generation=best.candidate.generation,
         candidate=best.candidate.id,
         margin=best.least_margin,
+        reason=best.why_nothing,
     )
 
 
@@ -65,7 +75,7 @@ def held_figures(held: Held | None) -> HeldFigures | None:
     return HeldFigures(held.held, held.layouts, round(held.fails_below, 4))
 
 
-def unseen_figures(result: Result) -> Unseen | None:
+def unseen_figures(run: Run, result: Result) -> Unseen | None:
     """Return what the best candidate earned in unseen layouts; None: it was tried in none."""
     if not result.unseen:
         return None
@@ -76,7 +86,26 @@ def unseen_figures(result: Result) -> Unseen | None:
         worst=min(rewards),
         rewards=rewards,
         engines=dict(result.unseen),
+        failed=tuple(failed_layouts(run, result)),
     )
+
+
+def failed_layouts(run: Run, result: Result) -> Iterator[FailedLayout]:
+    """Yield the unseen trials in which the best candidate failed, the worst first."""
+    tasks = {task.name: task for task in run.task.parts}
+
+    for trial in sorted(result.unseen_trials, key=lambda trial: trial.reward):
+        task = tasks[trial.task]
+        if trial.reward >= task.success_reward:
+            continue
+
+        draw = task.draw(trial.layout)
+        numbers = {name: round(draw(name, math.nan), 4) for name in draw.ranges}
+        where = trial.task, trial.engine, trial.layout
+        failed = FailedLayout(*where, trial.reward, trial.cause, numbers)
+        if (run.folder / failed.film_file).exists():
+            failed = replace(failed, film=failed.film_file)
+        yield failed
 
 
 def summary(generation: Generation) -> GenerationFigures:

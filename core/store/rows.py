@@ -97,7 +97,8 @@ def _with_usable_parts(config: RunConfig) -> RunConfig:
 class Best:
     """The best candidate of a run.
 
-    ``distance_m`` is None where it is not known, as of plans that were joined; ``margin`` is the least.
+    ``distance_m`` is None where it is not known, as of plans that were joined; ``margin`` is the least; ``reason`` says
+    why it earns nothing.
     """
 
     reward: Reward
@@ -105,6 +106,7 @@ class Best:
     generation: Count
     candidate: Id
     margin: Margin | None = None
+    reason: str = ""
 
 
 @dataclass(frozen=True)
@@ -120,9 +122,27 @@ class GenerationFigures:
 
 
 @dataclass(frozen=True)
+class FailedLayout:
+    """A trial in which the best candidate failed, why, the numbers drawn for its layout, and its film; empty: none."""
+
+    task: Id
+    engine: Id
+    layout: Count
+    reward: Reward
+    cause: str
+    draw: dict[str, Number]
+    film: str = ""
+
+    @property
+    def film_file(self) -> str:
+        """Where its film is written, in the run's folder."""
+        return f"best/unseen/{self.task}_{self.engine}_{self.layout}.gif"
+
+
+@dataclass(frozen=True)
 class Unseen:
     """What the best candidate earned in layouts that the search never saw: in the engine with the lowest mean, and in
-    each.
+    each; and where it failed, the worst first.
     """
 
     layouts: Count
@@ -130,6 +150,7 @@ class Unseen:
     worst: Reward
     rewards: tuple[Reward, ...]
     engines: dict[str, tuple[Reward, ...]]
+    failed: tuple[FailedLayout, ...] = ()
 
 
 @dataclass(frozen=True)

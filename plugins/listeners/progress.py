@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
 from core.hooks import hookimpl
+from core.plugins import installed
 from core.support.progress import Step, busy
-from core.support.text import visible
+from core.support.text import number, visible
 from core.trial import Evaluation
 
 if TYPE_CHECKING:
@@ -37,9 +39,15 @@ class ProgressListener:
     @hookimpl
     def run_started(self, run: Run) -> None:
         self._population = run.budget.population
-        names = " ".join(f"{kind}={name}" for kind, name in run.parts.items())
-        self._print(f"{names} seed={run.seed}", style="bold")
+        parts = [
+            f"{kind}={name}"
+            for kind, name in run.parts.items()
+            if kind not in ("fitness", "material")  # which need a word each
+        ]
+        self._print(f"{' '.join(parts)} seed={run.seed}", style="bold")
         self._print(f"model: {run.model}")
+        self._print(_explain_fitness(run))
+        self._print(_explain_material(run))
 
         generations = run.budget.n_iteration + 1
         size = f"{generations} generations of up to {self._population} candidates"
@@ -62,7 +70,7 @@ class ProgressListener:
             self._count += 1
             self._best = max(self._best, evaluation.reward)
             counts = f"{self._count}/{self._population}"
-            self._step.what = f"{self._name}  {counts}  best {self._best:.3f}"
+            self._step.what = f"{self._name}  {counts}  best {number(self._best, 3)}"
 
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
@@ -71,7 +79,7 @@ class ProgressListener:
         best = generation.best_reward
         mean = generation.mean_reward
         if best is not None and mean is not None:
-            rewards = f"best {best:.3f}  mean {mean:.3f}"
+            rewards = f"best {number(best, 3)}  mean {number(mean, 3)}"
         counts = f"{len(generation.evaluations)} candidates"
 
         for status in ("rejected", "failed"):
@@ -81,7 +89,7 @@ class ProgressListener:
 
         self._print(f"generation {generation.index}  {rewards}  ({counts})")
 
-    @hookimpl
+    @hookimpl(tryfirst=True)
     def run_finished(self, run: Run, result: Result) -> None:
         self._stop()
         seconds = result.wall_time_s
@@ -100,3 +108,20 @@ class ProgressListener:
     def _stop(self) -> None:
         self._open.close()
         self._step = None
+
+
+def _explain_fitness(run: Run) -> str:
+    """Say what a candidate is judged by: the name of the fitness, and the first line that its plugin says of it."""
+    name = run.parts["fitness"]
+    said = inspect.getdoc(installed().factory("fitness", name)) or ""
+    return f"fitness={name}: {said.partition(chr(10))[0]}"
+
+
+def _explain_material(run: Run) -> str:
+    """Say what tools are made of."""
+    material = run.representation.material
+    words = "no real one: tools weigh what their designs say, as in the paper"
+    if material.density_kg_m3 is not None:
+        words = f"{material.density_kg_m3:g} kg/m³, {material.filling}"
+
+    return f"material={material.name}: {words}"

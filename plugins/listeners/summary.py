@@ -1,7 +1,4 @@
-"""The ``summary`` listener: prints the outcome of a run, and the commands to look further.
-
-It says what spoke against candidates, what the best one earned and where, what the model cost, and what to type next.
-"""
+"""The ``summary`` listener: says more of the winner of a run, and what to type next; then what failed, and why."""
 
 from __future__ import annotations
 
@@ -15,9 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 from omegaconf import OmegaConf
 
+from core.config.schemas import PromptSettings
+from core.design import Candidate
 from core.errors import UserError
 from core.hooks import hookimpl
-from core.plugins import TASK
+from core.plugins import TASK, installed
+from core.store.figures import failed_layouts
 from core.support.cli import print_table, say
 from core.support.text import by_reason, clean, hydra_word, number
 from core.trial import Evaluation, best_tools
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from core.interfaces import Reply
 
 _LONGEST = 60  # letters of a name
+_LINE = 400  # letters of what was observed
 _REASONS = 5  # why candidates earned nothing or less
 
 _CHOSEN = ("task", "robot", "sim", "tool", "material", "fitness")
@@ -40,14 +41,14 @@ def listeners() -> Mapping[str, Callable[..., Any]]:
 
 
 class SummaryListener:
-    """Prints a table of the best tools, what spoke against candidates, and the commands to type next::
+    """Prints what is to be said of the winner, its film, and what to type next; then what failed, and why::
 
         python -m core.run task=BringCube listener.summary.top=5
 
     All goes to standard error, so that standard output stays free for results.
 
     Args:
-        top: how many tools.
+        top: how many tools are listed.
     """
 
     def __init__(self, top: int = 3) -> None:
@@ -62,15 +63,73 @@ class SummaryListener:
     @hookimpl(trylast=True)
     def run_finished(self, run: Run, result: Result) -> None:
         """Print it after other listeners, whose files it names."""
-        lines = list(_reasons(result))
+        best = result.best
+        lines = [_spent(self._replies)]
 
-        if result.best is not None:
+        if best is None:
+            first = next((e.reason for e in result.evaluations), "no candidate came")
+            lines.append(f"no candidate could be tried: {first}")
+        else:
+            lines = [*_causes(run, best), _explain_id(best.candidate), *lines]
+            lines += _remarks(result, best)
+
+        say(*lines, *_next_steps(run, result), file=sys.stderr)
+        if best is not None:
+            say("", "the best tools:", file=sys.stderr)
             _print_tools(result, self.top)
-            lines += _remarks(result, result.best)
 
-        lines.append(_spent(self._replies))
-        lines += _commands(run, result)
-        say(*lines, file=sys.stderr)
+        say(*_unseen_failures(run, result), *_failures(result), file=sys.stderr)
+
+
+def _causes(run: Run, best: Evaluation) -> Iterator[str]:
+    """Say why the best candidate earned nothing, or less than success, where that is known."""
+    known = best.observation is not None or best.reason
+    if not known or best.reward >= run.task.success_reward:
+        return
+
+    level = installed().factory("level", PromptSettings.told)()
+    observed = level.report(best, run.task).get("observed", best.reason)
+    observed = observed.removeprefix(f"{number(best.reward, 3)} ")
+    head = "why not more" if best.reward > 0 else "why nothing was earned"
+    yield f"{head}: {clean(observed, _LINE)}"
+
+
+def _explain_id(candidate: Candidate) -> str:
+    """Say what the id of the best candidate means, and what its tool is called."""
+    where = f"generation {candidate.generation}, agent {candidate.agent}, strategy {candidate.strategy}"
+    line = f"{candidate.id}: {where}, plan {candidate.action}"
+    name = clean(_name(candidate), _LONGEST)
+
+    return f"{line}; its designer calls the tool {name}" if name else line
+
+
+def _name(candidate: Candidate) -> str:
+    """Return the name of a candidate's tool, or of its strategy; or empty."""
+    tool = candidate.tool
+    return (tool and tool.name) or candidate.strategy_name
+
+
+def _next_steps(run: Run, result: Result) -> Iterator[str]:
+    """Yield where the film of the best is, and commands to look further.
+
+    They can be pasted into a shell in the working directory: the recording, the report, the best design tried again.
+    """
+    film = run.folder / "best" / "rollout.gif"
+    if result.best is not None and film.exists():
+        yield f"film: {_shorten(film)}"
+
+    yield "what to type next:"
+    folder = shlex.quote(_shorten(run.folder))
+    if "rerun" in run.config.get("listener", {}):
+        yield f"  vlmgineer view {folder}"
+
+    if result.best is None:
+        return
+
+    yield f"  vlmgineer report {folder}"
+    file = _shorten(run.folder / "best" / "design.json")
+    words = [*_settings(run), f"designs={hydra_word(file)}"]
+    yield f"  {shlex.join(['vlmgineer', 'evaluate', *words])}"
 
 
 def _print_tools(result: Result, top: int) -> None:
@@ -83,11 +142,11 @@ def _print_tools(result: Result, top: int) -> None:
     numbers = ("reward", "distance m", "components", "mass g")
     rows = []
 
-    for evaluation in best_tools(result.ranking)[:top]:
+    assert result.best is not None
+    for evaluation in best_tools([result.best, *result.ranking])[:top]:
         candidate = evaluation.candidate
         tool = candidate.tool
         assert tool is not None
-        name = clean(tool.name or candidate.strategy_name, _LONGEST)
 
         row = (
             number(evaluation.reward, 3),
@@ -95,23 +154,34 @@ def _print_tools(result: Result, top: int) -> None:
             str(len(tool.components)),
             f"{1000 * tool.mass:.0f}",
             candidate.id,
-            name,
+            clean(_name(candidate), _LONGEST),
         )
         rows.append(row)
 
     print_table((*numbers, "candidate", "tool"), rows, numbers, sys.stderr)
 
 
-def _reasons(result: Result) -> Iterator[str]:
-    """Say why candidates were rejected, failed, or earned less than their rollout did.
+def _failures(result: Result) -> Iterator[str]:
+    """Say under a heading why candidates were rejected, failed, or earned nothing or less than their rollout did.
 
     The most common reasons come first, each with the first candidate that it spoke against.
     """
-    lines = by_reason((e.candidate.id, e.reason) for e in result.evaluations)
-    yield from lines[:_REASONS]
+    reasons = [
+        (evaluation.candidate.id, evaluation.reason or evaluation.why_nothing)
+        for evaluation in result.evaluations
+    ]
+    lines = by_reason(reasons)
+    if not lines:
+        return
+
+    failed = sum(bool(reason) for _, reason in reasons)
+    yield ""
+    yield f"what failed, and why ({failed} of {len(reasons)} candidates):"
+    for line in lines[:_REASONS]:
+        yield f"  {line}"
 
     if len(lines) > _REASONS:
-        yield f"and {len(lines) - _REASONS} more reasons: vlmgineer report has them"
+        yield f"  and {len(lines) - _REASONS} more reasons: vlmgineer report has them"
 
 
 def _remarks(result: Result, best: Evaluation) -> Iterator[str]:
@@ -142,6 +212,27 @@ def _remarks(result: Result, best: Evaluation) -> Iterator[str]:
         worst = number(min(rewards), 3)
         earned = f"the best earned {mean} on the mean, {worst} in the worst ({engine})"
         yield f"in {len(rewards)} unseen layouts {earned}"
+
+
+def _unseen_failures(run: Run, result: Result) -> Iterator[str]:
+    """Say under a heading in which unseen layouts the best failed: why, what was drawn there, and where a film is."""
+    failed = list(failed_layouts(run, result))
+    if not failed:
+        return
+
+    yield ""
+    yield f"unseen layouts in which the best fails ({len(failed)} of {len(result.unseen_trials)}), and why:"
+    for layout in failed[:_REASONS]:
+        where = f"layout {layout.layout}, {layout.engine}"
+        why = clean(layout.cause, _LINE) or "it earns less than success"
+        drawn = ", ".join(f"{name} {value:g}" for name, value in layout.draw.items())
+        yield f"  {where}: reward {number(layout.reward, 3)}, {why}"
+        yield f"    drawn: {clean(drawn, _LINE)}"
+        if layout.film:
+            yield f"    film: {_shorten(run.folder / layout.film)}"
+
+    if len(failed) > _REASONS:
+        yield f"  and {len(failed) - _REASONS} more: result.json has them"
 
 
 def _tied(result: Result, best: Evaluation) -> Iterator[str]:
@@ -218,33 +309,15 @@ def _spent(replies: Sequence[Reply]) -> str:
     costs = [reply.cost_usd for reply in replies if reply.cost_usd is not None]
     failed = sum(reply.error is not None for reply in replies)
 
-    line = f"{len(replies)} repl{'y' if len(replies) == 1 else 'ies'}"
+    line = f"the model was asked {len(replies)} time{'' if len(replies) == 1 else 's'}"
     if failed:
-        line += f", {failed} of them failed"
+        line += f", {failed} without an answer"
     if known:
         line += f", {sum(known)} tokens"
     if costs:
         line += f", {sum(costs):.2f} USD"
 
     return line
-
-
-def _commands(run: Run, result: Result) -> Iterator[str]:
-    """Yield commands to look further: the recording, the report, and the best design tried again.
-
-    They can be pasted into a shell in the working directory.
-    """
-    folder = shlex.quote(_shorten(run.folder))
-    if "rerun" in run.config.get("listener", {}):
-        yield f"vlmgineer view {folder}"
-
-    if result.best is None:
-        return
-
-    yield f"vlmgineer report {folder}"
-    file = _shorten(run.folder / "best" / "design.json")
-    words = [*_settings(run), f"designs={hydra_word(file)}"]
-    yield shlex.join(["vlmgineer", "evaluate", *words])
 
 
 def _settings(run: Run) -> list[str]:

@@ -93,9 +93,9 @@ def earned(entry: Entry, task: str, run: RunResult) -> float:
     settings = node(cfg.rollout, RolloutSettings)
     fitness = build_fitness_in(task_part(cfg), cfg, settings)
     with part(EXECUTOR, cfg.executor).create() as executor:
-        rewards, effort = try_unseen(Evaluation(candidate), fitness, Trials(executor))
+        rewards, tried = try_unseen(Evaluation(candidate), fitness, Trials(executor))
 
-    return replace(run, rewards=rewards, effort=effort).score(entry.rules, task)
+    return replace(run, rewards=rewards, effort=tried.effort).score(entry.rules, task)
 
 
 def _configure(entry: Entry, task: str) -> DictConfig:

@@ -192,6 +192,7 @@ def test_result_and_generations(opened):
             "generation": 0,
             "candidate": "g0-a0-s0-p0",
             "margin": None,
+            "reason": "",
         },
         "unseen": None,
         "effort": None,

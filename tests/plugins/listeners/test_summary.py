@@ -9,11 +9,12 @@ import pytest
 
 from core.config.compose import load
 from core.design import Candidate
+from core.errors import UserError
 from core.events import Generation, Result, Run
 from core.interfaces import Reply, Score
 from core.plugins import event_hub, installed
 from core.scene import Margin
-from core.search.orchestration import run
+from core.search.orchestration import run, run_and_print
 from core.support.text import hydra_word
 from core.trial import Evaluation, Trial, Where
 from plugins.conformance.evaluations import tried_once
@@ -21,6 +22,8 @@ from plugins.new.packages import write_scene
 from plugins.trying import evaluate
 from tests.core.run_folders import hook
 from tests.outside_arm import write_arm
+
+TESTS = Path(__file__).parents[2]
 
 
 def summary(capsys, *rewards, replies=(), name="hook", trials=({},), **settings):
@@ -68,15 +71,12 @@ def rows(said):
 
 def commands(said):
     """The commands to type next."""
-    return [
-        line
-        for line in said.splitlines()
-        if line.startswith(("vlmgineer ", "python -m "))
-    ]
+    lines = [line.strip() for line in said.splitlines()]
+    return [line for line in lines if line.startswith(("vlmgineer ", "python -m "))]
 
 
 def test_the_best_tools(capsys):
-    said = rows(summary(capsys, [0.2, 0.4, None], [0.3, 0.1]))
+    said = rows(summary(capsys, [0.2, 0.4, None], [0.3, 0.1]))[1:]
     tools = [line for line in said if line[-1:] == ["hook"]]
     assert [line[0] for line in tools] == ["0.400", "0.300", "0.200"]
     assert tools[0] == ["0.400", "1.50", "2", "10", "g0-a0-s1-p0", "hook"]
@@ -84,7 +84,13 @@ def test_the_best_tools(capsys):
 
 def test_what_spoke_against_candidates_is_said_by_candidate(capsys):
     said = summary(capsys, [0.2, None, None], [None])
-    assert "3 times, first g0-a0-s1-p0: heavy" in said.splitlines()
+    first, *_ = lines = said.splitlines()
+    assert first == (
+        "g0-a0-s0-p0: generation 0, agent 0, strategy 0, plan 0; its designer calls the tool hook"
+    )
+    heading = lines.index("what failed, and why (3 of 4 candidates):")
+    assert heading > lines.index("what to type next:")
+    assert lines[heading + 1] == "  3 times, first g0-a0-s1-p0: heavy"
 
 
 def test_a_shorter_way_that_goes_first_is_explained(capsys):
@@ -98,7 +104,7 @@ def test_a_shorter_way_that_goes_first_is_explained(capsys):
 
 def test_as_many_tools_as_asked_for(capsys):
     said = rows(summary(capsys, [0.2, 0.4, 0.6], top=1))
-    assert [line[0] for line in said if line[-1:] == ["hook"]] == ["0.600"]
+    assert [line[0] for line in said[1:] if line[-1:] == ["hook"]] == ["0.600"]
 
 
 def test_what_the_model_took(capsys):
@@ -107,10 +113,10 @@ def test_what_the_model_took(capsys):
         Reply("b", "", "m", error="no"),
         Reply("c", "", "m", prompt_tokens=1, cost_usd=0.25),
     ]
-    assert "3 replies, 1 of them failed, 16 tokens, 0.75 USD" in summary(
+    assert "asked 3 times, 1 without an answer, 16 tokens, 0.75 USD" in summary(
         capsys, [0.5], replies=replies
     )
-    assert "1 reply\n" in summary(capsys, [0.5], replies=[Reply("a", "", "m")])
+    assert "asked 1 time\n" in summary(capsys, [0.5], replies=[Reply("a", "", "m")])
 
 
 def test_the_least_margin_of_the_best(capsys):
@@ -141,7 +147,7 @@ def test_a_models_words_stay_words(capsys):
 
 def test_nothing_could_be_tried(capsys):
     said = summary(capsys, [None])
-    assert "g0-a0-s0-p0: heavy" in said
+    assert "no candidate could be tried: heavy" in said
     assert len(commands(said)) == 1  # no report of nothing
 
 
@@ -163,6 +169,72 @@ def test_commands_are_quoted(capsys):
             *("seed=3", f"designs={hydra_word(f'{folder}/best/design.json')}"),
         ],
     ]
+
+
+PUSHED_AWAY = [
+    [0.5, 0, 0.5, 0, 0, 0],
+    [0.5, 0, 0.345, 0, 0, 0],
+    [0.72, 0, 0.345, 0, 0, 0],
+]
+INTO_ITSELF = [
+    [0.4, 0, 0.5, 0, 0, 0],
+    [0.2, 0, 0.2, 0, 0, 3.1],
+    [-0.4, 0, 0.5, 0, 0, 0],
+]
+NOTHING_EARNED = {  # a file of designs, the strategy, another plan, further words, and the cause
+    "never touched": ("BringCube", 0, None, "", "never touched"),
+    "unreachable": ("BringCube", 2, None, "", "unreachable waypoint 2"),
+    "missed": ("BringCube", 1, PUSHED_AWAY, "", "missed"),
+    "stuck": ("HighObject", 0, None, "", "stuck shelf"),
+    "dropped": ("ElevatePlate", 0, None, "", "dropped plate"),
+    "tipped": ("LiftBox", 1, None, "", "tipped box"),
+    "forbidden": (
+        *("OneBook", 0, None, "task.variation=wide seed=1"),
+        "forbidden book_4 moved by",
+    ),
+    "into itself": ("BringCube", 1, INTO_ITSELF, "", "the arm's 'panda_link1' is"),
+    "too long": (
+        *("BringCube", 0, None, "rollout.max_motion_s=1"),
+        "the motion takes 2 s under the arm's limits",
+    ),
+    "no answer": ("BringCube", None, None, "", "the model gave no answer: skipped"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("inline")
+@pytest.mark.parametrize("kind", NOTHING_EARNED)
+def test_the_first_line_of_a_run_without_a_reward_names_the_cause(
+    kind, tmp_path, capsys
+):
+    task, strategy, plan, words, cause = NOTHING_EARNED[kind]
+    folder = "tasks/solutions" if kind == "forbidden" else "failures"
+    document = json.loads((TESTS / folder / f"{task}.json").read_text())
+    letter = tmp_path / "box/g0-a0"
+    letter.mkdir(parents=True)
+    if strategy is None:
+        (letter / "skip").touch()
+    else:
+        design = document["strategies"][strategy]
+        design["action_sets"] = [plan] if plan else design["action_sets"]
+        (letter / "reply.json").write_text(json.dumps({"strategies": [design]}))
+
+    sizes = "n_agent=1 n_tool=1 n_action=1 n_iteration=0"
+    settings = [f"budget.{size}" for size in sizes.split()] + words.split()
+    settings += ["sim=mujoco", "film=false", "prompt.picture=false", "vlm.poll_s=0.02"]
+    settings += ["vlm=mailbox", f"vlm.folder={tmp_path / 'box'}", "listener=[summary]"]
+    try:
+        run_and_print(load("config", [f"task={task}", *settings]), tmp_path / "run")
+        shown = capsys.readouterr()
+        first = shown.out.splitlines()[0]
+        assert first.startswith(f"best reward 0.000 ({cause}")
+        why = shown.err.partition("why nothing was earned: ")[2]
+        assert why.replace(" at ", " ").replace(": ", " ").startswith(cause)
+    except UserError as error:
+        first = str(error)
+        assert f"no candidate could be tried; the first reason: {cause}" in first
+        said = capsys.readouterr().err
+        assert f"no candidate could be tried: {cause}" in said
 
 
 KINDS = {
