@@ -180,13 +180,22 @@ def dump_design(
     """
     strategy = dump_names(candidate)
     assert candidate.tool is not None
-    strategy |= representation.dump(candidate.tool)
+    strategy |= dump_tool(candidate.tool, representation)
     strategy["action_description"] = candidate.action_description
     if candidate.plan.action != Waypoints.action:
         strategy["action"] = candidate.plan.action
     strategy["action_sets"] = [candidate.plan.dump()]
 
     return strategy
+
+
+def dump_tool(tool: Tool, representation: ToolRepresentation) -> dict[str, Any]:
+    """Write a tool: as it was read where it is still that, so that it comes back to the last bit."""
+    content, text = tool.written
+    if content != tool.content:
+        return representation.dump(tool)
+    found: dict[str, Any] = json.loads(text)
+    return found
 
 
 def dump_names(candidate: Candidate) -> dict[str, Any]:
@@ -337,7 +346,11 @@ def _read_tool(
         )
 
     weighed = representation.material.made(tool)
-    return replace(weighed, name=name, description=description)
+    keys = call_part(representation, "schema", dict)
+    text = json.dumps({key: fields[key] for key in keys if key in fields}, default=str)
+    return replace(
+        weighed, name=name, description=description, written=(weighed.content, text)
+    )
 
 
 def _read_action_sets(

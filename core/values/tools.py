@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, NamedTuple
 
@@ -126,7 +126,8 @@ class Tool:
     """Joined solids: a tool on `RIGID_MOUNT`, or with ``gripper`` attachments to the fingers `GRIPPER_MOUNTS`.
 
     Without components it is the bare arm (with ``gripper``: the bare hand). Parents come before their children.
-    ``friction`` is that of a rigid tool; attachments to the fingers have that of the fingers.
+    ``friction`` is that of a rigid tool; attachments to the fingers have that of the fingers. ``written`` is the text
+    that it was read from, and the `content` that this had: numbers of another text may differ in their last bits.
 
     Raises:
         DesignError: a name is used twice, or a parent is neither a component before it nor a mount.
@@ -137,6 +138,7 @@ class Tool:
     name: str = ""
     description: str = ""
     friction: float = TOOL_FRICTION
+    written: tuple[str, str] = field(default=("", ""), compare=False, repr=False)
 
     def __hash__(self) -> int:  # many things are kept by tool, and poses take long
         return hash(
@@ -168,7 +170,9 @@ class Tool:
     @cached_property
     def content(self) -> str:
         """A hash of what is simulated: equal for tools that differ in name and description only."""
-        return digest(content_of(replace(self, name="", description="")))
+        return digest(
+            content_of(replace(self, name="", description="", written=("", "")))
+        )
 
     def placed(self) -> dict[str, tuple[str, Pose]]:
         """Return for each component its mount and its pose in the mount's frame, with all joints at 0."""

@@ -1,4 +1,5 @@
 import string
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.design import Component, DesignError, Tool
+from core.designs.reading import dump_design, read_designs
 from core.designs.rules import check_tool
 from core.geometry import Box, Pose
 from core.interfaces import Brief, Material
@@ -482,6 +484,25 @@ def test_dump_and_parse_give_the_same_tool(tool):
         assert here[0] == there[0]
         np.testing.assert_allclose(there[1].matrix, here[1].matrix, rtol=0, atol=1e-9)
     assert URDF.dump(again) == {"tool_urdf": robot.tool_urdf(again)}
+
+
+def test_a_saved_tool_comes_back_to_the_last_bit():
+    """Poses of a chain depend in their last bits on how the numbers were written."""
+    odd = '<origin xyz="0.0123456789 0 -0.03" rpy="3.14159265359 0.123456789 -2.7"/>'
+    links = A + link("b") + joint("a", "b", origin=odd)
+    task = on_panda(OneBook())
+    plan = [{"position": [0.5, 0, z], "rpy": [0, 0, 0]} for z in (0.5, 0.6)]
+    (first,) = read_designs(
+        {"strategies": [{"tool_urdf": links, "action_sets": [plan]}]}, URDF, task
+    )
+    saved = dump_design(first, URDF)
+    assert saved["tool_urdf"] == links
+    (again,) = read_designs({"strategies": [saved]}, URDF, task)
+    assert again.tool.content == first.tool.content
+    shorter = replace(first.tool, components=first.tool.components[:1])
+    assert (
+        'name="b"' not in dump_design(replace(first, tool=shorter), URDF)["tool_urdf"]
+    )
 
 
 def test_of_a_real_material_a_mass_is_neither_asked_for_nor_read():
