@@ -14,6 +14,7 @@ A new kind is one class, wherever it is written: a `Reach` says what it measures
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import KW_ONLY, dataclass
@@ -119,6 +120,8 @@ class Measure:
         unit: of all its numbers: m, rad, ...
         at_least: whether it must not end below the limit; else not above it.
         near: up to here observations call it good, where the limit is lower.
+        far: so far below a limit that it must not exceed is safe; 0: where the figure is 0.
+        whole: whether nothing counts until it is there.
     """
 
     name: str
@@ -128,15 +131,20 @@ class Measure:
     unit: str
     at_least: bool = False
     near: float = 0.0
+    far: float = 0.0
+    whole: bool = False
 
     def left(self, state: State) -> Array:
         """Compute how far a state is beyond the limit, (...)."""
         value = self.value(state)
 
+        beyond = value - self.limit
         if self.at_least:
-            return np.maximum(self.limit - value, 0.0)
+            beyond = self.limit - value
 
-        return np.maximum(value - self.limit, 0.0)
+        if self.whole:
+            return np.where(beyond > 0, self.slip, 0.0)
+        return np.maximum(beyond, 0.0)
 
     def margin(self, end: State) -> Margin | None:
         """Return the margin of one world; None: nothing may be off, so that there is no room."""
@@ -144,8 +152,8 @@ class Measure:
 
         if self.at_least:
             return Margin.at_least(self.name, value, self.limit, self.unit, self.slip)
-        if self.limit > 0:
-            return Margin.at_most(self.name, value, self.limit, self.unit)
+        if self.limit > 0 or self.far:
+            return Margin.at_most(self.name, value, self.limit, self.unit, self.far)
 
         return None
 
@@ -185,6 +193,7 @@ class Reach(Goal):
     Attributes:
         bodies: their names.
         any: whether one of the bodies is enough.
+        enough: how many of them are, or below 1 which share of them; None: all are wanted.
         also: what else must hold of the same bodies at once; their names need not be repeated there.
         rest: they must end at rest.
         held: the robot must carry them at the end: they touch it, and nothing that is fixed.
@@ -199,6 +208,7 @@ class Reach(Goal):
     bodies: tuple[str, ...] = ()
     _: KW_ONLY
     any: bool = False
+    enough: float | None = None
     also: tuple[Reach, ...] = ()
     rest: bool = False
     held: bool = False
@@ -223,6 +233,7 @@ class Reach(Goal):
             "a goal's ",
             {
                 "tolerances and ways must be 0 or more": least < 0,
+                "enough must be above 0": self.enough is not None and self.enough <= 0,
                 "weight must be above 0": not 0 < self.weight < np.inf,
                 "by_s must be above 0": self.by_s is not None and not self.by_s > 0,
                 "kind must say what is to be reached, or rest, held or released": only_bodies,
@@ -235,7 +246,7 @@ class Reach(Goal):
 
     # What a kind says:
 
-    def measures(self, body: str, start: State) -> Sequence[Measure]:
+    def measures(self, body: str, start: State) -> Iterable[Measure]:
         """Return what it asks of the end of a body; ``start`` is the state before the motion."""
         return ()
 
@@ -300,8 +311,21 @@ class Reach(Goal):
         if not shares:
             raise ValueError("a goal to reach needs bodies")
 
-        combine = np.max if self.any else np.mean
-        return np.asarray(combine(shares, axis=0))
+        best = self._count(len(shares))
+        counted = np.array(shares)
+        if best < len(shares):
+            counted = np.sort(shares, axis=0)[-best:]
+        return np.asarray(np.mean(counted, axis=0))
+
+    def _count(self, bodies: int) -> int:
+        """Return how many of so many bodies are enough."""
+        if self.any:
+            return 1
+        if self.enough is None:
+            return bodies
+        if self.enough < 1:
+            return math.ceil(self.enough * bodies)
+        return min(int(self.enough), bodies)
 
     def _approach(self, body: str, start: State, now: State) -> Array:
         """Compute which share of a body's way from its start is done, 0..1, (...).
@@ -387,8 +411,7 @@ class Reach(Goal):
         )
 
     def margins(self, evidence: Evidence) -> list[Margin]:
-        """Return those of one world; of several bodies, those of the worst, or with ``any`` of the best."""
-        least_or_most = max if self.any else min
+        """Return those of one world; of several bodies, those of the worst that is needed."""
         end = evidence.end
         bodies = self.subjects(end)
 
@@ -400,15 +423,16 @@ class Reach(Goal):
             known = [margin for margin in margins if margin is not None]
 
             if known:
-                found.append(least_or_most(known, key=lambda margin: margin.margin))
+                known.sort(key=lambda margin: -margin.margin)
+                found.append(known[self._count(len(known)) - 1])
 
         what = "bodies"
         if len(bodies) == 1:
             what = self.subject
 
         if self.rest:
-            slow_or_fast = min if self.any else max
-            fastest = slow_or_fast(float(self.unrest(body, end)) for body in bodies)
+            speeds = sorted(float(self.unrest(body, end)) for body in bodies)
+            fastest = speeds[self._count(len(speeds)) - 1]
             name = f"speed of {what}"
             found.append(Margin.at_most(name, fastest, 1.0, "resting speeds"))
 
@@ -508,7 +532,7 @@ class JointAt(Reach):
     def _slides(self, state: State) -> bool:
         return state.joints[self.joint].joint.kind == "slider"
 
-    def measures(self, body: str, start: State) -> Sequence[Measure]:
+    def measures(self, body: str, start: State) -> Iterable[Measure]:
         def off(state: State) -> Array:
             return np.abs(state.joint(self.joint).position - self.to)
 

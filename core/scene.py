@@ -63,6 +63,10 @@ __all__ = [
 ]
 
 
+GROUND_M = 400.0  # how long and wide a floor is
+GRAVITY: Vector = (0.0, 0.0, -9.81)
+
+
 @dataclass(frozen=True)
 class Geom:
     """One shape of a body, its pose in the body's frame, and its colour (red, green, blue, opacity; 0..1)."""
@@ -221,7 +225,7 @@ class Soft(Body):
 class Scene:
     """All bodies in the world, without the robot, and the joints between them.
 
-    A body hangs from at most one joint, and no joints form a circle.
+    A body hangs from at most one joint, and no joints form a circle. ``gravity`` is in m/s^2, along the world's axes.
 
     Raises:
         ValueError: two bodies or two joints have the same name; a joint can't be where it is; or too many soft nodes.
@@ -229,6 +233,7 @@ class Scene:
 
     bodies: tuple[Body, ...]
     joints: tuple[Joint, ...] = ()
+    gravity: Vector = GRAVITY
 
     def __hash__(self) -> int:  # much is kept by scene, and layouts differ in places
         return hash(tuple((body.name, body.pose) for body in self.bodies))
@@ -430,10 +435,11 @@ def table() -> Body:
 
 
 def floor(height: float = -0.625, friction: float = 0.5) -> Body:
-    """Make a floor with its upper face at z = ``height``."""
+    """Make a floor with its upper face at z = ``height``. It goes on where it is no longer drawn."""
     slab = Geom(
         Box((6.0, 6.0, 0.1)),
         Pose(np.array([0.0, 0.0, height - 0.05])),
         (0.86, 0.87, 0.88, 1.0),
     )
-    return Body("floor", Pose(), 0.0, (slab,), (slab,), friction)
+    ground = replace(slab, shape=Box((GROUND_M, GROUND_M, 0.1)))
+    return Body("floor", Pose(), 0.0, (slab,), (ground,), friction)

@@ -49,7 +49,6 @@ EXPLODED_M_S = 100.0
 OVERRUN = {"hinge": (0.1, "rad"), "slider": (0.003, "m")}
 
 _STILL_M = 1e-4  # a pair is looked at again when one of them has moved so far
-_GRAVITY = 9.81
 
 
 class Finding(NamedTuple):
@@ -96,7 +95,7 @@ def findings(
     samples = coarse_samples(recording)
     coarse = subset(unpressed, samples)
     tracks = follow(scene, robot, tool, coarse, detours(recording, samples))
-    flung = _find_flung(coarse, tracks)
+    flung = _find_flung(scene, coarse, tracks)
 
     pairs = neighbours(tracks, 0.0, scene.joined)
     depths = choose_depths(tracks.solids, pairs)
@@ -226,10 +225,11 @@ def _find_overrun(tool: Tool, recording: Recording) -> Iterator[Finding]:
             yield Finding(text, penetration=True)
 
 
-def _find_flung(recording: Recording, tracks: Tracks) -> list[Finding]:
+def _find_flung(scene: Scene, recording: Recording, tracks: Tracks) -> list[Finding]:
     """Find bodies faster than the robot and a fall can have made them, and bodies that are far away.
 
     Args:
+        scene: its gravity makes what falls fast.
         recording: how the free bodies move.
         tracks: of the robot.
 
@@ -237,22 +237,27 @@ def _find_flung(recording: Recording, tracks: Tracks) -> list[Finding]:
         Explosion: one is faster than `EXPLODED_M_S`.
     """
     states = recording.states
-    heights = states.positions[:, :, 2]
-    fallen = np.maximum(heights[:1] - heights, 0.0)
-    squares = (states.linear_velocities**2).sum(axis=2) - 2 * _GRAVITY * fallen
+    ways = states.positions - states.positions[:1]
+    gained = np.maximum(ways @ np.asarray(scene.gravity), 0.0)
+    squares = (states.linear_velocities**2).sum(axis=2) - 2 * gained
     fastest = np.sqrt(np.maximum(squares, 0.0).max(axis=0))
     farthest = lengths(states.positions[:, :, :2]).max(axis=0)
+    ends = states.positions[-1, :, 2]
     texts = []
 
-    for name, speed, far in zip(states.names, fastest, farthest, strict=True):
+    for name, speed, far, end in zip(
+        states.names, fastest, farthest, ends, strict=True
+    ):
         if speed > EXPLODED_M_S:
             raise Explosion(f"{name!r} reached {speed:.0f} m/s")
         robots = _bound_robots_speed(tracks) if speed > FLUNG_M_S else 0.0
         if speed > max(FLUNG_M_S, FLUNG_TIMES * robots):
             reached = f"it reached {speed:.1f} m/s, the robot {robots:.1f} m/s"
             texts.append(f"{name!r} was flung: {reached}")
+        elif abs(end) > LOST_M:
+            texts.append(f"{name!r} left the scene: it got to z = {end:.0f} m")
         elif far > LOST_M:
-            texts.append(f"{name!r} was flung: it got {far:.1f} m away")
+            texts.append(f"{name!r} is far away: it got to {far:.1f} m from the robot")
 
     return [Finding(text, penetration=False) for text in texts]
 

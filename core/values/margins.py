@@ -28,11 +28,16 @@ class Margin:
     margin: float
 
     @classmethod
-    def at_most(cls, name: str, value: float, limit: float, unit: str) -> Margin:
-        """Of what must not exceed a limit above 0: 1 where the value is 0."""
-        return cls(
-            name, float(value), float(limit), unit, _cut(1 - float(value) / limit)
+    def at_most(
+        cls, name: str, value: float, limit: float, unit: str, far: float = 0.0
+    ) -> Margin:
+        """Of what must not exceed a limit: 1 where the value is below it by ``far``; 0: where it is 0."""
+        margin = (
+            _cut((limit - float(value)) / far)
+            if far
+            else _cut(1 - float(value) / limit)
         )
+        return cls(name, float(value), float(limit), unit, margin)
 
     @classmethod
     def at_least(

@@ -21,6 +21,7 @@ from itertools import combinations
 import numpy as np
 from scipy.optimize import brentq
 
+from core.geometry import Vector
 from core.values.robots import LINK_FRICTION
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
@@ -221,12 +222,12 @@ def is_discrete(option: Element) -> bool:
 
 
 def set_options(
-    spec: Element, time_step: float, gravity: float, *, bouncing: bool
+    spec: Element, time_step: float, gravity: Vector, *, bouncing: bool
 ) -> None:
     """Set how the world is solved and stepped."""
     option = spec.option
     option.timestep = time_step
-    option.gravity = [0.0, 0.0, -gravity]
+    option.gravity = list(gravity)
     # Servos are stiff against the arm's inertia. Only the discrete integrator takes that into account in contacts; with
     # the others, loads get accelerations that the arm does not have, and creep. But it is also implicit in the
     # contacts' springs, which removes the rebound, so bouncing bodies get the other one.

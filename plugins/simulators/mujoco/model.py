@@ -17,7 +17,6 @@ from plugins.simulators.mujoco.softs import add_softs, hull_boxes
 from plugins.simulators.rolling import rollers
 from plugins.simulators.steps import choose_step
 
-GRAVITY = 9.81
 MAX_TIME_STEP = 0.005  # s; above, contacts get soft
 # m, of what is searched for a contact: at MuJoCo's own, 1e-6, lying cylinders roll by themselves.
 CCD_TOLERANCE = 1e-10
@@ -100,7 +99,9 @@ def build_spec(
         Surface(body.friction, body.rolling_friction, body.restitution)
         for body in scene.bodies
     ]
-    contacts.set_options(spec, time_step, GRAVITY, bouncing=contacts.bounces(surfaces))
+    contacts.set_options(
+        spec, time_step, scene.gravity, bouncing=contacts.bounces(surfaces)
+    )
     add_servos(spec, robot, tool)
     add_softs(spec, scene, contacts.tools_friction(colliders))
     bearers = add_bodies(spec, scene)

@@ -127,7 +127,7 @@ def _set_elastic(spec: Element, flex: Element, soft: Soft) -> None:
         case "cloth":
             flex.thickness = soft.form.thickness
             flex.elastic2d = _STRETCHES
-            if _bends(soft, -spec.option.gravity[2]):
+            if _bends(soft, float(np.linalg.norm(spec.option.gravity))):
                 flex.elastic2d = _BOTH
 
         case "rope":

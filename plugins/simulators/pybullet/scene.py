@@ -29,6 +29,7 @@ class PreparedScene:
         jointed: those of them that have joints.
         ranks: of the bodies in the scene, by name.
         launched: the bodies that get a velocity when the motion begins.
+        gravity: m/s^2, along the world's axes.
         names: of the free bodies.
         offsets: of the free bodies, as `PreparedTree.offsets`.
     """
@@ -38,6 +39,7 @@ class PreparedScene:
         self.jointed = [tree for tree in self.trees if tree.joints]
         self.ranks = {body.name: rank for rank, body in enumerate(scene.bodies)}
         self.launched = [body for body in scene.free if body.launched]
+        self.gravity = scene.gravity
         self.names = tuple(body.name for body in scene.free)
         self.offsets: dict[str, Pose | None] = {}
         for tree in self.trees:

@@ -22,7 +22,6 @@ from plugins.simulators.pybullet.forces import Forces, pushes
 from plugins.simulators.pybullet.mechanisms import Mechanism, Place
 from plugins.simulators.pybullet.scene import PreparedScene
 
-GRAVITY = 9.81
 # How far bodies may slide before a stored contact point is dropped, as a share of a shape's radius. PyBullet's default,
 # ten times as much, lets stacks creep on outdated points.
 _CONTACT_DRIFT = 0.002
@@ -66,7 +65,7 @@ class World(FreshWorld):
         separation = 1.0 - float(np.exp(-settings.separation_rate * self.time_step))
 
         client.resetSimulation()
-        client.setGravity(0.0, 0.0, -GRAVITY)
+        client.setGravity(*scene.gravity)
         client.setPhysicsEngineParameter(
             fixedTimeStep=self.time_step,
             numSolverIterations=settings.solver_iterations,

@@ -134,7 +134,8 @@ class Bodies:
         self._brake_every = 0
         if brakes:
             self._brake_every = max(1, round(_BRAKE_EVERY / setup.time_step))
-        self._brakes = Brakes(brakes, self._brake_every * setup.time_step)
+        seconds = self._brake_every * setup.time_step
+        self._brakes = Brakes(brakes, seconds, weighed.scene.gravity)
         self._check_pack()
 
     def _make_brake(self, body: Body, component: Any) -> Brake | None:

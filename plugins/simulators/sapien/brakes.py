@@ -7,14 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-GRAVITY = 9.81
+from core.geometry import Vector
 
 # How fast rolling is stopped, up to the brake's torque, 1/s: at once.
 _BRAKE = 1e4
 # Slower than so many m/s a body rests.
 _RESTS = 0.05
 _ALIKE = (0.98, 1.02)  # a brake is updated if the force changed by more than these
-_UP = np.array([0.0, 0.0, GRAVITY], dtype=np.float32)
 
 
 class Brake(NamedTuple):
@@ -52,9 +51,12 @@ class Brakes:
     Args:
         brakes: of all bodies that have one.
         seconds: between two adjustments.
+        gravity: m/s^2, along the world's axes.
     """
 
-    def __init__(self, brakes: list[Brake], seconds: float) -> None:
+    def __init__(self, brakes: list[Brake], seconds: float, gravity: Vector) -> None:
+        weight = float(np.linalg.norm(gravity))
+        self._up: npt.NDArray[np.float32] = np.negative(gravity, dtype=np.float32)
         self._brakes = brakes
         self._seconds = seconds
         self._numbers = [brake.number for brake in brakes]
@@ -64,15 +66,15 @@ class Brakes:
         self._velocities: npt.NDArray[np.float32] = still
 
         # Squares of the accelerations between which a brake may stay as it is.
-        self._low = (_ALIKE[0] * GRAVITY) ** 2 * self._held
-        self._high = (_ALIKE[1] * GRAVITY) ** 2 * self._held
+        self._low = (_ALIKE[0] * weight) ** 2 * self._held
+        self._high = (_ALIKE[1] * weight) ** 2 * self._held
         for brake in brakes:
-            brake.limit(brake.held * GRAVITY)
+            brake.limit(brake.held * weight)
 
     def adjust(self, velocities: npt.NDArray[np.float32]) -> None:
         """Update the brakes from the velocities (B, 3) of all free bodies."""
         braked = velocities.take(self._numbers, axis=0)
-        contact = (braked - self._velocities) / self._seconds + _UP
+        contact = (braked - self._velocities) / self._seconds + self._up
         self._velocities = braked
         squares = np.einsum("bi,bi->b", contact, contact)
         resting = np.einsum("bi,bi->b", braked, braked) < _RESTS**2

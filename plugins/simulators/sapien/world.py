@@ -9,13 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from core.geometry import Array
+from core.geometry import Array, Vector
 from core.interfaces import Robot, Rollout
 from core.scene import State
 from plugins.simulators.fresh import FreshWorld
 from plugins.simulators.links import beyond
 from plugins.simulators.sapien.bodies import UNKNOWN_PACK, Bodies, Weighed
-from plugins.simulators.sapien.brakes import GRAVITY
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.forces import Forces, pushes
 from plugins.simulators.sapien.joints import Joints
@@ -61,7 +60,7 @@ class World(FreshWorld):
         time_step: float,
         settings: Settings,
     ) -> None:
-        _configure(settings.solver_iterations)
+        _configure(settings.solver_iterations, weighed.scene.gravity)
         self.time_step = time_step
         self._system = physx.PhysxCpuSystem()
         self._system.timestep = time_step
@@ -131,10 +130,10 @@ class World(FreshWorld):
         return *self._robot.read(self._bodies.behind(notes)), self._bodies.read(notes)
 
 
-def _configure(solver_iterations: int) -> None:
+def _configure(solver_iterations: int, gravity: Vector) -> None:
     """Configure PhysX. The settings belong to the process, and apply to what is created from here on."""
     physx.set_scene_config(
-        gravity=[0.0, 0.0, -GRAVITY],
+        gravity=list(gravity),
         bounce_threshold=_BOUNCE,
         enable_pcm=True,
         enable_tgs=True,
