@@ -4,18 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import chain, count, islice
 
 import numpy as np
 import trimesh
 
-from core.geometry import Box, Mesh, Pose, Shape
-from core.scene import Body, Color, Filling, Geom, Soft
+from core.geometry import Array, Box, Mesh, Pose, Shape
+from core.robot.solids import body_solids
+from core.scene import Body, Color, Filling, Geom, Soft, floor
 from plugins.tasks.file.files import Files
 from plugins.tasks.file.imports.bodies import HEAVIEST, LIGHTEST
-from plugins.tasks.file.spec import BodySpec, ImportSpec, ShapeSpec, rgba
+from plugins.tasks.file.spec import (
+    BodySpec,
+    ImportSpec,
+    MarkSpec,
+    RepeatSpec,
+    SceneSpec,
+    ShapeSpec,
+    rgba,
+)
 from plugins.tasks.file.vessels import HANDLE_M
 
 GREY = "#b3b3b3"
+THICK_M = 0.05  # of a wall around the ground
+SEEN_THROUGH = 0.3  # the opacity of a mark with a shape
+APART = 1.01  # times their size: how far repeated bodies are from each other
 
 
 def build_body(spec: BodySpec, files: Files) -> Body:
@@ -32,7 +45,84 @@ def build_body(spec: BodySpec, files: Files) -> Body:
     return body
 
 
-def read_pose(spec: ShapeSpec | ImportSpec) -> Pose:
+def build_mark(spec: MarkSpec) -> Body:
+    """Build a mark, in the frame that it is placed in: drawn through where it has a shape."""
+    red, green, blue, opacity = rgba(spec.color)
+    shape: Shape | None = spec.sphere or spec.cylinder
+    if spec.box is not None:
+        shape = Box(spec.box)
+    if shape is None:
+        return Body.mark(
+            spec.name, spec.position, spec.radius, (red, green, blue, opacity)
+        )
+    drawn = Geom(shape, color=(red, green, blue, SEEN_THROUGH * opacity))
+    return Body(spec.name, read_pose(spec), 0.0, (drawn,), ())
+
+
+def build_ground(spec: SceneSpec) -> Iterator[Body]:
+    """Yield the ground that a file wants, and the wall around it."""
+    if not spec.floor:
+        return
+    ground = spec.ground
+    slab = floor(spec.floor_height, ground.friction)
+    if ground.size is None:
+        yield slab
+        return
+
+    size = (*ground.size, 0.1)
+    (drawn,) = slab.visuals
+    part = replace(drawn, shape=Box(size))
+    yield replace(slab, visuals=(part,), collisions=(part,))
+    if ground.wall is None:
+        return
+
+    walls = []
+    for axis, sign in np.ndindex(2, 2):
+        sides = np.array([*ground.size, ground.wall])
+        sides[axis] = THICK_M
+        place = np.array([0.0, 0.0, spec.floor_height + ground.wall / 2])
+        place[axis] = (2 * sign - 1) * (ground.size[axis] + THICK_M) / 2
+        x, y, z = sides.tolist()
+        walls.append(Geom(Box((x, y, z)), Pose(place), drawn.color))
+    yield Body("wall", Pose(), 0.0, tuple(walls), tuple(walls), ground.friction)
+
+
+def place_copies(repeat: RepeatSpec, body: Body) -> Iterator[Pose]:
+    """Yield where the frames of equal bodies are, in the frame of the first."""
+    boxes = [solid.bounds() for solid in body_solids(replace(body, pose=Pose()))]
+    low = np.min([middle - half for middle, half in boxes], axis=0)
+    high = np.max([middle + half for middle, half in boxes], axis=0)
+    spacing = np.broadcast_to(repeat.spacing or APART * (high - low), 3)
+
+    if repeat.grid:
+        for number in np.ndindex(*repeat.grid[::-1]):
+            yield Pose(spacing * number[::-1])
+        return
+
+    radius = repeat.radius or 0.0
+    if repeat.ring:
+        for angle in np.arange(repeat.ring) * 2 * np.pi / repeat.ring:
+            place = (radius * np.cos(angle), radius * np.sin(angle), 0.0)
+            yield Pose.xyz_rpy(place, (0.0, 0.0, angle))
+        return
+
+    layers = (_fill_layer(radius, spacing, layer) for layer in count())
+    places = chain.from_iterable(layers)
+    yield from islice(places, repeat.heap)
+
+
+def _fill_layer(radius: float, spacing: Array, layer: int) -> Iterator[Pose]:
+    """Yield places in rows within a radius, a layer shifted against the one below it."""
+    most = int(radius // spacing[:2].min()) + 1
+    shift = spacing * (layer % 2) / 2
+    for row in range(-most, most + 1):
+        for column in range(-most, most + 1):
+            place = spacing * (column, row, layer) + shift * (1, 1, 0)
+            if np.hypot(*place[:2]) <= radius or (row, column) == (0, 0):
+                yield Pose(place)
+
+
+def read_pose(spec: ShapeSpec | ImportSpec | MarkSpec) -> Pose:
     """Read a position and angles."""
     roll, pitch, yaw = np.radians(spec.rpy_deg)
     return Pose.xyz_rpy(spec.position, (roll, pitch, yaw))
@@ -107,7 +197,7 @@ def _hull(spec: BodySpec, files: Files) -> Shape:
 
 def _shapes(spec: ShapeSpec) -> Iterator[tuple[Shape, Pose]]:
     """Yield the convex shapes of the one shape that is given, with their poses in its frame."""
-    cup = spec.cup or spec.mug
+    cup = spec.cup or spec.mug or spec.bottle
     if spec.tube is not None:
         yield from spec.tube.parts()
     elif cup is not None:

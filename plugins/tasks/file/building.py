@@ -8,15 +8,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from core.errors import UsageError, UserError, choices
+from core.errors import UserError, choices
 from core.geometry import Array, Pose
-from core.goals import Reach, Turned, check_names, reaches
-from core.scene import Body, Scene, Soft, floor, table
+from core.scene import Body, Color, Scene, table
 from core.values.joints import Placement
-from plugins.tasks.file.bodies import build_body, read_pose
+from plugins.tasks.file.bodies import (
+    build_body,
+    build_ground,
+    build_mark,
+    place_copies,
+    read_pose,
+)
 from plugins.tasks.file.files import Files
-from plugins.tasks.file.goals import Flattened, Spread
-from plugins.tasks.file.spec import SceneSpec, rgba
+from plugins.tasks.file.naming import find_names
+from plugins.tasks.file.spec import MAX_COPIES, RepeatSpec, SceneSpec, rgba
 from plugins.tasks.file.tree import Tree, Where
 
 
@@ -27,15 +32,10 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
         UserError: a file can't be used; two bodies or marks have one name (says where the second is); or bodies, joints
             or goals don't fit together.
     """
-    around = []
-    if spec.floor:
-        around.append(floor(spec.floor_height))
+    around = list(build_ground(spec))
     if spec.table:
         around.append(table())
-    marks = [
-        Body.mark(mark.name, mark.position, mark.radius, rgba(mark.color))
-        for mark in spec.marks
-    ]
+    marks = [build_mark(mark) for mark in spec.marks if mark.at is None]
     bodies = list[Body]()
     joints = list(spec.joints)
 
@@ -43,7 +43,8 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
         with _located(tree, ("bodies", number)):
             body = build_body(given, files)
             frame = _frame(given.at, (*marks, *bodies))
-            bodies.append(replace(body, pose=frame @ body.pose))
+            placed = replace(body, pose=frame @ body.pose)
+            bodies += _repeat(placed, given.repeat)
 
     for number, other in enumerate(spec.imports):
         with _located(tree, ("imports", number)):
@@ -53,10 +54,23 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
         bodies += [replace(body, pose=pose @ body.pose) for body in found.bodies]
         joints += found.joints
 
+    for number, mark in enumerate(spec.marks):
+        if mark.at is not None:
+            with _located(tree, ("marks", number)):
+                placed = build_mark(mark)
+                frame = _frame(mark.at, (*marks, *bodies))
+                marks.append(replace(placed, pose=frame @ placed.pose))
+
     _check_unique(tree, spec, [body.name for body in around])
+    if len(bodies) > MAX_COPIES:
+        problem = f"a scene can have {MAX_COPIES} bodies, not {len(bodies)}; take fewer"
+        raise tree.error(("bodies",), problem)
+
+    with _located(tree, ("colors",)):
+        bodies = list(_paint(bodies, spec.colors))
 
     try:
-        scene = Scene((*around, *marks, *bodies), tuple(joints))
+        scene = Scene((*around, *marks, *bodies), tuple(joints), spec.gravity)
     except ValueError as error:
         raise tree.error(_find_joint(spec, str(error)), str(error)) from error
 
@@ -64,9 +78,37 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
         problem = "nothing can move, so nothing can be earned; give a body a mass"
         raise tree.error(("bodies",), problem)
 
-    _check_goals(tree, spec, scene)
-
     return scene
+
+
+def _repeat(body: Body, repeat: RepeatSpec | None) -> list[Body]:
+    """Return copies of a body, with numbers from 0 in their names; itself where it is not repeated."""
+    if repeat is None:
+        return [body]
+    return [
+        replace(body, name=f"{body.name}_{number}", pose=body.pose @ pose)
+        for number, pose in enumerate(place_copies(repeat, body))
+    ]
+
+
+def _paint(bodies: Sequence[Body], colors: Mapping[str, str]) -> Iterator[Body]:
+    """Yield bodies in the colours that patterns of names give them.
+
+    Raises:
+        UsageError: a pattern fits none.
+    """
+    names = [body.name for body in bodies]
+    given = dict[str, Color]()
+    for pattern, color in colors.items():
+        given |= dict.fromkeys(find_names((pattern,), names), rgba(color))
+
+    for body in bodies:
+        if body.name not in given:
+            yield body
+            continue
+        paint = given[body.name]
+        visuals = [replace(geom, color=paint) for geom in body.visuals]
+        yield replace(body, visuals=tuple(visuals))
 
 
 def _check_unique(tree: Tree, spec: SceneSpec, taken: list[str]) -> None:
@@ -121,7 +163,7 @@ def with_starts(scene: Scene, starts: Mapping[str, float]) -> Scene:
         joints.append(replace(joint, start=start))
 
     bodies = [replace(body, pose=poses[body.name]) for body in scene.bodies]
-    return Scene(tuple(bodies), tuple(joints))
+    return replace(scene, bodies=tuple(bodies), joints=tuple(joints))
 
 
 @contextmanager
@@ -145,50 +187,3 @@ def _frame(name: str | None, above: Sequence[Body]) -> Pose:
     if name not in frames:
         raise choices("body or mark", name, frames, "what the file has before it")
     return frames[name]
-
-
-def _check_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> None:
-    """Refuse goals that name what is not there.
-
-    Raises:
-        UserError: says which name.
-    """
-    names = set[str | int]()  # of goals that another may come after
-    for number, entry in enumerate(spec.goals):
-        for reach in reaches(entry):
-            names |= {number, reach.name or number}
-
-    for number, entry in enumerate(spec.goals):
-        try:
-            for goal in entry:
-                check_names(goal, scene)
-            for reach in reaches(entry):
-                if reach.after is not None and reach.after not in names:
-                    problem = choices("goal", str(reach.after), map(str, names))
-                    raise tree.error(("goals", number, "after"), str(problem))
-                _check_softness(reach, scene)
-        except UsageError as error:
-            raise tree.error(("goals", number), str(error)) from None
-
-
-def _check_softness(goal: Reach, scene: Scene) -> None:
-    """Refuse what can't be asked of soft bodies, and what can be asked of them alone.
-
-    Raises:
-        UsageError: says which.
-    """
-    for part in goal.parts:
-        node = getattr(part, "node", None)
-        soft = node is not None or isinstance(part, Flattened | Spread)
-
-        for name in goal.bodies:
-            body = scene[name]
-            nodes = 0
-            if isinstance(body, Soft):
-                nodes = len(body.form.nodes)
-            if soft and not 0 <= (node or 0) < nodes:
-                what = "node (from 0), max_height_m and min_area_m2 are for soft bodies"
-                raise UsageError(f"{what}; {name!r} has {nodes} nodes")
-
-            if nodes and isinstance(part, Turned):
-                raise UsageError(f"the soft body {name!r} has no axis; its nodes move")

@@ -1,19 +1,17 @@
-"""Read the goals of a scene file: the kinds that an entry of ``goals`` stands for, and those that only files have."""
+"""Read the goals of a scene file: the kinds that an entry of ``goals`` stands for."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, fields, replace
 from typing import Any
 
-from core.geometry import Array
 from core.goals import (
+    SLIP_M,
     Away,
-    Coordinates,
     Goal,
     JointAt,
     Kept,
-    Measure,
     Placed,
     Reach,
     Turned,
@@ -21,75 +19,26 @@ from core.goals import (
     reaches,
 )
 from core.support.templates import macros
-from core.values.states import State
+from plugins.tasks.file.kinds import (
+    Angled,
+    Apart,
+    Between,
+    Flattened,
+    Inside,
+    JointWithin,
+    Places,
+    Spread,
+    Throughout,
+    TurnedBy,
+)
+from plugins.tasks.file.spans import Span
 
-SLIP_SHARE = 0.2  # of a limit of height or area: what is so far off counts as lost
-
-
-@dataclass(frozen=True, kw_only=True)
-class Places(Reach):
-    """Bodies that must end at ``places``, one for each; the rest is as for `Placed`.
-
-    Raises:
-        ValueError: there are not as many places as bodies.
-    """
-
-    places: tuple[Coordinates, ...]
-    at: str | None = None
-    tolerance: float = 0.0
-    node: int | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if len(self.places) != len(self.bodies):
-            raise ValueError(
-                f"a goal's places need one for each of its {len(self.bodies)} bodies"
-            )
-
-    def measures(self, body: str, start: State) -> Sequence[Measure]:
-        return self._placed(body).measures(body, start)
-
-    def place_of(self, body: str, start: State) -> Array | None:
-        return self._placed(body).place_of(body, start)
-
-    def _placed(self, body: str) -> Placed:
-        """Return the goal of one of the bodies."""
-        place = self.places[self.bodies.index(body)]
-        return Placed(place=place, at=self.at, tolerance=self.tolerance, node=self.node)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Flattened(Reach):
-    """Soft bodies that must end at most ``max_height_m`` high, from their lowest node to their highest."""
-
-    max_height_m: float
-
-    def measures(self, body: str, start: State) -> Sequence[Measure]:
-        def height(state: State) -> Any:
-            return state.extent(body)[..., 2]
-
-        slip = SLIP_SHARE * self.max_height_m
-        return [Measure(f"height of {body}", height, self.max_height_m, slip, "m")]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Spread(Reach):
-    """Soft bodies each of which must cover at least ``min_area_m2`` at the end, as seen from above."""
-
-    min_area_m2: float
-
-    def measures(self, body: str, start: State) -> Sequence[Measure]:
-        def area(state: State) -> Any:
-            return state.covered_area(body)
-
-        least = self.min_area_m2
-        name = f"area of {body}"
-        return [Measure(name, area, least, SLIP_SHARE * least, "m^2", at_least=True)]
-
+NAMED = 4  # bodies of a goal that a description names, where there are more
 
 WAYS: Mapping[str, type[Goal]] = {
     "place": Placed,
     "places": Places,
+    "inside": Inside,
     "away": Away,
     "joint": JointAt,
 }
@@ -97,13 +46,22 @@ WAYS: Mapping[str, type[Goal]] = {
 
 KINDS: Mapping[str, type[Goal]] = {
     **WAYS,
+    "spans": Between,
+    "moved": Between,
+    "raised": Between,
+    "apart": Apart,
     "max_height_m": Flattened,
     "min_area_m2": Spread,
     "axis": Turned,
+    "angle_deg": Angled,
+    "turned_deg": TurnedBy,
     "keep": Kept,
     "untouched": Untouched,
 }
-"""The kinds of goals, by the key that an entry of a file has them by."""
+"""The kinds of goals, by the key that an entry of a file has them by; ``spans`` are those of a ``place``."""
+
+FILLED = {"spans", "span", "relative", "hollow", "also"}
+"""Fields of kinds that no entry has: they are made of others."""
 
 ENDS = {"rest", "held", "released"}
 """What bodies can be asked for at the end, wherever they are."""
@@ -111,30 +69,33 @@ ENDS = {"rest", "held", "released"}
 THROUGHOUT = "throughout"
 
 Entry = tuple[Goal, ...]
+Given = Mapping[str, Any]
 
 
-def read_entry(given: Mapping[str, Any]) -> Entry:
+def read_entry(given: Given) -> Entry:
     """Make the goals that an entry stands for: one to reach, if it has one, and limits.
 
     Raises:
         ValueError: there is nothing to reach, two ways to go, a key that is missing, or one that says nothing.
     """
-    given = _read_keep(given)
-    kinds = {key: kind for key, kind in KINDS.items() if key in given}
+    known = given.keys()
+    given = _read_place(_read_keep(given))
+    kinds = _find_kinds(given)
     reaching = any(issubclass(kind, Reach) for kind in kinds.values())
     if not reaching and ENDS & given.keys():
         kinds = {"bodies": Reach, **kinds}
     if not kinds or len(WAYS.keys() & kinds.keys()) > 1:
         raise ValueError(
-            "a goal needs either place or away (the distance from the start), or places, or joint and to, not two of "
-            f"these; or one of {', '.join(sorted(ENDS))}, {', '.join(key for key in KINDS if key not in WAYS)}"
+            "a goal needs either place or away (the distance from the start), or places, inside, or joint and to, not "
+            f"two of these; or one of {', '.join(sorted(ENDS))}, {', '.join(_others())}"
         )
 
     goals = [_make(key, kind, given) for key, kind in kinds.items()]
-    known = set[str]()
-    for kind in kinds.values():
-        known |= {field.name for field in fields(kind)}  # type: ignore[arg-type]
-    idle = sorted(given.keys() - known)
+    used = {THROUGHOUT} if reaching else set[str]()
+    for key, kind in kinds.items():
+        used |= {key} | TAKES.get(key, set())
+        used |= {field.name for field in fields(kind)}  # type: ignore[arg-type]
+    idle = sorted((known & given.keys()) - used)
     if idle:
         raise ValueError(f"{idle[0]} says nothing in a goal with {', '.join(kinds)}")
 
@@ -145,7 +106,42 @@ def read_entry(given: Mapping[str, Any]) -> Entry:
     first, *others = reached
     if bool(first.bodies) == isinstance(first, JointAt):
         raise ValueError("a goal needs either 'bodies', a list of names, or a 'joint'")
-    return (replace(first, also=tuple(others)), *limits)
+
+    whole = replace(first, also=tuple(others))
+    if given.get(THROUGHOUT) and "keep" not in given:
+        return (Throughout(whole), *limits)
+    return (whole, *limits)
+
+
+def _others() -> list[str]:
+    return [key for key in KINDS if key not in WAYS and key != "spans"]
+
+
+def _find_kinds(given: Given) -> dict[str, type[Goal]]:
+    """Return the kinds that an entry names, by key."""
+    kinds = {key: kind for key, kind in KINDS.items() if key in given}
+    if "angle_deg" in kinds:  # then the axis is its own
+        kinds.pop("axis", None)
+    if "change" in given or isinstance(given.get("to"), Span):
+        kinds["joint"] = JointWithin
+    return kinds
+
+
+def _read_place(given: Given) -> Given:
+    """Read a ``place`` that has a span as ``spans``."""
+    place = given.get("place", ())
+    if not any(isinstance(wanted, Span) for wanted in place):
+        return given
+    left = {key: value for key, value in given.items() if key != "place"}
+    return {**left, "spans": _about(place, given)}
+
+
+def _about(place: Sequence[Any], given: Given) -> tuple[Span | None, ...]:
+    """Return the spans of coordinates; what is a number may be off by the entry's tolerance."""
+    off = given.get("tolerance", 0.0)
+    return tuple(
+        None if wanted is None else Span.about(wanted, off) for wanted in place
+    )
 
 
 def _read_keep(given: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -166,13 +162,69 @@ def _read_keep(given: Mapping[str, Any]) -> Mapping[str, Any]:
     return {**kept, "keep": names, THROUGHOUT: True}
 
 
-def _make(key: str, kind: type[Goal], given: Mapping[str, Any]) -> Goal:
+def _fill_moved(given: Given) -> dict[str, Any]:
+    return {"spans": _about(given["moved"], given), "relative": True}
+
+
+def _fill_raised(given: Given) -> dict[str, Any]:
+    return {"spans": (None, None, given["raised"]), "relative": True}
+
+
+def _fill_joint(given: Given) -> dict[str, Any]:
+    if "change" in given and "to" in given:
+        raise ValueError("a joint has to (a position) or change (from its start)")
+    wanted = given.get("to", given.get("change"))
+    if isinstance(wanted, float) and "to" in given:
+        return {}
+    if wanted is None:
+        raise ValueError("a goal with 'joint' needs 'to', too")
+    span = Span.about(wanted, given.get("tolerance", 0.0))
+    aim = span.aim(0.0, SLIP_M)
+    return {"span": span, "to": aim, "relative": "change" in given}
+
+
+def _fill_apart(given: Given) -> dict[str, Any]:
+    return {"span": given["apart"]}
+
+
+def _fill_angle(key: str) -> Callable[[Given], dict[str, Any]]:
+    def fill(given: Given) -> dict[str, Any]:
+        return {"span": Span.about(given[key], given.get("tolerance_deg", 10.0))}
+
+    return fill
+
+
+FILLS: Mapping[str, Callable[[Given], dict[str, Any]]] = {
+    "moved": _fill_moved,
+    "raised": _fill_raised,
+    "joint": _fill_joint,
+    "apart": _fill_apart,
+    "angle_deg": _fill_angle("angle_deg"),
+    "turned_deg": _fill_angle("turned_deg"),
+}
+"""What makes those fields of a kind that no entry has, by its key."""
+
+TAKES: Mapping[str, set[str]] = {
+    "spans": {"place", "tolerance"},
+    "moved": {"tolerance"},
+    "joint": {"to", "change", "tolerance"},
+    "angle_deg": {"tolerance_deg"},
+    "turned_deg": {"tolerance_deg"},
+}
+"""The keys that they read besides."""
+
+
+def _make(key: str, kind: type[Goal], given: Given) -> Goal:
     """Make a goal of what its kind takes."""
+    filled = dict(given)
+    if key in FILLS:
+        filled |= FILLS[key](given)
     taken = [field for field in fields(kind) if field.init]  # type: ignore[arg-type]
     for field in taken:
-        if field.default is MISSING and field.name not in given:
+        needed = field.default is MISSING and field.default_factory is MISSING
+        if needed and field.name not in filled:
             raise ValueError(f"a goal with {key!r} needs {field.name!r}, too")
-    return kind(**{f.name: given[f.name] for f in taken if f.name in given})
+    return kind(**{f.name: filled[f.name] for f in taken if f.name in filled})
 
 
 def join_entries(entries: Sequence[Entry]) -> tuple[Goal, ...]:
@@ -218,9 +270,14 @@ def describe_goals(goals: Sequence[Goal], every: bool = False) -> list[str]:
 
 def describe(goal: Goal) -> str:
     """Say in words what a goal wants."""
+    if isinstance(goal, Throughout):
+        return f"throughout, or less is earned: {describe(goal.what)}"
     if not isinstance(goal, Reach):
         return _ask(goal)
+    enough = goal.enough or 0
+    share = f"{100 * enough:g} %" if enough < 1 else f"{enough:g}"
     when = {
+        f"of these bodies {share} are enough": enough > 0,
         "must end at rest": goal.rest,
         "must end held by the robot, touching nothing fixed (half counts if it is only touched)": goal.held,
         "must end released, touched by no part of the robot (half counts if touched, but not held)": goal.released,
@@ -231,8 +288,19 @@ def describe(goal: Goal) -> str:
     }
     asked = [_ask(part) for part in goal.parts]
     asked += [words for words, applies in when.items() if applies]
-    described = f"{goal.subject} {'; '.join(filter(None, asked))}"
+    described = f"{_subject(goal)} {'; '.join(filter(None, asked))}"
     return f"{goal.name}: {described}" if goal.name else described
+
+
+def _subject(goal: Reach) -> str:
+    """Say what a goal is about; of many bodies the first, the last and how many."""
+    if len(goal.bodies) <= NAMED:
+        return goal.subject
+    first, *_, last = goal.bodies
+    wanted = f"all {len(goal.bodies)}"
+    if goal.any:
+        wanted = "any"
+    return f"{wanted} of {first} to {last}"
 
 
 def _ask(goal: Goal) -> str:

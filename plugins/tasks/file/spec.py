@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, fields
 from functools import cache
 from typing import Annotated, Any, Literal, Self, get_type_hints
@@ -34,20 +34,22 @@ from core.goals import Reach
 from core.scene import Camera, Cloth, Color, Elastic, Joint, Rope
 from core.values.layouts import NONE
 from core.values.softs import MAX_NODES
-from plugins.tasks.file.goals import KINDS, Entry, read_entry
-from plugins.tasks.file.imports.bodies import (
-    HEAVIEST,
-    LIGHTEST,
-    LONGEST_M,
-    MAX_FRICTION,
-    SHORTEST_M,
-)
+from plugins.tasks.file.goals import FILLED, KINDS, Entry, read_entry
+from plugins.tasks.file.imports import bodies as limits
+from plugins.tasks.file.spans import Bound, Least
 from plugins.tasks.file.tree import Tree, Where
 from plugins.tasks.file.vessels import Vessel
 
-STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+STRICT = ConfigDict(
+    extra="forbid",
+    strict=True,
+    allow_inf_nan=False,
+    frozen=True,
+    use_attribute_docstrings=True,
+)
 MAX_BODIES = 100
 MAX_PARTS = 100
+MAX_COPIES = 200  # of all bodies together, too
 MAX_IMPORTS = 20
 MAX_GOALS = 50
 MAX_RANGES = 200
@@ -63,7 +65,7 @@ _RIGID = (
     "spin",
 )
 _SOFT = ("rope", "cloth", "counts", "pinned")
-SHAPES = ("box", "sphere", "cylinder", "capsule", "tube", "cup", "mug")
+SHAPES = ("box", "sphere", "cylinder", "capsule", "tube", "cup", "mug", "bottle")
 UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 _LIST = "must be a list, such as [0, 0, 0.1]"
 _OBJECT = "must be an object of keys and values, such as {radius: 0.1}"
@@ -79,8 +81,8 @@ WORDS = {
     "json_invalid": "it holds a character that is no text, such as half of a pair; leave it out",
 }
 
-Length = Annotated[float, Field(gt=SHORTEST_M, le=LONGEST_M)]
-Coordinate = Annotated[float, Field(ge=-LONGEST_M, le=LONGEST_M)]
+Length = Annotated[float, Field(gt=limits.SHORTEST_M, le=limits.LONGEST_M)]
+Coordinate = Annotated[float, Field(ge=-limits.LONGEST_M, le=limits.LONGEST_M)]
 Place = tuple[Coordinate, Coordinate, Coordinate]
 Wanted = tuple[Coordinate | None, Coordinate | None, Coordinate | None]
 Angle = Annotated[float, Field(ge=-3600, le=3600)]
@@ -91,6 +93,8 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_-]{0,59}$")]
 FileName = Annotated[str, Field(min_length=1, max_length=200)]
 Fov = Annotated[float, Field(ge=1, le=170)]
 Range = tuple[float, float]
+Count = Annotated[int, Field(ge=1, le=MAX_COPIES)]
+Friction = Annotated[float, Field(ge=0, le=limits.MAX_FRICTION)]
 Path = Annotated[tuple[Place, ...], Field(min_length=2, max_length=MAX_NODES)]
 
 
@@ -98,11 +102,18 @@ Most = Annotated[float, Field(ge=0, le=1e4)]
 AboveZero = Annotated[float, Field(gt=0, le=1e4)]
 
 GOAL_TYPES: dict[str, Any] = {
-    "place": Wanted,
+    "place": tuple[Bound, Bound, Bound],
     "places": tuple[Wanted, ...],
+    "moved": tuple[Bound, Bound, Bound],
+    "raised": Least,
+    "apart": Least,
+    "angle_deg": Bound,
+    "turned_deg": Bound,
+    "change": Bound,
+    "enough": AboveZero,
     "axis": Place,
     "points": Place,
-    "to": Rate,
+    "to": Bound,
     "away": Most,
     "by_s": AboveZero,
     "weight": AboveZero,
@@ -147,12 +158,14 @@ def _read_with(model: type[BaseModel], make: Callable[[Any], Any]) -> GetPydanti
     return GetPydanticSchema(build)
 
 
-def _read_dataclass(kind: type, **types: Any) -> GetPydanticSchema:
-    """Read a dataclass of the core by its fields, of these ``types`` where given; it checks itself."""
+def _read_dataclass(
+    kind: type, without: Sequence[str] = (), **types: Any
+) -> GetPydanticSchema:
+    """Read a dataclass by its fields, of these ``types`` where given, ``without`` some; it checks itself."""
     hints = get_type_hints(kind) | types
     entries = dict[str, Any]()
     for field in fields(kind):
-        if not field.init:
+        if not field.init or field.name in without:
             continue
         default = field.default
         if default is MISSING:
@@ -166,10 +179,10 @@ def _read_dataclass(kind: type, **types: Any) -> GetPydanticSchema:
     return _read_with(model, make)
 
 
-def _read_round(kind: type) -> GetPydanticSchema:
-    """Read a shape whose fields are lengths."""
+def _read_round(kind: type, *without: str) -> GetPydanticSchema:
+    """Read a shape whose fields are lengths, but those it is ``without``."""
     lengths = {field.name: Length for field in fields(kind)}
-    return _read_dataclass(kind, **lengths)
+    return _read_dataclass(kind, without, **lengths)
 
 
 def _radius(given: Any) -> Any:
@@ -186,10 +199,11 @@ def _goal_entry() -> GetPydanticSchema:
         hints = get_type_hints(kind) | GOAL_TYPES
         for field in fields(kind):  # type: ignore[arg-type]
             entries[field.name] = (hints[field.name] | None, None)
-    del entries["also"]
+    entries |= {key: (kind | None, None) for key, kind in GOAL_TYPES.items()}
+    entries = {key: entry for key, entry in entries.items() if key not in FILLED}
 
     def make(spec: BaseModel) -> Entry:
-        return read_entry(spec.model_dump(exclude_none=True))
+        return read_entry({key: value for key, value in spec if value is not None})
 
     return _read_with(create_model("Goal", __config__=STRICT, **entries), make)
 
@@ -229,7 +243,8 @@ SphereSpec = Annotated[Sphere, _read_round(Sphere)]
 SphereOrRadius = Annotated[
     SphereSpec, BeforeValidator(_radius, json_schema_input_type=float | SphereSpec)
 ]
-VesselSpec = Annotated[Vessel, _read_round(Vessel)]
+VesselSpec = Annotated[Vessel, _read_round(Vessel, "neck", "neck_length")]
+BottleSpec = Annotated[Vessel, _read_round(Vessel, "handle")]
 
 
 class ShapeSpec(_Spec):
@@ -242,6 +257,7 @@ class ShapeSpec(_Spec):
     tube: VesselSpec | None = None
     cup: VesselSpec | None = None
     mug: VesselSpec | None = None
+    bottle: BottleSpec | None = None
     position: Place = (0.0, 0.0, 0.0)
     rpy_deg: Turn = (0.0, 0.0, 0.0)
     color: ColorName | None = None
@@ -262,6 +278,30 @@ class ShapeSpec(_Spec):
         raise ValueError(f"needs one of {', '.join(names)}; there {there}")
 
 
+class RepeatSpec(_Spec):
+    """Equal bodies, of which the one that is described is the first: in a grid, a ring, or a heap."""
+
+    grid: tuple[Count, Count, Count] | None = None
+    """How many along x, y and z; the position is that of the lowest of them."""
+    ring: Count | None = None
+    """How many on a circle around the position, each turned along."""
+    heap: Count | None = None
+    """How many in layers, as many in each as lie within the radius around the position."""
+    radius: Length | None = None
+    """Of the circle on which their middles are, or within which, m."""
+    spacing: Length | tuple[Length, Length, Length] | None = None
+    """From one middle to the next, m; if left out they nearly touch."""
+
+    @check_whole(mode="after")
+    def _one_way(self) -> Self:
+        given = [key for key in ("grid", "ring", "heap") if getattr(self, key)]
+        if len(given) != 1:
+            raise ValueError("needs one of grid, ring, heap")
+        if (self.radius is None) != (given == ["grid"]):
+            raise ValueError("a ring and a heap need a radius, and a grid has none")
+        return self
+
+
 class BodySpec(ShapeSpec):
     """A body: one shape, several ``parts``, or what a file holds; its mass, its density, or ``fixed``.
 
@@ -271,6 +311,7 @@ class BodySpec(ShapeSpec):
 
     name: Name
     at: Name | None = None
+    repeat: RepeatSpec | None = None
     parts: (
         Annotated[tuple[ShapeSpec, ...], Field(min_length=1, max_length=MAX_PARTS)]
         | None
@@ -289,10 +330,10 @@ class BodySpec(ShapeSpec):
     elastic: Annotated[Elastic, _read_dataclass(Elastic)] | None = None
     counts: tuple[int, int, int] = (3, 3, 3)
     pinned: Annotated[tuple[int, ...], Field(max_length=MAX_NODES)] = ()
-    mass: Annotated[float, Field(ge=LIGHTEST, le=HEAVIEST)] | None = None
+    mass: Annotated[float, Field(ge=limits.LIGHTEST, le=limits.HEAVIEST)] | None = None
     density: Annotated[float, Field(ge=1, le=3e4)] | None = None
     fixed: bool | None = None
-    friction: Annotated[float, Field(ge=0, le=MAX_FRICTION)] = 0.5
+    friction: Friction = 0.5
     rolling_friction: Annotated[float, Field(ge=0, le=1)] = 0.0
     restitution: Annotated[float, Field(ge=0, le=1)] = 0.0
     velocity: Rates = (0.0, 0.0, 0.0)
@@ -344,12 +385,33 @@ class ImportSpec(_Spec):
 
 
 class MarkSpec(_Spec):
-    """A flat round mark that nothing touches."""
+    """A mark that nothing touches: flat and round, or with a shape, whose space bodies can be ``inside``."""
 
     name: Name
+    at: Name | None = None
     position: Place
+    rpy_deg: Turn = (0.0, 0.0, 0.0)
     radius: Length = 0.05
+    box: tuple[Length, Length, Length] | None = None
+    cylinder: Annotated[Cylinder, _read_round(Cylinder)] | None = None
+    sphere: SphereOrRadius | None = None
     color: ColorName = "royalblue"
+
+
+class GroundSpec(_Spec):
+    """The ground: where it ends, and what stands there."""
+
+    size: tuple[Length, Length] | None = None
+    """Along x and y, m, around the robot's base; if left out it does not end."""
+    wall: Length | None = None
+    """How high a wall stands around it, m."""
+    friction: Friction = 0.5
+
+    @check_whole(mode="after")
+    def _walled(self) -> Self:
+        if self.wall is not None and self.size is None:
+            raise ValueError("a wall needs a size, where it stands")
+        return self
 
 
 CameraSpec = Annotated[
@@ -391,7 +453,14 @@ class SceneSpec(_Spec):
     in_words: Annotated[str, Field(max_length=4000)] = ""
     table: bool = True
     floor: bool = True
+    ground: GroundSpec = GroundSpec()
     floor_height: Coordinate = -0.625
+    gravity: Rates = (0.0, 0.0, -9.81)
+    """m/s^2, along the world's axes."""
+    tool_kinds: tuple[str, ...] = ()
+    """What a tool may hang from, as `tool_kinds` of the configuration; empty: as there."""
+    colors: dict[str, ColorName] = {}
+    """Colours of bodies by name or pattern, such as ``"grain*"``."""
     bodies: Annotated[tuple[BodySpec, ...], Field(max_length=MAX_BODIES)] = ()
     imports: Annotated[tuple[ImportSpec, ...], Field(max_length=MAX_IMPORTS)] = ()
     marks: Annotated[tuple[MarkSpec, ...], Field(max_length=MAX_BODIES)] = ()
@@ -470,8 +539,8 @@ def _explain(where: Where, error: ErrorDetails) -> str:
         if len(got) < 100:
             message += got
 
-    limits = error.get("ctx", {})
-    if limits.get("le") == LONGEST_M or limits.get("ge") == -LONGEST_M:
+    ends = error.get("ctx", {})
+    if ends.get("le") == limits.LONGEST_M or ends.get("ge") == -limits.LONGEST_M:
         message += "; it is in metres"
     return message
 

@@ -16,7 +16,7 @@ from core.interfaces import Picture, Task
 from core.scene import Scene, State, Trace
 from core.support.cli import expand
 from core.values.layouts import NONE
-from plugins.tasks.file import building, doubts, files, goals, photos, tree
+from plugins.tasks.file import building, doubts, files, goals, naming, photos, tree
 from plugins.tasks.file import spec as schema
 
 VARYING = ("bodies", "imports", "marks", "joints")
@@ -50,13 +50,15 @@ class FileTask(Task):
             success_reward=spec.success_reward,
             every=spec.every,
             hold_s=spec.hold_s,
+            tool_kinds=spec.tool_kinds,
             variations=spec.variations,
-            goals=goals.join_entries(spec.goals),
             home=Pose.xyz_rpy(home.position, np.radians(home.rpy_deg)),
         )
         self._photographs = spec.pictures
         super().__init__(variation)
         self._scene = building.build_scene(self._tree, spec, self._files)
+        wanted = naming.build_goals(self._tree, spec, self._scene)
+        vars(self).update(goals=wanted)
         self._check_variations()
         for doubt in doubts.find_doubts(self._scene):
             files.warn_once(f"{file}: {doubt}")

@@ -1,4 +1,4 @@
-"""Tubes, cups and mugs of a scene file, as the convex shapes that collide."""
+"""Tubes, cups, mugs and bottles of a scene file, as the convex shapes that collide."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Placed = tuple[Shape, Pose]
 
 @dataclass(frozen=True)
 class Vessel:
-    """A round wall along z, centred on its frame; a floor and a square handle toward x, where they are above 0.
+    """A round wall along z, centred on its frame; a floor, a square handle toward x and a neck, where they are above 0.
 
     Attributes:
         radius: outside, m.
@@ -32,6 +32,8 @@ class Vessel:
         wall: how thick the wall is, m.
         floor: how thick the floor is, m.
         handle: how far the handle stands out, m.
+        neck: the neck's radius outside, m.
+        neck_length: of the neck, m; below it is a shoulder, half as high as it is wide.
 
     Raises:
         ValueError: nothing is left inside.
@@ -42,34 +44,61 @@ class Vessel:
     wall: float
     floor: float = 0.0
     handle: float = 0.0
+    neck: float = 0.0
+    neck_length: float = 0.0
 
     def __post_init__(self) -> None:
         problems = {
             "the wall must be thinner than the radius": self.wall >= self.radius,
             "the floor must be thinner than the length": self.floor >= self.length,
+            "the neck must be wider than the wall, and narrower than the body": (
+                self.neck > 0 and not self.wall < self.neck <= self.radius
+            ),
+            "the neck and shoulder must be shorter than the rest": (
+                self.neck > 0 and self._top - self.floor <= self.neck_length
+            ),
         }
         refuse("", problems)
 
+    @property
+    def _shoulder(self) -> float:
+        """How high the shoulder below a neck is, m."""
+        return (self.radius - self.neck) / 2
+
+    @property
+    def _top(self) -> float:
+        """Where the wide part of the wall ends, m from below."""
+        if not self.neck:
+            return self.length
+        return self.length - self.neck_length - self._shoulder
+
     def parts(self) -> Iterator[Placed]:
         """Yield its convex parts."""
-        yield from self._wall()
+        yield from self._wall(self.floor, self._top, self.radius, self.radius)
+        if self.neck:
+            bottom = self.length - self.neck_length
+            yield from self._wall(self._top, bottom, self.radius, self.neck)
+            yield from self._wall(bottom, self.length, self.neck, self.neck)
         if self.floor:
             disc = Cylinder(self.radius, self.floor)
             yield disc, _shift(0.0, (self.floor - self.length) / 2)
         if self.handle:
             yield from self._handle()
 
-    def _wall(self) -> Iterator[Placed]:
-        """Yield the parts of the wall, which stands on the floor."""
+    def _wall(
+        self, bottom: float, top: float, below: float, above: float
+    ) -> Iterator[Placed]:
+        """Yield the parts of a wall from ``bottom`` to ``top``, m, whose radius outside is ``below`` and ``above``."""
         angles = np.linspace(0, 2 * np.pi, _SIDES + 1)
         ways = _OUT * np.stack([np.cos(angles), np.sin(angles)], axis=1)
         corners = np.zeros((2, 2, 2, 3))
-        corners[0, ..., 2] = self.floor - self.length / 2
-        corners[1, ..., 2] = self.length / 2
+        corners[0, ..., 2] = bottom - self.length / 2
+        corners[1, ..., 2] = top - self.length / 2
         for number in range(_SIDES):
             pair = ways[number : number + 2]
-            corners[:, 0, :, :2] = self.radius * pair
-            corners[:, 1, :, :2] = (self.radius - self.wall) * pair
+            for end, radius in enumerate((below, above)):
+                corners[end, 0, :, :2] = radius * pair
+                corners[end, 1, :, :2] = (radius - self.wall) * pair
             wedge = trimesh.convex.convex_hull(corners.reshape(-1, 3))
             yield Mesh.from_trimesh(wedge), Pose()
 

@@ -1,0 +1,174 @@
+"""Find the hollow of a body by its parts, and measure how deep in it a point is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+from scipy.spatial import ConvexHull
+
+from core.geometry import Array, Pose, Shape
+from core.scene import Body
+
+_CELLS = 16_000  # of the grid that a body is looked at by
+_LEAST = 8  # cells along a side
+_WAYS = 8  # directions in which a wall must stand
+_PART = 0.2  # of the largest hollow: smaller ones, such as a handle's, are none
+_FLAT_M = 0.002  # a mark that is not higher is flat
+_COLUMN_M = 1.0  # how high above a flat mark counts as on it
+
+Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Hollow:
+    """A space in a body's frame, as a grid of how far from its boundary each point is.
+
+    Attributes:
+        low: (3,) the grid's first point, m.
+        step: (3,) between its points, m.
+        rooms: (X, Y, Z) m, below 0 outside; empty: it was not looked for.
+    """
+
+    low: Array = field(default_factory=lambda: np.zeros(3))
+    step: Array = field(default_factory=lambda: np.ones(3))
+    rooms: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
+
+    def room(self, points: Array) -> Array:
+        """Measure how deep inside points (..., 3) are, m, (...); below 0: how far outside."""
+        most = np.array(self.rooms.shape) - 1.0
+        cells = (points - self.low) / self.step
+        within = np.clip(cells, 0.0, most)
+        beyond = np.linalg.norm((cells - within) * self.step, axis=-1)
+
+        flat = within.reshape(-1, 3).T
+        found = ndimage.map_coordinates(self.rooms, flat, order=1, mode="nearest")
+        room: Array = found.reshape(beyond.shape) - beyond
+        return room
+
+    @property
+    def middle(self) -> Array:
+        """Its point (3,) that is farthest from its boundary; of several the lowest in the middle."""
+        deepest = np.argwhere(self.rooms > self.rooms.max() - self.step.min() / 2)
+        lowest = deepest[deepest[:, 2] == deepest[:, 2].min()]
+        return np.asarray(self.low + self.step * lowest.mean(axis=0))
+
+
+def find_hollow(body: Body) -> Hollow | None:
+    """Find where walls of a body stand all around, and nothing else is; None: nowhere.
+
+    It may be open toward one side, as a cup, a niche and a tube are; a channel is no hollow.
+    """
+    parts = [_planes(part.shape, part.pose) for part in body.collisions]
+    corners = [part.pose.apply(_corners(part.shape)) for part in body.collisions]
+    everywhere = np.concatenate(corners)
+    low = everywhere.min(axis=0)
+    sides = everywhere.max(axis=0) - low
+
+    cell = (np.prod(sides) / _CELLS) ** (1 / 3)
+    counts = np.maximum(np.ceil(sides / cell), _LEAST).astype(int)
+    step = sides / counts
+    axes = [
+        low[axis] + step[axis] * (np.arange(count) + 0.5)
+        for axis, count in enumerate(counts)
+    ]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+
+    for opening in (2, 0, 1):
+        enclosed = _find_enclosed(points, parts, opening).reshape(counts)
+        spaces = _largest(enclosed)
+        if spaces.any():
+            padded = np.pad(spaces, 2)
+            first = low + step / 2 - 2 * step
+            return Hollow(first, step, _measure_rooms(padded, step))
+    return None
+
+
+def space_of(mark: Body) -> Hollow:
+    """Return the space that a mark's shape takes up; above a flat one, all that is over it."""
+    (drawn,) = mark.visuals
+    normals, offsets = _planes(drawn.shape, drawn.pose)
+    middle, sides = drawn.shape.bounds
+    low = middle - sides / 2
+    high = middle + sides / 2
+    if sides[2] < _FLAT_M:
+        upward = np.array([0.0, 0.0, _COLUMN_M])
+        offsets = offsets + np.maximum(normals @ upward, 0.0)
+        high = high + upward
+
+    around = (high - low) / 4
+    axes = np.linspace(low - around, high + around, 25)
+    points = np.stack(np.meshgrid(*axes.T, indexing="ij"), axis=-1)
+    rooms = (offsets - points @ normals.T).min(axis=-1)
+    return Hollow(axes[0], axes[1] - axes[0], rooms)
+
+
+def _corners(shape: Shape) -> Array:
+    corners: Array = shape.to_trimesh().vertices
+    return corners
+
+
+def _planes(shape: Shape, pose: Pose) -> tuple[Array, Array]:
+    """Return the planes around a convex shape: outward normals (F, 3), and how far along them each is (F,)."""
+    hull = ConvexHull(pose.apply(_corners(shape)))
+    planes = np.unique(hull.equations.round(9), axis=0)
+    return planes[:, :3], -planes[:, 3]
+
+
+def _find_enclosed(
+    points: Array, parts: Sequence[tuple[Array, Array]], opening: int
+) -> Flags:
+    """Report which points (N, 3) are in no part, and have walls in all directions across the axis ``opening``."""
+    angles = np.arange(_WAYS) * 2 * np.pi / _WAYS
+    ways = np.zeros((_WAYS, 3))
+    ways[:, (opening + 1) % 3] = np.cos(angles)
+    ways[:, (opening + 2) % 3] = np.sin(angles)
+
+    solid = np.zeros(len(points), dtype=bool)
+    walled = np.zeros((_WAYS, len(points)), dtype=bool)
+    for normals, offsets in parts:
+        gaps = offsets - points @ normals.T
+        solid |= (gaps >= 0).all(axis=1)
+        for number, way in enumerate(ways):
+            walled[number] |= _meets(gaps, normals @ way)
+    enclosed: Flags = walled.all(axis=0) & ~solid
+    return enclosed
+
+
+def _meets(gaps: Array, speeds: Array) -> Flags:
+    """Report which rays meet a convex part.
+
+    Args:
+        gaps: (N, F) how far within each plane they begin.
+        speeds: (F,) how fast they leave through each plane.
+    """
+    along = np.abs(speeds) < 1e-9
+    leaving = speeds > 0
+    entering = ~along & ~leaving
+    times = gaps / np.where(along, 1.0, speeds)
+    out = times[:, leaving & ~along].min(axis=1, initial=np.inf)
+    into = times[:, entering].max(axis=1, initial=0.0)
+    beside = (gaps[:, along] < 0).any(axis=1)
+    met: Flags = (into <= out) & (out > 0) & ~beside
+    return met
+
+
+def _largest(enclosed: Flags) -> Flags:
+    """Keep the spaces that are not much smaller than the largest."""
+    labels, count = ndimage.label(enclosed)
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
+    sizes[0] = 0
+    kept = (sizes > 0) & (sizes >= _PART * sizes.max())
+    spaces: Flags = kept[labels]
+    return spaces
+
+
+def _measure_rooms(space: Flags, step: Array) -> Array:
+    """Measure how far each point of a grid is from the boundary of a space; below 0 outside."""
+    inside = ndimage.distance_transform_edt(space, sampling=step)
+    outside = ndimage.distance_transform_edt(~space, sampling=step)
+    half = step.min() / 2
+    return np.asarray(np.where(space, inside - half, half - outside))

@@ -1,0 +1,153 @@
+"""What a scene file can ask for, by what is earned where bodies end; and what it can say of many bodies."""
+
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.errors import UserError
+from core.geometry import Pose
+from core.goals import goals_margins, goals_reward
+from core.scene import Trace
+from plugins.tasks.file.task import FileTask
+
+WORDS = (Path(__file__).parent / "words.yaml").read_text()
+GOAL = "{bodies: [cup], away: 0.1}"
+
+
+@pytest.fixture
+def read(tmp_path):
+    def task_of(goal, text=WORDS):
+        file = tmp_path / "scene.yaml"
+        file.write_text(text.replace(GOAL, goal))
+        return FileTask(str(file))
+
+    return task_of
+
+
+def ended(start, places):
+    """The state in which bodies are at x, y, z, and roll, pitch, yaw in degrees if given."""
+    positions = start.positions.copy()
+    quaternions = start.quaternions.copy()
+    for name, place in places.items():
+        number = start.names.index(name)
+        pose = Pose.xyz_rpy(place[:3], np.radians(place[3:] or (0, 0, 0)))
+        positions[number] = pose.position
+        quaternions[number] = pose.quaternion
+    return replace(start, positions=positions, quaternions=quaternions)
+
+
+FEW = {f"grain_{n}": (0.6, 0.3, 0.05) for n in range(12)}
+# A goal, where bodies end, and what they earn.
+CASES = [
+    # At least, at most, between; in the world, a frame, or from the start.
+    ("{bodies: [cup], place: [null, null, '> 0.3']}", {"cup": (0, 0, 0.3)}, 1),
+    ("{bodies: [cup], place: [null, null, '>= 0.3']}", {"cup": (0, 0, 0.9)}, 1),
+    ("{bodies: [cup], place: [null, null, '> 0.3']}", {"cup": (0.5, 0, 0.175)}, 0.5),
+    ("{bodies: [cup], place: ['< 0.3', null, null]}", {"cup": (-3, 0, 0)}, 1),
+    ("{bodies: [cup], place: [[0.6, 0.7], null, null]}", {"cup": (0.65, 0, 0)}, 1),
+    ("{bodies: [cup], place: [[0.6, 0.7], null, null]}", {"cup": (0.9, 0, 0)}, 0),
+    ("{bodies: [cup], place: [[0.6, null], 0.1, null]}", {"cup": (0.9, 0.1, 0)}, 1),
+    ("{bodies: [cup], place: [[0.6, null], 0.1, null]}", {"cup": (0.9, 0, 0)}, 0.5),
+    ("{bodies: [cup], at: post, place: ['> 0.3', null, 0]}", {"cup": (9, 0.25, 0.05)}, 1),
+    ("{bodies: [cup], raised: 0.1}", {"cup": (0.5, 0, 0.15)}, 1),
+    ("{bodies: [cup], raised: 0.1}", {"cup": (0.5, 0, 0.1)}, 0.5),
+    ("{bodies: [cup], raised: [0.1, 0.2]}", {"cup": (0.5, 0, 0.31)}, 0.4),
+    ("{bodies: [cup], moved: ['> 0.2', 0, null]}", {"cup": (0.7, 0, 0)}, 1),
+    ("{bodies: [cup], moved: [0.2, null, null], tolerance: 0.05}", {"cup": (0.6, 0, 0)}, 2 / 3),
+    ("{joint: runner, to: '> 0.14'}", {"drawer": (0.85, 0.3, 0.025)}, 1),
+    ("{joint: runner, to: '> 0.14'}", {"drawer": (0.95, 0.3, 0.025)}, 0.5),
+    ("{joint: runner, change: '> 0.1'}", {"drawer": (0.85, 0.3, 0.025)}, 1),
+    ("{joint: runner, change: 0.1, tolerance: 0.01}", {"drawer": (0.9, 0.3, 0.025)}, 1),
+    ("{bodies: [cup], angle_deg: '> 60'}", {"cup": (0, 0, 0, 90, 0, 0)}, 1),
+    ("{bodies: [cup], angle_deg: '> 60'}", {"cup": (0, 0, 0, 30, 0, 0)}, 0.5),
+    ("{bodies: [cup], turned_deg: [80, 100]}", {"cup": (0, 0, 0, 0, 0, -90)}, 1),
+    ("{bodies: [cup, drawer], apart: 0.9}", {"cup": (0.05, 0.3, 0.025)}, 1),
+    # Inside: nothing is earned at the foot of a bottle.
+    ("{bodies: [peg_0], inside: bottle}", {"peg_0": (0.6, 0.3, 0.05)}, 1),
+    ("{bodies: [peg_0], inside: bottle}", {"peg_0": (0.6, 0.3, 0.28)}, 1),
+    ("{bodies: [peg_0], inside: bottle}", {"peg_0": (0.6, 0.3, 0.33)}, 0),
+    ("{bodies: [peg_0], inside: bottle}", {"peg_0": (0.66, 0.3, 0.02)}, 0),
+    ("{bodies: ['grain*'], inside: bottle}", FEW, 0.5),
+    ("{bodies: ['grain*'], inside: bottle, enough: 0.5}", FEW, 1),
+    ("{bodies: ['grain*'], inside: bottle, enough: 16}", FEW, 0.75),
+    ("{bodies: ['grain*'], inside: bottle, any: true}", FEW, 1),
+    ("{bodies: ['grain*'], inside: cup}", {"cup": (0.9, 0, 0.05)}, 0),
+    ("{bodies: [brick_0], inside: niche}", {"brick_0": (0.75, -0.3, 0.02)}, 1),
+    ("{bodies: [brick_0], inside: niche}", {"brick_0": (0.67, -0.3, 0.02)}, 0),
+    ("{bodies: [cup], inside: zone}", {"cup": (0.22, 0.38, 0.01)}, 1),
+    ("{bodies: [cup], inside: zone}", {"cup": (0.3, 0.3, 0.12)}, 0),
+    ("{bodies: [cup], inside: disc}", {"cup": (0.36, 0.36, 0.05)}, 1),
+    ("{bodies: [cup], inside: disc}", {"cup": (0.38, 0.38, 0.05)}, 0),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("goal", "places", "earned"), CASES)
+def test_a_goal_earns_what_it_says(read, goal, places, earned):
+    task = read(goal)
+    start = task.scene(0).state()
+    end = ended(start, places)
+    assert goals_reward(task, start, start) == (1 if "inside: cup" in goal else 0)
+    assert goals_reward(task, start, end) == pytest.approx(earned)
+    margins = [margin.margin for margin in goals_margins(task, start, end)]
+    assert (min(margins) >= -1e-9) == (earned == 1)
+    place = task.goals[0].place_of(task.goals[0].subjects(start)[0], start)
+    if earned == 1 and "[cup]" in goal and place is not None:  # what a program aims for
+        free = np.where(np.isnan(place), start.position("cup"), place)
+        assert goals_reward(task, start, ended(start, {"cup": tuple(free)})) == 1
+
+
+def test_what_holds_throughout_is_lost_on_the_way(read):
+    task = read("{bodies: [cup], axis: [0, 0, 1], throughout: true}\n  - " + GOAL)
+    start = task.scene(0).state()
+    end = ended(start, {"cup": (0.7, 0, 0.05)})
+    tipped = ended(start, {"cup": (0.6, 0, 0.05, 90, 0, 0)})
+    for between, earned in ((start, 1), (tipped, 0)):
+        film = Trace.of(start, between, end)
+        assert goals_reward(task, start, end, film) == earned
+    (margin,) = goals_margins(task, start, end, film)[:1]
+    assert margin.value == pytest.approx(np.pi / 2)
+
+
+def test_many_bodies_are_said_once(read):
+    task = read(GOAL)
+    scene = task.scene(0)
+    kinds = Counter(body.name.partition("_")[0] for body in scene.free)
+    assert kinds == {"cup": 1, "grain": 24, "peg": 6, "brick": 12, "drawer": 1}
+    grains = [body.pose.position for body in scene.free if "grain" in body.name]
+    gaps = [np.linalg.norm(a - b) for n, a in enumerate(grains) for b in grains[:n]]
+    assert min(gaps) >= 0.0139
+    assert np.hypot(*(np.array(grains)[:, :2] - [0.5, 0]).T).max() <= 0.024
+    assert scene["grain_3"].visuals[0].color == scene["grain_4"].visuals[0].color
+    assert scene["brick_1"].visuals[0].color != scene["brick_11"].visuals[0].color
+    assert scene["wall"].fixed
+    assert scene.gravity == (0, 0, -3.7)
+    assert task.tool_kinds == ("gripper",)
+
+
+MISTAKES = [
+    (GOAL, "{bodies: [cup], place: [0, 0, '>> 3']}", r'place\[2\]: must be a number, "> 0.3", "< 0.3", or'),
+    (GOAL, "{bodies: [cup], place: [0, 0, [3, 2]]}", "write the lower number first"),
+    (GOAL, "{bodies: ['gran*'], away: 0.1}", r"no name like 'gran\*' \(did you mean 'grain_"),
+    (GOAL, "{bodies: [cup], inside: post}", "'post' has no hollow with walls all around; give marks"),
+    (GOAL, "{bodies: [cup], inside: jar}", "no body 'jar'"),
+    (GOAL, "{bodies: [cup], apart: 0.1}", "apart needs two bodies"),
+    (GOAL, "{joint: runner, to: 0.1, change: 0.1}", "a joint has to"),
+    (GOAL, "{bodies: [cup], enough: 0, away: 0.1}", "enough: must be greater than 0"),
+    ("heap: 24", "heap: 240", "repeat.heap: must be less than or equal to 200"),
+    ("heap: 24", "heap: 180", "a scene can have 200 bodies, not 203"),
+    ("heap: 24", "ring: 3, heap: 2", "needs one of grid, ring, heap"),
+    ("{ring: 6, radius: 0.05}", "{ring: 6}", "a ring and a heap need a radius"),
+    ("size: [4, 3], ", "", "a wall needs a size"),
+    ('"brick_?"', '"bri?"', r"colors: no name like 'bri\?'"),
+    ("neck: 0.03", "neck: 0.06", "bottle: the neck must be wider than the wall"),
+    ("neck_length: 0.1", "neck_length: 0.3", "bottle: the neck and shoulder must be shorter"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "why"), MISTAKES)
+def test_what_can_not_be_is_refused(read, old, new, why):
+    with pytest.raises(UserError, match=why):
+        read(GOAL, WORDS.replace(old, new))
