@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from core.design import Candidate
-from core.errors import RAISED, UserError
+from core.errors import RAISED
 from core.events import INTERRUPTED
 from core.hooks import hookimpl
 from core.plugins import SIMULATOR, installed
@@ -16,7 +16,6 @@ from core.support.progress import busy
 
 if TYPE_CHECKING:
     from core.events import Result, Run
-    from core.interfaces import Simulator
     from core.store.rows import FailedLayout
 
 
@@ -62,21 +61,9 @@ def _film(run: Run, candidate: Candidate, failed: FailedLayout) -> None:
     (task,) = (task for task in run.task.parts if task.name == failed.task)
     file = run.folder / failed.film_file
     file.parent.mkdir(parents=True, exist_ok=True)
-    simulator = _engine(run, failed.engine)
+    simulator = run.simulator
+    if simulator is None or failed.engine != run.parts["sim"]:
+        simulator = installed().create(SIMULATOR, failed.engine)
+
     played = candidate.of(task.name)
     save_film(filmed(task, simulator, played, failed.layout, run.settings), file)
-
-
-def _engine(run: Run, name: str) -> Simulator:
-    """Return the run's engine, or make another one as it is without settings.
-
-    Raises:
-        UserError: there is none of this name.
-    """
-    if run.simulator is not None and name == run.parts["sim"]:
-        return run.simulator
-    if name not in installed().factories("sim"):
-        raise UserError(f"{name} is no name of an engine")
-
-    simulator: Simulator = installed().create(SIMULATOR, name)
-    return simulator

@@ -17,7 +17,7 @@ from core.config.schemas import PartConfig
 from core.interfaces import Condition, RolloutSettings, Task
 from core.plugins import ROBOT, PluginPart
 from core.support.cli import arguments, print_table, say, write_bytes
-from core.support.text import clean
+from core.support.text import clean, number
 from plugins.results.chosen import DesignsConfig, config_for
 from plugins.results.stations import (
     Bench,
@@ -153,11 +153,11 @@ def _rows(design: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     """
     missed_m = design["ik_error_m"]
     missed = "–" if missed_m is None else f"{1000 * missed_m:.0f}"
-    once = (f"{design['robust']:.3f}", missed)
+    once = (number(design["robust"], 3), missed)
 
     for engine, figures in design["engines"].items():
-        nominal = f"{figures['nominal']:.3f}"
-        perturbed = f"{figures['mean']:.3f} ± {figures['std']:.3f}"
+        nominal = number(figures["nominal"], 3)
+        perturbed = f"{number(figures['mean'], 3)} ± {figures['std']:.3f}"
         names = (design["design"], design["task"], design["robot"])
         yield (*names, engine, nominal, perturbed, *once)
         once = ("", "")

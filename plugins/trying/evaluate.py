@@ -27,7 +27,6 @@ from core.trial import Evaluation
 from plugins.trying.checking import find_problems
 from plugins.trying.judging import build_fitness, try_all
 
-STOPPED_RAD = 0.02  # lag of a joint above which something held it back; reference solutions stay below 0.012
 USAGE = "usage: vlmgineer evaluate task=NAME designs=FILE [sim=NAME] [seed=N] [output=FILE.json] [KEY=VALUE ...]"
 MISSES = ("ik_error_m", "ik_error_rad", "tracking_error_rad")
 MAX_REMARK = 2000  # characters
@@ -86,13 +85,6 @@ def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
     misses = {
         name: None if shown is None else _known(getattr(shown, name)) for name in MISSES
     }
-    warnings = list(evaluation.warnings)
-    lag_rad = misses["tracking_error_rad"]
-    if lag_rad is not None and lag_rad > STOPPED_RAD:
-        warnings.append(
-            f"stopped or held back on its way: a joint of the arm fell {lag_rad:.2f} rad behind its target"
-        )
-
     level = installed().factory("level", PromptSettings.told)()
 
     return {
@@ -103,7 +95,7 @@ def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
         "status": evaluation.status,
         "reason": evaluation.reason,
         **misses,
-        "warnings": warnings,
+        "warnings": list(evaluation.warnings),
         **level.report(evaluation, task),
     }
 

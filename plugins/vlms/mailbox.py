@@ -102,7 +102,7 @@ class Mailbox(VLM):
                 ]
                 _write(file, "\n".join([_RESULTS_HEAD, *lines, ""]).encode())
                 best = number(max(e.reward for e in evaluations), 3)
-                _say(f"the best of {file.parent.name} earned {best}; {file} says why")
+                _say(f"the best of {file.parent.name} earned {best}; {file} says more")
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """See `VLM.complete`.

@@ -16,7 +16,7 @@ from core.errors import UserError
 from core.store.database import FILE, LOCK
 from core.store.reader import StoredRun
 from core.store.rows import Best, RunFigures, StoredEvaluation
-from core.support.text import by_reason, clean
+from core.support.text import by_reason, clean, number
 
 RESULT = "result.json"
 HYDRA = ".hydra"
@@ -268,7 +268,7 @@ def _progress(folder: Path, store: StoredRun) -> str:
     done = f"{generations} generations and {len(evaluations)} candidates done"
     rewards = [row.reward for row in evaluations if row.status == "ok"]
     if rewards:
-        done += f", best reward so far {max(rewards):.3f}"
+        done += f", best reward so far {number(max(rewards), 3)}"
     how = "goes on" if is_held(folder) else "was killed"
 
     return f"{done}; it {how}"

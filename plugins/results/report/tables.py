@@ -46,6 +46,7 @@ def tables(results: Results) -> list[Table]:
         lineage(results),
         tools(results),
         runs(results),
+        unseen_failures(results),
         left_out(results),
         models(results),
         costs(results),
@@ -309,6 +310,28 @@ def runs(results: Results) -> Rows:
                 _link(run),
                 tuple(CellLink(what, file) for what, file in recordings),
             )
+
+
+@_table("task|method|seed:0|engine|layout:0|reward:3|why|drawn for it|film")
+def unseen_failures(results: Results) -> Rows:
+    """The unseen layouts in which the best designs fail."""
+    for g in results.groups:
+        for run in g.runs:
+            unseen = run.figures.unseen
+            for failed in unseen.failed if unseen is not None else ():
+                drawn = ", ".join(f"{name} {x:g}" for name, x in failed.draw.items())
+                film = CellLink("film", run.folder / failed.film)
+                yield (
+                    g.task,
+                    g.method,
+                    run.seed,
+                    failed.engine,
+                    failed.layout,
+                    failed.reward,
+                    failed.cause,
+                    drawn,
+                    film if failed.film else "",
+                )
 
 
 @_table(

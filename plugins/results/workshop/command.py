@@ -113,14 +113,18 @@ def configured(words: Sequence[str]) -> DictConfig:
 def show(result: Export) -> None:
     """Print how a motion played, and what was not or not well checked."""
     task = result.task
-    rows = [
-        (task.name, engine, f"{replay.reward:.3f}", "; ".join(replay.problems))
-        for engine, replay in result.replays.items()
-    ]
+    rows = []
+    for engine, replay in result.replays.items():
+        problems = "; ".join(replay.problems)
+        if replay.reward == 0 and not problems:
+            problems = f"vlmgineer evaluate with sim={engine} says why"
+        rows.append((task.name, engine, f"{replay.reward:.3f}", problems))
+
     print_table(("task", "engine", "reward", "problems"), rows, ("reward",))
 
     motion = result.motion
-    say(f"{motion.times[-1]:.2f} s, {motion.slower:.3f} times as long as simulated")
+    longer = f"{motion.slower:.3f} times as long as in simulation"
+    say(f"the motion takes {motion.times[-1]:.2f} s, {longer}")
     mass = f"payload {result.payload['mass_kg']:g} kg of {task.robot.payload_kg:g}"
     most = max(result.limits, key=lambda joint: joint["torque_share"] or 0.0)
     say(f"{mass}; most torque in {most['joint']}")
@@ -140,10 +144,12 @@ def main(words: list[str]) -> None:
     designs = [f"designs={folder}" for folder in folders]
     verdicts = []
 
-    for result in export(configured([*designs, *overrides])):
+    cfg = configured([*designs, *overrides])
+    for result in export(cfg):
         show(result)
         verdicts += result.verdicts
 
+    say(f"files: {cfg.output}")
     failing = [verdict for verdict in verdicts if verdict.passed is False]
     if failing:
         raise UserError(
