@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,7 @@ from core.trial import TIE
 REPAIR = "repair"
 CRITIC = "critic"
 IDEA = "colleague"  # quotes a person's idea
+PICTURE = "picture"  # the pictures of the scene follow it
 MAX_REPEATED = 400_000  # characters of a reply that are sent back
 
 
@@ -97,9 +98,9 @@ class PromptComposer:
     ) -> tuple[Message, ...]:
         """Compose a system message and a user message.
 
-        The user message has one text per part, the brief's style, then the ``pictures`` of the scene with their
-        captions, and film ``strips`` (by candidates' ids), each after a line that names it. ``schema``: the text holds
-        the JSON schema of the answer.
+        The user message has one text per part, then the brief's style, and film ``strips`` (by candidates' ids), each
+        after a line that names it. The ``pictures`` of the scene follow the part `PICTURE`, with their captions.
+        ``schema``: the text holds the JSON schema of the answer.
 
         Raises:
             UserError: a template uses an unknown name or fails otherwise; or there are no elites, and the prompt has
@@ -116,28 +117,30 @@ class PromptComposer:
                 answer_schema(brief), ensure_ascii=False, separators=(",", ":")
             )
 
-        texts = [self._templates.fill(part, values) for part in self._parts(brief)]
-        user: list[Text | Picture] = [text for text in texts if text.text.strip()]
+        user: list[Text | Picture] = []
+        for part in self._parts(brief):
+            text = self._templates.fill(part, values)
+            if text.text.strip():
+                user.append(text)
+            if part == PICTURE:
+                user += _with_captions(pictures)
+
         if brief.style.strip():
             user.append(Text(f"{brief.style.strip()}\n\n"))
-        for picture in pictures:
-            if picture.caption:
-                user.append(Text(f"{picture.caption}\n\n"))
-            user.append(picture)
 
         elites = {elite.candidate.id for elite in brief.elites}
 
         for name, strip in strips.items():
             which = "an elite" if name in elites else "a failure"
             caption = f"Film strip of {which}, {name}: six instants of its motion, in reading order:"
-            user += [Text(f"{caption}\n\n"), strip]
+            user += _with_captions([replace(strip, caption=caption)])
 
         return (*self._system(values), Message("user", tuple(user)))
 
     def critique(
-        self, brief: Brief, pictures: Mapping[str, Picture]
+        self, brief: Brief, pictures: Sequence[Picture]
     ) -> tuple[Message, ...]:
-        """Compose a request for a critique of the brief's one elite, with ``pictures`` of it by their captions.
+        """Compose a request for a critique of the brief's one elite, with ``pictures`` of it.
 
         Raises:
             UserError: see `compose`.
@@ -145,10 +148,9 @@ class PromptComposer:
         """
         values = prompt_values(replace(self._facts, criticised=True), brief)
         values["pictured"] = list(pictures)
-        user: list[Text | Picture] = [self._templates.fill(CRITIC, values)]
-        for caption, picture in pictures.items():
-            user += [Text(f"{caption}:\n\n"), picture]
-        return (*self._system(values), Message("user", tuple(user)))
+        text = self._templates.fill(CRITIC, values)
+        user = (text, *_with_captions(pictures))
+        return (*self._system(values), Message("user", user))
 
     def repair(
         self,
@@ -214,6 +216,13 @@ class PromptComposer:
             return []
         texts = tuple(self._templates.fill(part, values) for part in parts)
         return [Message("system", texts)]
+
+
+def _with_captions(pictures: Sequence[Picture]) -> Iterator[Text | Picture]:
+    for picture in pictures:
+        if picture.caption:
+            yield Text(f"{picture.caption}\n\n")
+        yield picture
 
 
 def as_markdown(message: Message) -> str:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import ast
-import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 from core.config.schemas import PromptSettings
@@ -14,8 +11,6 @@ from core.design import Tool
 from core.designs.plan_rules import plan_limits
 from core.interfaces import Brief, RolloutSettings
 from core.plugins import installed
-from core.robot.trajectory import plan_motion
-from core.support.text import short_numbers
 from core.task import NOTHING_TOLD, Level
 
 
@@ -52,11 +47,9 @@ def prompt_values(facts: RunFacts, brief: Brief) -> dict[str, Any]:
     """Return the names that templates may use, and their values: those of plugins, and of core."""
     given = brief.representation.given(brief.task)
     mounted = given or Tool(gripper=brief.gripper)
-    values = {}
-    for name, compute in installed().factories("prompt_value").items():
-        values[name] = compute(brief, mounted, facts)
+    computed = installed().factories("prompt_value").items()
     return {
-        **values,
+        **{name: compute(brief, mounted, facts) for name, compute in computed},
         **_assignment_values(facts, brief, given),
         **_scene_values(facts, brief, mounted),
     }
@@ -79,9 +72,8 @@ def _assignment_values(
         "tool_rules": brief.representation.instructions(brief).strip(),
         "action_rules": brief.actions.instructions(brief).strip(),
         "judged": facts.judged,
-        "tie": f"{facts.tie:g}",
+        "tie": facts.tie,
         "feedback": facts.settings.feedback,
-        "detailed": any(elite.combined or elite.figures for elite in brief.elites),
         "solved": any(elite.reward >= 1 - facts.tie for elite in brief.elites),
         **plan_limits(),
     }
@@ -96,26 +88,8 @@ def _scene_values(facts: RunFacts, brief: Brief, mounted: Tool) -> dict[str, Any
         "unseen": not facts.level.numbers,
         "robot": task.robot,
         "tool_friction": brief.representation.material.made(mounted).friction,
-        "home_xyz": f"({short_numbers(task.home.position, 4, ', ')})",
-        "home_rpy": f"({short_numbers(task.home.rpy, 4, ', ')})",
-        "executor": read_source(plan_motion),
         "rollout": facts.rollout,
         "hold_s": max(facts.rollout.hold_s, task.hold_s),
         **NOTHING_TOLD,
         **facts.level.values(task, brief.scene_seed),
     }
-
-
-@lru_cache
-def read_source(function: Callable[..., Any]) -> str:
-    """Take a function's source without its docstring."""
-    source = inspect.getsource(function)
-    lines = source.splitlines()
-    (definition,) = ast.parse(source).body
-    assert isinstance(definition, ast.FunctionDef)
-
-    if ast.get_docstring(definition) is not None:
-        docstring = definition.body[0]
-        del lines[docstring.lineno - 1 : docstring.end_lineno]
-
-    return "\n".join(lines)

@@ -69,8 +69,11 @@ INSTANTS = 6
 PATHS = 2
 """The most bodies whose paths are noted."""
 
-MAX_CONTACTS = 40
+MAX_CONTACTS = 120
 """The most contacts that are listed."""
+
+WORLD_AXES = np.array([1.0, 0.0, 0.0, 0.0])
+"""The turn of a goal that stands by nothing."""
 
 NAMED = 3
 """The most bodies that a missed goal names."""
@@ -132,6 +135,7 @@ def observe(
         errors=case.errors(),
         contacts=_choose_contacts(contacts),
         clearances={name: round(gap, 4) for name, gap in contacts.clearances.items()},
+        nearest=contacts.nearest,
         touch_m=_round(contacts.touch_m, 4),
         miss=(worst + 1, miss_m, miss_rad),
         lag_rad=round(lag, 4),
@@ -286,7 +290,11 @@ class _Case:
         for goal in sorted(self.reaches, key=self._measure_left):
             for name in goal.subjects(self.start):
                 wanted = goal.place_of(name, self.start)
-                found.setdefault(name, _offset(wanted, self.end.position(name)))
+                axes = WORLD_AXES
+                if getattr(goal, "at", None):
+                    axes = self.start.quaternion(goal.at)
+
+                found.setdefault(name, _offset(wanted, self.end.position(name), axes))
 
         return {name: found[name] for name in self.names if name in found}
 
@@ -450,12 +458,13 @@ def _runs(flags: Flags) -> Iterator[tuple[int, int]]:
     return zip(edges[::2], edges[1::2], strict=True)
 
 
-def _offset(wanted: Array | None, position: Array) -> Offset:
+def _offset(wanted: Array | None, position: Array, axes: Array) -> Offset:
     """Subtract from a place the wanted one.
 
     Args:
         wanted: (3,) metres, with nan where a coordinate is free; None: all are.
         position: (3,) metres.
+        axes: (4,) the turn of the frame along whose axes it is measured.
 
     Returns:
         Three numbers, metres; None: a coordinate that is free.
@@ -463,10 +472,10 @@ def _offset(wanted: Array | None, position: Array) -> Offset:
     if wanted is None:
         return None, None, None
 
-    x, y, z = (
-        None if np.isnan(off) else round(off, 4) + 0.0
-        for off in (position - wanted).tolist()
-    )
+    free = np.isnan(wanted)
+    way = rotate_back(axes, np.where(free, 0.0, position - wanted))
+    way[free] = np.nan
+    x, y, z = (None if np.isnan(off) else round(off, 4) + 0.0 for off in way.tolist())
     return x, y, z
 
 

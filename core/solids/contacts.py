@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -47,6 +47,7 @@ class Contacts:
         depths: the largest penetration of each two, metres.
         clearances: the smallest gap between the robot and each body that it never touched, metres.
         touch_m: how far from its mount's origin the tool first touched a body that can move; None: it touched none.
+        nearest: for each of ``clearances`` the part of the robot, and when, s.
     """
 
     taken: Recording
@@ -54,6 +55,7 @@ class Contacts:
     depths: dict[Key, float]
     clearances: dict[str, float]
     touch_m: float | None = None
+    nearest: dict[str, tuple[str, float]] = field(default_factory=dict)
 
     @cached_property
     def resting(self) -> set[Key]:
@@ -203,7 +205,11 @@ def find_contacts(
         taken,
         touching,
         depths,
-        clearances={name: gap for name, (gap, _) in gaps.items()},
+        clearances={name: gap for name, (gap, _, _) in gaps.items()},
+        nearest={
+            name: (part, round(float(taken.times[k]), 2))
+            for name, (_, k, part) in gaps.items()
+        },
         touch_m=_measure_first_touch(robot, tool, taken, by_tool),
     )
 
@@ -354,7 +360,7 @@ def _measure_first_touch(
 
 def nearest(
     robot: Sequence[Track], bodies: Sequence[Track], most: int | None = 40
-) -> dict[str, tuple[float, int]]:
+) -> dict[str, tuple[float, int, str]]:
     """Find how near the robot came to each body.
 
     Args:
@@ -363,9 +369,9 @@ def nearest(
         most: how often a body's solid is measured, where the boxes are nearest; None: as often as needed.
 
     Returns:
-        For each body the smallest distance, metres, and the number of the sample.
+        For each body the smallest distance, metres, the number of the sample, and the part of the robot.
     """
-    found: dict[str, tuple[float, int]] = {}
+    found: dict[str, tuple[float, int, str]] = {}
     if not robot:
         return found
 
@@ -377,14 +383,14 @@ def nearest(
         apart = np.maximum(apart, 0.0)
         bounds = np.sqrt((apart * apart).sum(axis=2))  # (robot, T)
 
-        best = found.get(body.owner, (np.inf, 0))
+        best = found.get(body.owner, (np.inf, 0, ""))
         for index in _find_least(bounds.ravel(), most).tolist():
             number, sample = divmod(index, bounds.shape[1])
             if bounds[number, sample] >= best[0]:
                 break
 
             gap = -Pair(robot[number], body).look(sample).depth
-            best = min(best, (gap, sample))
+            best = min(best, (gap, sample, robot[number].name))
 
         found[body.owner] = best
 

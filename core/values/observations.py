@@ -79,9 +79,11 @@ class Observation:
         at_s: when it happened.
         left: the bodies of the goal that are not in place.
         moved: the free bodies that moved, and those of the goal.
-        errors: for each body of a goal, its place at the end minus the wanted one; None: a coordinate is free.
+        errors: for each body of a goal, its place at the end minus the wanted one, along the axes of what the goal
+            stands by; None: a coordinate is free.
         contacts: the first contacts, the robot's before those of bodies with each other.
         clearances: the least distance of the robot to each body that it did not touch.
+        nearest: for each of them the part of the robot that came nearest, and when.
         touch_m: how far from its mount's origin the tool first touched a body that can move; None: it touched none.
         miss: the number of the waypoint, from 1, on the way to which the arm can follow least, and its two errors
             there, metres and radians.
@@ -100,6 +102,7 @@ class Observation:
     errors: Mapping[str, Offset] = field(default_factory=dict)
     contacts: tuple[Contact, ...] = ()
     clearances: Mapping[str, float] = field(default_factory=dict)
+    nearest: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     touch_m: float | None = None
     miss: tuple[int, float, float] = (1, 0.0, 0.0)
     lag_rad: float = 0.0

@@ -13,7 +13,7 @@ from core.errors import UsageError, choices
 from core.interfaces import Condition, Fitness, Score, Simulator, Task, Trial
 from core.support.templates import fill
 from core.trial import Part
-from core.values.layouts import NONE, Ranges
+from core.values.layouts import NONE
 from plugins.fitness.robustness import Perturbation, PerturbationRange
 from plugins.fitness.several import Combine, mean, score_by_worst_engine, worst_quarter
 
@@ -21,6 +21,7 @@ MARGIN_SHARE = 0.1  # of a reward, with ``combine=margin``
 # Of tool and bodies, beside what a layout draws; it says where bodies are.
 WEAR = PerturbationRange(position=0.0, yaw=0.0, size=0.01)
 UNSEEN = 1_000_000  # the first seed of the layouts that no search sees; the same ones for all runs
+_SAME_M = 1e-6  # two places that are nearer are one
 _MOST_SEED = UNSEEN - 1_000  # of a run, whose designer and finalists see some more
 
 
@@ -116,7 +117,7 @@ class Layouts(Fitness):
             layouts=len(self._seeds),
             sims=[*self._sims],
             elsewhere=[] if self._unseen_sims is self._sims else [*self._unseen_sims],
-            drawn=describe_ranges(self._condition.task.shared().ranges),
+            drawn=describe_ranges(self._condition.task.shared()),
             noise=self._condition.settings.perception,
             counts=self._counts,
             unseen=self._unseen,
@@ -154,12 +155,25 @@ def _are_alike(task: Task, seed: int) -> bool:
     return first == second
 
 
-def describe_ranges(ranges: Ranges) -> str:
-    """List the ranges in words, for a model: metres, radians, kilograms."""
+def describe_ranges(task: Task) -> str:
+    """List the ranges of a task in words, for a model: metres, radians, kilograms.
+
+    A range is ``relative`` if what is drawn is not the place of a body's origin in the world.
+    """
+    draw = task.draw(0)
+    relative = set()
+    for body in task.scene(0).bodies:
+        for axis, place in zip("xyz", body.pose.position, strict=True):
+            name = f"{body.name}.{axis}"
+            if abs(draw(name, place) - place) > _SAME_M:
+                relative.add(name)
+
     # Numbers such as card_1.x, card_2.x, ... are one group, if they share a range.
     groups: dict[tuple[str, str], list[str]] = {}
-    for name, (low, high) in ranges.items():
-        span = f"from {low:.4g} to {high:.4g}"
+    for name, (low, high) in task.ranges.items():
+        span = (
+            f"from {low:.4g} to {high:.4g}{' (relative)' if name in relative else ''}"
+        )
         plain = re.sub(r"\d+", "", name)
         groups.setdefault((plain, span), []).append(name)
 

@@ -15,7 +15,7 @@ from core.support.text import clean
 from core.trial import Evaluation
 
 MAX_CRITIQUE = 2000  # characters
-STRIP = "Film strip of the rollout: six instants at which something happens, in reading order"
+STRIP = "Film strip of the rollout: six instants at which something happens, in reading order:"
 # In place of an agent's number: keeps requests' random numbers apart.
 _CRITIC = 1_000_000
 
@@ -66,7 +66,7 @@ class ModelCritic:
 
         film = self.designer.film
         strip = film and film(shown)
-        pictures = {STRIP: strip} if strip is not None else {}
+        pictures = [replace(strip, caption=STRIP)] if strip is not None else []
         messages = self.designer.prompts.critique(alone, pictures)
         temperature = self.designer.sampling.temperature
         name = f"g{brief.generation}-critic{number}"

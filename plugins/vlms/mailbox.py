@@ -47,11 +47,26 @@ _ACCEPT_HELP = (
 )
 
 
+NOW = "\n# What is wanted\n"
+"""The heading in a prompt above which all requests of a run are alike."""
+
+_ANSWER = (
+    f"Write the answer to the file `{REPLIES[0]}` beside this one. `schema.json` has its JSON schema, and `problem.md` "
+    "will say what is wrong with it.\n"
+)
+_CRITIQUE = f"Write the answer to the file `{REPLIES[1]}` beside this one.\n"
+_KNOWN = (
+    'Rules and task, with their pictures, are those of `../{name}/prompt.md`: all that stands there above "What is '
+    'wanted". Below is what is new.\n'
+)
+
+
 class Mailbox(VLM):
     """Writes each request into a folder of its own, and waits for a reply in that folder.
 
-    A folder holds ``prompt.md``, the pictures that it names, and ``schema.json``. The reply is ``reply.json``, or
-    ``reply.md`` with the JSON somewhere in it. While designs of a reply can't be tried, ``problem.md`` lists all faults
+    A folder holds ``prompt.md``, the pictures that it names, and ``schema.json``. What a later generation's prompt has
+    in common with a first one stands in the first one's file alone. The reply is ``reply.json``, or ``reply.md`` with
+    the JSON somewhere in it. While designs of a reply can't be tried, ``problem.md`` lists all faults
     of all of them, and the reply may be amended; a file named ``accept`` has it taken as it is. Replies that are
     already there, from an interrupted run, are used at once. After a generation ``results.md`` says what became of each
     design.
@@ -63,6 +78,7 @@ class Mailbox(VLM):
     """
 
     model = "mailbox (answered by hand)"
+    takes_schema = True
 
     def __init__(
         self, folder: str = "", poll_s: float = 0.5, amend: bool = True
@@ -170,7 +186,7 @@ class Letter:
         Raises:
             UserError: the folder can't be written, or has a reply to another request.
         """
-        text = "\n".join(as_markdown(message) for message in self.request.messages)
+        text = self._write_prompt()
         prompt = self.folder / "prompt.md"
 
         try:
@@ -197,6 +213,21 @@ class Letter:
             raise UserError(
                 f"the mailbox {self.folder} can't be used: {error}"
             ) from error
+
+    def _write_prompt(self) -> str:
+        """Write the request as a text that says where to answer.
+
+        A prompt of a later generation leaves out the rules that stand in that of a first request.
+        """
+        text = "\n".join(as_markdown(message) for message in self.request.messages)
+        for file in sorted(self.folder.parent.glob("g0-*/prompt.md")):
+            rules = _read_rules(file)
+            if self.request.brief.generation and rules and text.startswith(rules + NOW):
+                known = _KNOWN.format(name=file.parent.name)
+                text = known + text.removeprefix(rules)
+                break
+
+        return text + (_CRITIQUE if self.request.critique else _ANSWER)
 
     def _post_pictures(self) -> None:
         """Write the pictures that the request's messages name."""
@@ -341,6 +372,16 @@ def _holds(file: Path, text: str) -> bool:
         return _load(file) == text
     except DesignError:  # missing, or something that `_write` replaces
         return False
+
+
+def _read_rules(file: Path) -> str:
+    """Read a prompt up to what is wanted in its round alone; empty: it says no such thing."""
+    try:
+        rules, found, _ = _load(file).partition(NOW)
+    except DesignError:
+        return ""
+
+    return rules if found else ""
 
 
 def _say(text: str) -> None:

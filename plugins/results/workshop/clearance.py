@@ -73,7 +73,7 @@ def clearance(
     links = [track for track in moving if track.name not in parts]
     components = [track for track in moving if track.name in parts]
     for what, tracks in (("arm", links), ("tool", components)):
-        for name, (gap, k) in nearest(tracks, bodies, None).items():
+        for name, (gap, k, _) in nearest(tracks, bodies, None).items():
             found.append(Nearest(what, name, min(gap, NEAR_M), times[k]))
 
     return sorted(found, key=lambda row: row.metres)

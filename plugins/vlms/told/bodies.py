@@ -27,7 +27,7 @@ def bodies_table(task: Task, seed: int) -> str:
     Returns:
         A table in Markdown, such as::
 
-            | body | is | weight | origin of its frame |
+            | body | is | weight | origin, from low to high end |
             | --- | --- | --- | --- |
             | cube_1 ... cube_4 (4) | free | light | centre |
     """
@@ -40,7 +40,7 @@ def bodies_table(task: Task, seed: int) -> str:
         names.setdefault(row, []).append(body.name)
 
     rows = [(_join_names(alike), *cells[1:]) for cells, alike in names.items()]
-    return table(("body", "is", "weight", "origin of its frame"), rows)
+    return table(("body", "is", "weight", "origin, from low to high end"), rows)
 
 
 def bounds(body: Body, pose: Pose) -> tuple[Array, Array]:

@@ -15,6 +15,12 @@ from core.support.text import clean
 from core.values.observations import Sight
 from plugins.vlms.told.feedback import combined_figures, elite_feedback
 
+WHOLE = 2
+"""So many elites have their plans and what was observed; of the others less is shown."""
+
+SHORT = ("distance_m", "trial", "result", "margins", "warnings")
+"""What is shown of the rollouts of the others."""
+
 _LONGEST = 240  # characters of an elite's description
 _NUMBERS = re.compile(r'(\[)\n([^][{}"]*)\n *(\])')
 _INNERMOST = re.compile(r"(\{)\n([^{}]*)\n *(\})")
@@ -23,7 +29,8 @@ _INNERMOST = re.compile(r"(\{)\n([^{}]*)\n *(\})")
 def elites_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
     """Write elites as JSON for templates, their ``elites``: each list of numbers and each innermost object on one line.
 
-    Plans and their rollouts are all that plans for a given tool differ in; else the paper shows none.
+    Plans and their rollouts are all that plans for a given tool differ in; else the paper shows none, and other prompts
+    those of the best `WHOLE`.
 
     Args:
         brief: with its elites, the best first.
@@ -37,9 +44,10 @@ def elites_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
     sight = facts.level.sight(task, brief.scene_seed)
     given = brief.representation.given(task) is not None
     plans = facts.criticised or given or facts.settings.feedback != "paper"
+    whole = len(brief.elites) if given else WHOLE
 
     entries = []
-    for elite in brief.elites:
+    for number, elite in enumerate(brief.elites):
         entry = _describe_design(elite, brief.representation)
         figures = combined_figures(elite, task, sight)
 
@@ -47,7 +55,11 @@ def elites_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
             entry["details"] = _round_numbers(figures)
 
         if plans:
-            entry |= _describe_rollout(elite, sight)
+            rollout = _describe_rollout(elite, sight)
+            if number >= whole:
+                rollout = {name: rollout[name] for name in SHORT if name in rollout}
+                del entry["tool_description"]
+            entry |= rollout
 
         entries.append(entry)
 
@@ -115,7 +127,8 @@ def _describe_rollout(elite: Evaluation, sight: Sight) -> dict[str, Any]:
 
     described: dict[str, Any] = _round_numbers(figures)
     described |= elite_feedback(elite, sight)
-    described["warnings"] = [sight.text(warning) for warning in elite.warnings]
+    if elite.warnings:
+        described["warnings"] = [sight.text(warning) for warning in elite.warnings]
 
     return described
 

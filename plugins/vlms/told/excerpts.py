@@ -8,59 +8,32 @@ import re
 import sys
 import textwrap
 from collections.abc import Callable
-from functools import lru_cache
 from typing import Any
 
-from core.interfaces import Task
+from core.design import Tool
+from core.designs.prompt_values import RunFacts
+from core.interfaces import Brief, Task
+from core.robot.trajectory import plan_motion
 
-BODY = (
-    "name",
-    "pose",
-    "mass",
-    "visuals",
-    "collisions",
-    "friction",
-    "rolling_friction",
-    "restitution",
-)
-"""Members of `Body` that are shown."""
-
+_DOCSTRING = re.compile(r'^ +""".*?"""\n', re.DOTALL | re.MULTILINE)
 _SECTION = re.compile(r"\n\n +(Args|Raises):.*?(?=\n? *\"\"\"\n)", re.DOTALL)
 _HIDDEN_ENTRIES = re.compile(
-    r"^(in_words|variations):.*?(?=^[^\s#]|\Z)", re.MULTILINE | re.DOTALL
+    r"^(description|camera|in_words|variations):.*?(?=^[^\s#]|\Z)",
+    re.MULTILINE | re.DOTALL,
 )
 
 
-@lru_cache
-def class_source(part: type, *members: str) -> str:
-    """Take a class's head, its docstring without sections, and these fields.
-
-    Args:
-        part: the class.
-        members: names of its annotated fields.
-    """
-    text = _SECTION.sub("", inspect.getsource(part), count=1)
-    lines = text.splitlines()
-    (node,) = ast.parse(text).body
-    assert isinstance(node, ast.ClassDef)
-    docstring, *body = node.body
-    kept = lines[: docstring.end_lineno]
-
-    for child in body:
-        if not isinstance(child, ast.AnnAssign):
-            continue
-
-        if isinstance(child.target, ast.Name) and child.target.id in members:
-            kept += lines[child.lineno - 1 : child.end_lineno]
-
-    return "\n".join(kept)
+def class_source(part: type) -> str:
+    """Take a class's head, its docstring without sections, and its fields."""
+    head, _, _ = inspect.getsource(part).partition("\n    def ")
+    return _SECTION.sub("", head, count=1).rstrip()
 
 
 def task_source(task: Task) -> str:
     """Return the task's file without what the prompt says elsewhere, or what its reward does not read.
 
-    Left out are its short description, its variations (what a design is judged by has their ranges) and goals that the
-    reward does not name.
+    Left out are imports, its descriptions, its camera, its variations (what a design is judged by has their ranges) and
+    goals that the reward does not name.
 
     Of a task that is a YAML file, the entries of that file are left out in the same way.
     """
@@ -68,12 +41,13 @@ def task_source(task: Task) -> str:
     if task.language != "python":
         return _HIDDEN_ENTRIES.sub("", text)
 
+    parts = ast.parse(text).body
     members: list[ast.stmt] = []
-    for part in ast.parse(text).body:
+    for part in parts:
         if isinstance(part, ast.ClassDef):
             members += part.body
 
-    hidden = {"in_words", "variations"}
+    hidden = {"description", "camera", "in_words", "variations"}
     rewards = [m for m in members if isinstance(m, ast.FunctionDef)]
     rewards = [method for method in rewards if method.name == "reward"]
 
@@ -86,7 +60,11 @@ def task_source(task: Task) -> str:
         if any(isinstance(t, ast.Name) and t.id in hidden for t in targets):
             del lines[member.lineno - 1 : member.end_lineno]
 
-    return "".join(lines)
+    for part in reversed(parts):
+        if isinstance(part, ast.Import | ast.ImportFrom):
+            del lines[part.lineno - 1 : part.end_lineno]
+
+    return "".join(lines).strip()
 
 
 def helpers(task: Task) -> str:
@@ -114,6 +92,11 @@ def helpers(task: Task) -> str:
             heads.append(_take_head(function))
 
     return "\n\n".join(heads)
+
+
+def executor_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
+    """Return the code that executes waypoints, without its docstring, for templates: their ``executor``."""
+    return _DOCSTRING.sub("", inspect.getsource(plan_motion), count=1)
 
 
 def _take_head(function: Callable[..., Any]) -> str:

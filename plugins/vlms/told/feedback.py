@@ -12,7 +12,7 @@ from typing import Any
 from core.design import Tool
 from core.designs.feedback import last_generation, outcome_of
 from core.designs.prompt_values import RunFacts
-from core.interfaces import Brief, Contact, Evaluation, Observation, Task
+from core.interfaces import Brief, Contact, Evaluation, Observation, Task, Trial
 from core.support.text import by_reason, clean, short_numbers
 from core.trial import best_first, summarise_rewards
 from core.values.observations import Sight
@@ -28,6 +28,7 @@ _TILT_DEG = 1.0
 # The most that is written of an elite.
 _CONTACTS = 8
 _BODIES = 4
+_NEAR_M = 0.1  # what the robot stayed farther from is not worth its words
 _LAYOUTS = 3
 _OUTCOMES = 6
 
@@ -45,7 +46,9 @@ def candidates_value(
     mounted: Tool,
     facts: RunFacts,
 ) -> str:
-    """Write the lines about the last generation for templates, their ``candidates``; the paper shows none.
+    """Write the lines about the last generation for templates, their ``candidates``; elites have none.
+
+    The paper shows no lines at all.
 
     Args:
         brief: which has what was tried.
@@ -57,9 +60,11 @@ def candidates_value(
         return ""
 
     sight = facts.level.sight(brief.task, brief.scene_seed)
+    above = {elite.candidate.id for elite in brief.elites}
     last = last_generation(brief.tried)
+    others = tuple(e for e in last if e.candidate.id not in above)
 
-    return generation_lines(last, settings.generation_characters, sight)
+    return generation_lines(others, settings.generation_characters, sight)
 
 
 @lru_cache(maxsize=2)
@@ -167,16 +172,17 @@ def combined_figures(
         sight: what may be said of bodies.
 
     Returns:
-        Of several trials a line for each kind of end, the rewards by engine, and the layouts that failed; and the
-        figures of the fitness.
+        Of several trials a line for each kind of end, the rewards by engine if there are several, and the layouts that
+        failed; and the figures of the fitness.
     """
     figures: dict[str, Any] = {}
     if evaluation.combined:
         figures["trials"] = trial_lines(evaluation, sight)
-        figures["engines"] = {
-            engine: summarise_rewards(rewards)
-            for engine, rewards in evaluation.by_engine.items()
-        }
+        if len(evaluation.by_engine) > 1:
+            figures["engines"] = {
+                engine: summarise_rewards(rewards)
+                for engine, rewards in evaluation.by_engine.items()
+            }
 
         poor = _poor_layouts(evaluation, task)
 
@@ -249,9 +255,10 @@ def describe(evaluation: Evaluation, sight: Sight = ALL) -> str:
     entry = elite_feedback(evaluation, sight)
     trials = trial_lines(evaluation, sight) if evaluation.combined else []
     outcome = (evaluation.reward, reason, trials)
-    touches = list(first.values())[:_TOUCHES]
+    touches = sorted(first.values(), key=lambda touch: touch.other not in seen.what)
 
-    return phrase("observed", "line", *outcome, seen, entry, touches, sight.numbers)
+    shown = (seen, entry, touches[:_TOUCHES], sight.numbers)
+    return phrase("observed", "line", *outcome, *shown)
 
 
 def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
@@ -265,11 +272,12 @@ def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
     for trial in sorted(evaluation.trials, key=lambda trial: trial.reward):
         outcome = trial.outcome
         if trial.status != "ok" or trial.reason:
-            outcome = f"{trial.status}: {trial.reason}"
+            status = "invalid" if trial.status == "ok" else trial.status
+            outcome = f"{status}: {trial.reason}"
 
         outcome = sight.text(clean(outcome, _OUTCOME))
         text = f"{trial.reward:.3f} {outcome}".rstrip()
-        name = phrase("observed", "trial", trial, len(evaluation.tasks))
+        name = _name_trial(trial, evaluation)
         places.setdefault(text, []).append(name)
 
     if len(places) == 1:
@@ -304,23 +312,16 @@ def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
     if trial is None or seen is None:
         return {}
 
-    # Those of the tool with the goal's bodies come first.
-    contacts = sorted(
-        seen.contacts, key=lambda c: c.kind != "tool" or c.other not in seen.errors
-    )
-    touches = [
-        phrase("observed", "touch", contact, sight.numbers) for contact in contacts
-    ]
     described: dict[str, Any] = {
-        "trial": phrase("observed", "trial", trial, len(elite.tasks)),
-        "result": sight.text(phrase("observed", "result", seen)),
+        "trial": _name_trial(trial, elite) if elite.combined else "",
+        "result": sight.text(phrase("observed", "result", seen, trial.reward)),
         # Rounded down, since 100 % means all of it.
         "goals": {name: f"{int(100 * share)} %" for name, share in trial.goals},
-        "margins": [sight.text(str(margin)) for margin in trial.margins[:_BODIES]],
+        "margins": _margins(trial, seen, sight),
         "moved": _moves(seen, sight),
         "arrivals_s": list(seen.arrivals),
         "guards": list(seen.felt),
-        "contacts": touches[:_CONTACTS],
+        "contacts": _touches(seen, sight),
         "missed": phrase("observed", "miss", seen),
         "lag": phrase("observed", "lag", seen),
     }
@@ -331,8 +332,55 @@ def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
     return {key: value for key, value in described.items() if value}
 
 
+def _name_trial(trial: Trial, evaluation: Evaluation) -> str:
+    """Name a trial of a candidate by what distinguishes it from the others."""
+    return phrase("observed", "trial", trial, len(evaluation.tasks))
+
+
+def _margins(trial: Trial, seen: Observation, sight: Sight) -> list[str]:
+    """Say how much room was left to each limit, the least first, and which part came nearest to what is kept clear of.
+
+    Args:
+        trial: that stands for all.
+        seen: what was observed of it.
+        sight: what may be said of bodies.
+    """
+    lines = []
+    for margin in trial.margins[:_BODIES]:
+        if margin.unit:  # the reward itself has none, and is said already
+            nearest = seen.nearest.get(margin.name.removeprefix("clearance to "))
+            lines.append(phrase("observed", "margin", margin, nearest, sight.numbers))
+
+    return lines
+
+
+def _touches(seen: Observation, sight: Sight) -> list[str]:
+    """Say what touched what, from first to last.
+
+    Where there is more to say than there is room for, what the result is about goes first, then the first touch of each
+    body, by the tool before others.
+
+    Args:
+        seen: what was observed of a trial.
+        sight: what may be said of bodies.
+    """
+    counts = Counter[str]()
+    ranks: dict[Contact, tuple[Any, ...]] = {}
+    for contact in seen.contacts:
+        is_goals = contact.kind == "tool" and contact.other in seen.errors
+        is_result = contact.kind != "body" and contact.other in seen.what
+        ranks[contact] = not is_result, counts[contact.other], not is_goals
+        counts[contact.other] += 1
+
+    chosen = sorted(seen.contacts, key=ranks.__getitem__)[:_CONTACTS]
+    chosen.sort(key=lambda contact: contact.first_s)
+    lines = [phrase("observed", "touch", contact, sight.numbers) for contact in chosen]
+    left = len(seen.contacts) - len(chosen)
+    return [*lines, f"{left} more"] if left else lines
+
+
 def _places(seen: Observation) -> dict[str, Any]:
-    """Tell in numbers how far bodies are from their goals, where they were and when, and what the robot came near.
+    """Tell in numbers what the robot came near, and where bodies were and when, unless the task is solved.
 
     Args:
         seen: what was observed of a trial.
@@ -340,17 +388,11 @@ def _places(seen: Observation) -> dict[str, Any]:
     Returns:
         By the words of the prompt: metres, seconds, and paths as texts of points.
     """
-    errors = [
-        (name, list(offset)) for name, offset in seen.errors.items() if offset != _FREE
-    ]
-    errors.sort(key=lambda error: error[0] not in seen.left)
-    nearest = sorted(seen.clearances.items(), key=itemgetter(1))
-    places: dict[str, Any] = {
-        "error_m": dict(errors[:_BODIES]),
-        "clearance_m": dict(nearest[:_BODIES]),
-    }
+    near = [item for item in seen.clearances.items() if item[1] < _NEAR_M]
+    near.sort(key=itemgetter(1))
+    places: dict[str, Any] = {"clearance_m": dict(near[:_BODIES])}
 
-    if seen.paths:
+    if seen.paths and seen.result != "solved":
         places["path_m"] = {name: _path(path) for name, path in seen.paths.items()}
         places["times_s"] = list(seen.instants)
 
@@ -384,9 +426,12 @@ def _moves(seen: Observation, sight: Sight) -> dict[str, str]:
     described = {}
     for name in stirred[:_BODIES]:
         moved = seen.moved[name]
-        described[name] = phrase("observed", "move", moved, sight.way(moved))
+        off = seen.errors.get(name, _FREE) if seen.result != "solved" else _FREE
+        way = sight.way(moved)
+        described[name] = phrase("observed", "move", moved, way, off, sight.numbers)
 
-    if len(stirred) > _BODIES:
-        described[f"{len(stirred) - _BODIES} others"] = "moved too"
+    left = len(stirred) - _BODIES
+    if left > 0:
+        described["1 other" if left == 1 else f"{left} others"] = "moved too"
 
     return described

@@ -11,7 +11,7 @@ from core.scene import Body
 from core.task import NOTHING_TOLD, Level
 from core.values.observations import Sight
 from plugins.vlms.told.bodies import bodies_table
-from plugins.vlms.told.excerpts import BODY, class_source, helpers, task_source
+from plugins.vlms.told.excerpts import class_source, helpers, task_source
 from plugins.vlms.told.feedback import report
 from plugins.vlms.told.layout import layout_table
 from plugins.vlms.told.sight import Hidden
@@ -63,7 +63,7 @@ class Source(Told):
             "layout": layout_table(task, seed),
             "task_source": task_source(task).rstrip("\n"),
             "goals": task.reward_in_words(),
-            "vocabulary": class_source(Body, *BODY),
+            "vocabulary": class_source(Body),
             "helpers": helpers(task),
         }
 

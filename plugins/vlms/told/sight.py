@@ -18,7 +18,10 @@ _HEIGHT = 480
 _UNIT = r"mm|cm|m/s|m|kg|g|N m|N|J|deg|degrees|rad"
 # A number with a unit, or a decimal that is neither a time nor a count; a list of them; names such as card_3 stay.
 _MEASURED = rf"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?= ?(?:{_UNIT})\b)"
-_NUMBER = re.compile(rf"(?<![\w.])(?:{_MEASURED}|[-+]?\d+\.\d+(?!\d| ?s\b))")
+# A reward is no number of a body.
+_NUMBER = re.compile(
+    rf"(?<![\w.])(?<!reward of )(?:{_MEASURED}|[-+]?\d+\.\d+(?!\d| ?s\b))"
+)
 _LIST = re.compile(r"[(\[]\s*[-+\d.e]+(?:\s*,\s*[-+\d.e]+)+\s*[)\]]")
 
 

@@ -52,26 +52,26 @@ def idea(tmp_path):
 
 
 USES = {
-    "first sampling": ([], "Invent", "in place of the gripper", 6),
+    "first sampling": ([], "Invent", "takes the place of the gripper", 6),
     "first sampling, gripper": (
         ["task.tool_kinds=[gripper]"],
         "Invent",
-        "mounted on `left_finger`",
+        "a pair of attachments to the gripper's fingers",
         7,
     ),
     "no tool": (
         ["tool=none"],
         "nothing but its two-finger gripper",
-        "## The robot\n",
+        "not the fingers",
         7,
     ),
     "given tool": (
         ["task=BringCube", "tool=rlbench"],
         "The tool, stick",
-        "## The robot and the tool\n",
+        "can't be changed. Its links",
         6,
     ),
-    "human": (["prompt=human"], "Use a long hook.", "in place of the gripper", 6),
+    "human": (["prompt=human"], "Use a long hook.", "takes the place of the gripper", 6),
 }
 
 

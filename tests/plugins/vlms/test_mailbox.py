@@ -122,6 +122,10 @@ def test_a_request_becomes_a_folder_and_a_reply_is_read(tmp_path, capsys):
     prompt = (box / "prompt.md").read_text()
     assert prompt.startswith("Be bold.\n\n")
     assert "Design. 0\n\n![scene](scene.png)\n\n![elite_x](elite_x.png)" in prompt
+    assert prompt.endswith(
+        "to the file `reply.json` beside this one. `schema.json` has its JSON schema, and `problem.md` will say what "
+        "is wrong with it.\n"
+    )
     assert (box / "scene.png").read_bytes() == b"\x89PNG"
     assert (box / "elite_x.png").read_bytes() == b"\x89elite"
     assert json.loads((box / "schema.json").read_text()) == {"type": "object"}
@@ -133,6 +137,28 @@ def test_a_request_becomes_a_folder_and_a_reply_is_read(tmp_path, capsys):
         f"mailbox: 1 request waits for an answer in {tmp_path}; put reply.json or reply.md"
         in err
     )
+
+
+def test_a_later_request_names_what_it_has_in_common_with_a_first_one(tmp_path):
+    rules = "# Rules\n" + "Keep clear of the arm. " * 40
+    first = request(text=f"{rules}\n\n# What is wanted\nInvent.")
+    later = request(text=f"{rules}\n\n# What is wanted\nEvolve.")
+    later = replace(later, id="g1-a0", brief=replace(later.brief, generation=1))
+    for asked in (first, later):
+        (tmp_path / asked.id).mkdir()
+        (tmp_path / asked.id / "reply.json").write_text(GOOD)
+        for _ in range(2):  # a resumed run finds the same text
+            list(Mailbox(str(tmp_path), **QUICK).complete([asked]))
+    assert "Keep clear" in (tmp_path / "g0-a0" / "prompt.md").read_text()
+    text = (tmp_path / "g1-a0" / "prompt.md").read_text()
+    assert text.startswith(
+        "Rules and task, with their pictures, are those of `../g0-a0"
+    )
+    assert (
+        'above "What is wanted". Below is what is new.\n\n# What is wanted\nEvolve'
+        in text
+    )
+    assert "Keep clear" not in text
 
 
 def test_replies_come_in_any_order_and_as_markdown(tmp_path, capsys):

@@ -157,7 +157,7 @@ def test_no_request_of_a_run_has_a_number_of_the_scene(tmp_path, monkeypatch):
     assert any('"contacts"' in text for text in texts)
     for text in texts:
         # What is not shown is not explained.
-        assert not re.search(r"`by`|error_m|path_m|clearance_m", text)
+        assert not re.search(r"`by`|path_m|clearance_m", text)
         assert leaked(text, task, 7, known) | leaked(text, task, 8, known) == set()
 
 
@@ -172,9 +172,9 @@ def test_a_designer_that_reads_the_numbers_is_refused():
 
 def test_bodies_alike_share_a_row_and_conventions_are_said():
     lines = bodies_table(installed().create("task", "TwoStations"), 0).splitlines()
-    assert "| tube | fixed | - | x low end, y middle, z upper half |" in lines
+    assert "| tube | fixed | - | x low end, y middle, z 87 % |" in lines
     assert (
-        "| drawer | on a joint | as a full cup | x low end, y middle, z upper half |"
+        "| drawer | on a joint | as a full cup | x low end, y middle, z 53 % |"
         in lines
     )
     assert any(
