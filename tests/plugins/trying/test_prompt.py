@@ -192,7 +192,8 @@ def test_the_command_writes_what_would_be_sent(tmp_path):
     system, user = request.messages
     assert (folder / "system.md").read_text() == system.parts[0].text
     assert (folder / "user.md").read_text() == as_markdown(user)
-    assert (folder / "scene.png").read_bytes() == user.parts[-1].png
+    (scene,) = [part for part in user.parts if isinstance(part, Picture)]
+    assert (folder / "scene.png").read_bytes() == scene.png
     assert json.loads((folder / "schema.json").read_text()) == request.schema
     sent = json.loads((folder / "request.json").read_text())
     assert (sent["id"], sent["seed"], sent["temperature"]) == (
