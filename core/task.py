@@ -201,12 +201,12 @@ class Level(ABC):
         """
         return ()
 
-    def strip(self, recording: Any, draw: Callable[[int], Any], seen: Any) -> Any:
+    def strip(self, recording: Any, draw: Callable[..., Any], seen: Any) -> Any:
         """Draw a film strip of a rollout, a `core.interfaces.Image`; None: this level shows none.
 
         Args:
             recording: the `core.interfaces.Recording` of the rollout.
-            draw: draws one of its samples.
+            draw: draws one of its samples (`core.simulation.pictures.Film`).
             seen: the `core.interfaces.Observation` of the rollout; None: nobody observed it.
 
         Raises:

@@ -20,8 +20,8 @@ from core.support.text import clean
 SIZE = 640, 480  # pixels of the scene's picture
 FILM_HZ = 10
 
-Film = tuple[Recording, Callable[[int], Image]]
-"""What was played, and a function that draws one of its samples."""
+Film = tuple[Recording, Callable[..., Image]]
+"""What was played, and a function that draws one of its samples; ``aim`` makes another camera of the task's."""
 
 
 def png(picture: Image) -> bytes:
@@ -78,9 +78,10 @@ def filmed(
     if recording is None:
         raise ValueError(f"candidate {candidate.id} can't be filmed: {outcome.error}")
 
-    def draw(index: int) -> Image:
+    def draw(index: int, aim: Callable[[Camera], Camera] | None = None) -> Image:
         return simulator.render(
             task,
+            camera=aim and aim(task.camera),
             seed=seed,
             tool=candidate.tool,
             arm=recording.arm[index],

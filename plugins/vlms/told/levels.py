@@ -42,7 +42,7 @@ class Told(Level):
     def strip(
         self,
         recording: Recording,
-        draw: Callable[[int], Image],
+        draw: Callable[..., Image],
         seen: Observation | None,
     ) -> Image:
         return draw_strip(recording, draw, seen)

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from PIL import Image as Pillow
 from PIL import ImageDraw
 
+from core.geometry import Array
 from core.interfaces import Image, Observation, Recording
 from core.support.text import clean
+from plugins.vlms.told.views import move_closer
 
 FRAMES = 6
 
-SIZE = (320, 240)
+SIZE = (480, 360)
 """Of a frame, pixels."""
 
 APART_S = 0.15
@@ -22,6 +25,9 @@ APART_S = 0.15
 
 STIRRED_M = 0.003
 """A body that has gone so far has begun to move."""
+
+ROOM_M = 0.08
+"""Around the way of what moves."""
 
 LIFTED_M = 0.02
 """A body that is so much higher than at first is lifted."""
@@ -32,17 +38,17 @@ Moment = tuple[float, str]
 
 def draw_strip(
     recording: Recording,
-    draw: Callable[[int], Image],
+    draw: Callable[..., Image],
     seen: Observation | None = None,
 ) -> Image:
-    """Draw six instants of a rollout in one picture (480, 960, 3): top row first, left to right.
+    """Draw six instants of a rollout in one picture (720, 1440, 3): top row first, left to right.
 
-    They are those at which something happens, from the start of the motion to the end of the rollout (`moments`); each
-    has its time and what happens.
+    The camera looks at what moves, so that 10 mm are some pixels. The instants are those at which something happens,
+    from the start of the motion to the end of the rollout (`moments`); each has its time and what happens.
 
     Args:
         recording: of the rollout.
-        draw: draws one of its samples, of `SIZE`.
+        draw: draws one of its samples, of `SIZE` (`core.simulation.pictures.Film`).
         seen: what was observed of the rollout, if it was.
 
     Returns:
@@ -51,18 +57,38 @@ def draw_strip(
     Raises:
         NoPicture: nothing here can draw.
     """
+    aim = None
+    low, high = _find_stirred(recording)
+    if (high > low).all():
+        aim = partial(move_closer, low=low, high=high)
+
     frames = []
     for instant, what in moments(recording, seen):
-        frame = Pillow.fromarray(draw(int(np.abs(recording.times - instant).argmin())))
+        number = int(np.abs(recording.times - instant).argmin())
+        frame = Pillow.fromarray(draw(number, aim))
         text = f"{instant:.1f} s: {what}" if what else f"{instant:.1f} s"
 
         pen = ImageDraw.Draw(frame)
-        pen.rectangle([(0, 0), (320, 17)], fill=(255, 255, 255))
+        pen.rectangle([(0, 0), (SIZE[0], 17)], fill=(255, 255, 255))
 
         pen.text((4, 2), clean(text, 60), fill=(30, 30, 30), font_size=12)
         frames.append(np.asarray(frame))
 
     return np.vstack([np.hstack(frames[:3]), np.hstack(frames[3:])])
+
+
+def _find_stirred(recording: Recording) -> tuple[Array, Array]:
+    """Return the corners (3,) of what the way of all moved bodies takes, with room around; both alike if none moved."""
+    places = recording.states.positions[recording.times >= 0]
+    if not len(places):
+        return np.zeros(3), np.zeros(3)
+
+    ways = np.linalg.norm(places - places[0], axis=-1)
+    moved = places[:, ways.max(axis=0) > STIRRED_M].reshape(-1, 3)
+    if not len(moved):
+        return np.zeros(3), np.zeros(3)
+
+    return moved.min(axis=0) - ROOM_M, moved.max(axis=0) + ROOM_M
 
 
 def moments(recording: Recording, seen: Observation | None = None) -> list[Moment]:

@@ -6,15 +6,14 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from PIL import Image as Pillow
 from PIL import ImageDraw
-from scipy.ndimage import binary_erosion
+from scipy.ndimage import binary_erosion, gaussian_filter
 
-from core.geometry import Pose
+from core.geometry import Array, Pose
 from core.interfaces import Image, Picture, Task
 from core.scene import Body, Camera
 from core.simulation.pictures import describe_camera, png
@@ -37,6 +36,11 @@ _OPAQUE = 150  # of 255: the opacity of drawn edges
 _DARK = 100  # of 255: a brightness; on what is darker, edges are pale
 _EDGE_M = 0.002  # a bend or a step that is drawn as an edge
 _FONT = 12  # pixels
+_HIGH = 16  # pixels of a name
+_AROUND = 14.0  # pixels that count as around
+_DEEP_M = 0.008  # so much deeper than what is around it is as dark as it gets
+_SHADE = 0.6  # of the light that is lost there
+_GAMMA = 0.75  # below 1: brighter
 
 _INK = (20, 20, 20)
 _PALE = (255, 255, 255)
@@ -71,7 +75,7 @@ def calibrated_pictures(
     seed: int,
     render: Callable[..., Image],
 ) -> tuple[Picture, ...]:
-    """Draw the scene at the start: from the task's camera, closer, and in parallel views with axes and grid in metres.
+    """Draw the scene at the start: from the task's camera, closer, from the robot's side, and in parallel views.
 
     For ``render`` see `core.task.Level.draw`.
 
@@ -89,10 +93,11 @@ def calibrated_pictures(
     bodies = task.scene(seed).bodies
     small = _find_small(bodies)
 
-    moving = [body for body in bodies if body.mass]
+    low, high = bounds_in_world([body for body in bodies if body.mass] or bodies)
     cameras = {
         "scene": task.camera,
-        "close": _move_closer(task.camera, moving or bodies),
+        "close": move_closer(task.camera, low, high),
+        "robot": move_closer(_look_from_robot(task.camera), low, high),
         **{name: parallel_camera(name, bodies) for name in _VIEWS},
     }
 
@@ -100,7 +105,9 @@ def calibrated_pictures(
     for name, camera in cameras.items():
         picture = Pillow.fromarray(render(camera=camera, width=WIDTH, height=HEIGHT))
         if name in _VIEWS:
-            _draw_edges(picture, camera, small)
+            near = nearness(small, camera, WIDTH, HEIGHT)
+            picture = _light(picture, near)
+            _draw_edges(picture, camera, small, near)
             caption = _Grid(picture, camera, _VIEWS[name]).draw()
         else:
             caption = describe_camera(camera, SIZE)
@@ -146,14 +153,14 @@ def parallel_camera(name: str, bodies: Sequence[Body]) -> Camera:
     return Camera((x, y, z), tuple(middle.tolist()), 2.0, float(max(tall, wide)))
 
 
-def _move_closer(camera: Camera, bodies: Sequence[Body]) -> Camera:
-    """Look from the same place at bodies alone.
+def move_closer(camera: Camera, low: Array, high: Array) -> Camera:
+    """Look from the same place at a part of the world alone.
 
     Args:
         camera: which keeps its place.
-        bodies: which fill the picture.
+        low: the lowest corner (3,) of what fills the picture.
+        high: its highest corner (3,).
     """
-    low, high = bounds_in_world(bodies)
     middle = _ROUND_M * np.round((low + high) / 2 / _ROUND_M)
     away = float(np.linalg.norm(np.asarray(camera.position) - middle))
 
@@ -161,6 +168,34 @@ def _move_closer(camera: Camera, bodies: Sequence[Body]) -> Camera:
     fov_deg = float(np.degrees(2 * np.arctan(half / away))) * 1.15
 
     return replace(camera, target=tuple(middle.tolist()), fov_deg=fov_deg)
+
+
+def _look_from_robot(camera: Camera) -> Camera:
+    """Look from the robot's side, on which tools work; from its other hand if the camera is there already."""
+    x, y, z = camera.position
+    if x > camera.target[0]:
+        return replace(camera, position=(2 * camera.target[0] - x, y, z))
+
+    return replace(camera, position=(x, 2 * camera.target[1] - y, z))
+
+
+def _light(picture: Pillow.Image, near: Array) -> Pillow.Image:
+    """Brighten a parallel view, and darken what lies deeper than what is around it, such as a slot in a face.
+
+    Args:
+        picture: as it was drawn.
+        near: how far bodies reach toward the camera, (H, W) metres; nan: nothing does.
+    """
+    known = ~np.isnan(near)
+    weights = gaussian_filter(known.astype(float), _AROUND)
+    around = gaussian_filter(np.where(known, near, 0.0), _AROUND)
+    around = around / np.maximum(weights, 1e-6)
+
+    deep = np.where(known, np.clip((around - near) / _DEEP_M, 0.0, 1.0), 0.0)
+    bright = (np.asarray(picture) / _PALE[0]) ** _GAMMA
+    lit = bright * (1.0 - _SHADE * deep)[..., None]
+
+    return Pillow.fromarray((_PALE[0] * lit).astype(np.uint8))
 
 
 class _Grid:
@@ -280,6 +315,7 @@ def _draw_edges(
     picture: Pillow.Image,
     camera: Camera,
     bodies: Sequence[Body],
+    near: Array,
 ) -> None:
     """Draw edges in a parallel view, and the outline of each body, also of what is clear or hidden.
 
@@ -289,8 +325,8 @@ def _draw_edges(
         picture: that is drawn on.
         camera: a parallel one.
         bodies: that edges are drawn of.
+        near: how far they reach toward the camera, (H, W) metres.
     """
-    near = nearness(bodies, camera, WIDTH, HEIGHT)
     edges = np.zeros((HEIGHT, WIDTH), dtype=bool)
     edges[1:-1] |= np.abs(np.diff(near, 2, axis=0)) > _EDGE_M
     edges[:, 1:-1] |= np.abs(np.diff(near, 2, axis=1)) > _EDGE_M
@@ -311,7 +347,7 @@ def _fill(body: Body, camera: Camera) -> npt.NDArray[np.bool_]:
 
     Args:
         body: of which all visible parts count.
-        camera: a parallel one.
+        camera: that takes the picture.
     """
     silhouette = Pillow.new("1", SIZE)
     pen = ImageDraw.Draw(silhouette)
@@ -328,43 +364,18 @@ def _fill(body: Body, camera: Camera) -> npt.NDArray[np.bool_]:
     return np.asarray(silhouette)
 
 
-class _Box(NamedTuple):
-    """A box in a picture, pixels from its left upper corner.
-
-    Attributes:
-        left: pixels.
-        top: pixels.
-        right: pixels.
-        bottom: pixels.
-    """
-
-    left: float
-    top: float
-    right: float
-    bottom: float
-
-    def overlaps(self, other: _Box) -> bool:
-        """Report whether two boxes have a pixel in common.
-
-        Args:
-            other: in the same picture.
-        """
-        beside = self.right < other.left or self.left > other.right
-        return not (beside or self.bottom < other.top or self.top > other.bottom)
-
-
 class _Labels:
     """Marks of bodies in a picture: the origin of each one's frame, its axes x and y, and its name.
 
         _Labels(picture, camera).draw(bodies)
 
-    No name covers another: each has the first free place near its body.
+    No name covers a body or another name: each has the nearest place that is free, or the one that covers least.
     """
 
     def __init__(self, picture: Pillow.Image, camera: Camera) -> None:
         self._pen = ImageDraw.Draw(picture)
         self._camera = camera
-        self._names: list[_Box] = []
+        self._taken = np.zeros((HEIGHT, WIDTH), dtype=bool)
 
     def draw(self, bodies: Sequence[Body]) -> None:
         """Mark the bodies that are in the picture; of many alike, only the first and the last have their names.
@@ -374,6 +385,9 @@ class _Labels:
         """
         alike = Counter(_strip_number(body) for body in bodies)
         seen = Counter[str]()
+
+        for body in bodies:
+            self._taken |= _fill(body, self._camera)
 
         for body in bodies:
             x, y = self._project(body.pose)
@@ -423,36 +437,40 @@ class _Labels:
             y: of its origin, pixels.
         """
         pen = self._pen
-        box = self._find_place(x, y, pen.textlength(name, font_size=_FONT) + 4)
-        self._names.append(box)
+        width = int(pen.textlength(name, font_size=_FONT)) + 4
+        left, top = self._find_place(x, y, width)
+        self._taken[top : top + _HIGH, left : left + width] = True
 
-        pen.line([(x, y), (box.left, (box.top + box.bottom) / 2)], fill=_INK, width=1)
-        pen.rectangle(box, fill=_PALE)
-        pen.text((box.left + 2, box.top + 1), name, fill=_INK, font_size=_FONT)
+        end = min(max(x, left), left + width), min(max(y, top), top + _HIGH)
+        pen.line([(x, y), end], fill=_INK, width=1)
+        pen.rectangle([(left, top), (left + width, top + _HIGH)], fill=_PALE)
+        pen.text((left + 2, top + 1), name, fill=_INK, font_size=_FONT)
 
-    def _find_place(
-        self,
-        x: float,
-        y: float,
-        width: float,
-    ) -> _Box:
-        """Find a box for a name near a point that covers no other name.
+    def _find_place(self, x: float, y: float, width: int) -> tuple[int, int]:
+        """Find where a name near a point covers nothing: its left upper corner, pixels.
 
         Args:
             x: of the point, pixels.
             y: of the point, pixels.
             width: of the name, pixels.
         """
-        for turn in range(60):
-            left = min(x + 14 + 4 * turn, WIDTH - width - 1)
-            below = y + 4 + (-1) ** turn * 9 * turn
-            top = min(max(below, 1.0), HEIGHT - 17.0)
-            box = _Box(left, top, left + width, top + 16)
+        places = {}
+        for away in range(14, 300, 12):
+            for turn in np.linspace(0.0, 2 * np.pi, 16, endpoint=False):
+                left = int(
+                    np.clip(x + away * np.cos(turn) - width / 2, 1, WIDTH - width - 2)
+                )
+                top = int(
+                    np.clip(y + away * np.sin(turn) - _HIGH / 2, 1, HEIGHT - _HIGH - 2)
+                )
+                covered = self._taken[
+                    top - 1 : top + _HIGH + 1, left - 1 : left + width + 1
+                ]
+                places[left, top] = int(covered.sum())
+                if not places[left, top]:
+                    return left, top
 
-            if not any(box.overlaps(name) for name in self._names):
-                break
-
-        return box
+        return min(places, key=places.__getitem__)
 
 
 def _strip_number(body: Body) -> str:

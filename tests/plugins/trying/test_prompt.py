@@ -71,7 +71,12 @@ USES = {
         "can't be changed. Its links",
         6,
     ),
-    "human": (["prompt=human"], "Use a long hook.", "takes the place of the gripper", 6),
+    "human": (
+        ["prompt=human"],
+        "Use a long hook.",
+        "takes the place of the gripper",
+        6,
+    ),
 }
 
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from core.interfaces import Contact, Observation, Recording
-from core.scene import State
-from plugins.vlms.told.strip import APART_S, FRAMES, moments
+from core.scene import Camera, State
+from plugins.vlms.told.projection import project
+from plugins.vlms.told.strip import APART_S, FRAMES, SIZE, draw_strip, moments
 
 
 def recorded(height, touched_s=None):
@@ -37,6 +38,24 @@ def test_a_strip_shows_the_instants_at_which_something_happens():
     assert by_name["cube is highest"] == pytest.approx(1.8)
     assert all(after - before >= APART_S for (before, _), (after, _) in pairwise(found))
     assert not any("idle" in what for _, what in found)
+
+
+def test_a_strip_looks_at_what_moves_so_that_ten_millimetres_are_seen():
+    aims = []
+
+    def draw(number, aim):
+        aims.append(aim)
+        return np.zeros((SIZE[1], SIZE[0], 3), dtype=np.uint8)
+
+    picture = draw_strip(recorded(lifted), draw)
+    assert picture.shape == (2 * SIZE[1], 3 * SIZE[0], 3)
+    camera = aims[0](Camera())
+    ends = project(camera, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.3]]), *SIZE)
+    assert ((ends > 0) & (ends < SIZE)).all()
+    assert np.linalg.norm(np.diff(ends, axis=0)) > 30 * 3  # 3 pixels for 10 mm
+    aims.clear()
+    draw_strip(recorded(np.zeros_like), draw)
+    assert aims == [None] * FRAMES
 
 
 def test_what_was_observed_comes_before_what_is_computed():

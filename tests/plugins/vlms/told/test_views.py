@@ -36,7 +36,7 @@ def test_a_cube_is_found_by_its_pixels_within_2_millimetres():
     task = installed().create("task", "BringCube", {"variation": "wide"})
     render = partial(simulator("mujoco").render, task, seed=5, tool=Tool())
     pictures = {p.name: p for p in calibrated_pictures(task, 5, render)}
-    assert list(pictures) == ["scene", "close", "front", "side", "top"]
+    assert [*pictures] == ["scene", "close", "robot", "front", "side", "top"]
     scale_m = (
         float(pictures["top"].caption.split(" mm per pixel")[0].split()[-1]) / 1000
     )
@@ -50,6 +50,29 @@ def test_a_cube_is_found_by_its_pixels_within_2_millimetres():
         low, high = bounds(body, Pose())
         edges.append(body.pose.position[:2] + np.array([low[0], high[1]]))
     np.testing.assert_allclose(apart, edges[0] - edges[1], atol=0.002)
+
+
+def test_no_name_covers_a_body_and_what_is_deeper_is_darker():
+    """Names are the only white in pictures of gray; the door's slot is darker than its face."""
+    task = installed().create("task", "OpenLatch")
+    pictures = {p.name: p for p in calibrated_pictures(task, 0, gray)}
+    front = np.asarray(Pillow.open(io.BytesIO(pictures["front"].png)).convert("L"))
+    camera = parallel_camera("front", task.scene(0).bodies)
+    per_m = SIZE[1] / camera.height_m
+    x, y = project(camera, task.scene(0)["door"].pose.position, *SIZE).astype(int)
+    slot = front[y + 5, x + 8]
+    face = front[y + int(0.03 * per_m), x + 8]
+    assert slot < 0.7 * face
+    white = np.argwhere(front[20:-40, 60:] == 255)
+    bodies = [task.scene(0)[name] for name in ("door", "cabinet")]
+    covered = ~np.isnan(nearness(bodies, camera, *SIZE))
+    rows, columns = white.T
+    assert len(white) > 500
+    assert not covered[rows + 20, columns + 60].any()
+
+
+def gray(**view):
+    return np.full((view["height"], view["width"], 3), 150, dtype=np.uint8)
 
 
 def drawn(task, name):
