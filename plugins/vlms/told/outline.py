@@ -38,11 +38,6 @@ def outline_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
     return outline(brief.task.robot, mounted)
 
 
-def tool_links_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
-    """Write the rows of the tool's links alone for templates: their ``tool_links``."""
-    return outline(brief.task.robot, mounted, tool_alone=True)
-
-
 def extents_at_home(robot: Robot, gripper: bool, home: Pose) -> dict[str, Extent]:
     """Measure the links near the tool mount, in its frame, with the arm at ``home`` and the fingers open.
 
@@ -73,7 +68,7 @@ def extents_at_home(robot: Robot, gripper: bool, home: Pose) -> dict[str, Extent
     }
 
 
-def outline(robot: Robot, tool: Tool, *, tool_alone: bool = False) -> str:
+def outline(robot: Robot, tool: Tool) -> str:
     """Write a row for each link of the robot with ``tool`` that has a shape or bears another, and for the mount.
 
     It has the joint that bears the link, as in URDF: its motion, its origin in the parent's frame, its limits. The box
@@ -82,7 +77,6 @@ def outline(robot: Robot, tool: Tool, *, tool_alone: bool = False) -> str:
     Args:
         robot: as its description has it.
         tool: which is merged in; its components are links too.
-        tool_alone: leave out the robot's links.
     """
     boxes = {
         name: _describe_box(low.round(3), high.round(3))
@@ -95,8 +89,6 @@ def outline(robot: Robot, tool: Tool, *, tool_alone: bool = False) -> str:
 
     arm = assembled(robot, tool)
     shown = {RIGID_MOUNT, *boxes, *(joint.parent for joint in arm.joints.values())}
-    if tool_alone:
-        shown = {component.name for component in tool.components}
     rows = []
 
     for name in arm.links:

@@ -10,8 +10,8 @@ import numpy as np
 from PIL import Image as Pillow
 from PIL import ImageDraw
 
-from core.geometry import Array
 from core.interfaces import Image, Observation, Recording
+from core.scene import Camera
 from core.support.text import clean
 from plugins.vlms.told.views import move_closer
 
@@ -57,11 +57,7 @@ def draw_strip(
     Raises:
         NoPicture: nothing here can draw.
     """
-    aim = None
-    low, high = _find_stirred(recording)
-    if (high > low).all():
-        aim = partial(move_closer, low=low, high=high)
-
+    aim = _look_at_moved(recording)
     frames = []
     for instant, what in moments(recording, seen):
         number = int(np.abs(recording.times - instant).argmin())
@@ -77,18 +73,16 @@ def draw_strip(
     return np.vstack([np.hstack(frames[:3]), np.hstack(frames[3:])])
 
 
-def _find_stirred(recording: Recording) -> tuple[Array, Array]:
-    """Return the corners (3,) of what the way of all moved bodies takes, with room around; both alike if none moved."""
+def _look_at_moved(recording: Recording) -> Callable[[Camera], Camera] | None:
+    """Return what moves a camera close to the way of all that moves; None: nothing does."""
     places = recording.states.positions[recording.times >= 0]
-    if not len(places):
-        return np.zeros(3), np.zeros(3)
+    moved = np.ptp(places, axis=0).max(axis=-1) > STIRRED_M
+    if not moved.any():
+        return None
 
-    ways = np.linalg.norm(places - places[0], axis=-1)
-    moved = places[:, ways.max(axis=0) > STIRRED_M].reshape(-1, 3)
-    if not len(moved):
-        return np.zeros(3), np.zeros(3)
-
-    return moved.min(axis=0) - ROOM_M, moved.max(axis=0) + ROOM_M
+    points = places[:, moved].reshape(-1, 3)
+    low = points.min(axis=0) - ROOM_M
+    return partial(move_closer, low=low, high=points.max(axis=0) + ROOM_M)
 
 
 def moments(recording: Recording, seen: Observation | None = None) -> list[Moment]:

@@ -68,7 +68,7 @@ USES = {
     "given tool": (
         ["task=BringCube", "tool=rlbench"],
         "The tool, stick",
-        "can't be changed. Its links",
+        "can't be changed. Each part",
         6,
     ),
     "human": (

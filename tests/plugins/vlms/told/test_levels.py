@@ -172,7 +172,7 @@ def test_a_designer_that_reads_the_numbers_is_refused():
 
 def test_bodies_alike_share_a_row_and_conventions_are_said():
     lines = bodies_table(installed().create("task", "TwoStations"), 0).splitlines()
-    assert "| tube | fixed | - | x low end, y middle, z 87 % |" in lines
+    assert "| tube | fixed | - | x low end, y middle, z 90 % |" in lines
     assert (
         "| drawer | on a joint | as a full cup | x low end, y middle, z 53 % |" in lines
     )
