@@ -28,7 +28,7 @@ def vlms() -> Mapping[str, str]:
 def prompt_values() -> Mapping[str, str]:
     return {
         "arm": "plugins.vlms.told.arm:arm_value",
-        "urdf": "plugins.vlms.told.outline:outline_value",
+        "urdf": "plugins.vlms.told.outline:urdf_value",
         "executor": "plugins.vlms.told.excerpts:executor_value",
         "elites": "plugins.vlms.told.elites:elites_value",
         "critiques": "plugins.vlms.told.elites:critiques_value",

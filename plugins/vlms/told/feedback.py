@@ -364,15 +364,14 @@ def _touches(seen: Observation, sight: Sight) -> list[str]:
         seen: what was observed of a trial.
         sight: what may be said of bodies.
     """
-    counts = Counter[str]()
-    ranks: dict[Contact, tuple[Any, ...]] = {}
-    for contact in seen.contacts:
-        is_goals = contact.kind == "tool" and contact.other in seen.errors
-        is_result = contact.kind != "body" and contact.other in seen.what
-        ranks[contact] = not is_result, counts[contact.other], not is_goals
-        counts[contact.other] += 1
+    first = {contact.other: contact for contact in reversed(seen.contacts)}
 
-    chosen = sorted(seen.contacts, key=ranks.__getitem__)[:_CONTACTS]
+    def rank(contact: Contact) -> tuple[bool, ...]:
+        is_goals = contact.kind == "tool" and contact.other in seen.errors
+        is_first = contact is first[contact.other]
+        return contact.other not in seen.what, not is_first, not is_goals
+
+    chosen = sorted(seen.contacts, key=rank)[:_CONTACTS]
     chosen.sort(key=lambda contact: contact.first_s)
     lines = [phrase("observed", "touch", contact, sight.numbers) for contact in chosen]
     left = len(seen.contacts) - len(chosen)

@@ -1,41 +1,47 @@
-"""Write a table of the robot's links, and measure the space around the tool mount at home."""
+"""Show the robot's URDF, and measure the space around the tool mount at home."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
+from lxml import etree
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.designs.prompt_values import RunFacts
 from core.geometry import Array, Pose
 from core.interfaces import Brief, Robot
-from core.robot.description import assembled
+from core.robot.description import assemble
 from core.robot.extents import Extent
 from core.robot.kinematics import arm_of, link_poses, robot_model
 from core.robot.solids import corners, robot_solids
-from core.support.text import short_numbers
-from core.values.descriptions import RobotJoint
-from plugins.vlms.told.tables import phrase, table
 
 GRIPPER = "gripper"
-HEAD = (
-    "link on its parent",
-    "joint",
-    "xyz",
-    "rpy",
-    "range",
-    "speed",
-    "box around the link",
-)
 _NEAR_M = (
     0.3  # from the mount's origin; tools that bend around the arm are seldom larger
 )
 
 
-def outline_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
-    """Write the outline for templates: their ``urdf``."""
-    return outline(brief.task.robot, mounted)
+def urdf_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
+    """Write the URDF of the robot with what is mounted for templates: their ``urdf``."""
+    return shorten_urdf(brief.task.robot, mounted)
+
+
+def shorten_urdf(robot: Robot, tool: Tool) -> str:
+    """Write the URDF of the robot with a tool, without what only a simulator needs, and without shapes that are files.
+
+    Args:
+        robot: as its description has it.
+        tool: which is merged in; its components are links too.
+    """
+    parser = etree.XMLParser(remove_blank_text=True)
+    root = etree.fromstring(assemble(robot, tool, visuals=False), parser)
+    for part in [*root.iter("inertial", "dynamics", "collision")]:
+        if part.tag != "collision" or part.find("geometry/mesh") is not None:
+            part.getparent().remove(part)
+
+    etree.indent(root)
+    return str(etree.tostring(root, encoding="unicode"))
 
 
 def extents_at_home(robot: Robot, gripper: bool, home: Pose) -> dict[str, Extent]:
@@ -66,90 +72,6 @@ def extents_at_home(robot: Robot, gripper: bool, home: Pose) -> dict[str, Extent
         for name, (low, high) in extents_of(placed).items()
         if np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0)) < _NEAR_M
     }
-
-
-def outline(robot: Robot, tool: Tool) -> str:
-    """Write a row for each link of the robot with ``tool`` that has a shape or bears another, and for the mount.
-
-    It has the joint that bears the link, as in URDF: its motion, its origin in the parent's frame, its limits. The box
-    is the smallest one along the link's axes around all of its collision shapes, from its lowest to its highest corner.
-
-    Args:
-        robot: as its description has it.
-        tool: which is merged in; its components are links too.
-    """
-    boxes = {
-        name: _describe_box(low.round(3), high.round(3))
-        for name, (low, high) in link_extents(robot, tool.gripper).items()
-    }
-
-    for component in tool.components:
-        middle, size = component.shape.bounds
-        boxes[component.name] = _describe_box(middle - size / 2, middle + size / 2)
-
-    arm = assembled(robot, tool)
-    shown = {RIGID_MOUNT, *boxes, *(joint.parent for joint in arm.joints.values())}
-    rows = []
-
-    for name in arm.links:
-        if name in shown:
-            cells = _joint_cells(arm.joints.get(name), name)
-            rows.append((*cells, boxes.get(name, "-")))
-
-    return table(HEAD, rows)
-
-
-def _describe_box(low: Array, high: Array) -> str:
-    """Write the lowest and the highest corner (3,) of a box.
-
-    Args:
-        low: metres.
-        high: metres.
-    """
-    return f"{short_numbers(low, 4)} to {short_numbers(high, 4)}"
-
-
-def _joint_cells(joint: RobotJoint | None, link: str) -> tuple[str, ...]:
-    """Write the cells of a link's row about the joint that bears it; None: nothing does.
-
-    Args:
-        joint: as the robot's description has it.
-        link: the name of what it bears.
-    """
-    if joint is None:
-        return link, "the base", "-", "-", "-", "-"
-
-    return (
-        f"{link} on {joint.parent}",
-        phrase("outline", "motion", joint, _name_axis(joint.axis)),
-        short_numbers(joint.origin.xyz, 4),
-        short_numbers(joint.origin.rpy, 4),
-        phrase("outline", "span", joint),
-        phrase("outline", "speed", joint),
-    )
-
-
-def _name_axis(axis: Sequence[float]) -> str:
-    """Name an axis, such as ``-y``; the numbers of one that is askew.
-
-    Args:
-        axis: a unit vector (3,).
-    """
-    for name, unit in zip("xyz", np.eye(3), strict=True):
-        if tuple(axis) == tuple(unit):
-            return name
-        if tuple(axis) == tuple(-unit):
-            return f"-{name}"
-
-    return short_numbers(axis, 4)
-
-
-def link_extents(robot: Robot, gripper: bool) -> dict[str, Extent]:
-    """Measure the collision shapes of each link that has some, in its own frame."""
-    return extents_of(
-        (solid.name, solid.pose.apply(corners(solid.geometry)))
-        for solid in robot_solids(robot, gripper)
-    )
 
 
 def extents_of(placed: Iterable[tuple[str, Array]]) -> dict[str, Extent]:

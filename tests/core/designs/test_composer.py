@@ -190,7 +190,7 @@ def test_contents_of_every_prompt(brief: Brief) -> None:
     code = papers.partition("```python\ndef plan_motion(")[2].partition("```")[0]
     assert '"""' not in code
     assert "return Motion(" in code
-    for source in ("class Body:", "def plan_motion(", "on panda_link6 | turns"):
+    for source in ("class Body:", "def plan_motion(", "<joint name="):
         assert source in papers
         assert source not in text
     for noise in (
