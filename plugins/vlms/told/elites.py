@@ -58,7 +58,7 @@ def elites_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
             rollout = _describe_rollout(elite, sight)
             if number >= whole:
                 rollout = {name: rollout[name] for name in SHORT if name in rollout}
-                del entry["tool_description"]
+                del entry["tool_description"], entry["strategy_description"]
             entry |= rollout
 
         entries.append(entry)

@@ -427,6 +427,9 @@ def _moves(seen: Observation, sight: Sight) -> dict[str, str]:
         moved = seen.moved[name]
         off = seen.errors.get(name, _FREE) if seen.result != "solved" else _FREE
         way = sight.way(moved)
+        if off != _FREE and sight.numbers:  # where it ended follows from that
+            way, _, _ = way.partition(" to ")
+
         described[name] = phrase("observed", "move", moved, way, off, sight.numbers)
 
     left = len(stirred) - _BODIES
