@@ -161,12 +161,12 @@ def describe_ranges(task: Task) -> str:
     A range is ``relative`` if what is drawn is not the place of a body's origin in the world.
     """
     draw = task.draw(0)
-    relative = set()
-    for body in task.scene(0).bodies:
-        for axis, place in zip("xyz", body.pose.position, strict=True):
-            name = f"{body.name}.{axis}"
-            if abs(draw(name, place) - place) > _SAME_M:
-                relative.add(name)
+    relative = {
+        f"{body.name}.{axis}"
+        for body in task.scene(0).bodies
+        for axis, place in zip("xyz", body.pose.position, strict=True)
+        if abs(draw(f"{body.name}.{axis}", place) - place) > _SAME_M
+    }
 
     # Numbers such as card_1.x, card_2.x, ... are one group, if they share a range.
     groups: dict[tuple[str, str], list[str]] = {}

@@ -20,8 +20,6 @@ from core.scene import Camera, State
 
 # Renderers draw hard edges; halving a picture of twice the size smooths them.
 _OVERSAMPLING = 2
-# A camera that looks by less along an axis of the world looks across it.
-_ASIDE = 0.2
 # Any thread may draw, but renderers draw one picture at a time.
 _drawing = threading.RLock()
 
@@ -42,14 +40,6 @@ def joint_positions(
     loose = [joint_name(bearer.name) for bearer in tool.bearers]
     names = [*robot.joints(tool.gripper), *loose]
     return dict(zip(names, [*arm.tolist(), *fingers.tolist()], strict=False))
-
-
-def sun_behind(camera: Camera) -> list[float]:
-    """Return the direction (3,) to a sun that is high, and on the camera's side of what it looks at."""
-    forward = camera.axes[2]
-    x = -1.0 if forward[0] > _ASIDE else 1.0
-    y = 1.0 if forward[1] < -_ASIDE else -1.0
-    return [x, y, 2.0]
 
 
 class Renderer(ABC):

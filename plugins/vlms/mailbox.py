@@ -220,14 +220,16 @@ class Letter:
         A prompt of a later generation leaves out the rules that stand in that of a first request.
         """
         text = "\n".join(as_markdown(message) for message in self.request.messages)
+        if self.request.critique:
+            return text + _CRITIQUE
+
         for file in sorted(self.folder.parent.glob("g0-*/prompt.md")):
             rules = _read_rules(file)
-            if self.request.brief.generation and rules and text.startswith(rules + NOW):
+            if self.request.brief.generation and rules and text.startswith(rules):
                 known = _KNOWN.format(name=file.parent.name)
-                text = known + text.removeprefix(rules)
-                break
+                return known + text.removeprefix(rules) + _ANSWER
 
-        return text + (_CRITIQUE if self.request.critique else _ANSWER)
+        return text + _ANSWER
 
     def _post_pictures(self) -> None:
         """Write the pictures that the request's messages name."""
@@ -377,11 +379,11 @@ def _holds(file: Path, text: str) -> bool:
 def _read_rules(file: Path) -> str:
     """Read a prompt up to what is wanted in its round alone; empty: it says no such thing."""
     try:
-        rules, found, _ = _load(file).partition(NOW)
+        rules, now, _ = _load(file).partition(NOW)
     except DesignError:
         return ""
 
-    return rules if found else ""
+    return rules if now else ""
 
 
 def _say(text: str) -> None:

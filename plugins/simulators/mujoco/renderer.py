@@ -21,7 +21,7 @@ from core.robot.meshes import link_visuals
 from core.scene import Camera, Color, State
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element, add_geom
-from plugins.simulators.rendering import Renderer, joint_positions, sun_behind
+from plugins.simulators.rendering import Renderer, joint_positions
 
 # Stands for collision meshes.
 _SPECK = trimesh.creation.box((0.001, 0.001, 0.001)).export(file_type="stl")
@@ -195,14 +195,6 @@ class MuJoCoRenderer(Renderer):
             everything,
             self._scene,
         )
-        sun = np.array(sun_behind(camera))
-        for light in self._scene.lights[: self._scene.nlight]:
-            if not light.headlight:
-                light.pos = 1.5 * sun
-                light.dir = -sun / np.linalg.norm(sun)
-                # A shadow in a picture that one measures in looks like an edge.
-                light.castshadow = camera.height_m is None
-
         view = mujoco.MjrRect(
             0,
             0,

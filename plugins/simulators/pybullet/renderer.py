@@ -14,7 +14,7 @@ from core.scene import Camera, Geom, State
 from plugins.simulators.pybullet.bodies import facets_file
 from plugins.simulators.pybullet.engine import Client, pybullet
 from plugins.simulators.pybullet.robot import joint_numbers, load_robot, robot_file
-from plugins.simulators.rendering import Renderer, joint_positions, sun_behind
+from plugins.simulators.rendering import Renderer, joint_positions
 
 _NEAR_M = 0.02
 _FAR_M = 10.0
@@ -154,14 +154,12 @@ class PyBulletRenderer(Renderer):
             width,
             height,
             *_matrices(camera, width / height),
-            lightDirection=sun_behind(camera),
+            lightDirection=[1.0, -1.0, 2.0],
             lightDistance=4.0,  # nearer, the shadow map ends within the picture
             lightAmbientCoeff=0.55,
             lightDiffuseCoeff=0.5,
             lightSpecularCoeff=0.05,
-            shadow=int(
-                camera.height_m is None
-            ),  # in a picture that one measures in it looks like an edge
+            shadow=1,
             renderer=self._client.ER_TINY_RENDERER,
         )
         colors = np.asarray(pixels, dtype=np.uint8).reshape(height, width, 4)

@@ -45,23 +45,6 @@ class Segment:
 
 
 @dataclass(frozen=True)
-class FingerSheet:
-    """A finger of the open gripper, as the tool mount has it.
-
-    Attributes:
-        name: of its link.
-        origin: of its frame.
-        axes: where its x, y and z point.
-        below: how far below the mount it ends, metres.
-    """
-
-    name: str
-    origin: str
-    axes: tuple[str, ...]
-    below: str
-
-
-@dataclass(frozen=True)
 class ArmSheet:
     """The arm's facts for templates.
 
@@ -76,7 +59,7 @@ class ArmSheet:
         around: a table of the links around the mount at home, in its frame.
         clear: whether all of these but the gripper are above the mount.
         bearers: the links among these that a rigid tool may overlap.
-        fingers: of the gripper.
+        fingers: a line for each finger of the open gripper, as the tool mount has it.
     """
 
     at: str
@@ -89,7 +72,7 @@ class ArmSheet:
     around: str
     clear: bool
     bearers: tuple[str, ...]
-    fingers: tuple[FingerSheet, ...]
+    fingers: tuple[str, ...]
 
 
 def arm_value(brief: Brief, mounted: Tool, facts: RunFacts) -> ArmSheet:
@@ -171,15 +154,11 @@ def _describe_links(robot: Robot, gripper: bool, home: Pose) -> str:
     return table(("link", "x", "y", "z"), rows)
 
 
-def _describe_finger(finger: Finger) -> FingerSheet:
+def _describe_finger(finger: Finger) -> str:
     """Describe a finger for templates."""
-    origin = short_numbers(finger.pose.position, 4, ", ")
-    axes = []
-    for axis in finger.pose.rotation.as_matrix().T:
-        axes.append(phrase("arm", "axis", axis.tolist(), short_numbers))
-
+    axes = finger.pose.rotation.as_matrix().T.tolist()
     depth = -finger.place(finger.tip)[2]
-    return FingerSheet(finger.name, origin, tuple(axes), short_number(depth, 3))
+    return phrase("arm", "finger", finger, axes, depth, short_numbers)
 
 
 def segments(arm: Arm, home: Pose, rollout: RolloutSettings) -> list[Segment]:

@@ -13,13 +13,7 @@ from core.designs.reading import dump_names
 from core.interfaces import Brief, Evaluation, ToolRepresentation, Waypoints
 from core.support.text import clean
 from core.values.observations import Sight
-from plugins.vlms.told.feedback import combined_figures, elite_feedback
-
-WHOLE = 2
-"""So many elites have their plans and what was observed; of the others less is shown."""
-
-SHORT = ("distance_m", "trial", "result", "margins", "warnings")
-"""What is shown of the rollouts of the others."""
+from plugins.vlms.told.feedback import WHOLE, combined_figures, elite_feedback
 
 _LONGEST = 240  # characters of an elite's description
 _NUMBERS = re.compile(r'(\[)\n([^][{}"]*)\n *(\])')
@@ -44,7 +38,6 @@ def elites_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
     sight = facts.level.sight(task, brief.scene_seed)
     given = brief.representation.given(task) is not None
     plans = facts.criticised or given or facts.settings.feedback != "paper"
-    whole = len(brief.elites) if given else WHOLE
 
     entries = []
     for number, elite in enumerate(brief.elites):
@@ -54,12 +47,8 @@ def elites_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
         if figures:
             entry["details"] = _round_numbers(figures)
 
-        if plans:
-            rollout = _describe_rollout(elite, sight)
-            if number >= whole:
-                rollout = {name: rollout[name] for name in SHORT if name in rollout}
-                del entry["tool_description"], entry["strategy_description"]
-            entry |= rollout
+        if plans and (given or number < WHOLE):
+            entry |= _describe_rollout(elite, sight)
 
         entries.append(entry)
 

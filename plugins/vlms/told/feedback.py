@@ -18,6 +18,9 @@ from core.trial import best_first, summarise_rewards
 from core.values.observations import Sight
 from plugins.vlms.told.tables import phrase
 
+WHOLE = 2
+"""So many elites have their plans and what was observed; the others have a line in the last round."""
+
 ALL = Sight()
 """All may be said of bodies."""
 
@@ -46,7 +49,7 @@ def candidates_value(
     mounted: Tool,
     facts: RunFacts,
 ) -> str:
-    """Write the lines about the last generation for templates, their ``candidates``; elites have none.
+    """Write the lines about the last generation for templates, their ``candidates``; elites shown whole have none.
 
     The paper shows no lines at all.
 
@@ -60,7 +63,7 @@ def candidates_value(
         return ""
 
     sight = facts.level.sight(brief.task, brief.scene_seed)
-    above = {elite.candidate.id for elite in brief.elites}
+    above = {elite.candidate.id for elite in brief.elites[:WHOLE]}
     last = last_generation(brief.tried)
     others = tuple(e for e in last if e.candidate.id not in above)
 
@@ -277,7 +280,7 @@ def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
 
         outcome = sight.text(clean(outcome, _OUTCOME))
         text = f"{trial.reward:.3f} {outcome}".rstrip()
-        name = _name_trial(trial, evaluation)
+        name = phrase("observed", "trial", trial, len(evaluation.tasks))
         places.setdefault(text, []).append(name)
 
     if len(places) == 1:
@@ -313,7 +316,9 @@ def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
         return {}
 
     described: dict[str, Any] = {
-        "trial": _name_trial(trial, elite) if elite.combined else "",
+        "trial": phrase("observed", "trial", trial, len(elite.tasks))
+        if elite.combined
+        else "",
         "result": sight.text(phrase("observed", "result", seen, trial.reward)),
         # Rounded down, since 100 % means all of it.
         "goals": {name: f"{int(100 * share)} %" for name, share in trial.goals},
@@ -330,11 +335,6 @@ def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
         described |= _places(seen)
 
     return {key: value for key, value in described.items() if value}
-
-
-def _name_trial(trial: Trial, evaluation: Evaluation) -> str:
-    """Name a trial of a candidate by what distinguishes it from the others."""
-    return phrase("observed", "trial", trial, len(evaluation.tasks))
 
 
 def _margins(trial: Trial, seen: Observation, sight: Sight) -> list[str]:
@@ -365,13 +365,14 @@ def _touches(seen: Observation, sight: Sight) -> list[str]:
         sight: what may be said of bodies.
     """
     first = {contact.other: contact for contact in reversed(seen.contacts)}
-
-    def rank(contact: Contact) -> tuple[bool, ...]:
-        is_goals = contact.kind == "tool" and contact.other in seen.errors
-        is_first = contact is first[contact.other]
-        return contact.other not in seen.what, not is_first, not is_goals
-
-    chosen = sorted(seen.contacts, key=rank)[:_CONTACTS]
+    chosen = sorted(
+        seen.contacts,
+        key=lambda contact: (
+            contact.other not in seen.what,
+            contact is not first[contact.other],
+            contact.kind != "tool",
+        ),
+    )[:_CONTACTS]
     chosen.sort(key=lambda contact: contact.first_s)
     lines = [phrase("observed", "touch", contact, sight.numbers) for contact in chosen]
     left = len(seen.contacts) - len(chosen)

@@ -5,14 +5,10 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from statistics import fmean
-
-import numpy as np
 
 from core.design import Tool
-from core.designs.planning import look
 from core.designs.prompt_values import RunFacts
-from core.interfaces import Brief, Evaluation, Perception, Task, Trial
+from core.interfaces import Brief, Evaluation, Task, Trial
 from core.support.text import clean
 from core.values.efforts import holds
 
@@ -22,7 +18,6 @@ _OUTCOMES = 2
 _OUTCOME = 100  # characters
 _NUMBERS = 4
 _NARROW = 0.3  # of a range; numbers within less have their value in common
-_LARGE = 2.0  # standard deviations: noise that is larger on the mean is said
 
 Hard = Mapping[int, Sequence[Trial]]
 """The trials in layouts in which all fail, by the layout's seed."""
@@ -41,7 +36,6 @@ def hard_layouts_value(brief: Brief, mounted: Tool, facts: RunFacts) -> list[str
     lines = _outcomes(hard)
     if sight.numbers:
         lines += _common_numbers(hard, task)
-        lines += _large_noise(hard, task, facts.rollout.perception)
     return [sight.text(line) for line in lines]
 
 
@@ -94,28 +88,3 @@ def _common_numbers(hard: Hard, task: Task) -> list[str]:
             span = f"{min(values):.4g} to {max(values):.4g}"
             lines[name] = f"{name} is {span} there, of {low:.4g} to {high:.4g}"
     return [lines[name] for name in sorted(shares, key=shares.__getitem__)[:_NUMBERS]]
-
-
-def _large_noise(hard: Hard, task: Task, perception: Perception) -> list[str]:
-    """Say of which body a plan saw a place that was farther from the truth than it usually is."""
-    if perception.position == 0:
-        return []
-    errors: dict[str, list[float]] = {}
-    for layout in hard:
-        scene = task.scene(layout)
-        seen = look(task, layout, perception, scene).poses
-        for body in scene.bodies:
-            if body.name in seen:
-                error = seen[body.name].position - body.pose.position
-                errors.setdefault(body.name, []).append(float(np.linalg.norm(error)))
-
-    lines = []
-    for name, found in errors.items():
-        mean = fmean(found)
-        if mean > _LARGE * perception.position:
-            usual = 1.25 * perception.position  # of two coordinates with that deviation
-            here = (
-                f"{name} is seen {1000 * mean:.1f} mm from its place there on average"
-            )
-            lines.append(f"{here}; elsewhere {1000 * usual:.1f} mm")
-    return lines

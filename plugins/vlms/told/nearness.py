@@ -1,4 +1,4 @@
-"""Measure how far bodies reach toward a parallel camera, in each pixel of its picture."""
+"""Measure how far bodies reach toward a camera, in each pixel of its picture."""
 
 from __future__ import annotations
 
@@ -23,8 +23,9 @@ def nearness(
     camera: Camera,
     wide: int,
     high: int,
+    clear: float = _CLEAR,
 ) -> Array:
-    """Compute how far bodies reach toward a parallel camera in each pixel (high, wide), metres from the origin.
+    """Compute how far bodies reach toward a camera in each pixel (high, wide), metres from the origin.
 
     It is a depth map without a renderer, and so the same on every machine.
 
@@ -32,16 +33,17 @@ def nearness(
 
     Args:
         bodies: where they are in the layout.
-        camera: a parallel one.
+        camera: between the corners of a triangle, exact for a parallel one alone.
         wide: pixels.
         high: pixels.
+        clear: what has a lower opacity is left out.
     Returns:
         Rows from the top of the picture.
     """
     nearest = np.full((high, wide), -np.inf)
     for body in bodies:
         for part in body.visuals:
-            if part.color[3] > _CLEAR:
+            if part.color[3] >= clear:
                 mesh = part.shape.to_trimesh()
                 _raise_to_mesh(nearest, mesh, body.pose @ part.pose, camera)
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import defaultdict
 
 import numpy as np
 from lxml import etree
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.designs.prompt_values import RunFacts
-from core.geometry import Array, Pose
+from core.geometry import Pose
 from core.interfaces import Brief, Robot
 from core.robot.description import assemble
 from core.robot.extents import Extent
@@ -60,25 +60,18 @@ def extents_at_home(robot: Robot, gripper: bool, home: Pose) -> dict[str, Extent
     poses = link_poses(robot, gripper, arm_of(robot).home_for(home))
     mount = poses[RIGID_MOUNT].inverse()
     separate = {*robot_model(robot, Tool()).links, *GRIPPER_MOUNTS}
-    placed = []
+    points = defaultdict(list)
 
     for solid in robot_solids(robot, gripper):
         name = solid.name if solid.name in separate else GRIPPER
         pose = mount @ poses[solid.name] @ solid.pose
-        placed.append((name, pose.apply(corners(solid.geometry))))
+        points[name] += [pose.apply(corners(solid.geometry))]
 
-    return {
-        name: (low, high)
-        for name, (low, high) in extents_of(placed).items()
-        if np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0)) < _NEAR_M
-    }
+    found = {}
+    for name, groups in points.items():
+        low = np.vstack(groups).min(axis=0)
+        high = np.vstack(groups).max(axis=0)
+        if np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0)) < _NEAR_M:
+            found[name] = low, high
 
-
-def extents_of(placed: Iterable[tuple[str, Array]]) -> dict[str, Extent]:
-    """Find the extents of named groups of points (N, 3); several of one name are one."""
-    found: dict[str, Extent] = {}
-    for name, points in placed:
-        low, high = found.get(name, (points[0], points[0]))
-        lowest = np.minimum(low, points.min(axis=0))
-        found[name] = lowest, np.maximum(high, points.max(axis=0))
     return found

@@ -89,7 +89,7 @@ def moments(recording: Recording, seen: Observation | None = None) -> list[Momen
     """Choose `FRAMES` instants of a recording to show, seconds, each with what happens then, in the order of time.
 
     The first are the start and the end, then what ``seen`` names: the first touches, and when it went wrong; else the
-    first motion of a body. Then come the highest points of bodies that are lifted, and the fastest motions. Instants
+    first motion of a body. Then come the highest points of bodies that are lifted. Instants
     less than `APART_S` apart count as one. At last, the longest gaps are halved.
 
     Args:
@@ -146,12 +146,12 @@ def _list_observed(seen: Observation) -> list[Moment]:
 
 
 def _list_motions(recording: Recording) -> Iterator[Moment]:
-    """Yield when the two bodies that get farthest begin to move, are highest, and are fastest.
+    """Yield when the two bodies that get farthest begin to move, and are highest.
 
     Args:
         recording: whose samples before 0 s, while bodies settle, don't count.
     Yields:
-        Of each body at most three, in this order.
+        Of each body at most two, in this order.
     """
     states = recording.states
     times = recording.times
@@ -175,6 +175,3 @@ def _list_motions(recording: Recording) -> Iterator[Moment]:
         yield float(times[np.argmax(shift > STIRRED_M)]), f"{name} moves"
         if height.max() > LIFTED_M:
             yield float(times[height.argmax()]), f"{name} is highest"
-
-        speed = np.abs(np.gradient(shift, times))
-        yield float(times[speed.argmax()]), f"{name} is fastest"

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image as Pillow
 from PIL import ImageDraw
-from scipy.ndimage import binary_erosion, gaussian_filter
+from scipy.ndimage import binary_erosion, gaussian_filter, maximum_filter
 
 from core.geometry import Array, Pose
 from core.interfaces import Image, Picture, Task
@@ -104,15 +104,15 @@ def calibrated_pictures(
     pictures = []
     for name, camera in cameras.items():
         picture = Pillow.fromarray(render(camera=camera, width=WIDTH, height=HEIGHT))
+        picture = _light(picture, nearness(small, camera, WIDTH, HEIGHT))
+        covered = [_cover(body, camera) for body in small]
         if name in _VIEWS:
-            near = nearness(small, camera, WIDTH, HEIGHT)
-            picture = _light(picture, near)
-            _draw_edges(picture, camera, small, near)
-            caption = _Grid(picture, camera, _VIEWS[name]).draw()
+            _draw_edges(picture, camera, small, covered)
+            caption = _draw_grid(picture, camera, _VIEWS[name])
         else:
             caption = describe_camera(camera, SIZE)
 
-        _Labels(picture, camera).draw(small)
+        _Labels(picture, camera, covered).draw(small)
         pictures.append(Picture(png(np.asarray(picture)), name, f"{name}: {caption}"))
 
     return tuple(pictures)
@@ -198,124 +198,66 @@ def _light(picture: Pillow.Image, near: Array) -> Pillow.Image:
     return Pillow.fromarray((_PALE[0] * lit).astype(np.uint8))
 
 
-class _Grid:
-    """Lines and scales in metres over a parallel view.
+def _draw_grid(picture: Pillow.Image, camera: Camera, view: _View) -> str:
+    """Draw lines and scales in metres over a parallel view, so that positions can be read off.
 
-        caption = _Grid(picture, camera, view).draw()
+    Args:
+        picture: that is drawn on.
+        camera: a parallel one, which took the picture.
+        view: the camera's direction.
 
-    Positions can be read off, and distances measured in pixels.
+    Returns:
+        A part of the picture's caption: what one needs to measure in the picture.
     """
+    assert camera.height_m is not None
+    pen = ImageDraw.Draw(picture, "RGBA")
+    per_m = HEIGHT / camera.height_m
 
-    def __init__(
-        self,
-        picture: Pillow.Image,
-        camera: Camera,
-        view: _View,
-    ) -> None:
-        """Choose how far lines are apart: the closest distance of which there are not too many.
+    # The closest distance of lines of which there are not too many.
+    enough = [step for step in _STEPS if WIDTH / per_m / step <= _LINES]
+    step = min(enough, default=_STEPS[-1])
+    sign = float(np.sign(camera.axes[0][view.right]))
 
-        Args:
-            picture: that is drawn on.
-            camera: a parallel one, which took the picture.
-            view: the camera's direction.
-        """
-        assert camera.height_m is not None
-        self._pen = ImageDraw.Draw(picture, "RGBA")
-        self._camera = camera
+    for number in _number_lines(camera.target[view.right], WIDTH / per_m, step):
+        x = WIDTH / 2 + sign * (number * step - camera.target[view.right]) * per_m
+        pen.line([(x, 0), (x, HEIGHT)], fill=(*_INK, 100))
+        _write(pen, (x + 2, HEIGHT - 15), f"{number * step + 0.0:.2f}")
 
-        self._view = view
-        self._per_m = HEIGHT / camera.height_m
+    for number in _number_lines(camera.target[view.up], camera.height_m, step):
+        y = HEIGHT / 2 - (number * step - camera.target[view.up]) * per_m
+        pen.line([(0, y), (WIDTH, y)], fill=(*_INK, 100))
+        _write(pen, (2, y - 14), f"{number * step + 0.0:.2f}")
 
-        enough = [step for step in _STEPS if WIDTH / self._per_m / step <= _LINES]
-        self._step = min(enough, default=_STEPS[-1])
+    _write(pen, (WIDTH - 60, HEIGHT - 32), f"{'xyz'[view.right]} (m)")
+    _write(pen, (40, 4), f"{'xyz'[view.up]} (m)")
 
-    def draw(self) -> str:
-        """Draw it, and say what one needs to measure in the picture.
+    minus = "-" if sign < 0 else ""
 
-        Returns:
-            A part of the picture's caption.
-        """
-        right = self._view.right
-        up = self._view.up
-        sign = float(np.sign(self._camera.axes[0][right]))
+    return (
+        f"parallel projection, {minus}{'xyz'[view.right]} to the right and {'xyz'[view.up]} up, "
+        f"{WIDTH} x {HEIGHT} pixels, {1000 / per_m:.3f} mm per pixel; scales and grid in metres; "
+        "outlines are drawn also of what is hidden"
+    )
 
-        for position, x in self._lines(right, WIDTH, sign):
-            self._draw_line([(x, 0), (x, HEIGHT)], (x + 2, HEIGHT - 15), position)
 
-        for position, y in self._lines(up, HEIGHT, -1.0):
-            self._draw_line([(0, y), (WIDTH, y)], (2, y - 14), position)
+def _number_lines(middle: float, length: float, step: float) -> range:
+    """Return which multiples of a step lie within a length around a middle, metres."""
+    first = math.ceil((middle - length / 2) / step)
+    return range(first, math.floor((middle + length / 2) / step) + 1)
 
-        self._write((WIDTH - 60, HEIGHT - 32), f"{'xyz'[right]} (m)")
-        self._write((40, 4), f"{'xyz'[up]} (m)")
 
-        minus = "-" if sign < 0 else ""
-
-        return (
-            f"parallel projection, {minus}{'xyz'[right]} to the right and {'xyz'[up]} up, {WIDTH} x {HEIGHT} pixels, "
-            f"{1000 / self._per_m:.3f} mm per pixel; scales and grid in metres; "
-            "outlines are drawn also of what is hidden"
-        )
-
-    def _lines(
-        self,
-        axis: int,
-        pixels: int,
-        sign: float,
-    ) -> list[tuple[float, float]]:
-        """Return the lines across an axis: where each is in the world, metres, and in the picture, pixels.
-
-        Args:
-            axis: number of the world's axis.
-            pixels: of the picture's side along it.
-            sign: 1.0 where the axis grows with the pixels, else -1.0.
-        """
-        middle = self._camera.target[axis]
-        half = pixels / 2 / self._per_m
-        first = math.ceil((middle - half) / self._step)
-        last = math.floor((middle + half) / self._step)
-
-        lines = []
-
-        for number in range(first, last + 1):
-            position = number * self._step
-            place = pixels / 2 + sign * (position - middle) * self._per_m
-            lines.append((position + 0.0, place))
-
-        return lines
-
-    def _draw_line(
-        self,
-        ends: list[tuple[float, float]],
-        place: tuple[float, float],
-        position: float,
-    ) -> None:
-        """Draw a line between two ends, and write its position at a place.
-
-        Args:
-            ends: of the line, pixels.
-            place: of the text's left upper corner, pixels.
-            position: of the line in the world, metres.
-        """
-        self._pen.line(ends, fill=(*_INK, 100))
-        self._write(place, f"{position:.2f}")
-
-    def _write(self, place: tuple[float, float], text: str) -> None:
-        """Write a text on a pale ground.
-
-        Args:
-            place: of the text's left upper corner, pixels.
-            text: of one line.
-        """
-        box = self._pen.textbbox(place, text, font_size=_FONT)
-        self._pen.rectangle(box, fill=(*_PALE, 190))
-        self._pen.text(place, text, fill=_INK, font_size=_FONT)
+def _write(pen: ImageDraw.ImageDraw, place: tuple[float, float], text: str) -> None:
+    """Write a line on a pale ground, from its left upper corner, pixels."""
+    box = pen.textbbox(place, text, font_size=_FONT)
+    pen.rectangle(box, fill=(*_PALE, 190))
+    pen.text(place, text, fill=_INK, font_size=_FONT)
 
 
 def _draw_edges(
     picture: Pillow.Image,
     camera: Camera,
     bodies: Sequence[Body],
-    near: Array,
+    covered: Sequence[npt.NDArray[np.bool_]],
 ) -> None:
     """Draw edges in a parallel view, and the outline of each body, also of what is clear or hidden.
 
@@ -325,14 +267,14 @@ def _draw_edges(
         picture: that is drawn on.
         camera: a parallel one.
         bodies: that edges are drawn of.
-        near: how far they reach toward the camera, (H, W) metres.
+        covered: the pixels (H, W) that each of them covers.
     """
+    near = nearness(bodies, camera, WIDTH, HEIGHT)
     edges = np.zeros((HEIGHT, WIDTH), dtype=bool)
     edges[1:-1] |= np.abs(np.diff(near, 2, axis=0)) > _EDGE_M
     edges[:, 1:-1] |= np.abs(np.diff(near, 2, axis=1)) > _EDGE_M
 
-    for body in bodies:
-        silhouette = _fill(body, camera)
+    for silhouette in covered:
         edges |= silhouette & ~binary_erosion(silhouette, border_value=1)
 
     gray = picture.convert("L")
@@ -342,40 +284,28 @@ def _draw_edges(
     picture.paste(ink.convert("RGB"), mask=mask)
 
 
-def _fill(body: Body, camera: Camera) -> npt.NDArray[np.bool_]:
-    """Compute which pixels (H, W) a body covers.
-
-    Args:
-        body: of which all visible parts count.
-        camera: that takes the picture.
-    """
-    silhouette = Pillow.new("1", SIZE)
-    pen = ImageDraw.Draw(silhouette)
-
-    for part in body.visuals:
-        mesh = part.shape.to_trimesh()
-        vertices = np.asarray(mesh.vertices, dtype=np.float64)
-        placed = (body.pose @ part.pose).apply(vertices)
-        pixels = project(camera, placed, WIDTH, HEIGHT)
-
-        for corners in pixels[np.asarray(mesh.faces)]:
-            pen.polygon([(x, y) for x, y in corners.tolist()], fill=1)
-
-    return np.asarray(silhouette)
+def _cover(body: Body, camera: Camera) -> npt.NDArray[np.bool_]:
+    """Compute which pixels (H, W) a body covers, also where it is clear."""
+    return ~np.isnan(nearness([body], camera, WIDTH, HEIGHT, clear=0.0))
 
 
 class _Labels:
     """Marks of bodies in a picture: the origin of each one's frame, its axes x and y, and its name.
 
-        _Labels(picture, camera).draw(bodies)
+        _Labels(picture, camera, covered).draw(bodies)
 
     No name covers a body or another name: each has the nearest place that is free, or the one that covers least.
     """
 
-    def __init__(self, picture: Pillow.Image, camera: Camera) -> None:
+    def __init__(
+        self,
+        picture: Pillow.Image,
+        camera: Camera,
+        covered: Sequence[npt.NDArray[np.bool_]],
+    ) -> None:
         self._pen = ImageDraw.Draw(picture)
         self._camera = camera
-        self._taken = np.zeros((HEIGHT, WIDTH), dtype=bool)
+        self._taken = np.any(covered, axis=0)
 
     def draw(self, bodies: Sequence[Body]) -> None:
         """Mark the bodies that are in the picture; of many alike, only the first and the last have their names.
@@ -385,9 +315,6 @@ class _Labels:
         """
         alike = Counter(_strip_number(body) for body in bodies)
         seen = Counter[str]()
-
-        for body in bodies:
-            self._taken |= _fill(body, self._camera)
 
         for body in bodies:
             x, y = self._project(body.pose)
@@ -417,6 +344,7 @@ class _Labels:
             pose: of the frame in the world.
         """
         x, y = self._project(pose)
+        self._taken[int(y) - 6 : int(y) + 7, int(x) - 6 : int(x) + 7] = True
         for axis, color in ((0, _RED), (1, _GREEN)):
             tip = pose @ Pose(_AXIS_M * np.eye(3)[axis])
             self._pen.line([(x, y), self._project(tip)], fill=color, width=2)
@@ -454,23 +382,12 @@ class _Labels:
             y: of the point, pixels.
             width: of the name, pixels.
         """
-        places = {}
-        for away in range(14, 300, 12):
-            for turn in np.linspace(0.0, 2 * np.pi, 16, endpoint=False):
-                left = int(
-                    np.clip(x + away * np.cos(turn) - width / 2, 1, WIDTH - width - 2)
-                )
-                top = int(
-                    np.clip(y + away * np.sin(turn) - _HIGH / 2, 1, HEIGHT - _HIGH - 2)
-                )
-                covered = self._taken[
-                    top - 1 : top + _HIGH + 1, left - 1 : left + width + 1
-                ]
-                places[left, top] = int(covered.sum())
-                if not places[left, top]:
-                    return left, top
-
-        return min(places, key=places.__getitem__)
+        size = (_HIGH + 4, width + 4)
+        taken = maximum_filter(self._taken, size, mode="constant", cval=True)
+        rows, columns = np.indices(taken.shape)
+        away = np.hypot(columns - x, rows - y) + np.hypot(WIDTH, HEIGHT) * taken
+        row, column = np.unravel_index(away.argmin(), away.shape)
+        return int(column) - width // 2, int(row) - _HIGH // 2
 
 
 def _strip_number(body: Body) -> str:
