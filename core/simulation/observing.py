@@ -290,10 +290,8 @@ class _Case:
         for goal in sorted(self.reaches, key=self._measure_left):
             for name in goal.subjects(self.start):
                 wanted = goal.place_of(name, self.start)
-                axes = WORLD_AXES
-                if getattr(goal, "at", None):
-                    axes = self.start.quaternion(goal.at)
-
+                stands_by = getattr(goal, "at", None)
+                axes = self.start.quaternion(stands_by) if stands_by else WORLD_AXES
                 found.setdefault(name, _offset(wanted, self.end.position(name), axes))
 
         return {name: found[name] for name in self.names if name in found}
