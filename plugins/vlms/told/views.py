@@ -104,9 +104,9 @@ def calibrated_pictures(
     pictures = []
     for name, camera in cameras.items():
         picture = Pillow.fromarray(render(camera=camera, width=WIDTH, height=HEIGHT))
-        picture = _light(picture, nearness(small, camera, WIDTH, HEIGHT))
         covered = [_cover(body, camera) for body in small]
         if name in _VIEWS:
+            picture = _light(picture, nearness(small, camera, WIDTH, HEIGHT))
             _draw_edges(picture, camera, small, covered)
             caption = _draw_grid(picture, camera, _VIEWS[name])
         else:
