@@ -218,7 +218,7 @@ def test_contents_of_every_prompt(brief: Brief) -> None:
 
 
 def test_elites_are_shown() -> None:
-    text = prompt(elites=ELITES)
+    text = prompt(PromptSettings(feedback="paper"), elites=ELITES)
     _, _, (first, second) = elites_in(text)
     assert first == {
         "id": "g0-a0-s0-p0",
