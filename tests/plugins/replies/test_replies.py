@@ -40,6 +40,13 @@ def test_the_document_is_found_in_a_reply(reply):
     assert parse_reply(reply) == DOCUMENT
 
 
+def test_a_reply_that_names_no_action_is_read_by_its_form():
+    steps = [{"anchor": "cube", "offset": [0, 0, 0.1], "rpy": [0, 0, 0]}]
+    document = {"strategies": [{**STRATEGY, "action_sets": [steps]}]}
+    (candidate,) = read_designs(document, Rod(), TASK)
+    assert (candidate.problem, candidate.plan.action) == (None, "anchored")
+
+
 def test_a_reply_without_a_document():
     with pytest.raises(DesignError, match=r"no strategies \(its JSON has a\)"):
         parse_reply('so: {"a": 1} {"b": 2}')

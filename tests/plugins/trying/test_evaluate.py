@@ -139,7 +139,7 @@ def test_designs_are_tried_in_layouts(tmp_path):
     (found,) = json.loads((tmp_path / "rewards.json").read_text())
     rewards = found["details"]["engines"]["mujoco"]["rewards"]
     assert found["reward"] == pytest.approx(sum(rewards) / 2)
-    assert f"mujoco: {rewards[0]:.2f} {rewards[1]:.2f}" in done.stdout
+    assert f"mujoco: {rewards[0]:.3f} {rewards[1]:.3f}" in done.stdout
 
 
 @pytest.mark.slow

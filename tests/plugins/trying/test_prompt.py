@@ -94,6 +94,8 @@ def test_every_use(use, idea):
         "action_sets"
     ]["items"]
     assert plan["items"]["minItems"] == numbers
+    # A given tool gets as many candidates as designed ones.
+    assert request.brief.n_tool * request.brief.n_action == 20
 
 
 @pytest.mark.parametrize("kinds", rare(["rigid", "gripper"], "rigid"))
