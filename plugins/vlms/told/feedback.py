@@ -13,7 +13,7 @@ from core.design import Tool
 from core.designs.feedback import last_generation, outcome_of
 from core.designs.prompt_values import RunFacts
 from core.interfaces import Brief, Contact, Evaluation, Observation, Task, Trial
-from core.support.text import by_reason, clean, short_numbers
+from core.support.text import by_reason, clean, number, short_numbers
 from core.trial import best_first, summarise_rewards
 from core.values.observations import Sight
 from plugins.vlms.told.tables import phrase
@@ -247,7 +247,7 @@ def describe(evaluation: Evaluation, sight: Sight = ALL) -> str:
 
     seen = evaluation.observation
     if seen is None:
-        head = f"{evaluation.reward:.3f}"
+        head = number(evaluation.reward, 3)
         return f"{head} invalid: {reason}" if reason else head
 
     first: dict[str, Contact] = {}  # of the robot, by body
@@ -257,7 +257,7 @@ def describe(evaluation: Evaluation, sight: Sight = ALL) -> str:
 
     entry = elite_feedback(evaluation, sight)
     trials = trial_lines(evaluation, sight) if evaluation.combined else []
-    outcome = (evaluation.reward, reason, trials)
+    outcome = (number(evaluation.reward, 3), reason, trials)
     touches = sorted(first.values(), key=lambda touch: touch.other not in seen.what)
 
     shown = (seen, entry, touches[:_TOUCHES], sight.numbers)
@@ -279,7 +279,7 @@ def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
             outcome = f"{status}: {trial.reason}"
 
         outcome = sight.text(clean(outcome, _OUTCOME))
-        text = f"{trial.reward:.3f} {outcome}".rstrip()
+        text = f"{number(trial.reward, 3)} {outcome}".rstrip()
         name = phrase("observed", "trial", trial, len(evaluation.tasks))
         places.setdefault(text, []).append(name)
 
