@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import chain
 from statistics import fmean
 from typing import TYPE_CHECKING, Any
@@ -32,7 +33,12 @@ def figure_pages(results: Results) -> list[FigurePage]:
     if not results.groups:
         return []
     tasks, methods = comparable(results)
-    pages = [rewards(results), anytime(results, tasks, methods)]
+    pages = [
+        rewards(results),
+        on_some_tasks(results),
+        anytime(results, tasks, methods),
+        by_generation(results, tasks, methods),
+    ]
     return [page for page in pages if page is not None]
 
 
@@ -89,6 +95,21 @@ def rewards(results: Results) -> FigurePage:
         return figure
 
     return FigurePage("rewards", "Reward by task and method", paint)
+
+
+def on_some_tasks(results: Results) -> FigurePage | None:
+    """The same bars for the tasks of the method that was run on the fewest; None: all were run on all."""
+    fewest = min(
+        reversed(results.methods), key=lambda name: len(results.groups_of(name))
+    )
+    tasks = [g.task for g in results.groups_of(fewest)]
+    if len(tasks) == len(results.tasks):
+        return None
+    there = tuple(run for run in results.runs if run.task in tasks)
+    title = f"The tasks of {fewest}"
+    return replace(
+        rewards(replace(results, runs=there)), name="on_some_tasks", title=title
+    )
 
 
 def _places(results: Results) -> dict[Group, float]:
@@ -193,6 +214,42 @@ def anytime(
         return figure
 
     return FigurePage("anytime", "Reward by rollouts", paint)
+
+
+def by_generation(
+    results: Results, tasks: list[str], methods: list[str]
+) -> FigurePage | None:
+    """Draw the mean best reward up to each generation; arguments and return are those of `anytime`."""
+    curves = {}
+    for method in methods:
+        groups = [g for g in results.groups_of(method) if g.task in tasks]
+        length = max(len(run.figures.generations) for g in groups for run in g.runs)
+        means = []
+        for g in groups:
+            means.append(np.mean([run.best_so_far(length) for run in g.runs], axis=0))
+        curves[method] = np.mean(means, axis=0)
+
+    longest = max(map(len, curves.values()), default=0)
+    if longest < 2:
+        return None
+
+    def paint() -> Figure:
+        figure = new_figure(6.4, 4.0)
+        ax = figure.subplots()
+        for method, curve in curves.items():
+            look = _look(results, method)
+            if len(curve) == 1:  # it has no further generation
+                ax.axhline(curve[0], ls=":", lw=1.8, **look)
+            else:
+                ax.plot(range(len(curve)), curve, marker="o", lw=1.8, **look)
+
+        ax.set(ylabel="mean best reward so far (0 to 1)", xlabel="generation")
+        ax.set_xticks(range(longest))
+        figure.legend(loc="outside lower center")
+
+        return figure
+
+    return FigurePage("by_generation", "Reward by generation", paint)
 
 
 def _shade_interval(ax: Any, x: Array, scores: Sequence[Array], color: str) -> None:

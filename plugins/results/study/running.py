@@ -30,7 +30,6 @@ from plugins.results.study.files import StudyRun, harmless, is_done, read_state
 
 LOOK_S = 0.5  # between two looks at a run of another process
 MOST_FAILURES = 3  # one after the other, until no further run starts
-LOG = "run.log"
 
 
 @dataclass

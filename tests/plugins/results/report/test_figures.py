@@ -10,7 +10,7 @@ from plugins.results.report.figures import tied_groups
 from plugins.results.report.results import Results
 from tests.core.run_folders import write_run
 
-FIGURES = {"rewards", "anytime"}
+FIGURES = {"rewards", "on_some_tasks", "anytime", "by_generation"}
 
 
 def test_figures_are_there_and_not_blank(made):

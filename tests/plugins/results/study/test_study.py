@@ -1,18 +1,29 @@
 """``vlmgineer study``: what a file says, what it will take, and that each run is run once."""
 
+import json
+import os
 import re
 import shutil
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
 import yaml
 
+from core.config.compose import load
 from core.errors import UserError
+from core.search.orchestration import run
 from plugins.results.study.command import main
-from plugins.results.study.files import find_study, read_study
+from plugins.results.study.estimate import look_ahead
+from plugins.results.study.files import Selection, find_study, read_study
 from tests.plugins.results.report.test_tables import read_csv
+from tests.plugins.vlms.servers import Say, serving
+from tests.processes import family, wait_until
 
-ROOT = Path(__file__).parents[4]
+SOLUTIONS = Path(__file__).parents[3] / "tasks" / "solutions"
 SMALL = {
     "about": "Two methods.",
     "tasks": ["BringCube", "OneBook"],
@@ -108,3 +119,81 @@ def test_what_is_there_is_not_run_again(tmp_path, monkeypatch, capsys):
     assert all(path.read_bytes() == data for path, data in stored.items())
     with pytest.raises(UserError, match=r"hold.* runs of first that differ in: sim"):
         main([file, "tasks=BringCube", "folder=done", "sim=sapien"])
+
+
+def play_stored(call):
+    """Answer with the reference solution of the task, in the form that is asked for."""
+    wanted = json.dumps(call.body["generationConfig"]["response_json_schema"])
+    task = "ScoreGoal" if "class ScoreGoal" in "".join(call.texts) else "BringCube"
+    solution = json.loads((SOLUTIONS / f"{task}.json").read_text())["strategies"][0]
+    if "tool_urdf" not in wanted:
+        tool = [key for key in solution if key.startswith("tool_")]
+        solution = {key: solution[key] for key in solution if key not in tool}
+    if '"maxItems": 7' in wanted:
+        plan = [[*waypoint, 0.0] for waypoint in solution["action_sets"][0]]
+        solution |= {"gripper": True, "action_sets": [plan]}
+    return Say(json.dumps({"scene_analysis": "", "strategies": [solution]}))
+
+
+def results_in(folder):
+    """What the runs in a folder came to, without their times."""
+    found = {}
+    for file in sorted(folder.glob("*/*/*/result.json")):
+        result = json.loads(file.read_text())
+        for key in ("wall_time_s", "rollouts_per_s"):
+            del result[key]
+        found[str(file.parent.relative_to(folder))] = result
+    return found
+
+
+@pytest.mark.thorough
+@pytest.mark.slow
+@pytest.mark.usefixtures("inline")
+def test_a_study_that_is_killed_five_times(tmp_path, monkeypatch):
+    """Of two tasks and all methods of the paper, with a model on a server. No request is sent twice, and the results
+    are those of the runs alone. Killed are the study, whose run goes on alone, or the study with its run.
+    """
+    monkeypatch.setenv("GEMINI_API_KEY", "AIza-planted+0123456789")
+    monkeypatch.setenv("PYTHONPATH", str(SOLUTIONS.parents[2]))
+    words = ["vlm=gemini", "prompt.repair=0", "sim=mujoco", "prompt.picture=false"]
+    words += ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1"]
+    words += ["budget.n_iteration=1", "listener=[]"]
+    asked = ["paper", "tasks=BringCube,ScoreGoal", "seeds=1", "jobs=1", "yes=true"]
+
+    with serving(play_stored) as server:
+        words.append(f"vlm.api_base={server.url}")
+
+        def start():
+            command = [sys.executable, "-m", "core", "study", *asked, *words]
+            return subprocess.Popen(
+                [*command, "folder=killed"], cwd=tmp_path, start_new_session=True
+            )
+
+        for kill in range(5):
+            study = start()
+            goal = len(server.calls) + 2
+            wait_until(lambda goal=goal: len(server.calls) >= goal, study)
+            time.sleep(0.3)  # the reply is on the disk, and its design is tried
+            victims = family(study.pid) if kill % 2 else [study.pid]
+            for process in victims:
+                os.kill(process, signal.SIGKILL)
+            study.wait()
+
+        assert start().wait() == 0
+        killed = results_in(tmp_path / "killed")
+        calls = len(server.calls)
+
+        file = find_study("paper")
+        study = read_study(file)
+        alone = Selection(study, file, tmp_path / "alone", "quick", tuple(words))
+        runs = alone.plan(study.methods, ["BringCube", "ScoreGoal"], 1)
+        need = look_ahead(runs, 1).whole
+        for planned in runs:
+            planned.folder.mkdir(parents=True)
+            run(load("config", planned.words), planned.folder)
+
+    assert len(killed) == len(runs) == 14
+    assert results_in(tmp_path / "alone") == killed
+    assert need.requests == calls == len(server.calls) - calls
+    used = sum(result["rollouts"] for result in killed.values())
+    assert used <= need.rollouts
