@@ -125,5 +125,5 @@ def test_all_tables_are_written(made):
         "runs",
         "left_out",
     }
-    names |= {"costs"}  # with one model and no critic, none of models
+    names |= {"costs", "gains"}  # with one model and no critic, none of models
     assert {f.stem for f in data.glob("*.csv")} == names
