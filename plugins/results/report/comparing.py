@@ -38,7 +38,7 @@ def comparing_tables(results: Results) -> list[Table]:
         ),
         Table.of(
             "agreement",
-            "task|engine|other engine|designs:0|commonest reward (%):0|rank correlation:2|mean difference:3"
+            "task|engine|other engine|designs:0|rank correlation:2|mean difference:3"
             "|good and kept (%):0|the other way (%):0",
             _agreement(results),
         ),
@@ -114,7 +114,6 @@ def _agreement(results: Results) -> Rows:
                 continue
             mine = np.round([rewards[engine][design] for design in both], 2)
             theirs = np.round([rewards[other][design] for design in both], 2)
-            _, counts = np.unique(mine, return_counts=True)
             ranks = None
             if np.ptp(mine) > 0 and np.ptp(theirs) > 0:
                 ranks = float(scipy.stats.spearmanr(mine, theirs).statistic)
@@ -123,7 +122,6 @@ def _agreement(results: Results) -> Rows:
                 engine,
                 other,
                 len(both),
-                100 * float(counts.max()) / len(both),
                 ranks,
                 float(np.mean(np.abs(mine - theirs))),
                 _kept(mine, theirs),

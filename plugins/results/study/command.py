@@ -29,7 +29,7 @@ from plugins.results.study.files import (
     find_study,
     read_study,
 )
-from plugins.results.study.running import Failure, Runner
+from plugins.results.study.running import Runner
 
 T = TypeVar("T")
 
@@ -93,7 +93,7 @@ def main(words: list[str]) -> None:
         outlook = look_ahead(share_cores(runs, jobs), jobs)
     outlook.show()
 
-    failures: list[Failure] = []
+    failures: list[str] = []
     if outlook.needs:
         _ask(cfg, outlook)
         write_bytes(selection.folder / RECORD, selection.record().encode())
@@ -106,9 +106,8 @@ def main(words: list[str]) -> None:
     if len(failures) < len(runs):
         _report(selection.folder)
     if failures:
-        first = failures[0]
         raise UserError(
-            f"{len(failures)} runs failed; the first, {first.run}: {first.reason}; to try again: {again}"
+            f"{len(failures)} runs failed; the first, {failures[0]}; to try again: {again}"
         )
 
 

@@ -200,7 +200,6 @@ class Estimator:
         requests = budget.n_agent * generations
 
         busy_s = START_S + rollouts * (self._rollout_s or ROLLOUT_S)
-        busy_s = self._seconds.get(key, busy_s)
         waits = reads_words(cfg) and self._rollout_s is None
         price = demand.price(tools, budget.n_action)
         usd = None if price is None else requests * price

@@ -105,10 +105,7 @@ class Study(_Part):
     published: tuple[Published, ...] = ()
 
     @pydantic.model_validator(mode="after")
-    def _names_are_known(self) -> Study:
-        names = [method.name for method in self.methods]
-        if len(set(names)) < len(names):
-            raise ValueError("two methods have the same name")
+    def _budgets_are_known(self) -> Study:
         for method in self.methods:
             unknown = {*method.budgets} - {*self.budgets}
             if unknown:

@@ -32,14 +32,6 @@ LOOK_S = 0.5  # between two looks at a run of another process
 MOST_FAILURES = 3  # one after the other, until no further run starts
 
 
-@dataclass
-class Failure:
-    """A run that could not come to its end, and why."""
-
-    run: StudyRun
-    reason: str
-
-
 @dataclass(eq=False)
 class Runner:
     """Runs what is missing. A killed study leaves runs that go on alone: the next one waits for them.
@@ -56,13 +48,13 @@ class Runner:
     _processes: set[subprocess.Popen[bytes]] = field(default_factory=set)
     _stopping: threading.Event = field(default_factory=threading.Event)
 
-    def run_all(self) -> list[Failure]:
-        """Run all, and return those that failed.
+    def run_all(self) -> list[str]:
+        """Run all, and return which failed, and why.
 
         Raises:
             KeyboardInterrupt: it was interrupted; the runs under way have stopped, and can go on.
         """
-        failures: list[Failure] = []
+        failures: list[str] = []
         in_a_row = 0
         display = _Display(sum(map(_seconds, self.needs.values())), len(self.needs))
         with display, ThreadPoolExecutor(self.jobs) as pool:
@@ -75,7 +67,7 @@ class Runner:
                         continue
                     in_a_row = in_a_row + 1 if reason else 0
                     if reason:
-                        failures.append(Failure(run, reason))
+                        failures.append(f"{run}: {reason}")
                     if in_a_row >= MOST_FAILURES:
                         self._stopping.set()
                     display.show(run, self.needs[run], reason)
