@@ -39,7 +39,7 @@ def comparing_tables(results: Results) -> list[Table]:
         Table.of(
             "agreement",
             "task|engine|other engine|designs:0|rank correlation:2|mean difference:3"
-            "|good and kept (%):0|the other way (%):0",
+            "|good and kept (%):0",
             _agreement(results),
         ),
     ]
@@ -117,6 +117,7 @@ def _agreement(results: Results) -> Rows:
             ranks = None
             if np.ptp(mine) > 0 and np.ptp(theirs) > 0:
                 ranks = float(scipy.stats.spearmanr(mine, theirs).statistic)
+            kept = theirs[mine > GOOD] > KEPT
             yield (
                 task,
                 engine,
@@ -124,8 +125,7 @@ def _agreement(results: Results) -> Rows:
                 len(both),
                 ranks,
                 float(np.mean(np.abs(mine - theirs))),
-                _kept(mine, theirs),
-                _kept(theirs, mine),
+                100 * float(np.mean(kept)) if len(kept) else None,
             )
 
 
@@ -144,8 +144,3 @@ def _rewards_by_engine(
             for engine, earned in by_engine.items():
                 found[engine][str(run.folder), row.candidate] = fmean(earned)
     return found
-
-
-def _kept(mine: np.ndarray, theirs: np.ndarray) -> float | None:
-    good = theirs[mine > GOOD]
-    return 100 * float(np.mean(good > KEPT)) if len(good) else None

@@ -237,11 +237,7 @@ def by_generation(
         figure = new_figure(6.4, 4.0)
         ax = figure.subplots()
         for method, curve in curves.items():
-            look = _look(results, method)
-            if len(curve) == 1:  # it has no further generation
-                ax.axhline(curve[0], ls=":", lw=1.8, **look)
-            else:
-                ax.plot(range(len(curve)), curve, marker="o", lw=1.8, **look)
+            ax.plot(range(len(curve)), curve, marker="o", **_look(results, method))
 
         ax.set(ylabel="mean best reward so far (0 to 1)", xlabel="generation")
         ax.set_xticks(range(longest))

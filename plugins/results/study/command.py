@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -18,9 +19,9 @@ from core.support.progress import busy
 from plugins.results.report.command import report, show
 from plugins.results.study.estimate import (
     Outlook,
+    cores,
     look_ahead,
     reads_words,
-    share_cores,
 )
 from plugins.results.study.files import (
     RECORD,
@@ -87,10 +88,13 @@ def main(words: list[str]) -> None:
     if not waits:
         methods = _leave_out(methods, model)
     jobs = cfg.jobs or (SIDE_BY_SIDE if waits else 1)
+    if jobs > 1 and not any(word.startswith("executor") for word in others):
+        share = f"executor.workers={max(1, cores() // jobs)}"
+        selection = replace(selection, words=(*others, share))
     selection.check_record(methods)
     runs = selection.plan(methods, tasks, cfg.seeds or study.seeds)
     with busy("estimating what the runs take"):
-        outlook = look_ahead(share_cores(runs, jobs), jobs)
+        outlook = look_ahead(runs, jobs)
     outlook.show()
 
     failures: list[str] = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from omegaconf import DictConfig
@@ -122,17 +122,6 @@ def look_ahead(runs: Sequence[StudyRun], jobs: int) -> Outlook:
     return Outlook(runs, needs, jobs, power)
 
 
-def share_cores(runs: Iterable[StudyRun], jobs: int) -> list[StudyRun]:
-    """Give runs side by side their share of the cores, unless the words say how they are executed."""
-    share = f"executor.workers={max(1, cores() // jobs)}"
-    shared = []
-    for run in runs:
-        alone = jobs == 1 or any(word.startswith("executor") for word in run.words)
-        words = run.words if alone else (*run.words, share)
-        shared.append(replace(run, words=words))
-    return shared
-
-
 @dataclass(frozen=True)
 class _Demand:
     """What a candidate of a method takes, and a request.
@@ -169,9 +158,8 @@ class Estimator:
     """
 
     def __init__(self, done: Sequence[FinishedRun]) -> None:
-        self._seconds = {(run.figures.name, run.task): _core_s(run) for run in done}
         rollouts = sum(run.rollouts for run in done)
-        seconds = sum(map(_core_s, done))
+        seconds = sum(run.figures.wall_time_s * workers(run.config) for run in done)
         self._rollout_s = seconds / rollouts if rollouts else None
         self._demands: dict[str, _Demand] = {}
         self._budgets: dict[tuple[str, str], DictConfig] = {}
@@ -247,10 +235,6 @@ def reads_words(cfg: DictConfig) -> bool:
     """Report whether the model of a configuration reads what it is told, as language models do."""
     factory = installed().factory("vlm", cfg.vlm.name)
     return bool(getattr(factory, "sees", VLM.sees))
-
-
-def _core_s(run: FinishedRun) -> float:
-    return run.figures.wall_time_s * workers(run.config)
 
 
 def workers(cfg: Mapping[Any, Any]) -> int:

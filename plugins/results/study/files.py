@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -27,7 +26,6 @@ HARMLESS = ("executor", "listener", "film", "vlm.")
 """What the words begin with that may change while a study is under way: no result depends on it."""
 
 _STUDIES = Path(__file__).with_name("studies")
-_NAME = re.compile(r"[\w.-]+")
 _PROMPTS = Path(str(files("prompts")))
 
 
@@ -46,18 +44,11 @@ class Method(_Part):
         language: it means nothing to a model that reads no words.
     """
 
-    name: str
+    name: str = pydantic.Field(pattern=r"^[\w.-]+$")
     settings: tuple[str, ...] = ()
     budgets: dict[str, tuple[str, ...]] = {}
     tasks: tuple[str, ...] | None = None
     language: bool = False
-
-    @pydantic.field_validator("name")
-    @classmethod
-    def _is_plain(cls, name: str) -> str:
-        if not _NAME.fullmatch(name):
-            raise ValueError(f"{name!r} needs letters, digits and _.- alone")
-        return name
 
 
 class Published(_Part):
@@ -272,15 +263,12 @@ class Selection:
             UsageError: they were not.
         """
         file = self.folder / RECORD
-        if not file.exists():
-            return
-        stored = _read_yaml(file)
-        for method in methods:
-            there = (self.folder / method.name).exists()
-            before = stored.get("words", {}).get(method.name, []) if there else []
-            now = self.settings_of(method)
-            different = {*_matter(before)} ^ {*_matter(now)}
-            if there and different:
+        before = _read_yaml(file)["words"] if file.exists() else {}
+        there = [m for m in methods if (self.folder / m.name).exists()]
+        for method in there:
+            stored = _matter(before.get(method.name, ()))
+            different = {*stored} ^ {*_matter(self.settings_of(method))}
+            if different:
                 words = " ".join(sorted(different))
                 raise UsageError(
                     f"{self.folder} holds runs of {method.name} that differ in: {words}; name another folder with "

@@ -13,14 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import Progress
 
 from core.support.files import read_text
 from core.support.text import clean, hydra_word, number
@@ -56,11 +49,13 @@ class Runner:
         """
         failures: list[str] = []
         in_a_row = 0
-        display = _Display(sum(map(_seconds, self.needs.values())), len(self.needs))
-        with display, ThreadPoolExecutor(self.jobs) as pool:
+        console = Console(stderr=True, highlight=False, soft_wrap=True)
+        bar = Progress(console=console, disable=not console.is_terminal)
+        shown = bar.add_task("runs", total=sum(map(_seconds, self.needs.values())))
+        with bar, ThreadPoolExecutor(self.jobs) as pool:
             futures = {pool.submit(self._finish, run): run for run in self.needs}
             try:
-                for future in as_completed(futures):
+                for count, future in enumerate(as_completed(futures), 1):
                     run = futures[future]
                     reason = future.result()
                     if reason is None:
@@ -70,7 +65,11 @@ class Runner:
                         failures.append(f"{run}: {reason}")
                     if in_a_row >= MOST_FAILURES:
                         self._stopping.set()
-                    display.show(run, self.needs[run], reason)
+                    counts = f"{count}/{len(futures)} runs"
+                    line = f"{counts}  {run}: {reason or _describe(run)}"
+                    console.print(clean(line, 1000), markup=False)
+                    advance = _seconds(self.needs[run])
+                    bar.update(shown, advance=advance, description=counts)
             except KeyboardInterrupt:
                 self._interrupt()
                 raise
@@ -124,48 +123,12 @@ class Runner:
             process.send_signal(signal.SIGINT)
 
 
-class _Display:
-    """One bar for all runs, by the time that they are expected to take, and a line for each that ends."""
-
-    def __init__(self, seconds: float, runs: int) -> None:
-        self._console = Console(stderr=True)
-        self._runs = runs
-        self._ended = 0
-        self._bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TimeElapsedColumn(),
-            TextColumn("left:"),
-            TimeRemainingColumn(),
-            console=self._console,
-            disable=not self._console.is_terminal,
-        )
-        self._all: TaskID = self._bar.add_task(self._counts, total=seconds)
-
-    @property
-    def _counts(self) -> str:
-        return f"{self._ended}/{self._runs} runs"
-
-    def __enter__(self) -> _Display:
-        self._bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.stop()
-
-    def show(self, run: StudyRun, need: Need, failure: str) -> None:
-        """Say what a run came to."""
-        self._ended += 1
-        state = read_state(run)
-        result = "no candidate could be tried"
-        if isinstance(state, FinishedRun):
-            seconds = f"{state.figures.wall_time_s:.0f} s"
-            result = f"{number(state.best.reward, 3)}  ({seconds})"
-        line = f"{self._counts}  {run}: {failure or result}"
-        self._console.print(
-            clean(line, 1000), markup=False, highlight=False, soft_wrap=True
-        )
-        self._bar.update(self._all, advance=_seconds(need), description=self._counts)
+def _describe(run: StudyRun) -> str:
+    """Say what a run came to."""
+    state = read_state(run)
+    if not isinstance(state, FinishedRun):
+        return "no candidate could be tried"
+    return f"{number(state.best.reward, 3)}  ({state.figures.wall_time_s:.0f} s)"
 
 
 def _seconds(need: Need) -> float:
