@@ -59,6 +59,14 @@ def test_the_studies_of_the_project_are_estimated(tmp_path, monkeypatch, capsys,
     assert not list(tmp_path.iterdir())
 
 
+def test_the_file_on_the_page_is_a_study(tmp_path):
+    page = (SOLUTIONS.parents[2] / "docs/paper.md").read_text()
+    (block,) = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
+    (tmp_path / "mine.yaml").write_text(block)
+    study = read_study(tmp_path / "mine.yaml")
+    assert [method.name for method in study.methods] == ["once", "twice"]
+
+
 @pytest.mark.slow
 def test_the_paper_with_a_language_model_says_what_it_costs(
     tmp_path, monkeypatch, capsys
