@@ -216,34 +216,58 @@ def _draw_grid(picture: Pillow.Image, camera: Camera, view: _View) -> str:
     # The closest distance of lines of which there are not too many.
     enough = [step for step in _STEPS if WIDTH / per_m / step <= _LINES]
     step = min(enough, default=_STEPS[-1])
-    sign = float(np.sign(camera.axes[0][view.right]))
+    right = view.right
+    up = view.up
+    sign = float(np.sign(camera.axes[0][right]))
 
-    for number in _number_lines(camera.target[view.right], WIDTH / per_m, step):
-        x = WIDTH / 2 + sign * (number * step - camera.target[view.right]) * per_m
+    for position, x in _list_lines(camera.target[right], WIDTH, per_m, step, sign):
         pen.line([(x, 0), (x, HEIGHT)], fill=(*_INK, 100))
-        _write(pen, (x + 2, HEIGHT - 15), f"{number * step + 0.0:.2f}")
+        _write(pen, (x + 2, HEIGHT - 15), f"{position:.2f}")
 
-    for number in _number_lines(camera.target[view.up], camera.height_m, step):
-        y = HEIGHT / 2 - (number * step - camera.target[view.up]) * per_m
+    for position, y in _list_lines(camera.target[up], HEIGHT, per_m, step, -1.0):
         pen.line([(0, y), (WIDTH, y)], fill=(*_INK, 100))
-        _write(pen, (2, y - 14), f"{number * step + 0.0:.2f}")
+        _write(pen, (2, y - 14), f"{position:.2f}")
 
-    _write(pen, (WIDTH - 60, HEIGHT - 32), f"{'xyz'[view.right]} (m)")
-    _write(pen, (40, 4), f"{'xyz'[view.up]} (m)")
+    across = "xyz"[right]
+    along = "xyz"[up]
+    _write(pen, (WIDTH - 60, HEIGHT - 32), f"{across} (m)")
+    _write(pen, (40, 4), f"{along} (m)")
 
     minus = "-" if sign < 0 else ""
 
     return (
-        f"parallel projection, {minus}{'xyz'[view.right]} to the right and {'xyz'[view.up]} up, "
-        f"{WIDTH} x {HEIGHT} pixels, {1000 / per_m:.3f} mm per pixel; scales and grid in metres; "
-        "outlines are drawn also of what is hidden"
+        f"parallel projection, {minus}{across} to the right and {along} up, {WIDTH} x {HEIGHT} pixels, "
+        f"{1000 / per_m:.3f} mm per pixel; scales and grid in metres; outlines are drawn also of what is hidden"
     )
 
 
-def _number_lines(middle: float, length: float, step: float) -> range:
-    """Return which multiples of a step lie within a length around a middle, metres."""
-    first = math.ceil((middle - length / 2) / step)
-    return range(first, math.floor((middle + length / 2) / step) + 1)
+def _list_lines(
+    middle: float,
+    pixels: int,
+    per_m: float,
+    step: float,
+    sign: float,
+) -> list[tuple[float, float]]:
+    """List the lines across an axis: where each is in the world, metres, and in the picture, pixels.
+
+    Args:
+        middle: of the picture along the axis, metres.
+        pixels: of the picture's side along it.
+        per_m: pixels in a metre.
+        step: between two lines, metres.
+        sign: 1.0 where the axis grows with the pixels, else -1.0.
+    """
+    half = pixels / 2 / per_m
+    first = math.ceil((middle - half) / step)
+    last = math.floor((middle + half) / step)
+
+    lines = []
+    for number in range(first, last + 1):
+        position = number * step
+        place = pixels / 2 + sign * (position - middle) * per_m
+        lines.append((position + 0.0, place))
+
+    return lines
 
 
 def _write(pen: ImageDraw.ImageDraw, place: tuple[float, float], text: str) -> None:
