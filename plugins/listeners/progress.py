@@ -15,6 +15,7 @@ from core.trial import Evaluation
 
 if TYPE_CHECKING:
     from core.events import Generation, Result, Run
+    from core.interfaces import Reply
 
 
 @hookimpl
@@ -35,6 +36,8 @@ class ProgressListener:
         self._name = ""
         self._count = 0
         self._best = 0.0
+        self._calls = 0
+        self._usd = 0.0
 
     @hookimpl
     def run_started(self, run: Run) -> None:
@@ -65,12 +68,28 @@ class ProgressListener:
         self._name = self._step.what
 
     @hookimpl
+    def request_composed(self) -> None:
+        self._calls += 1
+        self._show()
+
+    @hookimpl
+    def reply_received(self, reply: Reply) -> None:
+        self._calls -= 1
+        self._usd += reply.cost_usd or 0.0
+        self._show()
+
+    @hookimpl
     def candidate_evaluated(self, evaluation: Evaluation) -> None:
+        self._count += 1
+        self._best = max(self._best, evaluation.reward)
+        self._show()
+
+    def _show(self) -> None:
+        """Say how far the generation is: candidates, the best reward, calls under way, and the run's cost so far."""
         if self._step is not None:
-            self._count += 1
-            self._best = max(self._best, evaluation.reward)
-            counts = f"{self._count}/{self._population}"
-            self._step.what = f"{self._name}  {counts}  best {number(self._best, 3)}"
+            best = f"{self._count}/{self._population}  best {number(self._best, 3)}"
+            spent = f"calls under way: {self._calls}  {self._usd:.2f} USD"
+            self._step.what = f"{self._name}  {best}  {spent}"
 
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
@@ -92,9 +111,8 @@ class ProgressListener:
     @hookimpl(tryfirst=True)
     def run_finished(self, run: Run, result: Result) -> None:
         self._stop()
-        seconds = result.wall_time_s
-        speed = f"{result.rollouts / seconds:.1f} per second"
-        self._print(f"{result.rollouts} rollouts in {seconds:.0f} s, {speed}")
+        seconds = f"{result.wall_time_s:.0f} s, with the model's replies"
+        self._print(f"{result.rollouts} rollouts in {seconds}")
 
     @hookimpl
     def run_ended(self) -> None:

@@ -23,17 +23,18 @@ from core.scene import State
 from core.simulation.playback import begin_motion
 from core.support.text import shorten
 from core.task import reward_of
-from core.values.layouts import NONE
 from plugins.gym.environment.film import SETTLE_S, Film
 from plugins.gym.environment.tools import load_mounted_tool
 
 ControlMode = Literal["joints", "end_effector"]
-Numbers = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.float32]
 
 STEP_S = 0.05  # of one action
 MAX_SPEED = 0.5  # of the end-effector, m/s along each axis
 MAX_TURN = 2.0  # and rad/s about each
 FINGER_SPEED = 0.1  # m/s
+
+MOST = 100.0  # of any number that is observed
 
 
 class ToolEnv(gymnasium.Env[Numbers, Numbers]):
@@ -43,10 +44,11 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
     arm's limits. With ``"end_effector"`` (6,) they are speeds of the end-effector's target pose along and about the
     world's axes, as shares of 0.5 m/s and 2 rad/s. A tool for the gripper adds one: the fingers, -1 open to 1 closed.
 
-    Observations (J + F + K + 13 B + 3 N,): J joints (rad), F fingers (m from the middle; none if the arm has no
-    gripper), K joints of the tool (rad or m), for each of B free bodies the position (m), quaternion (w, x, y, z),
-    linear (m/s) and angular (rad/s) velocity, in the world frame, and the places of all N nodes of soft bodies (m).
-    Where the task has a variation, 7 M numbers follow: positions and quaternions of its M marks and fixed bodies.
+    Observations (J + F + K + 13 B + 3 N + 7 + 7 M,): J joints (rad), F fingers (m from the middle; none if the
+    arm has no gripper), K joints of the tool (rad or m), for each of B free bodies the position (m), quaternion
+    (w, x, y, z), linear (m/s) and angular (rad/s) velocity, in the world frame, and the places of all N nodes of soft
+    bodies (m). The end-effector's position and quaternion follow, and those of M marks, where goals are, and fixed
+    bodies. Numbers beyond the bounds are cut off.
 
     The reward of a step is the growth of the task's reward in it, so their sum over an episode is the task's reward at
     its end. ``info["reward"]`` is the task's reward now. An episode terminates at success. A reward may read the trace
@@ -111,15 +113,10 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
 
         moves = len(robot.arm_joints) if control_mode == "joints" else 6
         moves += self.tool.gripper
-        self.action_space = gymnasium.spaces.Box(
-            -1.0,
-            1.0,
-            (moves,),
-            np.float64,
-        )
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (moves,), np.float32)
         observed = self._count_observations()
         self.observation_space = gymnasium.spaces.Box(
-            -np.inf, np.inf, (observed,), np.float64
+            -MOST, MOST, (observed,), np.float32
         )
 
     def _count_observations(self) -> int:
@@ -129,10 +126,8 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         joints = len(robot.arm_joints) + len(robot.finger_joints)
         count = joints + len(self.tool.bearers) + 13 * len(scene.free)
         count += 3 * sum(len(soft.form.nodes) for soft in scene.softs)
-        if self.task.variation != NONE:
-            count += 7 * len(scene.places)
 
-        return count
+        return count + 7 * (1 + len(scene.places))
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -161,12 +156,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
 
         world = self.simulator.world(self.task, self.tool, self._layout)
         self._world = world
-        self._drive(
-            world,
-            self._joints,
-            self._fingers,
-            SETTLE_S,
-        )
+        self._drive(world, self._joints, self._fingers, SETTLE_S)
         self._start = begin_motion(world)
         try:
             self._earned = self._reward(world, self._start)
@@ -195,20 +185,15 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         world = self._world
         if world is None:
             raise gymnasium.error.ResetNeeded("call reset before step")
-        action = np.clip(self._check(action), -1.0, 1.0)
+        shares = np.clip(self._check(action), -1.0, 1.0)
         fingers = self._fingers
 
         if self.tool.gripper:
-            wanted = self._opening * (1 - action[-1]) / 2
+            wanted = self._opening * (1 - shares[-1]) / 2
             most = FINGER_SPEED * STEP_S
             fingers += float(np.clip(wanted - fingers, -most, most))
 
-        self._drive(
-            world,
-            self._target(action),
-            fingers,
-            STEP_S,
-        )
+        self._drive(world, self._target(shares), fingers, STEP_S)
 
         before = self._earned
         self._earned = self._reward(world, world.state())
@@ -217,7 +202,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
 
         return self._observation(world), self._earned - before, done, False, info
 
-    def _check(self, action: Any) -> Numbers:
+    def _check(self, action: Any) -> Array:
         """Return an action as an array, if it is one."""
         (count,) = self.action_space.shape or (0,)
         with suppress(TypeError, ValueError):
@@ -228,7 +213,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         wanted = f"an action is {count} finite numbers from -1 to 1, see plugins.gym.environment.ToolEnv"
         raise gymnasium.error.InvalidAction(f"{wanted}; got {shorten(repr(action))}")
 
-    def _target(self, action: Numbers) -> Array:
+    def _target(self, action: Array) -> Array:
         """Return joint targets (J,) at the end of the step, within the limits of angle and speed.
 
         Args:
@@ -313,12 +298,16 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         state = world.state()
         bodies = np.concatenate(state.arrays, axis=-1).ravel()
         nodes = [state.nodes(soft.name).ravel() for soft in self._scene.softs]
-        fixed: list[Array] = []
-        if self.task.variation != NONE:
-            for pose in self._scene.places.values():
-                fixed += [pose.position, pose.quaternion]
+        joints, fingers = world.joints()
 
-        return np.concatenate([*world.joints(), bodies, *nodes, *fixed])
+        poses = [self._arm.forward(joints), *self._scene.places.values()]
+        places: list[Array] = []
+        for pose in poses:
+            places += [pose.position, pose.quaternion]
+
+        seen = np.concatenate([joints, fingers, bodies, *nodes, *places])
+
+        return np.clip(seen.astype(np.float32), -MOST, MOST)
 
     def render(self) -> Image | None:
         """Draw a picture (height, width, 3); None without a ``render_mode``, or before the first episode."""

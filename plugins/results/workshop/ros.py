@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
+import jinja2
 import numpy as np
 import yaml
 
@@ -14,49 +14,26 @@ from core.scene import Scene, Soft
 from core.support.cli import write_bytes
 from core.values.robots import Robot
 from plugins.results.workshop.motion import Sampled
+from plugins.results.workshop.texts import text_of
 
 _EVERY_S = 0.01
 """Between two points: a controller joins them by splines of fifth degree."""
 
 
 def write_messages(robot: Robot, motion: Sampled, scene: Scene, folder: Path) -> None:
-    """Write the motion and the scene.
+    """Write a ``trajectory_msgs/msg/JointTrajectory``, with a point every 10 ms, and the scene.
 
     Raises:
         UserError: a file can't be written.
     """
-    messages = {
-        "trajectory": trajectory_message(robot, motion),
-        "scene": scene_message(robot, scene),
-    }
-    for name, message in messages.items():
-        text = yaml.safe_dump(
-            message, sort_keys=False, default_flow_style=None, width=120
-        )
-        write_bytes(folder / f"{name}.yaml", text.encode())
+    template = jinja2.Template(text_of("trajectory.yaml.j2"), trim_blocks=True)
+    samples = motion.every(_EVERY_S)
+    trajectory = template.render(robot=robot, motion=motion, samples=samples)
+    write_bytes(folder / "trajectory.yaml", trajectory.encode())
 
-
-def trajectory_message(robot: Robot, motion: Sampled) -> dict[str, Any]:
-    """Return the motion as a ``trajectory_msgs/msg/JointTrajectory``, with a point every 10 ms and at its end."""
-    points = []
-    for sample in motion.every(_EVERY_S):
-        seconds = float(motion.times[sample])
-        time_from_start = {
-            "sec": math.floor(seconds),
-            "nanosec": round(seconds % 1 * 1e9),
-        }
-        points.append(
-            {
-                "positions": _rounded(motion.positions[sample]),
-                "velocities": _rounded(motion.velocities[sample]),
-                "accelerations": _rounded(motion.accelerations[sample]),
-                "effort": [],
-                "time_from_start": time_from_start,
-            }
-        )
-
-    header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
-    return {"header": header, "joint_names": list(robot.arm_joints), "points": points}
+    message = scene_message(robot, scene)
+    text = yaml.safe_dump(message, sort_keys=False, default_flow_style=None, width=120)
+    write_bytes(folder / "scene.yaml", text.encode())
 
 
 def scene_message(robot: Robot, scene: Scene) -> dict[str, Any]:
