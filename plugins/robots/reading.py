@@ -60,7 +60,7 @@ def read_robot(
     home: Sequence[float] | None = None,
     flange: str | None = None,
     *,
-    name: str = "urdf",
+    name: str = "",
     **settings: Any,
 ) -> Robot:
     """Make a robot of a file. Its base is the only link that has no parent.
@@ -69,7 +69,7 @@ def read_robot(
         path: see `ArmSettings`, as for ``home`` and ``flange``.
         home: see there.
         flange: see there.
-        name: the robot's, as in ``robot=NAME``.
+        name: the robot's; empty: its title.
         settings: the others of `ArmSettings`.
 
     Raises:
@@ -100,7 +100,7 @@ def read_robot(
 def build_unmounted(
     source: Source,
     chosen: ArmSettings,
-    name: str = "urdf",
+    name: str = "",
     *,
     anywhere: bool = False,
 ) -> Unmounted:
@@ -137,9 +137,10 @@ def build_unmounted(
         source.armature.get(joint.name) or _guess_motor(joint.limits.effort or 0.0)
         for joint in arm
     ]
+    title = chosen.title or clean(source.description.name, 60)
     robot = Robot(
-        name=name,
-        title=chosen.title or clean(source.description.name, 60),
+        name=name or title,
+        title=title,
         urdf=write(rename(whole, links, joints)),
         arm_joints=tuple(joints[joint.name] for joint in arm),
         home=parts.home,

@@ -73,7 +73,7 @@ class Export:
         """Return all figures as data."""
         replays = self.replays.items()
         return {
-            "robot": self.task.robot.name,
+            "robot": self.task.robot.title,
             "candidate": self.candidate.id,
             "duration_s": float(self.motion.times[-1]),
             "slower_than_simulated": self.motion.slower,

@@ -112,7 +112,7 @@ def _describe_components(
 def _describe_flange(robot: Robot) -> str:
     """Describe the ring of bolts, seen against the mount's z."""
     flange = robot.flange
-    ring = f"{flange.bolts} x {flange.thread} on a circle of {1000 * flange.bolt_circle_m:g} mm"
+    ring = f"a ring of {flange.bolts} bores {flange.thread} on a circle of {1000 * flange.bolt_circle_m:g} mm"
     first = f"the first at {math.degrees(flange.bolt_angle):g}° from the mount's x"
     text = f"{ring}, {first}; disc {2000 * flange.disc.radius:g} mm"
     if flange.centring_m is not None:

@@ -601,7 +601,7 @@ def test_a_urdf_that_xacro_made_is_a_urdf(package):
     """It keeps Xacro's namespace; its name may be any."""
     change(package, ("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" '))
     package.rename(package.with_suffix(".xacro"))
-    assert read_robot(package.with_suffix(".xacro"), HOME, FLANGE).name == "urdf"
+    assert read_robot(package.with_suffix(".xacro"), HOME, FLANGE).title
 
 
 # --- mounts and small arms ------------------------------------------------------------------------------------------

@@ -43,7 +43,7 @@ def changed(file):
 
 def test_the_arm_is_as_the_file_has_it(file):
     robot = read_robot(file, HOME, FLANGE)
-    assert (robot.name, robot.title) == ("urdf", "outside arm")
+    assert (robot.name, robot.title) == ("outside arm", "outside arm")
     assert robot.arm_joints == tuple(f"joint_{n}" for n in range(1, 7))
     assert robot.acceleration_limits == (5.2, 5.2, 5.2, 8.0, 8.0, 8.0)
     assert robot.near_mount == ("hand", FLANGE)

@@ -258,7 +258,7 @@ def test_what_a_model_named_is_no_markup(made):
     assert (html.count("<h1>"), html.count("alert(1)"), html.count("<code>")) == (
         1,
         2,
-        7,
+        8,
     )
     assert "\x1b" not in text
     assert "https\\://e.org" in text  # which GitHub would make a link
