@@ -9,7 +9,7 @@ from lxml import etree
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.designs.prompt_values import RunFacts
-from core.geometry import Pose
+from core.geometry import Array, Pose
 from core.interfaces import Brief, Robot
 from core.robot.description import assemble
 from core.robot.extents import Extent
@@ -60,7 +60,7 @@ def extents_at_home(robot: Robot, gripper: bool, home: Pose) -> dict[str, Extent
     poses = link_poses(robot, gripper, arm_of(robot).home_for(home))
     mount = poses[RIGID_MOUNT].inverse()
     separate = {*robot_model(robot, Tool()).links, *GRIPPER_MOUNTS}
-    points = defaultdict(list)
+    points = defaultdict[str, list[Array]](list)
 
     for solid in robot_solids(robot, gripper):
         name = solid.name if solid.name in separate else GRIPPER
