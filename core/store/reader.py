@@ -119,16 +119,18 @@ class StoredRun:
 
         ``tried`` are `trials`, where they were read already.
         """
+        order = "generation, agent, strategy, plan"
+        # Before the trials: a run that goes on adds these first.
+        rows = [*self._rows(StoredEvaluation, f"evaluations ORDER BY {order}")]
         known = self.trials() if tried is None else tried
         trials = {stored.number: stored.trial for stored in known}
-        order = "generation, agent, strategy, plan"
         return [
             replace(
                 stored,
                 trials=tuple(trials[number] for number in stored.details.trials),
                 finals=tuple(trials[number] for number in stored.details.finals),
             )
-            for stored in self._rows(StoredEvaluation, f"evaluations ORDER BY {order}")
+            for stored in rows
         ]
 
     def _rows(self, schema: type[T], table: str) -> Iterable[T]:
