@@ -116,7 +116,7 @@ def test_the_sheet_has_the_forces_of_the_rollout_and_what_one_needs_at_the_bench
     assert found["task"] == "OneBook"
     assert re.fullmatch(r"20\d\d-\d\d-\d\d", found["date"])
     assert found["flange"].startswith(
-        "4 x M6 on a circle of 50 mm, the first at 0° from the mount's x; disc 63 mm"
+        "a ring of 4 bores M6 on a circle of 50 mm, the first at 0° from the mount's x; disc 63 mm"
     )
     assert "1 pin 6 m6 x 12" in found["hardware"]
     assert [piece["file"] for piece in found["pieces"]] == ["tool.stl"]
