@@ -194,6 +194,7 @@ def test_each_kind_of_block_is_looked_at():
     assert {name: found for name, found in rest.items() if found} == {
         "designs.md": {"json": 4},
         "paper.md": {"bibtex": 2, "yaml": 1},
+        "from_photograph.md": {"yaml": 1},
         "plans.md": {"json": 3},
         "plugins.md": {"python": 2, "toml": 1},
         "layouts.md": {"json": 1},

@@ -2,9 +2,19 @@
 
 from collections.abc import Mapping
 
-from core.hooks import hookimpl
+from core.hooks import Command, hookimpl
 
 
 @hookimpl
 def tasks() -> Mapping[str, str]:
     return {"file": "plugins.tasks.file.task:FileTask"}
+
+
+@hookimpl
+def commands() -> dict[str, Command]:
+    return {
+        "scene": Command(
+            "write a scene file from a sentence and photographs",
+            "plugins.tasks.file.bench.command:main",
+        )
+    }

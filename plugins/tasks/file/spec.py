@@ -502,17 +502,34 @@ def read_spec(tree: Tree, data: Mapping[str, Any]) -> SceneSpec:
     Raises:
         UserError: the first thing that is wrong: the line, the way to it, and how to mend it.
     """
-    pictures = data.get("pictures")
-    if isinstance(pictures, list):
-        data = {**data, "pictures": [_read_picture(picture) for picture in pictures]}
     try:
-        # Strictly, but a list is a tuple.
-        return SceneSpec.model_validate_json(json.dumps(data))
+        return _read(data)
     except ValidationError as error:
         errors = error.errors(include_url=False)
         first = min(errors, key=lambda entry: entry["type"] not in UNKNOWN)
         where: Where = tuple(first["loc"])
         raise tree.error(where, _explain(where, first)) from error
+
+
+def list_mistakes(tree: Tree, data: Mapping[str, Any]) -> list[str]:
+    """List all that is wrong with a scene file's ``data``, a line for each; see `read_spec`."""
+    try:
+        _read(data)
+    except ValidationError as error:
+        lines = list[str]()
+        for mistake in error.errors(include_url=False):
+            where: Where = tuple(mistake["loc"])
+            lines.append(str(tree.error(where, _explain(where, mistake))))
+        return lines
+    return []
+
+
+def _read(data: Mapping[str, Any]) -> SceneSpec:
+    """Read data strictly, but a list is a tuple."""
+    pictures = data.get("pictures")
+    if isinstance(pictures, list):
+        data = {**data, "pictures": [_read_picture(picture) for picture in pictures]}
+    return SceneSpec.model_validate_json(json.dumps(data))
 
 
 def _read_picture(given: Any) -> Any:

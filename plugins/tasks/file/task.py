@@ -81,9 +81,9 @@ class FileTask(Task):
         if self.variation == NONE:
             return self._scene
         draw = self.draw(seed)
-        return self._with({path: draw(path, 0.0) for path in self.ranges})
+        return self.with_numbers({path: draw(path, 0.0) for path in self.ranges})
 
-    def _with(self, numbers: dict[str, float]) -> Scene:
+    def with_numbers(self, numbers: dict[str, float]) -> Scene:
         """Build the scene with other numbers.
 
         Raises:
@@ -155,7 +155,7 @@ class FileTask(Task):
         def problem(count: int) -> UserError | None:
             """Find out what is wrong with a scene of the first numbers."""
             try:
-                self._with(dict(numbers[:count]))
+                self.with_numbers(dict(numbers[:count]))
             except UserError as error:
                 return error
             return None

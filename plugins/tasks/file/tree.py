@@ -34,6 +34,7 @@ class Tree:
         file: as messages name it.
         data: the document.
         lines: the line of each entry, from 1.
+        spans: where the text of each word and number begins and ends, in characters.
 
     Raises:
         UserError: the text is no such document, or too large.
@@ -42,6 +43,7 @@ class Tree:
     def __init__(self, file: Path, text: str) -> None:
         self.file = file
         self.lines: dict[Where, int] = {}
+        self.spans: dict[Where, tuple[int, int]] = {}
         try:
             self._check_events(text)
             root = yaml.compose(text, yaml.SafeLoader)
@@ -109,6 +111,7 @@ class Tree:
             return [self._read(item, (*where, number)) for number, item in items]
 
         if not isinstance(node, yaml.MappingNode):
+            self.spans[where] = (node.start_mark.index, node.end_mark.index)
             return self._scalar(node, where)
         found: dict[str, Any] = {}
         for key, value in node.value:
@@ -182,7 +185,7 @@ def follow(data: Mapping[str, Any], path: str) -> tuple[Any, str | int]:
         holder = node
         key = step
         if isinstance(node, list):
-            key = _find_item(node, step)
+            key = find_item(node, step)
         node = holder[key]
 
     if isinstance(node, bool) or not isinstance(node, int | float):
@@ -190,7 +193,7 @@ def follow(data: Mapping[str, Any], path: str) -> tuple[Any, str | int]:
     return holder, key
 
 
-def _find_item(items: list[Any], step: str) -> int:
+def find_item(items: list[Any], step: str) -> int:
     """Return the number of an item that a step of a path leads to.
 
     Raises:

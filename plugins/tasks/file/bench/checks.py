@@ -1,0 +1,63 @@
+"""Find what is wrong with a scene that a model wrote, though its file can be read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from core.geometry import Pose
+from core.goals import Kept, Reach, reaches
+from core.robot.kinematics import Arm, arm_of
+from core.scene import Scene
+from plugins.tasks.file.bench.fitting import find_gaps
+from plugins.tasks.file.doubts import find_doubts
+from plugins.tasks.file.task import FileTask
+
+OVERLAP_M = 0.001
+TOOL_M = 0.8  # the longest tool that most arms can wield
+
+
+def find_faults(task: FileTask) -> Iterator[str]:
+    """Yield a line for each fault of a scene and its goals."""
+    scene = task.scene(0)
+    yield from find_overlaps(scene)
+    yield from find_doubts(scene)
+    still = set[str]()
+    for goal in task.goals:
+        if isinstance(goal, Kept):
+            still |= set(goal.keep)
+    for goal in reaches(task.goals):
+        yield from _find_needless(goal, arm_of(task.robot), scene)
+        for name in sorted(still & set(goal.bodies)):
+            yield f"goals want {name} moved, and kept where it is; say which"
+
+
+def find_overlaps(scene: Scene) -> Iterator[str]:
+    """Yield a line for each pair of bodies that overlap, of which one can move and no joint connects them."""
+    for pair, gap in find_gaps(scene, {body.name for body in scene.free}).items():
+        if gap < -OVERLAP_M and frozenset(pair) not in scene.joined:
+            mend = "move one, make one smaller, or leave a gap of 0.1 mm"
+            yield f"{' and '.join(pair)} overlap by {-1000 * gap:.0f} mm; {mend}"
+
+
+def _find_needless(goal: Reach, arm: Arm, scene: Scene) -> Iterator[str]:
+    """Yield a line if a goal is out of reach, or is reached before anything moves."""
+    state = scene.state()
+    left = list[float]()
+    for name in goal.bodies:
+        left += [float(m.left(state)) for m in goal.all_measures(name, state)]
+        here = state.position(name)
+        wanted = goal.place_of(name, state)
+        if wanted is None:
+            wanted = here
+        for place in (here, np.where(np.isnan(wanted), here, wanted)):
+            away = arm.inverse(Pose(place), arm.home).error_m
+            if away > TOOL_M:
+                yield (
+                    f"{name}, or where it is to be, is out of reach, {away:.2f} m from where the flange gets; are "
+                    "these metres?"
+                )
+    if left and max(left) <= 0 and not (goal.held or goal.released or goal.rest):
+        names = ", ".join(goal.bodies)
+        yield f"the goal of {names} is reached before anything moves; correct its place, or ask for more"

@@ -1,0 +1,133 @@
+"""``vlmgineer scene "SENTENCE" [pictures=[a.jpg,b.jpg]] [known={mug.height: 0.095}] vlm=NAME output=FILE.yaml``."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from dataclasses import dataclass, field
+from typing import Any
+
+import yaml
+from omegaconf import DictConfig, OmegaConf
+from pydantic import TypeAdapter, ValidationError
+
+from core.config.compose import load, part
+from core.config.schemas import RunConfig
+from core.errors import UsageError, UserError
+from core.plugins import ROBOT, SIMULATOR
+from core.support.cli import arguments, expand, say, write_bytes
+from core.support.files import read_text
+from core.support.templates import fill
+from core.support.text import clean
+from plugins.tasks.file.bench.asking import open_asker
+from plugins.tasks.file.bench.drafts import PACKAGE, Draft
+from plugins.tasks.file.bench.page import draw_page
+from plugins.tasks.file.bench.photographs import read_photographs
+from plugins.tasks.file.bench.replies import LONGEST
+
+USAGE = (
+    'usage: vlmgineer scene ["SENTENCE"] [FILE.yaml] [pictures=[a.jpg,b.jpg]] [cameras=[{position: [x,y,z], target: '
+    "[x,y,z], fov_deg: 52}]] [known={mug.height: 0.095, table_corner: [1.35,0.5,0]}] [vlm=NAME] [tries=3] "
+    "[output=FILE.yaml]"
+)
+_KNOWN = TypeAdapter(dict[str, float | tuple[float, float, float]])
+_SETTING = re.compile(r"-|[+~]?[\w./@]+=")
+
+
+@dataclass
+class SceneFileConfig(RunConfig):
+    """Settings of ``vlmgineer scene``, beside ``known``: numbers by what they are of, and places (three) by names.
+
+    Attributes:
+        pictures: files of photographs.
+        cameras: where they were taken from, in their order; ``position``, ``target`` and vertical ``fov_deg``.
+        fov_deg: of photographs whose camera is found, vertical, degrees.
+        tries: how often a model may answer.
+        output: the file to write.
+    """
+
+    pictures: list[str] = field(default_factory=list)
+    cameras: list[dict[str, Any]] = field(default_factory=list)
+    fov_deg: float = 53.0
+    tries: int = 3
+    output: str = "my_scene.yaml"
+
+
+def main(words: list[str]) -> None:
+    """Write a scene file, or change one, and say what was understood.
+
+    Raises:
+        UserError: nothing is asked for, the model gave no sound scene, or a file can't be read or written.
+    """
+    settings = [word for word in words if _SETTING.match(word)]
+    known = [word for word in settings if word.startswith("known=")]
+    said = [word for word in words if word not in settings]
+    given = [word for word in said if word.endswith((".yaml", ".yml"))]
+    sentence = " ".join(word for word in said if word not in given)
+    others = [word for word in settings if word not in known]
+    cfg = load("scene", arguments(USAGE, others), SceneFileConfig)
+    cfg.output = cfg.task.file = (given or [cfg.output])[0]
+    output = expand(cfg.output)
+    if not given and len(sentence.split()) < 2:
+        raise UsageError(f"say what is to be done, in a sentence; {USAGE}")
+
+    draft = Draft(
+        output.with_suffix(".draft.yaml"),
+        read_photographs(cfg.pictures, OmegaConf.to_container(cfg.cameras)),
+        _read_known("".join(known)),
+        part(ROBOT, cfg.robot).create(),
+        cfg.fov_deg,
+    )
+    if given:
+        draft.text = read_text(output, cfg.output)
+    before = draft.text.splitlines()
+    if sentence:
+        with open_asker(cfg, output.with_suffix("")) as asker:
+            draft.ask(asker, max(cfg.tries, 1), sentence)
+    else:
+        draft.examine()
+    if draft.faults:
+        write_bytes(draft.file, draft.text.encode())
+        faults = "".join(f"\n- {fault}" for fault in draft.faults)
+        raise UserError(
+            f"{draft.file} is not sound yet; mend it by hand, or say more in the sentence:{faults}"
+        )
+    _write(cfg, draft)
+    if before:
+        changes = difflib.ndiff(before, draft.text.splitlines())
+        say(*[line for line in changes if line[0] in "+-"])
+
+
+def _read_known(word: str) -> dict[str, Any]:
+    """Read what a person knows, by any names; Hydra would take a name with a point apart."""
+    text = word.removeprefix("known=") or "{}"
+    try:
+        return _KNOWN.validate_python(yaml.safe_load(text.replace(":", ": ")))
+    except (ValidationError, yaml.YAMLError) as error:
+        raise UsageError(
+            f"can't read known={clean(text, LONGEST)}; give numbers or places, such as known={{mug.height: 0.095, "
+            "table_corner: [1.35, 0.5, 0]}"
+        ) from error
+
+
+def _write(cfg: DictConfig, draft: Draft) -> None:
+    """Write the file, its photographs and its page, and say what was understood."""
+    output = expand(cfg.output)
+    unsaid = [f"not said: {clean(text, LONGEST)}" for text in draft.beside.unsaid]
+    for photograph in draft.photographs:
+        file = output.with_suffix("") / f"{photograph.picture.name}.png"
+        write_bytes(file, photograph.picture.png)
+    draft.text = fill(PACKAGE, "file", draft=draft, unsaid=unsaid, folder=output.stem)
+    draft.vary()
+    task = draft.read()
+    draft.file.replace(output)
+
+    words = [*task.reward_in_words(), *unsaid]
+    simulator = part(SIMULATOR, cfg.sim).create()
+    sightings = draft.beside.sightings
+    page = draw_page(task, draft.photographs, sightings, simulator, words)
+    write_bytes(output.with_suffix(".html"), page.encode())
+    say(
+        *words,
+        *fill(PACKAGE, "done", file=cfg.output, task=task, draft=draft).splitlines(),
+    )

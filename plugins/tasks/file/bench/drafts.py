@@ -1,0 +1,177 @@
+"""Have a scene file written, and read each draft as strictly as a person's file, all faults at once."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from core.errors import UserError
+from core.interfaces import Message, Robot, Text
+from core.support.templates import fill
+from core.support.text import clean
+from plugins.tasks.file.bench.asking import Asker
+from plugins.tasks.file.bench.checks import find_faults, find_overlaps
+from plugins.tasks.file.bench.fitting import Fit, fit_seen
+from plugins.tasks.file.bench.marks import Numbers
+from plugins.tasks.file.bench.photographs import Photograph
+from plugins.tasks.file.bench.replies import LONGEST, Beside, Sighting, read_reply
+from plugins.tasks.file.bench.views import LEAST_PLACES, View, find_view
+from plugins.tasks.file.spec import list_mistakes
+from plugins.tasks.file.task import FileTask
+from plugins.tasks.file.tree import Tree
+
+PACKAGE = "plugins.tasks.file.bench"
+LAYOUTS = 16  # of the variation, in which no bodies may overlap
+HALVINGS = 6
+VARYING = ("position.x", "position.y", "rpy_deg.yaw")
+_SEEN = re.compile(r"^  seen:.*\n(?:    .*\n)*", re.MULTILINE)
+
+
+@dataclass
+class Draft:
+    """A scene file that is written by a model, or changed, and examined.
+
+    Attributes:
+        file: where it lies, in the folder of the file to be written.
+        photographs: of the bench; views that are found are added to them.
+        known: what the person told: numbers by what they are of, and places in the world (x, y, z) by their names.
+        robot: that stands there.
+        fov_deg: of photographs whose camera is found.
+        text: of the file, with fitted numbers.
+        beside: what was said beside it.
+        fit: the errors of what was seen.
+        faults: a line for each; none: it is sound.
+    """
+
+    file: Path
+    photographs: list[Photograph]
+    known: Mapping[str, Any]
+    robot: Robot
+    fov_deg: float
+    text: str = ""
+    beside: Beside = field(default_factory=Beside)
+    fit: Fit = field(default_factory=Fit)
+    faults: list[str] = field(default_factory=list)
+
+    def ask(self, asker: Asker, tries: int, sentence: str) -> None:
+        """Have the file written for a sentence, or changed; the last draft may have faults.
+
+        Raises:
+            UserError: the model has questions, or gave no answer.
+        """
+        told = fill(
+            PACKAGE,
+            "ask",
+            sentence=sentence,
+            text=self.text,
+            known=self.known,
+            photographs=self.photographs,
+            schema=json.dumps(FileTask.json_schema(), separators=(",", ":")),
+        )
+        pictures = [photograph.picture for photograph in self.photographs]
+        messages = [Message("user", (Text(told), *pictures))]
+        for _ in range(tries):
+            reply = asker.ask(messages)
+            try:
+                self.text, self.beside = read_reply(self.file, reply)
+            except UserError as error:
+                self.faults = [str(error)]
+            else:
+                asked = [clean(line, LONGEST) for line in self.beside.questions]
+                if asked:
+                    raise UserError(
+                        f"the model asks: {' '.join(asked)} Say it in the sentence."
+                    )
+                self.examine()
+            if not self.faults:
+                return
+            again = fill(PACKAGE, "again", faults=self.faults)
+            messages.append(Message("assistant", (Text(reply),)))
+            messages.append(Message("user", (Text(again),)))
+
+    def examine(self) -> None:
+        """Fit the file to what was seen, and list all its faults."""
+        try:
+            tree = Tree(self.file, self.text)
+            numbers = Numbers(tree, self.text)
+            marks = numbers.marks
+            told = {numbers.values[path] for path in marks if marks[path] == "told"}
+            self.faults = [*list_mistakes(tree, tree.data), *numbers.unmarked]
+            for name, value in self.known.items():
+                if isinstance(value, float) and value not in told:
+                    mend = "write that number, and mark it # told"
+                    self.faults.append(f"{name} is told as {value:g}; {mend}")
+            if not self.faults:
+                self.fit = fit_seen(self.read(), numbers, self._pair_views())
+                self.text = numbers.write(self.fit.values)
+                self.faults = [*find_faults(self.read()), *self.fit.misses]
+        except UserError as error:
+            self.faults = [str(error)]
+
+    def read(self, **settings: str) -> FileTask:
+        """Read the file as a task.
+
+        Raises:
+            UserError: it can't be used.
+        """
+        self.file.write_text(self.text, encoding="utf-8")
+        task = FileTask(str(self.file), **settings)
+        task.robot = self.robot
+        return task
+
+    def vary(self) -> None:
+        """Write a variation ``seen`` into the file: places and turns within the errors of what was seen.
+
+        Ranges are halved until no bodies overlap in the first layouts. Heights stay: what rests would fall. Ranges of a
+        file that is changed go along with their numbers.
+        """
+        tree = Tree(self.file, self.text)
+        numbers = Numbers(tree, self.text)
+        before = tree.data.get("variations", {}).get("seen", {})
+        errors = {path: (high - low) / 2 for path, (low, high) in before.items()}
+        errors |= self.fit.errors
+        head = "variations:\n"
+        bare = _SEEN.sub("", self.text)
+        if head not in bare:
+            bare += head
+        for halving in range(HALVINGS):
+            ranges = dict[str, list[float]]()
+            for path, error in errors.items():
+                seen = path.endswith(VARYING) and numbers.marks.get(path) == "seen"
+                if seen and "parts" not in path:
+                    value = numbers.values[path]
+                    wide = error / 2**halving
+                    ranges[path] = [round(value - wide, 4), round(value + wide, 4)]
+            if not ranges:
+                return
+            block = fill(PACKAGE, "variation", ranges=ranges)
+            self.text = bare.replace(head, head + block, 1)
+            task = self.read(variation="seen")
+            if not any(any(find_overlaps(task.scene(n))) for n in range(LAYOUTS)):
+                return
+
+    def _pair_views(self) -> list[tuple[Sighting, View]]:
+        """Pair sightings with the views that they are in, and find views by known places, where enough are seen.
+
+        Raises:
+            UserError: no camera sees the places so.
+        """
+        seen = list[tuple[Sighting, View]]()
+        for number, photograph in enumerate(self.photographs):
+            here = [s for s in self.beside.sightings if s.photo == number + 1]
+            placed = [s for s in here if isinstance(self.known.get(s.body), tuple)]
+            view = photograph.view
+            if view is None and len(placed) >= LEAST_PLACES:
+                world = np.array([self.known[sighting.body] for sighting in placed])
+                pixels = np.array([sighting.pixels[:2] for sighting in placed])
+                view = find_view(world, pixels, photograph.size, self.fov_deg)
+                self.photographs[number] = replace(photograph, view=view)
+            if view is not None:
+                seen += [(sighting, view) for sighting in here]
+        return seen

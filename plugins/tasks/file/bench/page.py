@@ -1,0 +1,88 @@
+"""Draw what was understood on one page: each photograph with the scene's outlines, the scene from there, and plans."""
+
+from __future__ import annotations
+
+import base64
+import importlib.resources
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import jinja2
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from core.errors import NoPicture
+from core.geometry import Array
+from core.interfaces import Simulator, Task
+from core.simulation.pictures import png, report_missing
+from plugins.tasks.file.bench.photographs import Photograph
+from plugins.tasks.file.bench.replies import Sighting
+
+SURROUNDINGS = ("table", "floor")
+PLANS = {
+    "plan: x to the right, y up": [0, 1],
+    "elevation: x to the right, z up": [0, 2],
+}
+_MM = 1000
+
+
+def draw_page(
+    task: Task,
+    photographs: Sequence[Photograph],
+    sightings: Sequence[Sighting],
+    simulator: Simulator,
+    words: Sequence[str],
+) -> str:
+    """Draw the page, HTML without anything from elsewhere; what can't be drawn here is said."""
+    bodies = dict[str, Array]()
+    for body in task.scene(0).bodies:
+        if body.name not in SURROUNDINGS:
+            geoms = body.collisions or body.visuals
+            local = [g.pose.apply(g.shape.to_trimesh().vertices) for g in geoms]
+            bodies[body.name] = body.pose.apply(np.concatenate(local))
+
+    panels = list[Mapping[str, Any]]()
+    for number, photograph in enumerate(photographs, 1):
+        drawn = None
+        outlines = {}
+        view = photograph.view
+        if view is not None:
+            for name, corners in bodies.items():
+                outlines[name] = _outline(view.project(corners))
+            try:
+                drawn = _encode(png(simulator.render(task, camera=view.camera)))
+            except NoPicture as error:
+                report_missing("picture of the scene", error)
+        panels.append(
+            {
+                "title": photograph.picture.caption,
+                "size": photograph.size,
+                "picture": _encode(photograph.picture.png),
+                "points": [s.pixels for s in sightings if s.photo == number],
+                "outlines": outlines,
+                "drawn": drawn,
+            }
+        )
+
+    plans = dict[str, Any]()
+    for title, pair in PLANS.items():
+        flat = {
+            name: corners[:, pair] * [_MM, -_MM] for name, corners in bodies.items()
+        }
+        plans[title] = {name: _outline(corners) for name, corners in flat.items()}
+    file = (
+        importlib.resources.files("plugins.tasks.file.bench") / "templates/page.html.j2"
+    )
+    template = jinja2.Environment(autoescape=True).from_string(file.read_text("utf-8"))
+    return template.render(panels=panels, plans=plans, words=words, name=task.name)
+
+
+def _outline(corners: Array) -> list[list[float]]:
+    """Return the hull of points (N, 2); what is seen from its edge is given some width."""
+    hull = ConvexHull(corners, qhull_options="QJ")
+    outline: list[list[float]] = np.round(corners[hull.vertices], 1).tolist()
+    return outline
+
+
+def _encode(picture: bytes) -> str:
+    return base64.b64encode(picture).decode()

@@ -1,0 +1,81 @@
+"""Read what a model answered: a scene file, and what it says beside it."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from core.support.text import clean
+from plugins.tasks.file.spec import Name, Place
+from plugins.tasks.file.tree import Tree
+
+_STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+_FENCE = re.compile(r"^```[a-z]*[ \t]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
+LONGEST = 300  # characters of a text that is repeated
+
+Texts = Annotated[tuple[str, ...], Field(max_length=20)]
+Pixel = Annotated[float, Field(ge=-5000, le=10_000)]
+Side = Pixel | None
+
+
+class Sighting(BaseModel):
+    """Where something is seen: a point of it, or all of it in a box.
+
+    Attributes:
+        body: a body or mark of the file, or a place that the user told.
+        photo: the photograph's number, from 1.
+        pixels: of a point, to the right and down from the photograph's left upper corner; or of a box around all of
+            the body its left, upper, right and lower side, None where that is hidden.
+        point: of the body: from -1 to 1 in its box along its own axes, so that (0, 0, 1) is the middle of its top.
+        part: the number of the one of its parts whose box that is, from 0; None: that of the whole.
+    """
+
+    model_config = _STRICT
+
+    body: Name
+    photo: int
+    pixels: tuple[Pixel, Pixel] | tuple[Side, Side, Side, Side]
+    point: Place = (0.0, 0.0, 0.0)
+    part: Annotated[int, Field(ge=0)] | None = None
+
+
+class Beside(BaseModel):
+    """What a model says beside the file, in a block of its own.
+
+    Attributes:
+        sightings: what it saw where.
+        unsaid: parts of the sentence that the file can't say.
+        questions: to the user, where the sentence has several meanings or none.
+    """
+
+    model_config = _STRICT
+
+    sightings: Annotated[tuple[Sighting, ...], Field(max_length=500)] = ()
+    unsaid: Texts = ()
+    questions: Texts = ()
+
+
+def read_reply(file: Path, reply: str) -> tuple[str, Beside]:
+    """Find the blocks of YAML in a reply; return the text of the scene, and what is said beside it.
+
+    Raises:
+        UserError: one can't be read.
+    """
+    text = ""
+    beside = Beside()
+    for block in _FENCE.findall(f"{reply}\n") or [reply]:
+        tree = Tree(file, block)
+        if tree.data.keys() - Beside.model_fields:
+            text = block
+            continue
+        try:
+            beside = Beside.model_validate_json(json.dumps(tree.data))
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            problem = clean(first["msg"], LONGEST)
+            raise tree.error(tuple(first["loc"]), problem) from error
+    return text, beside
