@@ -8,7 +8,8 @@ The goal's bodies are classed by the first rule that applies:
 - The earliest of these causes, if there is one. The first two count only from the robot's first touch of these bodies
   to its last, or at any time if it touches none.
   - unreachable: the arm misses the way to a waypoint by more than `MISSED_M` or `MISSED_RAD`.
-  - stuck: a joint lags by more than `STUCK_RAD` while the robot touches something that does not yield.
+  - stuck: a joint lags by more than `STUCK_RAD` when a waypoint should be reached, and at the peak of the lag the robot
+    touches something that does not yield.
   - dropped: one was lifted by `LIFTED_M` or more while held, and fell by `FALLEN_M` or more while not held.
   - tipped: its upward axis turned by more than `TIPPED_DEG` and stayed so, not in a fall.
 - never touched: the robot touched none of them, and none moved by more than `NUDGED_M`. Missed: all else.
@@ -20,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from itertools import chain, islice
 from typing import Any
 
 import numpy as np
@@ -27,7 +29,7 @@ import numpy.typing as npt
 
 from core.errors import UsageError
 from core.geometry import Array, Sphere
-from core.goals import Evidence, Goal, Reach, check_names, limits, reaches
+from core.goals import Evidence, Goal, Placed, Reach, check_names, limits, reaches
 from core.interfaces import Contact, Observation, Outcome, Task
 from core.robot.trajectory import Motion
 from core.scene import Scene, State
@@ -74,6 +76,8 @@ MAX_CONTACTS = 120
 
 WORLD_AXES = np.array([1.0, 0.0, 0.0, 0.0])
 """The turn of a goal that stands by nothing."""
+MEASURED = 4
+"""The most figures of goals that are told."""
 
 NAMED = 3
 """The most bodies that a missed goal names."""
@@ -133,6 +137,7 @@ def observe(
         left=case.left,
         moved=moved,
         errors=case.errors(),
+        measured=tuple(islice(case.measured(), MEASURED)),
         contacts=_choose_contacts(contacts),
         clearances={name: round(gap, 4) for name, gap in contacts.clearances.items()},
         nearest=contacts.nearest,
@@ -296,6 +301,23 @@ class _Case:
 
         return {name: found[name] for name in self.names if name in found}
 
+    def measured(self) -> Iterator[str]:
+        """Say how far the figures of the goals got, the nearest goal first: of its first body that is not in place.
+
+        How far bodies are off their places is in `errors`.
+        """
+        for goal in sorted(self.reaches, key=self._measure_left):
+            bodies = goal.subjects(self.start)
+            body = next((name for name in bodies if name in self.left), bodies[0])
+
+            parts = [part for part in goal.parts if not isinstance(part, Placed)]
+            for measure in chain(*(part.measures(body, self.start) for part in parts)):
+                begun = float(measure.value(self.start))
+                ended = float(measure.value(self.end))
+                wanted = "least" if measure.at_least else "most"
+                limit = f"at {wanted} {measure.limit:.3g} {measure.unit}"
+                yield f"{measure.name} {begun:.3g} -> {ended:.3g}, wanted {limit}"
+
     def _way(self, name: str) -> float:
         """Measure how far a body ended from its start."""
         return _length(self.end.position(name) - self.start.position(name))
@@ -382,6 +404,10 @@ class _Case:
         times = self.times
 
         for begin, stop in _runs(self.lags > STUCK_RAD):
+            ahead = self.motion.arrivals[self.motion.arrivals > times[begin]]
+            if times[stop - 1] < ahead.min(initial=times[-1]):
+                continue  # the arm caught up before the next waypoint
+
             peak = begin + int(self.lags[begin:stop].argmax())
             before = np.searchsorted(times, times[peak] - UNYIELDING_S)
 

@@ -81,6 +81,7 @@ class Observation:
         moved: the free bodies that moved, and those of the goal.
         errors: for each body of a goal, its place at the end minus the wanted one, along the axes of what the goal
             stands by; None: a coordinate is free.
+        measured: how far other figures of the goals got, in words: of each goal those of one body not in place.
         contacts: the first contacts, the robot's before those of bodies with each other.
         clearances: the least distance of the robot to each body that it did not touch.
         nearest: for each of them the part of the robot that came nearest, and when.
@@ -100,6 +101,7 @@ class Observation:
     left: tuple[str, ...] = ()
     moved: Mapping[str, Moved] = field(default_factory=dict)
     errors: Mapping[str, Offset] = field(default_factory=dict)
+    measured: tuple[str, ...] = ()
     contacts: tuple[Contact, ...] = ()
     clearances: Mapping[str, float] = field(default_factory=dict)
     nearest: Mapping[str, tuple[str, float]] = field(default_factory=dict)

@@ -323,6 +323,7 @@ def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
         # Rounded down, since 100 % means all of it.
         "goals": {name: f"{int(100 * share)} %" for name, share in trial.goals},
         "margins": _margins(trial, seen, sight),
+        "measured": seen.measured if sight.numbers else (),
         "moved": _moves(seen, sight),
         "arrivals_s": list(seen.arrivals),
         "guards": list(seen.felt),
