@@ -10,7 +10,7 @@ USUAL = {
     "body mass": (1e-5, 50.0, "weighs {:g} kg", "grams?"),
     "link mass": (1e-5, 1e3, "weighs {:g} kg", "grams?"),
     "length": (1e-4, 2.0, "is {:.3g} m long", "millimetres?"),
-    "density": (1.0, 1e5, "has {:.3g} kg/m^3", "kilograms and metres are read"),
+    "density": (1.0, 2.3e4, "has {:.3g} kg/m^3", "kilograms and metres are read"),
     "gyration": (
         1e-4,
         2.0,

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
 from core.geometry import Array
 from core.robot.solids import body_solids
-from core.scene import Body, Scene, Soft
+from core.scene import Body, Camera, Scene, Soft, State
 from core.values.doubts import find_doubt
 
+SEEN = 0.9  # of half a picture's height: what is farther from its middle is hardly seen
 FALLS_M = 0.002  # more than engines need to settle what rests
 
 Box = tuple[Array, Array]
@@ -33,6 +34,9 @@ def find_doubts(scene: Scene) -> Iterator[str]:
         where = f"body {body.name}"
         yield from find_doubt(where, "body mass", body.mass)
         yield from find_doubt(where, "length", float((high - low).max()))
+        volume = sum(geom.shape.volume for geom in body.collisions)
+        if volume > 0:
+            yield from find_doubt(where, "density", body.mass / volume)
         if body.name in hanging or any(body.velocity):
             continue
 
@@ -42,6 +46,17 @@ def find_doubts(scene: Scene) -> Iterator[str]:
             if np.isinf(gap):
                 under = "nothing is below it"
             yield f"body {body.name} begins in the air: {under}; a position is that of its middle"
+
+
+def find_unseen(camera: Camera, state: State, names: Iterable[str]) -> list[str]:
+    """Return the bodies whose middles are not in a camera's picture, or so near its edge that most of them is not."""
+    most = SEEN * np.tan(np.radians(camera.fov_deg) / 2)
+    unseen = []
+    for name in names:
+        right, up, forward = camera.axes @ (state.position(name) - camera.position)
+        if forward <= 0 or abs(up) > most * forward or abs(right) > most * forward:
+            unseen.append(name)
+    return unseen
 
 
 def _box(body: Body) -> Box:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from core.goals import (
     Measure,
     Placed,
     Reach,
+    Turned,
 )
 from core.values.joints import inverse, multiply, rotate, rotate_back
 from core.values.margins import Margin
@@ -169,19 +170,17 @@ class Angled(Reach):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not (np.any(self.axis) and np.any(self.points)):
-            raise ValueError("a goal's axis and points need a length")
+        self._pointing()
+
+    def _pointing(self) -> Turned:
+        """Return the goal of an axis that points the whole way."""
+        return Turned(axis=self.axis, points=self.points, at=self.at)
 
     def measures(self, body: str, start: State) -> Iterator[Measure]:
-        axis = np.divide(self.axis, np.linalg.norm(self.axis))
-        points = np.divide(self.points, np.linalg.norm(self.points))
-        if self.at is not None:
-            points = rotate(start.quaternion(self.at), points)
+        (pointing,) = self._pointing().measures(body, start)
 
         def angle(state: State) -> Array:
-            along = (rotate(state.quaternion(body), axis) * points).sum(axis=-1)
-            degrees: Array = np.degrees(np.arccos(np.clip(along, -1.0, 1.0)))
-            return degrees
+            return np.asarray(np.degrees(pointing.value(state)))
 
         yield from self.span.measures(f"angle of {body}", angle, "deg", SLIP_DEG)
 
@@ -322,15 +321,9 @@ class Throughout(Limit):
         return np.asarray(self.what.progress_over_time(evidence).min(axis=-1))
 
     def margins(self, evidence: Evidence) -> list[Margin]:
-        found = []
-        for body in self.what.subjects(evidence.start):
-            for measure in self.what.all_measures(body, evidence.start):
-                left = measure.left(evidence.film.states)
-                worst = evidence.film.states[int(left.argmax())]
-                margin = measure.margin(worst)
-                if margin is not None:
-                    found.append(margin)
-        return found
+        instant = int(self.what.progress_over_time(evidence).argmin())
+        worst = evidence.film.states[instant]
+        return self.what.margins(replace(evidence, end=worst))
 
     def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
         progress = self.what.progress_over_time(evidence)

@@ -5,13 +5,14 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Sequence
 from copy import deepcopy
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from core.errors import UserError
 from core.geometry import Array, Pose
-from core.goals import goals_reward
+from core.goals import goals_reward, reaches
 from core.interfaces import Picture, Task
 from core.scene import Scene, State, Trace
 from core.support.cli import expand
@@ -19,6 +20,8 @@ from core.values.layouts import NONE
 from plugins.tasks.file import building, doubts, files, goals, naming, photos, tree
 from plugins.tasks.file import spec as schema
 
+BACK = 1.25  # times as far: how a camera moves back that sees too little
+FARTHEST_M = 10.0
 VARYING = ("bodies", "imports", "marks", "joints")
 
 
@@ -59,9 +62,30 @@ class FileTask(Task):
         self._scene = building.build_scene(self._tree, spec, self._files)
         wanted = naming.build_goals(self._tree, spec, self._scene)
         vars(self).update(goals=wanted)
+        self._look_at(spec)
         self._check_variations()
         for doubt in doubts.find_doubts(self._scene):
             files.warn_once(f"{file}: {doubt}")
+
+    def _look_at(self, spec: schema.SceneSpec) -> None:
+        """Move the camera back until it sees the goals' bodies; where the file gives one, say which it does not see."""
+        state = self._scene.state()
+        bodies = dict.fromkeys(
+            body for goal in reaches(self.goals) for body in goal.subjects(state)
+        )
+        camera = spec.camera
+        unseen = doubts.find_unseen(camera, state, bodies)
+        if "camera" in spec.model_fields_set:
+            for name in unseen:
+                line = f"body {name} of a goal is outside of the picture; move camera"
+                files.warn_once(f"{self._tree.file}: {line}")
+            return
+
+        while unseen and np.linalg.norm(camera.position) < FARTHEST_M:
+            x, y, z = BACK * np.array(camera.position)
+            camera = replace(camera, position=(float(x), float(y), float(z)))
+            unseen = doubts.find_unseen(camera, state, bodies)
+        vars(self).update(camera=camera)
 
     @staticmethod
     def json_schema() -> dict[str, Any]:
