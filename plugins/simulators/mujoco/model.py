@@ -62,10 +62,11 @@ def compile_model(
 def _choose_time_step(scene: Scene, time_step: float) -> float:
     """Return the time step that a scene's bodies need, s, where others get ``time_step``.
 
-    Cloths and soft solids are as good at twice the step, for half the time; ropes that fall would pass through things.
+    Soft solids are as good at twice the step, for half the time; ropes that fall would pass through things, and cloths
+    sink into what they lie on.
     Bodies that hang from moving ones gain energy in proportion to the step, so theirs is half as long.
     """
-    if scene.softs and all(soft.form.kind != "rope" for soft in scene.softs):
+    if scene.softs and all(soft.form.kind == "solid" for soft in scene.softs):
         time_step = min(2 * time_step, MAX_TIME_STEP)
 
     for joint in scene.joints:

@@ -79,6 +79,12 @@ def test_what_rolls_off_is_far_away_and_what_rises_leaves_the_scene(engine):
     assert end.position("b1")[2] > 300
 
 
+def test_a_cloth_rests_on_what_it_lies_on():
+    end, said = left_alone("cloth_on_table", "mujoco")
+    assert end.nodes("sheet")[:, 2] == pytest.approx(0.001, abs=2e-4)
+    assert said == []
+
+
 def test_small_scenes_mean_what_they_say():
     assert small("glob").goals[0].bodies == ("b1", "b2")
     assert small("kinds").tool_kinds == ("gripper",)
