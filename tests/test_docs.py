@@ -22,7 +22,7 @@ from core.geometry import Cylinder, Mesh, Sphere
 from core.goals import Away, JointAt, Kept, Placed, Reach, Turned, Untouched
 from core.interfaces import Seen
 from core.plugins import Plugins, installed
-from core.scene import Body, Box, Camera, Geom, Joint, Pose, Scene, State
+from core.scene import Body, Box, Camera, Geom, Joint, Pose, Scene, State, Trace
 from docs import build, names
 from docs.diagrams import DRAWINGS
 from plugins.conformance.suites import examine
@@ -199,7 +199,7 @@ def test_each_kind_of_block_is_looked_at():
         "plugins.md": {"python": 2, "toml": 1},
         "layouts.md": {"json": 1},
         "python.md": {"python": 2},
-        "scene_files.md": {"yaml": 5},
+        "scene_files.md": {"yaml": 10},
         "scene_types.md": {"py": 1},
         "store.md": {"python": 1},
         "strategy_tutorial.md": {"python": 2, "yaml": 1},
@@ -490,9 +490,15 @@ def test_the_scene_of_the_page_becomes_a_part(tmp_path):
 
 
 def test_the_scene_files_of_the_page_are_tasks(tmp_path):
-    whole, joints, _, imports, photographs = blocks(
+    whole, *small, joints, _, imports, photographs = blocks(
         ROOT / "docs/scene_files.md", "yaml"
     )
+    for text in small:
+        (tmp_path / "small.yaml").write_text(text)
+        task = installed().create("task", "file", file=str(tmp_path / "small.yaml"))
+        start = task.scene(0).state()
+        film = Trace.of(start, start, forces={})
+        assert task.reward(start, start, film) < 0.1, task.name
     (tmp_path / "whole.yaml").write_text(whole)
     verdicts = [
         *examine(
