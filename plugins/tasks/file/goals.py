@@ -183,10 +183,6 @@ def _fill_joint(given: Given) -> dict[str, Any]:
     return {"span": span, "to": aim, "relative": "change" in given}
 
 
-def _fill_apart(given: Given) -> dict[str, Any]:
-    return {"span": given["apart"]}
-
-
 def _fill_angle(key: str) -> Callable[[Given], dict[str, Any]]:
     def fill(given: Given) -> dict[str, Any]:
         return {"span": Span.about(given[key], given.get("tolerance_deg", 10.0))}
@@ -198,7 +194,6 @@ FILLS: Mapping[str, Callable[[Given], dict[str, Any]]] = {
     "moved": _fill_moved,
     "raised": _fill_raised,
     "joint": _fill_joint,
-    "apart": _fill_apart,
     "angle_deg": _fill_angle("angle_deg"),
     "turned_deg": _fill_angle("turned_deg"),
 }

@@ -207,14 +207,14 @@ class Apart(Reach):
     """Bodies each of which must end so far from the nearest other of them; or two nodes of soft ones from each other.
 
     Attributes:
-        span: of the distance between their middles, m.
+        apart: of the distance between their middles, m.
         nodes: the two nodes of each soft body, where its own length is meant; empty: the bodies' distance.
 
     Raises:
         ValueError: there is one body alone, or the nodes are not two.
     """
 
-    span: Span
+    apart: Span
     nodes: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
@@ -237,7 +237,7 @@ class Apart(Reach):
             return nearest
 
         name = f"nodes of {body} apart" if self.nodes else f"{body} apart"
-        yield from self.span.measures(name, distance, "m", SLIP_M)
+        yield from self.apart.measures(name, distance, "m", SLIP_M)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -61,16 +61,12 @@ class Vessel:
         refuse("", problems)
 
     @property
-    def _shoulder(self) -> float:
-        """How high the shoulder below a neck is, m."""
-        return (self.radius - self.neck) / 2
-
-    @property
     def _top(self) -> float:
         """Where the wide part of the wall ends, m from below."""
         if not self.neck:
             return self.length
-        return self.length - self.neck_length - self._shoulder
+        shoulder = (self.radius - self.neck) / 2
+        return self.length - self.neck_length - shoulder
 
     def parts(self) -> Iterator[Placed]:
         """Yield its convex parts."""
