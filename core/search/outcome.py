@@ -31,6 +31,12 @@ class Announcer:
             sys.stdout.flush()
 
 
+LITTLE = 0.1
+"""A run whose best earns less says what was not tried."""
+
+KINDS_WORD = "task.tool_kinds=[rigid,gripper], if the robot has one"
+
+
 def print_best(best: Best, folder: Path) -> None:
     """Print the best candidate of the run in a folder."""
     figures = [f"best reward {number(best.reward, 3)}"]
@@ -62,3 +68,8 @@ def report_end(result: Result, folder: Path) -> None:
 
     if result.stopped is not None:
         say(f"stopped: {result.stopped}", resume_hint(folder), file=sys.stderr)
+
+    tools = [evaluation.candidate.tool for evaluation in result.evaluations]
+    gripping = any(tool.gripper for tool in tools if tool is not None)
+    if result.best.reward < LITTLE and not gripping:
+        say(f"tools for the gripper were not asked for: {KINDS_WORD}", file=sys.stderr)

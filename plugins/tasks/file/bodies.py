@@ -10,8 +10,8 @@ import numpy as np
 import trimesh
 
 from core.geometry import Array, Box, Mesh, Pose, Shape
-from core.robot.solids import body_solids
 from core.scene import Body, Color, Filling, Geom, Soft, floor
+from plugins.tasks.file.doubts import bound
 from plugins.tasks.file.files import Files
 from plugins.tasks.file.imports.bodies import HEAVIEST, LIGHTEST
 from plugins.tasks.file.spec import (
@@ -89,9 +89,7 @@ def build_ground(spec: SceneSpec) -> Iterator[Body]:
 
 def place_copies(repeat: RepeatSpec, body: Body) -> Iterator[Pose]:
     """Yield where the frames of equal bodies are, in the frame of the first."""
-    boxes = [solid.bounds() for solid in body_solids(replace(body, pose=Pose()))]
-    low = np.min([middle - half for middle, half in boxes], axis=0)
-    high = np.max([middle + half for middle, half in boxes], axis=0)
+    low, high = bound(replace(body, pose=Pose()))
     spacing = np.broadcast_to(repeat.spacing or APART * (high - low), 3)
 
     if repeat.grid:

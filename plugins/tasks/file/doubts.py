@@ -22,7 +22,7 @@ def find_doubts(scene: Scene) -> Iterator[str]:
     boxes = {}
     for body in scene.bodies:
         if body.collisions or isinstance(body, Soft):
-            boxes[body.name] = _box(body)
+            boxes[body.name] = bound(body)
 
     hanging = {joint.body for joint in scene.joints}
     hanging |= {soft.name for soft in scene.softs if soft.pinned}
@@ -59,7 +59,7 @@ def find_unseen(camera: Camera, state: State, names: Iterable[str]) -> list[str]
     return unseen
 
 
-def _box(body: Body) -> Box:
+def bound(body: Body) -> Box:
     """Bound a body's collision shapes in the world, or the nodes of a soft one with its thickness."""
     if isinstance(body, Soft):
         half = body.form.thickness / 2

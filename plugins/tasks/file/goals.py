@@ -46,7 +46,6 @@ WAYS: Mapping[str, type[Goal]] = {
 
 KINDS: Mapping[str, type[Goal]] = {
     **WAYS,
-    "spans": Between,
     "moved": Between,
     "raised": Between,
     "apart": Apart,
@@ -58,7 +57,7 @@ KINDS: Mapping[str, type[Goal]] = {
     "keep": Kept,
     "untouched": Untouched,
 }
-"""The kinds of goals, by the key that an entry of a file has them by; ``spans`` are those of a ``place``."""
+"""The kinds of goals, by the key that an entry of a file has them by."""
 
 FILLED = {"spans", "span", "relative", "hollow", "also"}
 """Fields of kinds that no entry has: they are made of others."""
@@ -87,7 +86,7 @@ def read_entry(given: Given) -> Entry:
     if not kinds or len(WAYS.keys() & kinds.keys()) > 1:
         raise ValueError(
             "a goal needs either place or away (the distance from the start), or places, inside, or joint and to, not "
-            f"two of these; or one of {', '.join(sorted(ENDS))}, {', '.join(_others())}"
+            f"two of these; or one of {', '.join(sorted(ENDS))}, {', '.join(key for key in KINDS if key not in WAYS)}"
         )
 
     goals = [_make(key, kind, given) for key, kind in kinds.items()]
@@ -113,15 +112,13 @@ def read_entry(given: Given) -> Entry:
     return (whole, *limits)
 
 
-def _others() -> list[str]:
-    return [key for key in KINDS if key not in WAYS and key != "spans"]
-
-
 def _find_kinds(given: Given) -> dict[str, type[Goal]]:
     """Return the kinds that an entry names, by key."""
     kinds = {key: kind for key, kind in KINDS.items() if key in given}
     if "angle_deg" in kinds:  # then the axis is its own
         kinds.pop("axis", None)
+    if "spans" in given:
+        kinds = {"spans": Between, **kinds}
     if "change" in given or isinstance(given.get("to"), Span):
         kinds["joint"] = JointWithin
     return kinds

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,7 @@ from scipy.spatial import ConvexHull
 
 from core.geometry import Array, Pose, Shape
 from core.scene import Body
+from plugins.tasks.file.doubts import bound
 
 _CELLS = 16_000  # of the grid that a body is looked at by
 _LEAST = 8  # cells along a side
@@ -63,10 +64,8 @@ def find_hollow(body: Body) -> Hollow | None:
     It may be open toward one side, as a cup, a niche and a tube are; a channel is no hollow.
     """
     parts = [_planes(part.shape, part.pose) for part in body.collisions]
-    corners = [part.pose.apply(_corners(part.shape)) for part in body.collisions]
-    everywhere = np.concatenate(corners)
-    low = everywhere.min(axis=0)
-    sides = everywhere.max(axis=0) - low
+    low, high = bound(replace(body, pose=Pose()))
+    sides = high - low
 
     cell = (np.prod(sides) / _CELLS) ** (1 / 3)
     counts = np.maximum(np.ceil(sides / cell), _LEAST).astype(int)
@@ -106,14 +105,9 @@ def space_of(mark: Body) -> Hollow:
     return Hollow(axes[0], axes[1] - axes[0], rooms)
 
 
-def _corners(shape: Shape) -> Array:
-    corners: Array = shape.to_trimesh().vertices
-    return corners
-
-
 def _planes(shape: Shape, pose: Pose) -> tuple[Array, Array]:
     """Return the planes around a convex shape: outward normals (F, 3), and how far along them each is (F,)."""
-    hull = ConvexHull(pose.apply(_corners(shape)))
+    hull = ConvexHull(pose.apply(shape.to_trimesh().vertices))
     planes = np.unique(hull.equations.round(9), axis=0)
     return planes[:, :3], -planes[:, 3]
 

@@ -324,10 +324,3 @@ class Throughout(Limit):
         instant = int(self.what.progress_over_time(evidence).argmin())
         worst = evidence.film.states[instant]
         return self.what.margins(replace(evidence, end=worst))
-
-    def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
-        progress = self.what.progress_over_time(evidence)
-        lost = progress < 1.0
-        if lost.any():
-            begun = float(evidence.film.times[lost.argmax()])
-            yield begun, f"{self.what.subject} did not stay as it is to be throughout"

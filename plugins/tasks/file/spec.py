@@ -430,14 +430,6 @@ class HomeSpec(_Spec):
     rpy_deg: Turn = (0.0, 0.0, 0.0)
 
 
-def _or_text(schema: Any, handler: Callable[[Any], Any]) -> dict[str, Any]:
-    """Let a text stand for what a schema describes: `_read_picture`."""
-    return {"anyOf": [{"type": "string"}, handler(schema)]}
-
-
-_OR_TEXT = GetPydanticSchema(get_pydantic_json_schema=_or_text)
-
-
 class PhotoSpec(_Spec):
     """A photograph of one's own bench, in the scene file's folder."""
 
@@ -482,10 +474,7 @@ class SceneSpec(_Spec):
     success_reward: Annotated[float, Field(gt=0, le=1)] = 0.95
     home: HomeSpec = HomeSpec()
     camera: CameraSpec = Camera()
-    pictures: Annotated[
-        tuple[Annotated[PhotoSpec, _OR_TEXT], ...],
-        Field(max_length=MAX_PHOTOS),
-    ] = ()
+    pictures: Annotated[tuple[PhotoSpec, ...], Field(max_length=MAX_PHOTOS)] = ()
     variations: Annotated[
         dict[
             Name,
@@ -566,7 +555,10 @@ def _explain(where: Where, error: ErrorDetails) -> str:
 def json_schema() -> dict[str, Any]:
     """Describe what a scene file may say as a JSON Schema, for editors and for models."""
     dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
-    return dialect | SceneSpec.model_json_schema()
+    schema = SceneSpec.model_json_schema()
+    pictures = schema["properties"]["pictures"]
+    pictures["items"] = {"anyOf": [{"type": "string"}, pictures["items"]]}
+    return dialect | schema
 
 
 def keys_at(where: Where) -> list[str]:

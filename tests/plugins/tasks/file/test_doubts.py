@@ -77,6 +77,7 @@ def test_they_are_said_once_for_a_file(tmp_path, text, caplog):
             "none",
         )
     assert [record.message.partition(": ")[2] for record in caplog.records] == [
-        "body tin weighs 250 kg; grams?"
+        "body tin weighs 250 kg; grams?",
+        "body tin has 8.84e+05 kg/m^3; kilograms and metres are read",
     ]
     assert isinstance(FileTask(str(tmp_path / "scene.yaml")), FileTask)
