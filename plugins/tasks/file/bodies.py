@@ -47,15 +47,13 @@ def build_body(spec: BodySpec, files: Files) -> Body:
 
 def build_mark(spec: MarkSpec) -> Body:
     """Build a mark, in the frame that it is placed in: drawn through where it has a shape."""
-    red, green, blue, opacity = rgba(spec.color)
+    color = rgba(spec.color)
     shape: Shape | None = spec.sphere or spec.cylinder
     if spec.box is not None:
         shape = Box(spec.box)
     if shape is None:
-        return Body.mark(
-            spec.name, spec.position, spec.radius, (red, green, blue, opacity)
-        )
-    drawn = Geom(shape, color=(red, green, blue, SEEN_THROUGH * opacity))
+        return Body.mark(spec.name, spec.position, spec.radius, color)
+    drawn = Geom(shape, color=(*color[:3], SEEN_THROUGH))
     return Body(spec.name, read_pose(spec), 0.0, (drawn,), ())
 
 

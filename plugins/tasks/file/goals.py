@@ -159,15 +159,15 @@ def _read_keep(given: Mapping[str, Any]) -> Mapping[str, Any]:
     return {**kept, "keep": names, THROUGHOUT: True}
 
 
-def _fill_moved(given: Given) -> dict[str, Any]:
-    return {"spans": _about(given["moved"], given), "relative": True}
+def _fill_moved(moved: Any, given: Given) -> dict[str, Any]:
+    return {"spans": _about(moved, given), "relative": True}
 
 
-def _fill_raised(given: Given) -> dict[str, Any]:
-    return {"spans": (None, None, given["raised"]), "relative": True}
+def _fill_raised(raised: Any, given: Given) -> dict[str, Any]:
+    return {"spans": (None, None, raised), "relative": True}
 
 
-def _fill_joint(given: Given) -> dict[str, Any]:
+def _fill_joint(joint: Any, given: Given) -> dict[str, Any]:
     if "change" in given and "to" in given:
         raise ValueError("a joint has to (a position) or change (from its start)")
     wanted = given.get("to", given.get("change"))
@@ -180,21 +180,18 @@ def _fill_joint(given: Given) -> dict[str, Any]:
     return {"span": span, "to": aim, "relative": "change" in given}
 
 
-def _fill_angle(key: str) -> Callable[[Given], dict[str, Any]]:
-    def fill(given: Given) -> dict[str, Any]:
-        return {"span": Span.about(given[key], given.get("tolerance_deg", 10.0))}
-
-    return fill
+def _fill_angle(angle: Any, given: Given) -> dict[str, Any]:
+    return {"span": Span.about(angle, given.get("tolerance_deg", 10.0))}
 
 
-FILLS: Mapping[str, Callable[[Given], dict[str, Any]]] = {
+FILLS: Mapping[str, Callable[[Any, Given], dict[str, Any]]] = {
     "moved": _fill_moved,
     "raised": _fill_raised,
     "joint": _fill_joint,
-    "angle_deg": _fill_angle("angle_deg"),
-    "turned_deg": _fill_angle("turned_deg"),
+    "angle_deg": _fill_angle,
+    "turned_deg": _fill_angle,
 }
-"""What makes those fields of a kind that no entry has, by its key."""
+"""What makes those fields of a kind that no entry has, by its key: of that key's value, and of the whole entry."""
 
 TAKES: Mapping[str, set[str]] = {
     "spans": {"place", "tolerance"},
@@ -210,7 +207,7 @@ def _make(key: str, kind: type[Goal], given: Given) -> Goal:
     """Make a goal of what its kind takes."""
     filled = dict(given)
     if key in FILLS:
-        filled |= FILLS[key](given)
+        filled |= FILLS[key](given[key], given)
     taken = [field for field in fields(kind) if field.init]  # type: ignore[arg-type]
     for field in taken:
         needed = field.default is MISSING and field.default_factory is MISSING

@@ -43,8 +43,6 @@ class Span:
             return f"at least {self.low:g}"
         if math.isinf(self.low):
             return f"at most {self.high:g}"
-        if self.low == self.high:
-            return f"{self.low:g}"
         return f"{self.low:g} to {self.high:g}"
 
     @classmethod
