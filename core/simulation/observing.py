@@ -29,7 +29,7 @@ import numpy.typing as npt
 
 from core.errors import UsageError
 from core.geometry import Array, Sphere
-from core.goals import Evidence, Goal, Placed, Reach, check_names, limits, reaches
+from core.goals import Evidence, Goal, Reach, check_names, limits, reaches
 from core.interfaces import Contact, Observation, Outcome, Task
 from core.robot.trajectory import Motion
 from core.scene import Scene, State
@@ -310,7 +310,7 @@ class _Case:
             bodies = goal.subjects(self.start)
             body = next((name for name in bodies if name in self.left), bodies[0])
 
-            parts = [part for part in goal.parts if not isinstance(part, Placed)]
+            parts = [part for part in goal.parts if not hasattr(part, "place")]
             for measure in chain(*(part.measures(body, self.start) for part in parts)):
                 begun = float(measure.value(self.start))
                 ended = float(measure.value(self.end))
