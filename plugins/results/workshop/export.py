@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -21,6 +21,7 @@ from plugins.results.workshop.clearance import (
 from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.printing import Check
 from plugins.results.workshop.replay import PlayedMotion
+from plugins.results.workshop.strength import Strength
 from plugins.results.workshop.tool import PrintedTool
 
 
@@ -33,6 +34,7 @@ class Export:
         moves: the motion as it is exported, and what leads to it, by the names of their files.
         replays: what it earned, by engine, and ``mounted``: with what fixes the tool to the arm.
         contact_s: when the robot first touches a body, in any engine; None: never.
+        strengths: what the tool's components bear; none of the bare hand.
         checks: of the motion; ``verdicts``: of the tool, too.
     """
 
@@ -45,6 +47,7 @@ class Export:
     contact_s: float | None
     printed: PrintedTool
     mounted: Mapping[str, float]
+    strengths: Sequence[Strength]
     checks: list[Check]
     verdicts: list[Check] = field(default_factory=list)
 

@@ -16,12 +16,12 @@ from core.support.cli import write_bytes
 from plugins.results.artifacts import save_files
 from plugins.results.workshop.export import Export
 from plugins.results.workshop.motion import to_csv
-from plugins.results.workshop.playback import SLOW
 from plugins.results.workshop.ros import write_messages
 from plugins.results.workshop.sheet import write_sheet
 from plugins.results.workshop.texts import filled, write_programs
 from plugins.results.workshop.tool import PrintedTool
 from plugins.results.workshop.verdicts import printable
+from plugins.results.workshop.ways import SLOW
 
 LINES = 8
 """The nearest things, in the checklist."""
@@ -73,15 +73,7 @@ def write_export(
     verdicts = printable((), export.checks)
     if written.parts:
         checked = replace(written, checks=(*export.checks, *written.checks))
-        verdicts = write_sheet(
-            checked,
-            export.task,
-            export.scene,
-            export.motion,
-            export.replays,
-            folder,
-            held,
-        )
+        verdicts = write_sheet(checked, export.task, export.strengths, folder, held)
 
     export = replace(export, verdicts=verdicts)
 
@@ -103,11 +95,11 @@ def write_export(
 
 def checklist(export: Export) -> str:
     """Write what to do at the arm, in order, with the figures of this motion."""
-    start = np.round(export.moves["approach"].positions[0], 3) + 0.0  # no -0.0
+    first = np.round(export.motion.positions[0], 3) + 0.0  # no -0.0
     return filled(
         "checklist.md.j2",
         export=export,
-        start=start.tolist(),
+        first=first.tolist(),
         nearest=export.nearest[:LINES],
         slow=SLOW,
     )

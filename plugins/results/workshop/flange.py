@@ -18,7 +18,7 @@ from core.errors import UserError
 from core.geometry import Array, Cylinder, Pose
 from core.robot.kinematics import link_poses
 from core.robot.solids import corners, robot_solids
-from core.values.robots import Robot
+from core.values.robots import ISO_9409_1_50, Robot
 from plugins.results.workshop.mount import Mount
 from plugins.results.workshop.printing import Check
 from plugins.results.workshop.settings import Fit
@@ -105,7 +105,11 @@ def at_flange(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
     arm = _arm(robot)
     clear = solid - union(arm)
     screws = _find_screws(robot, link, clear + union([plate]), fit)
-    checks = (_check_clear(link, arm), screws.check(flange.bolts))
+    checks = [_check_clear(link, arm), screws.check(flange.bolts)]
+    if flange == ISO_9409_1_50:
+        assumed = "ISO 9409-1-50-4-M6 with bolts at 45° is assumed: compare it with the arm's drawing (robot.bolts)"
+        checks.append(Check("flange", None, assumed))
+
     hardware = [
         f"{screws.kinds.count(kind)} x {kind}" for kind in dict.fromkeys(screws.kinds)
     ]
@@ -124,7 +128,7 @@ def at_flange(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
         simulated=(plate,),
         adding=tuple(adding),
         taking=(*arm, *bores),
-        checks=checks,
+        checks=tuple(checks),
         hardware=tuple(hardware),
     )
 

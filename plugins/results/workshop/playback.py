@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
 from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import engines, node
@@ -13,18 +12,18 @@ from core.designs.planning import resolve
 from core.errors import UserError
 from core.interfaces import Condition, Evaluation, RolloutSettings, Task
 from core.plugins import PluginPart
-from core.robot.kinematics import arm_of
-from core.robot.trajectory import Motion, plan_task_motion
+from core.robot.trajectory import plan_task_motion
 from core.scene import Scene
 from core.simulation.play import play
 from plugins.results.workshop.export import Export
-from plugins.results.workshop.motion import STEP_S, Sampled, approach, cut, sample
+from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.printing import Check
 from plugins.results.workshop.replay import PlayedMotion, play_motion
+from plugins.results.workshop.settings import Fit
+from plugins.results.workshop.strength import measured
+from plugins.results.workshop.tolerance import check_tolerance
 from plugins.results.workshop.tool import PrintedTool
-
-SLOW = 0.2
-"""Of the speed: the first run on the arm."""
+from plugins.results.workshop.ways import close_ways, sample_before, sample_moves
 
 SAME_REWARD = 0.02
 LEAST_REWARD = 1e-3
@@ -59,13 +58,13 @@ def make_export(
 
     waypoints = resolve(candidate.plan, task, cfg.seed, settings, scene)
     planned = plan_task_motion(waypoints, task, settings)
-    moves = _sample_moves(cfg, task, planned)
+    moves = sample_moves(cfg, task, planned)
     motion = moves["trajectory"]
     replays = _play_all(conditions, scene, candidate.tool, motion)
     instants = [replay.contact_s for replay in replays.values()]
     contact_s = min((s for s in instants if s is not None), default=None)
     if contact_s is not None:
-        moves |= _sample_before(cfg, task, planned, contact_s / motion.slower)
+        moves |= sample_before(cfg, task, planned, contact_s / motion.slower)
 
     rewards = _rewards(replays)
     searched = {name: _earned(where, best) for name, where in conditions.items()}
@@ -73,12 +72,14 @@ def make_export(
     checks = [compare_rewards(f"motion{several}", "as exported", rewards, searched)]
     checks += _check_guards(waypoints.guards)
     mounted: dict[str, float] = {}
+    held = candidate.tool
+    strengths = measured(held, task.robot, tool.material, scene, motion, replays)
     if tool.parts:
         mounted = _rewards(_play_all(conditions, scene, tool.printed, motion))
         name = f"mounted{several}"
         checks.append(compare_rewards(name, "with its mount", mounted, rewards))
 
-    return Export(
+    export = Export(
         task=task,
         scene=scene,
         candidate=candidate,
@@ -88,8 +89,15 @@ def make_export(
         contact_s=contact_s,
         printed=tool,
         mounted=mounted,
+        strengths=strengths,
         checks=checks,
     )
+    if tool.parts:
+        where = next(iter(conditions.values()))
+        off_m = node(cfg.fit, Fit).tolerance_mm / 1000
+        export.checks.extend(check_tolerance(export, where, off_m))
+
+    return close_ways(export)
 
 
 def _play_all(
@@ -112,45 +120,6 @@ def _check_guards(guards: Sequence[object]) -> list[Check]:
         return []
     left_out = f"those of waypoint {', '.join(guarded)} are left out"
     return [Check("guards", False, f"exported programs have none: {left_out}")]
-
-
-def _sample_moves(cfg: DictConfig, task: Task, planned: Motion) -> dict[str, Sampled]:
-    """Sample the motion, as it is asked for and slowly, with the way to its start."""
-    arm = arm_of(task.robot)
-    motion = sample(planned.trajectory, arm, cfg.rate_hz, cfg.speed)
-    start = np.array(list(cfg.start) or task.robot.home, dtype=np.float64)
-    opening = float(motion.fingers[0])
-
-    return {
-        "approach": approach(start, motion.positions[0], opening, arm, cfg.rate_hz),
-        "trajectory": motion,
-        "trajectory_slow": sample(
-            planned.trajectory, arm, cfg.rate_hz, min(SLOW, cfg.speed)
-        ),
-    }
-
-
-def _sample_before(
-    cfg: DictConfig, task: Task, planned: Motion, contact_s: float
-) -> dict[str, Sampled]:
-    """Sample the motion slowly up to the last rest before contact.
-
-    Args:
-        cfg: the settings of the command.
-        task: whose robot moves.
-        planned: the motion as it was simulated.
-        contact_s: when something is touched first, s of the planned motion.
-
-    Returns:
-        The motion by the name of its file; nothing where the arm does not rest before.
-    """
-    arm = arm_of(task.robot)
-    before = cut(planned.trajectory, planned.arrivals, contact_s - STEP_S, arm)
-    if before is None:
-        return {}
-    slow = sample(before, arm, cfg.rate_hz, min(SLOW, cfg.speed))
-
-    return {"trajectory_before_contact": slow}
 
 
 def _earned(condition: Condition, best: Evaluation) -> float:

@@ -43,6 +43,7 @@ class Fit:
         clearance_mm: by how much a screw's bore is wider than its thread: 0.6 is ISO 273's medium.
         sleeve_mm: the gap between a sleeve and the finger, on each side.
         insert_mm: the bore of the clamping screw: 4.0 fits a brass insert M3.
+        tolerance_mm: by how much a printed dimension may be off.
 
     Raises:
         UsageError: a number is negative or not finite, or a wall is 0.
@@ -52,6 +53,7 @@ class Fit:
     clearance_mm: float = 0.6
     sleeve_mm: float = 0.2
     insert_mm: float = 4.0
+    tolerance_mm: float = 0.2
 
     def __post_init__(self) -> None:
         limits = {
@@ -59,6 +61,7 @@ class Fit:
             "clearance_mm": (0, 5),
             "sleeve_mm": (0, 5),
             "insert_mm": (0.8, 500),
+            "tolerance_mm": (0, 5),
         }
         for name, (low, high) in limits.items():
             value = getattr(self, name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
@@ -15,16 +15,13 @@ import numpy as np
 from core.design import RIGID_MOUNT, Tool
 from core.designs.statics import flange_moment
 from core.interfaces import Material, Task
-from core.scene import Scene
 from core.support.cli import write_bytes
 from core.values.robots import Robot
 from plugins.results.pages.page import in_viewer, render
 from plugins.results.pages.tools import size
 from plugins.results.workshop.clearance import payload
-from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.printing import Check, PrintedPart, is_metal
-from plugins.results.workshop.replay import PlayedMotion
-from plugins.results.workshop.strength import Strength, measured
+from plugins.results.workshop.strength import Strength
 from plugins.results.workshop.tool import PrintedTool
 from plugins.results.workshop.verdicts import carried, printable, strong
 
@@ -112,7 +109,8 @@ def _describe_components(
 def _describe_flange(robot: Robot) -> str:
     """Describe the ring of bolts, seen against the mount's z."""
     flange = robot.flange
-    ring = f"a ring of {flange.bolts} bores {flange.thread} on a circle of {1000 * flange.bolt_circle_m:g} mm"
+    circle = f"a circle of {1000 * flange.bolt_circle_m:g} mm"
+    ring = f"a ring of {flange.bolts} bores {flange.thread} on {circle}"
     first = f"the first at {math.degrees(flange.bolt_angle):g}° from the mount's x"
     text = f"{ring}, {first}; disc {2000 * flange.disc.radius:g} mm"
     if flange.centring_m is not None:
@@ -127,9 +125,7 @@ def _describe_flange(robot: Robot) -> str:
 def write_sheet(
     printed_tool: PrintedTool,
     task: Task,
-    scene: Scene,
-    motion: Sampled,
-    replays: Mapping[str, PlayedMotion],
+    strengths: Sequence[Strength],
     folder: Path,
     held: Sequence[str] = (),
 ) -> list[Check]:
@@ -138,9 +134,7 @@ def write_sheet(
     Args:
         printed_tool: the tool as parts.
         task: what it was made for.
-        scene: the task's layout in which it was tried.
-        motion: as it is exported.
-        replays: the motion in each engine, by the engine's name.
+        strengths: the worst of each component.
         folder: where to.
         held: in how many layouts the design holds, in words.
 
@@ -152,7 +146,6 @@ def write_sheet(
     """
     robot = task.robot
     tool = printed_tool.tool
-    strengths = measured(tool, robot, printed_tool.material, scene, motion, replays)
     data = figures(printed_tool, strengths, task) | {"held": list(held)}
     checks = [Check(**verdict) for verdict in data["verdicts"]]
     failing = [check for check in checks if check.passed is False]

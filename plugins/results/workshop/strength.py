@@ -44,6 +44,9 @@ class Strength:
         stress_pa: with all loads that act at that instant.
         safety: the material's strength over the stress; None: the material has none.
         bend_m: by how much the load would move its own place, across and alone, from the mount on.
+        bearer: the component on which the load acts.
+        place: where (3,), metres, in the frame of its mount.
+        moved: where to (3,), as long as ``bend_m``.
     """
 
     component: str
@@ -56,6 +59,9 @@ class Strength:
     stress_pa: float
     safety: float | None
     bend_m: float
+    bearer: str = ""
+    place: tuple[float, ...] = (0.0, 0.0, 0.0)
+    moved: tuple[float, ...] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +199,9 @@ def _stresses(
         if not loads:
             continue
         hardest = max(loads, key=lambda load: np.linalg.norm(load.force))
-        newtons = float(np.linalg.norm(sum(load.force for load in loads)))
+        force = np.sum([load.force for load in loads], axis=0)
+        newtons = float(np.linalg.norm(force))
+        softness = beams.bend(hardest.component, hardest.point)[0]
         safety = None
         if most_pa is not None and section.stress_pa > 0:
             safety = most_pa / section.stress_pa
@@ -207,7 +215,10 @@ def _stresses(
             lever_m=float(np.linalg.norm(hardest.point - section.place)),
             stress_pa=section.stress_pa,
             safety=safety,
-            bend_m=newtons * beams.bend(hardest.component, hardest.point)[0],
+            bend_m=newtons * softness,
+            bearer=hardest.component,
+            place=tuple(hardest.point.tolist()),
+            moved=tuple((force * softness).tolist()),
         )
 
 

@@ -33,6 +33,8 @@ _MENDS = {  # by how the name of a check begins; the first counts
     "weight": "simulate it with material= what it is made of",
     "motion": "search in each of these engines with fitness=robust, or name in sims those that you trust",
     "mounted": "move components away from the mount, and leave more room where the motion is tight",
+    "fit": "give what slides or is held 0.5 mm more room, and let the motion lead it there",
+    "room": "thicken it, or pass farther away",
     "rigid": "thicken or shorten it, choose a stiffer material, or move more slowly where it pushes",
     "files read back": "write them again; if it stays, thicken what is thinner than a nozzle",
 }

@@ -19,6 +19,7 @@ from core.scene import Scene
 from plugins.results.workshop.command import configured, export, main
 from plugins.results.workshop.files import checklist
 from plugins.results.workshop.playback import compare_rewards
+from plugins.results.workshop.ways import close_ways
 from tests.core.run_folders import write_run
 from tests.panda import PANDA
 
@@ -218,6 +219,19 @@ def test_before_contact_nothing_is_touched(made):
     last = np.loadtxt(file, delimiter=",", skiprows=1)[-1]
     assert last[0] / 5 < found.contact_s
     assert np.abs(last[8:15]).max() == 0
+
+
+def test_a_way_that_is_not_free_is_left_out(made):
+    _, found = made
+    assert "approach" in found.moves
+    through = replace(found.motion, positions=found.motion.positions[::-1])
+    low = replace(through, positions=through.positions - 0.3 * np.eye(7)[3])
+    moves = dict(found.moves) | {"approach": low, "retreat": found.motion}
+    closed = close_ways(replace(found, moves=moves))
+    assert "approach" not in closed.moves
+    said = {check.name: check for check in closed.checks}["approach"]
+    assert said.passed is None
+    assert "bring the arm by hand" in said.found
 
 
 def test_a_run_s_best_is_exported(tmp_path):
