@@ -86,7 +86,7 @@ def box_of(body):
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=() if name in QUICK else pytest.mark.slow)
+        pytest.param(name, marks=() if name in QUICK else pytest.mark.thorough)
         for name in TASKS
     ],
 )
@@ -111,7 +111,7 @@ def test_bodies_stand_where_they_do_in_truth(tmp_path, name):
     assert compared >= 1
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_point_that_was_guessed_is_a_fault(tmp_path):
     draft = examine(tmp_path, "LidAndBall", "LidAndBall_first")
     assert [fault.split(", seen")[0] for fault in draft.faults] == ["pot", "pot"]
