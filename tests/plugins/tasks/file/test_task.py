@@ -133,9 +133,7 @@ def test_a_model_is_shown_the_file(scaffold, tmp_path):
     assert usual == near
     assert "box: [0.08, 0.08, 0.08]" in usual
     assert "variations:" not in usual
-    assert usual.rstrip().endswith(
-        "drawn anew in each layout, from the lowest to the highest."
-    )
+    assert usual.rstrip().endswith("# of the end-effector, at the start")
     assert "\nhome: {" in task_source(
         task_of(tmp_path, GOOD + "home: {position: [0.5, 0, 0.5]}\n")
     )

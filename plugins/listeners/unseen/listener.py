@@ -1,9 +1,8 @@
-"""The ``unseen`` listener: films the unseen layouts in which the best design of a run fails."""
+"""Film the unseen layouts in which the best design of a run fails."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from core.design import Candidate
 from core.errors import RAISED
@@ -17,11 +16,6 @@ from core.support.progress import busy
 if TYPE_CHECKING:
     from core.events import Result, Run
     from core.store.rows import FailedLayout
-
-
-@hookimpl
-def listeners() -> Mapping[str, Callable[..., Any]]:
-    return {"unseen": UnseenListener}
 
 
 class UnseenListener:
