@@ -11,7 +11,7 @@ from core.search.orchestration import run
 from plugins.new.packages import write_scene
 from plugins.results.pages.runs import find_runs
 
-SEVERAL = ["fitness=robust", "fitness.sims=[mujoco]", "fitness.seeds=[1,2]"]
+SEVERAL = ["fitness=robust", "fitness.sims=[mujoco,sapien]", "fitness.seeds=[1,2]"]
 SEVERAL += ["prompt.feedback=numbers", "budget.reward_save=-1", "budget.k_top=10"]
 SMALL = [
     "budget.n_agent=1",
