@@ -235,6 +235,7 @@ def test_the_result(tiny):
         "distance_m",
         "generation",
         "candidate",
+        "reason",
     }
     assert 0 <= result["best"]["reward"] <= 1
     assert result["best"]["distance_m"] >= 0

@@ -174,8 +174,9 @@ def _go_on(store: RunStore, folder: Path, overrides: Sequence[str]) -> None:
     ended = store.result
     if ended is not None and ended.stopped is None and not more:
         say(f"{folder} holds a run that has come to its end")
-        if ended.best is not None:
-            print_best(ended.best, folder)
+        if ended.best is None:
+            raise UserError("no candidate could be tried")
+        print_best(ended.best, folder)
         return
 
     refuse_stored_receivers(store.config, overrides)
