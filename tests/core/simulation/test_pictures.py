@@ -101,7 +101,7 @@ def test_a_run_shows_its_best_elite_and_so_does_one_that_goes_on(engine, tmp_pat
     assert scene.shape == (480, 640)
     for file in elites:
         strip = open_picture(file)
-        assert strip.shape == (480, 960)
+        assert strip.shape == (720, 1440)
         halves = strip[20:240, :320], strip[260:, 640:]
         # Neither blank nor of one colour.
         assert all(half.std() > 10 for half in halves)
