@@ -480,7 +480,7 @@ def test_the_scene_of_the_page_becomes_a_part(tmp_path):
     folder, module = write_package("task", "PullTray", tmp_path / "pull_tray")
     build.page_module(tmp_path)
     (tmp_path / "pull_tray.py").replace(module)
-    site = install(folder, tmp_path / "site")
+    site = install([folder], tmp_path / "site")
     for words in (
         ["core", "conformance", "task=PullTray"],
         ["core.run", "task=PullTray", *SMALL],
