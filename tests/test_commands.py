@@ -395,9 +395,9 @@ def test_an_output_that_is_full_is_no_fault_of_the_folder(tmp_path):
             command, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True
         )
     assert done.returncode == 1
-    said = done.stderr.splitlines()[-1]
-    wrong = "can't write the run's folder, or the output: No space left on device"
-    assert said == f"error: {wrong}"
+    wrong = "the output can't be written: No space left on device"
+    hint = f"to go on: python -m core.run resume={folder}"
+    assert done.stderr.splitlines()[-1] == f"error: {wrong}; {hint}"
     assert (folder / "result.json").exists()
 
 

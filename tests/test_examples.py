@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import sysconfig
 from pathlib import Path
 
 import pytest
@@ -24,16 +23,14 @@ def python(tmp_path_factory):
     site = install([ROOT, *EXAMPLES], folder / "packages")
     (own,) = (folder / "environment").glob("lib/python*/site-packages")
     # Its own packages come first. Of others, no .pth file is read: one leads to this repository.
-    paths = [site, sysconfig.get_path("purelib"), *shared_paths()]
+    paths = [site, *package_folders()]
     (own / "here.pth").write_text("".join(f"{path}\n" for path in paths))
     return folder / "environment" / "bin" / "python"
 
 
-def shared_paths() -> list[str]:
-    """Where this environment, too, finds packages that are not its own."""
-    own = Path(sys.prefix)
-    shared = [Path(path) for path in sys.path if path.endswith("-packages")]
-    return [str(path) for path in shared if not path.is_relative_to(own)]
+def package_folders() -> list[str]:
+    """Where this environment finds packages: its own folder and those that .pth files lead to."""
+    return [path for path in sys.path if path.endswith("-packages")]
 
 
 def run(python: Path, folder: Path, *words: str) -> str:

@@ -68,6 +68,8 @@ def run(
 
     try:
         return run_search(search, store, film=cfg.film)
+    except BrokenPipeError:  # who reads what is printed is gone
+        raise
     except UserError as error:
         raise UserError(f"{error}; {hint}") from error
     except KeyboardInterrupt:

@@ -159,9 +159,19 @@ def say(*lines: str, file: TextIO | None = None) -> None:
     """Print lines: the one way for text to a terminal.
 
     What is not printable is escaped, since others may have written it: a model, a provider, an owner of a folder.
+
+    Raises:
+        BrokenPipeError: who reads the output is gone.
+        UserError: the output can't be written.
     """
     file = sys.stdout if file is None else file
-    file.write("".join(f"{visible(line)}\n" for line in lines))
+    try:
+        file.write("".join(f"{visible(line)}\n" for line in lines))
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        why = f"the output can't be written: {error.strerror}"
+        raise UserError(why) from error
 
 
 def write_bytes(file: Path, data: bytes) -> None:
