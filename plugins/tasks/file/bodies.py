@@ -23,7 +23,7 @@ from plugins.tasks.file.spec import (
     ShapeSpec,
     rgba,
 )
-from plugins.tasks.file.vessels import HANDLE_M
+from plugins.tasks.file.vessels import HANDLE_M, shape_vessel
 
 GREY = "#b3b3b3"
 THICK_M = 0.05  # of a wall around the ground
@@ -195,12 +195,12 @@ def _shapes(spec: ShapeSpec) -> Iterator[tuple[Shape, Pose]]:
     """Yield the convex shapes of the one shape that is given, with their poses in its frame."""
     cup = spec.cup or spec.mug or spec.bottle
     if spec.tube is not None:
-        yield from spec.tube.parts()
+        yield from shape_vessel(spec.tube)
     elif cup is not None:
         cup = replace(cup, floor=cup.floor or cup.wall)
         if spec.mug is not None:
             cup = replace(cup, handle=cup.handle or HANDLE_M)
-        yield from cup.parts()
+        yield from shape_vessel(cup)
     elif spec.box is not None:
         yield Box(spec.box), Pose()
     else:

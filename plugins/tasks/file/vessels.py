@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import trimesh
@@ -106,6 +107,12 @@ class Vessel:
             yield bar, _shift(self.radius + self.handle / 2, end)
         grip = Box((thick, thick, 2 * height - thick))
         yield grip, _shift(self.radius + self.handle - thick / 2, 0.0)
+
+
+@lru_cache(maxsize=64)  # a scene is built again and again with other numbers
+def shape_vessel(vessel: Vessel) -> tuple[Placed, ...]:
+    """Return the convex parts of a vessel."""
+    return tuple(vessel.parts())
 
 
 def _shift(x: float, z: float) -> Pose:
