@@ -114,7 +114,7 @@ def test_a_bad_sentence_or_answer_is_explained(bench, words, old, new, line):
 def test_seen_numbers_vary_within_their_errors(bench):
     cameras = [
         f"{{position: {place}, target: [0.65, 0, 0.1], fov_deg: 52}}"
-        for place in CAMERAS["BringCube"]
+        for place in CAMERAS["as_stated"]["BringCube"]
     ]
     write_scene(
         "Bring the red cube onto the blue mark.",
