@@ -91,12 +91,12 @@ def _shared(results: Results, entry: Published) -> list[Group]:
     """Return the groups of the methods that an entry names, on the tasks that all of them have."""
     named = [*entry.methods, *entry.against]
     groups = [group for group in results.groups if group.method in named]
-    by_task = defaultdict(list)
-    for group in groups:
-        if entry.tasks is None or group.task in entry.tasks:
-            by_task[group.task].append(group)
-    shared = [found for found in by_task.values() if len(found) == len(named)]
-    return sum(shared, list[Group]())
+    shared = []
+    for task in entry.tasks or results.tasks:
+        found = [group for group in groups if group.task == task]
+        if len(found) == len(named):
+            shared += found
+    return shared
 
 
 def _mean(groups: Sequence[Group], methods: Sequence[str]) -> float:

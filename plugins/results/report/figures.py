@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain
 from statistics import fmean
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -26,6 +27,8 @@ POINTS = 25
 WIDTH = 0.9  # of a bar; those of a task stand 1 apart
 GAP = 0.8  # more, between two tasks
 FOOT = 0.015  # of a bar, below 0
+ENTRY = 0.7  # inches of a legend's entry ...
+LETTER = 0.075  # ... and of each letter
 
 
 def figure_pages(results: Results) -> list[FigurePage]:
@@ -65,6 +68,19 @@ def _look(results: Results, method: str) -> dict[str, Any]:
     return {"label": wrapped(method, 48), "color": COLORS[number % len(COLORS)]}
 
 
+def _name_looks(figure: Figure, ax: Any) -> None:
+    """Say below a figure what its colours and marks are: bars first, in as few rows as its width allows."""
+    handles, names = ax.get_legend_handles_labels()
+    looks = dict(zip(names, handles, strict=True))
+    names = sorted(looks, key=lambda name: not hasattr(looks[name], "patches"))
+
+    width = sum(ENTRY + LETTER * len(name) for name in names)
+    rows = math.ceil(width / figure.get_figwidth())
+    columns = math.ceil(len(names) / rows)
+    handles = [looks[name] for name in names]
+    figure.legend(handles, names, loc="outside lower center", ncols=columns)
+
+
 def rewards(results: Results) -> FigurePage:
     """Bars of the average with the best, the deviation and every run; below, the distances where rewards tie."""
     places = _places(results)
@@ -73,7 +89,7 @@ def rewards(results: Results) -> FigurePage:
     def paint() -> Figure:
         shares = [3, 1] if tied else [1]
         width = max(6.4, 1.2 + 0.24 * max(places.values()))
-        figure = new_figure(width, 3.0 + len(shares))
+        figure = new_figure(width, 2.6 + len(shares))
         rows = figure.subplots(
             len(shares), sharex=True, squeeze=False, height_ratios=shares
         )
@@ -88,9 +104,9 @@ def rewards(results: Results) -> FigurePage:
             last.bar(places[g], g.best.best.distance_m or 0.0, WIDTH, color=color)
             last.set(ylabel="distance (m)")
 
+        first.tick_params(axis="x", length=0)
         _name_tasks(last, results, places)
-        labels = dict(zip(*first.get_legend_handles_labels()[::-1], strict=True))
-        figure.legend(labels.values(), labels.keys(), loc="outside lower center")
+        _name_looks(figure, first)
 
         return figure
 
@@ -114,8 +130,8 @@ def on_some_tasks(results: Results) -> FigurePage | None:
 
 def _places(results: Results) -> dict[Group, float]:
     """Return where each group's bar stands: those of a task side by side, and a gap between tasks."""
-    gaps = [GAP * results.tasks.index(g.task) for g in results.groups]
-    return {g: i + gaps[i] for i, g in enumerate(results.groups)}
+    tasks = results.tasks
+    return {g: i + GAP * tasks.index(g.task) for i, g in enumerate(results.groups)}
 
 
 def tied_groups(results: Results) -> list[Group]:
@@ -139,10 +155,10 @@ def _draw_rewards(ax: Any, place: float, g: Group, look: dict[str, Any]) -> None
 
     spread = deviation(g.rewards) or 0.0
     ends = np.clip([mean - spread, mean + spread], 0, 1)
-    ax.plot([place, place], ends, color=INK, lw=1)
+    ax.plot([place, place], ends, color=INK, lw=1, label="standard deviation")
 
     dot: dict[str, Any] = {"mfc": "none", "mec": INK, "mew": 0.7, "clip_on": False}
-    ax.plot([place] * len(g.rewards), g.rewards, "o", ms=3, **dot)
+    ax.plot([place] * len(g.rewards), g.rewards, "o", ms=3, label="run", **dot)
     dot["mfc"] = "white"
     ax.plot(place, g.best.best.reward, "D", ms=4.5, label="best run", **dot)
 
@@ -170,6 +186,14 @@ def _read_course(run: FinishedRun) -> Array:
     return found
 
 
+@dataclass(frozen=True)
+class _Curve:
+    """A method's course: places ``x`` (POINTS,), and for each task its runs' rewards there (runs, POINTS)."""
+
+    x: Array
+    scores: Sequence[Array]
+
+
 def anytime(
     results: Results, tasks: list[str], methods: list[str]
 ) -> FigurePage | None:
@@ -183,86 +207,82 @@ def anytime(
     Returns:
         The figure; None where no run had two rollouts.
     """
-    courses = {}
+    curves = {}
     for method in methods:
         groups = [g for g in results.groups_of(method) if g.task in tasks]
-        courses[method] = [list(map(_read_course, g.runs)) for g in groups]
+        courses = [list(map(_read_course, g.runs)) for g in groups]
+        end = max(map(len, chain(*courses))) - 1
+        x = np.unique(np.linspace(0, end, POINTS, dtype=int))
+        scores = []
+        for task in courses:
+            # A run that ended early keeps its last.
+            rows = [course[np.minimum(x, len(course) - 1)] for course in task]
+            scores.append(np.array(rows))
+        curves[method] = _Curve(x, scores)
 
-    ends = {m: max(map(len, chain(*by_task))) - 1 for m, by_task in courses.items()}
-    if max(ends.values(), default=0) < 2:
+    if max((curve.x[-1] for curve in curves.values()), default=0) < 2:
         return None
-
-    def paint() -> Figure:
-        figure = new_figure(6.4, 4.0)
-        ax = figure.subplots()
-        for method, by_task in courses.items():
-            x = np.unique(np.linspace(0, ends[method], POINTS, dtype=int))
-            scores = []  # of each task (runs, POINTS)
-            for task in by_task:
-                # A run that ended early keeps its last.
-                rows = [course[np.minimum(x, len(course) - 1)] for course in task]
-                scores.append(np.array(rows))
-
-            look = _look(results, method)
-            _shade_interval(ax, x, scores, look["color"])
-            means = [task.mean(axis=0) for task in scores]
-            ax.step(x, np.mean(means, axis=0), where="post", lw=1.8, **look)
-
-        ax.set(ylabel="mean best reward so far (0 to 1)", xlabel="rollouts")
-        figure.legend(loc="outside lower center")
-
-        return figure
-
-    return FigurePage("anytime", "Reward by rollouts", paint)
+    return _draw_curves(results, curves, "rollouts", "anytime", step="post")
 
 
 def by_generation(
     results: Results, tasks: list[str], methods: list[str]
 ) -> FigurePage | None:
-    """Draw the mean best reward up to each generation; arguments and return are those of `anytime`."""
+    """Draw the mean best reward up to each generation, of methods that have several; see `anytime`."""
     curves = {}
     for method in methods:
         groups = [g for g in results.groups_of(method) if g.task in tasks]
         length = max(len(run.figures.generations) for g in groups for run in g.runs)
-        means = []
+        scores = []
         for g in groups:
-            means.append(np.mean([run.best_so_far(length) for run in g.runs], axis=0))
-        curves[method] = np.mean(means, axis=0)
+            scores.append(np.array([run.best_so_far(length) for run in g.runs]))
+        if length > 1:
+            curves[method] = _Curve(np.arange(length), scores)
 
-    longest = max(map(len, curves.values()), default=0)
-    if longest < 2:
+    if not curves:
         return None
+    return _draw_curves(results, curves, "generation", "by_generation")
+
+
+def _draw_curves(
+    results: Results,
+    curves: dict[str, _Curve],
+    against: str,
+    name: str,
+    step: Literal["post"] | None = None,
+) -> FigurePage:
+    """Draw means over tasks, with their intervals where these are known.
+
+    Args:
+        results: of the report.
+        curves: by method.
+        against: what ``x`` counts.
+        name: of the figure's file.
+        step: the rewards stay until the next place; None: straight lines with a mark at each place.
+    """
+    style = {"drawstyle": "steps-post"} if step else {"marker": "o"}
 
     def paint() -> Figure:
         figure = new_figure(6.4, 4.0)
         ax = figure.subplots()
         for method, curve in curves.items():
-            ax.plot(range(len(curve)), curve, marker="o", **_look(results, method))
+            look = _look(results, method)
+            rows = []
+            for i, place in enumerate(curve.x):
+                span = interval([task[:, i] for task in curve.scores], "mean")
+                if span is not None:
+                    rows.append((place, *span))
+            if rows:
+                band = {"color": look["color"], "alpha": 0.18, "lw": 0}
+                ax.fill_between(*zip(*rows, strict=True), step=step, **band)
 
-        ax.set(ylabel="mean best reward so far (0 to 1)", xlabel="generation")
-        ax.set_xticks(range(longest))
-        figure.legend(loc="outside lower center")
+            means = [task.mean(axis=0) for task in curve.scores]
+            ax.plot(curve.x, np.mean(means, axis=0), lw=1.8, **style, **look)
+
+        ax.set(ylabel="mean best reward so far (0 to 1)", xlabel=against)
+        ax.locator_params(axis="x", integer=True)
+        _name_looks(figure, ax)
 
         return figure
 
-    return FigurePage("by_generation", "Reward by generation", paint)
-
-
-def _shade_interval(ax: Any, x: Array, scores: Sequence[Array], color: str) -> None:
-    """Draw the interval of the mean where it is known.
-
-    Args:
-        ax: the axes.
-        x: places (POINTS,), rollouts.
-        scores: of each task its runs' (runs, POINTS).
-        color: of the method.
-    """
-    rows = []
-    for i, place in enumerate(x):
-        span = interval([task[:, i] for task in scores], "mean")
-        if span is not None:
-            rows.append((place, *span))
-
-    if rows:
-        band = {"color": color, "alpha": 0.18, "lw": 0}
-        ax.fill_between(*zip(*rows, strict=True), step="post", **band)
+    return FigurePage(name, f"Reward by {against}", paint)

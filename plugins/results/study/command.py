@@ -181,8 +181,8 @@ def _ask(cfg: StudyConfig, outlook: Outlook) -> None:
         UsageError: the answer is no, or nobody is there to be asked.
     """
     need = outlook.whole
-    cheap = need.usd is not None and need.usd <= cfg.ask_usd
-    if cfg.yes or (cheap and outlook.hours(need) <= cfg.ask_h):
+    small = need.usd <= cfg.ask_usd and outlook.hours(need) <= cfg.ask_h
+    if cfg.yes or small:
         return
     answer = ""
     if sys.stdin is not None and sys.stdin.isatty():

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
+import operator
 import os
-from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any
 
 from omegaconf import DictConfig
@@ -38,26 +39,17 @@ class Need:
         rollouts: at most.
         busy_s: seconds of one core.
         wait_s: seconds for answers of a model.
-        usd: US dollars; None: the model has no known price.
+        usd: US dollars; infinite: the model has no known price.
     """
 
     requests: int = 0
     rollouts: int = 0
     busy_s: float = 0.0
     wait_s: float = 0.0
-    usd: float | None = 0.0
+    usd: float = 0.0
 
     def __add__(self, other: Need) -> Need:
-        usd = None
-        if self.usd is not None and other.usd is not None:
-            usd = self.usd + other.usd
-        return Need(
-            self.requests + other.requests,
-            self.rollouts + other.rollouts,
-            self.busy_s + other.busy_s,
-            self.wait_s + other.wait_s,
-            usd,
-        )
+        return Need(*map(operator.add, astuple(self), astuple(other)))
 
 
 @dataclass(frozen=True)
@@ -86,21 +78,17 @@ class Outlook:
 
     def show(self) -> None:
         """Print what each method takes, and all together."""
-        by_method = defaultdict(list)
-        for run, need in self.needs.items():
-            by_method[run.method].append(need)
-
         rows = []
-        planned = Counter(run.method for run in self.runs)
-        for method, count in planned.items():
-            missing = by_method[method]
-            rows.append(self._row(method, count, len(missing), total(missing)))
+        for method in dict.fromkeys(run.method for run in self.runs):
+            runs = [run for run in self.runs if run.method == method]
+            missing = [self.needs[run] for run in runs if run in self.needs]
+            rows.append(self._row(method, len(runs), len(missing), total(missing)))
         rows.append(self._row("all", len(self.runs), len(self.needs), self.whole))
         head = ("method", "runs", "to do", "requests", "rollouts", "hours", "dollars")
         print_table(head, rows, head[1:])
 
     def _row(self, method: str, runs: int, todo: int, need: Need) -> tuple[str, ...]:
-        usd = "unknown" if need.usd is None else f"{need.usd:,.2f}"
+        usd = "unknown" if math.isinf(need.usd) else f"{need.usd:,.2f}"
         numbers = (runs, todo, need.requests, need.rollouts)
         hours = f"{self.hours(need):.1f}"
         return (method, *(f"{number:,}" for number in numbers), hours, usd)
@@ -138,14 +126,14 @@ class _Demand:
     finals: tuple[int, int]
     prompt: Estimate | None
 
-    def price(self, tools: int, plans: int) -> float | None:
-        """Return the dollars of a request and its answer; None: not known."""
+    def price(self, tools: int, plans: int) -> float:
+        """Return the dollars of a request and its answer; infinite: not known."""
         if self.prompt is None:
             return 0.0
         sent = self.prompt.usd_per_prompt_token
         answered = self.prompt.usd_per_completion_token
         if sent is None or answered is None:
-            return None
+            return math.inf
         answer = tools * (TOOL_TOKENS + PLAN_TOKENS * plans)
         return self.prompt.prompt_tokens * sent + answer * answered
 
@@ -189,12 +177,10 @@ class Estimator:
 
         busy_s = START_S + rollouts * (self._rollout_s or ROLLOUT_S)
         waits = reads_words(cfg) and self._rollout_s is None
-        price = demand.price(tools, budget.n_action)
-        usd = None if price is None else requests * price
+        wait_s = ANSWER_S * generations if waits else 0.0
+        usd = requests * demand.price(tools, budget.n_action)
 
-        return Need(
-            requests, rollouts, busy_s, ANSWER_S * generations if waits else 0.0, usd
-        )
+        return Need(requests, rollouts, busy_s, wait_s, usd)
 
 
 class _NoModel(VLM):

@@ -16,9 +16,11 @@ import yaml
 from core.config.compose import load
 from core.errors import UserError
 from core.search.orchestration import run
+from plugins.results.report.command import report
 from plugins.results.study.command import main
 from plugins.results.study.estimate import look_ahead
-from plugins.results.study.files import Selection, find_study, read_study
+from plugins.results.study.files import RECORD, Selection, find_study, read_study
+from tests.core.run_folders import write_run
 from tests.plugins.results.report.test_tables import read_csv
 from tests.plugins.vlms.servers import Say, serving
 from tests.processes import family, wait_until
@@ -86,24 +88,24 @@ def test_the_paper_with_a_language_model_says_what_it_costs(
 @pytest.mark.parametrize(
     ("words", "changes", "said"),
     [
-        (["nothing"], {}, "no study 'nothing'"),
-        (["small.yaml", "tasks=OneBok"], {}, "did you mean 'OneBook'?"),
-        (["small.yaml", "methods=frist"], {}, "did you mean 'first'?"),
-        (["small.yaml", "budget=huge"], {}, "possible: tiny"),
-        (["small.yaml", "methods=told"], {}, "name a language model"),
-        (["small.yaml", "jobs=0"], {}, "jobs: Input should be greater"),
-        (["small.yaml", "sim=mojoco"], {}, "did you mean 'mujoco'?"),
-        (["small.yaml"], {"seeds": 0}, "small.yaml: seeds: Input should be greater"),
-        (["small.yaml"], {"methods": [{"name": "a b"}]}, "methods.0.name: "),
-        (["small.yaml"], {"author": "me"}, "small.yaml: author: Extra inputs"),
-        ([], {}, "no study is named; usage: "),
+        ("nothing", {}, "no study 'nothing'"),
+        ("small.yaml tasks=OneBok", {}, "did you mean 'OneBook'?"),
+        ("small.yaml methods=frist", {}, "did you mean 'first'?"),
+        ("small.yaml budget=huge", {}, "possible: tiny"),
+        ("small.yaml methods=told", {}, "name a language model"),
+        ("small.yaml jobs=0", {}, "jobs: Input should be greater"),
+        ("small.yaml sim=mojoco", {}, "did you mean 'mujoco'?"),
+        ("small.yaml", {"seeds": 0}, "small.yaml: seeds: Input should be greater"),
+        ("small.yaml", {"methods": [{"name": "a b"}]}, "methods.0.name: "),
+        ("small.yaml", {"author": "me"}, "small.yaml: author: Extra inputs"),
+        ("", {}, "no study is named; usage: "),
     ],
 )
 def test_mistakes(tmp_path, monkeypatch, words, changes, said):
     monkeypatch.chdir(tmp_path)
     write(tmp_path, **changes)
     with pytest.raises(UserError, match=re.escape(said)):
-        main(words)
+        main(words.split())
 
 
 @pytest.mark.slow
@@ -127,6 +129,25 @@ def test_what_is_there_is_not_run_again(tmp_path, monkeypatch, capsys):
     assert all(path.read_bytes() == data for path, data in stored.items())
     with pytest.raises(UserError, match=r"hold.* runs of first that differ in: sim"):
         main([file, "tasks=BringCube", "folder=done", "sim=sapien"])
+
+
+def test_published_figures_stand_beside_those_of_the_runs(tmp_path):
+    """On the tasks that all methods of a figure have; nothing where a method is not there."""
+    write_run(tmp_path / "a", "name=full", "task=ElevatePlate", rewards=[[0.5]])
+    write_run(tmp_path / "b", "name=full", rewards=[[0.75]])
+    write_run(tmp_path / "c", "name=rlbench", rewards=[[0.5]])
+    file = find_study("paper")
+    selection = Selection(read_study(file), file, tmp_path, "quick")
+    (tmp_path / RECORD).write_text(selection.record())
+
+    report([tmp_path], tmp_path)
+    rows = read_csv(tmp_path / "data/published.csv")
+    assert [f"{row['published']} {row['here']}" for row in rows] == [
+        "0.938 0.5",
+        "0.428 ",
+        "24.3 50.0",
+        "64.7 ",
+    ]
 
 
 def play_stored(call):
@@ -163,18 +184,17 @@ def test_a_study_that_is_killed_five_times(tmp_path, monkeypatch):
     """
     monkeypatch.setenv("GEMINI_API_KEY", "AIza-planted+0123456789")
     monkeypatch.setenv("PYTHONPATH", str(SOLUTIONS.parents[2]))
-    words = ["vlm=gemini", "prompt.repair=0", "sim=mujoco", "prompt.picture=false"]
-    words += ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1"]
-    words += ["budget.n_iteration=1", "listener=[]"]
-    asked = ["paper", "tasks=BringCube,ScoreGoal", "seeds=1", "jobs=1", "yes=true"]
+    words = "vlm=gemini prompt.repair=0 sim=mujoco prompt.picture=false listener=[]"
+    words += " budget.n_agent=1 budget.n_tool=1 budget.n_action=1 budget.n_iteration=1"
+    asked = "paper tasks=BringCube,ScoreGoal seeds=1 jobs=1 yes=true folder=killed"
 
     with serving(play_stored) as server:
-        words.append(f"vlm.api_base={server.url}")
+        words += f" vlm.api_base={server.url}"
 
         def start():
-            command = [sys.executable, "-m", "core", "study", *asked, *words]
+            command = f"-m core study {asked} {words}".split()
             return subprocess.Popen(
-                [*command, "folder=killed"], cwd=tmp_path, start_new_session=True
+                [sys.executable, *command], cwd=tmp_path, start_new_session=True
             )
 
         for kill in range(5):
@@ -193,7 +213,9 @@ def test_a_study_that_is_killed_five_times(tmp_path, monkeypatch):
 
         file = find_study("paper")
         study = read_study(file)
-        alone = Selection(study, file, tmp_path / "alone", "quick", tuple(words))
+        alone = Selection(
+            study, file, tmp_path / "alone", "quick", tuple(words.split())
+        )
         runs = alone.plan(study.methods, ["BringCube", "ScoreGoal"], 1)
         need = look_ahead(runs, 1).whole
         for planned in runs:
