@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import yaml
@@ -13,8 +13,10 @@ from core.design import Budget
 from core.interfaces import RolloutSettings
 from core.values.materials import Material
 
+# Not as a resource of `prompts`: a folder of the user's may hide that, which is said later.
+_PROMPTS = Path(__file__).parents[2] / "prompts"
 PARTS: dict[str, list[str]] = yaml.safe_load(
-    (files("prompts") / "parts.yaml").read_text("utf-8")
+    (_PROMPTS / "parts.yaml").read_text("utf-8")
 )
 """The templates of the project's own prompts, by the kind of request."""
 PartConfig = dict[str, Any]

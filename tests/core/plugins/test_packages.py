@@ -25,6 +25,7 @@ def python(folder, *words, **environment):
         ("plugins", "plugins/__init__.py"),
         ("tasks", "tasks/__init__.py"),
         ("conf", "conf/__init__.py"),
+        ("prompts", "prompts/__init__.py"),
         ("tasks", "tasks.py"),
     ],
 )

@@ -19,9 +19,10 @@ from tests.plugins.tasks.file.imports.conftest import called
 
 
 @pytest.fixture(autouse=True)
-def within(monkeypatch):
-    """Files are compiled in this process, which starts no other for each."""
+def within(monkeypatch, tmp_path):
+    """Files are compiled in this process, which starts no other for each, and logs of warnings do not stay."""
     monkeypatch.setattr(mjcf, "isolated", called)
+    monkeypatch.chdir(tmp_path)
 
 
 def written(folder, body, before="", after=""):
