@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import ast
 import re
+import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from omegaconf import OmegaConf
 
 from core.config.compose import load
-from core.plugins import installed
-from core.store.rows import TABLES
+from core.config.sources import defaults
+from core.plugins import KINDS, installed
 
 ROOT = Path(__file__).parents[1]
 LIST = ROOT / "tests" / "contract.txt"
@@ -24,8 +26,8 @@ PROGRAMS = {"__init__", "__main__", "run", "evaluate", "prompt"}
 
 
 def current() -> set[str]:
-    """Return a line for each public name, key, part, command and table of today."""
-    return {*names(), *keys(), *parts(), *(f"table {table}" for table in TABLES)}
+    """Return a line for each public name, key, part, setting and column of today."""
+    return {*names(), *keys(), *command_keys(), *parts(), *columns()}
 
 
 def names() -> Iterator[str]:
@@ -67,11 +69,33 @@ def flat(config: Any, prefix: str) -> Iterator[str]:
             yield f"{prefix}{key}"
 
 
+def command_keys() -> Iterator[str]:
+    """Keys that schemas of commands define."""
+    for file in (ROOT / "plugins").rglob("*.py"):
+        for node in ast.parse(file.read_text()).body:
+            if isinstance(node, ast.ClassDef) and node.name.endswith("Config"):
+                yield from (f"key {node.name}.{key}" for key in public(node))
+
+
 def parts() -> Iterator[str]:
-    """Built-in parts by kind and name; commands are among them."""
+    """Built-in parts by kind and name, and their settings; commands are among them."""
     for (kind, name), offer in installed().offers.items():
         if offer.distribution == "vlmgineer":
             yield f"part {kind}={name}"
+            if kind in KINDS:
+                yield from (
+                    f"setting {kind}={name}.{key}" for key in defaults(kind, name)
+                )
+
+
+def columns() -> list[str]:
+    """Columns of a run's store."""
+    schema = (ROOT / "core/store/schema.sql").read_text()
+    listed = "SELECT m.name, c.name FROM sqlite_master m, pragma_table_info(m.name) c"
+    with closing(sqlite3.connect(":memory:")) as store:
+        store.executescript(schema)
+        rows = store.execute(listed).fetchall()
+    return [f"column {table}.{column}" for table, column in rows]
 
 
 def stored() -> set[str]:
@@ -86,5 +110,5 @@ def unnamed(lines: set[str]) -> set[str]:
 
 if __name__ == "__main__":
     today = current()
-    kept = unnamed(stored() - today) if LIST.exists() else set()
+    kept = unnamed(stored() - today)
     LIST.write_text("".join(f"{line}\n" for line in sorted(today | kept)))

@@ -1,4 +1,4 @@
-"""No public name, key, part or table comes or goes unnoticed."""
+"""No public name, key, part, setting or column comes or goes unnoticed."""
 
 import importlib.util
 
