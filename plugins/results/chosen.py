@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
@@ -18,7 +19,9 @@ from core.designs.planning import NO_PLAN
 from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError
 from core.interfaces import Material, RolloutSettings, Task, ToolRepresentation
+from core.plugins import SIMULATOR, installed
 from core.store.reader import StoredRun
+from core.support.cli import say
 from core.trial import TIE, Evaluation, best_first
 
 _SECTIONS = ("rollout", "material")  # settings that are taken over key by key
@@ -127,6 +130,7 @@ def config_for(words: Sequence[str], name: str, schema: type, usage: str) -> Dic
     """Compose the primary config ``name`` of a command that takes ``designs``, a file or a run's folder.
 
     Of a run its task, robot, tool, material, layout and rollout settings count, unless the command line sets them.
+    Engines (``sims``) that the command line does not name are left out where their packages are missing.
 
     Raises:
         UserError: no designs are given, or the run's configuration can't be used here.
@@ -135,8 +139,11 @@ def config_for(words: Sequence[str], name: str, schema: type, usage: str) -> Dic
     if OmegaConf.is_missing(cfg, "designs"):
         raise UsageError(f"no designs given; {usage}")
     folder = Path(cfg.designs)
+    named = {word.lstrip("+~").partition("=")[0] for word in words}
+    if "sims" in cfg and "sims" not in named:
+        cfg.sims = [name for name in cfg.sims if _is_usable(name)]
+
     if folder.is_dir():
-        named = {word.lstrip("+~").partition("=")[0] for word in words}
         try:
             _take_over(cfg, stored_config(folder), named)
         except (KeyError, OmegaConfBaseException) as error:
@@ -145,6 +152,17 @@ def config_for(words: Sequence[str], name: str, schema: type, usage: str) -> Dic
             ) from error
 
     return cfg
+
+
+def _is_usable(engine: str) -> bool:
+    """Report whether an engine's package is installed; a line says what is missing."""
+    try:
+        installed().factory(SIMULATOR, engine)
+    except UserError as error:
+        say(f"left out: {error}", file=sys.stderr)
+        return False
+
+    return True
 
 
 def _take_over(cfg: DictConfig, run: dict[str, Any], named: set[str]) -> None:
