@@ -20,6 +20,7 @@ from core.support.files import read_text
 from core.support.templates import fill
 from core.support.text import clean
 from plugins.tasks.file.bench.asking import open_asker
+from plugins.tasks.file.bench.board import find_by_board, print_board
 from plugins.tasks.file.bench.drafts import PACKAGE, Draft
 from plugins.tasks.file.bench.page import draw_page
 from plugins.tasks.file.bench.photographs import read_photographs
@@ -27,8 +28,8 @@ from plugins.tasks.file.bench.replies import LONGEST
 
 USAGE = (
     'usage: vlmgineer scene ["SENTENCE"] [FILE.yaml] [pictures=[a.jpg,b.jpg]] [cameras=[{position: [x,y,z], target: '
-    "[x,y,z], fov_deg: 52}]] [known={mug.height: 0.095, table_corner: [1.35,0.5,0]}] [vlm=NAME] [tries=3] "
-    "[output=FILE.yaml]"
+    "[x,y,z], fov_deg: 52}]] [board=[x,y,yaw_deg]] [known={mug.height: 0.095, table_corner: [1.35,0.5,0]}] [vlm=NAME] "
+    "[tries=3] [output=FILE.yaml], or print_board=board.pdf"
 )
 _KNOWN = TypeAdapter(dict[str, float | tuple[float, float, float]])
 _SETTING = re.compile(r"-|[+~]?[\w./@]+=")
@@ -41,6 +42,8 @@ class SceneFileConfig(RunConfig):
     Attributes:
         pictures: files of photographs.
         cameras: where they were taken from, in their order; ``position``, ``target`` and vertical ``fov_deg``.
+        board: where the middle of the printed board lies on the table, x and y, m, and its yaw, degrees.
+        print_board: write the board to this file, PDF or PNG, and nothing else.
         fov_deg: of photographs whose camera is found, vertical, degrees.
         tries: how often a model may answer.
         output: the file to write.
@@ -48,6 +51,8 @@ class SceneFileConfig(RunConfig):
 
     pictures: list[str] = field(default_factory=list)
     cameras: list[dict[str, Any]] = field(default_factory=list)
+    board: list[float] = field(default_factory=list)
+    print_board: str = ""
     fov_deg: float = 53.0
     tries: int = 3
     output: str = "my_scene.yaml"
@@ -66,14 +71,20 @@ def main(words: list[str]) -> None:
     sentence = " ".join(word for word in said if word not in given)
     others = [word for word in settings if word not in known]
     cfg = load("scene", arguments(USAGE, others), SceneFileConfig)
+    if cfg.print_board:
+        print_board(cfg.print_board)
+        return
     cfg.output = cfg.task.file = (given or [cfg.output])[0]
     output = expand(cfg.output)
     if not given and len(sentence.split()) < 2:
         raise UsageError(f"say what is to be done, in a sentence; {USAGE}")
 
+    photographs = read_photographs(cfg.pictures, OmegaConf.to_container(cfg.cameras))
+    if cfg.board:
+        photographs = find_by_board(photographs, list(cfg.board), cfg.fov_deg)
     draft = Draft(
         output.with_suffix(".draft.yaml"),
-        read_photographs(cfg.pictures, OmegaConf.to_container(cfg.cameras)),
+        photographs,
         _read_known("".join(known)),
         part(ROBOT, cfg.robot).create(),
         cfg.fov_deg,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -41,6 +42,22 @@ class View:
         return pixels
 
 
+def load_opencv() -> Any:
+    """Load OpenCV.
+
+    Raises:
+        UserError: it is not installed.
+    """
+    try:
+        import cv2
+    except ModuleNotFoundError as error:
+        raise UserError(
+            "finding a camera needs OpenCV: pip install 'opencv-python-headless>=4.8'; or measure where it stood, and "
+            "give cameras=[{position: [x,y,z], target: [x,y,z], fov_deg: 52}]"
+        ) from error
+    return cv2
+
+
 def find_view(
     places: Array, pixels: Array, size: tuple[int, int], fov_deg: float
 ) -> View:
@@ -49,14 +66,7 @@ def find_view(
     Raises:
         UserError: OpenCV is not installed, or no camera sees them so.
     """
-    try:
-        import cv2
-    except ModuleNotFoundError as error:
-        raise UserError(
-            "finding a camera needs OpenCV: pip install opencv-python-headless; or measure where it stood, and give "
-            "cameras=[{position: [x,y,z], target: [x,y,z], fov_deg: 52}]"
-        ) from error
-
+    cv2 = load_opencv()
     width, height = size
     focal = height / 2 / math.tan(math.radians(fov_deg) / 2)
     lens = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])

@@ -13,8 +13,10 @@ from core.config.compose import load, task_part
 from core.interfaces import Picture
 from core.scene import Camera
 from plugins.render import RenderConfig
+from plugins.tasks.file.bench.board import find_by_board
+from plugins.tasks.file.bench.command import main
 from plugins.tasks.file.bench.drafts import Draft
-from plugins.tasks.file.bench.photographs import Photograph
+from plugins.tasks.file.bench.photographs import Photograph, read_photographs
 from plugins.tasks.file.bench.replies import read_reply
 from plugins.tasks.file.bench.views import View, find_view
 from plugins.tasks.file.task import FileTask
@@ -27,6 +29,7 @@ PLACES = CAMERAS["as_stated"] | CAMERAS["shifted"]
 # By how much middles and sizes of bodies are off at most, m.
 EXACT = (0.006, 0.016)
 OFF = (0.03, 0.035)
+CAMERA = View(Camera((1.4, -0.9, 0.9), (0.6, 0.0, 0.1), 52.0), SIZE, roll=0.1)
 QUICK = ("BringCube", "MoveBall")
 # Names of the tasks' bodies, where the answers name them otherwise.
 TRUE = {
@@ -109,12 +112,27 @@ def test_a_point_that_was_guessed_is_a_fault(tmp_path):
 
 def test_a_camera_is_found_by_known_places():
     pytest.importorskip("cv2")
-    corners = np.array([[x, y, 0.0] for x in (-0.15, 1.35) for y in (-0.5, 0.5)])
-    places = np.vstack([corners, [[0.6, 0.0, 0.3]]])
-    seen = View(Camera((1.4, -0.9, 0.9), (0.6, 0.0, 0.1), 52.0), SIZE, roll=0.1)
-    found = find_view(places, seen.project(places), SIZE, 52.0)
+    corners = [[x, y, 0.0] for x in (-0.15, 1.35) for y in (-0.5, 0.5)]
+    places = np.array([*corners, [0.6, 0.0, 0.3]])
+    found = find_view(places, CAMERA.project(places), SIZE, 52.0)
     np.testing.assert_allclose(found.camera.position, (1.4, -0.9, 0.9), atol=1e-3)
     assert found.roll == pytest.approx(0.1, abs=1e-3)
+
+
+def test_a_camera_is_found_by_the_printed_board(tmp_path):
+    cv2 = pytest.importorskip("cv2")
+    main([f"print_board={tmp_path}/board.png"])
+    sheet = cv2.resize(cv2.imread(f"{tmp_path}/board.png"), (210, 297), interpolation=3)
+    # Its middle lies at (0.5, -0.2), and it is turned to the left by 90 degrees.
+    edges = np.float32([[0, 0], [210, 0], [0, 297], [210, 297]])
+    corners = [[x, y, 0] for y in (-0.0515, -0.3485) for x in (0.395, 0.605)]
+    seen = np.float32(CAMERA.project(np.array(corners)))
+    warp = cv2.getPerspectiveTransform(edges, seen)
+    cv2.imwrite(f"{tmp_path}/photo.png", cv2.warpPerspective(sheet, warp, SIZE))
+    photographs = read_photographs([f"{tmp_path}/photo.png"], [])
+    (found,) = find_by_board(photographs, (0.5, -0.2, 90), 52.0)
+    off = np.array(found.view.camera.position) - (1.4, -0.9, 0.9)
+    assert np.linalg.norm(off) < 0.015
 
 
 def test_what_is_said_beside_a_scene_is_no_part_of_it(tmp_path):

@@ -1,0 +1,109 @@
+"""A board of markers, printed and laid on the table, by which the cameras of photographs are found."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from core.errors import UsageError
+from core.geometry import Array, Pose
+from core.support.cli import expand, say, write_bytes
+from plugins.tasks.file.bench.photographs import Photograph
+from plugins.tasks.file.bench.views import find_view, load_opencv
+
+COUNTS = (3, 4)  # markers across and along the sheet
+MARKER_M = 0.05
+GAP_M = 0.012
+SHEET_M = np.array([0.21, 0.297])  # A4
+_DOTS_PER_M = 300 / 0.0254
+_LEAST_MARKERS = 2
+_WORDS = f"up: forward from the robot, at yaw 0   -   print at 100 %: each marker is {1000 * MARKER_M:.0f} mm wide"
+
+
+def print_board(name: str) -> None:
+    """Write the sheet, PDF or PNG in its true size.
+
+    Raises:
+        UserError: OpenCV is not installed, or the file can't be written.
+    """
+    file = expand(name)
+    kinds = {".pdf": "PDF", ".png": "PNG"}
+    if file.suffix.lower() not in kinds:
+        raise UsageError(f"the board is a PDF or PNG file, not {name}; say board.pdf")
+    cv2 = load_opencv()
+    board = _board()
+    size = np.rint(SHEET_M * _DOTS_PER_M).astype(int)
+    sheet = Image.new("L", tuple(size.tolist()), 255)
+    side = round(MARKER_M * _DOTS_PER_M)
+    margin = (SHEET_M - _find_extent()) / 2
+    for number, corners in enumerate(board.getObjPoints()):
+        marker = cv2.aruco.generateImageMarker(board.getDictionary(), number, side)
+        left, top = np.rint((corners[0, :2] + margin) * _DOTS_PER_M).astype(int)
+        sheet.paste(Image.fromarray(marker), (left, top))
+    font = ImageFont.load_default(size=40)
+    ImageDraw.Draw(sheet).text((200, 180), _WORDS, 0, font)
+    stream = io.BytesIO()
+    sheet.save(stream, kinds[file.suffix.lower()], resolution=300, dpi=(300, 300))
+    write_bytes(file, stream.getvalue())
+    say(
+        f"{name} is written: print it at 100 %, lay it flat on the table where all photographs show it, measure where "
+        "its middle lies, and give board=[x,y,yaw_deg]"
+    )
+
+
+def find_by_board(
+    photographs: Sequence[Photograph], place: Sequence[float], fov_deg: float
+) -> list[Photograph]:
+    """Find the cameras of photographs by the board, whose middle is at x, y and turned by yaw, m and degrees.
+
+    What has a view keeps it; where no board is seen, a line says so.
+
+    Raises:
+        UserError: OpenCV is not installed, the place is none, or no camera sees the board so.
+    """
+    if len(place) != 3:
+        raise UsageError(
+            "the board's place is x, y and yaw, such as board=[0.4,-0.3,0]; m and degrees"
+        )
+    x, y, yaw_deg = place
+    frame = Pose.xyz_rpy((x, y, 0.0), (0.0, 0.0, np.radians(yaw_deg)))
+    cv2 = load_opencv()
+    board = _board()
+    settings = cv2.aruco.DetectorParameters()
+    settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    detector = cv2.aruco.ArucoDetector(board.getDictionary(), settings)
+
+    found = list[Photograph]()
+    for photograph in photographs:
+        view = photograph.view
+        pixels = np.asarray(Image.open(io.BytesIO(photograph.picture.png)).convert("L"))
+        corners, names, _ = detector.detectMarkers(pixels)
+        if view is None and len(corners) < _LEAST_MARKERS:
+            say(f"{photograph.picture.name}: the board is not seen in it")
+        elif view is None:
+            points, seen = board.matchImagePoints(corners, names)
+            # On the sheet x is to the right and y down, from the first marker's corner.
+            right, down = (points.reshape(-1, 3)[:, :2] - _find_extent() / 2).T
+            world = frame.apply(np.stack([-down, -right, 0 * right], axis=1))
+            # OpenCV counts from the middle of the first pixel.
+            middles = seen.reshape(-1, 2) + 0.5
+            view = find_view(world, middles, photograph.size, fov_deg)
+        found.append(replace(photograph, view=view))
+    return found
+
+
+def _board() -> Any:
+    aruco = load_opencv().aruco
+    markers = aruco.getPredefinedDictionary(aruco.DICT_4X4_50)
+    return aruco.GridBoard(COUNTS, MARKER_M, GAP_M, markers)
+
+
+def _find_extent() -> Array:
+    """Compute how far the markers go across and along the sheet, m."""
+    extent: Array = np.array(COUNTS) * (MARKER_M + GAP_M) - GAP_M
+    return extent
