@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 import numpy as np
 
-from core.geometry import Pose
+from core.geometry import Array, Pose
 from core.goals import Kept, Reach, reaches
 from core.robot.kinematics import Arm, arm_of
-from core.scene import Scene
+from core.scene import Scene, State
 from plugins.tasks.file.bench.fitting import find_gaps
-from plugins.tasks.file.doubts import find_doubts
+from plugins.tasks.file.doubts import bound, find_doubts
 from plugins.tasks.file.task import FileTask
 
 OVERLAP_M = 0.001
 TOOL_M = 0.8  # the longest tool that most arms can wield
+SURROUNDINGS = ("table", "floor")
+WAY_M = 0.25  # what is farther from all ways is met by no tool
 
 
 def find_faults(task: FileTask) -> Iterator[str]:
@@ -23,6 +26,7 @@ def find_faults(task: FileTask) -> Iterator[str]:
     scene = task.scene(0)
     yield from find_overlaps(scene)
     yield from find_doubts(scene)
+    yield from _find_useless(task, scene)
     still = set[str]()
     for goal in task.goals:
         if isinstance(goal, Kept):
@@ -47,11 +51,7 @@ def _find_needless(goal: Reach, arm: Arm, scene: Scene) -> Iterator[str]:
     left = list[float]()
     for name in goal.bodies:
         left += [float(m.left(state)) for m in goal.all_measures(name, state)]
-        here = state.position(name)
-        wanted = goal.place_of(name, state)
-        if wanted is None:
-            wanted = here
-        for place in (here, np.where(np.isnan(wanted), here, wanted)):
+        for place in _find_ends(goal, name, state):
             away = arm.inverse(Pose(place), arm.home).error_m
             if away > TOOL_M:
                 yield (
@@ -61,3 +61,39 @@ def _find_needless(goal: Reach, arm: Arm, scene: Scene) -> Iterator[str]:
     if left and max(left) <= 0 and not (goal.held or goal.released or goal.rest):
         names = ", ".join(goal.bodies)
         yield f"the goal of {names} is reached before anything moves; correct its place, or ask for more"
+
+
+def _find_useless(task: FileTask, scene: Scene) -> Iterator[str]:
+    """Yield a line for each body that no goal names, and that is far from where the arm and what it moves may go."""
+    state = scene.state()
+    ways = [np.zeros((1, 3))]
+    for goal in reaches(task.goals):
+        for name in goal.subjects(state):
+            here, wanted = _find_ends(goal, name, state)
+            ways += [np.linspace(0.0, here), np.linspace(here, wanted)]
+    way = np.concatenate(ways)
+
+    words = " ".join(task.reward_in_words())
+    for joint in scene.joints:
+        words += f" {joint.body} {joint.parent}"
+    for body in scene.bodies:
+        named = re.search(rf"\b{re.escape(body.name)}\b", words)
+        if named or body.name in SURROUNDINGS or not body.collisions:
+            continue
+        low, high = bound(body)
+        beyond = np.maximum(low - way, way - high).clip(min=0.0)
+        apart = np.linalg.norm(beyond, axis=1).min()
+        if apart > WAY_M:
+            yield (
+                f"{body.name} serves no goal, and stands in no way, {apart:.2f} m from the nearest; leave it out, or "
+                "say in a goal what is to become of it"
+            )
+
+
+def _find_ends(goal: Reach, name: str, state: State) -> tuple[Array, Array]:
+    """Return where a body is, and where a goal wants it; where it wants nothing, it stays."""
+    here = state.position(name)
+    wanted = goal.place_of(name, state)
+    if wanted is None:
+        return here, here
+    return here, np.where(np.isnan(wanted), here, wanted)

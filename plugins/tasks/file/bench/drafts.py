@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,13 +12,15 @@ from typing import Any
 import numpy as np
 
 from core.errors import UserError
+from core.geometry import Pose
 from core.interfaces import Message, Robot, Text
+from core.robot.kinematics import arm_of
 from core.support.templates import fill
 from core.support.text import clean
 from plugins.tasks.file.bench.asking import Asker
 from plugins.tasks.file.bench.checks import find_faults, find_overlaps
 from plugins.tasks.file.bench.fitting import Fit, fit_seen
-from plugins.tasks.file.bench.marks import Numbers
+from plugins.tasks.file.bench.marks import MARKED, Numbers
 from plugins.tasks.file.bench.photographs import Photograph
 from plugins.tasks.file.bench.replies import LONGEST, Beside, Sighting, read_reply
 from plugins.tasks.file.bench.views import LEAST_PLACES, View, find_view
@@ -30,6 +32,7 @@ PACKAGE = "plugins.tasks.file.bench"
 LAYOUTS = 16  # of the variation, in which no bodies may overlap
 HALVINGS = 6
 VARYING = ("position.x", "position.y", "rpy_deg.yaw")
+_FAR = np.array([5.0, 0.0, 0.3])  # where no arm gets
 _SEEN = re.compile(r"^  seen:.*\n(?:    .*\n)*", re.MULTILINE)
 
 
@@ -65,9 +68,13 @@ class Draft:
         Raises:
             UserError: the model has questions, or gave no answer.
         """
+        before = self._read_numbers()
+        arm = arm_of(self.robot)
+        short = arm.inverse(Pose(_FAR), arm.home).error_m
         told = fill(
             PACKAGE,
             "ask",
+            reach=np.linalg.norm(_FAR) - short,
             sentence=sentence,
             text=self.text,
             known=self.known,
@@ -88,12 +95,44 @@ class Draft:
                     raise UserError(
                         f"the model asks: {' '.join(asked)} Say it in the sentence."
                     )
+                strays = list(self._find_strays(before, sentence))
                 self.examine()
+                self.faults += strays
             if not self.faults:
                 return
             again = fill(PACKAGE, "again", faults=self.faults)
             messages.append(Message("assistant", (Text(reply),)))
             messages.append(Message("user", (Text(again),)))
+
+    def _read_numbers(self) -> Numbers | None:
+        """Read the numbers of the file; None: there is none yet."""
+        if not self.text:
+            return None
+        return Numbers(Tree(self.file, self.text), self.text)
+
+    def _find_strays(self, before: Numbers | None, sentence: str) -> Iterator[str]:
+        """Yield a line for each number that was changed, though the sentence names nothing of it.
+
+        What the answer marks as told counts as named, such as what lies in a cup that is moved.
+        """
+        now = self._read_numbers()
+        if before is None or now is None:
+            return
+        words = sentence.lower()
+        for path in before.values | now.values:
+            part, _, rest = path.partition(".")
+            names = re.findall("[a-z]+", rest.partition(".")[0].lower())
+            named = any(name in words for name in names)
+            told = now.marks.get(path) == "told"
+            if part not in MARKED or named or told:
+                continue
+            old = before.values.get(path)
+            new = now.values.get(path)
+            if old != new:
+                yield (
+                    f"{path} was {old} and is {new}, which the sentence does not ask for; leave it as it was, or mark "
+                    "it # told where it has to change too"
+                )
 
     def examine(self) -> None:
         """Fit the file to what was seen, and list all its faults."""

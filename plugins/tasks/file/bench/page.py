@@ -15,10 +15,10 @@ from core.errors import NoPicture
 from core.geometry import Array
 from core.interfaces import Simulator, Task
 from core.simulation.pictures import png, report_missing
+from plugins.tasks.file.bench.checks import SURROUNDINGS
 from plugins.tasks.file.bench.photographs import Photograph
 from plugins.tasks.file.bench.replies import Sighting
 
-SURROUNDINGS = ("table", "floor")
 PLANS = {
     "plan: x to the right, y up": [0, 1],
     "elevation: x to the right, z up": [0, 2],

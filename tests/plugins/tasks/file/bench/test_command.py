@@ -88,7 +88,12 @@ def test_a_scene_is_written_changed_and_replayed(bench, capsys):
         "position: [1.0, 0, 0.035]  # seen", "position: [1.0, 0.04, 0.035]  # told"
     )
     sentence = "The cube is 4 cm farther left."
-    write_scene("my_scene.yaml", sentence, replies=[moved], folder=bench / "mailbox")
+    strayed = moved.replace("radius: 0.05", "radius: 0.06")
+    replies = [strayed, moved]
+    prompts = write_scene(
+        "my_scene.yaml", sentence, replies=replies, folder=bench / "mailbox"
+    )
+    assert any("marks.mark.radius was 0.05 and is 0.06" in text for text in prompts)
     said = capsys.readouterr().out
     assert "+     position: [1.0, 0.04, 0.035]  # told" in said
     assert file.read_text() == moved
