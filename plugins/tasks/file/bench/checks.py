@@ -9,6 +9,7 @@ import numpy as np
 
 from core.geometry import Array, Pose
 from core.goals import Kept, Reach, reaches
+from core.interfaces import Robot
 from core.robot.kinematics import Arm, arm_of
 from core.scene import Scene, State
 from plugins.tasks.file.bench.fitting import find_gaps
@@ -19,6 +20,7 @@ OVERLAP_M = 0.001
 TOOL_M = 0.8  # the longest tool that most arms can wield
 SURROUNDINGS = ("table", "floor")
 WAY_M = 0.25  # what is farther from all ways is met by no tool
+_FAR_M = 5.0  # ahead, where no arm gets
 
 
 def find_faults(task: FileTask) -> Iterator[str]:
@@ -35,6 +37,12 @@ def find_faults(task: FileTask) -> Iterator[str]:
         yield from _find_needless(goal, arm_of(task.robot), scene)
         for name in sorted(still & set(goal.bodies)):
             yield f"goals want {name} moved, and kept where it is; say which"
+
+
+def measure_reach(robot: Robot) -> float:
+    """Measure how far a robot's flange gets ahead of its base, m."""
+    arm = arm_of(robot)
+    return _FAR_M - arm.inverse(Pose(np.array([_FAR_M, 0.0, 0.3])), arm.home).error_m
 
 
 def find_overlaps(scene: Scene) -> Iterator[str]:

@@ -12,13 +12,11 @@ from typing import Any
 import numpy as np
 
 from core.errors import UserError
-from core.geometry import Pose
 from core.interfaces import Message, Robot, Text
-from core.robot.kinematics import arm_of
 from core.support.templates import fill
 from core.support.text import clean
 from plugins.tasks.file.bench.asking import Asker
-from plugins.tasks.file.bench.checks import find_faults, find_overlaps
+from plugins.tasks.file.bench.checks import find_faults, find_overlaps, measure_reach
 from plugins.tasks.file.bench.fitting import Fit, fit_seen
 from plugins.tasks.file.bench.marks import MARKED, Numbers
 from plugins.tasks.file.bench.photographs import Photograph
@@ -32,7 +30,6 @@ PACKAGE = "plugins.tasks.file.bench"
 LAYOUTS = 16  # of the variation, in which no bodies may overlap
 HALVINGS = 6
 VARYING = ("position.x", "position.y", "rpy_deg.yaw")
-_FAR = np.array([5.0, 0.0, 0.3])  # where no arm gets
 _SEEN = re.compile(r"^  seen:.*\n(?:    .*\n)*", re.MULTILINE)
 
 
@@ -69,12 +66,10 @@ class Draft:
             UserError: the model has questions, or gave no answer.
         """
         before = self._read_numbers()
-        arm = arm_of(self.robot)
-        short = arm.inverse(Pose(_FAR), arm.home).error_m
         told = fill(
             PACKAGE,
             "ask",
-            reach=np.linalg.norm(_FAR) - short,
+            reach=measure_reach(self.robot),
             sentence=sentence,
             text=self.text,
             known=self.known,
