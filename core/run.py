@@ -24,7 +24,7 @@ usage: python -m core.run [GROUP=NAME | KEY=VALUE ...]      start a run; groups 
 """
 
 
-def _run_job(cfg: DictConfig) -> UserError | None:
+def _run_job(cfg: DictConfig) -> UserError | BrokenPipeError | None:
     """Run one job of Hydra's; return why it failed: raised, it would be printed by Hydra with lines of its own."""
     from hydra.core.hydra_config import HydraConfig
     from omegaconf.errors import OmegaConfBaseException
@@ -36,7 +36,7 @@ def _run_job(cfg: DictConfig) -> UserError | None:
     try:
         check_keys(cfg)
         run_and_print(cfg, folder)
-    except UserError as error:
+    except (UserError, BrokenPipeError) as error:
         return error
     except OmegaConfBaseException as error:  # a setting without a value
         return explain(error, "config")
@@ -85,7 +85,7 @@ def _hydra(given: list[str]) -> None:
         folder = new_folder(f"multirun/{stamp()}")  # one for all jobs, in any process
         words.append(f"hydra.sweep.dir={folder}")
 
-    failures: list[UserError] = []
+    failures: list[UserError | BrokenPipeError] = []
 
     def job(cfg: DictConfig) -> None:
         failure = _run_job(cfg)
