@@ -147,7 +147,7 @@ def assert_same_run(one, other):
 @pytest.mark.parametrize(
     ("setting", "points"),
     [
-        ("ensemble", 4),
+        ("ensemble", 2),
         *(
             pytest.param(
                 setting,

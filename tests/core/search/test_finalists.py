@@ -33,6 +33,7 @@ from core.values.margins import Margin
 from plugins.conformance.evaluations import tried_once
 from tests.executors import Inline
 from tests.playing import Named
+from tests.rare import rare
 
 
 def earn(condition, candidates):
@@ -330,7 +331,7 @@ WORDS += ["evolution.tie=1", "film=false", "listener=[]", "prompt.picture=false"
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("inline")
-@pytest.mark.parametrize("elites", [0, 2])
+@pytest.mark.parametrize("elites", rare([0, 2], 0))
 def test_a_run_interrupted_among_elites_or_finalists_keeps_their_trials(
     elites, tmp_path, monkeypatch
 ):

@@ -253,7 +253,7 @@ KINDS = {
     "scene file": "task=file task.file=scene.yaml",
 }
 
-QUICK = ("layouts", "scene file")
+QUICK = ("scene file",)
 
 
 @pytest.mark.slow

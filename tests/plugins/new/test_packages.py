@@ -55,6 +55,7 @@ def written(tmp_path_factory):
     return folder, PYTHON | {"PYTHONPATH": os.pathsep.join(sites)}
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_what_is_written_passes_its_own_tests(written):
     """A few of a simulator's many checks: it uses an engine that passes them all in its own tests."""

@@ -21,6 +21,7 @@ from plugins.vlms.offline.answer import answer
 from plugins.vlms.offline.unplanned import find_unplanned
 from tests.engines import simulator
 from tests.playing import evaluate_batch
+from tests.rare import rare
 from tests.solutions import representation
 
 pytestmark = pytest.mark.slow
@@ -37,6 +38,10 @@ PROTOCOL = node(load("evaluate", ["protocol=varied"]).rollout, RolloutSettings)
 BARE = json.loads((HERE / "bare.json").read_text())
 
 every_task = pytest.mark.parametrize("name", TASKS)
+# Cloth takes the longest.
+quick_tasks = pytest.mark.parametrize(
+    "name", rare(TASKS, *[name for name in TASKS if "Cloth" not in name])
+)
 
 
 @cache
@@ -101,7 +106,7 @@ def test_the_embedded_designer_plans_for_it_and_says_what_it_leaves_out(name):
     assert "what a soft body does as it gives way" in find_unplanned(task_of(name), 0)
 
 
-@every_task
+@quick_tasks
 @pytest.mark.parametrize(
     "seeds",
     [
@@ -113,7 +118,7 @@ def test_the_reference_solution_fits_layouts_that_it_was_not_made_for(name, seed
     assert trials(name, designs(HERE / f"{name}.json"), seeds).mean() >= 0.9
 
 
-@every_task
+@quick_tasks
 def test_doing_nothing_and_the_bare_gripper_earn_little(name):
     home = task_of(name).home
     plan = installed().create("action", "anchored").parse(BARE[name], gripper=True)
@@ -124,7 +129,7 @@ def test_doing_nothing_and_the_bare_gripper_earn_little(name):
     )
 
 
-@every_task
+@quick_tasks
 def test_cheats_earn_little(name):
     cheats = designs(HERE / "cheats" / f"{name}.json")
     assert len(cheats) == 5

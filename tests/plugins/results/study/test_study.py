@@ -69,6 +69,7 @@ def test_the_file_on_the_page_is_a_study(tmp_path):
     assert [method.name for method in study.methods] == ["once", "twice"]
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_paper_with_a_language_model_says_what_it_costs(
     tmp_path, monkeypatch, capsys

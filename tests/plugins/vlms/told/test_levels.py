@@ -130,6 +130,7 @@ def test_no_level_without_numbers_has_one_of_the_scene(task, monkeypatch):
     assert leaked(prompt(task, "words", *words), made, 7, usual())
 
 
+@pytest.mark.thorough
 def test_no_request_of_a_run_has_a_number_of_the_scene(tmp_path, monkeypatch):
     """The embedded designer stands for a model that sees; the numbers of its designs are its own."""
     monkeypatch.setattr(OfflineDesigner, "sees", True)

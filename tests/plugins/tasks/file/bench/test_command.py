@@ -115,6 +115,7 @@ def test_a_bad_sentence_or_answer_is_explained(bench, words, old, new, line):
     assert not Path("my_scene.yaml").exists()
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_seen_numbers_vary_within_their_errors(bench):
     cameras = [
