@@ -24,6 +24,7 @@ from tests.core.run_folders import write_run
 from tests.plugins.results.report.test_tables import read_csv
 from tests.plugins.vlms.servers import Say, serving
 from tests.processes import family, wait_until
+from tests.rare import rare
 
 SOLUTIONS = Path(__file__).parents[3] / "tasks" / "solutions"
 SMALL = {
@@ -46,7 +47,11 @@ def write(folder, **changes):
     return str(file)
 
 
-@pytest.mark.parametrize("name", ["paper", "layouts", "engines", "search", "winners"])
+STUDIES = ["paper", "layouts", "engines", "search", "winners"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", rare(STUDIES, "winners"))
 def test_the_studies_of_the_project_are_estimated(tmp_path, monkeypatch, capsys, name):
     """Each word of each method is one that a run takes; without a terminal nobody is asked, and nothing starts."""
     monkeypatch.chdir(tmp_path)

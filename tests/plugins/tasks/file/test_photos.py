@@ -54,6 +54,7 @@ def bench(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_they_are_sent_beside_the_drawn_picture_or_alone(bench):
     file = scene(bench, PHOTO)
 
