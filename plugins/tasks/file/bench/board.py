@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
 from core.errors import UsageError
 from core.geometry import Array, Pose
@@ -20,6 +20,7 @@ COUNTS = (3, 4)  # markers across and along the sheet
 MARKER_M = 0.05
 GAP_M = 0.012
 SHEET_M = np.array([0.21, 0.297])  # A4
+_EXTENT_M: Array = np.array(COUNTS) * (MARKER_M + GAP_M) - GAP_M  # of all markers
 _DOTS_PER_M = 300 / 0.0254
 _LEAST_MARKERS = 2
 _WORDS = f"up: forward from the robot, at yaw 0   -   print at 100 %: each marker is {1000 * MARKER_M:.0f} mm wide"
@@ -32,23 +33,22 @@ def print_board(name: str) -> None:
         UserError: OpenCV is not installed, or the file can't be written.
     """
     file = expand(name)
-    kinds = {".pdf": "PDF", ".png": "PNG"}
-    if file.suffix.lower() not in kinds:
+    kind = file.suffix[1:].upper()
+    if kind not in ("PDF", "PNG"):
         raise UsageError(f"the board is a PDF or PNG file, not {name}; say board.pdf")
     cv2 = load_opencv()
     board = _board()
     size = np.rint(SHEET_M * _DOTS_PER_M).astype(int)
     sheet = Image.new("L", tuple(size.tolist()), 255)
     side = round(MARKER_M * _DOTS_PER_M)
-    margin = (SHEET_M - _find_extent()) / 2
+    margin = (SHEET_M - _EXTENT_M) / 2
     for number, corners in enumerate(board.getObjPoints()):
         marker = cv2.aruco.generateImageMarker(board.getDictionary(), number, side)
         left, top = np.rint((corners[0, :2] + margin) * _DOTS_PER_M).astype(int)
         sheet.paste(Image.fromarray(marker), (left, top))
-    font = ImageFont.load_default(size=40)
-    ImageDraw.Draw(sheet).text((200, 180), _WORDS, 0, font)
+    ImageDraw.Draw(sheet).text((200, 180), _WORDS, font_size=40)
     stream = io.BytesIO()
-    sheet.save(stream, kinds[file.suffix.lower()], resolution=300, dpi=(300, 300))
+    sheet.save(stream, kind, resolution=300, dpi=(300, 300))
     write_bytes(file, stream.getvalue())
     say(
         f"{name} is written: print it at 100 %, lay it flat on the table where all photographs show it, measure where "
@@ -88,7 +88,7 @@ def find_by_board(
         elif view is None:
             points, seen = board.matchImagePoints(corners, names)
             # On the sheet x is to the right and y down, from the first marker's corner.
-            right, down = (points.reshape(-1, 3)[:, :2] - _find_extent() / 2).T
+            right, down = (points.reshape(-1, 3)[:, :2] - _EXTENT_M / 2).T
             world = frame.apply(np.stack([-down, -right, 0 * right], axis=1))
             # OpenCV counts from the middle of the first pixel.
             middles = seen.reshape(-1, 2) + 0.5
@@ -101,9 +101,3 @@ def _board() -> Any:
     aruco = load_opencv().aruco
     markers = aruco.getPredefinedDictionary(aruco.DICT_4X4_50)
     return aruco.GridBoard(COUNTS, MARKER_M, GAP_M, markers)
-
-
-def _find_extent() -> Array:
-    """Compute how far the markers go across and along the sheet, m."""
-    extent: Array = np.array(COUNTS) * (MARKER_M + GAP_M) - GAP_M
-    return extent

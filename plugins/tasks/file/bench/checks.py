@@ -82,8 +82,6 @@ def _find_useless(task: FileTask, scene: Scene) -> Iterator[str]:
     way = np.concatenate(ways)
 
     words = " ".join(task.reward_in_words())
-    for joint in scene.joints:
-        words += f" {joint.body} {joint.parent}"
     for body in scene.bodies:
         named = re.search(rf"\b{re.escape(body.name)}\b", words)
         if named or body.name in SURROUNDINGS or not body.collisions:

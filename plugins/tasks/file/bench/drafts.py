@@ -18,7 +18,7 @@ from core.support.text import clean
 from plugins.tasks.file.bench.asking import Asker
 from plugins.tasks.file.bench.checks import find_faults, find_overlaps, measure_reach
 from plugins.tasks.file.bench.fitting import Fit, fit_seen
-from plugins.tasks.file.bench.marks import MARKED, Numbers
+from plugins.tasks.file.bench.marks import Numbers
 from plugins.tasks.file.bench.photographs import Photograph
 from plugins.tasks.file.bench.replies import LONGEST, Beside, Sighting, read_reply
 from plugins.tasks.file.bench.views import LEAST_PLACES, View, find_view
@@ -99,35 +99,26 @@ class Draft:
             messages.append(Message("assistant", (Text(reply),)))
             messages.append(Message("user", (Text(again),)))
 
-    def _read_numbers(self) -> Numbers | None:
-        """Read the numbers of the file; None: there is none yet."""
-        if not self.text:
-            return None
-        return Numbers(Tree(self.file, self.text), self.text)
+    def _find_strays(self, before: Numbers, sentence: str) -> Iterator[str]:
+        """Yield a line for each number that was changed or left out, though the sentence names nothing of it.
 
-    def _find_strays(self, before: Numbers | None, sentence: str) -> Iterator[str]:
-        """Yield a line for each number that was changed, though the sentence names nothing of it.
-
-        What the answer marks as told counts as named, such as what lies in a cup that is moved.
+        What the answer marks as told counts as named, such as the place of what lies in a cup that is moved.
         """
         now = self._read_numbers()
-        if before is None or now is None:
-            return
-        words = sentence.lower()
-        for path in before.values | now.values:
-            part, _, rest = path.partition(".")
-            names = re.findall("[a-z]+", rest.partition(".")[0].lower())
-            named = any(name in words for name in names)
-            told = now.marks.get(path) == "told"
-            if part not in MARKED or named or told:
+        for path in before.marks:
+            name = path.split(".")[1].lower()
+            if any(word in sentence.lower() for word in re.findall("[a-z]+", name)):
                 continue
-            old = before.values.get(path)
+            old = before.values[path]
             new = now.values.get(path)
-            if old != new:
+            if new != old and now.marks.get(path) != "told":
                 yield (
                     f"{path} was {old} and is {new}, which the sentence does not ask for; leave it as it was, or mark "
                     "it # told where it has to change too"
                 )
+
+    def _read_numbers(self) -> Numbers:
+        return Numbers(Tree(self.file, self.text or "{}"), self.text)
 
     def examine(self) -> None:
         """Fit the file to what was seen, and list all its faults."""
