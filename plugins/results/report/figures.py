@@ -237,7 +237,7 @@ def by_generation(
         for g in groups:
             scores.append(np.array([run.best_so_far(length) for run in g.runs]))
         if length > 1:
-            curves[method] = _Curve(np.arange(length), scores)
+            curves[method] = _Curve(np.arange(length, dtype=np.float64), scores)
 
     if not curves:
         return None
@@ -264,7 +264,7 @@ def _draw_curves(
 
     def paint() -> Figure:
         figure = new_figure(6.4, 4.0)
-        ax = figure.subplots()
+        ax: Any = figure.subplots()
         for method, curve in curves.items():
             look = _look(results, method)
             rows = []
