@@ -163,7 +163,10 @@ def choose_flange(
     leaves = sorted(description.links.keys() - parents)
     if len(leaves) == 1:
         _refuse_jaw(description, leaves[0])
-        note = f"tools are bolted to {leaves[0]!r}, as no other link hangs on it"
+        note = (
+            f"tools are bolted to {leaves[0]!r}, as no other link hangs on it; "
+            f"{write_word('flange', leaves[0])} says so"
+        )
         borne = description.joints.get(leaves[0])
         if borne is not None and borne.kind != "fixed":
             note += (

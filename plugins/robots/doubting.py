@@ -12,6 +12,8 @@ import trimesh
 from core.values.descriptions import Description, RobotJoint, RobotLink, RobotShape
 from core.values.doubts import find_doubt
 
+STRONG_WRIST = 110.0  # N m; the last joint of an arm that bears 20 kg has some 100
+
 
 def find_doubts(
     description: Description, arm: Sequence[RobotJoint], whole: Description
@@ -27,6 +29,8 @@ def find_doubts(
         yield from find_doubt(where, "speed", joint.limits.velocity or 0.0)
         yield from find_doubt(where, "effort", joint.limits.effort or 0.0)
 
+    yield from _doubt_wrist(arm)
+
     for name, link in description.links.items():
         if link.inertial.mass:
             yield from find_doubt(f"link {name!r}", "link mass", link.inertial.mass)
@@ -39,6 +43,17 @@ def find_doubts(
     for name, link in whole.links.items():
         if name != whole.root and link.inertial.mass:
             yield from _doubt_weight(link)
+
+
+def _doubt_wrist(arm: Sequence[RobotJoint]) -> Iterator[str]:
+    """Yield a line where the last joint is as strong as a shoulder: files without real limits have one for all."""
+    efforts = [joint.limits.effort or 0.0 for joint in arm]
+    wrist = efforts[-1]
+    if wrist > STRONG_WRIST and 2 * wrist >= max(efforts):
+        yield (
+            f"joint {arm[-1].name!r}, a wrist, bears up to {wrist:.3g} N m, as a shoulder does; take the limits from "
+            "the arm's data sheet, robot.effort=[...]"
+        )
 
 
 def _doubt_weight(link: RobotLink) -> Iterator[str]:
