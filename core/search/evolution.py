@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import pluggy
 
@@ -113,6 +113,7 @@ class CheckedCandidates:
     limit: str | None = None
     # The last tool that was checked: candidates in a row share one.
     _sound: Tool | None = None
+    _ids: set[str] = field(default_factory=set)
 
     def __iter__(self) -> Iterator[Candidate]:
         """Raise UserError where the strategy gives something else; it names the strategy."""
@@ -129,6 +130,12 @@ class CheckedCandidates:
                     wrong = f"ask gave {shorten(repr(candidate))} among its candidates"
                     raise UserError(f"{name}: {wrong}; expected a Candidate")
 
+                if candidate.id in self._ids:
+                    raise UserError(
+                        f"{name}: ask gave two candidates {candidate.id}; number generations, agents, strategies and "
+                        "plans, so that each has an id of its own"
+                    )
+                self._ids.add(candidate.id)
                 self.expect(candidate)
                 yield self._check(candidate)
         except LimitReached as limit:

@@ -26,15 +26,23 @@ class Announcer:
     @hookimpl
     def run_finished(self, run: Run, result: Result) -> None:
         best = best_figures(result)
-        if best is not None and result.stopped != INTERRUPTED:
-            print_best(best, run.folder)
+        if best is None or result.stopped == INTERRUPTED:
+            return
+        print_best(best, run.folder)
+
+        tools = [evaluation.candidate.tool for evaluation in result.evaluations]
+        gripping = any(tool.gripper for tool in tools if tool is not None)
+        could_grip = run.task.robot.gripper is not None and not gripping
+        if could_grip and best.reward < LITTLE:
+            hint = f"tools for the gripper were not asked for: {KINDS_WORD}"
+            say(hint, file=sys.stderr)
             sys.stdout.flush()
 
 
 LITTLE = 0.1
 """A run whose best earns less says what was not tried."""
 
-KINDS_WORD = "task.tool_kinds=[rigid,gripper], if the robot has one"
+KINDS_WORD = "task.tool_kinds=[rigid,gripper]"
 
 
 def print_best(best: Best, folder: Path) -> None:
@@ -68,8 +76,3 @@ def report_end(result: Result, folder: Path) -> None:
 
     if result.stopped is not None:
         say(f"stopped: {result.stopped}", resume_hint(folder), file=sys.stderr)
-
-    tools = [evaluation.candidate.tool for evaluation in result.evaluations]
-    gripping = any(tool.gripper for tool in tools if tool is not None)
-    if result.best.reward < LITTLE and not gripping:
-        say(f"tools for the gripper were not asked for: {KINDS_WORD}", file=sys.stderr)

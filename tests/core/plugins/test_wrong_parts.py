@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from core.design import Tool
+from core.design import Candidate, Tool
 from core.designs.reading import read_designs
 from core.errors import UserError
 from core.interfaces import EvolutionStrategy
@@ -104,6 +104,7 @@ def test_an_executor_that_loses_chunks_ends_the_run(play):
 @pytest.mark.parametrize(("asked", "said"), [
     (lambda self: iter(["a hammer"]), "ask gave \"'a hammer'\" among its candidates; expected a Candidate"),
     (lambda self: None, "ask gave None; expected an iterator of Candidate"),
+    (lambda self: 2 * [Candidate(None, None, 0, 0, 0, 0, problem="no")], "ask gave two candidates g0-a0-s0-p0; number"),
 ])  # fmt: skip
 def test_a_strategy_that_asks_for_something_else_ends_the_run(play, asked, said):
     part = type(
