@@ -18,6 +18,7 @@ from core.simulation.observing import observe
 from core.solids.contacts import Contacts, find_contacts, make_trace
 from core.solids.penetration import Explosion, Finding, findings
 from core.solids.record_rate import is_finite
+from core.support.text import number
 from core.task import margins_of, reward_of
 from core.trial import Trial
 
@@ -93,9 +94,9 @@ def _reward(stage: Stage, finished: Sequence[Attempt]) -> None:
         trace = make_trace(stage.scene, [found for found in contacts if found])
 
     rewards = _rewards(task, starts, ends, trace).tolist()
-    for number, attempt in enumerate(finished):
-        film = None if trace is None else trace[number]
-        world = starts[number], ends[number], film
+    for place, attempt in enumerate(finished):
+        film = None if trace is None else trace[place]
+        world = starts[place], ends[number], film
         attempt.trial = _make_trial(stage, attempt, rewards[number], world)
 
 
@@ -181,7 +182,7 @@ def _forbid_penetration(stage: Stage, trial: Trial, found: Sequence[Finding]) ->
     if not forbidden or trial.reward <= 0:
         return trial
 
-    counts = f"so that its reward of {trial.reward:.2f} does not count"
+    counts = f"so that its reward of {number(trial.reward, 2)} does not count"
     reason = trial.reason or f"{passages[0]}, {counts}"
     return replace(trial, reward=0.0, reason=reason)
 

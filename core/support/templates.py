@@ -9,6 +9,8 @@ from typing import Any
 import jinja2
 from jinja2.sandbox import SandboxedEnvironment
 
+from core.support.text import number
+
 
 def fill(package: str, template: str, /, **given: Any) -> str:
     """Render a template as plain text; its filter ``g`` writes a number with six digits, or as many as it is given."""
@@ -38,6 +40,7 @@ def build_environment(loader: jinja2.BaseLoader) -> jinja2.Environment:
         lstrip_blocks=True,
     )
     environment.filters["g"] = lambda number, digits=6: f"{number:.{digits}g}"
+    environment.filters["number"] = number
     environment.filters["counted"] = _count
     return environment
 

@@ -12,6 +12,7 @@ from core.designs.statics import mass_limit, moment_limit
 from core.errors import UsageError, check_positive
 from core.interfaces import Condition, Fitness, Material, Score, Trial
 from core.plugins import FITNESS
+from core.support.text import number
 from core.values.materials import PAPER
 from plugins.results.workshop.examination import EXPORTED, PROBLEM, Examination
 from plugins.results.workshop.settings import Printer
@@ -122,7 +123,7 @@ class Buildable(Fitness):
 
         problems = [line for line in trials[0].warnings if line.startswith(PROBLEM)]
         if problems and score.reward > 0:
-            lost = f"its reward of {score.reward:.2f} does not count"
+            lost = f"its reward of {number(score.reward, 2)} does not count"
             return replace(score, reward=0.0, reason=f"{problems[0]}, so that {lost}")
 
         if len(trials) > 1:

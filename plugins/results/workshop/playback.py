@@ -15,6 +15,7 @@ from core.plugins import PluginPart
 from core.robot.trajectory import plan_task_motion
 from core.scene import Scene
 from core.simulation.play import play
+from core.support.text import number
 from plugins.results.workshop.export import Export
 from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.printing import Check
@@ -151,6 +152,7 @@ def compare_rewards(
     for engine, reward in earned.items():
         least = max(asked[engine] - SAME_REWARD, LEAST_REWARD)
         passed = passed and reward >= least
-        rows.append(f"{reward:.3f} for {asked[engine]:.3f} in {engine}")
+        wanted = number(asked[engine], 3)
+        rows.append(f"{number(reward, 3)} for {wanted} in {engine}")
 
     return Check(name, passed, f"{how} it earns {', '.join(rows)}")

@@ -16,6 +16,7 @@ from core.geometry import Pose, resized
 from core.interfaces import Condition
 from core.solids.contacts import nearest
 from core.solids.record_rate import subset
+from core.support.text import number
 from plugins.results.workshop.export import Export
 from plugins.results.workshop.printing import Check
 from plugins.results.workshop.replay import Unplayable, play_motion
@@ -49,14 +50,14 @@ def check_tolerance(export: Export, condition: Condition, off_m: float) -> list[
 
     asked = export.mounted[condition.engine]
     earned = [earn(variant) for variant in draw_tools(tool, off_m)]
-    listed = ", ".join(f"{reward:.3f}" for reward in earned)
+    listed = ", ".join(number(reward, 3) for reward in earned)
     found = f"with dimensions off by {1000 * off_m:g} mm it earns {listed}"
 
     softest = max(export.strengths, key=lambda row: row.bend_m)
     bends = f"{softest.load} bends it by {1000 * softest.bend_m:.1f} mm"
     if softest.bend_m > off_m:
         earned.append(earn(bend_tool(tool, softest)))
-        found += f", and bent by {1000 * softest.bend_m:.1f} mm {earned[-1]:.3f}"
+        found += f", and bent by {1000 * softest.bend_m:.1f} mm {number(earned[-1], 3)}"
 
     passed = min(earned) >= asked - LOSS
     checks = [Check("fit", passed, f"{found}, for {asked:.3f} in {condition.engine}")]
