@@ -59,7 +59,7 @@ class PromptSettings:
     picture: bool = True
     photographs: str = "beside"
     feedback: str = "numbers"
-    generation_characters: int = 12_000
+    generation_characters: int = 1_200
     repair: int | None = None
     critic: int = 0
     system: list[str] = field(default_factory=PARTS["system"].copy)

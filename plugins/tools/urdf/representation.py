@@ -47,13 +47,20 @@ class UrdfTools(VariedTools):
         return {"tool_urdf": tool_urdf(tool)}
 
     def abridge(self, tool: Tool) -> dict[str, Any]:
-        """Write a line for each component: in its parent's frame where it is, in its own how it moves."""
-        return {
-            "components": [
-                fill("plugins.tools", "line", part=c, short=short_numbers)
-                for c in tool.components
-            ]
-        }
+        """Write a line for each component: in its parent's frame where it is, in its own how it moves.
+
+        Masses follow where they are asked for: one number, if all components have it.
+        """
+        lines = [
+            fill("plugins.tools", "line", part=component, short=short_numbers)
+            for component in tool.components
+        ]
+        if self.material.density_kg_m3 is not None:
+            return {"components": lines}
+
+        masses = [float(f"{component.mass:.3g}") for component in tool.components]
+        alike = len(set(masses)) == 1
+        return {"components": lines, "mass_kg": masses[0] if alike else masses}
 
     def instructions(self, brief: Brief) -> str:
         box = first_box(brief)

@@ -11,7 +11,7 @@ from core.design import Tool
 from core.designs.prompt_values import RunFacts
 from core.designs.reading import dump_names
 from core.interfaces import Brief, Evaluation, ToolRepresentation, Waypoints
-from core.support.text import clean
+from core.support.text import clean, number
 from core.values.observations import Sight
 from plugins.vlms.told.feedback import WHOLE, combined_figures, elite_feedback
 
@@ -40,15 +40,17 @@ def elites_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
     plans = facts.criticised or given or facts.settings.feedback != "paper"
 
     entries = []
-    for number, elite in enumerate(brief.elites):
+    for place, elite in enumerate(brief.elites):
         entry = _describe_design(elite, brief.representation)
         figures = combined_figures(elite, task, sight)
 
         if figures:
             entry["details"] = _round_numbers(figures)
 
-        if plans and (given or number < WHOLE):
+        if plans and (given or place < WHOLE):
             entry |= _describe_rollout(elite, sight)
+        elif plans:  # of the others the components say enough
+            del entry["tool_description"]
 
         entries.append(entry)
 
@@ -71,7 +73,7 @@ def critiques_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
 
     entries = []
     for name, critique in brief.critiques.items():
-        entry: dict[str, Any] = {"id": name, "reward": round(known[name].reward, 4)}
+        entry: dict[str, Any] = {"id": name, "reward": _round_reward(known[name])}
         tool = known[name].candidate.tool
 
         if tool is not None and tool.name:
@@ -86,13 +88,18 @@ def _dump(entries: Sequence[dict[str, Any]]) -> str:
     return json.dumps(entries, indent=1, ensure_ascii=False)
 
 
+def _round_reward(evaluation: Evaluation) -> float:
+    """Round a reward to four digits, never up to 1."""
+    return float(number(evaluation.reward, 4))
+
+
 def _describe_design(
     elite: Evaluation, representation: ToolRepresentation
 ) -> dict[str, Any]:
     candidate = elite.candidate
     entry: dict[str, Any] = {
         "id": candidate.id,
-        "reward": round(elite.reward, 4),
+        "reward": _round_reward(elite),
     }
 
     entry |= dump_names(candidate)

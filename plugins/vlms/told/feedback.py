@@ -217,7 +217,7 @@ def _poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
         described = {
             "layout": trial.layout,
             "engine": trial.engine,
-            "reward": round(trial.reward, 3),
+            "reward": float(number(trial.reward, 3)),
         }
         outcome = clean(trial.reason or trial.outcome, _OUTCOME)
         if outcome:

@@ -205,9 +205,7 @@ def test_a_line_says_where_and_when_it_failed():
         clearances={"cube": 0.05},
     )
     (line,) = lines(tried(seen=missed))
-    assert line.endswith(
-        "0.500 never touched; nothing moved; no contact, nearest to cube 50 mm"
-    )
+    assert line.endswith("0.500 never touched, nearest to cube 50 mm")
 
 
 def test_of_several_bodies_those_that_are_not_in_place_come_first():
