@@ -30,7 +30,7 @@ _MENDS = {  # by how the name of a check begins; the first counts
     "as simulated": "make hollow components thicker, or of simple shapes",
     "joint of": "each of its links is a closed body of its own",
     "apart": "leave a gap between them",
-    "weight": "simulate it with material= what it is made of",
+    "weight": "search again with the material that it is made of, such as material=pla",
     "motion": "search in each of these engines with fitness=robust, or name in sims those that you trust",
     "mounted": "move components away from the mount, and leave more room where the motion is tight",
     "fit": "give what slides or is held 0.5 mm more room, and let the motion lead it there",

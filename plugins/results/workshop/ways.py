@@ -101,7 +101,8 @@ def check_way(export: Export, name: str, instant: int) -> Check:
     for row in clearance(export.scene, export.task.robot, tool, moving):
         least = -DEEP_M if row.to == "itself" else NEAR_M
         if row.metres < least:
-            near = f"the {row.what} comes as near as {1000 * row.metres:.0f} mm to {row.to}"
+            gap_mm = max(0.0, 1000 * row.metres)
+            near = f"the {row.what} comes as near as {gap_mm:.0f} mm to {row.to}"
             return Check(name, None, f"{near}: bring the arm by hand, slowly")
 
     return Check(name, True, "free, slow and straight in the joints")

@@ -88,7 +88,7 @@ def test_what_fails_is_said_with_what_to_change_and_is_an_error(
     _, found = made
     failing = [str(verdict) for verdict in found.verdicts if verdict.passed is False]
     assert [line.partition(":")[0] for line in failing] == ["weight"]
-    assert "simulate it with material=" in failing[0]
+    assert "such as material=pla" in failing[0]
     monkeypatch.setattr("plugins.results.workshop.command.export", lambda cfg: [found])
     with pytest.raises(UserError, match=rf"^1 of {len(found.verdicts)} checks failed"):
         main([f"designs={ANCHORED}/OneBook.json", "task=OneBook"])
