@@ -497,7 +497,15 @@ def read_spec(tree: Tree, data: Mapping[str, Any]) -> SceneSpec:
         errors = error.errors(include_url=False)
         first = min(errors, key=lambda entry: entry["type"] not in UNKNOWN)
         where: Where = tuple(first["loc"])
-        raise tree.error(where, _explain(where, first)) from error
+        message = _explain(where, first)
+        lacks = [
+            str(entry["loc"][-1])
+            for entry in errors
+            if entry["type"] == "missing" and entry["loc"][:-1] == where[:-1]
+        ]
+        if lacks and first["type"] in UNKNOWN:
+            message += f"; missing: {', '.join(lacks)}"
+        raise tree.error(where, message) from error
 
 
 def list_mistakes(tree: Tree, data: Mapping[str, Any]) -> list[str]:
