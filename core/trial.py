@@ -24,6 +24,9 @@ from core.values.observations import Observation
 TIE = 0.005
 """The default of ``evolution.tie``, see `ranked`."""
 
+NOTHING = 0.0005
+"""A reward below it is shown as 0.000, and has its cause said as one of 0 has."""
+
 Status = Literal["ok", "rejected", "failed"]
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
@@ -289,7 +292,7 @@ class Evaluation:
     @property
     def why_nothing(self) -> str:
         """Why it earns nothing, if it does, as far as that is known; or empty."""
-        if self.reward > 0:
+        if self.reward >= NOTHING:
             return ""
         return self.reason or (self.shown.cause if self.shown is not None else "")
 

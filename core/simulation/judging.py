@@ -20,7 +20,7 @@ from core.solids.penetration import Explosion, Finding, findings
 from core.solids.record_rate import is_finite
 from core.support.text import number
 from core.task import margins_of, reward_of
-from core.trial import Trial
+from core.trial import NOTHING, Trial
 
 _WARNINGS = 10  # findings of a rollout that are listed
 
@@ -160,7 +160,7 @@ def _make_trial(
 
 def _observe(stage: Stage, trial: Trial, attempt: Attempt) -> Trial:
     """Add what was observed of a rollout, if that is asked for or if the task pays nothing: that has a cause."""
-    if trial.reward > 0 and not stage.settings.observe:
+    if trial.reward >= NOTHING and not stage.settings.observe:
         return trial
 
     contacts = attempt.contacts or _look_for_contacts(stage, attempt)

@@ -20,7 +20,7 @@ from core.plugins import TASK, installed
 from core.store.figures import failed_layouts
 from core.support.cli import print_table, say
 from core.support.text import by_reason, clean, hydra_word, number
-from core.trial import Evaluation, best_tools
+from core.trial import NOTHING, Evaluation, best_tools
 from core.values.efforts import PERTURBED
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def _causes(run: Run, best: Evaluation) -> Iterator[str]:
     level = installed().factory("level", PromptSettings.told)()
     observed = level.report(best, run.task).get("observed", best.reason)
     observed = observed.removeprefix(f"{number(best.reward, 3)} ")
-    head = "why not more" if best.reward > 0 else "why nothing was earned"
+    head = "why not more" if best.reward >= NOTHING else "why nothing was earned"
     yield f"{head}: {clean(observed, _LINE)}"
 
 

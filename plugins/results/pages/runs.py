@@ -17,6 +17,7 @@ from core.store.database import FILE, LOCK
 from core.store.reader import StoredRun
 from core.store.rows import Best, RunFigures, StoredEvaluation
 from core.support.text import by_reason, clean, number
+from core.trial import NOTHING
 
 RESULT = "result.json"
 HYDRA = ".hydra"
@@ -284,7 +285,7 @@ def reasons(store: StoredRun) -> list[str]:
 
 def _why_zero(evaluation: StoredEvaluation) -> str:
     """The reason why a candidate earned nothing, as far as its rollouts were observed; empty: it earned something."""
-    if evaluation.status != "ok" or evaluation.reward > 0:
+    if evaluation.status != "ok" or evaluation.reward >= NOTHING:
         return ""
     observed = [trial.observation for trial in evaluation.trials]
     seen = {found.result for found in observed if found is not None}
