@@ -26,23 +26,9 @@ class Announcer:
     @hookimpl
     def run_finished(self, run: Run, result: Result) -> None:
         best = best_figures(result)
-        if best is None or result.stopped == INTERRUPTED:
-            return
-        print_best(best, run.folder)
-
-        tools = [evaluation.candidate.tool for evaluation in result.evaluations]
-        gripping = any(tool.gripper for tool in tools if tool is not None)
-        could_grip = run.task.robot.gripper is not None and not gripping
-        if could_grip and best.reward < LITTLE:
-            hint = f"tools for the gripper were not asked for: {KINDS_WORD}"
-            say(hint, file=sys.stderr)
+        if best is not None and result.stopped != INTERRUPTED:
+            print_best(best, run.folder)
             sys.stdout.flush()
-
-
-LITTLE = 0.1
-"""A run whose best earns less says what was not tried."""
-
-KINDS_WORD = "task.tool_kinds=[rigid,gripper]"
 
 
 def print_best(best: Best, folder: Path) -> None:

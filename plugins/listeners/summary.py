@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from core.interfaces import Reply
 
 _LONGEST = 60  # letters of a name
+_LITTLE = 0.1  # a run whose best earns less says what was not tried
 _LINE = 400  # letters of what was observed
 _REASONS = 5  # why candidates earned nothing or less
 
@@ -70,7 +71,12 @@ class SummaryListener:
             first = next((e.reason for e in result.evaluations), "no candidate came")
             lines.append(f"no candidate could be tried: {first}")
         else:
-            lines = [*_causes(run, best), _explain_id(best.candidate), *lines]
+            lines = [
+                *_causes(run, best),
+                *_untried(run, result),
+                _explain_id(best.candidate),
+                *lines,
+            ]
             lines += _remarks(result, best)
 
         say(*lines, *_next_steps(run, result), file=sys.stderr)
@@ -92,6 +98,16 @@ def _causes(run: Run, best: Evaluation) -> Iterator[str]:
     observed = observed.removeprefix(f"{number(best.reward, 3)} ")
     head = "why not more" if best.reward >= NOTHING else "why nothing was earned"
     yield f"{head}: {clean(observed, _LINE)}"
+
+
+def _untried(run: Run, result: Result) -> Iterator[str]:
+    """Say of a run that earned little that tools for the gripper were not tried, where the arm has one."""
+    tools = [evaluation.candidate.tool for evaluation in result.evaluations]
+    gripping = any(tool.gripper for tool in tools if tool is not None)
+    earned = result.best.reward if result.best is not None else 0.0
+
+    if earned < _LITTLE and not gripping and run.task.robot.gripper is not None:
+        yield "tools for the gripper were not asked for: task.tool_kinds=[rigid,gripper]"
 
 
 def _explain_id(candidate: Candidate) -> str:
