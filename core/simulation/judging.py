@@ -96,8 +96,8 @@ def _reward(stage: Stage, finished: Sequence[Attempt]) -> None:
     rewards = _rewards(task, starts, ends, trace).tolist()
     for place, attempt in enumerate(finished):
         film = None if trace is None else trace[place]
-        world = starts[place], ends[number], film
-        attempt.trial = _make_trial(stage, attempt, rewards[number], world)
+        world = starts[place], ends[place], film
+        attempt.trial = _make_trial(stage, attempt, rewards[place], world)
 
 
 def _stack(stage: Stage, finished: Sequence[Attempt], moment: str) -> State:

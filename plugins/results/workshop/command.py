@@ -17,7 +17,6 @@ from core.errors import UsageError, UserError
 from core.store.database import writing
 from core.store.reader import StoredRun
 from core.support.cli import folders_and_overrides, print_table, say
-from core.support.text import number
 from core.values.efforts import PERTURBED, Held
 from plugins.results.chosen import DesignsConfig, chosen_evaluations, config_for
 from plugins.results.workshop.export import Export
@@ -119,7 +118,7 @@ def show(result: Export) -> None:
         problems = "; ".join(replay.problems)
         if replay.reward == 0 and not problems:
             problems = f"vlmgineer evaluate with sim={engine} says why"
-        rows.append((task.name, engine, number(replay.reward, 3), problems))
+        rows.append((task.name, engine, replay.earned, problems))
 
     print_table(("task", "engine", "reward", "problems"), rows, ("reward",))
 

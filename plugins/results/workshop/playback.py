@@ -7,19 +7,16 @@ from collections.abc import Mapping, Sequence
 from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import engines, node
-from core.design import Tool
 from core.designs.planning import resolve
 from core.errors import UserError
 from core.interfaces import Condition, Evaluation, RolloutSettings, Task
 from core.plugins import PluginPart
 from core.robot.trajectory import plan_task_motion
-from core.scene import Scene
 from core.simulation.play import play
 from core.support.text import number
 from plugins.results.workshop.export import Export
-from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.printing import Check
-from plugins.results.workshop.replay import PlayedMotion, play_motion
+from plugins.results.workshop.replay import PlayedMotion, play_in_all
 from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.strength import measured
 from plugins.results.workshop.tolerance import check_tolerance
@@ -61,7 +58,7 @@ def make_export(
     planned = plan_task_motion(waypoints, task, settings)
     moves = sample_moves(cfg, task, planned)
     motion = moves["trajectory"]
-    replays = _play_all(conditions, scene, candidate.tool, motion)
+    replays = play_in_all(conditions, scene, candidate.tool, motion)
     instants = [replay.contact_s for replay in replays.values()]
     contact_s = min((s for s in instants if s is not None), default=None)
     if contact_s is not None:
@@ -76,7 +73,7 @@ def make_export(
     held = candidate.tool
     strengths = measured(held, task.robot, tool.material, scene, motion, replays)
     if tool.parts:
-        mounted = _rewards(_play_all(conditions, scene, tool.printed, motion))
+        mounted = _rewards(play_in_all(conditions, scene, tool.printed, motion))
         name = f"mounted{several}"
         checks.append(compare_rewards(name, "with its mount", mounted, rewards))
 
@@ -99,15 +96,6 @@ def make_export(
         export.checks.extend(check_tolerance(export, where, off_m))
 
     return close_ways(export)
-
-
-def _play_all(
-    conditions: Mapping[str, Condition], scene: Scene, tool: Tool, motion: Sampled
-) -> dict[str, PlayedMotion]:
-    return {
-        name: play_motion(condition, scene, tool, motion)
-        for name, condition in conditions.items()
-    }
 
 
 def _rewards(replays: Mapping[str, PlayedMotion]) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from core.interfaces import Condition, Recording, Rollout
 from core.scene import Scene, State
 from core.solids.contacts import Contacts, find_contacts, make_trace
 from core.solids.penetration import findings
+from core.support.text import number
 from core.task import reward_of
 from plugins.results.workshop.motion import Sampled
 
@@ -39,10 +41,25 @@ class PlayedMotion:
     problems: tuple[str, ...]
 
     @property
+    def earned(self) -> str:
+        """The reward as it is shown."""
+        return number(self.reward, 3)
+
+    @property
     def contact_s(self) -> float | None:
         """When the robot first touches a body, s; None: never."""
         touches = [touch for touch in self.contacts.all if touch.kind != "body"]
         return min((touch.first_s for touch in touches), default=None)
+
+
+def play_in_all(
+    conditions: Mapping[str, Condition], scene: Scene, tool: Tool, motion: Sampled
+) -> dict[str, PlayedMotion]:
+    """Play a motion in several engines; see `play_motion`."""
+    return {
+        name: play_motion(condition, scene, tool, motion)
+        for name, condition in conditions.items()
+    }
 
 
 def play_motion(

@@ -60,7 +60,9 @@ def check_tolerance(export: Export, condition: Condition, off_m: float) -> list[
         found += f", and bent by {1000 * softest.bend_m:.1f} mm {number(earned[-1], 3)}"
 
     passed = min(earned) >= asked - LOSS
-    checks = [Check("fit", passed, f"{found}, for {asked:.3f} in {condition.engine}")]
+    checks = [
+        Check("fit", passed, f"{found}, for {number(asked, 3)} in {condition.engine}")
+    ]
 
     straight = find_gaps(export, export.printed.tool, softest)
     for body, gap_m in find_gaps(
