@@ -157,7 +157,7 @@ def config_for(words: Sequence[str], name: str, schema: type, usage: str) -> Dic
 def _is_usable(engine: str) -> bool:
     """Report whether an engine's package is installed; a line says what is missing."""
     try:
-        installed().factory(SIMULATOR, engine)
+        installed().factory(SIMULATOR.name, engine)
     except UserError as error:
         say(f"left out: {error}", file=sys.stderr)
         return False
