@@ -73,7 +73,7 @@ class SummaryListener:
         else:
             lines = [
                 *_causes(run, best),
-                *_untried(run, result),
+                *_untried(run, result, best),
                 _explain_id(best.candidate),
                 *lines,
             ]
@@ -100,13 +100,12 @@ def _causes(run: Run, best: Evaluation) -> Iterator[str]:
     yield f"{head}: {clean(observed, _LINE)}"
 
 
-def _untried(run: Run, result: Result) -> Iterator[str]:
+def _untried(run: Run, result: Result, best: Evaluation) -> Iterator[str]:
     """Say of a run that earned little that tools for the gripper were not tried, where the arm has one."""
     tools = [evaluation.candidate.tool for evaluation in result.evaluations]
     gripping = any(tool.gripper for tool in tools if tool is not None)
-    earned = result.best.reward if result.best is not None else 0.0
 
-    if earned < _LITTLE and not gripping and run.task.robot.gripper is not None:
+    if best.reward < _LITTLE and not gripping and run.task.robot.gripper is not None:
         yield "tools for the gripper were not asked for: task.tool_kinds=[rigid,gripper]"
 
 

@@ -183,15 +183,12 @@ def test_of_one_task_alone_an_evaluation_is_its_own():
 
 
 def test_a_candidate_that_was_tried_once():
-    evaluation = tried_once(
-        CANDIDATE, "failed", 0.25, 3.0, reason="it broke", motion_s=2.0
-    )
+    evaluation = tried_once(CANDIDATE, "failed", 0.25, 3.0, reason="it broke")
     (only,) = evaluation.trials
     assert (only.candidate, only.reward, only.distance_m) == (CANDIDATE.id, 0.25, 3.0)
     assert (evaluation.status, evaluation.reason) == ("failed", "it broke")
     nearly = tried_once(CANDIDATE, "ok", 4e-4, reason="missed")  # shown as 0.000
     assert nearly.why_nothing == "missed"
-    assert only.motion_s == 2.0
     where = Where("Slide", "sapien", 3, 1)
     assert tried_once(CANDIDATE, where=where).shown.where == where
 
