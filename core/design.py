@@ -18,6 +18,7 @@ from core.values.tools import (
     Component as Component,
     ConvexPart as ConvexPart,
     DesignError as DesignError,
+    Fixture as Fixture,
     Tool as Tool,
     ToolJoint as ToolJoint,
 )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from graphlib import CycleError, TopologicalSorter
 from typing import TypedDict
 
@@ -51,6 +51,7 @@ __all__ = [
     "Margin",
     "Mesh",
     "Pose",
+    "Region",
     "Rope",
     "Scene",
     "Soft",
@@ -65,6 +66,8 @@ __all__ = [
 
 GROUND_M = 400.0  # how long and wide a floor is
 GRAVITY: Vector = (0.0, 0.0, -9.81)
+FIXTURE = "fixture"
+"""The name of the body that a design adds to a scene (`core.design.Fixture`)."""
 
 
 @dataclass(frozen=True)
@@ -366,9 +369,47 @@ class Scene:
         """The poses of fixed bodies and marks, by name."""
         return {body.name: body.pose for body in self.bodies if body.fixed}
 
+    def furnished(self, tool: Tool | None) -> Scene:
+        """Return the scene with the fixture of a tool's design; the same where there is none, or it stands there."""
+        if tool is None or tool.fixture is None or self.bodies[-1].name == FIXTURE:
+            return self
+        return _furnish(self, tool)
+
     def complete(self, state: State) -> State:
         """Add the places of fixed bodies and marks, and the joints, to a state of free bodies, as rewards get it."""
         return replace(state, places=self.places, joints=self.placed_joints)
+
+
+@lru_cache(maxsize=64)  # engines prepare a scene once, while it is the same object
+def _furnish(scene: Scene, tool: Tool) -> Scene:
+    fixture = tool.fixture
+    assert fixture is not None
+    parts = fixture.parts
+    drawn = []
+    for component in parts.components:
+        _, pose = parts.placed()[component.name]
+        drawn.append(Geom(component.shape.drawn, pose, component.color))
+
+    solid = tuple(Geom(part.shape, part.pose) for part in parts.parts)
+    body = Body(FIXTURE, fixture.pose, 0.0, tuple(drawn), solid, parts.friction)
+    return replace(scene, bodies=(*scene.bodies, body))
+
+
+@dataclass(frozen=True)
+class Region:
+    """A box along the world's axes, from its lowest corner to its highest, metres."""
+
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+    def __str__(self) -> str:
+        return f"{self.low} to {self.high}"
+
+    def holds(self, middle: Array, half: Array) -> bool:
+        """Check if a box along the axes is in it, with its middle (3,) and half lengths (3,)."""
+        low = middle - half - self.low
+        high = self.high - middle - half
+        return bool(np.min([low, high]) > -1e-6)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import numpy as np
 from core.errors import UsageError, choices
 from core.geometry import Array, Pose
 from core.goals import Goal, goals_margins
-from core.scene import Camera, Scene, State, Trace
+from core.scene import Camera, Region, Scene, State, Trace
 from core.values.layouts import NONE, Draw, Ranges
 from core.values.margins import Margin, least_first
 from core.values.messages import Picture
@@ -38,6 +38,7 @@ class Task(ABC):
         success_reward: from here on the task counts as solved.
         variations: by name, what `draw` draws at random, and from which range.
         tool_kinds: that a tool for it may have, where its configuration names none.
+        fixture: where a designed fixture may stand (`core.design.Fixture`); None: there can be none.
         sources: what makes its `parts`, where there are several.
         builder: of its searches; None: `core.search.builder.SearchBuilder`.
         language: of the source that a model is shown.
@@ -59,6 +60,7 @@ class Task(ABC):
     variations: ClassVar[Mapping[str, Ranges]] = {}
     variation: str = NONE
     tool_kinds: Sequence[str] = ()
+    fixture: Region | None = None
     sources: Sequence[Any] = ()
     builder: ClassVar[type | None] = None
     language: ClassVar[str] = "python"

@@ -72,7 +72,7 @@ def check_plan(plan: object, *, gripper: bool) -> Array:
     faults = Faults()
     for number, waypoint in enumerate(plan, start=1):
         with faults.collect():
-            _check_waypoint(waypoint, f"waypoint {number}", gripper)
+            check_waypoint(waypoint, f"waypoint {number}", gripper)
     faults.refuse()
 
     poses = np.array(plan, float)
@@ -82,7 +82,7 @@ def check_plan(plan: object, *, gripper: bool) -> Array:
     return poses
 
 
-def _check_waypoint(waypoint: object, where: str, gripper: bool) -> None:
+def check_waypoint(waypoint: object, where: str, gripper: bool) -> None:
     """Refuse what is not a list of numbers, each within its range; ``where`` names the waypoint."""
     names = WAYPOINT if gripper else WAYPOINT[:6]
 

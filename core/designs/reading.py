@@ -3,7 +3,8 @@
 A document is an object ``{"strategies": [...]}``. A strategy holds the fields of its tool representation and
 ``action_sets``, a list of action plans; ``action`` (the representation of the plans, default ``waypoints``),
 ``gripper`` (default false), ``strategy_name``, ``strategy_description``, ``tool_name``, ``tool_description``,
-``action_description`` and ``parents`` (ids of the elites that it derives from) are optional. Other fields are ignored.
+``action_description``, ``fixture`` (`core.designs.tools`) and ``parents`` (ids of the elites that it derives from)
+are optional. Other fields are ignored.
 Other spellings that have one meaning are read, too (`core.designs.replies.Reader`).
 """
 
@@ -16,19 +17,22 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from core.design import Candidate, DesignError, Tool
+from core.design import Candidate, DesignError
 from core.designs.planning import NO_PLAN, call_part, named_actions, parse_plan
-from core.designs.replies import EXPECTED, Fields, Unread, parse_reply, reader
-from core.designs.rules import check_gripper, check_tool, given_tool
+from core.designs.replies import EXPECTED, Fields, parse_reply, reader
+from core.designs.rules import check_tool, given_tool
 from core.designs.start import SpawnRules
+from core.designs.tools import (
+    dump_tool,
+    read_fields,
+    read_gripper,
+    read_tool,
+    read_words,
+)
 from core.errors import UserError
 from core.interfaces import ActionRepresentation, Task, ToolRepresentation, Waypoints
-from core.plugins import describe_part
 from core.support.files import read_text
-from core.support.text import clean, kind
-
-MAX_NAME = 200  # characters
-MAX_DESCRIPTION = 5000
+from core.support.text import kind
 
 
 def read_designs(
@@ -89,19 +93,6 @@ def list_strategies(document: object) -> list[Any]:
     return found
 
 
-def read_fields(strategy: object, representation: ToolRepresentation) -> Fields:
-    """Return a strategy's fields by their proper names.
-
-    Raises:
-        DesignError: it can't be read, or a name has two meanings.
-    """
-    if isinstance(strategy, Unread):
-        raise DesignError(strategy.reason)
-    if not isinstance(strategy, dict):
-        raise DesignError(f"the strategy is {kind(strategy)}, not an object")
-    return reader().read_fields(strategy, call_part(representation, "schema", dict))
-
-
 def load_designs(path: Path) -> object:
     """Read the document in a designs file, for `read_designs`; a model's reply is one, too.
 
@@ -118,37 +109,6 @@ def load_designs(path: Path) -> object:
     except DesignError as error:
         raise UserError(f"{what}: {error}") from error
     return document
-
-
-def load_tool(
-    path: Path, number: int, representation: ToolRepresentation, task: Task
-) -> Tool:
-    """Read the tool of a strategy in a designs file, whatever rules it breaks.
-
-    Args:
-        path: of the file.
-        number: of the strategy, from 0.
-        representation: reads the tool; if it gives one itself, that is returned.
-        task: what the tool is for.
-
-    Raises:
-        UserError: there is no such strategy, or its tool can't be read.
-    """
-    strategies = list_strategies(load_designs(path))
-    if number not in range(len(strategies)):
-        raise UserError(
-            f"{path} has {len(strategies)} strategies; there is no strategy={number}"
-        )
-
-    given = representation.given(task)
-    try:
-        fields = read_fields(strategies[number], representation)
-        gripper = _read_gripper(fields, given, task)
-        return given or _read_tool(fields, representation, gripper)
-    except DesignError as error:
-        raise UserError(
-            f"{path}: the tool of strategy {number} can't be read: {error}"
-        ) from error
 
 
 def save_design(
@@ -189,15 +149,6 @@ def dump_design(
     return strategy
 
 
-def dump_tool(tool: Tool, representation: ToolRepresentation) -> dict[str, Any]:
-    """Write a tool: as it was read where it is still that, so that it comes back to the last bit."""
-    content, text = tool.written
-    if content != tool.content:
-        return representation.dump(tool)
-    found: dict[str, Any] = json.loads(text)
-    return found
-
-
 def dump_names(candidate: Candidate) -> dict[str, Any]:
     """Write what a strategy says of itself and of its tool, whatever the representation.
 
@@ -231,13 +182,13 @@ def _read_strategy(
     try:
         fields = read_fields(strategy, representation)
         given = given_tool(representation, task)
-        gripper = _read_gripper(fields, given, task)
+        gripper = read_gripper(fields, given, task)
         actions = actions or named_actions(fields)
         base = replace(
             base,
-            strategy_name=_read_text(fields, "strategy_name"),
-            strategy_description=_read_text(fields, "strategy_description"),
-            action_description=_read_text(fields, "action_description"),
+            strategy_name=read_words(fields, "strategy_name"),
+            strategy_description=read_words(fields, "strategy_description"),
+            action_description=read_words(fields, "action_description"),
         )
     except DesignError as error:
         plans = _list_written(strategy, "action_sets")
@@ -250,7 +201,7 @@ def _read_strategy(
 
     try:
         if given is None:
-            tool = _read_tool(fields, representation, gripper)
+            tool = read_tool(fields, representation, gripper, task)
             check_tool(tool, task.robot, representation.material)
         if start is not None and tool is not None:
             start.check(tool)
@@ -299,58 +250,6 @@ def _list_written(strategy: object, name: str) -> list[Any]:
     """Return the list that a strategy has under a name, read or not; empty: it has none."""
     written = strategy.get(name) if isinstance(strategy, dict) else None
     return written if isinstance(written, list) else []
-
-
-def _read_gripper(fields: Fields, given: Tool | None, task: Task) -> bool:
-    """Read whether the tool needs the gripper; of a given tool that is known.
-
-    Raises:
-        DesignError: neither true nor false is written, or the robot has no gripper.
-    """
-    if given is not None:
-        return given.gripper
-
-    gripper = fields.get("gripper", False)
-    if not isinstance(gripper, bool):
-        raise DesignError(f"'gripper' is {kind(gripper)}; it must be true or false")
-
-    if gripper:
-        check_gripper(task.robot)
-    return gripper
-
-
-def _read_text(fields: Fields, name: str) -> str:
-    """Read a text that only describes: whatever stands there, no design is lost by it."""
-    longest = MAX_NAME if name.endswith("_name") else MAX_DESCRIPTION
-    text = fields.get(name) or ""
-    return clean(
-        text if isinstance(text, str) else json.dumps(text, default=str), longest
-    )
-
-
-def _read_tool(
-    fields: Fields, representation: ToolRepresentation, gripper: bool
-) -> Tool:
-    """Read a strategy's tool, with its name and description.
-
-    Raises:
-        DesignError: a rule is broken, or the representation fails; then the message names its plugin.
-    """
-    name = _read_text(fields, "tool_name")
-    description = _read_text(fields, "tool_description")
-    tool: Tool = call_part(representation, "parse", Tool, fields, gripper=gripper)
-    if tool.gripper != gripper:
-        mount = "for the fingers" if tool.gripper else "for the flange"
-        raise DesignError(
-            f"{describe_part(representation)}: parse gave a tool {mount}, and gripper={gripper} was asked for"
-        )
-
-    weighed = representation.material.made(tool)
-    keys = call_part(representation, "schema", dict)
-    text = json.dumps({key: fields[key] for key in keys if key in fields}, default=str)
-    return replace(
-        weighed, name=name, description=description, written=(weighed.content, text)
-    )
 
 
 def _read_action_sets(

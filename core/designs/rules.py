@@ -85,19 +85,12 @@ def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
             f"the tool has no components; hang at least one from {' or '.join(tool.mounts)}"
         )
 
-    if len(tool.components) > MAX_COMPONENTS:
-        raise DesignError(
-            f"the tool has {len(tool.components)} components; at most {MAX_COMPONENTS} are allowed"
-        )
-
+    _check_components(tool, material)
     faults = Faults()
-    for component in tool.components:
-        with faults.collect():
-            _check_component(component)
-            if material.density_kg_m3 is None:
-                _check_mass(component)
-    faults.refuse()
-
+    if tool.fixture is not None:
+        with faults.collect("fixture: "):
+            _check_components(tool.fixture.parts, material)
+            check_contacts(tool.fixture.parts, None)
     with faults.collect():
         check_weight(tool, robot, material)
         _check_tool_mass(tool)
@@ -111,6 +104,22 @@ def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
         check_joints(tool, material, mount_solids(tool, robot))
     with faults.collect():
         _check_stiffness(tool, joints, material)
+    faults.refuse()
+
+
+def _check_components(tool: Tool, material: Material) -> None:
+    """Check the number of components, and each by itself."""
+    if len(tool.components) > MAX_COMPONENTS:
+        raise DesignError(
+            f"the tool has {len(tool.components)} components; at most {MAX_COMPONENTS} are allowed"
+        )
+
+    faults = Faults()
+    for component in tool.components:
+        with faults.collect():
+            _check_component(component)
+            if material.density_kg_m3 is None:
+                _check_mass(component)
     faults.refuse()
 
 
@@ -203,14 +212,16 @@ def mount_solids(tool: Tool, robot: Robot) -> dict[str, list[Solid]]:
     return {mount: solids[mount] for mount in tool.mounts}
 
 
-def check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:
+def check_contacts(tool: Tool, robot: Robot | None) -> dict[str, Array]:
     """Check that each component touches its parent; return the points (3,) where they do, in the mount's frame.
+
+    Without a robot the mount is nothing that could be touched.
 
     Raises:
         DesignError: names all components that are too far from their parents, the gaps, and how to close them.
     """
     faults = Faults()
-    solids = mount_solids(tool, robot)
+    solids = mount_solids(tool, robot) if robot else {}
     for component in tool.components:
         name = component.name
         solids[name] = solids_of(name, component.shape, Pose())
@@ -220,6 +231,8 @@ def check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:
     for component in tool.components:
         name = component.name
         parent = component.parent
+        if parent not in solids:
+            continue
         there = [replace(solid, pose=component.pose) for solid in solids[name]]
         gap, point, direction = closest(there, solids[parent])
         mount, _ = placed[name]

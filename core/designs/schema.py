@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from core.designs.tools import FIELD, POSE
 from core.interfaces import Brief
 
 _TEXT = {"type": "string"}
@@ -25,7 +26,11 @@ def answer_schema(brief: Brief) -> dict[str, Any]:
         strategy |= {"tool_name": _TEXT, "tool_description": _TEXT}
     if brief.task.robot.gripper:
         strategy["gripper"] = {"type": "boolean", "enum": [brief.gripper]}
-    strategy |= brief.representation.schema()
+    tool = brief.representation.schema()
+    strategy |= tool
+    if brief.task.fixture and tool:
+        fixture = _object({"pose": POSE, **tool})
+        strategy[FIELD] = {"anyOf": [{"type": "null"}, fixture]}
 
     if brief.n_action:
         plan = brief.actions.schema(gripper=brief.gripper)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from core.design import Tool
 from core.designs.rules import Faults, describe_way
+from core.designs.tools import find_fixture_faults
 from core.geometry import Pose
 from core.interfaces import Task
 from core.robot.kinematics import arm_of, link_poses
@@ -50,6 +51,7 @@ class SpawnRules:
         self._joints = arm_of(task.robot).home_for(task.home)
         bodies = (scene or task.scene(seed)).bodies
         self._scene = Obstacles(itertools.chain(*map(body_solids, bodies)))
+        self._fixed = {body.name for body in bodies if body.fixed}
         self._arms: dict[bool, tuple[Obstacles, dict[str, Pose]]] = {}
 
     def check(self, tool: Tool) -> None:
@@ -78,6 +80,12 @@ class SpawnRules:
 
             for solid in solids_of(component.name, component.shape, there):
                 placed.append(_Placed(solid, mount, frames[mount]))
+
+        if tool.fixture is not None:
+            solids = [part.solid for part in placed]
+            others = [*solids, *arm.solids, *self._scene.solids]
+            place = self.task.fixture
+            yield from find_fixture_faults(tool.fixture, place, self._fixed, others)
 
         for part in placed:
             near = (part.solid, _TOUCH_M)

@@ -161,8 +161,8 @@ class Obstacles:
     """Fixed solids in one frame; bounding boxes quickly select those that can be near."""
 
     def __init__(self, solids: Iterable[Solid]) -> None:
-        self._solids = tuple(solids)
-        bounds = np.array([solid.bounds() for solid in self._solids]).reshape(-1, 2, 3)
+        self.solids = tuple(solids)
+        bounds = np.array([solid.bounds() for solid in self.solids]).reshape(-1, 2, 3)
         self._centers = bounds[:, 0]
         self._halves = bounds[:, 1]
 
@@ -172,7 +172,7 @@ class Obstacles:
 
         near = np.abs(self._centers - center) <= self._halves + half + margin
         for i in np.flatnonzero(near.all(axis=1)):
-            yield self._solids[i]
+            yield self.solids[i]
 
 
 @lru_cache(maxsize=8)

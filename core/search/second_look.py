@@ -9,9 +9,10 @@ from typing import Any
 from core.design import Candidate, DesignError
 from core.designs.composer import PromptComposer
 from core.designs.planning import NO_PLAN
-from core.designs.reading import list_strategies, read_designs, read_fields
+from core.designs.reading import list_strategies, read_designs
 from core.designs.schema import answer_schema
 from core.designs.start import SpawnRules
+from core.designs.tools import read_fields
 from core.interfaces import Brief, Reply, Request
 
 REPAIRED = "-repair"  # at the end of the id of a request that asks once more

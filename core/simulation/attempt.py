@@ -49,6 +49,7 @@ def prepare(
 
     if scene is None:
         scene = task.scene(seed)
+    scene = scene.furnished(tool)
 
     waypoints = resolve(plan, task, seed, settings, scene)
     plan_motion = _motion if isinstance(task, Hashable) else plan_task_motion
@@ -202,7 +203,7 @@ def _prepare_job(stage: Stage, attempt: Attempt) -> None:
             "the plan has guards ('until'), and this engine can't play them"
         )
 
-    hz = check_motion(stage.task, job.tool, stage.scene, settings, job.trajectory)
+    hz = check_motion(stage.task, job.tool, job.scene, settings, job.trajectory)
     if hz > 0:
         if job.tool.bearers or job.guards:  # what they will do is not known yet
             hz = MAX_HZ

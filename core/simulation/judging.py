@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from core.goals import goals_shares
 from core.interfaces import Task
 from core.plugins import describe_part
 from core.plugins.blame import PluginError
-from core.scene import State, Trace
+from core.scene import Scene, State, Trace
 from core.simulation.attempt import Attempt, Stage
 from core.simulation.observing import observe
 from core.solids.contacts import Contacts, find_contacts, make_trace
@@ -40,8 +41,9 @@ def judge_attempts(stage: Stage, attempts: Sequence[Attempt]) -> None:
             attempt.end(stage, "failed", failure)
 
     finished = [attempt for attempt in attempts if attempt.trial is None]
-    if finished:
-        _reward(stage, finished)
+    # Those whose designs add the same to the scene, if anything.
+    for _, group in groupby(finished, key=lambda attempt: id(attempt.job.scene)):
+        _reward(stage, [*group])
 
 
 def _find_failure(stage: Stage, attempt: Attempt) -> str | None:
@@ -60,7 +62,7 @@ def _find_failure(stage: Stage, attempt: Attempt) -> str | None:
     recording = outcome.recording
     reads_trace = stage.task.reads_trace
     if recording is not None and stage.settings.penetration != "ignore":
-        parts = stage.scene, stage.task.robot, attempt.job.tool, recording
+        parts = attempt.job.scene, stage.task.robot, attempt.job.tool, recording
         try:
             attempt.findings = findings(*parts)
         except Explosion as explosion:
@@ -76,22 +78,23 @@ def _look_for_contacts(stage: Stage, attempt: Attempt) -> Contacts | None:
     """Find what touched, and keep it; None: there is no recording of finite states."""
     recording = attempt.outcome.recording
     if recording is not None and is_finite(recording):
-        parts = stage.scene, stage.task.robot, attempt.job.tool, recording
+        parts = attempt.job.scene, stage.task.robot, attempt.job.tool, recording
         attempt.contacts = find_contacts(*parts)
 
     return attempt.contacts
 
 
 def _reward(stage: Stage, finished: Sequence[Attempt]) -> None:
-    """Make the trials of what came to its end: the task's reward is called once for all of them."""
+    """Make the trials of what came to its end in one scene: the task's reward is called once for all of them."""
     task = stage.task
-    starts = _stack(stage, finished, "start")
-    ends = _stack(stage, finished, "end")
+    scene: Scene = finished[0].job.scene
+    starts = _stack(scene, finished, "start")
+    ends = _stack(scene, finished, "end")
     trace = None
 
     if task.reads_trace:
         contacts = [attempt.contacts for attempt in finished]
-        trace = make_trace(stage.scene, [found for found in contacts if found])
+        trace = make_trace(scene, [found for found in contacts if found])
 
     rewards = _rewards(task, starts, ends, trace).tolist()
     for place, attempt in enumerate(finished):
@@ -100,10 +103,10 @@ def _reward(stage: Stage, finished: Sequence[Attempt]) -> None:
         attempt.trial = _make_trial(stage, attempt, rewards[place], world)
 
 
-def _stack(stage: Stage, finished: Sequence[Attempt], moment: str) -> State:
+def _stack(scene: Scene, finished: Sequence[Attempt], moment: str) -> State:
     """Stack the states of all worlds at a ``moment``: start or end."""
     states = [getattr(attempt.outcome, moment) for attempt in finished]
-    return stage.scene.complete(State.stack(states))
+    return scene.complete(State.stack(states))
 
 
 def _make_trial(
@@ -168,7 +171,7 @@ def _observe(stage: Stage, trial: Trial, attempt: Attempt) -> Trial:
         return trial
 
     played = attempt.motion, attempt.outcome
-    seen = observe(stage.task, stage.scene, *played, trial.reward, contacts)
+    seen = observe(stage.task, attempt.job.scene, *played, trial.reward, contacts)
     text = f"{seen.result} {seen.what}".strip()
 
     return replace(trial, touch_m=seen.touch_m, outcome=text, observation=seen)

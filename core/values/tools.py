@@ -128,6 +128,7 @@ class Tool:
     Without components it is the bare arm (with ``gripper``: the bare hand). Parents come before their children.
     ``friction`` is that of a rigid tool; attachments to the fingers have that of the fingers. ``written`` is the text
     that it was read from, and the `content` that this had: numbers of another text may differ in their last bits.
+    ``fixture`` stands in the scene meanwhile.
 
     Raises:
         DesignError: a name is used twice, or a parent is neither a component before it nor a mount.
@@ -139,6 +140,7 @@ class Tool:
     description: str = ""
     friction: float = TOOL_FRICTION
     written: tuple[str, str] = field(default=("", ""), compare=False, repr=False)
+    fixture: Fixture | None = None
 
     def __hash__(self) -> int:  # many things are kept by tool, and poses take long
         return hash(
@@ -231,3 +233,16 @@ class Tool:
                 bearers.append(Bearer(component.name, bearer, frame, component.joint))
 
         return tuple(bearers)
+
+
+@dataclass(frozen=True)
+class Fixture:
+    """What a design adds to the scene, and no plan moves: ``parts``, written as a rigid tool, whose mount is at a pose.
+
+    Attributes:
+        parts: its components, without joints.
+        pose: of their mount's frame, in the world.
+    """
+
+    parts: Tool
+    pose: Pose

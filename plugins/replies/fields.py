@@ -25,6 +25,7 @@ _USUAL = (
     "action_description",
     "action",
     "gripper",
+    "fixture",
     "parents",
 )
 _ANSWERS = {
@@ -129,7 +130,7 @@ def _flatten(
     """
     lacking = {*needed} - {names.get(plain_name(key)) for key in strategy}
     for key, value in strategy.items():
-        is_field = names.get(plain_name(key)) in (*needed, "gripper")
+        is_field = names.get(plain_name(key)) in (*needed, "gripper", "fixture")
         if not isinstance(value, dict) or is_field:
             yield key, value
             continue

@@ -26,6 +26,7 @@ def save_files(
 ) -> None:
     """Write ``tool.urdf``, ``tool.stl``, ``robot.urdf`` with their meshes; see `core.search.best.Export`.
 
+    Of a fixture there is ``fixture.stl``, in its own frame.
     ``waypoints.csv`` has the waypoints of ``motion`` and when each is reached.
     """
     tool = candidate.tool
@@ -49,6 +50,8 @@ def save_files(
     with_tool = assemble(robot, tool, mesh_path=local)
     (folder / "robot.urdf").write_text(with_tool, encoding="utf-8")
     tool_mesh(tool, robot.opening_m).export(folder / "tool.stl")
+    if tool.fixture is not None:
+        tool_mesh(tool.fixture.parts, 0.0).export(folder / "fixture.stl")
 
 
 def copied(mesh: Path, folder: Path) -> str:

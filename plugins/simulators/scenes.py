@@ -9,11 +9,11 @@ from core.scene import Scene
 
 
 def scene_of(job: Rollout, task: Task) -> Scene:
-    """Return the scene to play in: the job's, or else the task's layout; the same object for jobs that share it."""
-    if job.scene is None:
-        return _layout(task, job.seed)
+    """Return the scene to play in, with its fixture: the job's, or the task's layout; one object for its jobs."""
     scene: Scene = job.scene
-    return scene
+    if scene is None:
+        scene = _layout(task, job.seed)
+    return scene.furnished(job.tool)
 
 
 @lru_cache(maxsize=4)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from core.design import DesignError, Tool
-from core.designs.reading import load_tool
+from core.designs.loading import load_tool
 from core.designs.rules import check_tool
 from core.designs.start import SpawnRules
 from core.errors import UserError

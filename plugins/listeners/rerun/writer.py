@@ -195,6 +195,14 @@ class Writer:
         if tool.gripper:
             for name, mesh in self._hand.items():
                 shown[*_ROBOT, name] = mesh
+        if tool.fixture is not None:
+            body = self._scene.furnished(tool).bodies[-1]
+            parts = []
+            for part in body.visuals:
+                placed = body.pose @ part.pose
+                solid = part.shape.to_trimesh().apply_transform(placed.matrix)
+                parts.append(shaded(solid, part.color))
+            shown[*_SCENE, body.name] = trimesh.util.concatenate(parts)
 
         for path in self._mounted - shown.keys():
             self._log(path, rr.Clear(recursive=True))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
-from core.designs.reading import MAX_DESCRIPTION
+from core.designs.tools import MAX_DESCRIPTION
 from core.errors import UserError
 from core.support.text import clean
 from plugins.results.pages.runs import FinishedRun, LeftOutRun

@@ -98,7 +98,7 @@ class Examination:
             Figures by name, and what speaks against the design.
         """
         task = condition.task.shared()
-        scene = condition.scene()
+        scene = condition.scene().furnished(tool)
         settings = condition.settings
         waypoints = resolve(candidate.plan, task, condition.layout, settings, scene)
         planned = plan_task_motion(waypoints, task, settings)

@@ -54,6 +54,7 @@ def make_export(
     if candidate.tool is None or candidate.problem is not None:
         raise UserError(f"the design can't be used in {task.name}: {candidate.problem}")
 
+    scene = scene.furnished(candidate.tool)
     waypoints = resolve(candidate.plan, task, cfg.seed, settings, scene)
     planned = plan_task_motion(waypoints, task, settings)
     moves = sample_moves(cfg, task, planned)

@@ -96,7 +96,7 @@ class MuJoCoRenderer(Renderer):
                 component.color,
             )
 
-        scene = task.scene(seed)
+        scene = task.scene(seed).furnished(tool)
         for body in scene.bodies:
             element = spec.worldbody.add_body(
                 name=f"scene/{body.name}", mocap=True, pos=body.pose.position

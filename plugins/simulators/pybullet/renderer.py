@@ -55,9 +55,10 @@ class PyBulletRenderer(Renderer):
         self._numbers = numbers
         self._parts: list[tuple[str, Pose, int]] = []
         self._clear: dict[int, float] = {}  # opacity of transparent parts
-        self._softs = {soft.name: (soft, 0) for soft in task.scene(seed).softs}
+        scene = task.scene(seed).furnished(tool)
+        self._softs = {soft.name: (soft, 0) for soft in scene.softs}
 
-        for body in task.scene(seed).bodies:
+        for body in scene.bodies:
             if body.name in self._softs:
                 continue
             for part in body.visuals:

@@ -10,7 +10,7 @@ import numpy as np
 
 from core.errors import UserError, choices
 from core.geometry import Array, Pose
-from core.scene import Body, Color, Scene, table
+from core.scene import FIXTURE, Body, Color, Region, Scene, table
 from core.values.joints import Placement
 from plugins.tasks.file.bodies import (
     build_body,
@@ -61,7 +61,10 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
                 frame = _frame(mark.at, (*marks, *bodies))
                 marks.append(replace(placed, pose=frame @ placed.pose))
 
-    _check_unique(tree, spec, [body.name for body in around])
+    taken = [body.name for body in around]
+    if spec.fixture is not None:
+        taken.append(FIXTURE)
+    _check_unique(tree, spec, taken)
     if len(bodies) > MAX_COPIES:
         problem = f"a scene can have {MAX_COPIES} bodies, not {len(bodies)}; take fewer"
         raise tree.error(("bodies",), problem)
@@ -79,6 +82,16 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
         raise tree.error(("bodies",), problem)
 
     return scene
+
+
+def build_region(spec: SceneSpec) -> Region | None:
+    """Return where a designed fixture may stand; None: there can be none."""
+    if spec.fixture is None:
+        return None
+    middle = np.array(spec.fixture.position)
+    half = np.array(spec.fixture.box) / 2
+    low, high = np.round([middle - half, middle + half], 6).tolist()
+    return Region(tuple(low), tuple(high))
 
 
 def _repeat(body: Body, repeat: RepeatSpec | None) -> list[Body]:

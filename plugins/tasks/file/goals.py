@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, fields, replace
 from typing import Any
 
+from core.errors import UserError
 from core.goals import (
     SLIP_M,
     Away,
@@ -293,6 +294,16 @@ def _subject(goal: Reach) -> str:
 
 
 def _ask(goal: Goal) -> str:
-    """Fill in the macro of a goal's kind in ``templates/goals.md.j2``."""
-    phrases = macros("plugins.tasks.file", "goals")
-    return str(getattr(phrases, type(goal).__name__)(goal))
+    """Fill in the macro of a goal's kind in ``templates/goals.md.j2``.
+
+    Raises:
+        UserError: there is none.
+    """
+    kind = type(goal).__name__
+    phrase = getattr(macros("plugins.tasks.file", "goals"), kind, None)
+    if phrase is None:
+        raise UserError(
+            f"goals of the kind {kind} have no words for a model; add a macro {kind}(goal) to "
+            "plugins/tasks/file/templates/goals.md.j2"
+        )
+    return str(phrase(goal))

@@ -414,6 +414,14 @@ class GroundSpec(_Spec):
         return self
 
 
+class RegionSpec(_Spec):
+    """The box in which a designed fixture may stand, along the world's axes."""
+
+    box: tuple[Length, Length, Length]
+    position: Place
+    """Of its middle."""
+
+
 CameraSpec = Annotated[
     Camera,
     _read_dataclass(
@@ -451,6 +459,8 @@ class SceneSpec(_Spec):
     """m/s^2, along the world's axes."""
     tool_kinds: tuple[str, ...] = ()
     """What a tool may hang from, as `tool_kinds` of the configuration; empty: as there."""
+    fixture: RegionSpec | None = None
+    """Where a design may add a fixture, which no plan moves; if left out it can't."""
     colors: dict[str, ColorName] = {}
     """Colours of bodies by name or pattern, such as ``"grain*"``."""
     bodies: Annotated[tuple[BodySpec, ...], Field(max_length=MAX_BODIES)] = ()

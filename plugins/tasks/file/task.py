@@ -54,6 +54,7 @@ class FileTask(Task):
             every=spec.every,
             hold_s=spec.hold_s,
             tool_kinds=spec.tool_kinds,
+            fixture=building.build_region(spec),
             variations=spec.variations,
             home=Pose.xyz_rpy(home.position, np.radians(home.rpy_deg)),
         )

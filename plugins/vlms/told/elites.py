@@ -10,6 +10,7 @@ from typing import Any
 from core.design import Tool
 from core.designs.prompt_values import RunFacts
 from core.designs.reading import dump_names
+from core.designs.tools import dump_fixture
 from core.interfaces import Brief, Evaluation, ToolRepresentation, Waypoints
 from core.support.text import clean, number
 from core.values.observations import Sight
@@ -112,7 +113,8 @@ def _describe_design(
 
     assert candidate.tool is not None
 
-    return entry | representation.abridge(candidate.tool)
+    entry |= representation.abridge(candidate.tool)
+    return entry | dump_fixture(candidate.tool, representation)
 
 
 def _describe_rollout(elite: Evaluation, sight: Sight) -> dict[str, Any]:

@@ -4,7 +4,7 @@ import pytest
 import trimesh
 from lxml import etree
 
-from core.design import Candidate, Component, Tool, ToolJoint
+from core.design import Candidate, Component, Fixture, Tool, ToolJoint
 from core.geometry import Box, Pose
 from core.interfaces import Task, Waypoints
 from core.robot.kinematics import arm_of
@@ -57,7 +57,7 @@ def test_a_tool_of_any_form_takes_its_meshes_along(tmp_path):
         Box((0.02, 0.02, 0.02)),
         joint=FLAP,
     )
-    tool = Tool((head, flap))
+    tool = Tool((head, flap), fixture=Fixture(Tool((head,)), Pose()))
     plan = np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.0]])
     motion = plan_motion(Waypoints(plan), Task.home, arm_of(PANDA))
     save_files(Candidate(tool, plan), PANDA, motion, tmp_path)
@@ -67,7 +67,8 @@ def test_a_tool_of_any_form_takes_its_meshes_along(tmp_path):
         assert files
         assert all((tmp_path / file).is_file() for file in files), name
         assert robot.find("joint[@name='flap_joint']").get("type") == "revolute"
-    assert trimesh.load_mesh(tmp_path / "tool.stl").is_watertight
+    for name in ("tool.stl", "fixture.stl"):
+        assert trimesh.load_mesh(tmp_path / name).is_watertight
     assert pin.buildModelFromUrdf(str(tmp_path / "robot.urdf")).nq == 8
 
 

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from core.errors import UserError
 from core.geometry import Box, Pose
 from core.goals import (
     Away,
@@ -151,6 +152,9 @@ def test_places_are_in_the_frame_of_a_mark_and_one_for_each_body():
         replace(goal, bodies=("cube",))
 
 
-@pytest.mark.parametrize("kind", [*KINDS.values(), Reach])
-def test_every_kind_has_its_words(kind):
-    assert hasattr(macros("plugins.tasks.file", "goals"), kind.__name__)
+def test_every_kind_has_its_words_or_says_where_they_belong():
+    for kind in (*KINDS.values(), Reach):
+        assert hasattr(macros("plugins.tasks.file", "goals"), kind.__name__)
+    strange = type("Strange", (Reach,), {})
+    with pytest.raises(UserError, match=r"add a macro Strange\(goal\) to"):
+        describe(strange(("cup",)))

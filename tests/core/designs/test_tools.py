@@ -1,0 +1,90 @@
+"""A fixture: what a design adds to the scene, from the designs file and back, and what is wrong with one."""
+
+import json
+from dataclasses import replace
+
+import jsonschema
+import pytest
+
+from core.designs.reading import load_designs, read_designs, save_design
+from core.designs.start import SpawnRules
+from core.designs.tools import FIELD, POSE
+from core.interfaces import RolloutSettings
+from core.plugins import installed
+from core.scene import FIXTURE
+from tests.engines import simulator
+from tests.panda import on_panda
+from tests.playing import evaluate_batch
+from tests.plugins.tasks.file.test_scenes import SCENES
+
+BOXES = installed().create("tool", "boxes")
+(FUNNEL,) = [scene for scene in SCENES if scene.stem == "UseFunnel"]
+DESIGNS = load_designs(FUNNEL.with_suffix(".json"))
+(STRATEGY,) = DESIGNS["strategies"]
+POST = STRATEGY[FIELD]["tool_components"][0]
+FAR = {**POST, "name": "far", "parent": "post", "position": [0.1, 0, 0.1]}
+HINGE = {"kind": "hinge", "axis": [0, 0, 1], "lower": -1, "upper": 1}
+
+
+@pytest.fixture(scope="module")
+def task():
+    return on_panda(installed().create("task", "file", file=str(FUNNEL)))
+
+
+def read(task, strategy, **given):
+    (design,) = read_designs({"strategies": [strategy]}, BOXES, task, **given)
+    return design
+
+
+def test_a_fixture_is_read_and_written_and_stands_in_the_scene(task, tmp_path):
+    design = read(task, STRATEGY)
+    scene = task.scene(0)
+    save_design(design, BOXES, tmp_path)
+    (saved,) = read_designs(load_designs(tmp_path / "design.json"), BOXES, task)
+    assert saved.content == design.content
+    schema = {"properties": {"pose": POSE, **BOXES.schema()}}
+    jsonschema.validate(STRATEGY[FIELD], schema)
+    rougher = replace(design, tool=replace(design.tool, friction=0.4))
+    save_design(rougher, BOXES, tmp_path)
+    (changed,) = json.loads((tmp_path / "design.json").read_text())["strategies"]
+    again = read(task, changed).tool
+    assert len(again.fixture.parts.components) == 5
+    assert again.content != replace(again, fixture=None).content
+    furnished = scene.furnished(again)
+    assert furnished[FIXTURE].pose.position.tolist() == [0.75, 0, 0]
+    assert furnished.furnished(again) is furnished
+    assert scene.furnished(replace(again, fixture=None)) is scene
+
+
+WRONG = [
+    ({"pose": [0.9, 0, 0, 0, 0, 0]}, "'east' of the fixture is not within the task's region, (0.6, -0.15"),
+    ({"pose": [0.75, 0, 0.01, 0, 0, 0]}, "'post' of the fixture hangs in the air, 10.0 mm from what is fixed"),
+    ({"pose": [0.75, 0, -0.01, 0, 0, 0]}, "'post' of the fixture starts 10.0 mm inside 'table'"),
+    ({"pose": [0.75, 0]}, "fixture: pose has 2 numbers, 6 are needed: x, y"),
+    ({"tool_components": [{**POST, "size": [0.01, 0.06, 9]}]}, "fixture: component 'post' is 9 m long"),
+    ({"tool_components": [POST, FAR]}, "fixture: component 'far' is 20.0 mm away from its parent"),
+    ({"tool_components": [{**POST, "joint": HINGE}]}, "which it can't have"),
+    ("a funnel", "'fixture' is the text 'a funnel', not an object"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "why"), WRONG)
+def test_what_is_wrong_with_a_fixture_is_said(task, changes, why):
+    given = changes
+    if isinstance(changes, dict):
+        given = {**STRATEGY[FIELD], **changes}
+    design = read(task, {**STRATEGY, FIELD: given}, start=SpawnRules(task))
+    assert why in design.problem
+
+
+def test_without_its_fixture_it_earns_nothing(task):
+    strategy = {key: value for key, value in STRATEGY.items() if key != FIELD}
+    designs = [read(task, strategy), read(task, STRATEGY)]
+    settings = RolloutSettings()
+    found = evaluate_batch(task, simulator("mujoco"), designs, 0, settings)
+    assert [evaluation.reward for evaluation in found] == [0, 1]
+
+
+def test_a_task_without_a_place_for_a_fixture_refuses_one():
+    design = read(on_panda(installed().create("task", "BringCube")), STRATEGY)
+    assert "BringCube has no place for a fixture; leave 'fixture' out" in design.problem
