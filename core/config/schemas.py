@@ -129,8 +129,12 @@ class RunConfig(SearchConfig):
 
 @dataclass
 class EvaluateConfig(TrialConfig):
-    """Settings of ``vlmgineer evaluate``. ``output``: a JSON file to write as well; ``check``: play nothing."""
+    """Settings of ``vlmgineer evaluate``. ``output``: a JSON file to write as well; ``check``: play nothing.
+
+    ``film``: write a film of the best design, too.
+    """
 
     designs: str = MISSING
     output: str | None = None
     check: bool = False
+    film: bool = False

@@ -25,9 +25,13 @@ from core.support.cli import arguments, print_table, say, write_bytes
 from core.support.text import by_reason, clean, number
 from core.trial import Evaluation
 from plugins.trying.checking import find_problems
+from plugins.trying.filming import film_best
 from plugins.trying.judging import build_fitness, try_all
 
-USAGE = "usage: vlmgineer evaluate task=NAME designs=FILE [sim=NAME] [seed=N] [output=FILE.json] [KEY=VALUE ...]"
+USAGE = (
+    "usage: vlmgineer evaluate task=NAME designs=FILE [sim=NAME] [seed=N] [output=FILE.json] [film=true] "
+    "[KEY=VALUE ...]"
+)
 MISSES = ("ik_error_m", "ik_error_rad", "tracking_error_rad")
 MAX_REMARK = 2000  # characters
 
@@ -129,10 +133,13 @@ def main(words: list[str]) -> None:
         return
 
     task = task_part(cfg).create()
-    records = [record(evaluation, task) for evaluation in evaluate(cfg)]
+    evaluations = evaluate(cfg)
+    records = [record(evaluation, task) for evaluation in evaluations]
     if cfg.output is not None:
         write_bytes(Path(cfg.output), (json.dumps(records, indent=2) + "\n").encode())
     show(records)
+    if cfg.film:
+        film_best(cfg, evaluations, task)
 
 
 def show(records: Sequence[Mapping[str, Any]]) -> None:

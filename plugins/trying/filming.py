@@ -1,0 +1,47 @@
+"""Film the best of some designs."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from core.config.compose import node, part
+from core.errors import RAISED
+from core.interfaces import RolloutSettings, Task
+from core.plugins import SIMULATOR
+from core.simulation.pictures import filmed, report_missing, save_film
+from core.support.cli import say
+from core.support.progress import busy
+from core.trial import Evaluation
+
+
+def film_best(cfg: DictConfig, evaluations: Sequence[Evaluation], task: Task) -> None:
+    """Film the design that earned most, beside the output file or in the working directory, and say where the film is.
+
+    Of several tasks there is a film of each. What can't be filmed is said on standard error.
+    """
+    played = [evaluation for evaluation in evaluations if evaluation.status == "ok"]
+    if not played:
+        say("no film: no design could be played", file=sys.stderr)
+        return
+
+    best = max(played, key=lambda evaluation: evaluation.reward)
+    assert best.shown is not None
+    simulator = part(SIMULATOR, cfg.sim).create()
+    settings = node(cfg.rollout, RolloutSettings)
+    folder = Path(cfg.output or "film").parent
+    for stage in task.parts:
+        candidate = best.candidate.of(stage.name)
+        name = f"{stage.name}_s{candidate.strategy}_p{candidate.action}.gif"
+        layout = best.shown.layout
+        try:
+            with busy(f"drawing the film {name}"):
+                film = filmed(stage, simulator, candidate, layout, settings)
+                save_film(film, folder / name)
+        except RAISED as error:
+            report_missing("film", error)
+        else:
+            say(f"film: {folder / name}")
