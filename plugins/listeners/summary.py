@@ -22,6 +22,7 @@ from core.support.cli import print_table, say
 from core.support.text import by_reason, clean, hydra_word, number
 from core.trial import NOTHING, Evaluation, best_tools
 from core.values.efforts import PERTURBED
+from plugins.listeners.elsewhere import AUTO, try_elsewhere
 
 if TYPE_CHECKING:
     from core.events import Result, Run
@@ -50,10 +51,12 @@ class SummaryListener:
 
     Args:
         top: how many tools are listed.
+        second: the engine in which the winner is tried once more; ``auto``: one that can; ``none``: in no other.
     """
 
-    def __init__(self, top: int = 3) -> None:
+    def __init__(self, top: int = 3, second: str = AUTO) -> None:
         self.top = top
+        self.second = second
         self._replies: list[Reply] = []
 
     @hookimpl
@@ -78,6 +81,7 @@ class SummaryListener:
                 *lines,
             ]
             lines += _remarks(result, best)
+            lines += try_elsewhere(run, result, self.second)
 
         say(*lines, *_next_steps(run, result), file=sys.stderr)
         if best is not None:

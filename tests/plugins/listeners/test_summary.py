@@ -285,7 +285,9 @@ def test_the_reward_above_is_that_of_the_command(kind, tmp_path, monkeypatch, ca
     result = run(
         load("config", [*sizes, *others, *KINDS[kind].split()]), tmp_path / "run"
     )
-    *_, line = commands(capsys.readouterr().err)
+    said = capsys.readouterr().err
+    assert ("in pybullet it earns " in said) == (result.best.reward > 0)
+    *_, line = commands(said)
     _, command, *words = shlex.split(line)
     assert command == "evaluate"
     evaluate.main([*words, "output=rewards.json"])

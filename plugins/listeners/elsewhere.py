@@ -1,0 +1,81 @@
+"""Try the winner of a run in a second engine, so that what one engine alone pays is not taken for a success."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from omegaconf import OmegaConf
+
+from core.config.compose import task_part
+from core.errors import UserError
+from core.events import INTERRUPTED
+from core.interfaces import Condition, Evaluation, Trial
+from core.plugins import SIMULATOR, PluginPart
+from core.simulation.play import play
+from core.support.progress import busy
+from core.support.text import clean, number
+
+if TYPE_CHECKING:
+    from core.events import Result, Run
+
+AUTO = "auto"
+NEVER = "none"
+ENGINES = ("mujoco", "pybullet", "sapien")
+"""Of these ``auto`` takes the first that is not the run's own and can play the winner."""
+
+LONGEST = 300  # letters of a cause
+
+
+def try_elsewhere(run: Run, result: Result, chosen: str = AUTO) -> Iterator[str]:
+    """Say in a line what the best candidate earns in a second engine; nothing where none can play it.
+
+    Of several tasks, or where the fitness has several engines, that is known or asked for otherwise.
+
+    Args:
+        run: whose winner is tried once, in the layout of the run's seed.
+        result: of the run.
+        chosen: the name of the engine, ``auto`` or ``none``.
+    """
+    best = result.best
+    if best is None or best.reward == 0 or run.simulator is None:
+        return
+    if result.stopped == INTERRUPTED or chosen == NEVER:
+        return
+    if len(run.task.parts) > 1 or len(best.by_engine) > 1:
+        return
+
+    names = [chosen]
+    if chosen == AUTO:
+        names = [name for name in ENGINES if name != run.parts["sim"]]
+
+    for name in names:
+        try:
+            trial = _play(run, best, name)
+        except UserError as error:
+            if chosen != AUTO:
+                yield f"the best could not be tried in {name}: {clean(str(error), LONGEST)}"
+            continue
+
+        if trial is not None and trial.status != "rejected":
+            cause = ""
+            if trial.reward < run.task.success_reward and trial.cause:
+                cause = f": {clean(trial.cause, LONGEST)}"
+            yield f"in {name} it earns {number(trial.reward, 3)}{cause}"
+            return
+
+
+def _play(run: Run, best: Evaluation, name: str) -> Trial | None:
+    """Play the best candidate in an engine; None: the engine has no soft bodies, and the scene has.
+
+    Raises:
+        UserError: the engine is not there, or fails.
+    """
+    sim = PluginPart(SIMULATOR.name, name)
+    if run.task.scene(run.seed).softs and not sim.shared().supports_soft_bodies:
+        return None
+
+    task = task_part(OmegaConf.create(run.config))
+    with busy(f"trying the best in {name}"):
+        (trial,) = play(Condition(task, sim, run.seed, run.settings), [best.candidate])
+    return trial
