@@ -133,8 +133,6 @@ def _read_fixture(
     parts: Tool = call_part(representation, "parse", Tool, fields, gripper=False)
     if parts.bearers:
         raise DesignError("fixture: a component has a joint, and a fixture has none")
-    if not parts.components:
-        return None
     pose = Pose.xyz_rpy(numbers[:3], numbers[3:])
     return Fixture(representation.material.made(parts), pose)
 

@@ -15,15 +15,13 @@ from core.goals import (
     Reach,
     Turned,
     Untouched,
-    goals_margins,
     goals_reward,
 )
-from core.scene import Body, Elastic, Filling, Scene, Soft, State
+from core.scene import Elastic, Filling, Scene, Soft
 from core.support.templates import macros
 from plugins.tasks.file.goals import (
     KINDS,
     Flattened,
-    Places,
     Spread,
     describe,
     join_entries,
@@ -109,47 +107,8 @@ def test_soft_bodies_get_a_node_to_a_place_flat_and_wide():
         == reward(wide, pressed(1.5, 1), start)
         == 0.5
     )
-    many = State.stack([start, pressed(1, 0.75), pressed(2, 0.5)])
-    both = replace(flat, also=(wide,))
-    np.testing.assert_allclose(
-        reward(both, many, State.stack([start] * 3)), [0, 0.25, 1], atol=1e-8
-    )
-    height, area = goals_margins(
-        SimpleNamespace(goals=(both,), every=False), start, pressed(2.1, 0.4)
-    )
-    assert (area.name, area.limit, height.name, round(height.margin, 6)) == (
-        "area of slab",
-        0.02,
-        "height of slab",
-        0.2,
-    )
     corner = Placed(("slab",), node=0, place=(0.9, None, None))
     np.testing.assert_allclose(reward(corner, pressed(1.5, 1), start), 0.5)
-
-
-def test_places_are_in_the_frame_of_a_mark_and_one_for_each_body():
-    cube, other = (
-        Body.of(name, Box((0.1, 0.1, 0.1)), (x, -0.3, 0.05), mass=1.0, color=RED)
-        for name, x in (("cube", 0.5), ("other", 0.7))
-    )
-    scene = Scene((cube, other, Body.mark("mark", (0.5, 0.1, 0), 0.05, RED)))
-    goal = Places(
-        ("cube", "other"),
-        places=((0, 0, 0.05), (0, 0.2, 0.05)),
-        at="mark",
-        tolerance=0.001,
-    )
-    start = scene.state()
-    there = np.array([(0.5, 0.1, 0.05), (0.5, 0.3, 0.05)])
-    assert reward(goal, replace(start, positions=there), start) == 1
-    assert reward(goal, replace(start, positions=there[::-1]), start) < 0.6
-
-    assert goal.place_of("other", start) == pytest.approx([0.5, 0.3, 0.05])
-    assert describe(goal) == (
-        "cube, other must get to (0, 0, 0.05), (0, 0.2, 0.05) in the frame of mark, one each, within 0.001"
-    )
-    with pytest.raises(ValueError, match="one for each of its 1 bodies"):
-        replace(goal, bodies=("cube",))
 
 
 def test_every_kind_has_its_words_or_says_where_they_belong():

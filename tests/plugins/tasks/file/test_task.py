@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from core.design import Candidate, Tool
+from core.design import Tool
 from core.errors import UsageError, UserError
 from core.geometry import Box, Capsule, Mesh
 from core.goals import (
@@ -19,7 +19,7 @@ from core.goals import (
     Placed,
     Untouched,
 )
-from core.interfaces import JointTrajectory, Rollout, RolloutSettings
+from core.interfaces import JointTrajectory, Rollout
 from core.plugins import PluginPart, installed
 from core.robot.kinematics import arm_of
 from plugins.conformance.suites import SUITES, examine
@@ -31,7 +31,6 @@ from plugins.vlms.told.bodies import bodies_table
 from plugins.vlms.told.excerpts import helpers, task_source
 from tests.engines import every_simulator, simulator
 from tests.panda import on_panda
-from tests.playing import evaluate_batch
 from tests.plugins.tasks.file.test_mistakes import GOOD, HERE
 
 SCENES = Path(__file__).parents[4] / "tasks/scenes"
@@ -89,26 +88,6 @@ def test_the_json_schema_fits_what_is_read(scaffold):
         data = Tree.read(Path(file))[1].data
         assert [error.message for error in validator.iter_errors(data)] == []
         assert list(validator.iter_errors({**data, "bodys": []}))
-
-
-def test_each_of_several_goals_has_its_score_in_a_trial(tmp_path, scaffold):
-    goals = (
-        "  - {bodies: [can], away: 0.1, name: can aside}\nevery: true\nsuccess_reward:"
-    )
-    task = on_panda(
-        task_of(tmp_path, Path(scaffold).read_text().replace("success_reward:", goals))
-    )
-    home = Candidate(Tool(), np.array([[*task.home.position, 0, 0, 0]]))
-    (evaluation,) = evaluate_batch(
-        task, simulator("mujoco"), [home], 0, RolloutSettings()
-    )
-    assert [name for name, _ in evaluation.trials[0].goals] == [
-        "block (goal 0)",
-        "can aside",
-    ]
-    assert np.mean([share for _, share in evaluation.trials[0].goals]) == pytest.approx(
-        evaluation.reward
-    )
 
 
 def test_a_variation_draws_layouts_and_none_ignores_the_seed(scaffold):

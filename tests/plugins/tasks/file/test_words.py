@@ -40,6 +40,7 @@ def ended(start, places):
 
 
 FEW = {f"grain_{n}": (0.6, 0.3, 0.05) for n in range(12)}
+STACKED = {"cup": (0.3, 0.3, 0), "peg_0": (0.3, 0.3, 1)}
 # A goal, where bodies end, and what they earn.
 CASES = [
     # At least, at most, between; in the world, a frame, or from the start.
@@ -52,6 +53,7 @@ CASES = [
     ("{bodies: [cup], place: [[0.6, null], 0.1, null]}", {"cup": (0.9, 0.1, 0)}, 1),
     ("{bodies: [cup], place: [[0.6, null], 0.1, null]}", {"cup": (0.9, 0, 0)}, 0.5),
     ("{bodies: [cup], at: post, place: ['> 0.3', null, 0]}", {"cup": (9, 0.25, 0.05)}, 1),
+    ("{bodies: [cup, peg_0], at: disc, tolerance: 0.01, places: [[0, 0, 0], [0, 0, 1]]}", STACKED, 1),
     ("{bodies: [cup], raised: 0.1}", {"cup": (0.5, 0, 0.15)}, 1),
     ("{bodies: [cup], raised: 0.1}", {"cup": (0.5, 0, 0.1)}, 0.5),
     ("{bodies: [cup], raised: [0.1, 0.2]}", {"cup": (0.5, 0, 0.31)}, 0.4),
@@ -133,6 +135,7 @@ MISTAKES = [
     (GOAL, "{bodies: ['gran*'], away: 0.1}", r"no name like 'gran\*' \(did you mean 'grain_"),
     (GOAL, "{bodies: [cup], inside: post}", "'post' has no hollow with walls all around; give marks"),
     (GOAL, "{bodies: [cup], inside: jar}", "no body 'jar'"),
+    (GOAL, "{bodies: [cup], places: [[0, 0, 0], [0, 0, 0]]}", "one for each of its 1 bodies"),
     (GOAL, "{bodies: [cup], apart: 0.1}", "apart needs two bodies"),
     (GOAL, "{joint: runner, to: 0.1, change: 0.1}", "a joint has to"),
     (GOAL, "{bodies: [cup], enough: 0, away: 0.1}", "enough: must be greater than 0"),
