@@ -10,9 +10,11 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, fields
 from functools import cache
+from importlib.resources import files
 from typing import Annotated, Any, Literal, Self, get_type_hints
 
 import numpy as np
+import yaml
 from PIL import ImageColor
 from pydantic import (
     AfterValidator,
@@ -571,11 +573,19 @@ def _explain(where: Where, error: ErrorDetails) -> str:
 
 @cache
 def json_schema() -> dict[str, Any]:
-    """Describe what a scene file may say as a JSON Schema, for editors and for models."""
+    """Describe what a scene file may say as a JSON Schema, for editors and for models; ``keys.yaml`` has the words."""
     dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
     schema = SceneSpec.model_json_schema()
     pictures = schema["properties"]["pictures"]
     pictures["items"] = {"anyOf": [{"type": "string"}, pictures["items"]]}
+
+    text = (files(__package__) / "keys.yaml").read_text("utf-8")
+    words: dict[str, str] = yaml.safe_load(text)
+    for kind in (schema, *schema["$defs"].values()):
+        for key, found in kind["properties"].items():
+            if "description" not in found:
+                own = words.get(f"{kind['title']}.{key}")
+                found["description"] = own or words[key]
     return dialect | schema
 
 

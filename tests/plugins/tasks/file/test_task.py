@@ -33,7 +33,8 @@ from tests.engines import every_simulator, simulator
 from tests.panda import on_panda
 from tests.plugins.tasks.file.test_mistakes import GOOD, HERE
 
-SCENES = Path(__file__).parents[4] / "tasks/scenes"
+ROOT = Path(__file__).parents[4]
+SCENES = ROOT / "tasks/scenes"
 URDF = """<robot name="lever"><link name="base"/><link name="arm"><inertial><mass value="1"/>
 <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry>
 <box size="0.1 0.1 0.1"/></geometry></collision></link><joint name="pin" type="revolute"><parent link="base"/>
@@ -84,6 +85,11 @@ def test_the_json_schema_fits_what_is_read(scaffold):
     schema = installed().factory("task", "file").json_schema()
     validator = jsonschema.Draft202012Validator(schema)
     validator.check_schema(schema)
+    page = (ROOT / "docs/scene_files.md").read_text()
+    keys = {*schema["properties"], *schema["$defs"]["Goal"]["properties"]}
+    assert {key for key in keys if f"`{key}" not in page} == set()
+    for kind in schema["$defs"].values():
+        assert all(found["description"] for found in kind["properties"].values())
     for file in (scaffold, HERE / "open_door.yaml", *SCENES.glob("*.yaml")):
         data = Tree.read(Path(file))[1].data
         assert [error.message for error in validator.iter_errors(data)] == []
