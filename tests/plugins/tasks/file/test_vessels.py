@@ -88,12 +88,6 @@ def test_vessels_are_parts_of_bodies_too(tmp_path):
     assert {geom.color[:3] for geom in body.visuals[1:]} == {(1, 0, 0)}
 
 
-@pytest.mark.parametrize("shape", ["sphere: 0.02", "sphere: {radius: 0.02}"])
-def test_the_number_of_a_sphere_is_its_radius(tmp_path, shape):
-    (geom,) = vessel(tmp_path, shape).collisions
-    assert geom.shape.radius == 0.02
-
-
 def test_a_soft_vessel_fills_its_hull(tmp_path):
     soft = vessel(
         tmp_path,
