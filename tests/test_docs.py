@@ -192,7 +192,7 @@ def test_each_kind_of_block_is_looked_at():
         for name, found in languages.items()
     }
     assert {name: found for name, found in rest.items() if found} == {
-        "designs.md": {"json": 4},
+        "designs.md": {"json": 5},
         "paper.md": {"bibtex": 2, "yaml": 1},
         "from_photograph.md": {"yaml": 1},
         "plans.md": {"json": 3},
