@@ -417,7 +417,7 @@ def test_what_is_to_be_cited_is_the_same_everywhere():
 
 
 def test_example_designs_are_read():
-    design, boxes, joint, solid = map(
+    design, fixture, boxes, joint, solid = map(
         json.loads, blocks(ROOT / "docs/designs.md", "json")
     )
     plan, guarded, finding = map(json.loads, blocks(ROOT / "docs/plans.md", "json"))
@@ -445,6 +445,8 @@ def test_example_designs_are_read():
             == "touch"
         )
     assert finding[1]["corrects"] == ["box"]
+    parts = installed().create("tool", "boxes").parse(fixture["fixture"], gripper=False)
+    assert parts.components
     boxes["tool_components"][1] |= joint
     component = {"name": "shell", "solid": solid, "position": [0, 0, -0.2]}
     for name, data in (("boxes", boxes), ("solids", {"tool_solids": [component]})):
