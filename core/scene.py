@@ -370,8 +370,8 @@ class Scene:
         return {body.name: body.pose for body in self.bodies if body.fixed}
 
     def furnished(self, tool: Tool | None) -> Scene:
-        """Return the scene with the fixture of a tool's design; the same where there is none, or it stands there."""
-        if tool is None or tool.fixture is None or self.bodies[-1].name == FIXTURE:
+        """Return the scene with the fixture of a tool's design; the same where there is none."""
+        if tool is None or tool.fixture is None:
             return self
         return _furnish(self, tool)
 
@@ -401,9 +401,6 @@ class Region:
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
-
-    def __str__(self) -> str:
-        return f"{self.low} to {self.high}"
 
     def holds(self, middle: Array, half: Array) -> bool:
         """Check if a box along the axes is in it, with its middle (3,) and half lengths (3,)."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from core.designs.tools import FIELD, POSE
 from core.interfaces import Brief
+from core.scene import FIXTURE
 
 _TEXT = {"type": "string"}
 
@@ -29,8 +29,9 @@ def answer_schema(brief: Brief) -> dict[str, Any]:
     tool = brief.representation.schema()
     strategy |= tool
     if brief.task.fixture and tool:
-        fixture = _object({"pose": POSE, **tool})
-        strategy[FIELD] = {"anyOf": [{"type": "null"}, fixture]}
+        pose = _list({"type": "number"}, 6, 6)
+        fixture = _object({"pose": pose, **tool})
+        strategy[FIXTURE] = {"anyOf": [{"type": "null"}, fixture]}
 
     if brief.n_action:
         plan = brief.actions.schema(gripper=brief.gripper)

@@ -21,15 +21,11 @@ from core.geometry import Pose
 from core.interfaces import Task, ToolRepresentation
 from core.plugins import describe_part
 from core.robot.solids import Solid, closest, solids_of
-from core.scene import Region
+from core.scene import FIXTURE, Region
 from core.support.text import clean, kind
 
-FIELD = "fixture"
 MAX_OVERLAP_M = 1e-4
 """The most that a fixture may be inside anything at the start."""
-
-POSE = {"type": "array", "items": {"type": "number"}, "minItems": 6, "maxItems": 6}
-"""The JSON schema of a fixture's pose."""
 
 MAX_NAME = 200  # characters
 MAX_DESCRIPTION = 5000
@@ -86,9 +82,9 @@ def read_tool(
         )
 
     weighed = representation.material.made(tool)
-    fixture = _read_fixture(fields.get(FIELD), representation, task)
+    fixture = _read_fixture(fields.get(FIXTURE), representation, task)
     weighed = replace(weighed, fixture=fixture)
-    keys = [*call_part(representation, "schema", dict), FIELD]
+    keys = [*call_part(representation, "schema", dict), FIXTURE]
     text = json.dumps({key: fields[key] for key in keys if key in fields}, default=str)
     return replace(
         weighed, name=name, description=description, written=(weighed.content, text)
@@ -143,7 +139,7 @@ def dump_fixture(tool: Tool, representation: ToolRepresentation) -> dict[str, An
     if fixture is None:
         return {}
     pose = [*fixture.pose.position.tolist(), *fixture.pose.rpy]
-    return {FIELD: {"pose": pose, **representation.dump(fixture.parts)}}
+    return {FIXTURE: {"pose": pose, **representation.dump(fixture.parts)}}
 
 
 def find_fixture_faults(
@@ -169,7 +165,8 @@ def find_fixture_faults(
         _, pose = fixture.parts.placed()[component.name]
         parts = solids_of(component.name, component.shape, fixture.pose @ pose)
         if any(not region.holds(*part.bounds()) for part in parts):
-            yield f"{name} is not within the task's region, {region}"
+            box = f"{region.low} to {region.high}"
+            yield f"{name} is not within the task's region, {box}"
 
         least = math.inf
         for other in others:
