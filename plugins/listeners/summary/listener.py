@@ -1,11 +1,11 @@
-"""The ``summary`` listener: says more of the winner of a run, and what to type next; then what failed, and why."""
+"""Say more of the winner of a run, and what to type next; then what failed, and why."""
 
 from __future__ import annotations
 
 import os
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import fmean
 from typing import TYPE_CHECKING, Any
@@ -22,7 +22,7 @@ from core.support.cli import print_table, say
 from core.support.text import by_reason, clean, hydra_word, number
 from core.trial import NOTHING, Evaluation, best_tools
 from core.values.efforts import PERTURBED
-from plugins.listeners.elsewhere import AUTO, try_elsewhere
+from plugins.listeners.summary.elsewhere import AUTO, try_elsewhere
 
 if TYPE_CHECKING:
     from core.events import Result, Run
@@ -35,11 +35,6 @@ _REASONS = 5  # why candidates earned nothing or less
 
 _CHOSEN = ("task", "robot", "sim", "tool", "material", "fitness")
 """With their settings, what a reward depends on."""
-
-
-@hookimpl
-def listeners() -> Mapping[str, Callable[..., Any]]:
-    return {"summary": SummaryListener}
 
 
 class SummaryListener:
