@@ -20,8 +20,6 @@ def test_a_run_in_mujoco_and_its_report_do_without(package, tmp_path):
     assert (tmp_path / "run/result.json").exists()
     done = without([package], ["core", "report", "run", "output=report"], tmp_path)
     assert done.returncode == 0, done.stderr
-    done = without([package], ["core", "export", "run", "output=export"], tmp_path)
-    assert (tmp_path / "export/CHECKLIST.md").exists(), done.stderr
 
 
 @pytest.mark.parametrize(

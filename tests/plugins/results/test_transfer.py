@@ -253,6 +253,17 @@ def test_the_best_of_a_run_under_the_runs_own_conditions(ran):
     ]
 
 
+def test_an_engine_that_is_not_installed_is_left_out_unless_it_is_named(
+    monkeypatch, capsys
+):
+    offers = installed().offers
+    missing = replace(offers["sim", "pybullet"], factory="no_such_package:Engine")
+    monkeypatch.setitem(offers, ("sim", "pybullet"), missing)
+    assert configured(["designs=x.json"]).sims == ["sapien"]
+    assert capsys.readouterr().err.startswith("left out: ")
+    assert configured(["designs=x.json", "sims=[pybullet]"]).sims == ["pybullet"]
+
+
 def test_all_that_was_tried_can_be_read_back(ran):
     folder, result = ran
     task = installed().create("task", "OneBook")
