@@ -12,7 +12,7 @@ import trimesh
 
 from core.design import Tool
 from core.errors import UsageError, UserError
-from core.geometry import Box, Capsule, Mesh
+from core.geometry import Box, Mesh
 from core.goals import (
     JointAt,
     Kept,
@@ -155,11 +155,6 @@ def test_a_body_may_be_of_parts_with_a_density(tmp_path):
         600 * sum(geom.shape.volume for geom in door.collisions)
     )
     assert door.pose.rpy[2] == pytest.approx(np.pi / 2)
-    text = GOOD.replace(
-        "sphere: {radius: 0.04}", "capsule: {radius: 0.04, length: 0.1}"
-    ).replace("mass: 0.2", "density: 9")
-    (geom,) = task_of(tmp_path, text).scene(0)["ball"].collisions
-    assert geom.shape == Capsule(0.04, 0.1)
 
 
 def test_a_body_may_be_a_mesh(tmp_path):
@@ -175,7 +170,7 @@ def test_a_body_may_be_a_mesh(tmp_path):
 
 
 def test_what_is_elastic_is_soft(tmp_path):
-    """The bodies and goals of the page: at rest as they are, measured by their nodes, drawn anew in each layout."""
+    """The bodies and goals of the page: at rest as they are, and measured by their nodes."""
     page = Path("docs/scene_files.md").read_text()
     elastic = "elastic: {density: 200, young: 2.0e4}"
     shown = next(
@@ -197,11 +192,6 @@ def test_what_is_elastic_is_soft(tmp_path):
     assert "| rope | soft rope, as rubber; held at 1 of its nodes |" in bodies_table(
         task, 0
     )
-    young = {
-        task_of(tmp_path, text, "softer").scene(seed)["dough"].elastic.young
-        for seed in range(5)
-    }
-    assert len(young) == 5
     trimesh.creation.icosphere(radius=40).export(tmp_path / "ball.stl")
     mesh = GOOD.replace("sphere: {radius: 0.04}", "file: ball.stl\n    scale: 0.001")
     mesh = mesh.replace(
