@@ -152,7 +152,10 @@ def show(records: Sequence[Mapping[str, Any]]) -> None:
 
     for entry in records:
         engines = entry.get("details", {}).get("engines", {})
-        remarks = [entry["reason"], *entry["warnings"], entry.get("observed")]
+        observed = entry.get("observed") or ""
+        causes = filter(None, (entry["reason"], *entry["warnings"]))
+        remarks = [cause for cause in causes if cause not in observed]
+        remarks.append(observed)
         for engine, figures in engines.items():
             rewards = " ".join(number(reward, 3) for reward in figures["rewards"])
             remarks.append(f"{engine}: {rewards}")
