@@ -35,7 +35,11 @@ from tests.panda import on_panda
 
 pytestmark = pytest.mark.slow
 
-PARTS = [("task", name) for name in ready("task")]
+TASKS = ready("task")
+PARTS = [("task", TASKS[0]), ("task", TASKS[-1])]
+PARTS += [
+    pytest.param("task", name, marks=pytest.mark.thorough) for name in TASKS[1:-1]
+]
 PARTS += [("tool", name) for name in ready("tool")]
 PARTS += [("evolution", name) for name in installed().names("evolution")]
 PARTS += [

@@ -104,6 +104,7 @@ def test_its_tests_ignore_the_settings_of_a_project_around_it(written, tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_what_is_written_runs(written, tmp_path):
     words = ["core.run", *RUNS, *SMALL, "listener=[rows]", "hydra.run.dir=run"]

@@ -228,6 +228,7 @@ def test_an_arm_that_stands_elsewhere(tmp_path):
 # --- a run's folder ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_the_best_of_a_run_under_the_runs_own_conditions(ran):
     folder, result = ran
     tried = result.ranking

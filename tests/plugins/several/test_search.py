@@ -194,6 +194,7 @@ def rewards(result):
     }
 
 
+@pytest.mark.thorough
 def test_all_requests_are_counted_beforehand(tmp_path, capsys):
     from core.config.compose import load
 

@@ -151,10 +151,11 @@ def test_mujocos_renderer_sees_what_pybullets_sees():
 @pytest.mark.parametrize(
     ("engine", "missing", "refusal"),
     [
-        (
+        pytest.param(
             "sapien",
             ["pybullet"],
             "the engine draws nothing itself, and pybullet's can't stand in",
+            marks=pytest.mark.thorough,
         ),
         pytest.param(
             "mujoco",

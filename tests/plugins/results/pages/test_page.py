@@ -73,6 +73,7 @@ def test_links_stay_inside_files(hostile):
         assert address.startswith(("#", "data/", "tools/", "../")), address
 
 
+@pytest.mark.thorough
 def test_the_page_needs_nothing_and_says_so(made):
     text = (made[0] / "out" / "index.html").read_text()
     page = Page(text)

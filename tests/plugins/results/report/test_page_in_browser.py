@@ -53,6 +53,7 @@ def press(chrome, table, number):
     )
 
 
+@pytest.mark.thorough
 def test_it_asks_for_nothing_and_the_browser_keeps_its_policy(page):
     with opened(page) as chrome:
         assert complaints(chrome) == []

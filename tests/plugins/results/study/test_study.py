@@ -114,6 +114,7 @@ def test_mistakes(tmp_path, monkeypatch, words, changes, said):
         main(words.split())
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_what_is_there_is_not_run_again(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
