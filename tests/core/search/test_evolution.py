@@ -531,9 +531,10 @@ def test_processes_come_to_the_same_as_this_one():
         *alike((0, 1, 0, 0), (0, 1, 0, 1), (0, 2, 0, 0)),
         *population(0, 0, 0, 0, 2, problem="a rule"),
     ]
+    again = [replace(candidate, generation=1) for candidate in asked]
     found = []
     for executor in (Inline(), installed().create("executor", "local", {"workers": 2})):
-        strategy = Limited([asked, asked], 5)
+        strategy = Limited([asked, again], 5)
         with executor:
             trials, fitness = scripted(earn, executor)
             result = evolve(
