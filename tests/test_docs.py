@@ -88,7 +88,6 @@ RUN = (  # really, of all that are composed; what they share is run once
     "vlmgineer prompt task=OneBook prompt=evolve prompt.feedback=full designs=tests/tasks/solutions/OneBook.json",
     "core.run --help",
     "vlmgineer render task=BringCube designs=tests/tasks/solutions/BringCube.json output=scene.png",
-    "core.run task=MoveBall material=pla sim=mujoco fitness=buildable fitness.plate_mm=[400,400,400]",
 )
 
 

@@ -499,7 +499,7 @@ NO_MODEL = {
 }
 
 
-@pytest.mark.parametrize("command", rare(NO_MODEL, "core.run"))
+@pytest.mark.parametrize("command", rare(NO_MODEL, "core evaluate"))
 def test_what_needs_no_model_does_not_import_litellm(command, tmp_path):
     """In no process: a LiteLLM that fails on import precedes the real one."""
     (tmp_path / "litellm.py").write_text("raise SystemExit('LiteLLM was imported')")
