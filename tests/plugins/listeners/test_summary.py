@@ -93,6 +93,14 @@ def test_what_spoke_against_candidates_is_said_by_candidate(capsys):
     assert lines[heading + 1] == "  3 times, first g0-a0-s1-p0: heavy"
 
 
+@pytest.mark.parametrize(("reward", "hinted"), [(0.0, True), (0.2, False)])
+def test_tools_for_the_gripper_are_named_where_little_was_earned(
+    reward, hinted, capsys
+):
+    hint = "tools for the gripper were not asked for: task.tool_kinds=[rigid,gripper]"
+    assert (hint in summary(capsys, [reward]).splitlines()) == hinted
+
+
 def test_a_shorter_way_that_goes_first_is_explained(capsys):
     said = summary(capsys, [0.995, 0.999])
     assert (
