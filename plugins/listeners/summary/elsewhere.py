@@ -47,17 +47,17 @@ def try_elsewhere(run: Run, result: Result, chosen: str = AUTO) -> Iterator[str]
 
     names = [chosen]
     if chosen == AUTO:
-        names = [name for name in ENGINES if name != run.parts["sim"]]
+        others = [name for name in ENGINES if name != run.parts["sim"]]
+        names = [name for name in others if _is_ready(run, name)]
 
     for name in names:
         try:
             trial = _play(run, best, name)
         except UserError as error:
-            if chosen != AUTO:
-                yield f"the best could not be tried in {name}: {clean(str(error), LONGEST)}"
-            continue
+            yield f"the best could not be tried in {name}: {clean(str(error), LONGEST)}"
+            return
 
-        if trial is not None and trial.status != "rejected":
+        if trial.status != "rejected":
             cause = ""
             if trial.reward < run.task.success_reward and trial.cause:
                 cause = f": {clean(trial.cause, LONGEST)}"
@@ -65,16 +65,23 @@ def try_elsewhere(run: Run, result: Result, chosen: str = AUTO) -> Iterator[str]
             return
 
 
-def _play(run: Run, best: Evaluation, name: str) -> Trial | None:
-    """Play the best candidate in an engine; None: the engine has no soft bodies, and the scene has.
+def _is_ready(run: Run, name: str) -> bool:
+    """Report whether an engine is installed, and has soft bodies if the scene has."""
+    try:
+        engine = PluginPart(SIMULATOR.name, name).shared()
+    except UserError:  # its package is missing
+        return False
+
+    return engine.supports_soft_bodies or not run.task.scene(run.seed).softs
+
+
+def _play(run: Run, best: Evaluation, name: str) -> Trial:
+    """Play the best candidate in an engine.
 
     Raises:
         UserError: the engine is not there, or fails.
     """
     sim = PluginPart(SIMULATOR.name, name)
-    if run.task.scene(run.seed).softs and not sim.shared().supports_soft_bodies:
-        return None
-
     task = task_part(OmegaConf.create(run.config))
     with busy(f"trying the best in {name}"):
         (trial,) = play(Condition(task, sim, run.seed, run.settings), [best.candidate])

@@ -584,8 +584,8 @@ def json_schema() -> dict[str, Any]:
     for kind in (schema, *schema["$defs"].values()):
         for key, found in kind["properties"].items():
             if "description" not in found:
-                own = words.get(f"{kind['title']}.{key}")
-                found["description"] = own or words[key]
+                special = words.get(f"{kind['title']}.{key}")
+                found["description"] = special or words[key]
     return dialect | schema
 
 

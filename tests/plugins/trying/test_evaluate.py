@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from core.interfaces import RolloutSettings, Waypoints
 from plugins.trying.checking import find_problems
-from plugins.trying.evaluate import show
+from plugins.trying.evaluate import main, show
 from tests.commands import python_m
 from tests.faults import Faulty, Slide, candidate
 from tests.playing import condition
@@ -74,6 +75,17 @@ def test_each_plan_has_a_record_of_what_it_earned(evaluated):
     assert "waypoint 1" in far["reason"]
     assert "revolute" in loose["reason"]
     assert {"strategy", "reward", "status"} <= set(lines[0].split())
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("inline")
+def test_the_best_design_is_filmed(tmp_path, capsys):
+    words = ["task=BringCube", "sim=mujoco", f"designs={SOLUTION}", "film=true"]
+    main([*words, f"output={tmp_path / 'rewards.json'}"])
+    film = tmp_path / "BringCube_s0_p0.gif"
+    assert f"film: {film}" in capsys.readouterr().out
+    with Image.open(film) as frames:
+        assert frames.n_frames > 10
 
 
 @pytest.mark.slow

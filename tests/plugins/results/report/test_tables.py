@@ -25,10 +25,10 @@ def test_rewards_by_task_and_method_are_those_of_the_result_files(made):
     for row in rows:
         method = re.match(r"tool=(\w+) evolution=(\w+) budget", row["method"])
         key = (row["task"], *method.groups())
-        of = [t for t in stored if (t["task"], t["tool"], t["evolution"]) == key]
-        rewards = [t["best"]["reward"] for t in of]
-        best = of[int(np.argmax(rewards))]["best"]
-        assert int(row["runs"]) == len(of) == 2
+        alike = [t for t in stored if (t["task"], t["tool"], t["evolution"]) == key]
+        rewards = [t["best"]["reward"] for t in alike]
+        best = alike[int(np.argmax(rewards))]["best"]
+        assert int(row["runs"]) == len(alike) == 2
         assert float(row["best"]) == max(rewards)
         assert float(row["average"]) == pytest.approx(np.mean(rewards), abs=1e-15)
         assert float(row["standard deviation"]) == pytest.approx(

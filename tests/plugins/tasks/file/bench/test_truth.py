@@ -36,7 +36,7 @@ QUICK = ("BringCube", "MoveBall")
 
 def examine(folder, name, reply):
     """Examine an answer to a task's photographs."""
-    cameras = [Camera(tuple(at), (0.65, 0.0, 0.1), 52.0) for at in PLACES[name]]
+    cameras = [Camera(tuple(place), (0.65, 0.0, 0.1), 52.0) for place in PLACES[name]]
     views = [View(camera, SIZE) for camera in cameras]
     photographs = [Photograph(Picture(b""), SIZE, view) for view in views]
     robot = on_panda(true_task(name)).robot
