@@ -174,6 +174,7 @@ class Step:
         """The guard of the way there; None: there is none."""
         if not self.until:
             return None
+
         return Guard(self.until, self.newtons, self.otherwise)
 
     def dump(self) -> dict[str, Any]:
@@ -235,11 +236,13 @@ class AnchoredPlan(ActionPlan):
             row = [*pose.position, *pose.rpy]
             if self.gripper:
                 row.append(step.grip)
+
             rows.append(row)
 
         guards = tuple(step.guard for step in self.steps)
         if not any(guards):
             guards = ()
+
         return Waypoints(np.array(rows), self._tempo(), guards)
 
     @property
@@ -261,6 +264,7 @@ class AnchoredPlan(ActionPlan):
             step.speed or step.seconds or step.through or step.wait for step in steps
         ):
             return None
+
         return Tempo(
             np.array([step.seconds or math.nan for step in steps]),
             np.array([step.speed or math.nan for step in steps]),
@@ -297,6 +301,7 @@ class AnchoredActions(ActionRepresentation):
         left_out = set() if self.guards else {*_GUARD_FIELDS}
         if not gripper:
             left_out.add("grip")
+
         properties = {}
         for name, field in _PROPERTIES.items():
             if name not in left_out:
@@ -401,6 +406,7 @@ class AnchoredActions(ActionRepresentation):
         """Return offsets and angles of all steps, and the logarithms of speeds, times and waits that are given."""
         if not isinstance(plan, AnchoredPlan):
             return Numbers()
+
         rows = np.array([[*step.offset, *step.rpy] for step in plan.steps])
         found = Numbers.near(rows, STEPS, MOST)
         for _, name, value in _tempi(plan):
@@ -409,6 +415,7 @@ class AnchoredActions(ActionRepresentation):
             found += Numbers(
                 np.log([value]), np.array([STEP_LOG]), limits[:1], limits[1:]
             )
+
         return found
 
     def with_parameters(self, plan: ActionPlan, values: Array) -> AnchoredPlan:
@@ -437,6 +444,7 @@ def _tempi(plan: AnchoredPlan) -> list[tuple[int, str, float]]:
             value = getattr(step, name)
             if value > MIN_TEMPO:
                 found.append((number, name, value))
+
     return found
 
 
@@ -500,6 +508,7 @@ def _read_step(data: object, where: str, gripper: bool) -> Step:
         raise DesignError(f"{where} must be an object with an offset, not {kind(data)}")
     if "grip" in data and not gripper:
         raise DesignError(f"{where}: 'grip' needs a tool on the gripper; leave it out")
+
     try:
         step = _STEPS.validate_python(data)
     except ValidationError as error:
@@ -553,6 +562,8 @@ def _plain(schema: dict[str, Any]) -> dict[str, Any]:
     plain = dict(schema)
     for name in ("title", "default"):
         plain.pop(name, None)
+
     if plain.pop("prefixItems", None):
         plain["items"] = {"type": "number"}
+
     return plain

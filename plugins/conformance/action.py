@@ -103,6 +103,7 @@ def check_nonsense_is_refused_with_a_reason(
     deep: object = 0
     for _ in range(500):
         deep = [deep]
+
     anchored = ({"anchor": item, "offset": item} for item in WILD)
     documents = (*WILD, *([item] for item in (*WILD, *anchored)), deep)
     read_or_refused(representation.parse, ActionPlan, documents)

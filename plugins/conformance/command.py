@@ -46,10 +46,12 @@ def main(words: list[str]) -> None:
     )
     if not parts:
         raise UsageError(f"name a part to check; {USAGE}")
+
     failed = count = 0
     for checked in parts:
         if len(parts) > 1:
             say(f"{checked.kind} {checked.name}")
+
         for verdict in examine(checked.kind, subject(checked)):
             count += 1
             failed += verdict.problem is not None

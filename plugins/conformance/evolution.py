@@ -52,6 +52,7 @@ class FreeDesigner:
             if self.limit is not None and agent >= self.limit:
                 self.limit_reached = True
                 raise LimitReached("no more may be spent")
+
             for action in range(BUDGET.n_action):
                 plan = np.array([[*rng.uniform(0.3, 0.5, 3), 0.0, 0.0, 0.0]])
                 yield Candidate(rigid(), Waypoints(plan), generation, agent, 0, action)
@@ -60,6 +61,7 @@ class FreeDesigner:
         elites: dict[int, Evaluation] = {}
         for team in teams:
             elites |= {id(elite): elite for elite in team.elites}
+
         return self.design(generation, list(elites.values()))
 
 
@@ -95,6 +97,7 @@ def check_each_generation_has_candidates(make: Make) -> None:
     generations = search(make)
     for number, candidates in enumerate(generations):
         expect(candidates, f"generation {number} has no candidates")
+
     counts = Counter(candidate.id for candidate in chain(*generations))
     shared = ", ".join(sorted(name for name, count in counts.items() if count > 1))
     expect(
@@ -128,6 +131,7 @@ def _contents(generations: Iterable[Sequence[Candidate]]) -> list[list[str]]:
     contents = []
     for candidates in generations:
         contents.append([candidate.content for candidate in candidates])
+
     return contents
 
 
@@ -151,6 +155,7 @@ def check_a_limit_is_passed_on(make: Make) -> None:
     except LimitReached:
         expect(candidates, "candidates before the limit are lost")
         return
+
     expect(
         not designer.limit_reached,
         "the designer's LimitReached is swallowed; pass it on",

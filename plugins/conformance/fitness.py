@@ -165,6 +165,7 @@ def check_a_rejection_counts_where_it_is(make: Make) -> None:
     found = trials(fitness, (0.0, 0.5))
     if len(found) < 2:
         return
+
     found[0] = replace(found[0], status="rejected", reason="it starts inside a body")
     score = fitness.score(candidate(), found)
     status = Evaluation(candidate(), tuple(found), score).status

@@ -51,6 +51,7 @@ def _played(
     """
     if not simulator.supports_guards:
         raise LeftOut("it plays no motions with guards")
+
     task = Bodies(*bodies)
     settings = RolloutSettings(settle_s=0.1, hold_s=0.3, feel=Feel(noise=0.05))
     unguarded = [guard is None for guard in guards]

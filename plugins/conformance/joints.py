@@ -40,6 +40,7 @@ def check_joints_of_scenes_move_as_formulas_say(simulator: Simulator) -> None:
         bodies: tuple[Body, ...] = (BLOCK,)
         if case.joint.kind == "hinge":
             bodies = (POST, make_rod("rod", case.joint.start))
+
         played = play(simulator, Scene(bodies, (case.joint,)), case.seconds)
         way = played.states.joint(case.joint.name).position - case.joint.start
         what = f"a {case.joint.kind} of a scene that {case.what}, rad or m"

@@ -157,6 +157,7 @@ def check_it_receives_a_whole_run(make: Make) -> str:
     name, simulator = some_simulator()
     with scratch() as folder:
         play(make(), script(folder, simulator=simulator))
+
     return f"with {name}"
 
 
@@ -174,6 +175,7 @@ def check_a_run_may_break_off(make: Make) -> None:
         # Until it started, a request, an evaluation, a generation.
         for count in (1, 3, 5, 8):
             play(make(), events[:count])
+
         play(make(), events)
 
 

@@ -63,6 +63,7 @@ class Release:
             pull = _PULL[joint.kind]
             if joint.kind == "hinge":
                 pull *= math.sin(value)
+
             spring = joint.stiffness * (joint.rest - value)
             speed += (spring - joint.damping * speed - pull) * step
             speed -= min(max(speed, -most), most)
@@ -148,6 +149,7 @@ def tool_with(joint: Joint) -> Tool:
     }
     if joint.kind == "hinge":
         return hinged(joint.start, hinge(**more))
+
     return sliding(ToolJoint("slider", LEANING, **more))
 
 

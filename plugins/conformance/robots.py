@@ -68,6 +68,7 @@ def check_home_points_the_mount_down(robot: Robot) -> None:
         between(
             f"home of {name!r} within its limits, rad", here, low + _ROOM, high - _ROOM
         )
+
     turn = robot.base.rotation.inv() * arm.forward(arm.home).rotation
     what = "the turn of the mount at home from the base's axes, rad"
     between(what, turn.magnitude(), high=_WHOLE)
@@ -84,6 +85,7 @@ def check_inertias_are_physical(robot: Robot) -> None:
         )
         if not mass:
             continue
+
         moments = np.linalg.eigvalsh(tensor)
         real = moments[0] > 0 and moments[0] + moments[1] >= moments[2] * (1 - 1e-6)
         written = ", ".join(f"{moment:g}" for moment in moments)
@@ -134,6 +136,7 @@ def check_every_engine_tracks_a_trajectory(robot: Robot) -> str:
     for name, simulator in _engines():
         lag = follow(simulator, robot, f"in {name} ")
         lags.append(f"{name} {lag:.4f} rad")
+
     return ", ".join(lags)
 
 
@@ -169,6 +172,7 @@ def check_every_engine_holds_the_arm_at_home(robot: Robot) -> str:
         for name, simulator in _engines():
             sag = hold(simulator, robot, tool, f"in {name} {what}")
             sags.append(f"{name} {what} {sag:.5f} rad")
+
     return ", ".join(sags)
 
 

@@ -136,6 +136,7 @@ def check_nothing_overlaps_at_spawn(task: Task) -> None:
             joined = frozenset((other.name, body.name)) in scene.joined
             if joined or (other.fixed and body.fixed):
                 continue
+
             obstacles = Obstacles(body_solids(other))
             deep = 0.0
 

@@ -58,8 +58,10 @@ def dispatch(
         while room.acquire() and not stop.is_set():
             with reading:
                 taken = [] if stop.is_set() else [*islice(source, 1)]
+
             if not taken or stop.is_set():
                 return
+
             (chunk,) = taken
             results.put((chunk, worker(chunk)))
 
@@ -70,6 +72,7 @@ def dispatch(
     try:
         for worker in workers:
             run_in_thread(partial(serve, worker), end, "worker")
+
         while serving:
             result = results.get()
             if result is None:
@@ -114,4 +117,5 @@ def portable(error: BaseException) -> Exception:
         with contextlib.suppress(Exception):  # its class may do anything
             pickle.loads(pickle.dumps(error))  # noqa: S301
             return error
+
     return RuntimeError(f"{type(error).__name__}: {error}")

@@ -68,6 +68,7 @@ class LocalExecutor(Executor):
         check_limits(workers, timeout_s)
         if memory_mb is not None:
             check_positive("executor.", memory_mb=memory_mb)
+
         self.workers = workers if workers is not None else cores()
         self._choose = workers is None  # the number may follow the engine
         self._timeout_s = timeout_s
@@ -91,6 +92,7 @@ class LocalExecutor(Executor):
     def close(self) -> None:
         for worker in self._pool:
             worker.close()
+
         self._pool = []
 
 
@@ -142,6 +144,7 @@ class _Worker:
         """
         if self._process is not None and self._sent(job) is None:
             return False
+
         self._start()
         why = self._sent(job)
         if why is not None:
@@ -158,6 +161,7 @@ class _Worker:
             refusal = self._receive(_START_S)
         except (_Died, Fault, OSError) as error:
             return str(error)
+
         return None if refusal is None else str(refusal) or type(refusal).__name__
 
     def _result(self, chunk: Any) -> Any:
@@ -211,6 +215,7 @@ class _Worker:
         assert pipe is not None
         if not wait([pipe, process.sentinel], timeout_s):
             raise TimeoutError(f"no answer within {timeout_s:g} s")
+
         try:
             if pipe.poll():  # a child of the dead process may hold the pipe's other end, so that reading would not end
                 return pipe.recv()
@@ -235,6 +240,7 @@ class _Worker:
                 self._process.join()
         if self._pipe is not None:
             self._pipe.close()
+
         self._process = None
         self._pipe = None
 
@@ -244,6 +250,7 @@ class _Worker:
             self._closed = True
             if self._process is not None and self._process.pid is not None:
                 self._process.kill()
+
         with self._calling:
             self._bury()
 
@@ -300,6 +307,7 @@ def _limit_memory(memory_mb: int) -> None:
     """
     if sys.platform == "win32":
         return
+
     import resource
 
     for what, most in (

@@ -73,6 +73,7 @@ class Layouts(Fitness):
 
         if combine not in COMBINE:
             raise choices("way to combine rewards", combine, COMBINE, "fitness.combine")
+
         task = condition.task.shared()
         if _are_alike(task, condition.layout):
             others = " or ".join(f"task.variation={name}" for name in task.variations)
@@ -86,6 +87,7 @@ class Layouts(Fitness):
         self._sims: Mapping[str, Part[Simulator]] = {condition.sim.name: condition.sim}
         if sims:
             self._sims = engines(sims, condition.sim)
+
         self._unseen_sims = engines(unseen_sims) if unseen_sims else self._sims
         self._seeds = range(condition.layout, condition.layout + layouts)
         self._combine, self._counts = COMBINE[combine]
@@ -142,6 +144,7 @@ def _weigh(trial: Trial) -> float:
     """Give a tenth of a reward for the least margin: all of it where that is far from the limit."""
     if not trial.margins:
         return trial.reward
+
     least = min(margin.margin for margin in trial.margins)
     return trial.reward * (1 - MARGIN_SHARE * (1 - max(least, 0.0)))
 
@@ -150,6 +153,7 @@ def _are_alike(task: Task, seed: int) -> bool:
     """Report whether two seeds give the same layout."""
     if task.variation != NONE:
         return False
+
     first = [(body.pose, body.mass) for body in task.scene(seed).bodies]
     second = [(body.pose, body.mass) for body in task.scene(seed + 1).bodies]
     return first == second

@@ -41,6 +41,7 @@ class Lean(Layouts):
         form = f"[SECONDS, KILOGRAMS, MARGIN], as in +fitness.references.{task}=[8,0.2,0.5]"
         if task not in references:
             raise UsageError(f"fitness=lean has no reference for {task}; add {form}")
+
         try:
             self._reference = Effort(*references[task])  # type: ignore[arg-type]
         except (TypeError, ValueError) as error:

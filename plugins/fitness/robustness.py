@@ -73,6 +73,7 @@ class Perturbation:
         """Return the tool a little larger or smaller about its mount, rougher or smoother."""
         if self.ranges.size == 0:
             return tool
+
         rng = np.random.default_rng([self.number, 2])
         larger, rougher = rng.uniform(-1, 1, 2).tolist()
         scale = 1 + self.ranges.size * larger
@@ -88,6 +89,7 @@ def _scale(component: Component, scale: float) -> Component:
     if joint is not None:
         x, y, z = joint.origin
         joint = replace(joint, origin=(scale * x, scale * y, scale * z))
+
     return replace(
         component,
         pose=Pose(scale * pose.position, pose.quaternion),
@@ -168,6 +170,7 @@ def _draw_poses(
 
         for body in group:
             moving += solids[body.name]
+
         move = _draw_move(group, moving, Obstacles(standing), ranges, rng)
 
         for body in group:
@@ -239,6 +242,7 @@ def _gaps(solids: Sequence[Solid], others: Obstacles) -> dict[str, float]:
         for other in others.near(solid, CLEAR_M):
             gap = signed_distance(solid, other)
             gaps[other.name] = min(gap, gaps.get(other.name, math.inf))
+
     return gaps
 
 

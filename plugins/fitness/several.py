@@ -47,6 +47,7 @@ def score_by_worst_engine(
     combined: dict[str, float] = {}
     for engine, numbers in by_engine.items():
         combined[engine] = combine([counted[number] for number in numbers])
+
     worst = min(combined, key=lambda engine: combined[engine])
 
     succeeded = [n for n, trial in enumerate(trials) if trial.status == "ok"]
@@ -57,6 +58,7 @@ def score_by_worst_engine(
     warnings: list[str] = []
     if trials[shown].status == "ok":
         warnings = _describe_failures(trials, by_engine, word)
+
     return Score(combined[worst], shown=shown, warnings=tuple(warnings))
 
 
@@ -74,6 +76,8 @@ def _describe_failures(
             trial = trials[number]
             if trial.status == "ok":
                 continue
+
             where = f"{engine}, {word} {place} of {len(numbers)}"
             lines.append(f"{where}: {trial.status}: {trial.reason}")
+
     return lines

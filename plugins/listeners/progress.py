@@ -57,6 +57,7 @@ class ProgressListener:
         refined = run.config.get("evolution", {}).get("refine", 0)
         if refined:
             size += f", then {refined} of refinement"
+
         self._print(size)
         self._print(f"folder: {run.folder}")
 
@@ -99,6 +100,7 @@ class ProgressListener:
         mean = generation.mean_reward
         if best is not None and mean is not None:
             rewards = f"best {number(best, 3)}  mean {number(mean, 3)}"
+
         counts = f"{len(generation.evaluations)} candidates"
 
         for status in ("rejected", "failed"):

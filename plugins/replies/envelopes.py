@@ -54,8 +54,10 @@ def find_strategies(value: object, depth: int = MAX_DEPTH) -> list[Any]:
         inside = value.values()
     elif isinstance(value, list):
         inside = value
+
     for inner in inside:
         found = found or find_strategies(inner, depth - 1)
+
     return found
 
 
@@ -63,6 +65,7 @@ def is_strategy(value: object) -> bool:
     """Report whether a value is an object with plans, or with two other fields of a strategy."""
     if not isinstance(value, dict):
         return False
+
     names = {
         plain_name(key)
         for key, inner in value.items()
@@ -77,6 +80,7 @@ def says_degrees(key: object, value: object) -> bool:
         return any(
             says_degrees(f"{key}_{inner}", held) for inner, held in value.items()
         )
+
     is_unit = _ANGLE_UNIT.search(plain_name(key))
     return is_unit is not None and _DEGREES.fullmatch(str(value).lower()) is not None
 
@@ -91,12 +95,14 @@ def _list_here(value: object, depth: int) -> list[Any]:
             is_named = plain_name(key) == "strategies" and isinstance(inner, list)
             if is_named and not all(isinstance(item, list) for item in inner):
                 return _tidy(inner, depth)
+
         if is_strategy(value):
             items = [value]
         elif value and all(map(is_strategy, value.values())):
             items = value.values()
     if items:
         assume("designs outside a list named 'strategies' are read, too")
+
     return _tidy(items, depth)
 
 
@@ -106,10 +112,13 @@ def _tidy(items: Any, depth: int) -> list[Any]:
     for item in items:
         if item in (ELLIPSIS, None):
             continue
+
         inside = []
         if not is_strategy(item):
             inside = find_strategies(item, depth - 1)
+
         tidy.append(inside[0] if len(inside) == 1 else item)
+
     return tidy
 
 
@@ -118,9 +127,11 @@ def _decode(text: str) -> object:
     text = text.strip()
     if not text.startswith(("{", "[")):
         return None
+
     for spelled in (text, f'"{text}"'):
         try:
             return DECODER.decode(spelled)
         except (ValueError, RecursionError):
             continue
+
     return None

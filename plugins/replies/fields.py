@@ -86,6 +86,7 @@ def read_fields(strategy: Fields, wanted: Mapping[str, Any]) -> Fields:
             fields[name] = others[BLOCK]
         if name in fields:
             fields[name] = _fit(fields[name], schema.get("type"))
+
     if "gripper" in fields:
         gripper = fields["gripper"]
         fields["gripper"] = _ANSWERS.get(str(gripper).strip().lower(), gripper)
@@ -111,6 +112,7 @@ def list_plans(value: object, schema: Mapping[str, Any]) -> object:
     if all(map(_is_waypoint, plans)):
         assume("'action_sets' that is one plan is read as a list of it")
         return [plans]
+
     return plans
 
 
@@ -134,10 +136,12 @@ def _flatten(
         if not isinstance(value, dict) or is_field:
             yield key, value
             continue
+
         fields: Fields = {}
         for inner, held in value.items():
             joined = f"{key}_{inner}"
             fields[joined if plain_name(joined) in names else inner] = held
+
         found = {names.get(plain_name(inner)) for inner in fields}
         if found & lacking or _HOLDER.search(plain_name(key)):
             yield from fields.items()
@@ -164,6 +168,7 @@ def _find_other(name: str, others: Fields) -> Any:
         raise DesignError(
             f"{name!r} is missing; did you mean it by {str(found)[:60]!r}? Write {name!r}"
         )
+
     return None
 
 
@@ -184,6 +189,7 @@ def _fit(value: object, wanted: object) -> object:
             return mend_json(value)
         except DesignError:
             return value
+
     return value
 
 
@@ -191,10 +197,12 @@ def _unwrap(plan: object) -> object:
     """Return the list in an object that is a plan, beside what only describes it, or that numbers its items."""
     if not isinstance(plan, dict):
         return plan
+
     numbers = [_NUMBERED.fullmatch(str(key)) for key in plan]
     order = [int(number[1]) for number in numbers if number]
     if plan and len(order) == len(plan) and order == sorted({*order}):
         return list(plan.values())
+
     lists = [
         inner
         for key, inner in plan.items()
@@ -209,6 +217,7 @@ def _is_waypoint(value: object) -> bool:
         return len(figures_in(value)) >= 3
     if isinstance(value, dict):
         return bool(value) and not any(map(_holds_more, value.values()))
+
     return isinstance(value, list) and len(value) >= 3 and not _holds_more(value)
 
 
@@ -216,6 +225,7 @@ def _holds_more(value: object) -> bool:
     """Report whether a list holds lists, objects, or texts of several numbers."""
     if not isinstance(value, list):
         return False
+
     return any(
         isinstance(item, list | dict)
         or (isinstance(item, str) and len(figures_in(item)) >= 3)

@@ -46,13 +46,16 @@ def read_figure(text: str, units: Mapping[str, float]) -> float | None:
     """Return the number that a text means, in the base of its ``units``; None: it is not just one number."""
     if _UNEVEN.search(text):
         return None
+
     text = text.strip().lower().replace("π", "pi")
     unit = _UNIT.fullmatch(text)
     if unit is None:
         return _read_sum(text)
+
     value = None if _SIGN.search(unit[1]) else _read_sum(unit[1])
     if value is None or unit[2] not in units:
         return None
+
     assume(f"numbers with {unit[2]!r} are read in that unit")
     return value / units[unit[2]]
 
@@ -76,6 +79,7 @@ def _read_sum(text: str) -> float | None:
     """Return the value of a sum; None: it is none."""
     if len(text) > _LONGEST or _SUM.fullmatch(text) is None:
         return None
+
     try:
         return _compute(ast.parse(text, mode="eval").body)
     except (SyntaxError, ValueError, ArithmeticError):

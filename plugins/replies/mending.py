@@ -76,8 +76,10 @@ def mend_json(text: str) -> object:
     plain = _BARE.sub(_compute, plain)
     with suppress(ValueError, RecursionError):
         return DECODER.decode(plain)
+
     if not _is_nested(plain):
         raise DesignError("it is malformed, and its brackets do not say what is whose")
+
     return _read_surely(
         plain, lambda text: json_repair.loads(text, skip_json_loads=True)
     )
@@ -104,6 +106,7 @@ def _load_yaml(text: str) -> object:
         for event in yaml.parse(text, yaml.SafeLoader):
             if getattr(event, "anchor", None) or getattr(event, "tag", None):
                 raise ValueError("it has tags or references")
+
         return yaml.safe_load(text)
     except _YAML_ERRORS as error:
         raise ValueError("it is no YAML") from error
@@ -120,6 +123,7 @@ def closing(text: str, start: int, most: int) -> int | None:
             depth += {"{": 1, "}": -1, None: 0}[found[1]]
             if depth == 0:
                 return found.end()
+
     return None
 
 
@@ -134,6 +138,7 @@ def _refuse_large(text: str) -> None:
     for bracket in re.finditer(r"[\[{}\]]", text):
         depth += 1 if bracket[0] in "[{" else -1
         most = max(most, depth)
+
     if len(text) > MAX_MENDED or most > MAX_OPEN:
         raise DesignError("it is malformed, and too long or too deep to be mended")
 
@@ -145,6 +150,7 @@ def _is_nested(text: str) -> bool:
     outside = _QUOTED.sub("", text)
     if _JUNK.search(outside):
         return False
+
     for mark in re.findall(r"[\[{}\],:]", outside):
         if mark in "[{":
             if stack and stack[-1] == "{" and before != ":":
@@ -155,6 +161,7 @@ def _is_nested(text: str) -> bool:
             stack.pop()
         if mark in "]}" and (not stack or stack.pop() != _OPENS[mark]):
             return False
+
         before = mark
 
     return not stack
@@ -181,9 +188,11 @@ def _compute(match: re.Match[str]) -> str:
         bare = ELLIPSIS
     if bare == ELLIPSIS or has_unit(bare):
         return f"{match[2]}{json.dumps(bare)}"
+
     value = read_figure(bare, {})
     if value is None or _JSON_NUMBER.fullmatch(bare):
         return match[0]
+
     return f"{match[2]}{value!r}"
 
 
@@ -202,4 +211,5 @@ def _read_surely(text: str, read: Callable[[str], Any]) -> object:
     spelled = _CODE.sub(lambda code: chr(int(code[1], 16)), text)
     if figures_in(written) != figures_in(spelled):
         raise DesignError("it is malformed, and its numbers can't be read for certain")
+
     return value

@@ -27,6 +27,7 @@ class LenientReader(Reader):
         fields = read_fields(strategy, wanted)
         if "action" not in fields:
             fields |= _name_action(fields.get(ACTION_SETS))
+
         return fields
 
     def list_plans(
@@ -36,6 +37,7 @@ class LenientReader(Reader):
         is_of_numbers = schema.get("items", {}).get("items") == {"type": "number"}
         if not (isinstance(plans, list) and is_of_numbers):
             return plans
+
         return [_read_plan(plan, gripper) for plan in plans]
 
 
@@ -47,6 +49,7 @@ def _name_action(plans: object) -> Fields:
     item = plans
     while isinstance(item, list) and item:
         item = item[0]
+
     if not (isinstance(item, dict) and item):
         return {}
 

@@ -75,6 +75,7 @@ def read_reply(text: str) -> dict[str, list[Any]]:
         raise DesignError(f"the reply has no JSON object; {EXPECTED}")
     if "strategies" in found[0].value:
         raise DesignError(f"'strategies' is empty, or no list of objects; {EXPECTED}")
+
     named = ", ".join(str(key)[:40] for key in islice(found[0].value, 5))
     raise DesignError(f"the reply has no strategies (its JSON has {named}); {EXPECTED}")
 
@@ -94,6 +95,7 @@ def _find_objects(text: str) -> tuple[list[_Found], Malformed | None]:
         start = text.find("{", end)
         if start < 0:
             break
+
         value: object
         is_inner = start < broken_end
         try:
@@ -104,19 +106,23 @@ def _find_objects(text: str) -> tuple[list[_Found], Malformed | None]:
             if error.end - start > reached:
                 longest = error
                 reached = error.end - start
+
             value, end = _mend(text, start, left)
             left -= end - start
             if isinstance(value, dict):
                 assume(MENDED)
+
         if isinstance(value, Unread):
             broken_end = max(broken_end, end)
         if not isinstance(value, dict):
             end = start + 1
+
         key = _KEY.match(text, start)
         found.append(_Found(value, plain_name(key[1]) if key else "", is_inner))
 
     if longest is not None and _CUT.search(text, len(text) - 100):
         found.append(_Found(_unread(text, end), "strategyname", False))
+
     return found, longest
 
 
@@ -132,6 +138,7 @@ def _mend(text: str, start: int, most: int) -> tuple[object, int]:
         return None, end
     if closed is None:
         return _unread(text, start), end
+
     try:
         return mend_json(text[start:end]), end
     except DesignError as error:
@@ -175,9 +182,11 @@ def _read_otherwise(text: str) -> list[Any]:
                 strategies = find_strategies(read(piece))
             except DesignError:
                 continue
+
             if any(isinstance(strategy, dict) for strategy in strategies):
                 assume(MENDED)
                 return strategies
+
     return []
 
 
@@ -207,6 +216,7 @@ def _with_blocks(strategies: list[Any], text: str) -> list[Any]:
     blocks = [block for block in blocks if block.lstrip().startswith("<")]
     if len(blocks) != len(strategies):
         return strategies
+
     return [
         {**strategy, BLOCK: block} if isinstance(strategy, dict) else strategy
         for strategy, block in zip(strategies, blocks, strict=True)

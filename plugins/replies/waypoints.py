@@ -43,6 +43,7 @@ def read_waypoints(plan: object, *, gripper: bool) -> object:
     """
     if not isinstance(plan, list):
         return plan
+
     rows = [
         _read_waypoint(waypoint, f"waypoint {number}")
         for number, waypoint in enumerate(plan, start=1)
@@ -60,6 +61,7 @@ def _read_waypoint(waypoint: object, where: str) -> object:
         return waypoint if any(isinstance(n, str) for n in numbers) else numbers
     if isinstance(waypoint, dict):
         return _read_object(waypoint, where)
+
     return _name_row(waypoint) if isinstance(waypoint, list) else waypoint
 
 
@@ -79,6 +81,7 @@ def _read_object(waypoint: dict[Any, Any], where: str) -> list[Any]:
     if not set(_POSE) <= set(numbers):
         missing = ", ".join(name for name in _POSE if name not in numbers)
         raise DesignError(f"{where} has no {missing}; {_WANTED}")
+
     return [numbers[name] for name in WAYPOINT if name in numbers]
 
 
@@ -108,9 +111,11 @@ def _name_numbers(waypoint: dict[Any, Any], where: str) -> dict[str, Any]:
                 name: _read_number(name, f"{angle} deg")
                 for name, angle in inner.items()
             }
+
         again = [name for name in inner if name in found]
         if again:
             raise DesignError(f"{where}: {', '.join(again)} is given twice; {_WANTED}")
+
         found |= inner
 
     return found
@@ -122,6 +127,7 @@ def _read_number(name: str, value: object) -> object:
         value = _GRIPS.get(str(value).strip().lower(), value)
     if not isinstance(value, str):
         return value
+
     units = ANGLES if name in _TURN else LENGTHS
     number = read_figure(value, units)
     return value if number is None else number
@@ -145,5 +151,6 @@ def _without_gripper(rows: list[object]) -> list[object]:
         raise DesignError(
             f"waypoint 1 has 7 numbers, which may end in a quaternion; {_WANTED}"
         )
+
     assume("a gripper's number of 0 is left out for a tool without the gripper")
     return [row[:6] for row in sevens]

@@ -63,6 +63,7 @@ def copied(mesh: Path, folder: Path) -> str:
     small = mesh.parents[1] / "collision" / f"{mesh.stem}.stl"
     if not small.exists():
         small = mesh
+
     copy = folder / "meshes" / small.name
     copy.parent.mkdir(parents=True, exist_ok=True)
     number = 1

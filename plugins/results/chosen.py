@@ -112,6 +112,7 @@ def chosen_evaluations(
 
     if cfg.top < 1:
         raise UsageError(f"top must be at least 1, got {cfg.top}")
+
     tried = stored_evaluations(path, representation, task)
     if not tried:
         raise UserError(f"{path}: no design of this run came to the end of a rollout")
@@ -138,6 +139,7 @@ def config_for(words: Sequence[str], name: str, schema: type, usage: str) -> Dic
     cfg = load(name, words, schema)
     if OmegaConf.is_missing(cfg, "designs"):
         raise UsageError(f"no designs given; {usage}")
+
     folder = Path(cfg.designs)
     named = {word.lstrip("+~").partition("=")[0] for word in words}
     if "sims" in cfg and "sims" not in named:
@@ -169,10 +171,12 @@ def _take_over(cfg: DictConfig, run: dict[str, Any], named: set[str]) -> None:
     """Take over settings of a run into ``cfg``, but those that are ``named``, and what stands below such a one."""
     if "seed" not in named:
         cfg.seed = run["seed"]
+
     for section in _SECTIONS:
         for key, value in run.get(section, {}).items():
             if not {section, f"{section}.{key}"} & named:
                 OmegaConf.update(cfg, f"{section}.{key}", value)
+
     groups = {name.partition(".")[0] for name in named}
     for kind in _KINDS:
         if kind not in groups:
@@ -190,4 +194,5 @@ def stored_config(folder: Path) -> dict[str, Any]:
         raise UserError(
             f"{folder} holds a run that ended before it began; its store is empty"
         )
+
     return config

@@ -75,6 +75,7 @@ def make_robots(
     robots = read_parts(ROBOT, entries or [chosen.name], chosen)
     for robot in robots.values():
         robot.create()  # so that a fault is reported once
+
     return robots
 
 
@@ -103,6 +104,7 @@ def read_on_each(
     some = next(iter(read.values()))
     for name, problem in problems.items():
         read[name] = [replace(candidate, problem=problem) for candidate in some]
+
     return {name: read[name] for name in robots}
 
 
@@ -117,6 +119,7 @@ def _read_on(
     arm = task.create().robot
     if not {*aliases} <= {*arm.aliases}:
         arm = replace(arm, aliases=(*arm.aliases, *aliases))
+
     stage = task.create(robot=arm)
     arm_of(arm).home_for(stage.home)  # an arm that can't start is reported once
     chosen = chosen_evaluations(cfg, tool_part(cfg).create(robot=arm), stage)

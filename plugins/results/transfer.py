@@ -118,6 +118,7 @@ def main(words: list[str]) -> None:
     result = transfer(cfg)
     if cfg.output is not None:
         write_bytes(Path(cfg.output), (json.dumps(result, indent=2) + "\n").encode())
+
     show(result)
 
 
@@ -131,6 +132,7 @@ def show(result: Mapping[str, Any]) -> None:
     rows: list[tuple[str, ...]] = []
     for design in result["designs"]:
         rows += _rows(design)
+
     print_table(("design", "task", "robot", "engine", *numbers), rows, numbers)
 
     count = len(result["seeds"])

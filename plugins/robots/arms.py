@@ -68,6 +68,7 @@ def _freeze(value: Any) -> Any:
         return {key: _freeze(item) for key, item in value.items()}
     if isinstance(value, list):
         return tuple(map(_freeze, value))
+
     return value
 
 
@@ -76,4 +77,5 @@ def _pose(steps: Sequence[Sequence[float]]) -> Pose:
     for x, y, z, *degrees in steps:
         roll, pitch, yaw = map(math.radians, degrees)
         poses.append(Pose.xyz_rpy((x, y, z), (roll, pitch, yaw)))
+
     return reduce(Pose.__matmul__, poses)

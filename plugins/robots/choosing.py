@@ -101,6 +101,7 @@ def choose_arm(
                 "<visual> as <collision>: its hull counts"
             )
         )
+
     return ArmParts(description, flange, arm, home, gripper, drives, wrong)
 
 
@@ -114,10 +115,12 @@ def hold_joints(
     """
     if not isinstance(fixed, Mapping):
         fixed = dict.fromkeys(fixed, 0.0)
+
     joints = dict(description.joints)
     for name, value in fixed.items():
         if name not in description.named:
             raise choices("joint", name, description.named, "fixed")
+
         joint = description.named[name]
         lower, upper = joint.range
 
@@ -133,6 +136,7 @@ def hold_joints(
         origin = joint.origin
         if value:
             origin = Origin.from_pose(origin.pose @ _move(joint, value), DIGITS)
+
         joints[joint.child] = replace(joint, kind="fixed", origin=origin, mimic=None)
 
     return replace(description, joints=joints)
@@ -143,6 +147,7 @@ def _move(joint: RobotJoint, value: float) -> Pose:
     way = value * joint.direction
     if joint.kind in TURNING:
         return Pose.from_rotation((0.0, 0.0, 0.0), Rotation.from_rotvec(way))
+
     return Pose(way)
 
 
@@ -173,6 +178,7 @@ def choose_flange(
                 f"; if it is a gripper's jaw, {write_word('flange', borne.parent)} "
                 f"{write_word('without', leaves)}"
             )
+
         notes.append(note)
         return leaves[0]
 
@@ -201,6 +207,7 @@ def _refuse_jaw(description: Description, leaf: str) -> None:
     moving = [j for j in joints_before(description, leaf) if j.kind != "fixed"]
     if len(moving) < 2:
         return
+
     last = moving[-1]
     lower, upper = last.range
     reasons = {
@@ -236,6 +243,7 @@ def find_arm(description: Description, flange: str) -> list[RobotJoint]:
             f"{len(arm) or 'no'} joint moves between base {description.root!r} and flange {flange!r}; an arm has "
             f"{_LEAST_JOINTS} or more"
         )
+
     return arm
 
 
@@ -257,6 +265,7 @@ def set_limits(
         raise UsageError(
             f"robot.{name} has {len(values)} numbers for {len(arm)} joints: {_list_names(arm)}"
         )
+
     return [
         replace(joint, limits=joint.limits._replace(**{name: value}))
         for joint, value in zip(arm, values, strict=True)
@@ -286,6 +295,7 @@ def limit_turning(joint: RobotJoint) -> RobotJoint:
     ends: tuple[float, float] | None = (-_TURN, _TURN)
     if joint.kind == "revolute":
         ends = wrong.attempt(read_span, joint, "radians")
+
     effort = wrong.attempt(read_limit, joint, "effort", "N m")
     velocity = wrong.attempt(read_limit, joint, "velocity", "rad/s")
     wrong.report()
@@ -302,6 +312,7 @@ def read_span(joint: RobotJoint, unit: str) -> tuple[float, float]:
             f"joint {joint.name!r} can't move: its limits are {lower:g} to {upper:g}; "
             f'give <limit lower="..." upper="..." effort="..." velocity="..."/>, {unit}'
         )
+
     return lower, upper
 
 
@@ -314,6 +325,7 @@ def read_limit(joint: RobotJoint, name: str, unit: str) -> float:
             f"joint {joint.name!r} {found} {name} limit; take it from the arm's data sheet, {unit}: "
             f"{_SETTINGS[unit, name]}"
         )
+
     return value
 
 
@@ -350,6 +362,7 @@ def choose_gripper(
     """Check the gripper, whose mount is the flange's pose, and its two joints."""
     if options.link not in description.links:
         raise choices("link", options.link, description.links, "gripper")
+
     for name in options.joints:
         if name not in description.named:
             raise choices("joint", name, description.named, "gripper")
@@ -449,6 +462,7 @@ def check_rest(description: Description, drives: Iterable[str]) -> None:
     found = ", ".join(kinds[:3])
     if len(kinds) > 3:
         found += f" and {len(kinds) - 3} others move"
+
     raise UserError(
         f"beside joint {found}, and neither the arm's nor the gripper's; hold with "
         f"{write_word('fixed', values)}, or leave out {write_word('without', tops)}"

@@ -38,6 +38,7 @@ def complete(
         description = replace(description, links=links)
     if chosen.mass_kg is None:
         return description
+
     return _spread_mass(description, chosen.mass_kg, notes)
 
 
@@ -85,6 +86,7 @@ def _spread_mass(
         mass = links[name].inertial.mass or (mass_kg - known) * space / volume
         whole = Inertial.from_tensor(mass, center, tensor * mass / space, DIGITS)
         links[name] = replace(links[name], inertial=whole)
+
     return replace(description, links=links)
 
 
@@ -96,5 +98,7 @@ def _weigh(link: RobotLink) -> list[Weight]:
         job = find_job(shape, drawn=False)
         if job is not None:
             solid = Mesh.from_trimesh(trimesh.load_mesh(job.make()))
+
         weights.append(weigh(solid, solid.volume, shape.origin.pose))
+
     return weights

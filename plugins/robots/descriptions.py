@@ -82,6 +82,7 @@ def mend(
     for name, link in arm.links.items():
         if name in drop:
             continue
+
         drawn = [s for s in link.visuals if Path(str(s.shape)).name not in undrawn]
         links[name] = replace(link, visuals=tuple(drawn))
         if name in inertials:
@@ -98,6 +99,7 @@ def mend(
     for child, joint in arm.joints.items():
         if {child, joint.parent} & {*drop}:
             continue
+
         joints[child] = joint
 
         if joint.name in limits:
@@ -114,5 +116,6 @@ def _collision(given: str | Mapping[str, float]) -> RobotShape:
     """Make the hull of a mesh, or a cylinder: see `mend`."""
     if isinstance(given, str):
         return RobotShape(Job(str(robots_folder() / given)).make(ours=True))
+
     cylinder = Cylinder(given["radius"], given["length"])
     return RobotShape(cylinder, Origin((0.0, 0.0, given["z"])))

@@ -34,6 +34,7 @@ def find_doubts(
     for name, link in description.links.items():
         if link.inertial.mass:
             yield from find_doubt(f"link {name!r}", "link mass", link.inertial.mass)
+
     for name, borne in description.joints.items():
         away = float(np.linalg.norm(borne.origin.xyz))
         yield from find_doubt(f"link {name!r}", "offset", away)
@@ -63,6 +64,7 @@ def _doubt_weight(link: RobotLink) -> Iterator[str]:
     volume = sum(map(_measure, link.collisions))
     if volume and not any(find_doubt(where, "link mass", mass)):
         yield from find_doubt(where, "density", mass / volume)
+
     gyration = math.sqrt(max(link.inertial.moments) / mass)
     yield from find_doubt(where, "gyration", gyration)
 
@@ -71,4 +73,5 @@ def _measure(shape: RobotShape) -> float:
     """Measure the volume of a shape, m^3; of a mesh it is that of its hull."""
     if isinstance(shape.shape, Path):
         return abs(float(trimesh.load_mesh(shape.shape).volume))
+
     return shape.shape.volume

@@ -47,6 +47,7 @@ def find_factor(reach: float | None) -> float:
             f"robot.reach must be from {_LEAST_M:g} to {REACH_M:g} m, got {reach:g}; an arm that reaches farther needs "
             "none: leave it out"
         )
+
     return REACH_M / reach
 
 
@@ -64,6 +65,7 @@ def enlarge(robot: Robot, k: float) -> Robot:
     root = read_xml(robot.urdf.encode(), Path("robot"))
     for element in root.iter():
         _enlarge_numbers(element, _POWERS.get(element.tag, {}), k)
+
     for joint in root.iter("joint"):
         powers = _SLIDES if joint.get("type") == "prismatic" else _TURNS
         for limit in joint.iter("limit"):
@@ -77,6 +79,7 @@ def enlarge(robot: Robot, k: float) -> Robot:
             travel_m=k * gripper.travel_m,
             force_n=k**3 * gripper.force_n,
         )
+
     return replace(
         robot,
         title=f"{robot.title}, {k:.3g} times as large",
@@ -97,6 +100,7 @@ def _enlarge_numbers(element: Element, powers: Mapping[str, float], k: float) ->
     """Multiply attributes by powers of ``k``."""
     if element.tag == "mesh":
         element.attrib.setdefault("scale", "1 1 1")
+
     for name in powers.keys() & element.attrib.keys():
         numbers = map(float, element.attrib[name].split())
         larger = [repr(number * k ** powers[name]) for number in numbers]

@@ -55,6 +55,7 @@ def read_source(chosen: ArmSettings) -> Source:
                 source.notes.append(
                     f"MJCF has no limits of speed, {SPEED} rad/s is taken; robot.velocity=[...] says others"
                 )
+
             return source
 
         leave_out(root, without)
@@ -90,6 +91,7 @@ def leave_out(root: Element, names: Collection[str]) -> None:
     for link in root.findall("link"):
         if link.get("name") in removed:
             root.remove(link)
+
     for joint in root.findall("joint"):
         if _find_end(joint, "child") in removed:
             root.remove(joint)
@@ -124,6 +126,7 @@ def find_meshes(root: Element, file: Path, may_lack: bool) -> list[str]:
             mesh = element.find("geometry/mesh")
             if mesh is None:
                 continue
+
             where = f"link {link.get('name')!r}: {element.tag}"
             try:
                 mesh.set("filename", str(_find(mesh, file, where, near)))
@@ -148,5 +151,6 @@ def _find(mesh: Element, file: Path, where: str, near: dict[str, Path]) -> Path:
         alike = find_near(plain, file)
         if alike is None:
             raise
+
     near[named] = alike
     return alike

@@ -75,6 +75,7 @@ def main(words: list[str]) -> None:
 
     if found.factor != 1:
         say(describe_factor(found.factor))
+
     home = arm_of(found.robot).home
     place = named.pose.apply(found.factor * arm_of(found.robot).forward(home).position)
     place[2] += found.lift_m
@@ -95,6 +96,7 @@ def _describe_beyond(arm: Unmounted, robot: Robot) -> None:
     for name, link in description.links.items():
         if link.visuals or link.collisions:
             solid |= {*description.above(name)}
+
     on_flange = [j.child for j in description.joints.values() if j.parent == arm.flange]
     beyond = [link for link in on_flange if link in solid]
     if beyond:

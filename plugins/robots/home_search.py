@@ -75,6 +75,7 @@ def find_for_tasks(arm: Unmounted, chosen: ArmSettings) -> Found:
         places = (np.array([START, _FAR]) - (0.0, 0.0, lift_m)) / factor
         if np.hypot(*places[1, :2]) > longest:
             continue
+
         try:
             found = find_home(arm, chosen, places[0])
         except UserError:
@@ -85,9 +86,11 @@ def find_for_tasks(arm: Unmounted, chosen: ArmSettings) -> Found:
             words += (f"robot.reach={reach:g}",)
         if lift_m:
             words += (f"robot.base=[0,0,{lift_m:g},0]",)
+
         found = Found(found.robot, words, factor, lift_m)
         if _works_at(found.robot, places):
             return found
+
         nearest = nearest or found
 
     return nearest or find_home(arm, chosen, np.array(START))
@@ -114,6 +117,7 @@ def measure_depth(robot: Robot) -> float:
             pose = poses[solid.name] @ solid.pose
             lowest = pose.apply(corners(solid.geometry))[:, 2].min()
             depth = max(depth, float(mount - lowest))
+
     return depth
 
 
@@ -148,6 +152,7 @@ def find_home(arm: Unmounted, chosen: ArmSettings, place: Array) -> Found:
             if number:
                 rpy = Pose.from_rotation(np.zeros(3), turn).rpy.round(4).tolist()
                 words = (f"robot.mount_rpy=[{short_numbers(rpy, 4, ',')}]",)
+
             try:
                 return Found(_mount(robot, arm.axis, rpy, chosen.face_m), words)
             except UserError as error:
@@ -184,6 +189,7 @@ def _solve(
             tried.append(solution)
             if _is_near(solution):
                 found.append((solution, turn))
+
     return sorted(found, key=lambda pair: -_rate(arm, pair[0].joints))
 
 
@@ -200,6 +206,7 @@ def _mount(
     met = find_self_collision(upright, Tool(), still)
     if met is not None:
         raise UserError(f"there {met.describe(np.zeros(1))}")
+
     return upright
 
 
@@ -227,11 +234,13 @@ def _describe_miss(arm: Unmounted, model: Arm, nearest: Solution, place: Array) 
         way = place - model.forward(joints).position
         step = np.linalg.pinv(model.jacobian(joints)[:3], rcond=_STRAIGHT) @ way
         joints = np.clip(joints + step, model.lower, model.upper)
+
     if np.linalg.norm(way) < _NEAR_M:
         return (
             f"{missed}: the place is reached, the direction is not; choose another at=, or turn tools in the flange's "
             "frame with robot.mount_rpy=[roll,pitch,yaw]"
         )
+
     return f"{missed}; choose another at=, nearer to the arm, or place the arm elsewhere with robot.base=[x,y,z,yaw]"
 
 

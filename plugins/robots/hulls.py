@@ -63,6 +63,7 @@ class Job(NamedTuple):
             raise UserError(
                 f"mesh {mesh} is of no kind that is read: {', '.join(KINDS)}"
             )
+
         key = f"{suffix} {[*self.scale, *(self.color or ())]}"
         try:
             return key.encode() + read_untrusted(mesh, int(MAX_MB * 1_000_000))
@@ -84,6 +85,7 @@ class Job(NamedTuple):
             data = json.dumps(self).encode()
             if ours:
                 return build(data)
+
             return isolated(build, f"mesh {self.mesh}", data, limit_s=LIMIT_S)
 
         return keep_file(*self.kind(), self.content(), run)
@@ -93,6 +95,7 @@ def find_job(shape: RobotShape, *, drawn: bool) -> Job | None:
     """Say what is to be made of a shape; None: it is no mesh."""
     if not isinstance(shape.shape, Path):
         return None
+
     color = shape.color or GREY
     return Job(str(shape.shape), shape.scale, color if drawn else None)
 
@@ -116,6 +119,7 @@ def build_all(data: bytes) -> bytes:
     for words in json.loads(data):
         with contextlib.suppress(UserError):
             Job(*words).make(ours=True)
+
     return b""
 
 
@@ -123,8 +127,10 @@ def main_color(drawn: Path) -> Color | None:
     """Read the colour of the largest part of what was made to draw: PyBullet draws a link in one colour."""
     with drawn.open("rb") as file:
         found = re.search(rb"<diffuse>\s*<color>([^<]*)<", file.read(_HEAD))
+
     if found is None:
         return None
+
     red, green, blue, opacity = map(float, found[1].split())
     return red, green, blue, opacity
 
@@ -177,6 +183,7 @@ def _load(mesh: Path, scale: Scale) -> list[trimesh.Trimesh]:
 
     for part in parts:
         part.apply_transform(np.diag([*factors, 1.0]))
+
     return parts
 
 
@@ -199,11 +206,13 @@ def _collada(parts: list[trimesh.Trimesh], color: Sequence[float]) -> bytes:
         painted = color
         if part.visual.defined:
             painted = getattr(part.visual, "material", part.visual).main_color / 255
+
         material = trimesh.visual.material.PBRMaterial(baseColorFactor=painted)
 
         plain = _coarsen(part)
         plain.visual = trimesh.visual.TextureVisuals(material=material)
         drawn.append(plain)
+
     return bytes(trimesh.exchange.dae.export_collada(drawn)).replace(b"Y_UP", b"Z_UP")
 
 
@@ -218,4 +227,5 @@ def _coarsen(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
         coarse = trimesh.Trimesh(corners, mesh.faces)  # merges what is equal
         whole = coarse.nondegenerate_faces() & coarse.unique_faces()
         coarse.update_faces(whole)
+
     return coarse

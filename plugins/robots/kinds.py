@@ -67,6 +67,7 @@ def read_root(data: bytes, path: Path) -> Element:
         raise UserError(
             f"{path} is Xacro, of which a URDF is to be made first: {_describe_xacro(root, path)}"
         )
+
     return root
 
 

@@ -78,6 +78,7 @@ def read_mjcf(
     for link in without:
         if link not in whole.links:
             raise choices("link", link, whole.links)
+
     return whole.without(*without), notes, reading.motors
 
 
@@ -91,8 +92,10 @@ def compile_arm(_: bytes, file: str) -> bytes:
         spec = mujoco.MjSpec.from_file(file)
         for thing in (*spec.textures, *spec.keys, *spec.skins):
             spec.delete(thing)
+
         for material in spec.materials:
             material.textures = [""] * len(material.textures)
+
         notes = list[str]()
         try:
             model = spec.compile()
@@ -120,11 +123,13 @@ def _find_meshes(spec: Any, file: Path) -> list[str]:
         wanted = Path(spec.modelfiledir, named)
         if not mesh.file or wanted.is_file():
             continue
+
         alike = find_near(named.replace("\\", "/"), file)
         if alike is not None:
             near[named] = alike
             mesh.file = str(alike.absolute())
             continue
+
         missing[mesh.name or wanted.stem] = str(wanted)
         spec.delete(mesh)
 
@@ -139,6 +144,7 @@ def _find_meshes(spec: Any, file: Path) -> list[str]:
         raise UserError(
             f"names mesh files that are missing: {', '.join(sorted(needed))}"
         )
+
     left_out = [
         f"not drawn, as there is no file {wanted}; where its body has no <inertial> it weighs less"
         for wanted in missing.values()
@@ -201,10 +207,12 @@ class _Reading:
 
         if kept & free:
             self._notes.append("its base, which is free there, is fixed here")
+
         others = {*model.body_rootid.tolist()} - kept - {0}
         if others:
             names = [model.body(number).name for number in sorted(others)]
             self._notes.append(f"left out, as no arms: {', '.join(names)}")
+
         return kept
 
     def _add(self, body: Any) -> None:
@@ -227,6 +235,7 @@ class _Reading:
         if not joints:
             self._bear(name, parent, frame)
             frame = Pose()
+
         self._frames[body.id] = name, frame
         self._fill(name, body, frame, 1 - _BETWEEN * len(between))
         for child, place in between.items():
@@ -244,13 +253,16 @@ class _Reading:
         """
         if name in self.links:
             raise UserError(f"two links would be named {name!r}; rename that body")
+
         self.links[name] = RobotLink(name)
         if parent not in self.links:
             return
+
         fixed = RobotJoint.fixed(f"{name}_fixed", parent, name, place, DIGITS)
         self.joints[name] = fixed
         if joint is None:
             return
+
         called = joint.name or f"{name}_joint"
         self.motors[called] = float(self._model.dof_armature[joint.dofadr[0]])
         kind = _KINDS[joint.type[0]]
@@ -283,6 +295,7 @@ class _Reading:
         forces = []
         if model.jnt_actfrclimited[joint]:
             forces.append(model.jnt_actfrcrange[joint])
+
         for motor in map(model.actuator, range(model.nu)):
             if motor.trnid[0] != joint or motor.trntype[0] > 1:
                 continue
@@ -290,6 +303,7 @@ class _Reading:
                 forces.append(motor.forcerange * motor.gear[0])
             elif motor.ctrllimited[0] and not motor.biastype[0]:
                 forces.append(motor.ctrlrange * motor.gainprm[0] * motor.gear[0])
+
         most = [float(np.abs(ends).max()) for ends in forces]
         return min(most, default=None)
 

@@ -42,6 +42,7 @@ def turn_mount(
     """
     if not np.isfinite(face_m):
         raise UsageError(f"robot.face_m must be a finite number, got {face_m}")
+
     flange = Arm(robot).forward(np.array(robot.home)).rotation
     turn = _turn_by_right_angles(robot, axis, flange) if rpy is None else _read_rpy(rpy)
 
@@ -51,6 +52,7 @@ def turn_mount(
     gripper = robot.gripper
     if gripper is not None:
         gripper = replace(gripper, mount=gripper.mount @ mount)
+
     robot = replace(robot, mount=mount, gripper=gripper)
 
     arm = Arm(robot)
@@ -117,6 +119,7 @@ def wrist_height(robot: Robot, joints: Array) -> float:
             along = poses[last.child].rotation.apply(last.direction)
             if abs(along[2]) < _ALONG:  # the flange is not square to it
                 along = np.array([0.0, 0.0, 1.0])
+
             way = middles[link] - poses[RIGID_MOUNT].position
             return float(way @ along * along[2])
 
@@ -130,4 +133,5 @@ def find_middles(robot: Robot, joints: Array) -> dict[str, Array]:
     for solid in robot_solids(robot, False):
         middle, _ = solid.bounds()
         middles.setdefault(solid.name, []).append(poses[solid.name].apply(middle))
+
     return {name: np.mean(some, axis=0) for name, some in middles.items()}

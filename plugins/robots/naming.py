@@ -46,8 +46,10 @@ def _choose_names(names: Iterable[str]) -> dict[str, str]:
         while unused in taken:
             number += 1
             unused = f"{plain[: _LONGEST - 4]}_{number}"
+
         taken.add(unused)
         chosen[name] = unused
+
     return chosen
 
 
@@ -63,6 +65,7 @@ def choose_all_names(
         notes.append(
             f"{len(changed)} names are others here, such as {new!r} for {old!r}; settings take the file's"
         )
+
     return links, joints
 
 

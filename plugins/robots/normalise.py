@@ -114,6 +114,7 @@ def _join(head: str, parts: Sequence[tuple[RobotLink, Pose]], base: bool) -> Rob
     except UserError:
         if not base:
             raise
+
         # Without shapes it is only a frame.
         solid = any(link.collisions for link, _ in parts)
         inertial = _BASE if solid else Inertial()
@@ -143,6 +144,7 @@ def _inertia(head: str, parts: Sequence[tuple[RobotLink, Pose]]) -> Weight:
     where = f"link {head!r}"
     if len(parts) > 1:
         where += f" with what is fixed to it ({len(parts) - 1} more)"
+
     heavy = []
     for link, pose in parts:
         if link.inertial.mass > 0:
@@ -183,6 +185,7 @@ def read_meshes(description: Description, notes: list[str]) -> Description:
     for link in description.links.values():
         jobs += [find_job(shape, drawn=False) for shape in link.collisions]
         jobs += [find_job(shape, drawn=True) for shape in link.visuals]
+
     make_all(jobs)
     wrong = Problems()
     links = {}
@@ -204,8 +207,10 @@ def _read(shape: RobotShape, drawn: bool) -> RobotShape:
     job = find_job(shape, drawn=drawn)
     if job is None:
         return shape
+
     file = job.make()
     color = shape.color
     if drawn:
         color = main_color(file) or job.color
+
     return RobotShape(file, shape.origin, color)

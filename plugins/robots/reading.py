@@ -78,6 +78,7 @@ def read_robot(
     path = expand(path).absolute()
     if home is not None:
         home = list(home)
+
     chosen = ArmSettings(path, home, flange, **settings)
     source = read_source(chosen)
     factor = find_factor(chosen.reach)
@@ -88,12 +89,14 @@ def read_robot(
         if parent_process() is None:  # workers stay silent
             for note in arm.notes:
                 _log.warning("%s: %s", chosen.path, note)
+
         robot = turn_mount(arm.robot, arm.axis, chosen.mount_rpy, chosen.face_m)
     except UserError as error:
         raise type(error)(f"{chosen.path}: {error}") from error
 
     if factor != 1:
         robot = enlarge(robot, factor)
+
     return robot
 
 

@@ -82,6 +82,7 @@ class Together(Fitness):
         for name, judge in self.by_task.items():
             own_layout = [c for c in conditions if c.where.task == name]
             perturbed += judge.perturbed(own_layout)
+
         return perturbed
 
     def unseen(self) -> list[Condition]:

@@ -84,4 +84,5 @@ def _join(pictures: dict[str, ScenePictures]) -> ScenePictures:
     for by_gripper in pictures.values():
         for gripper, drawn in by_gripper.items():
             joined[gripper] = (*joined.get(gripper, ()), *drawn)
+
     return joined

@@ -48,6 +48,7 @@ def meeting(thing: Thing, other: Thing) -> Meeting:
     body = None
     if first == TOOL:
         body = second[1]
+
     return Meeting((first[1], second[1]), body, sign)
 
 
@@ -105,6 +106,7 @@ class Impulses(ABC):
         for pair in self._sums:
             sums = np.array([noted.get(pair, 0.0) for noted in self._noted])
             forces[pair] = np.append(0.0, np.diff(sums) / spans)
+
         return replace(recording, forces=forces, pushes=self._mean_pushes(spans))
 
     def _mean_pushes(self, spans: Array) -> Pushes:
@@ -124,4 +126,5 @@ def latch_force(joint: Joint, position: float) -> float:
         away = position - latch.at
         if abs(away) < latch.width:
             total -= latch.force * math.sin(math.pi * away / latch.width)
+
     return total

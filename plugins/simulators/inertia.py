@@ -36,6 +36,7 @@ def inertia_of(body: Body) -> Inertia:
         mesh = part.shape.to_trimesh()
         if isinstance(part.shape, Mesh):
             mesh = mesh.convex_hull
+
         meshes.append(mesh.apply_transform(part.pose.matrix))
 
     density = body.mass / sum(mesh.volume for mesh in meshes)
@@ -50,6 +51,7 @@ def inertia_of(body: Body) -> Inertia:
     moments = np.diag(tensor)
     if np.abs(tensor - np.diag(moments)).max() < 1e-9 * np.trace(tensor):
         return Inertia(body.mass, Pose(center), frozen_array(moments))
+
     return principal(body.mass, center, tensor)
 
 

@@ -37,6 +37,7 @@ def joint_positions(
     """
     if not tool.gripper:
         fingers = fingers[len(robot.finger_joints) :]
+
     loose = [joint_name(bearer.name) for bearer in tool.bearers]
     names = [*robot.joints(tool.gripper), *loose]
     return dict(zip(names, [*arm.tolist(), *fingers.tolist()], strict=False))
@@ -78,6 +79,7 @@ class Renderer(ABC):
                 fingers = np.full(len(task.robot.finger_joints), task.robot.opening_m)
             if state is None:
                 state = task.scene(seed).state()
+
             self.pose(arm, fingers, state)
             drawn = self.shoot(camera, width * _OVERSAMPLING, height * _OVERSAMPLING)
 
@@ -88,6 +90,7 @@ class Renderer(ABC):
         loaded = self._loaded
         if loaded is not None and loaded[0] is task and loaded[1:] == (seed, tool):
             return
+
         self._loaded = None  # in case that loading fails
         self.load(task, seed, tool)
         self._loaded = (task, seed, tool)
@@ -114,6 +117,7 @@ class DrawingSimulator(Simulator):
         with _drawing:
             if self._drawer is None:
                 self._drawer = self._choose()
+
         return self._drawer.render(task, **view)
 
     def _choose(self) -> Renderer | Simulator:

@@ -98,6 +98,7 @@ class Islands(EvolutionStrategy):
         count = len(self._pools)
         for evaluation in evaluations:
             self._pools[evaluation.candidate.agent % count].append(evaluation)
+
         travel = self._generation % self._migrate == 0
         best = [
             best_first(pool, self.tie)[:1] if travel else [] for pool in self._pools

@@ -63,6 +63,7 @@ def _read_shape(item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
                 raise DesignError(
                     f"{place} must be greater than 0, in metres, not {number:g}"
                 )
+
         sizes += numbers
 
     return PRIMITIVES[name](*sizes), Pose()
@@ -96,10 +97,12 @@ class BoxTools(ComponentTools):
             raise DesignError(
                 f"{where} is a mesh, which tool=boxes can't write; use tool=solids"
             )
+
         node = node_of(shape)
         sizes = rounded(node.sizes)
         if node.kind == "box":
             return {"shape": "box", "size": sizes}
+
         return {
             "shape": node.kind,
             **dict(zip(_SIZES[node.kind], sizes, strict=True)),

@@ -130,6 +130,7 @@ def main(words: list[str]) -> None:
     if cfg.check:
         for line in check_all(cfg):
             say(line)
+
         return
 
     task = task_part(cfg).create()
@@ -137,6 +138,7 @@ def main(words: list[str]) -> None:
     records = [record(evaluation, task) for evaluation in evaluations]
     if cfg.output is not None:
         write_bytes(Path(cfg.output), (json.dumps(records, indent=2) + "\n").encode())
+
     show(records)
     if cfg.film:
         film_best(cfg, evaluations, task)

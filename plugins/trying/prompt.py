@@ -73,6 +73,7 @@ def requests(cfg: DictConfig) -> list[Request]:
     """
     if cfg.agent < 0:
         raise UsageError(f"agent must be 0 or greater, got {cfg.agent}")
+
     model = NoModel(installed().factory("vlm", cfg.vlm.name))
     designer, fitness = build_designer(cfg, model, event_hub())
     if cfg.designs is None:
@@ -99,6 +100,7 @@ def _choose_elites(evaluations: Sequence[Evaluation]) -> list[Evaluation]:
     best: dict[int, Evaluation] = {}
     for evaluation in best_first(evaluations):
         best.setdefault(evaluation.candidate.strategy, evaluation)
+
     return list(best.values())
 
 
@@ -186,6 +188,7 @@ def main(words: list[str]) -> None:
     say(f"{estimate.prompt_tokens} tokens for {model} ({estimate.counted_by})")
     if follow_ups:
         say(_describe_generation(cfg, request, follow_ups, estimate))
+
     repairs = count_repairs(cfg, installed().factory("vlm", cfg.vlm.name))
     if repairs:
         count = _count_requests(cfg, request, follow_ups)

@@ -86,6 +86,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
     ) -> None:
         if control_mode not in get_args(ControlMode):
             raise choices("control_mode", str(control_mode), get_args(ControlMode))
+
         render_modes = self.metadata["render_modes"]
         if render_mode not in (None, *render_modes):
             raise choices("render_mode", str(render_mode), render_modes)
@@ -97,6 +98,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         robot = self.task.robot
         if gripper and robot.gripper is None:
             raise UserError(f"{robot.title} has no gripper; leave out gripper=True")
+
         self.tool = Tool(gripper=gripper)
         if designs is not None:
             representation = tool_part(config).create()
@@ -185,6 +187,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         world = self._world
         if world is None:
             raise gymnasium.error.ResetNeeded("call reset before step")
+
         shares = np.clip(self._check(action), -1.0, 1.0)
         fingers = self._fingers
 
@@ -253,6 +256,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         for k in range(1, steps + 1):
             if self.task.reads_trace:
                 self._film.add(self._elapsed, world)
+
             left = span - k * world.time_step
             arm_target = joints - speeds * left
             finger_target = fingers - finger_speed * left
@@ -279,6 +283,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         trace = None
         if self.task.reads_trace:
             trace = self._film.trace(self._elapsed, world)
+
         first = self._scene.complete(self._start)
         reward = reward_of(
             self.task,
@@ -313,9 +318,11 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         """Draw a picture (height, width, 3); None without a ``render_mode``, or before the first episode."""
         if self.render_mode is None or self._world is None:
             return None
+
         arm, fingers = self._world.joints()
         if not self.tool.gripper:
             fingers[: len(self.task.robot.finger_joints)] = self._opening
+
         width, height = self._size
 
         return self.simulator.render(

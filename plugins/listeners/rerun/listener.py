@@ -78,4 +78,5 @@ class RerunListener:
             why = in_line(error)
             if isinstance(error, ModuleNotFoundError) and error.name == "rerun":
                 why = "Rerun is not installed (pip install rerun-sdk)"
+
             say(f"rerun: no recording from here on: {why}", file=sys.stderr)

@@ -32,6 +32,7 @@ def recordings(run: Path) -> list[Path]:
     """
     if not run.is_dir():
         raise UserError(f"no run folder {run}")
+
     files = sorted(run.glob("recording*.rrd"))
     files += sorted(run.glob("*/recording*.rrd"))
     if not files:
@@ -80,6 +81,7 @@ def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
     words = [_find_viewer(), *map(str, files), "--port", str(data), "--bind", HERE]
     if web:
         words += ["--serve-web", "--web-viewer-port", str(page)]
+
     with contextlib.suppress(KeyboardInterrupt), tempfile.TemporaryFile() as output:
         viewer = subprocess.Popen(  # noqa: S603
             words, stdin=subprocess.DEVNULL, stdout=output, stderr=output
@@ -87,11 +89,13 @@ def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
         try:
             if web:
                 _announce(viewer, page, data)
+
             status = viewer.wait()
         finally:
             viewer.terminate()
             with contextlib.suppress(subprocess.TimeoutExpired):
                 viewer.wait(_END_S)
+
             viewer.kill()
 
         if web or status:
@@ -111,6 +115,7 @@ def _find_viewer() -> str:
     spec = importlib.util.find_spec("rerun_cli")
     if spec is None or spec.origin is None:
         raise UserError("Rerun's viewer is not installed: pip install rerun-sdk")
+
     return str(Path(spec.origin).with_name("rerun"))
 
 
@@ -134,6 +139,7 @@ def main(words: list[str]) -> None:
     folders, options = folders_and_overrides(USAGE, words)
     if len(folders) != 1:
         raise UsageError(f"{len(folders)} run folders given; one is needed; {USAGE}")
+
     given = dict(option.split("=", 1) for option in options)
     settings = check_settings(view, given, "view", {"files": None})
     view(recordings(folders[0]), **settings)

@@ -82,6 +82,7 @@ class Writer:
         arm = links(self._robot, gripper=False)
         for name, mesh in arm.items():
             self._log((*_ROBOT, name), to_mesh(mesh), static=True)
+
         if self._robot.gripper:
             both = links(self._robot, gripper=True)
             self._hand = {name: both[name] for name in both if name not in arm}
@@ -171,6 +172,7 @@ class Writer:
 
             if body.fixed:
                 self._log(path, to_transform(body.pose), static=True)
+
             for k, part in enumerate(body.visuals):
                 red, green, blue, opacity = part.color
                 mesh = shaded(part.shape.to_trimesh(), (red, green, blue, 1.0))
@@ -192,6 +194,7 @@ class Writer:
         shown: dict[_Place, trimesh.Trimesh] = {}
         for bearer, meshes in pieces.items():
             shown[*_ROBOT, bearer, "tool"] = trimesh.util.concatenate(meshes)
+
         if tool.gripper:
             for name, mesh in self._hand.items():
                 shown[*_ROBOT, name] = mesh
@@ -202,12 +205,15 @@ class Writer:
                 placed = body.pose @ part.pose
                 solid = part.shape.to_trimesh().apply_transform(placed.matrix)
                 parts.append(shaded(solid, part.color))
+
             shown[*_SCENE, body.name] = trimesh.util.concatenate(parts)
 
         for path in self._mounted - shown.keys():
             self._log(path, rr.Clear(recursive=True))
+
         for path, mesh in shown.items():
             self._log(path, to_mesh(mesh))
+
         self._mounted = set(shown)
 
     def _show_way(
@@ -314,6 +320,7 @@ def replay(
     """
     if run.simulator is None:
         raise ValueError("the run has no simulator to play it with")
+
     motion, job = prepare(run.task, candidate, run.seed, run.settings, record_hz=hz)
     (outcome,) = run.simulator.rollout(run.task, [job])
     if outcome.recording is None:
@@ -321,4 +328,5 @@ def replay(
 
     if isinstance(job.guards, PlannedGuards):
         motion = job.guards.motion  # as it was played
+
     return motion, outcome, outcome.recording

@@ -61,6 +61,7 @@ def try_elsewhere(run: Run, result: Result, chosen: str = AUTO) -> Iterator[str]
             cause = ""
             if trial.reward < run.task.success_reward and trial.cause:
                 cause = f": {clean(trial.cause, LONGEST)}"
+
             yield f"in {name} it earns {number(trial.reward, 3)}{cause}"
             return
 
@@ -85,4 +86,5 @@ def _play(run: Run, best: Evaluation, name: str) -> Trial:
     task = task_part(OmegaConf.create(run.config))
     with busy(f"trying the best in {name}"):
         (trial,) = play(Condition(task, sim, run.seed, run.settings), [best.candidate])
+
     return trial

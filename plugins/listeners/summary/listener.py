@@ -218,9 +218,11 @@ def _remarks(result: Result, best: Evaluation) -> Iterator[str]:
 
     if result.held is not None and result.held.layouts:
         yield f"the best {result.held.words()}"
+
     perturbed = result.perturbed.count_held()
     if perturbed.layouts:
         yield f"the best {perturbed.words(PERTURBED)}"
+
     for engine, rewards in result.unseen.items():
         mean = number(fmean(rewards), 3)
         worst = number(min(rewards), 3)
@@ -319,6 +321,7 @@ def _spent(replies: Sequence[Reply]) -> str:
     tokens = []
     for reply in replies:
         tokens += [reply.prompt_tokens, reply.completion_tokens]
+
     known = [count for count in tokens if count is not None]
     costs = [reply.cost_usd for reply in replies if reply.cost_usd is not None]
     failed = sum(reply.error is not None for reply in replies)

@@ -58,6 +58,7 @@ def as_held(tool: Tool, robot: Robot) -> list[tuple[Component, trimesh.Trimesh]]
         solid = component.shape.to_trimesh().apply_transform(pose.matrix)
         if mount in mounts:
             solid.apply_transform(mounts[mount].matrix)
+
         held.append((component, solid))
 
     return held

@@ -84,6 +84,7 @@ class FinishedRun:
 
         for film in self.films():
             found[f"film {film.parent.name}".removesuffix(" best")] = film
+
         return found
 
     def films(self) -> list[Path]:
@@ -251,6 +252,7 @@ def is_held(folder: Path) -> bool:
     file = folder / LOCK
     if file.is_symlink() or not file.is_file():
         return False
+
     try:
         with FileLock(file, timeout=0):
             return False
@@ -270,6 +272,7 @@ def _progress(folder: Path, store: StoredRun) -> str:
     rewards = [row.reward for row in evaluations if row.status == "ok"]
     if rewards:
         done += f", best reward so far {number(max(rewards), 3)}"
+
     how = "goes on" if is_held(folder) else "was killed"
 
     return f"{done}; it {how}"
@@ -280,6 +283,7 @@ def reasons(store: StoredRun) -> list[str]:
     pairs = []
     for row in store.evaluations():
         pairs.append((row.candidate, row.reason or _why_zero(row)))
+
     return by_reason(pairs)
 
 
@@ -287,6 +291,7 @@ def _why_zero(evaluation: StoredEvaluation) -> str:
     """The reason why a candidate earned nothing, as far as its rollouts were observed; empty: it earned something."""
     if evaluation.status != "ok" or evaluation.reward >= NOTHING:
         return ""
+
     observed = [trial.observation for trial in evaluation.trials]
     seen = {found.result for found in observed if found is not None}
     if not seen:

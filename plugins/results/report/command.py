@@ -77,6 +77,7 @@ def report(
     entries, problems = find_entries(finished, left_out, name)
     for entry in entries:
         write_bytes(output / DATA / _file_name(entry), entry.dump())
+
     say(*problems)
 
     ours = [ListedEntry(entry, "runs at hand") for entry in entries]
@@ -128,6 +129,7 @@ def main(words: list[str]) -> None:
     cfg = load("report", overrides, ReportConfig)
     if not (folders or cfg.entries or cfg.verify):
         raise UsageError(f"no folder given; {USAGE}")
+
     others = [Path(file) for file in cfg.entries]
     claimed = Path(cfg.verify) if cfg.verify else None
     results = report(folders, Path(cfg.output), cfg.name, others, claimed)

@@ -54,6 +54,7 @@ def _gains(results: Results) -> Rows:
             for other in results.groups_of(first):
                 pairs = _differences(mine, other) if mine.task == other.task else []
                 by_task += [pairs] if pairs else []
+
         if not by_task:
             continue
 
@@ -84,6 +85,7 @@ def _published(results: Results) -> Rows:
             base = _mean(groups, entry.against) if entry.against else None
             if base is not None:
                 here = 100 * (here - base) / base if base > 0 else None
+
         yield entry.what, entry.value, here, len(tasks), runs
 
 
@@ -96,6 +98,7 @@ def _shared(results: Results, entry: Published) -> list[Group]:
         found = [group for group in groups if group.task == task]
         if len(found) == len(named):
             shared += found
+
     return shared
 
 
@@ -112,11 +115,13 @@ def _agreement(results: Results) -> Rows:
             both = sorted(rewards[engine].keys() & rewards[other].keys())
             if len(both) < 2:
                 continue
+
             mine = np.round([rewards[engine][design] for design in both], 2)
             theirs = np.round([rewards[other][design] for design in both], 2)
             ranks = None
             if np.ptp(mine) > 0 and np.ptp(theirs) > 0:
                 ranks = float(scipy.stats.spearmanr(mine, theirs).statistic)
+
             kept = theirs[mine > GOOD] > KEPT
             yield (
                 task,
@@ -137,10 +142,13 @@ def _rewards_by_engine(
     for run in results.runs:
         if run.task != task:
             continue
+
         for row in run.store.evaluations():
             by_engine = defaultdict(list)
             for trial in row.trials:
                 by_engine[trial.where.engine].append(trial.reward)
+
             for engine, earned in by_engine.items():
                 found[engine][str(run.folder), row.candidate] = fmean(earned)
+
     return found

@@ -78,6 +78,7 @@ def _films(results: Results) -> list[tuple[str, Markup]]:
             length = film.stat().st_size
             if task in films or length > min(FILM_BYTES, left):
                 continue
+
             left -= length
             address = data_address(read_untrusted(film, FILM_BYTES), "gif")
             films[task] = (f"{task}, {g.method}: the best motion", address)

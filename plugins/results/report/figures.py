@@ -35,6 +35,7 @@ def figure_pages(results: Results) -> list[FigurePage]:
     """All figures that have something to show."""
     if not results.groups:
         return []
+
     tasks, methods = comparable(results)
     pages = [
         rewards(results),
@@ -56,6 +57,7 @@ def comparable(results: Results) -> tuple[list[str], list[str]]:
     shared = set(tasks)
     for method in methods:
         shared &= {g.task for g in results.groups_of(method)}
+
     if not shared:
         return [], []
 
@@ -97,6 +99,7 @@ def rewards(results: Results) -> FigurePage:
         last = rows[-1, 0]
         for g, place in places.items():
             _draw_rewards(first, place, g, _look(results, g.method))
+
         first.set(ylim=(0, 1.02), yticks=np.linspace(0, 1, 6), ylabel="reward (0 to 1)")
 
         for g in tied:
@@ -121,6 +124,7 @@ def on_some_tasks(results: Results) -> FigurePage | None:
     tasks = [g.task for g in results.groups_of(fewest)]
     if len(tasks) == len(results.tasks):
         return None
+
     there = tuple(run for run in results.runs if run.task in tasks)
     title = f"The tasks of {fewest}"
     return replace(
@@ -168,6 +172,7 @@ def _name_tasks(ax: Any, results: Results, places: dict[Group, float]) -> None:
     middles = []
     for task in results.tasks:
         middles.append(fmean(place for g, place in places.items() if g.task == task))
+
     names = [wrapped(task, 30) for task in results.tasks]
     ax.set_xticks(middles, names, rotation=35, ha="right", rotation_mode="anchor")
     ax.tick_params(axis="x", length=0)
@@ -218,10 +223,12 @@ def anytime(
             # A run that ended early keeps its last.
             rows = [course[np.minimum(x, len(course) - 1)] for course in task]
             scores.append(np.array(rows))
+
         curves[method] = _Curve(x, scores)
 
     if max((curve.x[-1] for curve in curves.values()), default=0) < 2:
         return None
+
     return _draw_curves(results, curves, "rollouts", "anytime", step="post")
 
 
@@ -236,11 +243,13 @@ def by_generation(
         scores = []
         for g in groups:
             scores.append(np.array([run.best_so_far(length) for run in g.runs]))
+
         if length > 1:
             curves[method] = _Curve(np.arange(length, dtype=np.float64), scores)
 
     if not curves:
         return None
+
     return _draw_curves(results, curves, "generation", "by_generation")
 
 
@@ -272,6 +281,7 @@ def _draw_curves(
                 span = interval([task[:, i] for task in curve.scores], "mean")
                 if span is not None:
                     rows.append((place, *span))
+
             if rows:
                 band = {"color": look["color"], "alpha": 0.18, "lw": 0}
                 ax.fill_between(*zip(*rows, strict=True), step=step, **band)

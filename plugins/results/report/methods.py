@@ -93,6 +93,7 @@ def group(
     grouped: dict[tuple[str, str], list[FinishedRun]] = defaultdict(list)
     for run, name in zip(finished, labels, strict=False):
         grouped[run.task, name].append(run)
+
     lost: Counter[tuple[str, str]] = Counter()
     for left, name in zip(known, labels[len(finished) :], strict=True):
         lost[left.task, name] += 1
@@ -123,6 +124,7 @@ def label(configs: Sequence[Configured]) -> list[str]:
         elif apart:
             keys = ", ".join(key.removesuffix(".name") for key in apart)
             names = [f"{name} (differing in {keys})"] * len(alike)
+
         for number, method in zip(numbers, names, strict=True):
             labels[number] = method
 

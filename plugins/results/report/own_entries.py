@@ -56,6 +56,7 @@ def find_entries(
             on_track = [run for run in runs if run.task in tasks]
             if not on_track:
                 continue
+
             try:
                 entries.append(_make_entry(followed, rules, track, on_track))
             except UserError as error:
@@ -75,6 +76,7 @@ def _group(runs: Sequence[AnyRun], name: str) -> dict[_Followed, list[AnyRun]]:
         called = name or method
         if name and len(set(methods)) > 1:
             called = f"{name} {method}"
+
         match run.config.get("protocol"):
             case {"name": str(rules), "version": int(version)} if rules != "none":
                 followed = _Followed(called, rules, version)

@@ -63,6 +63,7 @@ class Results:
         method_of: dict[FinishedRun, str] = {}
         for g in self.groups:
             method_of |= dict.fromkeys(g.runs, g.method)
+
         found = dict.fromkeys(method_of[run] for run in self.runs)
         return sorted(found, key=self._rank)
 

@@ -27,6 +27,7 @@ def deviation(values: Sequence[float]) -> float | None:
     """The sample standard deviation (n - 1); None for fewer than two values."""
     if len(values) < 2:
         return None
+
     return float(np.std(values, ddof=1))
 
 
@@ -49,6 +50,7 @@ def interval(
     """
     if not tasks or any(len(runs) < 2 for runs in tasks):
         return None
+
     result = scipy.stats.bootstrap(
         [np.asarray(runs, dtype=np.float64) for runs in tasks],
         _STATISTICS[statistic],

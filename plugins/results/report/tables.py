@@ -108,6 +108,7 @@ def methods(results: Results) -> Rows:
         by_task = [g.rewards for g in groups]
         if len(results.tasks) == 1 and max(map(len, by_task)) == 1:
             continue
+
         rewards = sum(by_task, list[float]())
         low, high = interval(by_task, "mean") or (None, None)
         iqm_low, iqm_high = interval(by_task, "interquartile mean") or (None, None)
@@ -177,6 +178,7 @@ def lineage(results: Results) -> Rows:
     """The best candidates of each generation, what they derive from, and the model's words; of a single run."""
     if len(results.runs) != 1:
         return
+
     (run,) = results.runs
     designs = run.store.designs()
     tried = [row for row in run.store.evaluations() if row.status == "ok"]
@@ -187,6 +189,7 @@ def lineage(results: Results) -> Rows:
         best: dict[Key, StoredEvaluation] = {}
         for row in ranked(rows, lambda e: (e.reward, e.distance_m), run.figures.tie):
             best.setdefault(row.design, row)
+
         for row in list(best.values())[:shown]:
             design = designs[row.design]
             parents = ", ".join(sorted(design.parents)) or "–"
@@ -215,6 +218,7 @@ def models(results: Results) -> Rows:
         asked, earned = _answers_by_model(g)
         if len(asked) == 1:
             continue
+
         for model, purpose in sorted(asked):
             cost = RunCost.total(asked[model, purpose])
             candidates = earned[model] if purpose == "designs" else []

@@ -116,9 +116,11 @@ def _configure(entry: Entry, task: str) -> DictConfig:
     for key, text in settings.items():
         if OmegaConf.select(cfg, key) is None:
             raise UserError(f"tool={name} has no setting {short(key)}")
+
         value = text
         with contextlib.suppress(ValueError):  # else it is a text
             value = json.loads(text)
+
         cfg.tool[key.removeprefix("tool.")] = value
 
     return cfg

@@ -87,14 +87,17 @@ def main(words: list[str]) -> None:
     waits = reads_words(model)
     if not waits:
         methods = _leave_out(methods, model)
+
     jobs = cfg.jobs or (SIDE_BY_SIDE if waits else 1)
     if jobs > 1 and not any(word.startswith("executor") for word in others):
         share = f"executor.workers={max(1, cores() // jobs)}"
         selection = replace(selection, words=(*others, share))
+
     selection.check_record(methods)
     runs = selection.plan(methods, tasks, cfg.seeds or study.seeds)
     with busy("estimating what the runs take"):
         outlook = look_ahead(runs, jobs)
+
     outlook.show()
 
     failures: list[str] = []
@@ -149,6 +152,7 @@ def _select(cfg: StudyConfig, file: Path, words: Sequence[str]) -> Selection:
     budget = cfg.budget or next(iter(study.budgets))
     if budget not in study.budgets:
         raise choices("budget", budget, study.budgets, str(file))
+
     folder = Path(cfg.folder or f"studies/{file.stem}")
     return Selection(study, file, folder, budget, tuple(words))
 
@@ -158,6 +162,7 @@ def _choose(kind: str, names: Sequence[str], known: Mapping[str, T]) -> list[T]:
     for name in names:
         if name not in known:
             raise choices(kind, name, known, "the study")
+
     return [known[name] for name in known if not names or name in names]
 
 
@@ -171,6 +176,7 @@ def _leave_out(methods: Sequence[Method], cfg: DictConfig) -> list[Method]:
         )
     if not left:
         raise UsageError("no method is left; name a language model, such as vlm=gemini")
+
     return left
 
 
@@ -184,6 +190,7 @@ def _ask(cfg: StudyConfig, outlook: Outlook) -> None:
     small = need.usd <= cfg.ask_usd and outlook.hours(need) <= cfg.ask_h
     if cfg.yes or small:
         return
+
     answer = ""
     if sys.stdin is not None and sys.stdin.isatty():
         say("Start? [y/N]")

@@ -83,6 +83,7 @@ class Outlook:
             runs = [run for run in self.runs if run.method == method]
             missing = [self.needs[run] for run in runs if run in self.needs]
             rows.append(self._row(method, len(runs), len(missing), total(missing)))
+
         rows.append(self._row("all", len(self.runs), len(self.needs), self.whole))
         head = ("method", "runs", "to do", "requests", "rollouts", "hours", "dollars")
         print_table(head, rows, head[1:])
@@ -130,10 +131,12 @@ class _Demand:
         """Return the dollars of a request and its answer; infinite: not known."""
         if self.prompt is None:
             return 0.0
+
         sent = self.prompt.usd_per_prompt_token
         answered = self.prompt.usd_per_completion_token
         if sent is None or answered is None:
             return math.inf
+
         answer = tools * (TOOL_TOKENS + PLAN_TOKENS * plans)
         return self.prompt.prompt_tokens * sent + answer * answered
 
@@ -161,6 +164,7 @@ class Estimator:
         key = (run.method, run.task)
         if key not in self._budgets:
             self._budgets[key] = load("config", run.words)
+
         cfg = self._budgets[key]
         if run.method not in self._demands:
             self._demands[run.method] = _measure(cfg)
@@ -232,6 +236,7 @@ def cores() -> int:
     """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
+
     return os.cpu_count() or 1
 
 
@@ -240,4 +245,5 @@ def total(needs: Iterable[Need]) -> Need:
     whole = Need()
     for need in needs:
         whole += need
+
     return whole

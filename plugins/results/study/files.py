@@ -101,6 +101,7 @@ class Study(_Part):
             unknown = {*method.budgets} - {*self.budgets}
             if unknown:
                 raise ValueError(f"{method.name}: no budget {unknown.pop()!r}")
+
         return self
 
 
@@ -122,6 +123,7 @@ def read_state(run: StudyRun) -> AnyRun | None:
     """Return what is known of a run; None: nothing, so that it starts from the beginning."""
     if not (run.folder / FILE).exists():
         return None
+
     return read_run(run.folder)
 
 
@@ -129,6 +131,7 @@ def is_done(state: AnyRun | None) -> bool:
     """Report whether a run has come to its end, with a design or without one: then it is never run again."""
     if isinstance(state, FinishedRun):
         return True
+
     return state is not None and state.status == "failed"
 
 
@@ -143,6 +146,7 @@ def find_study(word: str) -> Path:
         return own[word]
     if path_exists(word) and expand(word).is_file():
         return expand(word)
+
     raise choices("study", word, own, "the studies, nor a file of that name")
 
 
@@ -156,6 +160,7 @@ def find_record(folders: Iterable[Path]) -> Study | None:
         file = folder / RECORD
         if file.is_file():
             return _parse(_read_yaml(file).get("study"), file)
+
     return None
 
 
@@ -213,6 +218,7 @@ class Selection:
                 for method in methods:
                     if task in (method.tasks or tasks):
                         runs.append(self._run(method, task, seed))
+
         return runs
 
     def settings_of(self, method: Method) -> list[str]:
@@ -283,6 +289,7 @@ def merge(*groups: Iterable[str]) -> list[str]:
         key = word.partition("=")[0]
         last.pop(key, None)
         last[key] = word
+
     return list(last.values())
 
 
@@ -298,4 +305,5 @@ def _matter(words: Iterable[str]) -> list[str]:
 def _fill(word: str, values: dict[str, str]) -> str:
     for key, value in values.items():
         word = word.replace(f"{{{key}}}", value)
+
     return word

@@ -60,11 +60,13 @@ class Runner:
                     reason = future.result()
                     if reason is None:
                         continue
+
                     in_a_row = in_a_row + 1 if reason else 0
                     if reason:
                         failures.append(f"{run}: {reason}")
                     if in_a_row >= MOST_FAILURES:
                         self._stopping.set()
+
                     counts = f"{count}/{len(futures)} runs"
                     line = f"{counts}  {run}: {reason or _describe(run)}"
                     console.print(clean(line, 1000), markup=False)
@@ -89,6 +91,7 @@ class Runner:
             status = self._start(run, state)
             if self._stopping.is_set():
                 return None
+
             state = read_state(run)
             if not is_done(state) and not is_held(run.folder):
                 return _explain(run, state, status)
@@ -100,6 +103,7 @@ class Runner:
         words = [*run.words, f"hydra.run.dir={hydra_word(str(run.folder))}"]
         if state is not None:
             words = [f"resume={run.folder}", *harmless(run.words)]
+
         run.folder.parent.mkdir(parents=True, exist_ok=True)
 
         with _log(run).open("ab") as log:
@@ -128,6 +132,7 @@ def _describe(run: StudyRun) -> str:
     state = read_state(run)
     if not isinstance(state, FinishedRun):
         return "no candidate could be tried"
+
     return f"{number(state.best.reward, 3)}  ({state.figures.wall_time_s:.0f} s)"
 
 

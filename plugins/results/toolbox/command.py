@@ -52,6 +52,7 @@ def _write_chosen(found: Toolbox, index: int, folder: Path) -> None:
     plan, *others = plans.values()
     if others:
         plan = _join_plans(plans, gripper=tool.tool.gripper)
+
     candidate = replace(tool.best.candidate, plan=plan)
     save_design(candidate, tool.representation, folder)
 
@@ -61,6 +62,7 @@ def _join_plans(plans: Mapping[str, ActionPlan], *, gripper: bool) -> ActionPlan
     entries = []
     for task, plan in plans.items():
         entries.append({"task": task, "action": plan.action, "plan": plan.dump()})
+
     return parse_plan(installed().create(ACTION, "several"), entries, gripper)
 
 
@@ -69,6 +71,7 @@ def show(found: Toolbox) -> None:
     rows = []
     for tool, rewards in zip(found.tools, found.rewards.tolist(), strict=True):
         rows.append((tool.name, *(number(reward, 2) for reward in rewards)))
+
     print_table(("tool", *found.tasks), rows, tuple(found.tasks))
     for tools in found.sets:
         names = ", ".join(found.tools[i].name for i in tools)
@@ -81,6 +84,7 @@ def main(words: list[str]) -> None:
     folders, overrides = folders_and_overrides(USAGE, words)
     if not folders:
         raise UsageError(f"no folder given; {USAGE}")
+
     keys = vars(ToolboxConfig())
     settings = [word for word in overrides if word.partition("=")[0] in keys]
     of_searches = [word for word in overrides if word not in settings]

@@ -77,6 +77,7 @@ def attempt(
     file = output.resolve() / "tried" / held.name / "design.json"
     with writing(output):
         save_design(held.best.candidate, held.representation, file.parent)
+
     config = configure(held, file, words)
     cells: Cells = dict.fromkeys(tasks, Cell())
     left = dict(tasks)
@@ -89,6 +90,7 @@ def attempt(
     to_try = [task for task in left.values() if _starts(held, config, task)]
     if not to_try:
         return cells
+
     folder = _folder(file.parent, config, to_try)
     found = _read(folder, file)
     if found is None:
@@ -104,6 +106,7 @@ def _best_cell(task: str, evaluations: Sequence[Evaluation]) -> Cell:
     tried = [evaluation for evaluation in found if evaluation.candidate.problem is None]
     if not tried:
         return Cell()
+
     best = max(tried, key=lambda evaluation: evaluation.reward)
 
     return Cell(best.reward, best.candidate.plan)
@@ -140,6 +143,7 @@ def _search(config: DictConfig, tasks: Sequence[TaskConfig], folder: Path) -> No
     task = rigid[0]
     if len(rigid) > 1:
         task = {"name": "several", "of": rigid, "combine": "mean", "tool_kinds": []}
+
     OmegaConf.update(config, "task", task, merge=False)
     folder.mkdir(parents=True, exist_ok=True)
     stopped = search(config, folder, RunStore.open(folder)).stopped
@@ -153,10 +157,12 @@ def _read(folder: Path, file: Path) -> Cells | None:
     store = StoredRun(folder)
     if not store.exists:
         return None
+
     config = store.config()
     result = store.result()
     if result is None or result.stopped is not None:
         return None
+
     config["tool"]["file"] = str(file)  # the folder may have been moved
     known = OmegaConf.create(config)
     representation = tool_part(known).create()

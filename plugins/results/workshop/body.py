@@ -128,6 +128,7 @@ def check_apart(links: Sequence[Body]) -> list[Check]:
         jointed = bearers & {first.link.parent, second.link.parent}
         if first.link.mount != second.link.mount or jointed:
             continue
+
         shared = (first.mount.solid ^ second.mount.solid).volume()
         if shared >= NOTHING_MM3:
             names = f"{first.link.name} and {second.link.name}"
@@ -149,6 +150,7 @@ def _offset(placed: Placed, offset_mm: float) -> Any:
     """
     if not isinstance(placed[0], Compound):
         return union(widened([placed], offset_mm))
+
     cube = manifold3d.Manifold.cube((2 * abs(offset_mm),) * 3, True)
     solid = union([placed])
     if offset_mm > 0:

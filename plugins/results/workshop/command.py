@@ -93,6 +93,7 @@ def describe_held(designs: Path) -> list[str]:
     ended = StoredRun(designs).result() if designs.is_dir() else None
     if ended is None:
         return []
+
     places = {"further layouts": ended.held, PERTURBED: ended.perturbed}
     return [
         Held(figures.held, figures.layouts).words(where)
@@ -118,6 +119,7 @@ def show(result: Export) -> None:
         problems = "; ".join(replay.problems)
         if replay.reward == 0 and not problems:
             problems = f"vlmgineer evaluate with sim={engine} says why"
+
         rows.append((task.name, engine, replay.earned, problems))
 
     print_table(("task", "engine", "reward", "problems"), rows, ("reward",))
@@ -141,6 +143,7 @@ def main(words: list[str]) -> None:
     folders, overrides = folders_and_overrides(USAGE, words)
     if len(folders) > 1:
         raise UsageError(f"one folder at a time; {USAGE}")
+
     designs = [f"designs={folder}" for folder in folders]
     verdicts = []
 

@@ -59,6 +59,7 @@ class Examination:
         tool = candidate.tool
         if tool is None or not tool.components:
             return None
+
         robot = condition.task.shared().robot
         return _find_problem(
             tool, robot, self.material, self.plate_mm, self.min_wall_mm
@@ -115,6 +116,7 @@ class Examination:
         near_m, too_near = self._find_clearance(scene, task.robot, tool, replay)
         if too_near is not None:
             problems.append(too_near)
+
         figures = {EXPORTED: replay.reward, "clearance_m": round(near_m, 4)}
         factors = [row.safety for row in rows if row.safety is not None]
         if factors:

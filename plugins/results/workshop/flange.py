@@ -59,6 +59,7 @@ class Screws:
         held = len(self.kinds) >= 3
         if len(self.kinds) == 2:
             held = float(np.linalg.norm(self.places[0] - self.places[1])) > APART_M
+
         found = f"{len(self.kinds)} of {bolts} screws can be driven"
         if self.covered:
             found += f"; in the way of the others: {', '.join(self.covered)}"
@@ -296,6 +297,7 @@ def _find_weak(link: ToolLink, cut: Sequence[Placed]) -> str | None:
         lost = component ^ away
         if lost.volume() < 1:
             continue
+
         bounds = np.array(lost.bounding_box())
         middle = (bounds[:3] + bounds[3:]) / 2
 

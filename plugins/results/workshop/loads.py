@@ -127,6 +127,7 @@ def contact_loads(
 
     if not forces or not tool.components:
         return []
+
     pushes = recording.pushes
     if pushes is None:
         raise UserError(

@@ -178,6 +178,7 @@ def cut(
         joints, fingers = trajectory.sample(end + STEP_S * np.array([-1.0, 0.0, 1.0]))
         if (np.abs(np.diff(joints, axis=0)) > most).any():
             continue
+
         before = trajectory.times < end - 1e-9
         return JointTrajectory(
             np.append(trajectory.times[before], end),
@@ -193,6 +194,7 @@ def to_csv(motion: Sampled, joints: tuple[str, ...]) -> str:
     names = ["time_s"]
     for kind in ("rad", "rad_s", "rad_s2"):
         names += [f"{joint}_{kind}" for joint in joints]
+
     names.append("finger_m")
 
     text = io.StringIO()

@@ -108,6 +108,7 @@ def _check_guards(guards: Sequence[object]) -> list[Check]:
     guarded = [str(number) for number, guard in enumerate(guards, 1) if guard]
     if not guarded:
         return []
+
     left_out = f"those of waypoint {', '.join(guarded)} are left out"
     return [Check("guards", False, f"exported programs have none: {left_out}")]
 
@@ -122,6 +123,7 @@ def _earned(condition: Condition, best: Evaluation) -> float:
 
     if best.combined:
         return trial.reward
+
     return max(trial.reward, best.reward)
 
 

@@ -57,6 +57,7 @@ class Check(NamedTuple):
         text = f"{self.name}: {self.found}"
         if self.passed is False and self.mend:
             text += f"; {self.mend}"
+
         return text
 
 
@@ -176,6 +177,7 @@ def joined(
     gaps = ""
     if weld_mm > WELDS_MM[0]:
         gaps = f", gaps closed by {weld_mm:g} mm on each side"
+
     connected = networkx.node_connected_component(joints, 0)
     loose = [name for i, name in enumerate(names) if i not in connected]
     if loose:
@@ -193,6 +195,7 @@ def _joint_width(solid: Any, other: Any) -> float:
     other_low, other_high = np.reshape(other.bounding_box(), (2, 3))
     if (np.maximum(low, other_low) > np.minimum(high, other_high)).any():
         return -math.inf
+
     shared = solid ^ other
     if shared.is_empty():
         return -math.inf

@@ -154,6 +154,7 @@ def _sheets(finger: Finger, low: Array, high: Array, wall: float) -> list[Placed
         for end in (-1, 1):
             if end * finger.tip[axis] < 0:
                 continue
+
             first = low.copy()
             last = high.copy()
             if end > 0:

@@ -79,6 +79,7 @@ class ToolLink:
         grown = []
         for number, placed in enumerate(self.shapes):
             grown += widened([placed], weld_mm * (1 - number * step))
+
         return grown
 
 
@@ -133,6 +134,7 @@ def union(shapes: Sequence[Placed]) -> Any:
 def _union(shapes: tuple[Placed, ...]) -> Any:
     if len(shapes) != 1:
         return joined_solids([_union((placed,)) for placed in shapes])
+
     ((shape, pose),) = shapes
     mesh = shape.to_trimesh().apply_transform(pose.matrix).apply_scale(1000.0)
     return manifold(mesh)

@@ -83,6 +83,7 @@ class Section:
         groups: dict[str, list[Load]] = {}
         for load in self.beyond:
             groups.setdefault(load.what, []).append(load)
+
         return max(groups.values(), key=self._moment, default=[])
 
     def _moment(self, loads: Sequence[Load]) -> float:
@@ -127,6 +128,7 @@ def measured(
     instants: dict[str, list[Instant]] = {"": []}
     for sample in sorted(hardest):
         instants[""].append(Instant(float(motion.times[sample]), pulled(sample)))
+
     last = len(motion.times) - 1
 
     for name, replay in replays.items():
@@ -194,10 +196,12 @@ def _stresses(
     for component in tool.components:
         if component.name not in carried:
             continue
+
         section = _find_weakest(carried[component.name])
         loads = section.hardest()
         if not loads:
             continue
+
         hardest = max(loads, key=lambda load: np.linalg.norm(load.force))
         force = np.sum([load.force for load in loads], axis=0)
         newtons = float(np.linalg.norm(force))
@@ -205,6 +209,7 @@ def _stresses(
         safety = None
         if most_pa is not None and section.stress_pa > 0:
             safety = most_pa / section.stress_pa
+
         yield Strength(
             component=component.name,
             parent=component.parent,

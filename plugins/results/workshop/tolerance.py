@@ -46,6 +46,7 @@ def check_tolerance(export: Export, condition: Condition, off_m: float) -> list[
             replay = play_motion(condition, export.scene, variant, export.motion)
         except Unplayable:
             return 0.0
+
         return replay.reward
 
     asked = export.mounted[condition.engine]
@@ -90,6 +91,7 @@ def draw_tools(tool: Tool, off_m: float) -> list[Tool]:
             size = component.shape.bounds[1] + off_m * rng.choice(signs, 3)
             shape = resized(component.shape, np.maximum(size, THINNEST_M))
             components.append(replace(component, shape=shape))
+
         drawn.append(replace(tool, components=tuple(components)))
 
     return drawn

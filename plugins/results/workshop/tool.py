@@ -56,6 +56,7 @@ class PrintedTool:
         """`mounted`, weighing what its parts weigh as printed: what an arm really bears."""
         if not self.parts:
             return self.mounted
+
         components = self.mounted.components
         volumes = [self.material.volume_of(part.shape) for part in components]
         density = grams(self.parts) / 1000 / sum(volumes)
@@ -84,6 +85,7 @@ def make_tool(
     """
     if is_metal(material):
         fit = replace(fit, insert_mm=CORE_MM)
+
     links = links_of(tool)
     fitted = [fuse(link, printer, partial(_mount, robot, link, fit)) for link in links]
     parts = [body.printed(printer, material) for body in fitted]
@@ -124,6 +126,7 @@ def _mount(robot: Robot, link: ToolLink, fit: Fit, solid: Any) -> Mount:
         return at_flange(robot, link, solid, fit)
     if link.bearer in GRIPPER_MOUNTS:
         return on_finger(robot, link, solid, fit)
+
     return Mount(solid)
 
 
@@ -138,6 +141,7 @@ def write_tool(printed_tool: PrintedTool, folder: Path) -> PrintedTool:
     """
     if not printed_tool.parts:
         return printed_tool
+
     # What a part and its file don't share, as a share of the part: 1 or more where the file isn't closed.
     most = 0.0
     for part in printed_tool.parts:

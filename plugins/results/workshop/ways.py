@@ -61,6 +61,7 @@ def sample_before(
     before = cut(planned.trajectory, planned.arrivals, contact_s - STEP_S, arm)
     if before is None:
         return {}
+
     slow = sample(before, arm, cfg.rate_hz, min(SLOW, cfg.speed))
 
     return {"trajectory_before_contact": slow}

@@ -168,6 +168,7 @@ class Meter:
         numbers = []
         for owner, is_robot in zip(owners, robot, strict=True):
             numbers.append(links.index(owner) if is_robot else ranks[owner])
+
         softs = [ranks[soft.name] for soft in scene.softs]
         self._owners = np.array(numbers)  # of geoms
         self._flexes = np.array(softs, dtype=np.int64)  # the owners of flexes
@@ -196,6 +197,7 @@ class Meter:
         geoms = contact.geom.copy()
         if len(self._flexes):
             geoms = np.where(geoms < 0, -1 - contact.flex, geoms)
+
         step = _Step(
             geoms,
             contact.efc_address.copy(),
@@ -214,6 +216,7 @@ class Meter:
         if self._steps:
             self._packed.append(self._pack_steps())
             self._steps = []
+
         return self._packed
 
     def _pack_steps(self) -> Measured:
@@ -271,6 +274,7 @@ class Meter:
         packed = self.pack()
         if not packed:
             return recording
+
         measured = _join(packed)
         # Of each step.
         interval = np.searchsorted(samples, np.arange(measured.length), side="right")
@@ -306,6 +310,7 @@ def _join(parts: Sequence[Measured]) -> Measured:
         steps = part.steps + done
         shifted.append(part._replace(steps=steps, touching=part.touching + done))
         done += part.length
+
     return Measured(*map(np.concatenate, zip(*shifted, strict=True)))
 
 
@@ -323,6 +328,7 @@ def _group(measured: Measured) -> Iterator[tuple[Numbers, Numbers, Array]]:
     for chosen in np.split(order, begins):
         if not len(chosen):  # there are no contacts at all
             return
+
         pair = measured.pairs[chosen[0]]
         first, second = pair
         steps = measured.steps[chosen]
@@ -330,6 +336,7 @@ def _group(measured: Measured) -> Iterator[tuple[Numbers, Numbers, Array]]:
         resting = measured.asleep[:, first] & measured.asleep[:, second]
         if resting.any():
             steps, entries = _repeat_resting(steps, entries, resting)
+
         yield pair, steps, entries
 
 

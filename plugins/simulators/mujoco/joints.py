@@ -66,6 +66,7 @@ class Joints:
             model.jnt_stiffness[self.loose] = 0.0
             model.dof_frictionloss[self.loose] = HELD
             return
+
         model.jnt_stiffness[self.loose] = self.stiffness
         model.dof_frictionloss[self.loose] = self.friction
 

@@ -281,6 +281,7 @@ def _local(placed: PlacedJoint, qpos: Array, qvel: Array) -> tuple[Array, Array]
     """
     if placed.joint.kind != "ball":
         return qpos[..., 0], qvel[..., 0]
+
     turn = multiply(placed.turn, qpos)
     return multiply(turn, placed.turn * _BACK), rotate(turn, qvel)
 

@@ -108,6 +108,7 @@ def add_servos(spec: Element, robot: Robot, tool: Tool) -> None:
     loose = {bearer.name for bearer in tool.bearers}
     for body in spec.bodies:
         body.gravcomp = float(body.name not in {"world", *loose})
+
     for joint in spec.joints:
         joint.solref_limit = [2 * spec.option.timestep, 1.0]
         if joint.parent.name in loose:

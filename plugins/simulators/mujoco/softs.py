@@ -43,6 +43,7 @@ def add_softs(spec: Element, scene: Scene, tools_friction: float) -> None:
     """
     if not scene.softs:
         return
+
     spec.option.iterations = ITERATIONS
     if not is_discrete(spec.option):
         raise UserError(

@@ -44,6 +44,7 @@ class _Settled:
         """Check if it is what comes of so many steps with these joints (J,), ``measured`` or not."""
         if len(self.states) != 1 + count or not np.array_equal(self.joints, joints):
             return False
+
         return not measured or sum(part.length for part in self.measured) == count
 
 
@@ -78,10 +79,12 @@ class World:
         refused = refuse_targets(job)
         if refused is not None:
             return refused
+
         schedule = Schedule(job, self._model.opt.timestep)
         meter = None
         if schedule.every and job.forces:
             meter = Meter(self._scene, self._model)
+
         try:
             schedule, (qpos, qvel) = self._run(schedule, meter)
         except (mujoco.FatalError, FloatingPointError) as error:
@@ -104,6 +107,7 @@ class World:
         )
         if meter is None or outcome.recording is None:
             return outcome
+
         return replace(outcome, recording=meter.add_to(outcome.recording, samples))
 
     def stepped(self, start: JointTrajectory) -> Stepped:
@@ -154,6 +158,7 @@ class World:
                 states,
                 meter,
             )
+
         played = self._steps(
             self._data,
             states,
@@ -188,6 +193,7 @@ class World:
             count = due
             if meter is None:  # what it has measured can't be taken back
                 count += _READINGS * tick
+
             orders = controls[done : done + count]
 
             mujoco.mj_copyData(kept, self._model, data)
@@ -205,6 +211,7 @@ class World:
                 now = float(schedule.ends[done + end - 1])
                 if now < guards.since:
                     continue
+
                 qpos, _ = self._split(played[end - 1 : end])
                 arm, _ = self._joints.read(qpos)
                 points, forces = self._feeler.pushes(sensed[end - tick : end])
@@ -273,6 +280,7 @@ class World:
         contacts = []
         if meter is not None:
             contacts = [*meter.pack()]
+
         self._settled = _Settled(
             joints,
             states,
@@ -303,6 +311,7 @@ class World:
         """
         if not len(controls):
             return states
+
         now = len(states)
         states = np.concatenate([states, np.empty((len(controls), states.shape[1]))])
         with warnings_caught() as warnings:
@@ -318,6 +327,7 @@ class World:
                 sensordata = None
                 if sensed is not None:
                     sensordata = sensed[None]
+
                 rollout(
                     self._model,
                     data,

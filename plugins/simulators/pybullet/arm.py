@@ -67,6 +67,7 @@ class ArticulatedArm:
         self._forces = [client.getJointInfo(self.number, joint)[10] for joint in arm]
         if self._fingers and robot.gripper is not None:
             self._forces += [robot.gripper.force_n] * self._fingers
+
         self._gains = [gain] * len(driven)
         self._velocity_gains = [1.0] * len(driven)
         self._orders: tuple[list[float], list[float]] | None = None
@@ -119,6 +120,7 @@ class ArticulatedArm:
             self._client.changeDynamics(
                 self.number, -1, linearDamping=0, angularDamping=0
             )
+
         for number in self._loose:
             self._client.setJointMotorControl2(
                 self.number, number, p.POSITION_CONTROL, targetPosition=0, force=_HELD
@@ -195,4 +197,5 @@ class ArticulatedArm:
         fingers = np.zeros((len(rows), self._idle_fingers))
         if self._fingers:
             fingers = rows[:, self._arm : count]
+
         return arm, np.concatenate([fingers, loose], axis=1)

@@ -48,6 +48,7 @@ def offset_of(inertia: Inertia) -> Pose | None:
     """Return a body's frame in that of its centre of mass; None if they are the same."""
     if inertia.frame == Pose():
         return None
+
     return inertia.frame.inverse()
 
 
@@ -61,6 +62,7 @@ def collisions_of(body: Body, folder: Path, place: Pose) -> tuple[RobotShape, ..
             shape = text_file(folder, text, "obj")
         else:
             shape = rounded_shape(part.shape, DIGITS)
+
         origin = Origin.from_pose(place @ part.pose, DIGITS)
         shapes.append(RobotShape(shape, origin))
 
@@ -71,6 +73,7 @@ def inertial(inertia: Inertia | None) -> Inertial:
     """Make a link's inertia; None: fixed, without mass."""
     if inertia is None:
         return Inertial()
+
     origin = Origin.from_pose(inertia.frame, DIGITS)
     xx, yy, zz = (rounded(moment, DIGITS) for moment in inertia.moments)
     moments = (xx, 0.0, 0.0, yy, 0.0, zz)

@@ -28,6 +28,7 @@ def pushes(client: Client, robot: int, links: Collection[int]) -> tuple[Array, A
         second = contact[2] == robot and contact[4] in links
         if first == second:
             continue
+
         sign = 1.0 if first else -1.0
         points.append(contact[5])
         forces.append(sign * _force(contact))

@@ -80,6 +80,7 @@ class Mechanism:
         """Set motors and torques for the next step."""
         for place, joint, drive in self._driven:
             self._aim(place, joint, drive)
+
         if self._steps is not None:
             self._steps += 1
 

@@ -61,6 +61,7 @@ class PyBulletRenderer(Renderer):
         for body in scene.bodies:
             if body.name in self._softs:
                 continue
+
             for part in body.visuals:
                 number = self._add(part)
                 self._parts.append((body.name, part.pose, number))
@@ -112,6 +113,7 @@ class PyBulletRenderer(Renderer):
         for name, (soft, number) in self._softs.items():
             if number:
                 self._client.removeBody(number)
+
             surface = soft.form.surface(state.nodes(name))
             part = Geom(surface, color=soft.visuals[0].color)
             self._softs[name] = (soft, self._add(part))

@@ -55,6 +55,7 @@ def driven_links(robot: Robot) -> dict[str, Inertia]:
         mass, center, tensor = arm.links[joint.child].inertial.placed()
         driven = tensor + motor * np.outer(joint.axis, joint.axis)
         inertias[joint.child] = principal(mass, center, driven)
+
     return inertias
 
 
@@ -72,4 +73,5 @@ def joint_numbers(client: Client, robot: int) -> tuple[dict[str, int], dict[str,
         info = client.getJointInfo(robot, number)
         joints[info[1].decode()] = number
         links[info[12].decode()] = number
+
     return joints, links

@@ -84,6 +84,7 @@ class PreparedScene:
         places: dict[str, Place] = {}
         for tree in self.trees:
             places |= tree.place(client, places)
+
         return places
 
     def read(self, snapshots: Sequence[tuple[float, ...]]) -> State:

@@ -107,6 +107,7 @@ class PreparedTree:
             place = Pose()  # of the body in the link
             if joints:
                 place = frames[body.name].inverse() @ body.pose
+
             weight = None
             if not body.fixed:
                 inertia = inertia_of(body)
@@ -154,6 +155,7 @@ class PreparedTree:
         flags = client.URDF_USE_INERTIA_FROM_FILE | client.URDF_USE_IMPLICIT_CYLINDER
         if self.joints:
             flags |= client.URDF_USE_SELF_COLLISION
+
         number = client.loadURDF(
             str(self.file),
             self.frame.position.tolist(),
@@ -202,8 +204,10 @@ class PreparedTree:
         places = {}
         for i, joint in enumerate(self.joints):
             places[joint.body] = (number, links[str(i)])
+
         if self.root is not None:
             places[self.root.name] = (number, -1)
+
         return places
 
 
@@ -227,6 +231,7 @@ def prepare_trees(scene: Scene, folder: Path) -> list[PreparedTree]:
         root = joint.body
         if joint.parent is not None and not scene[joint.parent].fixed:
             root = roots.get(joint.parent, joint.parent)
+
         roots[joint.body] = root
         trees.setdefault(root, []).append(joint)
 
@@ -314,6 +319,7 @@ def _find_rate(
     """
     if not joints:
         return 0.0
+
     model = pin.Model()
     numbers: dict[str | None, int] = {}
 
@@ -330,6 +336,7 @@ def _find_rate(
         moving = pin.JointModelSpherical()
         if joint.kind != "ball":
             moving = _MODELS[joint.kind](np.array(joint.axis))
+
         parent = frames.get(joint.parent or "", Pose())
         place = pin.SE3((parent.inverse() @ frames[joint.body]).matrix)
         above = numbers.get(joint.parent, 0)

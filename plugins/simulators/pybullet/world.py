@@ -91,6 +91,7 @@ class World(FreshWorld):
         joints = []
         for tree in scene.jointed:
             joints += [(self._places[joint.body], joint) for joint in tree.joints]
+
         self._mechanism = Mechanism(
             client,
             joints,
@@ -106,8 +107,10 @@ class World(FreshWorld):
         for name, link in self._arm.links.items():
             is_tool = link >= 0 and name in tool.borne_on
             things[self._arm.number, link] = (-1, "tool" if is_tool else name)
+
         for name, place in self._places.items():
             things[place] = (self._scene.ranks[name], name)
+
         return things
 
     def step(
@@ -172,6 +175,7 @@ class World(FreshWorld):
                 quaternion = moving[1]
                 linear = moving[6]
                 angular = moving[7]
+
             found += (*position, *quaternion, *linear, *angular)
 
         return tuple(found)

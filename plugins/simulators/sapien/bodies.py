@@ -101,6 +101,7 @@ class Bodies:
         for rank, body in enumerate(scene.bodies):
             if not body.collisions:
                 continue
+
             component = physx.PhysxRigidStaticComponent()
             drive = None
             if not body.fixed:
@@ -134,6 +135,7 @@ class Bodies:
         self._brake_every = 0
         if brakes:
             self._brake_every = max(1, round(_BRAKE_EVERY / setup.time_step))
+
         seconds = self._brake_every * setup.time_step
         self._brakes = Brakes(brakes, seconds, weighed.scene.gravity)
         self._check_pack()
@@ -144,6 +146,7 @@ class Bodies:
         arm = max(body.rolling_friction, _LEAST_ROLLING * radius)
         if arm <= 0:
             return None
+
         drive = physx.PhysxDriveComponent(component)
         impulse = arm * body.mass * self._setup.time_step
         held = max(1.0, _LEAST_RESTING * radius / arm)

@@ -83,6 +83,7 @@ class Brakes:
         changed = ((squares < self._low) | (squares > self._high)).nonzero()[0]
         if not len(changed):
             return
+
         accelerations = np.sqrt(squares[changed])
         for number, acceleration in zip(
             changed.tolist(), accelerations.tolist(), strict=True

@@ -59,6 +59,7 @@ def robot_links(robot: Robot, tool: Tool) -> tuple[ArticulationLink, ...]:
     groups: dict[str, list[tuple[RobotLink, Pose]]] = {}
     for part, (head, pose) in parts.items():
         groups.setdefault(head, []).append((arm.links[part], pose))
+
     heads = [name for name in arm.links if name in groups]
     order = sorted(heads, key=lambda name: len(arm.above(name)))
 
@@ -69,6 +70,7 @@ def robot_links(robot: Robot, tool: Tool) -> tuple[ArticulationLink, ...]:
         for link, pose in groups[name]:
             if link.inertial.mass > 0:
                 weights.append(link.inertial.placed(pose))
+
             collisions += _place_shapes(link, pose)
 
         parent = None
@@ -101,4 +103,5 @@ def _merge(weights: list[Weight]) -> Inertia:
     """Join the inertias of rigidly joined links."""
     if not weights:  # a base that stands for the ground
         return Inertia(1.0, Pose(), np.ones(3))
+
     return principal(*merge_inertias(weights))

@@ -78,6 +78,7 @@ class Forces(Impulses):
 
             if still:
                 self._still[shapes] = impulse
+
             self.add(met, impulse)
 
             if met.body:

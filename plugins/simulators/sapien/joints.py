@@ -59,6 +59,7 @@ def apart(scene: Scene) -> dict[str, Apart]:
                 f"sim=sapien: {len(joined)} joints lead to the body {root!r}, and it can handle {_PAIRS}; "
                 "let some of the bodies hang from the world (parent None), or take another engine"
             )
+
         for bit, pair in enumerate(joined):
             for name in pair:
                 bits = found.get(name, Apart()).bits
@@ -110,6 +111,7 @@ class Joints:
             inside = scene[joint.body].pose
             if parent is not None and joint.parent is not None:
                 inside = scene[joint.parent].pose.inverse() @ inside
+
             hinge = _Hinge(
                 joint,
                 child,
@@ -160,6 +162,7 @@ class _Hinge:
         self.middle = 0.0
         if joint.kind == "hinge" and joint.limited:
             self.middle = (joint.lower + joint.upper) / 2
+
         moved = (self.middle - joint.start, 0.0, 0.0)
 
         origin = np.asarray(joint.origin)
@@ -188,6 +191,7 @@ class _Hinge:
         component = physx.PhysxDriveComponent(self.child)
         if self._parent is not None:
             component.parent = self._parent
+
         shift = Pose(np.array([along, 0.0, 0.0]))
         component.pose_in_parent = to_sapien(self._in_parent @ shift)
         component.pose_in_child = to_sapien(self._in_child @ shift)
@@ -307,6 +311,7 @@ class _Motor:
         scale = 1.0
         if self._kind == "ball" and stiffness > 0:
             scale = 4.0  # then PhysX works with half angles
+
         scale /= 1 - min(self._slack * (self._damping + inherent), _MOST)
         self._set(scale * stiffness, scale * self._damping, limit * self._time_step)
 
@@ -329,6 +334,7 @@ class _Motor:
         if self._kind != "slider":
             turn = [math.cos(away / 2), math.sin(away / 2), 0.0, 0.0]
             target = sapien.Pose([0.0, 0.0, 0.0], turn)
+
         self.component.set_drive_target(target)
 
     def position(self) -> float:
@@ -336,6 +342,7 @@ class _Motor:
         moved = self.component.relative_pose
         if self._kind == "slider":
             return float(moved.p[0])
+
         w, x, _, _ = moved.q
         return self._middle + math.remainder(2 * math.atan2(x, w), 2 * math.pi)
 
@@ -359,6 +366,7 @@ class _Pull:
         moved = position - self._turned
         if joint.kind == "hinge":
             moved = math.remainder(moved, 2 * math.pi)
+
         self._turned += moved
 
         latches = sum(_find_slope(latch, position) for latch in joint.latches)
@@ -377,6 +385,7 @@ def _find_slope(latch: Latch, position: float) -> float:
     away = position - latch.at
     if abs(away) >= latch.width:
         return 0.0
+
     steepest = latch.force * math.pi / latch.width
     return steepest * math.cos(math.pi * away / latch.width)
 
@@ -425,6 +434,7 @@ class _Servo:
         middle = time - self._time_step / 2  # of the time step
         if drive.repeats and middle > 0:
             middle %= drive.times[-1]
+
         speed = self._speeds[np.searchsorted(drive.times, middle) - 1]
         target = drive.sample(np.asarray(time)) + self._ahead * speed
         self._motor.aim(float(target))

@@ -44,6 +44,7 @@ def surfaces_of(robot: Robot, tool: Tool) -> set[Surface]:
     for link in robot_links(robot, tool):
         for shape in link.collisions:
             found.add(Surface(friction_of(robot, tool, shape.part)))
+
     return found
 
 
@@ -150,6 +151,7 @@ class ArticulatedArm:
         for number, joint in self._pulled:
             spring = joint.stiffness * (joint.rest - positions[number])
             self._forces[number] = spring - joint.damping * speeds[number]
+
         self._articulation.qf = self._forces
 
     def joints(self) -> tuple[Array, Array]:
@@ -164,6 +166,7 @@ class ArticulatedArm:
         fingers = np.zeros((*driven.shape[:-1], self._fingers))
         if self._gripper:
             fingers = driven[..., self._arm :]
+
         return driven[..., : self._arm], np.concatenate([fingers, loose], axis=-1)
 
 
@@ -207,6 +210,7 @@ class _Builder:
 
         for link, component in zip(links, components, strict=True):
             self._setup.add(link.name, component)
+
         return components
 
     def _attach_shapes(self, component: Any, link: ArticulationLink) -> None:

@@ -71,6 +71,7 @@ class Surfaces:
         members: dict[int, list[Surface]] = {}
         for surface, kind in self._kinds.items():
             members.setdefault(kind, []).append(surface)
+
         self._typical = {kind: _typical(alike) for kind, alike in members.items()}
 
     def copies(

@@ -238,6 +238,7 @@ def lean_front(evaluations: Iterable[Evaluation]) -> list[Evaluation]:
         if effort is not None and holds(worst_mean(evaluation.by_engine)):
             points.append((effort.mass_kg, effort.motion_s))
             held.append(evaluation)
+
     return [held[number] for number in find_front(points)]
 
 
@@ -254,6 +255,7 @@ def find_front(points: Sequence[tuple[float, float]]) -> list[int]:
     for number in sorted(range(len(points)), key=lambda n: points[n]):
         if not found or points[number][1] < points[found[-1]][1]:
             found.append(number)
+
     return found
 
 

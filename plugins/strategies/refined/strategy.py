@@ -86,12 +86,14 @@ class Refinement(EvolutionStrategy):
         """Report whether the other strategy goes on, or rollouts are left."""
         if self._searches is None:
             return self._strategy.has_generation(generation, budget)
+
         return bool(self._searches) and self._spent < self._rollouts
 
     def ask(self) -> Iterator[Candidate]:
         """Yield the other strategy's candidates, and later the varied ones."""
         if self._searches is None:
             return self._strategy.ask()
+
         return islice(self._vary(self._searches), self._rollouts - self._spent)
 
     def _vary(self, searches: Sequence[NumberSearch]) -> Iterator[Candidate]:
@@ -106,11 +108,13 @@ class Refinement(EvolutionStrategy):
             self._strategy.tell(evaluations)
             if not self._strategy.has_generation(self._generation, self.budget):
                 self._searches = self._start()
+
             return
 
         self._spent += len(evaluations)
         for search in self._searches:
             search.tell([e for e in evaluations if e.candidate.agent == search.number])
+
         left = STARTS[sum(self._spent >= least for least in UNTIL)]
         ranking = sorted(self._searches, key=lambda search: search.best, reverse=True)
         self._searches = ranking[:left]
@@ -127,6 +131,7 @@ class Refinement(EvolutionStrategy):
                 searches.append(NumberSearch(number, self._variation, best, earned))
             if len(searches) == STARTS[0]:
                 break
+
         return searches
 
 
@@ -167,6 +172,7 @@ class Refined(Refinement):
         given = {"name": inner} if isinstance(inner, str) else inner
         if "name" not in given:  # told when the strategy is made
             return super().observes(settings)
+
         strategy = installed().factory("evolution", str(given["name"]))
         return bool(getattr(strategy, "observes", super().observes)(given))
 
@@ -212,6 +218,7 @@ class NumberSearch:
                 candidate = self._variation.vary(self._start, values, key)
                 if candidate.problem is None:
                     break
+
             self._asked[candidate.id] = values
             yield candidate
 
@@ -229,4 +236,5 @@ class NumberSearch:
         if best is not None and best.reward >= self.best:
             self.best = best.reward
             self._values = self._asked[best.candidate.id]
+
         self._asked.clear()

@@ -30,6 +30,7 @@ class Variation:
         numbers = Numbers()
         if not self._given:
             numbers = self._tools.parameters(_tool_of(candidate))
+
         return numbers + self._actions.parameters(candidate.plan)
 
     def vary(
@@ -94,6 +95,7 @@ class Variation:
             tool = self._tools.toward(_tool_of(candidate), _tool_of(other))
         if tool is None or candidate.plan.anchors != other.plan.anchors:
             return None
+
         plan = self._actions.toward(candidate.plan, other.plan)
         return None if plan is None else np.concatenate([tool, plan])
 

@@ -42,6 +42,7 @@ def build_body(spec: BodySpec, files: Files) -> Body:
     if not spec.fixed and not LIGHTEST <= body.mass <= HEAVIEST:
         limits = f"{LIGHTEST:g} to {HEAVIEST:g}; change its density"
         raise ValueError(f"its mass would be {body.mass:.3g} kg, beyond {limits}")
+
     return body
 
 
@@ -53,6 +54,7 @@ def build_mark(spec: MarkSpec) -> Body:
         shape = Box(spec.box)
     if shape is None:
         return Body.mark(spec.name, spec.position, spec.radius, color)
+
     drawn = Geom(shape, color=(*color[:3], SEEN_THROUGH))
     return Body(spec.name, read_pose(spec), 0.0, (drawn,), ())
 
@@ -61,6 +63,7 @@ def build_ground(spec: SceneSpec) -> Iterator[Body]:
     """Yield the ground that a file wants, and the wall around it."""
     if not spec.floor:
         return
+
     ground = spec.ground
     slab = floor(spec.floor_height, ground.friction)
     if ground.size is None:
@@ -82,6 +85,7 @@ def build_ground(spec: SceneSpec) -> Iterator[Body]:
         place[axis] = (2 * sign - 1) * (ground.size[axis] + THICK_M) / 2
         x, y, z = sides.tolist()
         walls.append(Geom(Box((x, y, z)), Pose(place), drawn.color))
+
     yield Body("wall", Pose(), 0.0, tuple(walls), tuple(walls), ground.friction)
 
 
@@ -93,6 +97,7 @@ def place_copies(repeat: RepeatSpec, body: Body) -> Iterator[Pose]:
     if repeat.grid:
         for number in np.ndindex(*repeat.grid[::-1]):
             yield Pose(spacing * number[::-1])
+
         return
 
     radius = repeat.radius or 0.0
@@ -100,6 +105,7 @@ def place_copies(repeat: RepeatSpec, body: Body) -> Iterator[Pose]:
         for angle in np.arange(repeat.ring) * 2 * np.pi / repeat.ring:
             place = (radius * np.cos(angle), radius * np.sin(angle), 0.0)
             yield Pose.xyz_rpy(place, (0.0, 0.0, angle))
+
         return
 
     layers = (_fill_layer(radius, spacing, layer) for layer in count())
@@ -147,12 +153,14 @@ def _build(spec: BodySpec, files: Files) -> Body:
         )
         if spec.parts is None:
             visuals = tuple(Geom(*placed, color) for placed in _shapes(spec))
+
         collisions = visuals
         volume = sum(geom.shape.volume for geom in visuals)
 
     mass = spec.mass or 0.0
     if spec.density is not None:
         mass = spec.density * volume
+
     return Body(
         spec.name,
         pose,
@@ -171,11 +179,13 @@ def _geoms(part: ShapeSpec, color: Color) -> Iterator[Geom]:
     """Yield the shapes of one of a body's parts, of the body's colour if it has none."""
     if part.color:
         color = rgba(part.color)
+
     place = read_pose(part)
     for shape, pose in _shapes(part):
         within = place
         if pose != Pose():
             within = place @ pose
+
         yield Geom(shape, within, color)
 
 
@@ -187,6 +197,7 @@ def _hull(spec: BodySpec, files: Files) -> Shape:
         shapes = [(part.shape, part.pose) for part in read.collisions]
     elif len(shapes) == 1:
         return shapes[0][0]
+
     solids = [shape.to_trimesh().apply_transform(pose.matrix) for shape, pose in shapes]
     return Mesh.from_trimesh(trimesh.util.concatenate(solids).convex_hull)
 
@@ -200,6 +211,7 @@ def _shapes(spec: ShapeSpec) -> Iterator[tuple[Shape, Pose]]:
         cup = replace(cup, floor=cup.floor or cup.wall)
         if spec.mug is not None:
             cup = replace(cup, handle=cup.handle or HANDLE_M)
+
         yield from shape_vessel(cup)
     elif spec.box is not None:
         yield Box(spec.box), Pose()

@@ -35,6 +35,7 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
     around = list(build_ground(spec))
     if spec.table:
         around.append(table())
+
     marks = [build_mark(mark) for mark in spec.marks if mark.at is None]
     bodies = list[Body]()
     joints = list(spec.joints)
@@ -64,6 +65,7 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
     taken = [body.name for body in around]
     if spec.fixture is not None:
         taken.append(FIXTURE)
+
     _check_unique(tree, spec, taken)
     if len(bodies) > MAX_COPIES:
         problem = f"a scene can have {MAX_COPIES} bodies, not {len(bodies)}; take fewer"
@@ -88,6 +90,7 @@ def build_region(spec: SceneSpec) -> Region | None:
     """Return where a designed fixture may stand; None: there can be none."""
     if spec.fixture is None:
         return None
+
     middle = np.array(spec.fixture.position)
     half = np.array(spec.fixture.box) / 2
     low, high = np.round([middle - half, middle + half], 6).tolist()
@@ -98,6 +101,7 @@ def _repeat(body: Body, repeat: RepeatSpec | None) -> list[Body]:
     """Return copies of a body, with numbers from 0 in their names; itself where it is not repeated."""
     if repeat is None:
         return [body]
+
     return [
         replace(body, name=f"{body.name}_{number}", pose=body.pose @ pose)
         for number, pose in enumerate(place_copies(repeat, body))
@@ -119,6 +123,7 @@ def _paint(bodies: Sequence[Body], colors: Mapping[str, str]) -> Iterator[Body]:
         if body.name not in given:
             yield body
             continue
+
         paint = given[body.name]
         visuals = [replace(geom, color=paint) for geom in body.visuals]
         yield replace(body, visuals=tuple(visuals))
@@ -137,6 +142,7 @@ def _check_unique(tree: Tree, spec: SceneSpec, taken: list[str]) -> None:
             if name in taken:
                 problem = f"{name!r} is there already; choose another name"
                 raise tree.error((kind, number, "name"), problem)
+
             taken.append(name)
 
 
@@ -145,6 +151,7 @@ def _find_joint(spec: SceneSpec, message: str) -> Where:
     for number, joint in enumerate(spec.joints):
         if f"joint {joint.name!r}:" in message:
             return ("joints", number)
+
     return ()
 
 
@@ -167,6 +174,7 @@ def with_starts(scene: Scene, starts: Mapping[str, float]) -> Scene:
         parent = Pose()
         if joint.parent is not None:
             parent = poses[joint.parent]
+
         moved = placed.carry(value, speed, Placement.at_rest(parent))
         poses[joint.body] = Pose(moved.position, moved.quaternion)
 
@@ -196,7 +204,9 @@ def _frame(name: str | None, above: Sequence[Body]) -> Pose:
     """
     if name is None:
         return Pose()
+
     frames = {body.name: body.pose for body in above}
     if name not in frames:
         raise choices("body or mark", name, frames, "what the file has before it")
+
     return frames[name]

@@ -30,6 +30,7 @@ def find_doubts(scene: Scene) -> Iterator[str]:
     for body in scene.free:
         if body.name not in boxes:
             continue
+
         low, high = boxes[body.name]
         where = f"body {body.name}"
         yield from find_doubt(where, "body mass", body.mass)
@@ -45,6 +46,7 @@ def find_doubts(scene: Scene) -> Iterator[str]:
             under = f"it falls by {1000 * gap:.3g} mm"
             if np.isinf(gap):
                 under = "nothing is below it"
+
             yield f"body {body.name} begins in the air: {under}; a position is that of its middle"
 
 
@@ -56,6 +58,7 @@ def find_unseen(camera: Camera, state: State, names: Iterable[str]) -> list[str]
         right, up, forward = camera.axes @ (state.position(name) - camera.position)
         if forward <= 0 or abs(up) > most * forward or abs(right) > most * forward:
             unseen.append(name)
+
     return unseen
 
 
@@ -64,6 +67,7 @@ def bound(body: Body) -> Box:
     if isinstance(body, Soft):
         half = body.form.thickness / 2
         return body.placed.min(axis=0) - half, body.placed.max(axis=0) + half
+
     bounds = np.array([solid.bounds() for solid in body_solids(body)])
     middles = bounds[:, 0]
     halves = bounds[:, 1]
@@ -78,4 +82,5 @@ def _gap_below(name: str, boxes: Mapping[str, Box]) -> float:
         overlap = (low[:2] < top[:2]).all() and (high[:2] > bottom[:2]).all()
         if other != name and overlap and bottom[2] < low[2]:
             least = min(least, max(0.0, float(low[2] - top[2])))
+
     return least

@@ -66,6 +66,7 @@ class Files:
                 from plugins.tasks.file.mjcf import read_mjcf  # imports MuJoCo
 
                 found = read_mjcf(file, prefix=prefix, folder=self.folder)
+
             self._keep((name, prefix, fixed), found)
 
         return self._read[name, prefix, fixed]

@@ -95,6 +95,7 @@ def read_entry(given: Given) -> Entry:
     for key, kind in kinds.items():
         used |= {key} | TAKES.get(key, set())
         used |= {field.name for field in fields(kind)}  # type: ignore[arg-type]
+
     idle = sorted((known & given.keys()) - used)
     if idle:
         raise ValueError(f"{idle[0]} says nothing in a goal with {', '.join(kinds)}")
@@ -103,6 +104,7 @@ def read_entry(given: Given) -> Entry:
     limits = [goal for goal in goals if not isinstance(goal, Reach)]
     if not reached:
         return tuple(limits)
+
     first, *others = reached
     if bool(first.bodies) == isinstance(first, JointAt):
         raise ValueError("a goal needs either 'bodies', a list of names, or a 'joint'")
@@ -110,6 +112,7 @@ def read_entry(given: Given) -> Entry:
     whole = replace(first, also=tuple(others))
     if given.get(THROUGHOUT) and "keep" not in given:
         return (Throughout(whole), *limits)
+
     return (whole, *limits)
 
 
@@ -122,6 +125,7 @@ def _find_kinds(given: Given) -> dict[str, type[Goal]]:
         kinds = {"spans": Between, **kinds}
     if "change" in given or isinstance(given.get("to"), Span):
         kinds["joint"] = JointWithin
+
     return kinds
 
 
@@ -130,6 +134,7 @@ def _read_place(given: Given) -> Given:
     place = given.get("place", ())
     if not any(isinstance(wanted, Span) for wanted in place):
         return given
+
     left = {key: value for key, value in given.items() if key != "place"}
     return {**left, "spans": _about(place, given)}
 
@@ -150,12 +155,14 @@ def _read_keep(given: Mapping[str, Any]) -> Mapping[str, Any]:
     """
     if given.get("keep") != THROUGHOUT:
         return given
+
     names = given.get("bodies")
     others = given.keys() - {"bodies", "keep", "kept_m"}
     if names is None or others:
         raise ValueError(
             "keep needs names here; to say that bodies stay all the time, write keep: [NAME, ...] and throughout: true"
         )
+
     kept = {key: value for key, value in given.items() if key != "bodies"}
     return {**kept, "keep": names, THROUGHOUT: True}
 
@@ -171,11 +178,13 @@ def _fill_raised(raised: Any, given: Given) -> dict[str, Any]:
 def _fill_joint(joint: Any, given: Given) -> dict[str, Any]:
     if "change" in given and "to" in given:
         raise ValueError("a joint has to (a position) or change (from its start)")
+
     wanted = given.get("to", given.get("change"))
     if isinstance(wanted, float) and "to" in given:
         return {}
     if wanted is None:
         raise ValueError("a goal with 'joint' needs 'to', too")
+
     span = Span.about(wanted, given.get("tolerance", 0.0))
     aim = span.aim(0.0, SLIP_M)
     return {"span": span, "to": aim, "relative": "change" in given}
@@ -209,11 +218,13 @@ def _make(key: str, kind: type[Goal], given: Given) -> Goal:
     filled = dict(given)
     if key in FILLS:
         filled |= FILLS[key](given[key], given)
+
     taken = [field for field in fields(kind) if field.init]  # type: ignore[arg-type]
     for field in taken:
         needed = field.default is MISSING and field.default_factory is MISSING
         if needed and field.name not in filled:
             raise ValueError(f"a goal with {key!r} needs {field.name!r}, too")
+
     return kind(**{f.name: filled[f.name] for f in taken if f.name in filled})
 
 
@@ -255,6 +266,7 @@ def describe_goals(goals: Sequence[Goal], every: bool = False) -> list[str]:
 
     if not wanted:
         counts = "0: nothing is to be reached"
+
     return [*lines, f"The reward is {counts}."]
 
 
@@ -264,6 +276,7 @@ def describe(goal: Goal) -> str:
         return f"throughout, or less is earned: {describe(goal.what)}"
     if not isinstance(goal, Reach):
         return _ask(goal)
+
     enough = goal.enough or 0
     share = f"{100 * enough:g} %" if enough < 1 else f"{enough:g}"
     when = {
@@ -286,10 +299,12 @@ def _subject(goal: Reach) -> str:
     """Say what a goal is about; of many bodies the first, the last and how many."""
     if len(goal.bodies) <= NAMED:
         return goal.subject
+
     first, *_, last = goal.bodies
     wanted = f"all {len(goal.bodies)}"
     if goal.any:
         wanted = "any"
+
     return f"{wanted} of {first} to {last}"
 
 
@@ -306,4 +321,5 @@ def _ask(goal: Goal) -> str:
             f"goals of the kind {kind} have no words for a model; add a macro {kind}(goal) to "
             "plugins/tasks/file/templates/goals.md.j2"
         )
+
     return str(phrase(goal))

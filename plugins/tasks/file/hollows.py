@@ -83,6 +83,7 @@ def find_hollow(body: Body) -> Hollow | None:
             padded = np.pad(spaces, 2)
             first = low + step / 2 - 2 * step
             return Hollow(first, step, _measure_rooms(padded, step))
+
     return None
 
 
@@ -128,6 +129,7 @@ def _find_enclosed(
         solid |= (gaps >= 0).all(axis=1)
         for number, way in enumerate(ways):
             walled[number] |= _meets(gaps, normals @ way)
+
     enclosed: Flags = walled.all(axis=0) & ~solid
     return enclosed
 

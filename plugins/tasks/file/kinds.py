@@ -104,6 +104,7 @@ class Between(Reach):
             wanted = wanted + self._turned_back(start.position(body, self.node), start)
         if self.at is None:
             return wanted
+
         return start.position(self.at) + rotate(start.quaternion(self.at), wanted)
 
     def _seen(self, body: str, start: State, state: State) -> Array:
@@ -113,6 +114,7 @@ class Between(Reach):
             position = position - start.position(body, self.node)
         elif self.at is not None:
             position = position - start.position(self.at)
+
         return self._turned_back(position, start)
 
     def _turned_back(self, vectors: Array, start: State) -> Array:
@@ -137,6 +139,7 @@ class JointWithin(JointAt):
             position = state.joint(self.joint).position
             if self.relative:
                 position = position - start.joint(self.joint).position
+
             return position
 
         unit = "rad"
@@ -144,6 +147,7 @@ class JointWithin(JointAt):
         if self._slides(start):
             unit = "m"
             far = SLIP_M
+
         name = (
             f"change of {self.joint}" if self.relative else f"position of {self.joint}"
         )
@@ -228,6 +232,7 @@ class Apart(Reach):
                 first, last = (state.position(body, node) for node in self.nodes)
                 length: Array = np.linalg.norm(first - last, axis=-1)
                 return length
+
             others = [
                 np.linalg.norm(state.position(body) - state.position(other), axis=-1)
                 for other in self.bodies
@@ -293,6 +298,7 @@ class Inside(Reach):
             if body in state.soft:
                 rooms = self.hollow.room(state.nodes(body, self.inside))
                 return np.asarray(rooms.min(axis=-1))
+
             return self.hollow.room(state.relative(body, self.inside))
 
         name = f"{body} inside {self.inside}, from its wall"

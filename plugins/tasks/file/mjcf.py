@@ -115,6 +115,7 @@ def _pack(file: Path, folder: Path, left: Counter[str]) -> bytes:
     options = dict[str, str]()
     for compiler in root.iter("compiler"):
         options |= compiler.attrib
+
     meshes = file.parent / options.get("meshdir", options.get("assetdir", ""))
 
     for element in root.iter():
@@ -138,6 +139,7 @@ def _pack(file: Path, folder: Path, left: Counter[str]) -> bytes:
             mesh.set("name", mesh.get("name", path.stem))
             mesh.set("file", names[path])
             mesh.set("maxhullvert", str(MAX_CORNERS))
+
         archive.writestr("model.xml", tostring(root))
 
     return stream.getvalue()
@@ -176,6 +178,7 @@ def _strip(root: Element, file: Path, folder: Path, left: Counter[str]) -> None:
                 other = (file.parent / child.get("file", "")).resolve()
                 if other in included:
                     raise UserError(f"{other} is included twice; leave one of them out")
+
                 included.add(other)
                 children += reversed(_read_root(other, folder))
             elif child.tag in _READ and child.get("type") not in ("hfield", "sdf"):
@@ -189,11 +192,13 @@ def _count_copies(element: Element) -> int:
     """Return how many copies of what it holds an element makes."""
     if element.tag != "replicate":
         return 1
+
     count = element.get("count", "").strip()
     if not re.fullmatch("[0-9]{1,3}", count) or int(count) > MAX_BODIES:
         raise UserError(
             f"a replicate has count={clean(count, 20)}; it must be a number up to {MAX_BODIES}"
         )
+
     return int(count)
 
 
@@ -203,6 +208,7 @@ class _Reading:
     def __init__(self, model: Any, prefix: str, left: Counter[str]) -> None:
         if model.nbody > MAX_BODIES + 1:
             raise UserError(f"there are more than {MAX_BODIES} bodies; leave some out")
+
         self._model = model
         self._data = mujoco.MjData(model)
         self._prefix = prefix
@@ -235,6 +241,7 @@ class _Reading:
         drawn = Mesh(corners, triangles)
         if mesh.graphadr[0] < 0:  # it does not collide
             return drawn, drawn
+
         graph = self._model.mesh_graph[mesh.graphadr[0] :]
         count, faces = graph[:2]
         hull = graph[2 + 3 * (count + faces) :][: 3 * faces]
@@ -298,6 +305,7 @@ class _Reading:
         shown = geom.rgba
         if geom.matid[0] >= 0 and np.allclose(shown, _GREY):
             shown = self._model.mat_rgba[geom.matid[0]]
+
         red, green, blue, opacity = np.clip(shown, 0, 1).tolist()
         color = (red, green, blue, opacity)
         place = frame.inverse() @ _pose(self._data.geom(geom.id))
@@ -326,9 +334,11 @@ class _Reading:
         name = f"{body}_joint"
         if joint.name:
             name = self._prefix + joint.name
+
         bearer = None
         if self._moves[parent]:
             bearer = self._names[parent]
+
         return Joint(
             name,
             kind,  # type: ignore[arg-type]  # one of three

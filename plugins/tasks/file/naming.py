@@ -48,7 +48,9 @@ def find_names(patterns: Sequence[str], names: Sequence[str]) -> tuple[str, ...]
             fitting = [name for name in names if fnmatchcase(name, pattern)]
         if not fitting:
             raise choices("name like", pattern, names)
+
         found |= dict.fromkeys(fitting)
+
     return tuple(found)
 
 
@@ -73,6 +75,7 @@ def build_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> tuple[Goal, ...]:
                     raise tree.error(("goals", number, "after"), str(problem))
         except (UsageError, ValueError) as error:
             raise tree.error(("goals", number), str(error)) from None
+
     return join_entries(entries)
 
 
@@ -91,6 +94,7 @@ def _resolve(goal: Goal, scene: Scene) -> Goal:
         if hasattr(goal, field):
             names = [body.name for body in NAMING[field](scene)]
             changes[field] = find_names(getattr(goal, field), names)
+
     if isinstance(goal, Reach):
         changes["also"] = tuple(_resolve(part, scene) for part in goal.also)
 
@@ -103,6 +107,7 @@ def _resolve(goal: Goal, scene: Scene) -> Goal:
         found = replace(found, to=found.to + joint.start)
     if isinstance(found, Reach):
         _check_softness(found, scene)
+
     return found
 
 
@@ -114,6 +119,7 @@ def _find_space(body: Body) -> Hollow:
     """
     if not body.collisions and not isinstance(body, Soft):
         return space_of(body)
+
     found = None
     if body.collisions:
         found = find_hollow(body)
@@ -122,6 +128,7 @@ def _find_space(body: Body) -> Hollow:
             f"{body.name!r} has no hollow with walls all around; give marks one with a shape, such as {{name: inner, "
             "box: [0.1, 0.1, 0.1], position: [0.6, 0, 0.05]}, and write inside: inner"
         )
+
     return found
 
 

@@ -43,6 +43,7 @@ class Span:
             return f"at least {self.low:g}"
         if math.isinf(self.low):
             return f"at most {self.high:g}"
+
         return f"{self.low:g} to {self.high:g}"
 
     @classmethod
@@ -50,6 +51,7 @@ class Span:
         """Make the span of what may be off a ``value`` by a tolerance; a span stays what it is."""
         if isinstance(value, Span):
             return value
+
         return cls(value - tolerance, value + tolerance)
 
     def aim(self, value: float, far: float) -> float:
@@ -57,6 +59,7 @@ class Span:
         room = _AIM * far
         if not math.isinf(self.high - self.low):
             room = min(room, (self.high - self.low) / 2)
+
         return min(max(value, self.low + room), self.high - room)
 
     def measures(
@@ -101,6 +104,7 @@ def read_span(given: Any) -> Span | float | None:
             return Span(
                 -math.inf if low is None else low, math.inf if high is None else high
             )
+
     raise ValueError(_FORMS)
 
 
@@ -113,6 +117,7 @@ def read_least(given: Any) -> Span | None:
     found = read_span(given)
     if isinstance(found, float):
         return Span(low=found)
+
     return found
 
 

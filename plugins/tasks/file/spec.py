@@ -138,6 +138,7 @@ def _color(text: str) -> str:
         raise ValueError(
             "must be a colour such as red, seagreen or '#3366cc'"
         ) from None
+
     return text
 
 
@@ -169,9 +170,11 @@ def _read_dataclass(
     for field in fields(kind):
         if not field.init or field.name in without:
             continue
+
         default = field.default
         if default is MISSING:
             default = ...
+
         entries[field.name] = (hints[field.name], default)
 
     def make(spec: BaseModel) -> Any:
@@ -191,6 +194,7 @@ def _radius(given: Any) -> Any:
     """Read a number as a sphere's radius, as there is no other."""
     if isinstance(given, int | float):
         return {"radius": given}
+
     return given
 
 
@@ -201,6 +205,7 @@ def _goal_entry() -> GetPydanticSchema:
         hints = get_type_hints(kind) | GOAL_TYPES
         for field in fields(kind):  # type: ignore[arg-type]
             entries[field.name] = (hints[field.name] | None, None)
+
     entries |= {key: (kind | None, None) for key, kind in GOAL_TYPES.items()}
     entries = {key: entry for key, entry in entries.items() if key not in FILLED}
 
@@ -216,6 +221,7 @@ def _looks(camera: Camera) -> Camera:
         raise ValueError(
             "the camera's position and target are one point; move one of them"
         )
+
     return camera
 
 
@@ -225,6 +231,7 @@ def _perspective(camera: Camera | None) -> Camera | None:
         raise ValueError(
             "a photograph is in perspective; give fov_deg in place of height_m"
         )
+
     return camera
 
 
@@ -232,6 +239,7 @@ def _named(variations: dict[str, Any]) -> dict[str, Any]:
     """Refuse a variation whose name stands for none."""
     if NONE in variations:
         raise ValueError(f"the variation {NONE!r} draws nothing; give it another name")
+
     return variations
 
 
@@ -274,9 +282,11 @@ class ShapeSpec(_Spec):
         given = [name for name in names if getattr(self, name) is not None]
         if len(given) == 1:
             return
+
         there = "is none"
         if given:
             there = f"are {', '.join(given)}"
+
         raise ValueError(f"needs one of {', '.join(names)}; there {there}")
 
 
@@ -301,6 +311,7 @@ class RepeatSpec(_Spec):
             raise ValueError("needs one of grid, ring, heap")
         if (self.radius is None) != (given == ["grid"]):
             raise ValueError("a ring and a heap need a radius, and a grid has none")
+
         return self
 
 
@@ -359,6 +370,7 @@ class BodySpec(ShapeSpec):
 
         if self.scale != 1 and self.file is None:
             raise ValueError("scale is for a body with a file")
+
         return self
 
     def _check_softness(self) -> None:
@@ -370,6 +382,7 @@ class BodySpec(ShapeSpec):
             hint = (
                 "a rigid body; leave it out (the friction of a soft one is in elastic)"
             )
+
         for name in wrong:
             if name in self.model_fields_set:
                 raise ValueError(f"{name} is for {hint}")
@@ -517,6 +530,7 @@ def read_spec(tree: Tree, data: Mapping[str, Any]) -> SceneSpec:
         ]
         if lacks and first["type"] in UNKNOWN:
             message += f"; missing: {', '.join(lacks)}"
+
         raise tree.error(where, message) from error
 
 
@@ -529,7 +543,9 @@ def list_mistakes(tree: Tree, data: Mapping[str, Any]) -> list[str]:
         for mistake in error.errors(include_url=False):
             where: Where = tuple(mistake["loc"])
             lines.append(str(tree.error(where, _explain(where, mistake))))
+
         return lines
+
     return []
 
 
@@ -538,6 +554,7 @@ def _read(data: Mapping[str, Any]) -> SceneSpec:
     pictures = data.get("pictures")
     if isinstance(pictures, list):
         data = {**data, "pictures": [_read_picture(picture) for picture in pictures]}
+
     return SceneSpec.model_validate_json(json.dumps(data))
 
 
@@ -545,6 +562,7 @@ def _read_picture(given: Any) -> Any:
     """Read a name as a photograph without its camera."""
     if isinstance(given, str):
         return {"file": given}
+
     return given
 
 
@@ -556,6 +574,7 @@ def _explain(where: Where, error: ErrorDetails) -> str:
         return str(choices("key", str(where[-1]), keys_at(where[:-1])))
     if kind == "missing":
         return "is missing; add it"
+
     message = WORDS.get(kind) or re.sub(
         r"^(Input|Tuple|Dictionary|List|String) should", "must", error["msg"]
     )
@@ -568,6 +587,7 @@ def _explain(where: Where, error: ErrorDetails) -> str:
     ends = error.get("ctx", {})
     if ends.get("le") == limits.LONGEST_M or ends.get("ge") == -limits.LONGEST_M:
         message += "; it is in metres"
+
     return message
 
 
@@ -586,6 +606,7 @@ def json_schema() -> dict[str, Any]:
             if "description" not in found:
                 special = words.get(f"{kind['title']}.{key}")
                 found["description"] = special or words[key]
+
     return dialect | schema
 
 
@@ -607,6 +628,7 @@ def keys_at(where: Where) -> list[str]:
     keys = set[str]()
     for node in found:
         keys |= node.get("properties", {}).keys()
+
     return sorted(keys)
 
 
@@ -617,7 +639,9 @@ def _alternatives(node: dict[str, Any]) -> list[dict[str, Any]]:
         return _alternatives(json_schema()["$defs"][name])
     if "anyOf" not in node:
         return [node]
+
     found = list[dict[str, Any]]()
     for choice in node["anyOf"]:
         found += _alternatives(choice)
+
     return found

@@ -80,12 +80,14 @@ class FileTask(Task):
             for name in unseen:
                 line = f"body {name} of a goal is outside of the picture; move camera"
                 files.warn_once(f"{self._tree.file}: {line}")
+
             return
 
         while unseen and np.linalg.norm(camera.position) < FARTHEST_M:
             x, y, z = BACK * np.array(camera.position)
             camera = replace(camera, position=(float(x), float(y), float(z)))
             unseen = doubts.find_unseen(camera, state, bodies)
+
         vars(self).update(camera=camera)
 
     @staticmethod
@@ -105,6 +107,7 @@ class FileTask(Task):
     def scene(self, seed: int) -> Scene:
         if self.variation == NONE:
             return self._scene
+
         draw = self.draw(seed)
         return self.with_numbers({path: draw(path, 0.0) for path in self.ranges})
 
@@ -127,6 +130,7 @@ class FileTask(Task):
         scene = building.build_scene(self._tree, spec, self._files)
         if not starts:
             return scene
+
         try:
             return building.with_starts(scene, starts)
         except ValueError as error:
@@ -143,6 +147,7 @@ class FileTask(Task):
                 problem = self._find_problem(path, low, high)
                 if problem:
                     raise self._tree.error(("variations", name, path), problem)
+
             for end in (0, 1):
                 numbers = [(path, span[end]) for path, span in ranges.items()]
                 self._check_numbers(name, numbers)
@@ -153,6 +158,7 @@ class FileTask(Task):
             hint = "such as bodies.cup.mass"
             if path.startswith("goals"):
                 hint = "to vary a goal, put it `at` a mark"
+
             return f"only numbers of {', '.join(VARYING)} can vary; {hint}"
 
         if low > high:
@@ -183,10 +189,12 @@ class FileTask(Task):
                 self.with_numbers(dict(numbers[:count]))
             except UserError as error:
                 return error
+
             return None
 
         if problem(len(numbers)) is None:
             return
+
         # Few scenes are built, whatever the number of ranges.
         first = bisect_left(
             range(len(numbers)),

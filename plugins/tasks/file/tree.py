@@ -52,6 +52,7 @@ class Tree:
             mark = error.problem_mark or error.context_mark
             if mark:
                 where += f", line {mark.line + 1}"
+
             reason = clean(str(error.problem), 200)
             raise UserError(f"{where}: this is no YAML: {reason}") from error
         except (yaml.YAMLError, ValueError) as error:  # a character that YAML has not
@@ -88,6 +89,7 @@ class Tree:
         known = where
         while known and known not in self.lines:
             known = known[:-1]
+
         line = self.lines.get(known, 1)
         return UserError(f"{self.file}, line {line}: {say(where)}{message}")
 
@@ -113,10 +115,12 @@ class Tree:
         if not isinstance(node, yaml.MappingNode):
             self.spans[where] = (node.start_mark.index, node.end_mark.index)
             return self._scalar(node, where)
+
         found: dict[str, Any] = {}
         for key, value in node.value:
             if not isinstance(key, yaml.ScalarNode):
                 raise self.error(where, "a key must be a word")
+
             inner = (*where, key.value)
             self.lines[inner] = key.start_mark.line + 1
 
@@ -141,6 +145,7 @@ class Tree:
             raise self.error(where, f"the number {clean(text, 60)} is too large")
         if re.fullmatch(r"[-+]?[0-9]{1,15}", text):
             return int(text)
+
         return float(text)
 
 
@@ -149,11 +154,13 @@ def _find_problem(event: Any, depth: int) -> str:
     tag = clean(getattr(event, "tag", None) or "", 60)
     if tag:
         return f"tags ({tag}) are not read; leave it out"
+
     anchor = clean(getattr(event, "anchor", None) or "", 60)
     if anchor:
         return f"anchors (&{anchor} and *{anchor}) are not read; write it out"
     if depth > MAX_DEPTH:
         return f"at most {MAX_DEPTH} levels of nesting are read; make it flatter"
+
     return ""
 
 
@@ -161,12 +168,14 @@ def say(where: Where) -> str:
     """Write the way to an entry, such as ``bodies[2].mass: ``."""
     if not where:
         return ""
+
     found = ""
     for step in where:
         if isinstance(step, int):
             found += f"[{step}]"
         else:
             found += f".{clean(step, 60)}"
+
     return f"{found.lstrip('.')}: "
 
 
@@ -186,10 +195,12 @@ def follow(data: Mapping[str, Any], path: str) -> tuple[Any, str | int]:
         key = step
         if isinstance(node, list):
             key = find_item(node, step)
+
         node = holder[key]
 
     if isinstance(node, bool) or not isinstance(node, int | float):
         raise KeyError(path)
+
     return holder, key
 
 
@@ -202,6 +213,8 @@ def find_item(items: list[Any], step: str) -> int:
     for number, item in enumerate(items):
         if isinstance(item, dict) and item.get("name") == step:
             return number
+
     if step in _AXES:
         return _AXES[step]
+
     return int(step)

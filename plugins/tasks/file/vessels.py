@@ -66,6 +66,7 @@ class Vessel:
         """Where the wide part of the wall ends, m from below."""
         if not self.neck:
             return self.length
+
         shoulder = (self.radius - self.neck) / 2
         return self.length - self.neck_length - shoulder
 
@@ -96,6 +97,7 @@ class Vessel:
             for end, radius in enumerate((below, above)):
                 corners[end, 0, :, :2] = radius * pair
                 corners[end, 1, :, :2] = (radius - self.wall) * pair
+
             wedge = trimesh.convex.convex_hull(corners.reshape(-1, 3))
             yield Mesh.from_trimesh(wedge), Pose()
 
@@ -105,6 +107,7 @@ class Vessel:
         for end in (-height, height):
             bar = Box((self.handle, thick, thick))
             yield bar, _shift(self.radius + self.handle / 2, end)
+
         grip = Box((thick, thick, 2 * height - thick))
         yield grip, _shift(self.radius + self.handle - thick / 2, 0.0)
 

@@ -47,6 +47,7 @@ class _Reader:
                 f"{where}: with it the tool's solids have {self._triangles} triangles; at most {MAX_TRIANGLES} are "
                 "allowed: use fewer or smaller spheres and revolutions (a whole component that is one sphere is free)"
             )
+
         return Box((1.0, 1.0, 1.0)), Pose()
 
     def make(
@@ -56,8 +57,10 @@ class _Reader:
             shape, pose = make_shape(self._trees[where], MAX_PARTS - self._parts)
         except DesignError as error:
             raise DesignError(f"{where}: its solid {error}") from error
+
         if isinstance(shape, Compound):
             self._parts += len(shape.parts)
+
         return shape, pose
 
 

@@ -84,6 +84,7 @@ def load() -> ModuleType:
     warnings.filterwarnings("ignore", "Pydantic serializer", UserWarning)
     for logger in ("LiteLLM", "LiteLLM Router", "LiteLLM Proxy"):
         logging.getLogger(logger).setLevel(logging.CRITICAL + 1)
+
     return litellm
 
 
@@ -149,6 +150,7 @@ def _price(litellm: ModuleType, model: str) -> tuple[float, float] | None:
     completion = info.get("output_cost_per_token")
     if not (prompt and completion):
         return None
+
     return float(prompt), float(completion)
 
 
@@ -268,6 +270,7 @@ class Client:
         """The environment variables of which one must hold the key; empty: one does, or no key is needed."""
         if self._provider in _LOCAL:
             return []
+
         # Other credentials (AWS, Google Cloud) may be in files that only the provider's own library reads.
         missing = self._litellm.validate_environment(self.model)["missing_keys"]
         missing = sorted(name for name in missing if name.endswith("_API_KEY"))
@@ -428,9 +431,11 @@ def _server(address: str) -> httpx.URL:
         url = httpx.URL(address)
     except httpx.InvalidURL:
         url = httpx.URL()
+
     is_host = url.host and "%" not in url.host  # what no host has is escaped
     if url.scheme in ("http", "https") and is_host:
         return url
+
     raise UsageError(
         f"vlm.api_base={clean(address, 200)} is no address; write it as http://HOST:PORT/v1"
     )
@@ -473,4 +478,5 @@ def _content(message: Message) -> str | list[dict[str, Any]]:
 
     if any(part["type"] != "text" for part in parts):
         return parts
+
     return "".join(part["text"] for part in parts)

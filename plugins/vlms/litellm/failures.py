@@ -53,6 +53,7 @@ def within(seconds: float, call: Callable[[], T]) -> T:
     run_in_thread(lambda: future.set_result(call()), ended, "call")
     if not wait([future], seconds).done:
         raise TimedOut(f"no answer within {seconds:g} s")
+
     return future.result()
 
 
@@ -72,6 +73,7 @@ def pause(error: Exception, tries: int) -> float | None:
     requested = _retry_after(error)
     if requested is not None:
         return requested if requested <= MAX_REQUESTED_WAIT_S else None
+
     # At random, so that agents that were refused together do not retry together.
     jitter = random.uniform(0.75, 1.25)  # noqa: S311
     return min(MAX_WAIT_S, FIRST_WAIT_S * 2.0 ** min(tries - 1, 10)) * jitter
@@ -84,6 +86,7 @@ def unanswered(error: Exception) -> bool:
     """
     if isinstance(error, BadAnswer):
         return isinstance(error, Unanswered)
+
     status = _status(error)
     passing = status in (401, 402, 403, 404, 407, 408, 429)
     account = _ACCOUNT.search(str(error)) is not None
@@ -128,4 +131,5 @@ def explain(error: Exception) -> str:
     if not isinstance(error, TimedOut | BadAnswer):
         name = f"{type(error).__name__}: "
         text = name + text.replace(name, "")
+
     return clean(scrub(text), MAX_MESSAGE)

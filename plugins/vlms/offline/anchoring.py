@@ -49,6 +49,7 @@ def choose_anchors(
             toward = base.toward
             if goal is not None and (share or base.toward):
                 toward = goal
+
             anchors.append(replace(base, toward=toward, share=share))
 
         first = stage.end
@@ -92,6 +93,7 @@ def _choose_base(subgoal: Subgoal, rng: Generator) -> Anchor:
     name = solid.body.name
     if _is_apart(subgoal) and (subgoal.alone or rng.random() < 0.8):
         return Anchor(name, toward=reference)
+
     return Anchor(name, axes="anchor")
 
 

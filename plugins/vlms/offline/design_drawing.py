@@ -59,6 +59,7 @@ class DesignDrawer:
         lifts_out = subgoal.is_enclosed and subgoal.rises
         if self._rng.random() < (0.9 if lifts_out else 0.5):
             return draw_clamp(subgoal, self._rng)
+
         return draw_head(subgoal, self._rng, self.thickness_factor)
 
     def _draw_guided_head(self, subgoal: Subgoal) -> Head | None:
@@ -67,6 +68,7 @@ class DesignDrawer:
             return None
         if self._is_guided is None:
             self._is_guided = self._rng.random() < _GUIDED
+
         return make_guided_head(subgoal, self._rng) if self._is_guided else None
 
     def _draw_pourer(self, subgoal: Subgoal) -> Head | None:
@@ -74,6 +76,7 @@ class DesignDrawer:
         handles = find_handles(subgoal)
         if handles is None or self._rng.random() >= _POURS:
             return None
+
         return make_pourer(subgoal, handles, self._rng, self.thickness_factor)
 
     def build(

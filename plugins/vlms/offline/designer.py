@@ -64,6 +64,7 @@ class OfflineDesigner(VLM):
             except (NothingToMove, DesignError) as error:
                 yield Reply(request.id, "", self.model, error=str(error))
                 continue
+
             text = json.dumps(document, indent=1)
             yield Reply(request.id, text, self.model)
 
@@ -81,4 +82,5 @@ def _list_unread(run: Run) -> list[str]:
 
     if chosen not in (None, USUAL):
         unread.insert(0, f"prompt={chosen}")
+
     return unread

@@ -130,6 +130,7 @@ class HeadPlacer:
             return float(path.poses[1].rpy[2])
         if self.direction is not None and not works_above_home(path, self.model):
             return self.direction.turn
+
         return yaw
 
     def _find_drops(

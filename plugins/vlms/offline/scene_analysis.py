@@ -90,6 +90,7 @@ class SceneAnalysis:
         subgoals = []
         for goal in self.groups[number]:
             subgoals += self._draw_for_goal(goal, rng, alone)
+
         return subgoals
 
     def _draw_for_goal(
@@ -158,6 +159,7 @@ def _draw_shift(subgoal: Subgoal, goal: Target, rng: Generator) -> Array:
 
     if goal.held:
         return _LIFT_M * UP
+
     return _draw_escape(subgoal, goal.away or 0.1, rng)
 
 

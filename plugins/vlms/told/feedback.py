@@ -222,6 +222,7 @@ def _poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
         outcome = clean(trial.reason or trial.outcome, _OUTCOME)
         if outcome:
             described["outcome"] = outcome
+
         draw = task.draw(trial.layout)
 
         for name in draw.ranges:
@@ -287,9 +288,11 @@ def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
         (text,) = places
         everywhere = f"{text} in all {len(evaluation.trials)} trials"
         return [everywhere, *_finals_lines(evaluation)]
+
     lines = [f"{text} in {', '.join(names)}" for text, names in places.items()]
     if len(lines) > _OUTCOMES:
         lines[_OUTCOMES:] = [f"{len(lines) - _OUTCOMES} others"]
+
     return [*lines, *_finals_lines(evaluation)]
 
 
@@ -298,6 +301,7 @@ def _finals_lines(evaluation: Evaluation) -> list[str]:
     counted = evaluation.finals.count_held()
     if not counted.layouts:
         return []
+
     return [f"holds in {counted.held} of {counted.layouts} further layouts"]
 
 

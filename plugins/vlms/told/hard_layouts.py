@@ -28,6 +28,7 @@ def hard_layouts_value(brief: Brief, mounted: Tool, facts: RunFacts) -> list[str
     task = brief.task
     if len(task.parts) > 1:
         return []
+
     hard = find_hard_layouts((*brief.tried, *brief.elites))
     if not hard:
         return []
@@ -36,6 +37,7 @@ def hard_layouts_value(brief: Brief, mounted: Tool, facts: RunFacts) -> list[str
     lines = _outcomes(hard)
     if sight.numbers:
         lines += _common_numbers(hard, task)
+
     return [sight.text(line) for line in lines]
 
 
@@ -55,6 +57,7 @@ def find_hard_layouts(evaluations: Iterable[Evaluation]) -> Hard:
         ]
         if len(worst) >= _LEAST and not any(holds(trial.reward) for trial in worst):
             hard[layout] = worst
+
     return hard
 
 
@@ -70,6 +73,7 @@ def _outcomes(hard: Hard) -> list[str]:
     lines = [f"layout {seeds}" if len(hard) == 1 else f"layouts {seeds}"]
     for outcome, count in counts.most_common(_OUTCOMES):
         lines.append(f"{outcome} (in {count} of {len(trials)} trials)")
+
     return lines
 
 
@@ -87,4 +91,5 @@ def _common_numbers(hard: Hard, task: Task) -> list[str]:
             shares[name] = share
             span = f"{min(values):.4g} to {max(values):.4g}"
             lines[name] = f"{name} is {span} there, of {low:.4g} to {high:.4g}"
+
     return [lines[name] for name in sorted(shares, key=shares.__getitem__)[:_NUMBERS]]

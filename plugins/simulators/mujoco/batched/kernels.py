@@ -95,6 +95,7 @@ def drive(
     target = before
     if ahead != 0:
         target = after
+
     control[world, joint] = wp.float32(
         stiffness[world, joint] * target + damping[world, joint] * (after - before) / dt
     )
@@ -265,9 +266,11 @@ def mend(
 
     for i in range(qpos.shape[1]):
         qpos[world, i] = first[world, i]
+
     for i in range(qvel.shape[1]):
         qvel[world, i] = 0.0
         warmstart[world, i] = 0.0
+
     astray[world] = 0
 
 

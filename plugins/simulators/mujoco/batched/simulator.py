@@ -61,6 +61,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         MuJoCoSimulator(*self._rates)  # checks them
         if worlds < 1:
             raise UsageError(f"sim.worlds must be at least 1, got {worlds}")
+
         self.worlds = worlds
         from plugins.simulators.mujoco.batched import engine  # needs the extra packages
         from plugins.simulators.mujoco.batched import worlds as many
@@ -186,6 +187,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         contacts = self._contacts.get(figures.shared)
         if contacts is None:
             contacts = _round_up(32 + 4 * len(figures.names) + len(figures.geom_xpos))
+
         frames = [len(schedule.samples) for schedule in schedules]
         instants = [len(schedule.job.trajectory.times) for schedule in schedules]
         size = Size(

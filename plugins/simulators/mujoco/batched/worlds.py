@@ -114,11 +114,13 @@ class Worlds:
                 self._step_once()  # compiles missing kernels
                 with warp.ScopedCapture() as capture:
                     self._step_once()
+
                 self._graph = capture.graph
                 self._load(figures, schedules)
 
             for _ in range(max(last)):
                 warp.capture_launch(self._graph)
+
             self._note()
             start = self._start.numpy()
             end = self._end.numpy()
@@ -133,6 +135,7 @@ class Worlds:
             frames = 0
             if every[i]:
                 frames = -(-last[i] // every[i])
+
             crowded = bool(lost[i] & _NO_ROOM)
             results.append(
                 Played(
@@ -168,6 +171,7 @@ class Worlds:
         fields = {}
         for name in PER_WORLD:
             fields[name] = np.stack([world.fields[name] for world in figures])
+
         _assign(self._springs, fields["jnt_stiffness"])
         _assign(self._frictions, fields["dof_frictionloss"])
 
@@ -177,6 +181,7 @@ class Worlds:
 
         for name, values in fields.items():
             _assign(getattr(self._model, name), values)
+
         mujoco_warp.reset_data(self._model, self._data)
 
         first = np.stack([world.fields["qpos0"] for world in figures])

@@ -65,9 +65,11 @@ class Asker:
             cost = f" ({usd * estimate.prompt_tokens:.4f} USD)" if usd else ""
             tokens = f"{estimate.prompt_tokens} tokens{cost}, and the answer's"
             say(f"asking {self._vlm.model}: {tokens}")
+
         (reply,) = ask_model(self._vlm, [request], self._events, self._replies)
         if reply.error is not None:
             raise UserError(f"{self._vlm.model} gave no answer: {reply.error}")
+
         return reply.text
 
 
@@ -84,6 +86,7 @@ def open_asker(cfg: DictConfig, folder: Path) -> Iterator[Asker]:
             f"{vlm.model} has no eyes, and reads no sentence; choose a model with vlm=gemini or another one, or answer "
             "yourself with vlm=mailbox"
         )
+
     tools = tool_part(cfg).create()
     actions = part(ACTION, cfg.action).create()
     brief = Brief(Bench(), 0, tools, False, 0, 0, 0, 0, cfg.seed, actions=actions)

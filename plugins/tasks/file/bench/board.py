@@ -36,6 +36,7 @@ def print_board(name: str) -> None:
     kind = file.suffix[1:].upper()
     if kind not in ("PDF", "PNG"):
         raise UsageError(f"the board is a PDF or PNG file, not {name}; say board.pdf")
+
     cv2 = load_opencv()
     board = _board()
     size = np.rint(SHEET_M * _DOTS_PER_M).astype(int)
@@ -46,6 +47,7 @@ def print_board(name: str) -> None:
         marker = cv2.aruco.generateImageMarker(board.getDictionary(), number, side)
         left, top = np.rint((corners[0, :2] + margin) * _DOTS_PER_M).astype(int)
         sheet.paste(Image.fromarray(marker), (left, top))
+
     ImageDraw.Draw(sheet).text((200, 180), _WORDS, font_size=40)
     stream = io.BytesIO()
     sheet.save(stream, kind, resolution=300, dpi=(300, 300))
@@ -70,6 +72,7 @@ def find_by_board(
         raise UsageError(
             "the board's place is x, y and yaw, such as board=[0.4,-0.3,0]; m and degrees"
         )
+
     x, y, yaw_deg = place
     frame = Pose.xyz_rpy((x, y, 0.0), (0.0, 0.0, np.radians(yaw_deg)))
     cv2 = load_opencv()
@@ -93,7 +96,9 @@ def find_by_board(
             # OpenCV counts from the middle of the first pixel.
             middles = seen.reshape(-1, 2) + 0.5
             view = find_view(world, middles, photograph.size, fov_deg)
+
         found.append(replace(photograph, view=view))
+
     return found
 
 

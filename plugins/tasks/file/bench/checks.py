@@ -33,6 +33,7 @@ def find_faults(task: FileTask) -> Iterator[str]:
     for goal in task.goals:
         if isinstance(goal, Kept):
             still |= set(goal.keep)
+
     for goal in reaches(task.goals):
         yield from _find_needless(goal, arm_of(task.robot), scene)
         for name in sorted(still & set(goal.bodies)):
@@ -66,6 +67,7 @@ def _find_needless(goal: Reach, arm: Arm, scene: Scene) -> Iterator[str]:
                     f"{name}, or where it is to be, is out of reach, {away:.2f} m from where the flange gets; are "
                     "these metres?"
                 )
+
     if left and max(left) <= 0 and not (goal.held or goal.released or goal.rest):
         names = ", ".join(goal.bodies)
         yield f"the goal of {names} is reached before anything moves; correct its place, or ask for more"
@@ -79,6 +81,7 @@ def _find_useless(task: FileTask, scene: Scene) -> Iterator[str]:
         for name in goal.subjects(state):
             here, wanted = _find_ends(goal, name, state)
             ways += [np.linspace(0.0, here), np.linspace(here, wanted)]
+
     way = np.concatenate(ways)
 
     words = " ".join(task.reward_in_words())
@@ -86,6 +89,7 @@ def _find_useless(task: FileTask, scene: Scene) -> Iterator[str]:
         named = re.search(rf"\b{re.escape(body.name)}\b", words)
         if named or body.name in SURROUNDINGS or not body.collisions:
             continue
+
         low, high = bound(body)
         beyond = np.maximum(low - way, way - high).clip(min=0.0)
         apart = np.linalg.norm(beyond, axis=1).min()
@@ -102,4 +106,5 @@ def _find_ends(goal: Reach, name: str, state: State) -> tuple[Array, Array]:
     wanted = goal.place_of(name, state)
     if wanted is None:
         return here, here
+
     return here, np.where(np.isnan(wanted), here, wanted)

@@ -74,6 +74,7 @@ def main(words: list[str]) -> None:
     if cfg.print_board:
         print_board(cfg.print_board)
         return
+
     cfg.output = cfg.task.file = (given or [cfg.output])[0]
     output = expand(cfg.output)
     if not given and len(sentence.split()) < 2:
@@ -82,6 +83,7 @@ def main(words: list[str]) -> None:
     photographs = read_photographs(cfg.pictures, OmegaConf.to_container(cfg.cameras))
     if cfg.board:
         photographs = find_by_board(photographs, list(cfg.board), cfg.fov_deg)
+
     draft = Draft(
         output.with_suffix(".draft.yaml"),
         photographs,
@@ -91,6 +93,7 @@ def main(words: list[str]) -> None:
     )
     if given:
         draft.text = read_text(output, cfg.output)
+
     before = draft.text.splitlines()
     if sentence:
         with open_asker(cfg, output.with_suffix("")) as asker:
@@ -103,6 +106,7 @@ def main(words: list[str]) -> None:
         raise UserError(
             f"{draft.file} is not sound yet; mend it by hand, or say more in the sentence:{faults}"
         )
+
     _write(cfg, draft)
     if before:
         changes = difflib.ndiff(before, draft.text.splitlines())
@@ -128,6 +132,7 @@ def _write(cfg: DictConfig, draft: Draft) -> None:
     for photograph in draft.photographs:
         file = output.with_suffix("") / f"{photograph.picture.name}.png"
         write_bytes(file, photograph.picture.png)
+
     draft.text = fill(PACKAGE, "file", draft=draft, unsaid=unsaid, folder=output.stem)
     draft.vary()
     task = draft.read()

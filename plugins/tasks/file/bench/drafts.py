@@ -90,11 +90,14 @@ class Draft:
                     raise UserError(
                         f"the model asks: {' '.join(asked)} Say it in the sentence."
                     )
+
                 strays = list(self._find_strays(before, sentence))
                 self.examine()
                 self.faults += strays
+
             if not self.faults:
                 return
+
             again = fill(PACKAGE, "again", faults=self.faults)
             messages.append(Message("assistant", (Text(reply),)))
             messages.append(Message("user", (Text(again),)))
@@ -109,6 +112,7 @@ class Draft:
             name = path.split(".")[1].lower()
             if any(word in sentence.lower() for word in re.findall("[a-z]+", name)):
                 continue
+
             old = before.values[path]
             new = now.values.get(path)
             if new != old and now.marks.get(path) != "told":
@@ -132,6 +136,7 @@ class Draft:
                 if isinstance(value, float) and value not in told:
                     mend = "write that number, and mark it # told"
                     self.faults.append(f"{name} is told as {value:g}; {mend}")
+
             if not self.faults:
                 self.fit = fit_seen(self.read(), numbers, self._pair_views())
                 self.text = numbers.write(self.fit.values)
@@ -165,6 +170,7 @@ class Draft:
         bare = _SEEN.sub("", self.text)
         if head not in bare:
             bare += head
+
         for halving in range(HALVINGS):
             ranges = dict[str, list[float]]()
             for path, error in errors.items():
@@ -173,8 +179,10 @@ class Draft:
                     value = numbers.values[path]
                     wide = error / 2**halving
                     ranges[path] = [round(value - wide, 4), round(value + wide, 4)]
+
             if not ranges:
                 return
+
             block = fill(PACKAGE, "variation", ranges=ranges)
             self.text = bare.replace(head, head + block, 1)
             task = self.read(variation="seen")
@@ -199,4 +207,5 @@ class Draft:
                 self.photographs[number] = replace(photograph, view=view)
             if view is not None:
                 seen += [(sighting, view) for sighting in here]
+
         return seen

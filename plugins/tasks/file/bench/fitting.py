@@ -62,6 +62,7 @@ def fit_seen(
         for unknown, by in zip(unknowns, shifted.tolist(), strict=True):
             for path, spread in unknown.items():
                 values[path] = numbers.values[path] + spread * (by - 1)
+
         return values
 
     def miss(shifted: Array) -> Array:
@@ -93,6 +94,7 @@ def fit_seen(
                 f"{sighting.body}, seen at {list(sighting.pixels)} in photo{sighting.photo}, would be {np.round(off)} "
                 "pixels from there; correct the pixels, the point, or its place and size; leave out what is hidden"
             )
+
     return fit
 
 
@@ -107,6 +109,7 @@ def off_px(scene: Scene, sighting: Sighting, view: View) -> Array:
         geom = geoms[sighting.part % len(geoms)]
         frame = frame @ geom.pose
         corners = geom.shape.to_trimesh().vertices
+
     low = corners.min(axis=0)
     high = corners.max(axis=0)
     point = (low + high) / 2 + np.array(sighting.point) * (high - low) / 2
@@ -114,6 +117,7 @@ def off_px(scene: Scene, sighting: Sighting, view: View) -> Array:
     if len(sighting.pixels) == 4:
         pixels = view.project(frame.apply(corners))
         drawn = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
+
     off: Array = drawn - np.array(sighting.pixels, dtype=np.float64)
     return np.where(np.isnan(off), 0.0, off)
 
@@ -128,6 +132,7 @@ def find_gaps(scene: Scene, names: set[str]) -> dict[tuple[str, str], float]:
                 gap = measure_gap(scene, other, name)
                 if gap < TOUCHES_M:
                     found[other, name] = gap
+
     return found
 
 
@@ -150,6 +155,7 @@ def _find_unknowns(
         follows = name in near and rest[0] == "position" and mark != "told"
         if not (follows or (name in sighted and mark == "seen")):
             continue
+
         group = path
         spread = SIZE_SHARE * numbers.values[path]
         whole = rest[0] == "parts" and rest[2] in ("box", "position")
@@ -159,5 +165,7 @@ def _find_unknowns(
             spread = PLACE_M
         elif "rpy_deg" in rest:
             spread = TURN_DEG
+
         found.setdefault(group, {})[path] = spread
+
     return list(found.values())

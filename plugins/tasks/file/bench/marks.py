@@ -45,9 +45,11 @@ class Numbers:
                 mend = "end the line with # seen, # told or # assumed"
                 self.unmarked.append(f"line {line}: {paths[0]} has no mark; {mend}")
                 continue
+
             words = found[1].replace(",", " ").split()
             if len(words) < len(paths):
                 words = words[:1] * len(paths)
+
             self.marks |= zip(paths, words, strict=False)
 
     def write(self, values: Mapping[str, float]) -> str:
@@ -56,6 +58,7 @@ class Numbers:
         for path in sorted(values, key=lambda path: -self._spans[path][0]):
             begin, end = self._spans[path]
             text = f"{text[:begin]}{round(values[path], 4) + 0.0:g}{text[end:]}"
+
         return text
 
 
@@ -70,5 +73,7 @@ def _follow(data: Any, where: Where) -> tuple[Any, str]:
         elif isinstance(step, int) and step < 3 and not isinstance(data, list):
             axes = ("roll", "pitch", "yaw") if "rpy_deg" in where else "xyz"
             name = axes[step]
+
         names.append(name)
+
     return data, ".".join(names)

@@ -49,10 +49,12 @@ def draw_page(
         if view is not None:
             for name, corners in bodies.items():
                 outlines[name] = _outline(view.project(corners))
+
             try:
                 drawn = _encode(png(simulator.render(task, camera=view.camera)))
             except NoPicture as error:
                 report_missing("picture of the scene", error)
+
         panels.append(
             {
                 "title": photograph.picture.caption,
@@ -70,6 +72,7 @@ def draw_page(
             name: corners[:, pair] * [_MM, -_MM] for name, corners in bodies.items()
         }
         plans[title] = {name: _outline(corners) for name, corners in flat.items()}
+
     file = (
         importlib.resources.files("plugins.tasks.file.bench") / "templates/page.html.j2"
     )

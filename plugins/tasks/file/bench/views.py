@@ -55,6 +55,7 @@ def load_opencv() -> Any:
             "finding a camera needs OpenCV: pip install 'opencv-python-headless>=4.8'; or measure where it stood, and "
             "give cameras=[{position: [x,y,z], target: [x,y,z], fov_deg: 52}]"
         ) from error
+
     return cv2
 
 
@@ -84,4 +85,5 @@ def find_view(
             f"no camera sees the known places where they are in the photograph: at best they are off by {off:.0f} "
             "pixels; check them, and fov_deg"
         )
+
     return view

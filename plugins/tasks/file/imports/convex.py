@@ -63,6 +63,7 @@ def read_mesh(data: bytes, kind: str, *, drawn_only: bool) -> dict[str, Any]:
 
     if drawn_only:
         return found
+
     try:
         convex, rest, found["volume"] = find_pieces(groups)
         for number, corners in enumerate(convex):
@@ -73,6 +74,7 @@ def read_mesh(data: bytes, kind: str, *, drawn_only: bool) -> dict[str, Any]:
     if rest is not None:
         found["rest_v"] = rest.vertices
         found["rest_f"] = rest.faces
+
     return found
 
 
@@ -85,6 +87,7 @@ def _color(part: trimesh.Trimesh) -> tuple[float, ...] | None:
     """Read a part's colour, four numbers from 0 to 1; None: it has none."""
     if not part.visual.defined:
         return None
+
     color = getattr(part.visual, "material", part.visual).main_color
     return tuple((np.asarray(color, dtype=np.float64) / 255).tolist())
 
@@ -149,6 +152,7 @@ def cut_bytes(data: bytes, max_parts: str) -> bytes:
     """Cut a mesh, ``v`` and ``f`` of an .npz file, and return an .npz file of its parts, ``p0`` and so on."""
     with np.load(io.BytesIO(data)) as mesh:
         parts = cut(mesh["v"], mesh["f"], int(max_parts))
+
     return _pack({f"p{number}": part for number, part in enumerate(parts)})
 
 

@@ -40,6 +40,7 @@ def read_mesh(
     turn = np.eye(3)
     if not upright:
         turn = _UPRIGHT
+
     solid = load_solid(file, folder or file.parent, (scale,) * 3, turn=turn)
     visuals = tuple(Geom(mesh, color=color or _GREY) for mesh, color in solid.drawn)
     collisions = tuple(Geom(part, color=visuals[0].color) for part in solid.parts)
@@ -57,6 +58,7 @@ def _notes(solid: MeshSolid, upright: bool) -> Iterator[str]:
     if not np.isfinite(solid.volume):
         yield "the mesh is not closed, so that its volume is that of its convex parts"
         return
+
     excess = sum(part.volume for part in solid.parts) / solid.volume - 1
     if abs(excess) > _MORE:
         yield f"{len(solid.parts)} convex parts have {excess:+.0%} of volume"

@@ -41,12 +41,15 @@ def find_pieces(
     volume = math.nan
     if all(shell.is_watertight for shell in shells):
         volume = sum(abs(shell.volume) for shell in shells)
+
     convex = [shell.vertices for shell in shells if _is_convex(shell)]
     if len(convex) > MAX_PIECES:
         return [], whole, volume
+
     rest = [shell for shell in shells if not _is_convex(shell)]
     if not rest:
         return convex, None, volume
+
     return convex, _join(rest), volume
 
 
@@ -54,6 +57,7 @@ def _is_convex(shell: trimesh.Trimesh) -> bool:
     """Check if a mesh is closed and nearly fills its convex hull."""
     if not (shell.is_watertight and shell.volume):
         return False
+
     return bool(abs(shell.volume) > _CONVEX * ConvexHull(shell.vertices).volume)
 
 

@@ -43,6 +43,7 @@ class MeshSolid:
         """The volume of the mesh, or of its parts if it is not closed, m^3."""
         if np.isfinite(self.volume):
             return self.volume
+
         return sum(part.volume for part in self.parts)
 
 
@@ -61,6 +62,7 @@ def read_inside(file: Path, folder: Path, kind: str, max_mb: float = MAX_MB) -> 
 
     if not inside:
         raise UserError(f"{kind} {file} is not in folder {folder}; put it there")
+
     try:
         return read_untrusted(there, int(max_mb * 1e6))
     except UserError as error:
@@ -104,6 +106,7 @@ def load_solid(
         faces = found[f"f{number}"].astype(np.int64)
         if determinant < 0:  # mirrored
             faces = faces[:, ::-1]
+
         mesh = Mesh(found[f"v{number}"] @ change.T, faces)
         red, green, blue, opacity = found[f"c{number}"].tolist()
         if np.isnan(red):
@@ -114,6 +117,7 @@ def load_solid(
     pieces = _list_parts(found)
     if "rest_v" in found:
         pieces += _cut(found["rest_v"], found["rest_f"], file)
+
     hulls = [trimesh.convex.convex_hull(corners @ change.T) for corners in pieces]
     parts = tuple(map(Mesh.from_trimesh, hulls))
 
@@ -137,6 +141,7 @@ def _list_parts(found: dict[str, Array]) -> list[Array]:
     parts = list[Array]()
     while f"p{len(parts)}" in found:
         parts.append(found[f"p{len(parts)}"])
+
     return parts
 
 

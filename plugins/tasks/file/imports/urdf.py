@@ -144,9 +144,11 @@ class _UrdfBodies:
         kind: Literal["hinge", "slider"] = "hinge"
         if joint.kind == "prismatic":
             kind = "slider"
+
         bearer = None
         if parent in bodies:
             bearer = self._prefix + parent
+
         found = Joint(
             self._prefix + joint.name,
             kind,
@@ -158,6 +160,7 @@ class _UrdfBodies:
         )
         if joint.kind == "continuous" or _turns_freely(joint):
             return found
+
         lower, upper = joint.range
         return replace(found, lower=lower, upper=upper, start=_start(joint))
 
@@ -204,6 +207,7 @@ class _UrdfBodies:
         solid = load_solid(shape.shape, self._folder, shape.scale, drawn_only=drawn)
         if drawn:
             return [Geom(mesh, pose, known or color) for mesh, known in solid.drawn]
+
         return [Geom(part, pose, color) for part in solid.parts]
 
 
@@ -211,6 +215,7 @@ def _turns_freely(joint: RobotJoint) -> bool:
     """Check if a joint's limits let it turn a whole turn."""
     if joint.kind != "revolute":
         return False
+
     lower, upper = joint.range
     return upper - lower >= 2 * math.pi
 
@@ -219,6 +224,7 @@ def _start(joint: RobotJoint) -> float:
     """Return the position at which a joint starts, rad or m: the one in its range next to 0."""
     if joint.kind not in ("revolute", "prismatic"):
         return 0.0
+
     lower, upper = joint.range
     return min(max(0.0, lower), upper)
 
@@ -227,5 +233,6 @@ def _moved(joint: RobotJoint) -> Pose:
     """Return how a joint's start moves what hangs from it."""
     if joint.kind == "prismatic":
         return Pose(joint.direction * _start(joint))
+
     turn = Rotation.from_rotvec(joint.direction * _start(joint))
     return Pose.from_rotation(np.zeros(3), turn)
