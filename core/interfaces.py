@@ -38,6 +38,7 @@ from core.values.jobs import (
     JointTrajectory as JointTrajectory,
     Outcome as Outcome,
     Perception as Perception,
+    PlannedMotion as PlannedMotion,
     Pushes as Pushes,
     Recording as Recording,
     Rollout as Rollout,

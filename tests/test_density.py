@@ -85,8 +85,8 @@ def measure(folder):
 @pytest.mark.parametrize(
     ("folder", "nodes", "in_thousand_lines"),
     [
-        ("core", 79_500, 3_500),
-        ("plugins", 196_000, 3_800),
+        ("core", 78_050, 3_500),
+        ("plugins", 197_455, 3_800),
         ("tasks", 20_500, 4_450),
     ],
 )

@@ -1,1 +1,1 @@
-"""Try candidates: rollout, playback, guards, several tasks, pictures."""
+"""Try candidates: rollout, playback, several tasks, pictures."""

@@ -8,17 +8,24 @@ from functools import cached_property, lru_cache, partial
 
 from core.design import Candidate, DesignError, Tool
 from core.designs.plan_rules import check_motion
-from core.designs.planning import resolve
+from core.designs.planning import call_part, resolve
 from core.designs.start import SpawnRules
-from core.interfaces import Outcome, Rollout, RolloutSettings, Simulator, Task
+from core.interfaces import (
+    Guards,
+    Outcome,
+    PlannedMotion,
+    Rollout,
+    RolloutSettings,
+    Simulator,
+    Task,
+)
 from core.robot.trajectory import Motion, plan_task_motion
 from core.scene import Scene
-from core.simulation.guards import PlannedGuards
 from core.solids.contacts import Contacts
 from core.solids.penetration import Finding
 from core.solids.record_rate import MAX_HZ
 from core.solids.self_collision import find_self_collision
-from core.trial import Condition, Status, Trial, Where
+from core.trial import Condition, Status, Trial
 from core.values.traces import TRACE_HZ
 
 # Layouts and engines share what is made of one plan. A task of a third party may not be hashable.
@@ -58,8 +65,7 @@ def prepare(
 
     if waypoints.guards:
         check = partial(check_motion, task, tool, scene, settings)
-        guards = PlannedGuards(
-            plan,
+        planned = PlannedMotion(
             waypoints,
             motion,
             task,
@@ -68,6 +74,7 @@ def prepare(
             scene,
             check,
         )
+        guards = call_part(plan, "make_guards", Guards, planned)
 
     job = Rollout(
         tool,
@@ -87,7 +94,7 @@ class Stage:
 
     def __init__(self, condition: Condition) -> None:
         self.condition = condition
-        self.where: Where = condition.where
+        self.where = condition.where
         self.settings = condition.settings
 
     @property
@@ -228,7 +235,7 @@ def _check_start(stage: Stage, tool: Tool) -> None:
 def follow_guards(stage: Stage, attempt: Attempt) -> None:
     """Take the motion as it was played, and check what guards changed."""
     guards = attempt.job.guards
-    if not isinstance(guards, PlannedGuards) or guards.motion is attempt.motion:
+    if guards is None or guards.motion is attempt.motion:
         return
 
     attempt.motion = guards.motion

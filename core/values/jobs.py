@@ -5,15 +5,16 @@ Plugins import all of it from `core.interfaces`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 
 from core.errors import UsageError, check_positive, choices
 from core.geometry import Array
+from core.values.plans import Waypoints
 from core.values.states import State
 from core.values.tools import Tool
 
@@ -67,10 +68,21 @@ class Felt(NamedTuple):
         return f"waypoint {self.waypoint}: {what} {self.at_s:.2f} s, with {self.force_n:.1f} N at the flange"
 
 
+@runtime_checkable
 class Guards(Protocol):
-    """The guards of a motion, while it is played (`core.simulation.guards`)."""
+    """What feels while a motion is played, and changes it; a plan makes it (`ActionPlan.make_guards`).
+
+    Attributes:
+        felt: how guards ended so far.
+        problem: why the rest could not be planned; the motion ended there.
+    """
 
     felt: tuple[Felt, ...]
+    problem: str | None
+
+    @property
+    def motion(self) -> Any:
+        """The `core.robot.trajectory.Motion` as it is planned now; after a rollout, as it was played."""
 
     @property
     def since(self) -> float:
@@ -93,6 +105,30 @@ class Guards(Protocol):
 
 
 FEEL_S = 0.01  # between two readings
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedMotion:
+    """A motion with guards as it is planned before anything is felt, and what it is planned from.
+
+    Attributes:
+        waypoints: what the plan means in this layout.
+        motion: a `core.robot.trajectory.Motion` through them, as if no guard fired.
+        task: a `core.task.Task`, whose robot moves.
+        layout: its seed.
+        settings: how the plan is executed.
+        scene: a `core.scene.Scene`, the layout.
+        check: raises a `core.design.DesignError` for a motion that can't be played on with, and when it would begin,
+            seconds.
+    """
+
+    waypoints: Waypoints
+    motion: Any
+    task: Any
+    layout: int
+    settings: RolloutSettings
+    scene: Any
+    check: Callable[[JointTrajectory, float], object]
 
 
 @dataclass(frozen=True, eq=False)

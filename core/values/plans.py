@@ -9,11 +9,14 @@ import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
 from core.geometry import Array, Pose
+
+if TYPE_CHECKING:
+    from core.values.jobs import Guards, PlannedMotion
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,7 @@ class Guard:
 class ActionPlan(ABC):
     """A motion as a function of what is seen of the layout. It is picklable, a frozen dataclass, and never changed.
 
-    A plan with guards resolves again, with more that was felt, each time a guard ends.
+    A plan whose waypoints have guards makes what feels, too, and is resolved again each time a guard ends.
     """
 
     # The name of the representation that reads it, as in ``action=NAME``.
@@ -82,6 +85,10 @@ class ActionPlan(ABC):
         Raises:
             core.design.DesignError: it needs something that is not there; says what, and in which waypoint.
         """
+
+    def make_guards(self, planned: PlannedMotion) -> Guards:
+        """Make what feels while a motion with guards is played; for plans whose waypoints have some."""
+        raise NotImplementedError("its waypoints have guards, and nothing feels them")
 
     @abstractmethod
     def dump(self) -> list[Any]:

@@ -25,13 +25,16 @@ from core.interfaces import (
     Anchor,
     Brief,
     Guard,
+    Guards,
     Numbers,
+    PlannedMotion,
     Seen,
     Tempo,
     Waypoints,
 )
 from core.support.templates import fill
 from core.support.text import kind, shorten
+from plugins.actions.guards import PlannedGuards
 from plugins.actions.waypoints import MOST, STEPS
 
 WORLD = "world"
@@ -244,6 +247,9 @@ class AnchoredPlan(ActionPlan):
             guards = ()
 
         return Waypoints(np.array(rows), self._tempo(), guards)
+
+    def make_guards(self, planned: PlannedMotion) -> Guards:
+        return PlannedGuards(self, planned)
 
     @property
     def anchors(self) -> tuple[Anchor, ...]:

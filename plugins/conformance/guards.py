@@ -2,21 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from core.design import Candidate
+from core.designs.planning import named_actions, parse_plan
 from core.geometry import Array, Box
-from core.interfaces import (
-    Feel,
-    Guard,
-    Outcome,
-    RolloutSettings,
-    Simulator,
-    Tempo,
-    Waypoints,
-)
+from core.interfaces import Feel, JsonObject, Outcome, RolloutSettings, Simulator
 from core.scene import Body
 from core.simulation.attempt import prepare
 from core.values.jobs import FEEL_S
@@ -32,17 +23,13 @@ _STOP_M = 0.003  # within so much of the wall a touch ends: the way in two readi
 _STRONG_N = 40.0  # friction holds the cube with 5 N
 
 
-def _played(
-    simulator: Simulator, rows: Array, guards: tuple[Guard | None, ...], *bodies: Body
-) -> Outcome:
-    """Play waypoints, each approached slowly, with guards.
-
-    They are literal, so that they are the same wherever a guard ends.
+def _played(simulator: Simulator, steps: list[JsonObject], *bodies: Body) -> Outcome:
+    """Play a plan with guards.
 
     Args:
-        simulator: plays them.
-        rows: the waypoints, (N, 6).
-        guards: one for each, or None; the way to one with a guard is slow.
+        simulator: plays it.
+        steps: the waypoints, as ``action=anchored`` has them; in the world, so that they are the same wherever a guard
+            ends.
         bodies: of the scene.
 
     Raises:
@@ -54,18 +41,12 @@ def _played(
 
     task = Bodies(*bodies)
     settings = RolloutSettings(settle_s=0.1, hold_s=0.3, feel=Feel(noise=0.05))
-    unguarded = [guard is None for guard in guards]
-    speeds = np.where(unguarded, np.nan, _SPEED)
-    tempo = replace(Tempo.usual(len(rows)), speeds=speeds)
-    candidate = Candidate(stick(_STICK), Waypoints(rows, tempo, guards))
+    actions = named_actions({"action": "anchored"})
+    plan = parse_plan(actions, steps, gripper=False)
+    candidate = Candidate(stick(_STICK), plan)
     _, job = prepare(task, candidate, 0, settings, 1 / FEEL_S)
 
     return play(simulator, task, job)
-
-
-def _rows(*places: tuple[float, float, float]) -> Array:
-    """Make waypoints (N, 6) at places, m, with the mount upright."""
-    return np.array([[*place, 0.0, 0.0, 0.0] for place in places])
 
 
 def _mount(outcome: Outcome, at_s: float) -> Array:
@@ -89,12 +70,9 @@ def check_that_touch_ends_at_a_wall(simulator: Simulator) -> None:
     """
     block = make_body("block", Box((0.2, 0.2, _TOP)), (0.55, 0.0, _TOP / 2))
 
-    high = (0.55, 0.0, _FROM)
-    low = (0.55, 0.0, _STICK + _TOP / 2)
-    touch = Guard("touch")
-    outcome = _played(
-        simulator, _rows(high, low, high, low), (None, touch, None, touch), block
-    )
+    high = {"offset": [0.55, 0.0, _FROM]}
+    low = {"offset": [0.55, 0.0, _STICK + _TOP / 2], "speed": _SPEED, "until": "touch"}
+    outcome = _played(simulator, [high, low, high, low], block)
     _expect_fired(outcome, "touch", "touch")
     instants = [felt.at_s for felt in outcome.felt]
     ends = [_mount(outcome, at_s)[2] for at_s in (*instants, np.inf)]
@@ -115,10 +93,14 @@ def check_that_force_ends_a_push(simulator: Simulator) -> None:
     pushed = cube("cube", (0.55, 0.0, 0.05), mass=1.0)
     wall = make_body("wall", Box((0.05, 0.6, 0.2)), (0.75, 0.0, 0.1))
 
-    rows = _rows((0.42, 0.0, _STICK + 0.03), (0.72, 0.0, _STICK + 0.03))
-    outcome = _played(
-        simulator, rows, (None, Guard("force", newtons=_STRONG_N)), pushed, wall, floor
-    )
+    before = {"offset": [0.42, 0.0, _STICK + 0.03]}
+    push = {
+        "offset": [0.72, 0.0, _STICK + 0.03],
+        "speed": _SPEED,
+        "until": "force",
+        "newtons": _STRONG_N,
+    }
+    outcome = _played(simulator, [before, push], pushed, wall, floor)
     _expect_fired(outcome, "force")
     ended = _mount(outcome, outcome.felt[0].at_s)[0]
     near(f"where a push of a cube to {_STRONG_N} N ends, x in m", ended, 0.615, 0.005)

@@ -25,7 +25,6 @@ from core.robot.kinematics import arm_of, link_frames
 from core.robot.trajectory import Motion
 from core.scene import Soft, State
 from core.simulation.attempt import prepare
-from core.simulation.guards import PlannedGuards
 from core.task import reward_of
 from core.trial import Evaluation
 from plugins.listeners.rerun.layout import design_text, layout
@@ -326,7 +325,7 @@ def replay(
     if outcome.recording is None:
         raise ValueError(outcome.error or "no recording came back")
 
-    if isinstance(job.guards, PlannedGuards):
+    if job.guards is not None:
         motion = job.guards.motion  # as it was played
 
     return motion, outcome, outcome.recording

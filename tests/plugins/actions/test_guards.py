@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from core.design import Candidate, Tool
+from core.design import Candidate, DesignError, Tool
 from core.geometry import Box
-from core.interfaces import Feel, Perception, RolloutSettings
+from core.interfaces import Feel, Guard, Perception, RolloutSettings, Waypoints
 from core.robot.trajectory import plan_task_motion
 from core.scene import Body
 from core.simulation.attempt import Stage, plan_attempt, prepare
@@ -154,6 +154,12 @@ def test_an_engine_that_plays_no_guards_says_so():
     )
 
 
+def test_guards_need_a_plan_that_makes_what_feels():
+    literal = Waypoints(np.array([[0.5, 0, 0.45, 0, 0, 0]]), guards=(Guard("touch"),))
+    with pytest.raises(DesignError, match=r"make_guards raised .* nothing feels"):
+        prepare(Block(), Candidate(TOOL, literal), 0, RolloutSettings())
+
+
 def test_what_would_take_too_long_after_a_guard_ends_the_motion_there():
     """The block is 0.1 m higher than the plan takes it to be: a way of nothing becomes one of 25 s."""
     far = {"anchor": "block", "offset": [0, 0, 0.2], "speed": 0.004}
@@ -197,7 +203,7 @@ def test_the_rest_follows_without_a_pause_where_a_guard_before_it_never_fires(
     engine, way, monkeypatch
 ):
     planned = []
-    plan = "core.simulation.guards.plan_task_motion"
+    plan = "plugins.actions.guards.plan_task_motion"
     monkeypatch.setattr(
         plan,
         lambda points, *args: (

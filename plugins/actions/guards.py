@@ -12,7 +12,6 @@ counts, so that one peak of an impact does not fire a guard.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -25,14 +24,12 @@ from core.interfaces import (
     Felt,
     Guard,
     JointTrajectory,
-    RolloutSettings,
-    Task,
+    PlannedMotion,
     Tempo,
     Waypoints,
 )
 from core.robot.kinematics import Arm, arm_of
 from core.robot.trajectory import Begin, Motion, plan_task_motion
-from core.scene import Scene
 from core.values.jobs import FEEL_S
 
 _NOISE = 9  # keeps these random numbers apart from others of the same seed
@@ -54,55 +51,38 @@ class PlannedGuards:
         since: when the way to the next guard begins, seconds; infinity: there is none.
     """
 
-    def __init__(
-        self,
-        plan: ActionPlan,
-        waypoints: Waypoints,
-        motion: Motion,
-        task: Task,
-        seed: int,
-        settings: RolloutSettings,
-        scene: Scene,
-        check: Callable[[JointTrajectory, float], object],
-    ) -> None:
+    def __init__(self, plan: ActionPlan, planned: PlannedMotion) -> None:
         """Take a plan with what is planned of it.
 
         Args:
             plan: what is resolved anew each time that a guard ended.
-            waypoints: what the plan means before anything is felt.
-            motion: through these waypoints, as if no guard fired.
-            task: whose robot moves.
-            seed: of the layout.
-            settings: how a plan is executed.
-            scene: the layout.
-            check: raises a `DesignError` for a motion that can't be played on with, and when it would begin, seconds.
+            planned: its motion as if no guard fired.
         """
-        self._check = check
+        self._planned = planned
+        self._settings = planned.settings
         self._resolve = partial(
             resolve,
             plan,
-            task,
-            seed,
-            settings,
-            scene,
+            planned.task,
+            planned.layout,
+            planned.settings,
+            planned.scene,
         )
-        self._task = task
-        self._seed = seed
-        self._settings = settings
-        self._planned = waypoints, motion
-        self._arm = arm_of(task.robot)
+        self._arm = arm_of(planned.task.robot)
         self.begin()
 
     def begin(self) -> JointTrajectory:
         """See `core.interfaces.Guards`."""
-        self._waypoints, self.motion = self._planned
+        self._waypoints = self._planned.waypoints
+        motion: Motion = self._planned.motion
+        self.motion = motion
         self.felt: tuple[Felt, ...] = ()
         self.problem: str | None = None
         self._poses: tuple[Pose | None, ...] = ()
-        self._random = np.random.default_rng([self._seed, _NOISE])
+        self._random = np.random.default_rng([self._planned.layout, _NOISE])
         self._find_next(0)
 
-        return self.motion.trajectory
+        return motion.trajectory
 
     @property
     def _tempo(self) -> Tempo:
@@ -317,8 +297,8 @@ class PlannedGuards:
         try:
             self._waypoints = self._resolve(self._poses)
             rest = self._choose_rest(count)
-            motion = plan_task_motion(rest, self._task, self._settings, begin)
-            self._check(motion.trajectory, stop.duration)
+            motion = plan_task_motion(rest, self._planned.task, self._settings, begin)
+            self._planned.check(motion.trajectory, stop.duration)
         except DesignError as error:
             self.problem = f"after the guard of waypoint {count}: {error}"
             return None
