@@ -201,7 +201,10 @@ def _prepare_job(stage: Stage, attempt: Attempt) -> None:
         if refusal is not None:
             raise DesignError(refusal)
 
-    _check_start(stage, candidate.tool)
+    fault = _find_start_fault(stage, candidate.tool)
+    if fault is not None:
+        raise DesignError(fault)
+
     motion, job = prepare(
         stage.task, candidate, condition.layout, settings, scene=stage.scene
     )
@@ -223,13 +226,15 @@ def _prepare_job(stage: Stage, attempt: Attempt) -> None:
     attempt.job = job
 
 
-def _check_start(stage: Stage, tool: Tool) -> None:
-    """Refuse a tool that does not start clear of everything in this scene."""
+@lru_cache(maxsize=64)  # the candidates of a chunk share their tool
+def _find_start_fault(stage: Stage, tool: Tool) -> str | None:
+    """Say what a tool does not start clear of in this scene; None: it is clear."""
     try:
         stage.spawn_rules.check(tool)
     except DesignError as error:
         place = "" if stage.condition.change is None else "in the perturbed scene, "
-        raise DesignError(f"{place}{error}") from error
+        return f"{place}{error}"
+    return None
 
 
 def follow_guards(stage: Stage, attempt: Attempt) -> None:
