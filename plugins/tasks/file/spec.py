@@ -42,13 +42,7 @@ from plugins.tasks.file.spans import Bound, Least
 from plugins.tasks.file.tree import Tree, Where
 from plugins.tasks.file.vessels import Vessel
 
-STRICT = ConfigDict(
-    extra="forbid",
-    strict=True,
-    allow_inf_nan=False,
-    frozen=True,
-    use_attribute_docstrings=True,
-)
+STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 MAX_BODIES = 100
 MAX_PARTS = 100
 MAX_COPIES = 200  # of all bodies together, too
@@ -246,7 +240,8 @@ def _named(variations: dict[str, Any]) -> dict[str, Any]:
 class _Spec(BaseModel):
     """A part of a scene file: no other keys than its own, and numbers that are numbers."""
 
-    model_config = STRICT
+    # Pydantic searches the source of each such model, also of one that has none and is made here.
+    model_config = ConfigDict(**STRICT, use_attribute_docstrings=True)
 
 
 SphereSpec = Annotated[Sphere, _read_round(Sphere)]
