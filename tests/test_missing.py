@@ -37,6 +37,7 @@ def test_what_needs_it_says_what_to_install(package, words, line, tmp_path):
     assert len(done.stderr.splitlines()) == 1
 
 
+@pytest.mark.thorough
 def test_a_plan_with_a_tempo_is_rejected_where_toppra_is_missing(tmp_path):
     design = ROOT / "tests/tasks/hardtoolbench/StopCart.json"
     words = ["core", "evaluate", "task=StopCart", f"designs={design}", "sim=mujoco"]

@@ -9,11 +9,10 @@ from core.interfaces import Outcome, Simulator
 from plugins.conformance.worlds import GRAVITY
 from tests.benchmarks.exactness import main, measure
 from tests.panda import PANDA
-from tests.rare import rare
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("engine", rare(["mujoco", "sapien"], "mujoco"))
+@pytest.mark.thorough
+@pytest.mark.parametrize("engine", ["mujoco", "sapien"])
 def test_the_stored_figures_are_those_of_the_engine(engine):
     pytest.importorskip(engine)
     measured = measure(

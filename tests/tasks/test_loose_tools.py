@@ -13,6 +13,7 @@ from core.simulation.attempt import prepare
 from tasks.bring_cube import SIDE
 from tests.engines import every_simulator, mujoco_first, simulator
 from tests.playing import evaluate_batch
+from tests.rare import rare
 
 SHAPES = Path(__file__).parent / "solutions" / "shapes"
 TOOLS = {
@@ -46,10 +47,7 @@ def play(name, engine, candidate):
 
 
 @mujoco_first
-@pytest.mark.parametrize(
-    "name",
-    ["tongs", *(pytest.param(n, marks=pytest.mark.slow) for n in ("ladle", "scraper"))],
-)
+@pytest.mark.parametrize("name", rare(TOOLS, "tongs"))
 def test_it_solves_its_task_without_a_penetration(name, engine):
     evaluation = play(name, engine, candidate_of(name))
     assert evaluation.reward >= 0.9

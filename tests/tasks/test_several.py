@@ -12,6 +12,7 @@ from tests.rare import rare
 FILES = sorted((Path(__file__).parent / "solutions" / "several").glob("*.json"))
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize("file", rare(FILES, FILES[0]), ids=lambda file: file.stem)
 def test_one_tool_does_three_tasks(file: Path) -> None:

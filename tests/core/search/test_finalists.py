@@ -33,7 +33,6 @@ from core.values.margins import Margin
 from plugins.conformance.evaluations import tried_once
 from tests.executors import Inline
 from tests.playing import Named
-from tests.rare import rare
 
 
 def earn(condition, candidates):
@@ -121,6 +120,7 @@ def test_of_27_that_fail_in_the_same_layouts_the_one_that_holds_is_found():
     assert sum(tried.values()) < 2 * 27
 
 
+@pytest.mark.thorough
 @given(st.integers(0, 1000), st.integers(2, 8))
 @settings(max_examples=30, deadline=None)
 def test_with_time_enough_nobody_is_better_in_the_layouts_of_the_choice(seed, count):
@@ -329,9 +329,9 @@ WORDS += [
 WORDS += ["evolution.tie=1", "film=false", "listener=[]", "prompt.picture=false"]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.usefixtures("inline")
-@pytest.mark.parametrize("elites", rare([0, 2], 0))
+@pytest.mark.parametrize("elites", [0, 2])
 def test_a_run_interrupted_among_elites_or_finalists_keeps_their_trials(
     elites, tmp_path, monkeypatch
 ):

@@ -25,6 +25,7 @@ SMALL = [
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("inline")]
 
 
+@pytest.mark.thorough
 def test_two_runs_send_the_same_prompts_byte_by_byte(tmp_path):
     sent = []
     for name in ("one", "other"):

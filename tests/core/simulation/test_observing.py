@@ -84,6 +84,7 @@ HARD = {  # reference solutions that are shifted, m, and what is said first
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", rare(["mujoco", "pybullet", "sapien"], "mujoco"))
 def test_of_twelve_failures_on_hard_tasks_the_first_words_name_the_cause(engine):

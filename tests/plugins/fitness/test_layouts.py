@@ -213,6 +213,7 @@ def test_the_prompt_says_what_varies_and_what_counts():
     assert "its lowest reward, in the engine where that is the lowest" in text
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.usefixtures("inline")
 def test_a_run_says_what_its_best_earns_in_unseen_layouts(tmp_path, capsys):

@@ -385,6 +385,7 @@ def test_a_mark_shows_where_a_guard_ended_until_the_next_rollout(
     assert cleared["positions"] == []
 
 
+@pytest.mark.thorough
 def test_a_soft_body_is_shown_by_its_nodes_as_they_move(tmp_path):
     engine, task = (
         installed().create("sim", "mujoco"),

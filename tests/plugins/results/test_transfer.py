@@ -126,6 +126,7 @@ def test_every_design_in_every_engine_with_every_change(tmp_path):
     assert f"{far['design']}, BringCube, panda: {far['reason']}" in lines
 
 
+@pytest.mark.thorough
 def test_the_nominal_reward_is_what_evaluate_says_and_workers_change_nothing(tmp_path):
     words = [f"designs={SOLUTION}", SIMS, "seeds=[1,2]"]
     results = [transfer(settings([*words, f"executor.workers={n}"])) for n in (1, 2)]

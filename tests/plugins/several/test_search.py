@@ -82,6 +82,7 @@ def test_the_embedded_designers_tools_have_parts_for_the_tasks_side_by_side(foun
     assert set(last) == set(NAMES)
 
 
+@pytest.mark.thorough
 def test_the_best_design_earns_the_same_again_together_and_in_each_task(found):
     folder, result = found
     same = ["sim=mujoco", "rollout.hold_s=0.2", "executor.workers=1"]
@@ -149,6 +150,7 @@ def test_export_writes_one_tool_and_a_motion_for_each_task(found, tmp_path):
 # --- with toys ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "words", rare([{"executor.fails_at": 2}, {"vlm.limit": 4}], {"vlm.limit": 4})
 )

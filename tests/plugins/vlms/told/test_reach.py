@@ -1,4 +1,5 @@
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,7 +14,11 @@ from plugins.vlms.told.reach import PITCHES, compute_reach, span_at, turns_at
 from tests.panda import ARM, PANDA
 
 HOME = Pose(np.array([0.5, 0.0, 0.5]))
-REACH = compute_reach(ARM)
+
+
+@cache
+def reach():
+    return compute_reach(ARM)
 
 
 def missed(*waypoints):
@@ -28,7 +33,7 @@ def missed(*waypoints):
     ("height", "pitch"), [(0.0, -0.5), (0.1, 0.0), (0.3, 0.5), (0.5, -0.8), (0.5, 0.8)]
 )
 def test_a_motion_reaches_both_edges_in_every_direction(height, pitch, azimuth):
-    span = REACH[height][pitch]
+    span = reach()[height][pitch]
     x, y = np.cos(azimuth), np.sin(azimuth)
     middle = (span.least + span.most) / 2
     way = [
@@ -45,7 +50,7 @@ def test_a_motion_reaches_both_edges_in_every_direction(height, pitch, azimuth):
 def test_no_other_posture_reaches_farther(height, pitch):
     """From thirty random postures: the outer edge is the arm's, not that of one way to it."""
     beyond = Pose.xyz_rpy(
-        (REACH[height][pitch].most + 0.05, 0.0, height), (0.0, pitch, 0.0)
+        (reach()[height][pitch].most + 0.05, 0.0, height), (0.0, pitch, 0.0)
     )
     rng = np.random.default_rng(0)
     found = [ARM.inverse(beyond, rng.uniform(ARM.lower, ARM.upper)) for _ in range(30)]
@@ -56,19 +61,19 @@ def test_no_other_posture_reaches_farther(height, pitch):
 def test_the_reach_is_that_of_the_base(at):
     """Distances go from its axis, ahead of it; heights are the world's."""
     elsewhere = arm_of(replace(PANDA, base=Pose.xyz_rpy(at, (0.0, 0.0, 0.7))))
-    reach = compute_reach(elsewhere, (0.0,))
+    moved = compute_reach(elsewhere, (0.0,))
     # Low ones are out of reach.
-    assert min(reach) == {0.0: 0.0, 0.9: 0.6, -0.1: 0.0}[at[2]]
-    for height, row in reach.items():
-        if (own := round(height - at[2], 1)) in REACH:
-            assert row[0.0] == REACH[own][0.0]
+    assert min(moved) == {0.0: 0.0, 0.9: 0.6, -0.1: 0.0}[at[2]]
+    for height, row in moved.items():
+        if (own := round(height - at[2], 1)) in reach():
+            assert row[0.0] == reach()[own][0.0]
 
 
 def test_an_arm_of_six_joints():
     arm = arm_of(installed().create("robot", "ur5"))
-    reach = compute_reach(arm, (0.0, 0.5))
-    assert reach[0.1][0.0].most == pytest.approx(0.9, abs=0.03)
-    pose = Pose.xyz_rpy((reach[0.1][0.5].most, 0.0, 0.1), (0.0, 0.5, 0.0))
+    found = compute_reach(arm, (0.0, 0.5))
+    assert found[0.1][0.0].most == pytest.approx(0.9, abs=0.03)
+    pose = Pose.xyz_rpy((found[0.1][0.5].most, 0.0, 0.1), (0.0, 0.5, 0.0))
     assert arm.inverse(pose, arm.home).error_m < 0.004
 
 

@@ -87,7 +87,9 @@ def blank(**view):
 @pytest.mark.parametrize(
     ("task", "name", "body", "size"),
     [
-        ("LidAndBall", "front", "ball", (0.044, 0.044)),  # in a pot with a lid
+        pytest.param(  # in a pot with a lid
+            *("LidAndBall", "front", "ball", (0.044, 0.044)), marks=pytest.mark.thorough
+        ),
         ("PastGlasses", "side", "glass_6", (0.048, 0.16)),  # clear, in a cupboard
         ("OpenLatch", "front", "door", (0.06, 0.014)),  # its slot
     ],
