@@ -86,7 +86,7 @@ def measure(folder):
     ("folder", "nodes", "in_thousand_lines"),
     [
         ("core", 78_050, 3_500),
-        ("plugins", 197_455, 3_800),
+        ("plugins", 197_470, 3_800),
         ("tasks", 20_500, 4_450),
     ],
 )
