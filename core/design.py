@@ -12,6 +12,7 @@ import numpy as np
 from core.values.plans import ActionPlan, Waypoints, digest
 from core.values.tools import (
     GRIPPER_MOUNTS as GRIPPER_MOUNTS,
+    MAX_JOINTS as MAX_JOINTS,
     RIGID_MOUNT as RIGID_MOUNT,
     TOOL_FRICTION as TOOL_FRICTION,
     Bearer as Bearer,

@@ -114,6 +114,10 @@ class Configs(Protocol):
         """Read designs that are not spelled as they were asked for: a `core.designs.replies.Reader`, ``designs``."""
 
     @hookspec
+    def tool_rules(self) -> Factories:
+        """Refuse tools: a `core.designs.rules.ToolRule`, which every tool must pass."""
+
+    @hookspec
     def critics(self) -> Factories:
         """Say before each generation what fails, with ``prompt.critic``: makes a `core.search.designer.Critic`."""
 

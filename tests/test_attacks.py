@@ -21,7 +21,7 @@ from tests.engines import mujoco_first, simulator
 from tests.playing import evaluate_batch
 
 FOLDER = Path(__file__).parent / "attacks"
-RULE, NO_RULE = "core.designs.rules.check_joints", lambda *_: None
+RULE, NO_RULE = "plugins.tools.joint_rules.check_joints", lambda *_: None
 # Springs are played in the steps of an engine as those of others.
 COARSE = "plugins.simulators.mujoco.model.choose_step", lambda _, step: step
 # What stops an attack, what takes its place, and what each of its plans earns then in MuJoCo.

@@ -8,6 +8,7 @@ import shlex
 import tomllib
 from collections import Counter
 from pathlib import Path
+from types import ModuleType
 
 import nbclient
 import nbformat
@@ -17,6 +18,8 @@ import yaml
 from PIL import Image
 
 from core.config.compose import load
+from core.design import DesignError
+from core.designs.rules import check_tool
 from core.errors import UsageError
 from core.geometry import Cylinder, Mesh, Sphere
 from core.goals import Away, JointAt, Kept, Placed, Reach, Turned, Untouched
@@ -25,6 +28,7 @@ from core.plugins import Plugins, installed
 from core.scene import Body, Box, Camera, Geom, Joint, Pose, Scene, State, Trace
 from docs import build, names
 from docs.diagrams import DRAWINGS
+from plugins.conformance.scenery import stick
 from plugins.conformance.suites import examine
 from plugins.new.packages import write as write_package
 from plugins.trying.prompt import PromptConfig
@@ -32,6 +36,7 @@ from tests.commands import python_m, warm_python
 from tests.core.run_folders import write_run
 from tests.outside_arm import write_arm
 from tests.packages import install
+from tests.panda import PANDA
 
 pytestmark = pytest.mark.slow
 
@@ -195,7 +200,7 @@ def test_each_kind_of_block_is_looked_at():
         "paper.md": {"bibtex": 2, "yaml": 1},
         "from_photograph.md": {"yaml": 1},
         "plans.md": {"json": 3},
-        "plugins.md": {"python": 2, "toml": 1},
+        "plugins.md": {"python": 3, "toml": 1},
         "layouts.md": {"json": 1},
         "python.md": {"python": 2},
         "scene_files.md": {"yaml": 10},
@@ -280,6 +285,17 @@ def test_drawings_are_up_to_date(name):
     assert (ROOT / f"docs/images/{name}.svg").read_text() == DRAWINGS[name](), (
         "python docs/build.py diagrams"
     )
+
+
+def test_the_rule_of_a_lab_refuses_what_its_printer_can_not_make(monkeypatch):
+    lab = ModuleType("lab")
+    exec(blocks(ROOT / "docs/plugins.md", "python")[2], vars(lab))
+    plugins = Plugins()
+    plugins.register(lab, "lab", "this process")
+    monkeypatch.setattr("core.designs.rules.installed", lambda: plugins)
+    check_tool(stick(0.2), PANDA)
+    with pytest.raises(DesignError, match=r"'stick' is .* long: make it of two"):
+        check_tool(stick(0.3), PANDA)
 
 
 def test_example_plugin_works(tmp_path, monkeypatch, capsys):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from core.design import DesignError
 from core.designs.plan_rules import check_plan, check_tempo
-from core.errors import RAISED, UserError, in_line
+from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import (
     ActionPlan,
@@ -23,21 +22,11 @@ from core.interfaces import (
     Waypoints,
 )
 from core.plugins import ACTION, PluginPart, describe_part
+from core.plugins.blame import judge_design
 from core.scene import Scene
 from core.support.text import kind, shorten
 
 NO_PLAN = Waypoints(np.empty((0, 6)))  # of a candidate whose plan can't be read
-
-# Errors of the machine, in any representation: they say nothing about a design.
-_MACHINE = {
-    errno.ENOSPC,
-    errno.EDQUOT,
-    errno.EMFILE,
-    errno.ENFILE,
-    errno.ENOMEM,
-    errno.EIO,
-    errno.EROFS,
-}
 
 # Keep these random numbers apart from others of the same seed.
 _NOISE = 7
@@ -67,23 +56,14 @@ def call_part(part: object, method: str, wanted: type, *args: Any, **named: Any)
     """Call a method of a plugin's part that reads a design: a bug there costs the design, not the run.
 
     Raises:
-        DesignError: the method raised something, errors of the machine apart, or returned nothing of the type
-            ``wanted``; the message names its plugin.
+        DesignError: see `judge_design`; or the method returned nothing of the type ``wanted``.
     """
-    try:
-        value = getattr(part, method)(*args, **named)
-    except (DesignError, MemoryError):
-        raise
-    except RAISED as error:
-        if getattr(error, "errno", None) in _MACHINE:
-            raise
-        raise DesignError(
-            f"{describe_part(part)}: {method} raised {in_line(error)}"
-        ) from error
+    owner = f"{describe_part(part)}: {method}"
+    value = judge_design(owner, getattr(part, method), *args, **named)
 
     if not isinstance(value, wanted):
         raise DesignError(
-            f"{describe_part(part)}: {method} gave {shorten(repr(value))}; expected {wanted.__name__}"
+            f"{owner} gave {shorten(repr(value))}; expected {wanted.__name__}"
         )
 
     return value

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -11,11 +11,11 @@ import numpy as np
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
 from core.designs.statics import Beams, check_weight, corners
-from core.designs.tool_joints import MAX_GAP_M, check_joints
 from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import Robot, Task, ToolRepresentation
-from core.plugins import describe_part
+from core.plugins import describe_part, installed
+from core.plugins.blame import judge_design
 from core.robot.solids import (
     Solid,
     closest,
@@ -59,6 +59,9 @@ MAX_BEND_M_N = 0.01
 MAX_LOAD_N = 10.0
 """The force at any end that a real material must bear."""
 
+MAX_GAP_M = 0.001
+"""The largest gap between a component and its parent."""
+
 MAX_MOUNT_GAP_M = 0.002
 """The largest gap between a component and the mount that it hangs from."""
 
@@ -68,12 +71,15 @@ MAX_FAULTS = 10
 NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 """What a component may be called: prompts, messages and robot descriptions hold a name as it is."""
 
+ToolRule = Callable[[Tool, Robot, Material], None]
+"""Refuses a tool for an arm, of a material, by a `DesignError` that says what is wrong, where, and how to mend it."""
+
 
 def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
     """Check that an arm can bear a tool of ``material``, with the masses that it has.
 
     Checked are number, sizes, masses and extent of its components, contacts, stiffness, and of a real material the
-    moment about the mount and strength.
+    moment about the mount and strength. Then follow the rules that plugins offer (`ToolRule`).
 
     Raises:
         DesignError: all rules that are broken, as far as they can be checked together.
@@ -100,8 +106,11 @@ def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
         joints = check_contacts(tool, robot)
     faults.refuse()
 
-    with faults.collect():
-        check_joints(tool, material, mount_solids(tool, robot))
+    plugins = installed()
+    for name, rule in plugins.factories("tool_rule").items():
+        with faults.collect():
+            owner = plugins.offers["tool_rule", name].owner
+            judge_design(owner, rule, tool, robot, material)
     with faults.collect():
         _check_stiffness(tool, joints, material)
     faults.refuse()

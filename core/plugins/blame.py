@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import sys
 import traceback
 from collections.abc import Callable, Iterator
@@ -11,10 +12,22 @@ from typing import Any
 
 import pluggy
 
+from core.design import DesignError
 from core.errors import RAISED, UserError, in_line
 from core.hooks import Command, hookimpl
 from core.plugins.registry import Offer, Plugins, describe_part, installed
 from core.support.cli import say
+
+# Errors of the machine, in the code of any plugin: they say nothing about a design.
+_MACHINE = {
+    errno.ENOSPC,
+    errno.EDQUOT,
+    errno.EMFILE,
+    errno.ENFILE,
+    errno.ENOMEM,
+    errno.EIO,
+    errno.EROFS,
+}
 
 
 class PluginError(Exception):
@@ -48,6 +61,25 @@ def _module(offer: Offer) -> str:
     factory = offer.factory
     code = factory.main if isinstance(factory, Command) else factory
     return code.partition(":")[0] if isinstance(code, str) else code.__module__
+
+
+def judge_design(
+    owner: str, judge: Callable[..., Any], *args: Any, **named: Any
+) -> Any:
+    """Call a plugin's code that reads or judges a design: a bug there costs the design, not the run.
+
+    Raises:
+        DesignError: the code raised it, or something else, errors of the machine apart; then the message names its
+            ``owner``.
+    """
+    try:
+        return judge(*args, **named)
+    except (DesignError, MemoryError):
+        raise
+    except RAISED as error:
+        if getattr(error, "errno", None) in _MACHINE:
+            raise
+        raise DesignError(f"{owner} raised {in_line(error)}") from error
 
 
 @contextmanager

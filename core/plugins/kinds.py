@@ -123,6 +123,7 @@ HOOKS = {
     "levels": "level",
     "prompt_values": "prompt_value",
     "readers": "reader",
+    "tool_rules": "tool_rule",
     "critics": "critic",
     "exports": "export",
 }

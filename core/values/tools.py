@@ -14,6 +14,7 @@ from core.values.plans import content_of, digest
 RIGID_MOUNT = "tool_mount"
 GRIPPER_MOUNTS = ("left_finger", "right_finger")
 TOOL_FRICTION = 0.5  # of printed plastic
+MAX_JOINTS = 8  # of a tool; engines make room for so many
 
 
 class DesignError(ValueError):

@@ -1,8 +1,13 @@
 """How models write tools: ``tool=urdf``, ``tool=boxes`` and ``tool=solids``; and given tools, for which only plans are
-designed: ``tool=none``, ``tool=known`` and ``tool=rlbench``.
+designed: ``tool=none``, ``tool=known`` and ``tool=rlbench``. And the rules for joints of tools.
 """
 
 from core.hooks import Factories, hookimpl
+
+
+@hookimpl
+def tool_rules() -> Factories:
+    return {"joints": "plugins.tools.joint_rules:check_joints"}
 
 
 @hookimpl

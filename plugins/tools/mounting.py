@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from core.design import RIGID_MOUNT, DesignError, Tool
-from core.designs import rules, statics, tool_joints
+from core.designs import rules, statics
 from core.designs.plan_rules import MAX_ANGLE_RAD
 from core.geometry import Array
 from core.interfaces import Brief, Robot
@@ -17,6 +17,7 @@ from core.robot.extents import fingers_of
 from core.support.templates import fill
 from core.support.text import short_number
 from core.values.materials import Material
+from plugins.tools import joint_rules
 
 
 def check_angles(angles: Iterable[float], where: str) -> None:
@@ -73,7 +74,7 @@ def instruct(template: str, brief: Brief, material: Material, **given: Any) -> s
         elites=brief.elites,
         weight=weight,
         payload=statics.mass_limit(robot, material)[0],
-        share=tool_joints.spring_share(material),
+        share=joint_rules.spring_share(material),
         **given,
     )
 
@@ -90,8 +91,8 @@ def describe_weight(material: Material, robot: Robot) -> str:
 
 
 def _write(template: str, /, **given: Any) -> str:
-    """Fill in a template, which finds the limits of `core.designs.rules` and `core.designs.tool_joints` by name."""
-    limits = {**vars(rules), **vars(tool_joints)}
+    """Fill in a template, which finds the limits of tools and of their joints by the names of their rules."""
+    limits = {**vars(rules), **vars(joint_rules)}
     return fill("plugins.tools", template, **{**limits, **given})
 
 

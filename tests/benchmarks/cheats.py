@@ -29,12 +29,6 @@ from core.config.compose import engines, load, part
 from core.design import RIGID_MOUNT, Candidate, Component, DesignError, Tool, ToolJoint
 from core.designs.reading import dump_design, read_designs
 from core.designs.springs import measure_lightness
-from core.designs.tool_joints import (
-    LIMITS,
-    MAX_DECAY,
-    MAX_HZ,
-    MAX_SPRINGS_J,
-)
 from core.errors import choices
 from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
 from core.interfaces import Numbers, RolloutSettings, Simulator, Task
@@ -43,6 +37,12 @@ from core.support.cli import arguments, command
 from core.trial import Evaluation
 from plugins.actions.anchored import AnchoredPlan, Step
 from plugins.strategies.refined.moves import move
+from plugins.tools.joint_rules import (
+    LIMITS,
+    MAX_DECAY,
+    MAX_HZ,
+    MAX_SPRINGS_J,
+)
 from plugins.tools.varying import tool_numbers, vary_tool
 from tests.benchmarks import measuring
 from tests.benchmarks.absurd import MEASURES, Watched, tried

@@ -12,7 +12,9 @@ from core.designs.start import SpawnRules
 from core.errors import UserError
 from core.geometry import Box, Cylinder, Mesh, Pose, Sphere
 from core.interfaces import Task
+from core.plugins import Plugins
 from core.scene import Body, Geom, Scene, table
+from tests.core.plugins.offering import Offering
 from tests.panda import PANDA, on_panda
 
 WAYPOINT = [0.5, 0, 0.3, 0, 0, 0]
@@ -34,6 +36,18 @@ class CubeOnTable(Task):
 
     def reward(self, start, end):
         return np.zeros(start.positions.shape[:-2])
+
+
+def test_a_rule_of_a_plugin_that_fails_costs_the_design(monkeypatch):
+    plugins = Plugins()
+    broken = Offering(tool_rules={"printer": lambda tool, robot, material: 1 / 0})
+    plugins.register(broken, "lab", "my-lab")
+    monkeypatch.setattr("core.designs.rules.installed", lambda: plugins)
+    with pytest.raises(
+        DesignError,
+        match="tool_rule 'printer' of my-lab raised ZeroDivisionError: division by zero",
+    ):
+        check_tool(Tool((box(),)), PANDA)
 
 
 def box(

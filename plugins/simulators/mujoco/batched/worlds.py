@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from core.designs.tool_joints import MAX_JOINTS
+from core.design import MAX_JOINTS
 from core.geometry import Array
 from core.simulation.playback import LAG_EVERY, Schedule
 from plugins.simulators.mujoco.batched.engine import mujoco_warp, warp

@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from core.design import Component, DesignError, Tool, ToolJoint
-from core.designs.rules import check_tool, mount_solids
+from core.designs.rules import check_tool
 from core.designs.springs import bound_speeds, measure_lightness
 from core.designs.start import SpawnRules
-from core.designs.tool_joints import check_joints
 from core.geometry import Box, Pose
 from core.values.materials import PAPER, Material
 from plugins.conformance.releases import hinged, sliding
+from plugins.tools.joint_rules import check_joints
 from tests.core.designs.test_rules import CubeOnTable
 from tests.panda import PANDA, on_panda
 from tests.tongs import tongs
@@ -134,21 +134,20 @@ PLA = Material("pla", 1240, young_pa=2.5e9, strength_pa=26e6)
 def test_springs_and_dampers_are_as_strong_as_those_that_one_can_buy_or_print(
     joint, fault, material
 ):
-    rules = {name: list(solids) for name, solids in mount_solids(Tool(), PANDA).items()}
     with pytest.raises(DesignError, match=fault):
-        check_joints(heavy(joint), material, rules)
+        check_joints(heavy(joint), PANDA, material)
 
 
 def test_all_springs_of_a_tool_share_an_energy():
     one = heavy(hinge(stiffness=1.4, lower=-0.1, upper=0.1, rest=1.4))
-    check_joints(one, PAPER, mount_solids(one, PANDA))
+    check_joints(one, PANDA, PAPER)
     again = replace(
         one.components[1], name="other", pose=Pose(np.array([-0.05, 0.0, 0.0]))
     )
     with pytest.raises(
         DesignError, match=r"springs hold 3.15 J .* give 'block' a smaller range"
     ):
-        check_joints(Tool((*one.components, again)), PAPER, mount_solids(one, PANDA))
+        check_joints(Tool((*one.components, again)), PANDA, PAPER)
 
 
 @pytest.mark.parametrize(
@@ -261,9 +260,9 @@ def test_what_bears_a_spring_or_damper_gives_way_too(resisting, fault):
     """Both sides count: between 65 g and 1 g, PyBullet made 100 m/s of half a millijoule."""
     tool = on_carriage(0.001, **resisting)
     with pytest.raises(DesignError, match=f"component 'hammer' has too .*{fault}"):
-        check_joints(tool, PAPER, mount_solids(tool, PANDA))
+        check_joints(tool, PANDA, PAPER)
     heavier = on_carriage(0.065, **resisting)
-    check_joints(heavier, PAPER, mount_solids(heavier, PANDA))
+    check_joints(heavier, PANDA, PAPER)
 
 
 def test_what_bears_a_spring_gives_way_where_it_is_lightest():
@@ -282,9 +281,9 @@ def test_springs_make_nothing_faster_than_engines_can_follow():
     assert bound_speeds(tool) == pytest.approx(23.5, abs=0.1)
     fault = "springs could make 'paddle' 23.5 m/s fast; at most 13 m/s"
     with pytest.raises(DesignError, match=fault):
-        check_joints(tool, PAPER, mount_solids(tool, PANDA))
+        check_joints(tool, PANDA, PAPER)
     heavier = sprung_paddle(0.15)
-    check_joints(heavier, PAPER, mount_solids(heavier, PANDA))
+    check_joints(heavier, PANDA, PAPER)
 
 
 def sprung_paddle(mass):

@@ -11,9 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from core.design import Bearer, DesignError, Tool, ToolJoint
+from core.design import MAX_JOINTS, Bearer, DesignError, Tool, ToolJoint
+from core.designs.rules import MAX_GAP_M, mount_solids
 from core.designs.springs import bound_speeds, measure_levers, measure_lightness
 from core.geometry import Cylinder, Pose
+from core.interfaces import Robot
 from core.robot.solids import Solid, signed_distance, solid_geometry
 from core.values.materials import Material
 
@@ -61,7 +63,6 @@ LIMITS = {
         20.0,
     ),
 }
-MAX_JOINTS = 8
 MIN_MOVED_KG = 0.001
 # An engine's step is 2 to 5 ms: a spring or a damper that acts faster than that shakes or explodes in some.
 MAX_HZ = 20.0  # of what a spring moves, and what it hangs from gives way
@@ -70,7 +71,6 @@ MAX_DECAY = 100.0  # 1/s, at which a damper stops what it moves
 MAX_SPRUNG_M_S = 13.0
 MAX_SPRINGS_J = 2.0  # of all bought springs of a tool
 _PRINTED_M3 = 20e-6  # of material, from which the springs of a tool are made
-MAX_GAP_M = 0.001  # between a component and its parent
 MAX_PIN_M = 0.01  # from a hinge's axis to each of its two sides: an eye around a pin
 _STEP_M = 0.005  # between places in which the two sides of a joint must touch
 _FEWEST_STEPS = 9
@@ -90,15 +90,13 @@ def spring_share(material: Material) -> float:
     return min(1.0, energy / MAX_SPRINGS_J)
 
 
-def check_joints(
-    tool: Tool, material: Material, mounts: Mapping[str, Sequence[Solid]]
-) -> None:
+def check_joints(tool: Tool, robot: Robot, material: Material) -> None:
     """Check the joints of a tool.
 
     Args:
         tool: its joints, and what they move.
+        robot: what it hangs from.
         material: what its springs are made of.
-        mounts: the solids of what it hangs from, by their names, each in its own frame.
 
     Raises:
         DesignError: the first rule that is broken.
@@ -126,7 +124,8 @@ def check_joints(
 
     _check_springs(tool, share * MAX_SPRINGS_J)
 
-    solids = {name: list(mounts.get(name, ())) for name in tool.borne_on}
+    mounts = mount_solids(tool, robot)
+    solids = {name: mounts.get(name, []) for name in tool.borne_on}
 
     for part in tool.parts:
         solid = Solid(part.component, solid_geometry(part.shape), part.pose)
