@@ -52,6 +52,17 @@ def pytest_collection_modifyitems(config, items):
         config.hook.pytest_deselected(items=rare)
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Halve the tests in their order, and let the process that is done first take some of the other's."""
+    if config.option.dist != "load":
+        return None
+
+    from xdist.scheduler import WorkStealingScheduling
+
+    return WorkStealingScheduling(config, log)
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item, call):
     """Skip tests that need PyBullet where it is not installed: there are no wheels for Python 3.12 and newer."""
