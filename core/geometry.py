@@ -162,11 +162,14 @@ class Pose:
         return hash((self.position.tobytes(), self.quaternion.tobytes()))
 
 
-def _positive(**lengths: float) -> None:
-    """Refuse lengths that are not positive numbers, by their names."""
+def _check_lengths(shape: _Solid, **lengths: float) -> None:
+    """Refuse lengths of a shape that are not positive numbers, by their names."""
+    kind = type(shape).__name__.lower()
     for name, value in lengths.items():
         if not 0 < value < math.inf:
-            raise ValueError(f"{name} must be a positive length in metres, got {value}")
+            raise ValueError(
+                f"{kind}: {name} must be a positive length in metres, got {value}"
+            )
 
 
 class _Solid:
@@ -274,7 +277,7 @@ class Box(_Solid):
 
     def __post_init__(self) -> None:
         x, y, z = (float(side) for side in self.size)
-        _positive(x=x, y=y, z=z)
+        _check_lengths(self, x=x, y=y, z=z)
         object.__setattr__(self, "size", (x, y, z))
 
 
@@ -286,7 +289,7 @@ class _Round(_Solid):
     """
 
     def __post_init__(self) -> None:
-        _positive(**vars(self))
+        _check_lengths(self, **vars(self))
 
 
 @dataclass(frozen=True)

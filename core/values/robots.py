@@ -8,13 +8,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
-from pathlib import Path
 
 from core.errors import UsageError, check_positive
 from core.geometry import Cylinder, Pose
 from core.values.descriptions import Description
-from core.values.urdf import read_description
 
 LINK_FRICTION = 0.5  # of an arm's links
 
@@ -89,7 +86,7 @@ class Robot:
     Attributes:
         name: as in ``robot=NAME``.
         title: as people call it, with its maker.
-        urdf: its description, with absolute paths of meshes. Collision meshes count as their convex hulls.
+        description: its links and joints, with absolute paths of meshes. Collision meshes count as their convex hulls.
         arm_joints: the names of its J joints, from the base to the flange.
         home: joints (J,) from which inverse kinematics starts, in radians: it chooses elbow and wrist, and they stay.
         acceleration_limits: of each joint (J,), rad/s^2.
@@ -112,7 +109,7 @@ class Robot:
 
     name: str
     title: str
-    urdf: str = field(repr=False)
+    description: Description = field(repr=False)
     arm_joints: tuple[str, ...]
     home: tuple[float, ...]
     acceleration_limits: tuple[float, ...]
@@ -147,15 +144,6 @@ class Robot:
 
     def __hash__(self) -> int:
         return hash((self.name, self.base, self.mount, self.home))
-
-    @cached_property
-    def description(self) -> Description:
-        """The links and joints of ``urdf``.
-
-        Raises:
-            UserError: the text is no URDF, or something in it is wrong.
-        """
-        return read_description(self.urdf.encode(), Path(f"{self.name}.urdf"))
 
     @property
     def finger_joints(self) -> tuple[str, ...]:

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import math
 import os
-import re
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Any
@@ -33,6 +32,7 @@ from core.values.descriptions import (
     Limits,
     Mimic,
     Origin,
+    Primitive,
     RobotJoint,
     RobotLink,
     RobotShape,
@@ -42,7 +42,6 @@ from core.values.descriptions import (
 MAX_BYTES = 10_000_000
 _MAX_ELEMENTS = 50_000
 MAX_NUMBER = 1e6  # of any unit; keeps products finite
-NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 _KINDS = (*MOVING, "fixed", "floating", "planar")
 _NO_MOMENTS = dict.fromkeys(MOMENTS, 0.0)
 _PACKAGE_PATHS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
@@ -73,49 +72,53 @@ def read_xml(data: bytes, file: Path) -> Element:
     return root
 
 
-def read_description(
-    data: bytes, file: Path, taken: Collection[str] | None = None
+def read_tree(
+    root: Element, name: str = "", find: Callable[[str], Path] = Path
 ) -> Description:
-    """Read a URDF that lies at ``file``.
+    """Read links and joints, the children of ``root``.
 
     Args:
-        data: the text.
-        file: where it lies; meshes are found from there.
-        taken: names that are refused, as are odd ones. None: the text is a robot's, where any name goes, and meshes are
-            looked for when they are needed.
+        root: of the URDF.
+        name: of the robot, if ``root`` has none.
+        find: finds the file of a mesh, as `find_mesh` does; by default the name is the path.
 
     Raises:
-        UserError: it is no URDF, or something in it is wrong; says what, where, and how to mend it.
+        UserError: something is wrong; says what, where, and how to mend it.
     """
-    root = read_xml(data, file)
     if root.tag != "robot":
         tag = shorten(root.tag)[1:-1]
-        raise UserError(f"{file} is no URDF: its root is <{tag}> instead of <robot>")
+        raise UserError(f"it is no URDF: its root is <{tag}> instead of <robot>")
 
-    try:
-        return read_tree(root, file, taken)
-    except UserError as error:
-        raise type(error)(f"{file}: {error}") from error
+    colors = {}
+    for element in root.iter("material"):
+        if element.find("color") is not None:
+            colors[element.get("name", "")] = _read_color(element)
 
+    links = {}
+    for link, element in _find_named(root, "link").items():
+        with _inside(f"link {link!r}"):
+            links[link] = _read_link(element, link, colors, find)
 
-def read_tree(
-    root: Element, file: Path, taken: Collection[str] | None = None
-) -> Description:
-    """Read links and joints, the children of ``root``; see `read_description`."""
-    links = _find_named(root, "link", taken)
-    joints: dict[str, _Part] = {}  # by child, as their parents
-    parents: dict[str, list[str]] = {}
-    for joint in _find_named(root, "joint", taken).values():
-        parent = _find_end(joint, "parent", links)
-        child = _find_end(joint, "child", links)
-        if child in joints:
+    joints: dict[str, RobotJoint] = {}  # by child
+    for label, element in _find_named(root, "joint").items():
+        with _inside(f"joint {label!r}"):
+            joint = _read_joint(element, label, links)
+
+        if joint.child in joints:
             raise UserError(
-                f"link {child!r} hangs on two joints, so that links form a loop; a URDF is a tree"
+                f"link {joint.child!r} hangs on two joints, so that links form a loop; a URDF is a tree"
             )
+        joints[joint.child] = joint
 
-        joints[child] = joint
-        parents[child] = [parent]
+    _check_tree(links, joints)
+    return Description(root.get("name") or name, links, joints)
 
+
+def _check_tree(
+    links: Mapping[str, RobotLink], joints: Mapping[str, RobotJoint]
+) -> None:
+    """Refuse loops, and anything but one link that hangs on no joint."""
+    parents = {child: [joint.parent] for child, joint in joints.items()}
     try:
         TopologicalSorter(parents).prepare()
     except CycleError as error:
@@ -129,167 +132,121 @@ def read_tree(
             f"{len(roots)} links have no parent: {found}; an arm has one base, join the others to it with fixed joints"
         )
 
-    colors = {}
-    for element in root.iter("material"):
-        if element.find("color") is not None:
-            colors[element.get("name", "")] = _read_color(element)
 
-    where = file if taken is not None else None
-    return Description(
-        str(root.get("name") or file.stem),
-        {name: _read_link(link, name, colors, where) for name, link in links.items()},
-        {
-            child: _read_joint(joint, parents[child][0], child)
-            for child, joint in joints.items()
-        },
-    )
+@contextmanager
+def _inside(where: str) -> Iterator[None]:
+    """Say in the messages of errors where they are."""
+    try:
+        yield
+    except UserError as error:
+        raise type(error)(f"{where}: {error}") from error
+    except ValueError as error:
+        raise UserError(f"{where}: {error}") from error
 
 
-@dataclass(frozen=True)
-class _Part:
-    """An element of a description, and where it stands, for messages."""
-
-    element: Element
-    where: str
-
-    def find(self, tag: str) -> _Part | None:
-        child = self.element.find(tag)
-        return None if child is None else _Part(child, f"{self.where}: {tag}")
-
-    def need(self, tag: str) -> _Part:
-        child = self.find(tag)
-        if child is None:
-            raise UserError(f"{self.where} has no <{tag}>")
-        return child
-
-    def numbers(
-        self, name: str, count: int, default: tuple[float, ...] | None = None
-    ) -> Any:
-        """Read an attribute of so many numbers.
-
-        Raises:
-            UserError: it is not there and has no ``default``, or is something else.
-        """
-        text = self.element.get(name)
-        if text is None:
-            if default is None:
-                raise UserError(f"{self.where}: {name} is missing")
-            return default
-
-        try:
-            values = tuple(map(float, text.split()))
-        except ValueError:
-            values = ()
-
-        plain = text.isascii() and "_" not in text
-        finite = all(abs(value) <= MAX_NUMBER for value in values)  # nan is not
-        if not (plain and finite and len(values) == count):
-            wanted = "a number" if count == 1 else f"{count} numbers"
-            raise UserError(
-                f"{self.where}: {name} is {shorten(text)}; expected {wanted}, finite and at most {MAX_NUMBER:g}"
-            )
-
-        return values
-
-    def positive(self, name: str, count: int = 1) -> Any:
-        """Read an attribute of so many lengths."""
-        values = self.numbers(name, count)
-        if min(values) <= 0:
-            raise UserError(
-                f"{self.where}: {name} is {min(values):g}; it must be greater than 0"
-            )
-        return values
-
-    def number(self, name: str, *default: float) -> float:
-        return float(self.numbers(name, 1, default or None)[0])
-
-    def fields(self, tag: str, **fields: Any) -> dict[str, Any]:
-        """Read the numbers that a child has of these, which have their defaults."""
-        child = self.find(tag)
-        if child is not None:
-            for name in fields.keys() & child.element.attrib.keys():
-                fields[name] = child.number(name)
-        return fields
-
-    def origin(self) -> Origin:
-        origin = self.find("origin")
-        if origin is None:
-            return Origin()
-        return Origin(origin.numbers("xyz", 3, ZERO), origin.numbers("rpy", 3, ZERO))
-
-
-def _find_named(
-    root: Element, tag: str, taken: Collection[str] | None
-) -> dict[str, _Part]:
+def _find_named(root: Element, tag: str) -> dict[str, Element]:
     """Find the elements of a kind by name."""
-    found: dict[str, _Part] = {}
+    found: dict[str, Element] = {}
+
     for element in root.findall(tag):
         name = element.get("name")
         if not name:
             raise UserError(f"a <{tag}> has no name")
-        if taken is not None and not NAME.fullmatch(name):
-            raise UserError(
-                f"{tag} name {shorten(name)} is not 1 to 64 letters, digits, '_', '.' or '-'; rename it"
-            )
-
-        if name in (taken or ()):
-            raise UserError(
-                f"{tag} {name!r} has a name that the program needs itself; rename it"
-            )
-
         if name in found:
             raise UserError(
                 f"two {tag}s are named {name!r}; each needs a name of its own"
             )
-
-        found[name] = _Part(element, f"{tag} {name!r}")
+        found[name] = element
 
     return found
 
 
-def _find_end(joint: _Part, tag: str, links: Collection[str]) -> str:
-    """Find the link at an end of a joint."""
-    end = joint.element.find(tag)
-    if end is None or "link" not in end.attrib:
-        raise UserError(f'{joint.where} names no {tag}; add <{tag} link="..."/>')
-    name = end.attrib["link"]
-    if name not in links:
-        raise choices("link", name, links, joint.where)
-    return name
+def _need(element: Element, tag: str) -> Element:
+    """Find a child that has to be there."""
+    child = element.find(tag)
+    if child is None:
+        raise UserError(f"it has no <{tag}>")
+    return child
+
+
+def _read_numbers(element: Element, name: str, count: int, *default: float) -> Any:
+    """Read an attribute of so many numbers.
+
+    Raises:
+        UserError: it is not there and has no ``default``, or is something else.
+    """
+    where = f"{element.tag}: {name}"
+    text = element.get(name)
+    if text is None:
+        if not default:
+            raise UserError(f"{where} is missing")
+        return default
+
+    try:
+        values = tuple(map(float, text.split()))
+    except ValueError:
+        values = ()
+
+    plain = text.isascii() and "_" not in text
+    finite = all(abs(value) <= MAX_NUMBER for value in values)  # nan is not
+    if not (plain and finite and len(values) == count):
+        wanted = "a number" if count == 1 else f"{count} numbers"
+        raise UserError(
+            f"{where} is {shorten(text)}; expected {wanted}, finite and at most {MAX_NUMBER:g}"
+        )
+
+    return values
+
+
+def _read_fields(element: Element, tag: str, **fields: Any) -> dict[str, Any]:
+    """Read the numbers that a child has of these, which have their defaults."""
+    child = element.find(tag)
+    if child is not None:
+        for name in fields.keys() & child.attrib.keys():
+            (fields[name],) = _read_numbers(child, name, 1)
+
+    return fields
+
+
+def _read_origin(element: Element) -> Origin:
+    origin = element.find("origin")
+    if origin is None:
+        return Origin()
+
+    xyz = _read_numbers(origin, "xyz", 3, *ZERO)
+    return Origin(xyz, _read_numbers(origin, "rpy", 3, *ZERO))
 
 
 def _read_link(
-    link: _Part, name: str, colors: Mapping[str, Color], file: Path | None
+    element: Element,
+    name: str,
+    colors: Mapping[str, Color],
+    find: Callable[[str], Path],
 ) -> RobotLink:
-    collisions = _read_shapes(link, "collision", colors, file)
-    visuals = _read_shapes(link, "visual", colors, file)
-    inertial = link.find("inertial")
+    collisions = _read_shapes(element, "collision", colors, find)
+    visuals = _read_shapes(element, "visual", colors, find)
+    inertial = element.find("inertial")
     if inertial is None:
         return RobotLink(name, Inertial(), collisions, visuals)
-    origin = inertial.origin()
-    mass = inertial.need("mass").number("value")
-    if mass < 0:
-        raise UserError(f"{inertial.where}: mass is {mass:g} kg; it can't be negative")
 
-    moments: Any = tuple(inertial.fields("inertia", **_NO_MOMENTS).values())
-    weight = Inertial(mass, origin.xyz, moments, origin.rpy)
+    with _inside("inertial"):
+        (mass,) = _read_numbers(_need(inertial, "mass"), "value", 1)
+        if mass < 0:
+            raise UserError(f"mass is {mass:g} kg; it can't be negative")
+
+        origin = _read_origin(inertial)
+        moments: Any = _read_fields(inertial, "inertia", **_NO_MOMENTS).values()
+
+    weight = Inertial(mass, origin.xyz, tuple(moments), origin.rpy)
     return RobotLink(name, weight, collisions, visuals)
 
 
 def _read_shapes(
-    link: _Part, tag: str, colors: Mapping[str, Color], file: Path | None
+    link: Element, tag: str, colors: Mapping[str, Color], find: Callable[[str], Path]
 ) -> tuple[RobotShape, ...]:
     shapes = []
-    for element in link.element.findall(tag):
-        part = _Part(element, f"{link.where}: {tag}")
-        geometry = part.need("geometry").element
-        if len(geometry) != 1:
-            raise UserError(
-                f"{part.where}: <geometry> needs one shape: box, sphere, cylinder or mesh; it has {len(geometry)}"
-            )
 
-        shape, scale = _read_geometry(part, geometry[0], file)
-
+    for element in link.findall(tag):
         color = None
         material = element.find("material")
         if material is not None:
@@ -297,41 +254,43 @@ def _read_shapes(
             if material.find("color") is not None:
                 color = _read_color(material)
 
-        shapes.append(RobotShape(shape, part.origin(), color, scale))
+        with _inside(tag):
+            shape, scale = _read_geometry(_need(element, "geometry"), find)
+            shapes.append(RobotShape(shape, _read_origin(element), color, scale))
 
     return tuple(shapes)
 
 
 def _read_geometry(
-    part: _Part, element: Element, file: Path | None
-) -> tuple[Box | Sphere | Cylinder | Path, Scale]:
-    where = part.where
-    shape = _Part(element, f"{where}: {element.tag}")
+    geometry: Element, find: Callable[[str], Path]
+) -> tuple[Primitive | Path, Scale]:
+    if len(geometry) != 1:
+        raise UserError(
+            f"<geometry> needs one shape: box, sphere, cylinder or mesh; it has {len(geometry)}"
+        )
 
+    (element,) = geometry
     match element.tag:
         case "box":
-            return Box(shape.positive("size", 3)), ONE
+            return Box(_read_numbers(element, "size", 3)), ONE
         case "sphere":
-            return Sphere(*shape.positive("radius")), ONE
+            return Sphere(*_read_numbers(element, "radius", 1)), ONE
         case "cylinder":
-            radius = shape.positive("radius")
-            return Cylinder(*radius, *shape.positive("length")), ONE
+            radius = _read_numbers(element, "radius", 1)
+            return Cylinder(*radius, *_read_numbers(element, "length", 1)), ONE
         case "mesh":
-            scale = shape.numbers("scale", 3, ONE)
+            scale = _read_numbers(element, "scale", 3, *ONE)
             if 0.0 in scale:
                 given = shorten(element.attrib["scale"])
-                raise UserError(f"{where}: mesh scale is {given}; no factor can be 0")
+                raise UserError(f"mesh scale is {given}; no factor can be 0")
 
-            name = element.get("filename") or ""
-            return Path(name) if file is None else find_mesh(name, file, where), scale
+            return find(element.get("filename", "")), scale
 
     tag = shorten(element.tag)[1:-1]
-    raise UserError(
-        f"{where}: <{tag}> is no shape of a URDF: use box, sphere, cylinder or mesh"
-    )
+    raise UserError(f"<{tag}> is no shape of a URDF: use box, sphere, cylinder or mesh")
 
 
-def find_mesh(name: str, file: Path, where: str) -> Path:
+def find_mesh(name: str, file: Path) -> Path:
     """Find a mesh as a URDF names it: absolute, relative to the URDF, ``file://``, or ``package://``.
 
     A package is a folder of its name that holds the URDF or lies beside or above it, or one in ROS_PACKAGE_PATH, or in
@@ -342,10 +301,10 @@ def find_mesh(name: str, file: Path, where: str) -> Path:
     """
     scheme, _, path = name.rpartition("://")
     if not path:
-        raise UserError(f"{where}: mesh has no filename that can be read")
+        raise UserError("mesh has no filename that can be read")
     if scheme not in ("", "file", "package"):
         raise UserError(
-            f"{where}: mesh {shorten(name)}: {scheme}:// is not read; give a path, or package://"
+            f"mesh {shorten(name)}: {scheme}:// is not read; give a path, or package://"
         )
 
     mend = ""
@@ -368,7 +327,7 @@ def find_mesh(name: str, file: Path, where: str) -> Path:
     holding = [f for f in folders if os.path.isdir(f / package)]  # noqa: PTH112
     wanted = visible(str((holding or folders)[0] / path))
     raise UserError(
-        f"{where}: there is no mesh file {wanted} (named {shorten(name, 200)}){mend}"
+        f"there is no mesh file {wanted} (named {shorten(name, 200)}){mend}"
     )
 
 
@@ -380,37 +339,52 @@ def _package_folders() -> Iterator[Path]:
             yield from (root, root / "share", root.parent)
 
 
-def _read_joint(joint: _Part, parent: str, child: str) -> RobotJoint:
-    kind = joint.element.get("type", "")
+def _read_joint(element: Element, name: str, links: Collection[str]) -> RobotJoint:
+    parent = _find_end(element, "parent", links)
+    child = _find_end(element, "child", links)
+    kind = element.get("type", "")
     if kind not in _KINDS:
-        raise choices("type", kind, _KINDS, joint.where)
+        raise choices("type", kind, _KINDS)
 
-    axis = joint.find("axis")
     direction = RobotJoint.axis
+    axis = element.find("axis")
     if axis is not None:
-        direction = axis.numbers("xyz", 3)
+        direction = _read_numbers(axis, "xyz", 3)
     if kind in MOVING and math.hypot(*direction) < 1e-6:
-        raise UserError(f"{joint.where}: its axis has length 0")
+        raise UserError("its axis has length 0")
 
-    mimic = joint.element.find("mimic")
-    factors = joint.fields("mimic", multiplier=1.0, offset=0.0)
-    spring = joint.fields("spring", stiffness=0.0, rest=0.0)
+    mimic = element.find("mimic")
+    factors = _read_fields(element, "mimic", multiplier=1.0, offset=0.0)
+    spring = _read_fields(element, "spring", stiffness=0.0, rest=0.0)
     return RobotJoint(
-        joint.element.get("name", ""),
+        name,
         kind,
         parent,
         child,
-        joint.origin(),
+        _read_origin(element),
         direction,
-        Limits(**joint.fields("limit", **Limits()._asdict())),
+        Limits(**_read_fields(element, "limit", **Limits()._asdict())),
         None if mimic is None else Mimic(mimic.get("joint", ""), **factors),
-        **joint.fields("dynamics", damping=0.0, friction=0.0),
-        spring=tuple(spring.values()) if joint.find("spring") else None,
+        **_read_fields(element, "dynamics", damping=0.0, friction=0.0),
+        spring=tuple(spring.values()) if element.find("spring") is not None else None,
     )
 
 
+def _find_end(joint: Element, tag: str, links: Collection[str]) -> str:
+    """Find the link at an end of a joint."""
+    end = joint.find(tag)
+    if end is None or "link" not in end.attrib:
+        raise UserError(f'it names no {tag}; add <{tag} link="..."/>')
+
+    name = end.attrib["link"]
+    if name not in links:
+        raise choices("link", name, links)
+    return name
+
+
 def _read_color(material: Element) -> Color:
-    part = _Part(material, f"material {shorten(material.get('name', ''))}")
-    rgba = part.need("color").numbers("rgba", 4)
+    with _inside(f"material {shorten(material.get('name', ''))}"):
+        rgba = _read_numbers(_need(material, "color"), "rgba", 4)
+
     red, green, blue, opacity = np.clip(rgba, 0.0, 1.0).tolist()
     return red, green, blue, opacity

@@ -14,7 +14,7 @@ import yaml
 
 from core.geometry import Pose
 from core.interfaces import ISO_9409_1_50, Gripper, Robot
-from plugins.robots.descriptions import description, mend
+from plugins.robots.descriptions import mend
 from plugins.robots.programs import program
 
 _HERE = files(__package__)
@@ -39,7 +39,7 @@ def _factory(name: str) -> Callable[[], Robot]:
         hand = dict(arm.pop("gripper", {}))
         return Robot(
             name=name,
-            urdf=mend(file, **changes) if changes else description(file),
+            description=mend(file, **changes),
             mount=mount,
             flange=replace(ISO_9409_1_50, **angles),
             gripper=Gripper(mount=_pose(hand.pop("mount")), **hand) if hand else None,

@@ -12,12 +12,11 @@ from typing import Any
 
 from core.errors import UserError
 from core.geometry import Cylinder
-from core.robot.writing import write
 from core.values.descriptions import Description, Inertial, Origin, RobotShape, rounded
-from core.values.urdf import read_description
+from core.values.urdf import read_tree, read_xml
 from plugins.robots.hulls import Job
 
-_PREFIX = "package://example-robot-data/"
+_PREFIX = b"package://example-robot-data/"
 
 
 @lru_cache(maxsize=1)
@@ -42,12 +41,12 @@ def robots_folder() -> Path:
 
 
 @lru_cache(maxsize=16)
-def description(file: str) -> str:
+def description(file: str) -> Description:
     """Read a description, such as ``panda_description/urdf/panda.urdf``, with absolute paths of its meshes."""
-    text = (robots_folder() / file).read_text(encoding="utf-8")
-    # Without an XML declaration, which names an encoding.
-    text = text[text.index("<robot") :]
-    return text.replace(_PREFIX, f"{robots_folder().parent}/")
+    path = robots_folder() / file
+    meshes = f"{robots_folder().parent}/".encode()
+    data = path.read_bytes().replace(_PREFIX, meshes)
+    return read_tree(read_xml(data, path), path.stem)
 
 
 def mend(
@@ -58,8 +57,8 @@ def mend(
     limits: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
     collisions: Mapping[str, str | Mapping[str, float]] = MappingProxyType({}),
     undrawn: Collection[str] = (),
-) -> str:
-    """Mend a description, and write it.
+) -> Description:
+    """Mend a description.
 
     Args:
         file: see `description`.
@@ -73,7 +72,7 @@ def mend(
     Raises:
         LookupError: a link is named that is not there.
     """
-    arm = read_description(description(file).encode(), robots_folder() / file)
+    arm = description(file)
     for name in (*drop, *inertials, *collisions):
         if name not in arm.links:
             raise LookupError(f"the description has no link {name!r}")
@@ -109,7 +108,7 @@ def mend(
             ends = joint.limits._replace(**exact)
             joints[child] = replace(joint, kind=kind, limits=ends)
 
-    return write(Description(arm.name, links, joints))
+    return Description(arm.name, links, joints)
 
 
 def _collision(given: str | Mapping[str, float]) -> RobotShape:

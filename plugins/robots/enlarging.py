@@ -10,13 +10,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from xml.etree.ElementTree import Element, tostring
+from xml.etree.ElementTree import Element
 
 from core.errors import UsageError
 from core.geometry import Pose
 from core.interfaces import Robot
+from core.robot.writing import write
 from core.values.descriptions import MOMENTS
-from core.values.urdf import read_xml
+from core.values.urdf import read_tree, read_xml
 
 # How numbers in a URDF grow, as powers of k.
 _POWERS = {
@@ -62,7 +63,7 @@ def describe_factor(k: float) -> str:
 
 def enlarge(robot: Robot, k: float) -> Robot:
     """Enlarge a robot ``k`` times; its flange stays."""
-    root = read_xml(robot.urdf.encode(), Path("robot"))
+    root = read_xml(write(robot.description).encode(), Path("robot"))
     for element in root.iter():
         _enlarge_numbers(element, _POWERS.get(element.tag, {}), k)
 
@@ -83,7 +84,7 @@ def enlarge(robot: Robot, k: float) -> Robot:
     return replace(
         robot,
         title=f"{robot.title}, {k:.3g} times as large",
-        urdf=tostring(root, encoding="unicode"),
+        description=read_tree(root),
         acceleration_limits=tuple(most / k for most in robot.acceleration_limits),
         motor_inertia=tuple(inertia * k**5 for inertia in robot.motor_inertia),
         mount=_enlarge_pose(robot.mount, k),

@@ -60,7 +60,7 @@ def read_source(chosen: ArmSettings) -> Source:
 
         leave_out(root, without)
         notes = find_meshes(root, path, chosen.collision == "file")
-        return Source(read_tree(root, path), notes)
+        return Source(read_tree(root, path.stem), notes)
     except UserError as error:
         raise type(error)(f"{path}: {error}") from error
 
@@ -129,24 +129,24 @@ def find_meshes(root: Element, file: Path, may_lack: bool) -> list[str]:
 
             where = f"link {link.get('name')!r}: {element.tag}"
             try:
-                mesh.set("filename", str(_find(mesh, file, where, near)))
+                mesh.set("filename", str(_find(mesh, file, near)))
             except UserError as error:
                 if element in drawn and (solid or may_lack):
-                    notes.append(f"not drawn: {error}")
+                    notes.append(f"not drawn: {where}: {error}")
                     link.remove(element)
                 else:
-                    wrong.append(error)
+                    wrong.append(UserError(f"{where}: {error}"))
 
     wrong.report()
     return notes + describe_near(near)
 
 
-def _find(mesh: Element, file: Path, where: str, near: dict[str, Path]) -> Path:
+def _find(mesh: Element, file: Path, near: dict[str, Path]) -> Path:
     """Find the file of a mesh; what is found elsewhere is noted in ``near``."""
     named = mesh.get("filename", "")
     plain = named.strip().replace("\\", "/")
     try:
-        return find_mesh(plain, file, where)
+        return find_mesh(plain, file)
     except UserError:
         alike = find_near(plain, file)
         if alike is None:

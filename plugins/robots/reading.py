@@ -12,7 +12,6 @@ from typing import Any
 from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import Gripper, Robot
-from core.robot.writing import write
 from core.support.cli import expand
 from core.support.text import clean
 from core.values.descriptions import Description
@@ -144,7 +143,7 @@ def build_unmounted(
     robot = Robot(
         name=name or title,
         title=title,
-        urdf=write(rename(whole, links, joints)),
+        description=rename(whole, links, joints),
         arm_joints=tuple(joints[joint.name] for joint in arm),
         home=parts.home,
         acceleration_limits=tuple(accelerations),

@@ -22,7 +22,7 @@ from core.scene import Body, Geom, Joint
 from core.support.cli import expand
 from core.support.sandbox import isolated
 from core.support.text import clean
-from core.values.urdf import MAX_BYTES, NAME, read_xml
+from core.values.urdf import MAX_BYTES, read_xml
 from plugins.tasks.file.imports import Imported
 from plugins.tasks.file.imports.bodies import joined_body
 from plugins.tasks.file.imports.solids import read_inside
@@ -252,11 +252,6 @@ class _Reading:
         """Make a body of all that is rigidly joined; None: nothing is there."""
         model = self._model
         name = self._names[head]
-        if not NAME.fullmatch(name.removeprefix(self._prefix)):
-            raise UserError(
-                f"body {name[:64]!r}: its name is not 1 to 64 letters, digits, '_', '.' or '-'; rename it"
-            )
-
         joints = model.body_jntnum[head]
         if joints > 1:
             raise UserError(

@@ -113,7 +113,7 @@ def build_tool(
     _add_mounts(root, mounts, aliases)
 
     try:
-        tree = read_tree(root, Path("tool_urdf"))
+        tree = read_tree(root)
     except UserError as error:
         raise DesignError(str(error)) from error
 

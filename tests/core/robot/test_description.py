@@ -10,7 +10,7 @@ from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.robot.description import assemble, assembled
 from core.robot.writing import write
-from core.values.urdf import read_description
+from core.values.urdf import read_tree, read_xml
 from tests.panda import ARM_JOINTS, FINGER_JOINTS, HOME_JOINTS, PANDA
 from tests.shapes import bowl, prism
 
@@ -213,7 +213,7 @@ def test_a_finger_with_any_inertia_keeps_it_when_fused():
         rpy=(0.3, -0.2, 0.5),
     )
     finger = replace(arm.links[name], inertial=own)
-    skewed = replace(PANDA, urdf=write(replace(arm, links=arm.links | {name: finger})))
+    skewed = replace(PANDA, description=replace(arm, links=arm.links | {name: finger}))
     apart, fused = (
         pin.buildModelFromXML(assemble(skewed, GRIPPER, visuals=False, fused=fused))
         for fused in (False, True)
@@ -247,7 +247,7 @@ def test_every_urdf_is_one_tree(tool, fused):
         set(arm.links) - {"panda_link0"},
         "panda_link0",
     )
-    again = read_description(write(arm).encode(), Path("again.urdf"))
+    again = read_tree(read_xml(write(arm).encode(), Path("again.urdf")))
     assert (set(again.links), again.joints) == (set(arm.links), arm.joints)
     for name, link in arm.links.items():
         assert (again.links[name].inertial, again.links[name].visuals) == (

@@ -1,11 +1,14 @@
 """The checks of robots find what is wrong. The built-in ones pass them in `tests/plugins/robots/test_robots.py`."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from core.plugins import installed
+from core.robot.writing import write
 from core.values.robots import Robot
+from core.values.urdf import read_tree, read_xml
 from plugins.conformance.suites import SUITES, examine
 
 pytestmark = pytest.mark.slow
@@ -16,11 +19,11 @@ def ur5(**changes: object) -> Robot:
 
 
 def rewritten(*changes: tuple[str, str]) -> Robot:
-    text = ur5().urdf
+    text = write(ur5().description)
     for old, new in changes:
         assert old in text
         text = text.replace(old, new)
-    return ur5(urdf=text)
+    return ur5(description=read_tree(read_xml(text.encode(), Path("ur5"))))
 
 
 def turned(joint: int, by: float) -> tuple[float, ...]:

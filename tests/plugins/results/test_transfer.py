@@ -147,11 +147,16 @@ def test_the_nominal_reward_is_what_evaluate_says_and_workers_change_nothing(tmp
 @pytest.fixture
 def arms(monkeypatch, tmp_path):
     """Offer two arms beside the Panda, and an engine and an executor of this process; gives the words that use them."""
-    stiff = panda().urdf.replace('type="prismatic"', 'type="fixed"')
+    arm = panda().description
+    fixed = {
+        child: replace(arm.joints[child], kind="fixed")
+        for child in panda().gripper.links
+    }
+    stiff = replace(arm, joints=arm.joints | fixed)
     robots = {
         "weak": lambda: replace(panda(), name="weak", payload_kg=0.002),
         "stiff": lambda: replace(
-            panda(), name="stiff", title="Stiff", gripper=None, urdf=stiff
+            panda(), name="stiff", title="Stiff", gripper=None, description=stiff
         ),
         "foreign": lambda: replace(panda(), name="foreign", aliases=()),
     }

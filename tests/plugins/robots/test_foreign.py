@@ -14,6 +14,7 @@ from core.errors import UserError
 from core.geometry import Pose
 from core.robot.kinematics import arm_of, link_frames
 from core.robot.solids import robot_solids
+from core.robot.writing import write
 from plugins.robots import home
 from plugins.robots.reading import read_robot
 from tests.outside_arm import FLANGE, HOME
@@ -151,7 +152,7 @@ def test_where_an_arm_of_mjcf_stands_in_its_world_means_nothing(tmp_path, caplog
     file.write_text(
         mjcf().replace('name="base"', 'name="base" pos="-0.5 0.2 0.7" euler="0 0 90"')
     )
-    assert read_robot(file, down).urdf == plain.urdf
+    assert read_robot(file, down).description == plain.description
     assert any("robot.base=[x,y,z,yaw] places it" in line for line in caplog.messages)
     with pytest.raises(UserError, match="no link 'nobody'"):
         read_robot(file, down, without=["nobody"])
@@ -712,7 +713,7 @@ def test_an_arm_that_is_enlarged_moves_as_it_does_itself(file):
 
 
 def model_of(robot):
-    model = pin.buildModelFromXML(robot.urdf)
+    model = pin.buildModelFromXML(write(robot.description))
     return model, model.createData()
 
 

@@ -305,10 +305,10 @@ HOSTILE = {
         A + link("b") + link("c") + joint("b", "c"),
         "no joint holds link 'b'",
     ),
-    "unknown child": (A + joint("a", "ghost"), "no link 'ghost' in joint 'a-ghost'"),
+    "unknown child": (A + joint("a", "ghost"), "joint 'a-ghost': no link 'ghost'"),
     "unknown parent": (
         link("a") + joint("ghost", "a"),
-        "no link 'ghost' in joint 'ghost-a'; possible: .*tool_mount",
+        "joint 'ghost-a': no link 'ghost'; possible: .*tool_mount",
     ),
     "hand as mount": (
         link("a") + joint("panda_hand", "a"),
@@ -340,7 +340,7 @@ HOSTILE = {
         link("a") + joint("tool_mount", "a", kind="revolute"),
         "'revolute'; tools are rigid",
     ),
-    "no type": (A.replace('type="fixed"', ""), "no type '' in joint"),
+    "no type": (A.replace('type="fixed"', ""), "': no type ''; possible"),
     "no parent": (
         A.replace('<parent link="tool_mount"/>', ""),
         'names no parent; add <parent link="..."',
@@ -351,7 +351,10 @@ HOSTILE = {
         "2 <origin> elements",
     ),
     "foreign element": (A + "<gazebo/>", "<gazebo> is not allowed"),
-    "massless inertial": (link("a", "<inertial/>") + HELD, "inertial has no <mass>"),
+    "massless inertial": (
+        link("a", "<inertial/>") + HELD,
+        "inertial: it has no <mass>",
+    ),
     "colour of three numbers": (
         link(
             "a", shape("visual", material='<material><color rgba="1 0 0"/></material>')
@@ -403,7 +406,7 @@ def test_bad_numbers(numbers, reason, place):
 
 @pytest.mark.parametrize("size", ["0 1 1", "-0.1 1 1"])
 def test_sides_are_positive(size):
-    with pytest.raises(DesignError, match="must be greater than 0"):
+    with pytest.raises(DesignError, match=r"box: [xyz] must be a positive length"):
         parse(
             link("a", shape("collision", f'<geometry><box size="{size}"/></geometry>'))
             + HELD

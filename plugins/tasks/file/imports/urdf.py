@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Container, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -14,11 +15,10 @@ from scipy.spatial.transform import Rotation
 
 from core.errors import UserError
 from core.geometry import Color, Pose
-from core.robot.description import RESERVED
 from core.scene import Body, Geom, Joint
 from core.support.cli import expand
 from core.values.descriptions import Description, RobotJoint, RobotLink, RobotShape
-from core.values.urdf import MAX_BYTES, read_description, read_xml
+from core.values.urdf import MAX_BYTES, find_mesh, read_tree, read_xml
 from plugins.tasks.file.imports.bodies import Imported, joined_body
 from plugins.tasks.file.imports.solids import KINDS, load_solid, read_inside
 
@@ -51,12 +51,13 @@ def read_urdf(
     file = expand(file).absolute()
     folder = folder or file.parent
     data = read_inside(file, folder, "URDF", MAX_BYTES / 1e6)
-    description = read_description(data, file, taken=RESERVED)
-    tags = Counter(str(element.tag) for element in read_xml(data, file))
+    root = read_xml(data, file)
+    tags = Counter(str(element.tag) for element in root)
     left = {tag: count for tag, count in tags.items() if tag not in _READ}
     notes = [f"left out: {count} <{tag[:40]}>" for tag, count in left.items()]
 
     try:
+        description = read_tree(root, find=partial(find_mesh, file=file))
         return _UrdfBodies(description, folder, prefix, notes).read(fixed)
     except (UserError, ValueError) as error:
         raise UserError(f"{file}: {error}") from error

@@ -133,7 +133,7 @@ def test_meshes_of_its_folder_are_read(tmp_path):
     ("text", "message"),
     [
         ("<", "malformed"),
-        (link("a&#10;b"), "is not 1 to 64 letters"),
+        (link("a&#10;b"), "its name is not of letters"),
         (
             link("a") + link("b", mass=1e5) + joint("j", "floating", "a", "b"),
             "'b' has 1e.05 kg",
