@@ -123,7 +123,7 @@ class Configs(Protocol):
 
     @hookspec
     def exports(self) -> Factories:
-        """Write the best design of a run as files: a `core.search.best.Export`."""
+        """Write what one takes from a run: called with its `Result`, its `Run` and its strategy at the end."""
 
     @hookspec
     def config_path(self) -> str:

@@ -397,7 +397,7 @@ def test_what_breaks_a_run_in_its_last_seconds_says_how_to_go_on(
         raise error
 
     with monkeypatch.context() as patched:
-        patched.setattr("core.search.best.save_design", broken)
+        patched.setattr("plugins.results.best.save_design", broken)
         with pytest.raises(error) as caught:
             begin(toy, folder)
     said = [str(caught.value), *getattr(caught.value, "__notes__", ())][-1]
@@ -453,7 +453,7 @@ def test_a_run_that_had_ended_and_was_killed_while_it_went_on_has_not_ended(
     begin(toy, folder)
     with monkeypatch.context() as patched:
         # Nothing after this is written.
-        patched.setattr("core.search.best.save_design", lambda *_: 1 / 0)
+        patched.setattr("plugins.results.best.save_design", lambda *_: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             resume(folder, ["budget.n_iteration=2"])
     resume(folder)

@@ -14,8 +14,8 @@ from core.config.resume import changed, hydra_config, refuse_stored_receivers
 from core.errors import UserError, fault
 from core.events import INTERRUPTED, Result
 from core.interfaces import Fitness
+from core.plugins import installed
 from core.plugins.blame import describe_failure, refuse_exit
-from core.search.best import save_best
 from core.search.evolution import evolve
 from core.search.finalists import FinalRace, try_unseen
 from core.search.outcome import Announcer, print_best, report_end, resume_hint
@@ -67,7 +67,7 @@ def run(
     hint = resume_hint(folder)
 
     try:
-        return run_search(search, store, film=cfg.film)
+        return run_search(search, store)
     except BrokenPipeError:  # who reads what is printed is gone
         raise
     except UserError as error:
@@ -88,7 +88,7 @@ def run(
 
 
 @refuse_exit()
-def run_search(search: Search, store: RunStore, *, film: bool) -> Result:
+def run_search(search: Search, store: RunStore) -> Result:
     """Run the loop, and write what it found."""
     run = search.run
     events = search.events
@@ -121,7 +121,8 @@ def run_search(search: Search, store: RunStore, *, film: bool) -> Result:
 
     result = replace(result, wall_time_s=store.seconds + result.wall_time_s)
     with writing(run.folder):
-        save_best(result, run, search.strategy, film=film)
+        for export in installed().factories("export").values():
+            export(result, run, search.strategy)
     events.hook.run_finished(run=run, result=result)
     exited = [proxy.exited for proxy in search.listeners if proxy.exited]
     if exited:

@@ -41,4 +41,4 @@ def fitness_functions() -> dict[str, str]:
 
 @hookimpl
 def exports() -> Factories:
-    return {"files": "plugins.results.artifacts:save_files"}
+    return {"best": "plugins.results.best:save_best"}

@@ -24,7 +24,7 @@ POSE_COLUMNS = ("x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "grippe
 def save_files(
     candidate: Candidate, robot: Robot, motion: Motion, folder: Path
 ) -> None:
-    """Write ``tool.urdf``, ``tool.stl``, ``robot.urdf`` with their meshes; see `core.search.best.Export`.
+    """Write ``tool.urdf``, ``tool.stl``, ``robot.urdf`` with their meshes, to a folder that is there.
 
     Of a fixture there is ``fixture.stl``, in its own frame.
     ``waypoints.csv`` has the waypoints of ``motion`` and when each is reached.
