@@ -235,6 +235,11 @@ class Tally:
     losses: dict[int, dict[str, float]] = field(default_factory=dict)
 
     @property
+    def count(self) -> int:
+        """In how many layouts it was tried."""
+        return len(self.losses)
+
+    @property
     def loss(self) -> float:
         """What it lost in all layouts, in the engine where that is most."""
         by_engine: dict[str, float] = {}
@@ -379,7 +384,7 @@ class Evaluation:
     def expected_loss(self) -> float:
         """What it is expected to miss of a reward of 1 in another layout, by Laplace's rule of succession."""
         lost = self.layouts * (1 - self.reward) + self.finals.loss
-        return (lost + 1) / (self.layouts + len(self.finals.losses) + 2)
+        return (lost + 1) / (self.layouts + self.finals.count + 2)
 
     def in_task(self, task: str) -> Evaluation:
         """Return what the candidate earned in one of its tasks, as the evaluation of its plan for that task alone."""
@@ -463,7 +468,7 @@ def best_first(evaluations: Iterable[Evaluation], tie: float = TIE) -> list[Eval
     """
     tried = [evaluation for evaluation in evaluations if evaluation.status == "ok"]
     tried.sort(key=lambda evaluation: evaluation.candidate.key)
-    raced = any(evaluation.finals.losses for evaluation in tried)
+    raced = any(evaluation.finals.count for evaluation in tried)
 
     def figures(evaluation: Evaluation) -> tuple[float, float]:
         reward = 1 - evaluation.expected_loss if raced else evaluation.reward

@@ -12,88 +12,84 @@ from core.design import Candidate, DesignError, Tool
 from core.designs.rules import check_tool
 from core.errors import LimitReached, UserError
 from core.events import INTERRUPTED, Generation, Result
-from core.interfaces import Budget, EvolutionStrategy, Fitness, Robot
+from core.interfaces import Budget, EvolutionStrategy, Robot
 from core.plugins import describe_part, installed
-from core.search.finalists import FinalRace, evaluate_in_race
-from core.search.trials import Trials
+from core.search.finalists import FIRST, Race, evaluate_in_race
 from core.support.text import shorten
-from core.trial import Evaluation
+from core.trial import Evaluation, best_first
 
 
 def evolve(
     strategy: EvolutionStrategy,
-    fitness: Fitness,
-    trials: Trials,
+    race: Race,
     budget: Budget,
     events: pluggy.PluginManager,
     robot: Robot | None = None,
     expect: Callable[[Candidate], None] = lambda candidate: None,
-    finals: FinalRace | None = None,
+    elites: int = 0,
 ) -> Result:
     """Run the generations of a strategy, fewer if the highest reward reaches ``budget.stop_reward``.
 
-    What ``trials`` know is not tried again. Tools must suit ``robot``, by default the default one. A limit that the
-    strategy runs into, or an interrupt, ends the loop early (`Result.stopped`). ``expect`` may raise where a candidate
-    is not what it was when the run was interrupted. With ``finals`` those clearly behind are not tried in all layouts,
-    and those that may be elites in more.
+    A limit that the strategy runs into, or an interrupt, ends the loop early (`Result.stopped`).
+
+    Args:
+        strategy: gives the candidates.
+        race: has the fitness, the scheduler, and the further layouts.
+        budget: of the run.
+        events: hear of what happens.
+        robot: tools must suit it; None: the default one.
+        expect: may raise where a candidate is not what it was when the run was interrupted.
+        elites: how many rollouts those that may be elites are tried for after each generation. With any, those
+            clearly behind are not tried in all layouts of the search.
     """
     began = time.monotonic()
     candidates = CheckedCandidates(strategy, robot or installed().default_robot, expect)
-    arrived: list[list[Evaluation]] = []  # by generation
+    fitness = race.fitness
+    tie = strategy.tie
     tried: list[Evaluation] = []
     generations: list[Generation] = []
 
-    def try_all(asked: Iterable[Candidate]) -> Iterator[Evaluation]:
-        if finals is None or not fitness.races:
-            return trials.evaluate(asked, fitness)
-        best = max((evaluation.reward for evaluation in tried), default=0.0)
-        return evaluate_in_race(asked, fitness, trials, strategy.tie, best)
-
     def evaluate(asked: Iterable[Candidate]) -> None:
-        for evaluation in try_all(asked):
+        if elites and fitness.races:
+            best = max((evaluation.reward for evaluation in tried), default=0.0)
+            evaluations = evaluate_in_race(asked, fitness, race.trials, tie, best)
+        else:
+            evaluations = race.trials.evaluate(asked, fitness)
+        for evaluation in evaluations:
             events.hook.candidate_evaluated(evaluation=evaluation)
-            arrived[-1].append(evaluation)
             tried.append(evaluation)
+
+    def make_generation() -> Generation:
+        earlier = sum(len(generation.evaluations) for generation in generations)
+        new = sorted(tried[earlier:], key=lambda evaluation: evaluation.candidate.key)
+        return Generation(len(generations), tuple(new), tie)
 
     try:
         while strategy.has_generation(len(generations), budget):
             events.hook.generation_started(index=len(generations))
-            arrived.append([])
             evaluate(candidates)
             if candidates.limit is not None:
                 break
             evaluate(fitness.recombine([*tried]))
-            if finals is not None:
-                finals.compare_elites(tried)
-            generation = _generation(len(generations), arrived[-1], strategy.tie)
+            if elites:
+                race.compare(best_first(tried, tie), elites, FIRST)
+            generation = make_generation()
             strategy.tell(generation.evaluations)
             generations.append(generation)
             events.hook.generation_finished(generation=generation)
-            if _reaches_goal(generation, budget):
+            goal = budget.stop_reward
+            highest = generation.best_reward
+            if goal is not None and highest is not None and highest >= goal:
                 break
         stopped = candidates.limit
     except KeyboardInterrupt:  # the caller finds it in the result
         stopped = INTERRUPTED
 
-    cut_short = arrived[len(generations) :]
-    if cut_short and cut_short[0]:
-        generation = _generation(len(generations), cut_short[0], strategy.tie)
-        generations.append(generation)
+    cut_short = make_generation()
+    if cut_short.evaluations:
+        generations.append(cut_short)
 
-    return Result(tuple(generations), time.monotonic() - began, stopped, strategy.tie)
-
-
-def _generation(
-    index: int, evaluations: Iterable[Evaluation], tie: float
-) -> Generation:
-    ordered = sorted(evaluations, key=lambda evaluation: evaluation.candidate.key)
-    return Generation(index, tuple(ordered), tie)
-
-
-def _reaches_goal(generation: Generation, budget: Budget) -> bool:
-    goal = budget.stop_reward
-    best = generation.best_reward
-    return goal is not None and best is not None and best >= goal
+    return Result(tuple(generations), time.monotonic() - began, stopped, tie)
 
 
 @dataclass(eq=False)

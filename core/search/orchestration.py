@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 
 from omegaconf import DictConfig
@@ -13,11 +12,10 @@ from omegaconf import DictConfig
 from core.config.resume import changed, hydra_config, refuse_stored_receivers
 from core.errors import UserError, fault
 from core.events import INTERRUPTED, Result
-from core.interfaces import Fitness
 from core.plugins import installed
 from core.plugins.blame import describe_failure, refuse_exit
 from core.search.evolution import evolve
-from core.search.finalists import FinalRace, try_unseen
+from core.search.finalists import Race, choose_winner, rollouts_in
 from core.search.outcome import Announcer, print_best, report_end, resume_hint
 from core.search.setup import Search, build_search
 from core.search.trials import Trials
@@ -25,10 +23,6 @@ from core.store.database import writing
 from core.store.recorder import RunStore
 from core.support.cli import say
 from core.support.progress import busy
-
-# How long trials take is counted, so that a winner does not depend on the machine.
-PER_S = 8  # rollouts of rigid bodies in a second, on two cores
-SOFT_PER_S = 1  # of soft ones
 
 
 def run_and_print(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> None:
@@ -92,32 +86,29 @@ def run_search(search: Search, store: RunStore) -> Result:
     """Run the loop, and write what it found."""
     run = search.run
     events = search.events
-
-    with writing(run.folder):
-        for picture in chain(*search.designer.pictures.values()):
-            if picture.name == "scene":
-                (run.folder / "scene.png").write_bytes(picture.png)
-
     events.hook.run_started(run=run)
 
     with search.executor:
         trials = Trials(search.executor, store.keep_trial, store.past.trials)
-        elites = rollouts_in(search.fitness, run.budget.elite_s)
-        tie = search.strategy.tie
-        finals = FinalRace(search.fitness, trials, events, tie, elites)
-        result = evolve(
-            search.strategy,
+        race = Race(
+            iter(search.fitness.finals()),
             search.fitness,
             trials,
+            search.strategy.tie,
+            tell=lambda runner: events.hook.finalist_tried(evaluation=runner),
+        )
+        result = evolve(
+            search.strategy,
+            race,
             run.budget,
             events,
             run.task.robot,
             store.past.expect,
-            finals if elites else None,
+            rollouts_in(search.fitness, run.budget.elite_s),
         )
         if result.best is not None and result.stopped != INTERRUPTED:
             with busy("trying the best in more layouts"):
-                result = _try_finalists(result, search, finals)
+                result = choose_winner(result, race, run.budget.final_s)
 
     result = replace(result, wall_time_s=store.seconds + result.wall_time_s)
     with writing(run.folder):
@@ -128,27 +119,6 @@ def run_search(search: Search, store: RunStore) -> Result:
     if exited:
         raise UserError(f"{exited[0]}; the run came to its end without it")
     return result
-
-
-def rollouts_in(fitness: Fitness, seconds: float) -> int:
-    """Return how many rollouts in further layouts count as so many seconds."""
-    if seconds == 0:
-        return 0
-    layout = next(iter(fitness.finals()), ())
-    soft = any(condition.scene().softs for condition in layout)
-    return round(seconds * (SOFT_PER_S if soft else PER_S))
-
-
-def _try_finalists(result: Result, search: Search, finals: FinalRace) -> Result:
-    """Choose the winner, and try it where no search looked."""
-    fitness = search.fitness
-    rollouts = rollouts_in(fitness, search.run.budget.final_s)
-    result = finals.choose(result, rollouts)
-    assert result.winner is not None
-    rewards, tried = try_unseen(result.winner, fitness, finals.trials)
-    return replace(
-        result, unseen=rewards, unseen_trials=tried.trials, effort=tried.effort
-    )
 
 
 def resume(folder: Path, overrides: Sequence[str] = ()) -> None:

@@ -20,21 +20,20 @@ def write_text(file: Path, text: str) -> None:
 
 
 def write_request(folder: Path, request: Request) -> None:
-    """Write a request to ``requests/``: its text, its schema, and pictures beside the scene's."""
-    folder = folder / "requests"
+    """Write a request to ``requests/``: its text, its schema, and its pictures; the scene's lies in ``folder``."""
+    requests = folder / "requests"
 
     for message in request.messages:
         for part in message.parts:
-            # Which the run's folder has already.
-            if isinstance(part, Picture) and part.name != "scene":
-                (folder / f"{part.name}.png").write_bytes(part.png)
+            if isinstance(part, Picture):
+                place = folder if part.name == "scene" else requests
+                (place / f"{part.name}.png").write_bytes(part.png)
 
-    write_text(folder / f"{request.id}.md", _as_text(request))
+    write_text(requests / f"{request.id}.md", _as_text(request))
 
     if not request.critique:
-        write_text(
-            folder / f"{request.id}.schema.json", json.dumps(request.schema, indent=2)
-        )
+        schema = json.dumps(request.schema, indent=2)
+        write_text(requests / f"{request.id}.schema.json", schema)
 
 
 def keep_task(folder: Path, task: Task) -> None:

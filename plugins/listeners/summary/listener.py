@@ -261,7 +261,7 @@ def _tied(result: Result, best: Evaluation) -> Iterator[str]:
         yield f"{tried}; {best.candidate.id} held best"
         return
 
-    if best.finals.losses:
+    if best.finals.count:
         yield f"{best.candidate.id} held best in more layouts"
         return
 

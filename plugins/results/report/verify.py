@@ -93,9 +93,11 @@ def earned(entry: Entry, task: str, run: RunResult) -> float:
     settings = node(cfg.rollout, RolloutSettings)
     fitness = build_fitness_in(task_part(cfg), cfg, settings)
     with part(EXECUTOR, cfg.executor).create() as executor:
-        rewards, tried = try_unseen(Evaluation(candidate), fitness, Trials(executor))
+        tried = try_unseen(candidate, fitness, Trials(executor))
 
-    return replace(run, rewards=rewards, effort=tried.effort).score(entry.rules, task)
+    effort = Evaluation(candidate, tried).effort
+    tried_run = replace(run, rewards=fitness.rewards(tried), effort=effort)
+    return tried_run.score(entry.rules, task)
 
 
 def _configure(entry: Entry, task: str) -> DictConfig:

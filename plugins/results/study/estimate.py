@@ -16,7 +16,7 @@ from core.interfaces import VLM, Estimate, Request
 from core.plugins import event_hub, installed
 from core.search.asking import build_designer
 from core.search.assignment import Team
-from core.search.orchestration import rollouts_in
+from core.search.finalists import rollouts_in
 from core.support.cli import print_table
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.study.files import StudyRun, is_done, read_state

@@ -43,7 +43,7 @@ def hard_layouts_value(brief: Brief, mounted: Tool, facts: RunFacts) -> list[str
 
 def find_hard_layouts(evaluations: Iterable[Evaluation]) -> Hard:
     """Return the further layouts in which several candidates were tried and none held."""
-    tallies = {e.candidate.content: e.finals for e in evaluations if e.finals.losses}
+    tallies = {e.candidate.content: e.finals for e in evaluations if e.finals.count}
     tried: dict[int, dict[str, list[Trial]]] = {}
     for content, tally in tallies.items():
         for trial in tally.in_order():

@@ -12,6 +12,7 @@ from core.hooks import hookimpl
 from core.interfaces import CHUNK, Budget, EvolutionStrategy
 from core.plugins import event_hub, installed
 from core.search.evolution import evolve
+from core.search.finalists import Race
 from core.trial import TIE
 from plugins.conformance.evaluations import tried_once
 from tests.executors import Inline
@@ -93,6 +94,11 @@ def evaluate_all(candidates, evaluate, executor):
     return trials.evaluate(candidates, fitness)
 
 
+def race_of(evaluate, executor, tie=TIE):
+    trials, fitness = scripted(evaluate, executor)
+    return Race(iter(()), fitness, trials, tie)
+
+
 def run(generations, evaluate=earn, executor=None, known=(), tie=TIE, **budget):
     strategy = Scripted(generations)
     strategy.tie = tie
@@ -101,12 +107,12 @@ def run(generations, evaluate=earn, executor=None, known=(), tie=TIE, **budget):
     events.register(diary)
     limits = {"n_iteration": len(generations) - 1, "stop_reward": None, **budget}
     spent = Budget(1, 1, 1, k_top=5, reward_save=0.5, **limits)
-    trials, fitness = scripted(evaluate, executor or Inline())
-    (condition,) = fitness.conditions()
-    trials.known.update(
+    race = race_of(evaluate, executor or Inline(), tie)
+    (condition,) = race.fitness.conditions()
+    race.trials.known.update(
         {(e.candidate.content, condition.where): e.trials[0] for e in known}
     )
-    found = evolve(strategy, fitness, trials, spent, events)
+    found = evolve(strategy, race, spent, events)
     return found, strategy, diary.entries
 
 
@@ -467,8 +473,8 @@ def test_a_limit_ends_the_run_with_what_there_is(last):
     diary = Diary(strategy)
     events = event_hub()
     events.register(diary)
-    trials, fitness = scripted(earn, Inline(np.random.default_rng(1)))
-    result = evolve(strategy, fitness, trials, Budget(1, 1, 3, 5, 5, 0.5), events)
+    race = race_of(earn, Inline(np.random.default_rng(1)))
+    result = evolve(strategy, race, Budget(1, 1, 3, 5, 5, 0.5), events)
     assert result.stopped == "3 dollars are spent"
     assert [len(generation.evaluations) for generation in result.generations] == [2, 3][
         : 1 + bool(last)
@@ -508,8 +514,8 @@ def test_an_interrupt_ends_the_run_with_what_there_is(when):
     strategy = Scripted([population(0, 2, 2), population(1, 2, 2), population(2, 2)])
     events = event_hub()
     events.register(Impatient(strategy))
-    trials, fitness = scripted(interrupted, Inline())
-    result = evolve(strategy, fitness, trials, Budget(1, 1, 1, 2, 5, 0.5), events)
+    race = race_of(interrupted, Inline())
+    result = evolve(strategy, race, Budget(1, 1, 1, 2, 5, 0.5), events)
     assert result.stopped == INTERRUPTED
     arrived = {
         "while one is tried": 2,
@@ -536,10 +542,8 @@ def test_processes_come_to_the_same_as_this_one():
     for executor in (Inline(), installed().create("executor", "local", {"workers": 2})):
         strategy = Limited([asked, again], 5)
         with executor:
-            trials, fitness = scripted(earn, executor)
-            result = evolve(
-                strategy, fitness, trials, Budget(1, 1, 1, 1, 5, 0.5), event_hub()
-            )
+            race = race_of(earn, executor)
+            result = evolve(strategy, race, Budget(1, 1, 1, 1, 5, 0.5), event_hub())
         found.append(
             [
                 [(e.candidate.id, e.status, e.reward) for e in g.evaluations]

@@ -21,7 +21,7 @@ from core.search.finalists import (
     FIRST,
     MOST,
     WIDTH,
-    FinalRace,
+    Race,
     evaluate_in_race,
 )
 from core.search.orchestration import resume, run
@@ -80,9 +80,10 @@ def result(*designs):
     return Result((Generation(0, tuple(evaluations)),), 1.0)
 
 
-def finals(trials=None, hub=None, elites=0):
+def finals(trials=None, tell=None):
     trials = trials or Trials(Inline(), play=earn)
-    return FinalRace(Several(), trials, hub or event_hub(), TIE, elites)
+    fitness = Several()
+    return Race(fitness.finals(), fitness, trials, TIE, tell=tell or (lambda one: None))
 
 
 def race(*designs, rollouts=480):
@@ -187,14 +188,15 @@ def test_equal_designs_are_tried_once_and_those_that_earn_nothing_never():
 def test_elites_are_those_that_hold_and_an_earlier_one_stays():
     """After a generation they are tried within a budget, and what is known of earlier ones counts on."""
     earlier = result((1.0, 0.9, fails_in()), (1.0, 0.5, fails_in(0, 1))).ranking
-    contest = finals(elites=2 * FIRST + 2 * WIDTH)
-    contest.compare_elites(earlier)
+    contest = finals()
+    budget = 2 * FIRST + 2 * WIDTH
+    contest.compare(earlier, budget, FIRST)
     assert [e.candidate.agent for e in best_first(earlier)] == [0, 1]
     kept = best_first(earlier)[0].finals.count_held()
     assert (kept.held, kept.layouts) == (FIRST, FIRST)
 
     new = result(*[(0.5, 0.1, fails_in())] * 2, (1.0, 0.1, fails_in(3))).ranking
-    contest.compare_elites([*earlier, *new])
+    contest.compare(best_first([*earlier, *new]), budget, FIRST)
     assert best_first([*earlier, *new])[0].candidate.agent == 0
     assert kept == best_first(earlier)[0].finals.count_held()
 
@@ -203,7 +205,7 @@ def test_rollouts_of_elites_stay_within_their_budget():
     designs = [(1.0, n, fails_in(n, n + 1)) for n in range(20)]
     tried = []
     trials = Trials(Inline(), lambda key, trial: tried.append(key), play=earn)
-    finals(trials, elites=80).compare_elites(result(*designs).ranking)
+    finals(trials).compare(result(*designs).ranking, 80, FIRST)
     assert 80 <= len(tried) < 80 + 2 * WIDTH
 
 
@@ -293,12 +295,15 @@ def listening(until=1000):
 
 def test_listeners_hear_of_each_round_and_what_was_tried_is_not_tried_again():
     designs = [(1, 1, "a 0.5 1 b 1"), (1, 2, "a 1 b 1"), (1, 3, "a 1 b 0.7")]
-    hub, hears = listening()
+    heard = {}
     stored = {}
     found = result(*designs)
     trials = Trials(Inline(), stored.__setitem__, play=earn)
-    choice = finals(trials, hub).choose(found, 40)
-    heard = {e.candidate.id: len(e.finals.in_order()) for e in hears.heard}
+
+    def hear(runner):
+        heard[runner.candidate.id] = len(runner.finals.in_order())
+
+    choice = finals(trials, hear).choose(found, 40)
     assert heard == {
         name: sum(map(len, engines.values())) for name, engines in choice.finals.items()
     }

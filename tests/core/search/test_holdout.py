@@ -43,7 +43,9 @@ def earned(**rewards):
             for candidate in candidates
         ]
 
-    return try_unseen(BEST, Hidden(**rewards), Trials(Inline(), play=play))[0]
+    fitness = Hidden(**rewards)
+    trials = Trials(Inline(), play=play)
+    return fitness.rewards(try_unseen(BEST.candidate, fitness, trials))
 
 
 def test_the_rewards_of_each_engine_in_order():
