@@ -14,7 +14,6 @@ from core.config.schemas import Sampling
 from core.design import Candidate, DesignError
 from core.designs.composer import PromptComposer
 from core.designs.feedback import last_generation, most_telling
-from core.designs.planning import NO_PLAN
 from core.designs.replies import parse_reply
 from core.designs.schema import answer_schema
 from core.errors import LimitReached, UsageError, UserError
@@ -23,40 +22,18 @@ from core.hooks import hookimpl
 from core.interfaces import VLM, Brief, Picture, Reply, Request
 from core.search.assignment import Assignment, Team
 from core.search.replies import ask_model
-from core.search.second_look import Asked
+from core.search.second_look import Answer
 from core.trial import Evaluation
-
-
-@dataclass(frozen=True, eq=False)
-class Answer:
-    """What came of a request: candidates in any case, if only one that says why there is no other.
-
-    Attributes:
-        request: the one that was asked first, before any second look.
-        candidates: those of the reply, or one that has the problem.
-        lost: there is no reply, for a reason that may pass.
-    """
-
-    request: Request
-    candidates: list[Candidate]
-    lost: bool = False
 
 
 class Critic(Protocol):
     """Has a model say what fails in candidates, for the prompts that follow; a plugin makes it of a `ModelDesigner`.
 
-    Before each generation the designer calls its methods in this order::
-
-        for request in critic.requests(brief):
-            critic.hear(reply, request)  # as replies arrive
-        words = critic.words(elites, tried)  # for each request of the generation
+    The designer calls `criticise` before each generation, and then `words` for each request of the generation.
     """
 
-    def requests(self, brief: Brief) -> Sequence[Request]:
-        """Compose the requests before a generation; ``brief`` has its elites, and all that was tried before."""
-
-    def hear(self, reply: Reply, request: Request) -> None:
-        """Take a reply, which may have failed."""
+    def criticise(self, brief: Brief) -> None:
+        """Ask the model, and wait for its answers; ``brief`` has elites, and all that was tried before."""
 
     def words(
         self, elites: Sequence[Evaluation], tried: Iterable[Evaluation]
@@ -149,7 +126,10 @@ class ModelDesigner:
         """
         self._replies = []
         elites = [*chain.from_iterable(team.elites for team in teams)]
-        self._criticise(generation, elites)
+        if self.critic is not None:
+            team = Team(range(1), elites)
+            brief, _ = self.brief(generation, 0, team, tuple(self.tried))
+            self.critic.criticise(brief)
 
         apart = len(teams) > 1
         requests: list[Request] = []
@@ -206,11 +186,31 @@ class ModelDesigner:
         Raises:
             LimitReached: after all that came, see `VLM.complete`.
         """
-        asked = [Asked(request, request) for request in requests]
-        for left in range(self.prompts.settings.repair or 0, -1, -1):
-            again: list[Asked] = []
-            yield from self._answers(asked, again if left else None)
-            asked = again
+        left = self.prompts.settings.repair or 0
+        again = {request.id: Answer(request, request) for request in requests}
+        while again:
+            missing = again
+            again = {}
+            asked = [answer.sent for answer in missing.values()]
+
+            try:
+                for reply in ask_model(self.vlm, asked, self.events, self.stored):
+                    self._replies.append(reply)
+                    before = missing.pop(reply.request_id)
+                    answer = self._hear(before, reply, may_ask=left > 0)
+                    if answer.sent is before.sent:
+                        yield answer
+                    else:
+                        again[answer.sent.id] = answer
+            except LimitReached:
+                for answer in (*missing.values(), *again.values()):
+                    if answer.candidates:
+                        yield answer
+                raise
+
+            for answer in missing.values():
+                yield answer.complete("no reply came")
+            left -= 1
 
     def brief(
         self, generation: int, agent: int, team: Team, tried: tuple[Evaluation, ...]
@@ -275,77 +275,30 @@ class ModelDesigner:
         """
         return parse_reply(text)
 
-    def _answers(
-        self, asked: Sequence[Asked], again: list[Asked] | None
-    ) -> Iterator[Answer]:
-        """Yield the answers to requests, as replies arrive.
+    def _hear(self, answer: Answer, reply: Reply, *, may_ask: bool) -> Answer:
+        """Return an answer with what a reply adds; with a new request to be sent where it needs a second look.
 
         Args:
-            asked: the requests.
-            again: what goes back for a second look is appended to it; None: nothing goes back any more.
-
-        Raises:
-            LimitReached: after all that came, see `VLM.complete`.
+            answer: what was read before.
+            reply: to the request that was sent last.
+            may_ask: it may have a second look.
         """
-        if not asked:
-            return
-
-        missing = {item.sent.id: item for item in asked}
-        requests = [item.sent for item in asked]
-
-        try:
-            for reply in ask_model(self.vlm, requests, self.events, self.stored):
-                item = missing.pop(reply.request_id)
-                self._replies.append(reply)
-                yield from self._hear(item, reply, again)
-        except LimitReached:
-            for item in (*missing.values(), *(again or ())):
-                if item.candidates:
-                    yield Answer(item.request, item.candidates)
-            raise
-
-        for item in missing.values():
-            yield _answer(item, "no reply came")
-
-    def _hear(
-        self, item: Asked, reply: Reply, again: list[Asked] | None
-    ) -> Iterator[Answer]:
-        """Yield the answer that a reply is, or append to ``again`` what asks for a second look."""
         if reply.error is not None:
-            answer = _answer(item, f"the model gave no answer: {reply.error}")
-            yield replace(answer, lost=reply.unanswered and not item.candidates)
-            return
+            lost = reply.unanswered and not answer.candidates
+            problem = f"the model gave no answer: {reply.error}"
+            return replace(answer.complete(problem), lost=lost)
 
         problem = ""
 
         try:
-            document = self.parse(item.request.brief, reply.text)
-            item = item.read(document, starts=bool(self.prompts.settings.repair))
+            document = self.parse(answer.request.brief, reply.text)
+            answer = answer.read(document, starts=bool(self.prompts.settings.repair))
         except DesignError as error:
             problem = str(error)
 
-        if again is not None and (problem or item.faulty()):
-            again.append(item.look_again(self.prompts, reply, problem))
-            return
-
-        yield _answer(item, f"the reply can't be read: {problem}")
-
-    def _criticise(self, generation: int, elites: Sequence[Evaluation]) -> None:
-        """Ask for critiques, and wait for them: the generation's other requests show them.
-
-        Without a critic nothing is asked.
-        """
-        if self.critic is None:
-            return
-
-        brief, _ = self.brief(generation, 0, Team(range(1), elites), tuple(self.tried))
-        requests = {request.id: request for request in self.critic.requests(brief)}
-        if not requests:
-            return
-
-        asked = [*requests.values()]
-        for reply in ask_model(self.vlm, asked, self.events, self.stored):
-            self.critic.hear(reply, requests[reply.request_id])
+        if may_ask and (problem or answer.faulty()):
+            return answer.look_again(self.prompts, reply, problem)
+        return answer.complete(f"the reply can't be read: {problem}")
 
     def _draw_strips(
         self, team: Team, tried: Sequence[Evaluation]
@@ -389,10 +342,3 @@ class ModelDesigner:
             answer_schema(brief),
             temperature,
         )
-
-
-def _answer(item: Asked, problem: str) -> Answer:
-    """Make the answer of what was read; without any, of one candidate with the problem, which stands for all."""
-    brief = item.request.brief
-    lost = Candidate(None, NO_PLAN, brief.generation, brief.agent, problem=problem)
-    return Answer(item.request, item.candidates or [lost])

@@ -52,31 +52,43 @@ def list_faults(candidates: Sequence[Candidate]) -> list[str]:
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
-    """A request on its way, and what stands if no more comes of it.
+class Answer:
+    """A request, and what came of it so far.
 
     Attributes:
         request: that was asked first.
         sent: that was sent last; asked for a second look, it is another one.
         strategies: of the document that was read so far; empty: none.
-        candidates: of these.
+        candidates: of these; at the end one in any case, if only one that says why there is no other.
+        lost: there is no reply, for a reason that may pass.
     """
 
     request: Request
     sent: Request
     strategies: Sequence[Any] = ()
     candidates: list[Candidate] = field(default_factory=list)
+    lost: bool = False
+
+    def complete(self, problem: str) -> Answer:
+        """Return it with a candidate that has a problem and stands for all, where there is none."""
+        if self.candidates:
+            return self
+
+        brief = self.request.brief
+        lost = Candidate(None, NO_PLAN, brief.generation, brief.agent, problem=problem)
+        return replace(self, candidates=[lost])
 
     def faulty(self) -> list[int]:
         """Return the numbers of the strategies that hold a design that breaks a rule."""
         return sorted({c.strategy for c in self.candidates if c.problem is not None})
 
-    def look_again(self, prompts: PromptComposer, reply: Reply, problem: str) -> Asked:
+    def look_again(self, prompts: PromptComposer, reply: Reply, problem: str) -> Answer:
         """Compose the request for a second look: at the faulty designs, or at all where the reply has a ``problem``."""
         brief = self.request.brief
         numbers = self.faulty()
         if numbers:
             brief = replace(brief, n_tool=len(numbers))
+
         faults = list_faults(self.candidates)
         sent = replace(
             self.request,
@@ -87,7 +99,7 @@ class Asked:
         )
         return replace(self, sent=sent)
 
-    def read(self, document: object, *, starts: bool) -> Asked:
+    def read(self, document: object, *, starts: bool) -> Answer:
         """Read the candidates of an answer; mended ones take their old places. ``starts``: see `read_candidates`.
 
         Raises:
@@ -97,10 +109,11 @@ class Asked:
         strategies = list_strategies(document)[: self.request.brief.n_tool]
         if self.candidates:
             return self._mend(strategies)
+
         found = read_candidates(self.request.brief, strategies, starts=starts)
         return replace(self, strategies=strategies, candidates=found)
 
-    def _mend(self, answered: Sequence[Any]) -> Asked:
+    def _mend(self, answered: Sequence[Any]) -> Answer:
         """Put the designs of an answer in the places of the faulty ones, under the same names.
 
         What an answer leaves out of a strategy stays as it was. A tool that was sound stays with all of its plans.
@@ -122,6 +135,7 @@ class Asked:
         for place, number in enumerate(numbers[: len(merged)]):
             new = [candidate for candidate in found if candidate.strategy == place]
             mended = _replace(mended, number, new)
+
         return replace(self, strategies=strategies, candidates=mended)
 
     def _merge(self, number: int, new: object) -> object:
@@ -144,19 +158,28 @@ class Asked:
 def _replace(
     candidates: list[Candidate], number: int, new: list[Candidate]
 ) -> list[Candidate]:
-    """Replace the faulty candidates of a strategy by new ones: all of them, or plan by plan where others are sound."""
+    """Replace the faulty candidates of a strategy by new ones: all of them, or plan by plan where others are sound.
+
+    Args:
+        candidates: of the answer.
+        number: of the strategy.
+        new: what was read of the second look.
+    """
     old = [candidate for candidate in candidates if candidate.strategy == number]
     sound = [candidate for candidate in old if candidate.problem is None]
     faulty = [candidate for candidate in old if candidate.problem is not None]
+
     if sound:
         if len(new) > len(faulty):  # it repeats those that are sound
             actions = {candidate.action for candidate in faulty}
             new = [candidate for candidate in new if candidate.action in actions]
+
         faulty = faulty[: len(new)]
         new = [
             replace(fresh, tool=sound[0].tool, action=broken.action)
             for broken, fresh in zip(faulty, new, strict=False)
         ]
+
     if not new:
         return candidates
 

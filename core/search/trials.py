@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 from core.design import Candidate
 from core.errors import RAISED, UserError, fault, in_line
@@ -29,6 +29,8 @@ Play = Callable[[Condition, Sequence[Candidate]], list[Trial]]
 """Tries candidates in a condition (`core.simulation.play.play`)."""
 Tried = tuple[Candidate, tuple[Trial, ...]]
 """A candidate with its trials in all conditions."""
+_Open = tuple[Candidate, list[TrialKey]]
+"""A candidate that was not yielded yet, with the keys of all its trials."""
 
 
 @dataclass(frozen=True)
@@ -69,15 +71,6 @@ class _Player:
 
 
 @dataclass(eq=False)
-class _Waiting:
-    """A candidate until all of its trials have ended; ``keys`` are those of all, and ``missing`` are under way."""
-
-    candidate: Candidate
-    keys: list[TrialKey]
-    missing: int = 0
-
-
-@dataclass(eq=False)
 class Trials:
     """The scheduler of a run's trials.
 
@@ -97,9 +90,8 @@ class Trials:
 
     def __post_init__(self) -> None:
         self._lock = threading.Lock()
-        self._waiting: dict[TrialKey, list[_Waiting]] = {}
-        # What needs no trial of its own, until the caller's thread yields it.
-        self._settled: deque[Tried] = deque()
+        self._under_way: set[TrialKey] = set()
+        self._open: list[_Open] = []
 
     def evaluate(
         self, candidates: Iterable[Candidate], fitness: Fitness
@@ -117,47 +109,40 @@ class Trials:
         batch = min((condition.batch for condition in conditions), default=1)
         player = _Player(self.play, tuple(conditions), batch)
         chunks = self._chunks(conditions, candidates, batch)
-        broken: list[Chunk] = []
-        try:
-            yield from self._play(player, chunks, broken)
-            if batch > 1:
-                chunks = (
-                    piece for chunk in list(broken) for piece in chunk.split(CHUNK)
-                )
-                broken = []
-                yield from self._play(player, chunks, broken)
+        # What fails is tried again in smaller chunks, at last one candidate after the other.
+        sizes = [CHUNK, 1] if batch > 1 else [1]
 
-            alone = (piece for chunk in broken for piece in chunk.split(1))
-            yield from self._play(player, alone, None)
+        try:
+            broken = yield from self._play(player, chunks)
+            for size in sizes:
+                pieces = chain.from_iterable(chunk.split(size) for chunk, _ in broken)
+                broken = yield from self._play(player, pieces)
+
+            for chunk, error in broken:
+                self._keep(chunk, [_fail(chunk, error)])
             yield from self._drain()
 
-            if self._waiting:
+            if self._under_way:
                 raise UserError(
-                    f"{describe_part(self.executor)}: map gave no result for {len(self._waiting)} trials"
+                    f"{describe_part(self.executor)}: map gave no result for {len(self._under_way)} trials"
                 )
         finally:  # of what an error or an interrupt cut short
-            self._waiting.clear()
-            self._settled.clear()
+            self._under_way.clear()
+            self._open.clear()
 
     def _play(
-        self, player: _Player, chunks: Iterable[Chunk], broken: list[Chunk] | None
-    ) -> Iterator[Tried]:
-        """Have chunks played, and yield the candidates that have all of their trials then.
-
-        Chunks that fail are appended to ``broken``, to be tried again in smaller ones. None: they have one candidate,
-        which has failed.
-
-        Raises:
-            UserError: the machine is at fault.
-        """
+        self, player: _Player, chunks: Iterable[Chunk]
+    ) -> Generator[Tried, None, list[tuple[Chunk, Exception]]]:
+        """Have chunks played, and yield candidates as they end; return the chunks that failed, and why."""
+        broken: list[tuple[Chunk, Exception]] = []
         for chunk, result in self.executor.map(player, chunks):
-            yield from self._drain()
-            if not isinstance(result, Exception):
-                yield from self._take(chunk, result)
-            elif broken is not None:
-                broken.append(chunk)
+            if isinstance(result, Exception):
+                broken.append((chunk, result))
             else:
-                yield from self._take(chunk, [_fail(chunk, result)])
+                self._keep(chunk, result)
+            yield from self._drain()
+
+        return broken
 
     def _chunks(
         self,
@@ -165,70 +150,62 @@ class Trials:
         candidates: Iterable[Candidate],
         batch: int,
     ) -> Iterator[Chunk]:
-        """Yield what is to be tried; candidates that need no trial are settled at once."""
+        """Yield what is to be tried."""
         groups = _gather(candidates, batch) if batch > 1 else _group_by_tool(candidates)
         for group in groups:
             to_try: dict[Condition, list[Candidate]] = {
                 condition: [] for condition in conditions
             }
             for candidate in group:
-                if candidate.problem is not None:
-                    self._settled.append((candidate, ()))
-                else:
-                    self._register(candidate, conditions, to_try)
+                self._open_candidate(candidate, conditions, to_try)
 
             for condition, members in to_try.items():
                 if members:
                     yield Chunk(condition, tuple(members))
 
-    def _register(
+    def _open_candidate(
         self,
         candidate: Candidate,
         conditions: Sequence[Condition],
         to_try: dict[Condition, list[Candidate]],
     ) -> None:
-        """Note which trials of a candidate are missing, and add it where nobody is tried for it yet."""
-        keys = [key_of(candidate, condition) for condition in conditions]
-        waiting = _Waiting(candidate, keys)
-        with self._lock:
-            # A fitness may name a condition twice.
-            for key, condition in dict(zip(keys, conditions, strict=True)).items():
-                if key in self.known:
-                    continue
-                waiting.missing += 1
+        """Note which trials a candidate has, and add it to ``to_try`` where nobody is tried for it yet."""
+        keys: list[TrialKey] = []
+        if candidate.problem is None:
+            keys = [key_of(candidate, condition) for condition in conditions]
 
-                if key not in self._waiting:
-                    self._waiting[key] = []
+        with self._lock:
+            self._open.append((candidate, keys))
+            for key, condition in zip(keys, conditions, strict=False):
+                if key not in self.known and key not in self._under_way:
+                    self._under_way.add(key)
                     to_try[condition].append(candidate)
 
-                self._waiting[key].append(waiting)
-
-        if waiting.missing == 0:
-            self._settled.append((candidate, self._trials_of(waiting)))
-
-    def _take(self, chunk: Chunk, result: Sequence[Trial]) -> Iterator[Tried]:
-        """Keep the trials of a chunk, and yield the candidates that have all of theirs now."""
+    def _keep(self, chunk: Chunk, result: Sequence[Trial]) -> None:
+        """Keep the trials of a chunk."""
         for candidate, trial in zip(chunk, result, strict=True):
             key = key_of(candidate, chunk.condition)
-            if key not in self._waiting:
+            if key not in self._under_way:
                 name = describe_part(self.executor)
                 raise UserError(f"{name}: map gave the result of a chunk twice")
+
             self.tell(key, trial)
             with self._lock:
                 self.known[key] = trial
-                waiting = self._waiting.pop(key)
-                for other in waiting:
-                    other.missing -= 1
-                ended = [other for other in waiting if other.missing == 0]
-            for other in ended:
-                yield other.candidate, self._trials_of(other)
+                self._under_way.remove(key)
 
     def _drain(self) -> Iterator[Tried]:
-        while self._settled:
-            yield self._settled.popleft()
+        """Yield the candidates that have all of their trials now, in the order in which they came."""
+        with self._lock:
+            ended = [item for item in self._open if self._has_ended(item)]
+            self._open = [item for item in self._open if not self._has_ended(item)]
 
-    def _trials_of(self, waiting: _Waiting) -> tuple[Trial, ...]:
-        return tuple(self.known[key] for key in waiting.keys)
+        for candidate, keys in ended:
+            yield candidate, tuple(self.known[key] for key in keys)
+
+    def _has_ended(self, item: _Open) -> bool:
+        _, keys = item
+        return all(key in self.known for key in keys)
 
 
 def make_score(

@@ -11,6 +11,7 @@ from core.designs.feedback import last_generation, most_telling
 from core.interfaces import Brief, Reply, Request
 from core.search.designer import ModelDesigner
 from core.search.prompt_pictures import shown_in
+from core.search.replies import ask_model
 from core.support.text import clean
 from core.trial import Evaluation
 
@@ -30,6 +31,17 @@ class ModelCritic:
     designer: ModelDesigner
     _shown: dict[str, int] = field(default_factory=dict)  # generations, by candidate
     _words: dict[str, str] = field(default_factory=dict)  # by candidate
+
+    def criticise(self, brief: Brief) -> None:
+        """Ask for critiques, and wait for them: the generation's other requests show them."""
+        requests = {request.id: request for request in self.requests(brief)}
+        if not requests:
+            return
+
+        designer = self.designer
+        asked = [*requests.values()]
+        for reply in ask_model(designer.vlm, asked, designer.events, designer.stored):
+            self.hear(reply, requests[reply.request_id])
 
     def requests(self, brief: Brief) -> list[Request]:
         """Compose the requests before a generation, at most `PromptSettings.critic` of them.

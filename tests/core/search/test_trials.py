@@ -140,8 +140,8 @@ def test_a_trial_is_told_when_it_ends_and_before_its_candidate_is_complete():
         ("tell", 0, second),
         ("play", 1, [first, second]),
         ("tell", 1, first),
-        ("complete", first),
         ("tell", 1, second),
+        ("complete", first),
         ("complete", second),
     ]
 
