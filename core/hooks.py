@@ -118,6 +118,10 @@ class Configs(Protocol):
         """Refuse tools: a `core.designs.rules.ToolRule`, which every tool must pass."""
 
     @hookspec
+    def artists(self) -> Factories:
+        """Draw what prompts show: makes a `core.search.designer.Artist` of assignment, composer and engine."""
+
+    @hookspec
     def critics(self) -> Factories:
         """Say before each generation what fails, with ``prompt.critic``: makes a `core.search.designer.Critic`."""
 

@@ -124,6 +124,7 @@ HOOKS = {
     "prompt_values": "prompt_value",
     "readers": "reader",
     "tool_rules": "tool_rule",
+    "artists": "artist",
     "critics": "critic",
     "exports": "export",
 }

@@ -12,11 +12,10 @@ from core.config.schemas import PromptSettings, Sampling
 from core.designs.composer import PromptComposer
 from core.errors import UsageError
 from core.interfaces import VLM, Budget, EvolutionStrategy, Fitness, RolloutSettings
-from core.plugins import ACTION, EVOLUTION, SIMULATOR
+from core.plugins import ACTION, EVOLUTION
 from core.search.assignment import DEFAULT_KINDS, Assignment, borne_kinds
-from core.search.builder import builder_for, check_starts
+from core.search.builder import builder_for, check_starts, make_artist
 from core.search.designer import ModelDesigner
-from core.search.prompt_pictures import Artist
 from core.trial import TIE
 
 MAY_BE_ZERO = ("n_iteration", "final_s", "elite_s")  # of a budget
@@ -45,9 +44,11 @@ def build_designer(
     shown = asks_for_plans or cfg.prompt.critic or cfg.prompt.feedback != "paper"
     if (shown and vlm.sees) or _strategy_observes(cfg):
         settings = replace(settings, observe=True)
+
     fitness = builder.build_fitness(cfg, settings)
+    prompt = node(cfg.prompt, PromptSettings)
     prompts = PromptComposer(
-        replace(node(cfg.prompt, PromptSettings), repair=count_repairs(cfg, vlm)),
+        replace(prompt, repair=count_repairs(cfg, vlm)),
         settings,
         cfg.sim.name,
         tie=cfg.evolution.get("tie", TIE),
@@ -55,7 +56,7 @@ def build_designer(
     )
     sampling = node(cfg.sampling, Sampling)
     designer = ModelDesigner(assignment, vlm, prompts, sampling, events)
-    artist = Artist(assignment, prompts, part(SIMULATOR, cfg.sim).create)
+    artist = make_artist(assignment, prompts, cfg)
 
     return builder.finish(designer, fitness, artist), fitness
 

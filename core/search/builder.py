@@ -7,11 +7,12 @@ from typing import ClassVar
 from omegaconf import DictConfig
 
 from core.config.compose import part, task_part
+from core.designs.composer import PromptComposer
 from core.interfaces import Condition, Fitness, RolloutSettings, Task
 from core.plugins import FITNESS, SIMULATOR, PluginPart, installed
 from core.robot.kinematics import arm_of
-from core.search.designer import ModelDesigner
-from core.search.prompt_pictures import Artist
+from core.search.assignment import Assignment
+from core.search.designer import Artist, ModelDesigner
 
 
 class SearchBuilder:
@@ -38,9 +39,8 @@ class SearchBuilder:
         Raises:
             UserError: a prompt without numbers can't be drawn.
         """
-        pictures, drawable = artist.draw_scene(designer.assignment.task)
-        designer.pictures = pictures
-        equip(designer, artist, drawable=drawable)
+        designer.pictures = artist.draw_scene(designer.assignment.task)
+        equip(designer, artist)
         return designer
 
 
@@ -72,11 +72,20 @@ def check_starts(task: Task) -> None:
         arm_of(task.robot).home_for(stage.home)
 
 
-def equip(designer: ModelDesigner, artist: Artist, *, drawable: bool) -> None:
-    """Give a designer what draws film strips, if anything can, and the critic that the prompts' settings ask for."""
-    if drawable:
-        designer.film = artist.draw_strip
+def make_artist(
+    assignment: Assignment, prompts: PromptComposer, cfg: DictConfig
+) -> Artist:
+    """Make what draws for prompts, with the engine that a configuration names."""
+    engine = part(SIMULATOR, cfg.sim)
+    for make in installed().factories("artist").values():
+        artist: Artist = make(assignment, prompts, engine.create)
+        return artist
+    return Artist()
 
+
+def equip(designer: ModelDesigner, artist: Artist) -> None:
+    """Give a designer what draws film strips, and the critic that the prompts' settings ask for."""
+    designer.film = artist.draw_strip
     if designer.prompts.settings.critic and designer.vlm.criticises:
         for make in installed().factories("critic").values():
             designer.critic = make(designer)

@@ -19,11 +19,33 @@ from core.designs.schema import answer_schema
 from core.errors import LimitReached, UsageError, UserError
 from core.events import Generation
 from core.hooks import hookimpl
-from core.interfaces import VLM, Brief, Picture, Reply, Request
+from core.interfaces import VLM, Brief, Picture, Reply, Request, Task
 from core.search.assignment import Assignment, Team
 from core.search.replies import ask_model
 from core.search.second_look import Answer
 from core.trial import Evaluation
+
+ScenePictures = Mapping[bool, tuple[Picture, ...]]
+"""The pictures of a scene, without the gripper (False) and with it."""
+
+
+class Artist:
+    """Draws what prompts show of the scene and of rollouts; this one draws nothing.
+
+    A plugin makes another one of an `Assignment`, a `PromptComposer` and what makes an engine.
+    """
+
+    def draw_scene(self, task: Task) -> ScenePictures:
+        """Make the pictures of a task's scene that the prompt's settings ask for.
+
+        Raises:
+            UserError: the machine fails, or a prompt without numbers can't be drawn.
+        """
+        return {}
+
+    def draw_strip(self, evaluation: Evaluation) -> Picture | None:
+        """Draw a film strip of the trial that is shown; None: there is none."""
+        return None
 
 
 class Critic(Protocol):
@@ -76,7 +98,7 @@ class ModelDesigner:
     prompts: PromptComposer
     sampling: Sampling
     events: pluggy.PluginManager
-    pictures: Mapping[bool, tuple[Picture, ...]] = field(default_factory=dict)
+    pictures: ScenePictures = field(default_factory=dict)
     film: Callable[[Evaluation], Picture | None] | None = None
     critic: Critic | None = None
     stored: Mapping[str, Reply] = field(default_factory=dict)

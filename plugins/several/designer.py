@@ -27,8 +27,7 @@ from core.interfaces import (
     ToolRepresentation,
 )
 from core.search.assignment import Team
-from core.search.designer import ModelDesigner
-from core.search.prompt_pictures import ScenePictures
+from core.search.designer import ModelDesigner, ScenePictures
 from core.search.second_look import Answer
 from plugins.several.plans import TaskPlans
 

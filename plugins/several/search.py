@@ -10,8 +10,7 @@ from core.config.compose import task_parts
 from core.errors import UsageError
 from core.interfaces import Fitness, Picture, RolloutSettings, Task
 from core.search.builder import SearchBuilder, build_fitness_in, equip
-from core.search.designer import ModelDesigner
-from core.search.prompt_pictures import Artist, ScenePictures
+from core.search.designer import Artist, ModelDesigner, ScenePictures
 from plugins.several.designer import SeveralDesigner
 from plugins.several.fitness import Together
 from plugins.several.plans import TaskActions
@@ -41,14 +40,11 @@ class SeveralSearch(SearchBuilder):
                 "use words or source"
             )
 
-        drawable = True
         pictures: dict[str, ScenePictures] = {}
         for number, part in enumerate(task.parts):
-            drawn, can_draw = artist.draw_scene(part)
-            drawable = drawable and can_draw
             pictures[part.name] = {
                 gripper: tuple(_name(picture, part, number) for picture in shown)
-                for gripper, shown in drawn.items()
+                for gripper, shown in artist.draw_scene(part).items()
             }
 
         assert isinstance(fitness, Together)
@@ -66,7 +62,7 @@ class SeveralSearch(SearchBuilder):
             },
             plan_pictures=pictures,
         )
-        equip(several, artist, drawable=drawable)
+        equip(several, artist)
 
         return several
 

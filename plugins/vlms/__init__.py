@@ -43,6 +43,11 @@ def critics() -> Mapping[str, str]:
 
 
 @hookimpl
+def artists() -> Mapping[str, str]:
+    return {"engine": "plugins.vlms.artist:EngineArtist"}
+
+
+@hookimpl
 def levels() -> Mapping[str, str]:
     names = {"source": "Source", "words": "Words", "pictures": "Pictures"}
     return {name: f"plugins.vlms.told.levels:{cls}" for name, cls in names.items()}

@@ -10,10 +10,10 @@ import numpy as np
 from core.designs.feedback import last_generation, most_telling
 from core.interfaces import Brief, Reply, Request
 from core.search.designer import ModelDesigner
-from core.search.prompt_pictures import shown_in
 from core.search.replies import ask_model
 from core.support.text import clean
 from core.trial import Evaluation
+from plugins.vlms.artist import shown_in
 
 MAX_CRITIQUE = 2000  # characters
 STRIP = "Film strip of the rollout: six instants at which something happens, in reading order:"

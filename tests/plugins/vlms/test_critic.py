@@ -17,9 +17,9 @@ from core.interfaces import Budget, Picture, Reply, Text
 from core.search.assignment import Assignment, Team
 from core.search.builder import equip
 from core.search.designer import ModelDesigner
-from core.search.prompt_pictures import Artist
 from plugins.actions.waypoints import WaypointActions
 from plugins.conformance.evaluations import tried_once
+from plugins.vlms.artist import EngineArtist
 from plugins.vlms.critic import MAX_CRITIQUE, ModelCritic
 from plugins.vlms.offline.designer import OfflineDesigner
 from tasks.bring_cube import BringCube
@@ -194,7 +194,7 @@ def test_a_program_that_writes_no_critiques_is_not_asked():
     made = ModelDesigner(
         assignment, OfflineDesigner(), prompts, Sampling(), Listener().hub
     )
-    equip(made, Artist(assignment, prompts, ToyEngine), drawable=True)
+    equip(made, EngineArtist(assignment, prompts, ToyEngine))
     assert made.critic is None
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
@@ -12,11 +12,9 @@ from core.designs.rules import given_tool
 from core.errors import RAISED, NoPicture, UserError
 from core.interfaces import Picture, Simulator, Task
 from core.search.assignment import Assignment
+from core.search.designer import Artist, ScenePictures
 from core.simulation.pictures import SIZE, filmed, png, report_missing
 from core.trial import Evaluation
-
-ScenePictures = Mapping[bool, tuple[Picture, ...]]
-"""The pictures of a scene, without the gripper (False) and with it."""
 
 
 def shown_in(task: Task, evaluation: Evaluation) -> tuple[Task, Evaluation]:
@@ -30,8 +28,8 @@ def shown_in(task: Task, evaluation: Evaluation) -> tuple[Task, Evaluation]:
 
 
 @dataclass(eq=False)
-class Artist:
-    """Draws what prompts show of the scene and of rollouts.
+class EngineArtist(Artist):
+    """Has an engine draw what prompts show of the scene and of rollouts.
 
     An engine with a loaded scene holds 100 MB. So the one that drew the scene is let go, and one for rollouts is made
     when the first is drawn.
@@ -40,11 +38,13 @@ class Artist:
         assignment: names the task, the layout's seed, and the kinds of tools.
         prompts: their settings say what is shown.
         engine: makes an engine.
+        can_draw: whether anything can draw here, as far as is known.
     """
 
     assignment: Assignment
     prompts: PromptComposer
     engine: Callable[[], Simulator]
+    can_draw: bool = True
 
     @cached_property
     def _player(self) -> Simulator:
@@ -66,6 +66,9 @@ class Artist:
 
     def draw_strip(self, evaluation: Evaluation) -> Picture | None:
         """Draw a film strip of the trial that is shown; None: that fails, and standard error says why."""
+        if not self.can_draw:
+            return None
+
         task, evaluation = shown_in(self.assignment.task, evaluation)
         candidate = evaluation.candidate
         shown = evaluation.shown
@@ -90,11 +93,10 @@ class Artist:
             return None
         return Picture(png(strip), f"strip_{candidate.id}")
 
-    def draw_scene(self, task: Task) -> tuple[ScenePictures, bool]:
+    def draw_scene(self, task: Task) -> ScenePictures:
         """Make the pictures of the scene that the prompt's settings ask for: drawn and photographed.
 
-        Return them, and whether anything can draw here. Where the prompt has the scene's numbers too, a picture that
-        fails is left out, and standard error says why.
+        Where the prompt has the scene's numbers too, a picture that fails is left out, and standard error says why.
 
         Raises:
             UserError: the machine fails, or a prompt without numbers can't be drawn.
@@ -109,7 +111,7 @@ class Artist:
         pictures = {tool.gripper: photographs for tool in mounted}
         alone = photographs and settings.photographs == "alone"
         if alone or not (settings.picture or not numbers):
-            return pictures, True
+            return pictures
 
         for number, tool in enumerate(mounted):
             name = "scene_gripper" if number else "scene"
@@ -121,7 +123,8 @@ class Artist:
                     raise UserError(why) from error
 
                 report_missing("pictures", error)
-                return pictures, False
+                self.can_draw = False
+                return pictures
             except OSError as error:
                 raise UserError(f"the scene can't be drawn: {error}") from error
             except RAISED as error:
@@ -131,7 +134,7 @@ class Artist:
             else:
                 pictures[tool.gripper] = (*drawn, *photographs)
 
-        return pictures, True
+        return pictures
 
     def _draw(
         self, task: Task, simulator: Simulator, tool: Tool, name: str
