@@ -31,8 +31,7 @@ class Candidate:
 
     An array (N, 6) or (N, 7) as ``plan`` stands for literal `Waypoints`.
     ``problem`` says which rule the design breaks, so that it can't be tried; then ``tool`` may be None and ``plan``
-    empty. `id` is made of ``generation``, ``agent``, ``strategy`` and ``action``. ``varied``: a search changed the
-    numbers of another candidate by a little, on purpose.
+    empty. `id` is made of ``generation``, ``agent``, ``strategy`` and ``action``.
     """
 
     tool: Tool | None
@@ -46,7 +45,6 @@ class Candidate:
     action_description: str = ""
     parents: tuple[str, ...] = ()
     problem: str | None = None
-    varied: bool = False
 
     def __post_init__(self) -> None:
         if isinstance(self.plan, np.ndarray):  # for short: literal waypoints

@@ -126,6 +126,10 @@ class Configs(Protocol):
         """Say before each generation what fails, with ``prompt.critic``: makes a `core.search.designer.Critic`."""
 
     @hookspec
+    def menders(self) -> Factories:
+        """Send designs that break a rule back, with ``prompt.repair``: makes a `core.search.answers.Mender`."""
+
+    @hookspec
     def exports(self) -> Factories:
         """Write what one takes from a run: called with its `Result`, its `Run` and its strategy at the end."""
 

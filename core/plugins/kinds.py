@@ -126,6 +126,7 @@ HOOKS = {
     "tool_rules": "tool_rule",
     "artists": "artist",
     "critics": "critic",
+    "menders": "mender",
     "exports": "export",
 }
 """What each hook of `core.hooks` offers."""

@@ -84,8 +84,14 @@ def make_artist(
 
 
 def equip(designer: ModelDesigner, artist: Artist) -> None:
-    """Give a designer what draws film strips, and the critic that the prompts' settings ask for."""
+    """Give a designer what draws film strips, and the critic and the mender that the prompts' settings ask for."""
     designer.film = artist.draw_strip
-    if designer.prompts.settings.critic and designer.vlm.criticises:
+    settings = designer.prompts.settings
+
+    if settings.repair:
+        for make in installed().factories("mender").values():
+            designer.mender = make(designer.prompts)
+
+    if settings.critic and designer.vlm.criticises:
         for make in installed().factories("critic").values():
             designer.critic = make(designer)

@@ -20,9 +20,9 @@ from core.errors import LimitReached, UsageError, UserError
 from core.events import Generation
 from core.hooks import hookimpl
 from core.interfaces import VLM, Brief, Picture, Reply, Request, Task
+from core.search.answers import Answer, Mender
 from core.search.assignment import Assignment, Team
 from core.search.replies import ask_model
-from core.search.second_look import Answer
 from core.trial import Evaluation
 
 ScenePictures = Mapping[bool, tuple[Picture, ...]]
@@ -86,6 +86,7 @@ class ModelDesigner:
         film: draws a film strip of a rollout; if the prompts' feedback is ``full``, it is called for the best elite and
             for the most instructive failure of the last generation.
         critic: has candidates criticised before each generation; None: nothing is.
+        mender: sends designs that break a rule back; None: nothing goes back.
         stored: replies that are not asked for again, by request id.
         tried: what requests may show of earlier generations; as a listener the designer collects it itself.
 
@@ -101,6 +102,7 @@ class ModelDesigner:
     pictures: ScenePictures = field(default_factory=dict)
     film: Callable[[Evaluation], Picture | None] | None = None
     critic: Critic | None = None
+    mender: Mender | None = None
     stored: Mapping[str, Reply] = field(default_factory=dict)
     tried: list[Evaluation] = field(default_factory=list)
 
@@ -314,12 +316,15 @@ class ModelDesigner:
 
         try:
             document = self.parse(answer.request.brief, reply.text)
-            answer = answer.read(document, starts=bool(self.prompts.settings.repair))
+            answer = answer.read(document, self.mender)
         except DesignError as error:
             problem = str(error)
 
-        if may_ask and (problem or answer.faulty()):
-            return answer.look_again(self.prompts, reply, problem)
+        if may_ask and self.mender is not None:
+            again = self.mender.look_again(answer, reply, problem)
+            if again is not None:
+                return replace(answer, sent=again)
+
         return answer.complete(f"the reply can't be read: {problem}")
 
     def _draw_strips(

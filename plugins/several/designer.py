@@ -26,9 +26,9 @@ from core.interfaces import (
     Task,
     ToolRepresentation,
 )
+from core.search.answers import Answer
 from core.search.assignment import Team
 from core.search.designer import ModelDesigner, ScenePictures
-from core.search.second_look import Answer
 from plugins.several.plans import TaskPlans
 
 NO_PLANS = TaskPlans()
@@ -224,7 +224,6 @@ class SeveralDesigner(ModelDesigner):
                 action=0,
                 plan=NO_PLANS,
                 parents=(tool.id,) if team.elites else (),
-                varied=False,
             )
             for number, tool in enumerate(tools[:most])
         ]

@@ -48,6 +48,11 @@ def artists() -> Mapping[str, str]:
 
 
 @hookimpl
+def menders() -> Mapping[str, str]:
+    return {"second_look": "plugins.vlms.second_look:SecondLook"}
+
+
+@hookimpl
 def levels() -> Mapping[str, str]:
     names = {"source": "Source", "words": "Words", "pictures": "Pictures"}
     return {name: f"plugins.vlms.told.levels:{cls}" for name, cls in names.items()}

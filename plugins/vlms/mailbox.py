@@ -19,10 +19,11 @@ from core.events import Generation, Run
 from core.hooks import hookimpl
 from core.interfaces import VLM, Evaluation, Picture, Reply, Request
 from core.plugins import installed
-from core.search.second_look import list_faults, read_candidates
+from core.search.answers import read_candidates
 from core.support.cli import say
 from core.support.files import FileMark, file_mark, read_untrusted, write_whole
 from core.support.text import number
+from plugins.vlms.second_look import list_faults
 from plugins.vlms.told.feedback import describe
 
 REPLIES = ("reply.json", "reply.md")

@@ -45,7 +45,6 @@ class Variation:
             strategy=strategy,
             action=action,
             parents=(candidate.id,),
-            varied=True,
         )
 
         try:

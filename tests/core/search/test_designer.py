@@ -18,6 +18,7 @@ from core.search.assignment import Assignment, Team
 from core.search.designer import ModelDesigner
 from plugins.actions.waypoints import WaypointActions
 from plugins.conformance.evaluations import tried_once
+from plugins.vlms.second_look import SecondLook
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda
 
@@ -79,8 +80,9 @@ def designer(
         on_panda(BringCube()), URDF, WaypointActions(), asked, seed, kinds
     )
     composer, hub = PromptComposer(prompt), events or event_hub()
+    mender = SecondLook(composer) if composer.settings.repair else None
     return ModelDesigner(
-        assignment, vlm, composer, Sampling(temperature), hub, film=show
+        assignment, vlm, composer, Sampling(temperature), hub, film=show, mender=mender
     )
 
 

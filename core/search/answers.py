@@ -1,0 +1,95 @@
+"""Read the designs of answers, and let the model look again at those that break a rule."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
+
+from core.design import Candidate
+from core.designs.planning import NO_PLAN
+from core.designs.reading import list_strategies, read_designs
+from core.designs.start import SpawnRules
+from core.interfaces import Brief, Reply, Request
+
+
+def read_candidates(
+    brief: Brief, strategies: Sequence[Any], *, starts: bool
+) -> list[Candidate]:
+    """Read strategies, at most as many as the brief asks for.
+
+    Args:
+        brief: of the request.
+        strategies: of the answer.
+        starts: a tool that does not start clear of everything is faulty, too, before it is tried.
+    """
+    rules = SpawnRules(brief.task, brief.scene_seed) if starts else None
+    return read_designs(
+        {"strategies": strategies},
+        brief.representation,
+        brief.task,
+        base=Candidate(None, NO_PLAN, brief.generation, brief.agent),
+        elites=tuple(elite.candidate.id for elite in brief.elites),
+        most=(brief.n_tool, brief.n_action or None),
+        actions=brief.actions,
+        start=rules,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """A request, and what came of it so far.
+
+    Attributes:
+        request: that was asked first.
+        sent: that was sent last; asked for a second look, it is another one.
+        strategies: of the document that was read so far; empty: none.
+        candidates: of these; at the end one in any case, if only one that says why there is no other.
+        lost: there is no reply, for a reason that may pass.
+    """
+
+    request: Request
+    sent: Request
+    strategies: Sequence[Any] = ()
+    candidates: list[Candidate] = field(default_factory=list)
+    lost: bool = False
+
+    def read(self, document: object, mender: Mender | None) -> Answer:
+        """Read the candidates of a reply's document; those of a second look are mended.
+
+        Raises:
+            DesignError: it holds no strategy.
+        """
+        brief = self.request.brief
+        # A reply may hold more than were asked for, which are not read.
+        strategies = list_strategies(document)[: brief.n_tool]
+        if self.candidates and mender is not None:
+            return mender.mend(self, strategies)
+
+        found = read_candidates(brief, strategies, starts=mender is not None)
+        return replace(self, strategies=strategies, candidates=found)
+
+    def complete(self, problem: str) -> Answer:
+        """Return it with a candidate that has a problem and stands for all, where there is none."""
+        if self.candidates:
+            return self
+
+        brief = self.request.brief
+        lost = Candidate(None, NO_PLAN, brief.generation, brief.agent, problem=problem)
+        return replace(self, candidates=[lost])
+
+
+class Mender(Protocol):
+    """Has a model look again at what breaks a rule in its answer; a plugin makes it of a `PromptComposer`."""
+
+    def look_again(self, answer: Answer, reply: Reply, problem: str) -> Request | None:
+        """Compose the request for a second look; None: nothing in the answer breaks a rule.
+
+        Args:
+            answer: what was read so far.
+            reply: that came last.
+            problem: why the reply can't be read; empty: it can.
+        """
+
+    def mend(self, answer: Answer, strategies: Sequence[Any]) -> Answer:
+        """Put the strategies of a second look in the places of the faulty ones."""
