@@ -38,7 +38,6 @@ class Search:
     """All that takes part in a search."""
 
     run: Run
-    designer: ModelDesigner
     strategy: EvolutionStrategy
     fitness: Fitness
     executor: Executor
@@ -84,7 +83,7 @@ def build_search(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) ->
         part(SIMULATOR, cfg.sim).create(),
         designer.prompts.rollout,
     )
-    return Search(run, designer, strategy, fitness, executor, events, proxies)
+    return Search(run, strategy, fitness, executor, events, proxies)
 
 
 def _build_strategy(

@@ -276,21 +276,22 @@ def test_a_machine_at_fault_is_named():
         winner((1.0, 0.5, "a full b 1"), (1.0, 0.6, "a 1 b 1"))
 
 
-class Hears:
-    def __init__(self, until=1000):
-        self.heard, self.until = [], until
+class Impatient:
+    """Interrupts the run when the third finalist was tried."""
+
+    left = 3
 
     @hookimpl(trylast=True)
     def finalist_tried(self, evaluation):
-        self.heard.append(evaluation)
-        if len(self.heard) == self.until:
+        self.left -= 1
+        if self.left == 0:
             raise KeyboardInterrupt
 
 
-def listening(until=1000):
-    hub, hears = event_hub(), Hears(until)
-    hub.register(hears)
-    return hub, hears
+def impatient_hub():
+    hub = event_hub()
+    hub.register(Impatient())
+    return hub
 
 
 def test_listeners_hear_of_each_round_and_what_was_tried_is_not_tried_again():
@@ -342,7 +343,7 @@ def test_a_run_interrupted_among_elites_or_finalists_keeps_their_trials(
 ):
     words = [*WORDS, f"budget.elite_s={elites}"]
     with monkeypatch.context() as patched:
-        patched.setattr("core.search.setup.event_hub", lambda: listening(3)[0])
+        patched.setattr("core.search.setup.event_hub", impatient_hub)
         with contextlib.suppress(KeyboardInterrupt):  # in the loop it is noted
             run(load("config", words), tmp_path / "run")
     stored = [e.finals for e in StoredRun(tmp_path / "run").evaluations()]
