@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
-from core.designs.statics import Beams, check_weight, corners
+from core.designs.statics import check_weight, corners
 from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import Robot, Task, ToolRepresentation
@@ -78,8 +79,8 @@ ToolRule = Callable[[Tool, Robot, Material], None]
 def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
     """Check that an arm can bear a tool of ``material``, with the masses that it has.
 
-    Checked are number, sizes, masses and extent of its components, contacts, stiffness, and of a real material the
-    moment about the mount and strength. Then follow the rules that plugins offer (`ToolRule`).
+    Checked are number, sizes, masses and extent of its components, contacts, and of a real material the moment about
+    the mount. Then follow the rules that plugins offer (`ToolRule`).
 
     Raises:
         DesignError: all rules that are broken, as far as they can be checked together.
@@ -103,7 +104,7 @@ def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
     with faults.collect():
         _check_extent(tool)
     with faults.collect():
-        joints = check_contacts(tool, robot)
+        check_contacts(tool, robot)
     faults.refuse()
 
     plugins = installed()
@@ -111,8 +112,6 @@ def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
         with faults.collect():
             owner = plugins.offers["tool_rule", name].owner
             judge_design(owner, rule, tool, robot, material)
-    with faults.collect():
-        _check_stiffness(tool, joints, material)
     faults.refuse()
 
 
@@ -221,7 +220,8 @@ def mount_solids(tool: Tool, robot: Robot) -> dict[str, list[Solid]]:
     return {mount: solids[mount] for mount in tool.mounts}
 
 
-def check_contacts(tool: Tool, robot: Robot | None) -> dict[str, Array]:
+@lru_cache(maxsize=16)
+def check_contacts(tool: Tool, robot: Robot | None) -> Mapping[str, Array]:
     """Check that each component touches its parent; return the points (3,) where they do, in the mount's frame.
 
     Without a robot the mount is nothing that could be touched.
@@ -269,32 +269,6 @@ def check_contacts(tool: Tool, robot: Robot | None) -> dict[str, Array]:
 def describe_way(way: Array, mount: str) -> str:
     """Write a way (3,) in the frame of a mount."""
     return f"({short_numbers(way, 4, ', ')}) m in the frame of {mount!r}"
-
-
-def _check_stiffness(tool: Tool, joints: dict[str, Array], material: Material) -> None:
-    """Check how far a tool bends under a load at its ends, and of a real material whether it breaks.
-
-    ``joints`` has for each component the point (3,) where it touches its parent, in the mount's frame.
-    """
-    kind = f"of {material.name}"
-    if material.density_kg_m3 is None:
-        kind = "even of steel"
-    most = material.strength_pa
-
-    for name, (bend, stress) in Beams(tool, joints, material).bending().items():
-        if bend > MAX_BEND_M_N:
-            raise DesignError(
-                f"component {name!r} is not rigid: {kind}, 1 N would bend it by {1000 * bend:.3g} mm, from the "
-                f"mount to its end; at most {1000 * MAX_BEND_M_N:g} mm are allowed: shorten or thicken what carries it"
-            )
-
-        load_pa = MAX_LOAD_N * stress
-        if most is not None and load_pa > most:
-            raise DesignError(
-                f"component {name!r} would break: {kind}, {MAX_LOAD_N:g} N at its end mean a stress of "
-                f"{load_pa / 1e6:.3g} MPa in it or in what carries it; at most {most / 1e6:g} MPa are "
-                "allowed: shorten or thicken both"
-            )
 
 
 def given_tool(representation: ToolRepresentation, task: Task) -> Tool | None:

@@ -1,4 +1,4 @@
-"""The rules for tools of a real material: weight, moment, stiffness and strength, with figures."""
+"""The rules for the weight of tools of a real material, with figures."""
 
 import re
 from dataclasses import replace
@@ -10,7 +10,7 @@ from core.config.compose import load
 from core.design import Component, DesignError, Tool
 from core.designs.composer import as_markdown
 from core.designs.rules import check_tool
-from core.designs.statics import Beams, check_weight, flange_moment, moment_limit
+from core.designs.statics import check_weight, flange_moment, moment_limit
 from core.geometry import Box, Pose
 from core.plugins import installed
 from core.robot.kinematics import arm_of
@@ -21,12 +21,6 @@ from tests.core.designs.test_rules import box, rigid
 from tests.panda import PANDA
 
 SOLID = Material("solid", 1240, young_pa=2.5e9, strength_pa=26e6)
-
-
-def bar(length, thickness=0.005, mass=0.005):
-    return rigid(
-        box(at=(0, 0, -length / 2), size=(thickness, thickness, length), mass=mass)
-    )
 
 
 def test_the_wrist_of_every_arm_has_a_limit():
@@ -111,57 +105,6 @@ def test_paper_knows_no_moment_and_a_material_no_limits_of_mass_and_density():
     check_tool(heavy, PANDA, SOLID)
     with pytest.raises(DesignError, match=r"weighs 1.24 kg; it must be between"):
         check_tool(heavy, PANDA)
-
-
-@pytest.mark.parametrize(("young_pa", "longest"), [(70e9, 0.47), (2.5e9, 0.157)])
-def test_a_bar_bends_by_the_stiffness_of_its_material(young_pa, longest):
-    """4 L^3 / (E t^4) per newton for a square bar."""
-    made_of = replace(SOLID, young_pa=young_pa, strength_pa=None)
-    check_tool(bar(longest), PANDA, made_of)
-    with pytest.raises(
-        DesignError,
-        match=r"component 'a' is not rigid: of solid, 1 N would bend it by 1\d",
-    ):
-        check_tool(bar(1.06 * longest), PANDA, made_of)
-
-
-def test_a_bar_breaks_by_the_strength_of_its_material():
-    """6 F L / t^3 for a square bar: 54 mm."""
-    check_tool(bar(0.053), PANDA, SOLID)
-    with pytest.raises(DesignError) as error:
-        check_tool(bar(0.06), PANDA, SOLID)
-    assert str(error.value).startswith(
-        "component 'a' would break: of solid, 10 N at its end mean a stress of 27.7 MPa"
-    )
-    assert "at most 26 MPa are allowed" in str(error.value)
-    check_tool(bar(0.06), PANDA)
-
-
-def test_what_is_hollow_bends_and_breaks_as_its_walls_do():
-    """A section of 20 mm with walls of 2 mm, filled to a fifth."""
-    joints = {"a": np.zeros(3)}
-    materials = SOLID, replace(SOLID, infill=0.2, wall_mm=2.0)
-    solid, hollow = (
-        Beams(bar(0.2, 0.02), joints, made_of).bending()["a"] for made_of in materials
-    )
-    share = 1 - 0.8 * (16 / 20) ** 4
-    assert hollow == pytest.approx(np.array(solid) / share)
-    assert solid == pytest.approx(
-        (4 * 0.2**3 / (2.5e9 * 0.02**4), 6 * 0.2 / 0.02**3), rel=0.02
-    )
-
-
-def test_a_joint_in_one_point_with_the_parents_is_no_beam():
-    """The plate carries the bar, but nothing bends it."""
-    plate = box("plate", (0, 0, 0), (0.05, 0.05, 0.001))
-    rod = box("rod", (0, 0, -0.05), (0.02, 0.02, 0.1), parent="plate")
-    joints = {"plate": np.zeros(3), "rod": np.zeros(3)}
-    alone = Beams(
-        rigid(replace(rod, parent="tool_mount")), {"rod": np.zeros(3)}, SOLID
-    ).bending()["rod"]
-    assert Beams(rigid(plate, rod), joints, SOLID).bending()["rod"] == pytest.approx(
-        alone
-    )
 
 
 def test_the_prompt_says_what_tools_weigh_and_may():

@@ -1,0 +1,163 @@
+"""Estimate how far a tool bends, as beams, and refuse tools that bend too far or would break.
+
+The beams follow each other from the mount to a tip. A force F across a beam moves its tip by F times the integral of
+r^2 / (E I), r being the distance from the tip (beam theory of Euler and Bernoulli), and stresses the outside of a
+section of thickness t with F r t / 2 I. Torsion is left out, and so is that parallel chains of components bear a load
+together. What is printed with walls and infill has the second moment of area I of its walls, and of its inside times
+the infill.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from core.design import DesignError, Tool
+from core.designs.rules import MAX_BEND_M_N, MAX_LOAD_N, check_contacts
+from core.designs.statics import corners
+from core.geometry import Array
+from core.interfaces import Material, Robot
+
+POINT_M = 1e-6  # what is shorter is no beam, and has no section
+
+
+class Beam(NamedTuple):
+    """A part of a component that bends: L / E I and t / 2 I are those of its section.
+
+    Attributes:
+        start: (3,) where it is held, in its mount's frame.
+        stop: (3,) where it ends.
+        softness: its length over E I, 1/(N m).
+        weakness: half its thickness over I, 1/m^3.
+    """
+
+    start: Array
+    stop: Array
+    softness: float
+    weakness: float
+
+
+class Beams:
+    """The components of a tool as beams.
+
+    Args:
+        tool: of components that touch each other.
+        joints: for each component the point (3,) where it touches its parent, in its mount's frame.
+        material: what the tool is made of.
+
+    Attributes:
+        chains: what carries each component, from the mount on: each carrier's name, and its beam up to the next joint.
+    """
+
+    def __init__(
+        self, tool: Tool, joints: Mapping[str, Array], material: Material
+    ) -> None:
+        self.tool = tool
+        self.joints = joints
+        self.material = material
+        self._poses = {name: pose for name, (_, pose) in tool.placed().items()}
+        self._shapes = {c.name: c.shape for c in tool.components}
+        self.chains: dict[str, list[tuple[str, Beam]]] = {}
+
+        for component in tool.components:
+            parent = component.parent
+            chain = list(self.chains.get(parent, ()))
+            if parent in self._shapes:
+                beam = self.beam(parent, joints[component.name])
+                chain.append((parent, beam))
+
+            self.chains[component.name] = chain
+
+    def bending(self) -> dict[str, tuple[float, float]]:
+        """Estimate for each component what a newton at its far end does: how far that moves, and the largest stress.
+
+        The stress, in pascals, is that of the component or of what carries it.
+        """
+        bends = {}
+
+        for component in self.tool.components:
+            name = component.name
+            ends = corners(component.shape, self._poses[name])
+            away = np.linalg.norm(ends - self.joints[name], axis=1)
+            bends[name] = self.bend(name, ends[away.argmax()])
+
+        return bends
+
+    def bend(self, name: str, point: Array) -> tuple[float, float]:
+        """Estimate what a newton at a point of a component does: see `bending`.
+
+        Along a beam of length L from a to b, seen from the point, the integral of r^2 is L (a a + a b + b b) / 3.
+
+        Args:
+            name: of the component.
+            point: (3,) in the mount's frame.
+        """
+
+        moved_m = 0.0
+        stress_pa = 0.0
+        beams = [beam for _, beam in self.chains[name]]
+
+        for beam in (*beams, self.beam(name, point)):
+            a = beam.start - point
+            b = beam.stop - point
+            moved_m += beam.softness * float(a @ a + a @ b + b @ b) / 3
+            far = max(np.linalg.norm(a), np.linalg.norm(b))
+            stress_pa = max(stress_pa, beam.weakness * float(far))
+
+        return moved_m, stress_pa
+
+    def beam(self, name: str, stop: Array) -> Beam:
+        """Return a component's part from where it is held to a point (3,) where it ends.
+
+        It bends about the weaker axis of the section across it, that of the bounding box: I is w t^3 / 12. What fills a
+        share s of its volume has s^2 of its stiffness, which is 5 % too much for a rod.
+        """
+        start = self.joints[name]
+        shape = self._shapes[name]
+        along = np.abs((stop - start) @ self._poses[name].rotation.as_matrix())
+
+        size = shape.bounds[1]
+        thin, wide = sorted(np.delete(size, along.argmax()))
+
+        walls = self.material.wall_mm / 500
+        hollow = max(0.0, wide - walls) * max(0.0, thin - walls) ** 3
+        hollow *= 1 - self.material.infill
+
+        filled = shape.volume / float(np.prod(size))
+        second_moment = filled**2 * (wide * thin**3 - hollow) / 12
+
+        length = float(np.linalg.norm(stop - start))
+        softness = length / (self.material.young_pa * second_moment)
+        weakness = thin / 2 / second_moment if length > POINT_M else 0.0
+
+        return Beam(start, stop, softness, weakness)
+
+
+def check_stiffness(tool: Tool, robot: Robot, material: Material) -> None:
+    """Check how far a tool bends under a load at its ends, and of a real material whether it breaks.
+
+    Raises:
+        DesignError: names the component, and says what would do.
+    """
+    kind = f"of {material.name}"
+    if material.density_kg_m3 is None:
+        kind = "even of steel"
+    most = material.strength_pa
+    beams = Beams(tool, check_contacts(tool, robot), material)
+
+    for name, (bend, stress) in beams.bending().items():
+        if bend > MAX_BEND_M_N:
+            raise DesignError(
+                f"component {name!r} is not rigid: {kind}, 1 N would bend it by {1000 * bend:.3g} mm, from the "
+                f"mount to its end; at most {1000 * MAX_BEND_M_N:g} mm are allowed: shorten or thicken what carries it"
+            )
+
+        load_pa = MAX_LOAD_N * stress
+        if most is not None and load_pa > most:
+            raise DesignError(
+                f"component {name!r} would break: {kind}, {MAX_LOAD_N:g} N at its end mean a stress of "
+                f"{load_pa / 1e6:.3g} MPa in it or in what carries it; at most {most / 1e6:g} MPa are "
+                "allowed: shorten or thicken both"
+            )
