@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Protocol, cast, runtime_checkable
+from typing import Any
 
 import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Outcome, Recording, Rollout, World
 from core.scene import State
-from core.values.jobs import FEEL_S, FeelingWorld
+from core.values.jobs import FEEL_S
 
 LAG_EVERY = 10  # steps between two measurements of the arm's lag
 
@@ -115,48 +114,9 @@ class Schedule:
         return Outcome(start, end, lag, recording=recording, felt=felt)
 
 
-@runtime_checkable
-class BulkWorld(World, Protocol):
-    """A world that decodes many snapshots at once, which is faster."""
-
-    def note(self) -> Any:
-        """Take a snapshot of the joints and free bodies, in the form that is fastest to get."""
-        ...
-
-    def read(self, notes: Sequence[Any]) -> Film:
-        """Decode T snapshots: arm (T, J), fingers with the tool's joints (T, F + K), the free bodies' states."""
-        ...
-
-
-class _Noting:
-    """Gives a `World` what a `BulkWorld` has.
-
-    A snapshot is what its methods return, one by one.
-    """
-
-    def __init__(self, world: World) -> None:
-        self._world = world
-
-    def note(self) -> Any:
-        return *self._world.joints(), self._world.state()
-
-    def read(self, notes: Sequence[Any]) -> Film:
-        arms, fingers, states = zip(*notes, strict=True)
-        return np.array(arms), np.array(fingers), State.stack(states)
-
-
-@runtime_checkable
-class Launching(World, Protocol):
-    """A world in which something moves by itself once the robot's motion begins."""
-
-    def launch(self) -> None:
-        """Give bodies their velocities, begin the time of drives, and let the tool's joints go."""
-
-
 def begin_motion(world: World) -> State:
     """Begin the motion, and return the state there."""
-    if isinstance(world, Launching):
-        world.launch()
+    world.launch()
     return world.state()
 
 
@@ -182,8 +142,7 @@ def play(world: World, job: Rollout) -> Outcome:
     """Play a job: settle, move, hold.
 
     Args:
-        world: with the scene, and with the robot at the first targets. A job with guards needs a
-            `core.values.jobs.FeelingWorld`.
+        world: with the scene, and with the robot at the first targets.
         job: what is played.
     """
     job = begin_guards(job)
@@ -192,7 +151,6 @@ def play(world: World, job: Rollout) -> Outcome:
     if refused is not None:
         return refused
 
-    bulk = world if isinstance(world, BulkWorld) else _Noting(world)
     schedule = Schedule(job, world.time_step)
     orders = schedule.orders()
     start = begin_motion(world) if schedule.settle == 0 else None
@@ -202,7 +160,7 @@ def play(world: World, job: Rollout) -> Outcome:
 
     while done < len(orders):
         if schedule.every and done % schedule.every == 0:
-            notes.append(bulk.note())
+            notes.append(world.note())
 
         world.step(*orders[done])
         now = float(schedule.ends[done])
@@ -217,15 +175,14 @@ def play(world: World, job: Rollout) -> Outcome:
         if job.guards is None or not due or now < job.guards.since:
             continue
 
-        pushes = cast(FeelingWorld, world).pushes()
-        changed = job.guards.feel(now, world.joints()[0], *pushes)
+        changed = job.guards.feel(now, world.joints()[0], *world.pushes())
         if changed is not None:
             schedule = Schedule(replace(job, trajectory=changed), world.time_step)
             orders = schedule.orders()
 
     film = None
     if schedule.every:
-        film = bulk.read([*notes, bulk.note()])
+        film = world.read([*notes, world.note()])
 
     lag = schedule.measure_lag(np.array(reached))
     return schedule.conclude(start, world.state(), lag, film)

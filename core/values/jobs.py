@@ -5,7 +5,8 @@ Plugins import all of it from `core.interfaces`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -300,15 +301,15 @@ class Outcome:
     felt: tuple[Felt, ...] = ()
 
 
-class World(Protocol):
+class World(ABC):
     """An engine's world with a scene and the robot, stepped by its caller (`core.simulation.playback`).
 
-    A world may have a method ``launch()``, which its caller calls once, when the robot's motion begins: then bodies get
-    their velocities (`Body.velocity`), the time of drives begins (`Drive`), and the tool's joints are let go.
+    An engine says how its world steps, and how joints and bodies stand. It says more if it can do more, or faster.
     """
 
     time_step: float
 
+    @abstractmethod
     def step(
         self,
         arm: Array,
@@ -318,18 +319,33 @@ class World(Protocol):
     ) -> None:
         """Drive the joints to targets (J,) and a finger opening at these speeds, and advance by one time step."""
 
+    @abstractmethod
     def joints(self) -> tuple[Array, Array]:
         """Return the arm's joints (J,), and the fingers' with the tool's (F + K,); see `Recording`."""
 
+    @abstractmethod
     def state(self) -> State:
         """Return the state of the free bodies."""
 
+    def launch(self) -> None:
+        """Begin the robot's motion, once: `Body.velocity`, the time of each `Drive`, and the tool's joints are let go.
 
-class FeelingWorld(World, Protocol):
-    """A world that plays motions with guards."""
+        By default nothing moves by itself.
+        """
+        return
+
+    def note(self) -> Any:
+        """Take a snapshot of the joints and free bodies, in the form that is fastest to get."""
+        return *self.joints(), self.state()
+
+    def read(self, notes: Sequence[Any]) -> tuple[Array, Array, State]:
+        """Decode T snapshots: arm (T, J), fingers with the tool's joints (T, F + K), the free bodies' states."""
+        arms, fingers, states = zip(*notes, strict=True)
+        return np.array(arms), np.array(fingers), State.stack(states)
 
     def pushes(self) -> tuple[Array, Array]:
-        """Return what pushed the links beyond the arm's last joint in the last step.
+        """Return what pushed the links beyond the arm's last joint in the last step; plans with guards need it.
 
         Points (C, 3) in the world, metres, and the forces there (C, 3), newtons.
         """
+        raise NotImplementedError

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, Generic, TypeVar
 
 from core.design import Tool
 from core.errors import check_positive
-from core.interfaces import Outcome, Robot, Rollout, Simulator, Task
+from core.interfaces import Outcome, Robot, Rollout, Simulator, Task, World
 from core.robot.trajectory import at_home
 from core.scene import Scene, State
-from core.simulation.playback import BulkWorld, Launching, play
+from core.simulation.playback import play
 from core.support.scratch import temporary_folder
-from core.values.jobs import FeelingWorld
 from plugins.simulators.forces import Impulses
 from plugins.simulators.rigid import only_rigid
 from plugins.simulators.scenes import scene_of
@@ -23,7 +22,7 @@ from plugins.simulators.steps import check_time_step, choose_step
 Prepared = TypeVar("Prepared")
 
 
-class FreshWorld(BulkWorld, Launching, FeelingWorld, ABC):
+class FreshWorld(World):
     """A world with one job's robot and scene, stepped by its caller.
 
     Attributes:

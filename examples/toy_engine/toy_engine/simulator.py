@@ -7,7 +7,16 @@ from typing_extensions import Unpack
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.geometry import Array, Pose
-from core.interfaces import Image, Outcome, Robot, Rollout, Simulator, Task, View
+from core.interfaces import (
+    Image,
+    Outcome,
+    Robot,
+    Rollout,
+    Simulator,
+    Task,
+    View,
+    World,
+)
 from core.robot.kinematics import arm_of
 from core.scene import State
 from core.simulation.playback import play
@@ -89,8 +98,8 @@ def place_boxes(
         yield mounts[mount] @ pose, component.shape.bounds[1]
 
 
-class ToyWorld:
-    """A `core.interfaces.World`: it is stepped by its caller."""
+class ToyWorld(World):
+    """A world that is stepped by its caller."""
 
     def __init__(
         self, task: Task, tool: Tool, seed: int, time_step: float, radius: float

@@ -54,7 +54,7 @@ def add_feeler(spec: Element, link: str) -> None:
 
 
 class Feeler:
-    """What pushes the robot beyond its last joint, see `core.values.jobs.FeelingWorld`."""
+    """What pushes the robot beyond its last joint, see `core.interfaces.World.pushes`."""
 
     def __init__(self, model: Element) -> None:
         self._model = model

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from core.geometry import Array
-from core.interfaces import JointTrajectory
+from core.interfaces import JointTrajectory, World
 from core.scene import State
 from plugins.simulators.mujoco.contacts import is_discrete
 from plugins.simulators.mujoco.engine import mujoco, warnings_caught
@@ -14,8 +14,8 @@ from plugins.simulators.mujoco.moving import Moving
 from plugins.simulators.mujoco.shapes import Element
 
 
-class Stepped:
-    """A `core.interfaces.World`, with the robot at first at a trajectory's first targets.
+class Stepped(World):
+    """A world, with the robot at first at a trajectory's first targets.
 
     Args:
         model: of the world; the tool's joints are held in it until `launch`.

@@ -14,7 +14,7 @@ from plugins.simulators.pybullet.mechanisms import Place
 
 
 def pushes(client: Client, robot: int, links: Collection[int]) -> tuple[Array, Array]:
-    """Return what pushed some links of the robot in the last step, see `core.values.jobs.FeelingWorld`.
+    """Return what pushed some links of the robot in the last step, see `core.interfaces.World.pushes`.
 
     Args:
         client: the world.

@@ -13,7 +13,7 @@ from plugins.simulators.forces import Impulses, Thing, meeting
 
 
 def pushes(system: Any, shapes: Collection[Any]) -> tuple[Array, Array]:
-    """Return what pushed some collision shapes in the last step, see `core.values.jobs.FeelingWorld`.
+    """Return what pushed some collision shapes in the last step, see `core.interfaces.World.pushes`.
 
     Args:
         system: PhysX's.

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from core.design import Tool
-from core.interfaces import JointTrajectory, Rollout
+from core.interfaces import JointTrajectory, Rollout, World
 from core.scene import State
 from core.simulation.playback import Schedule, play
 
 DT = 0.01
 
 
-class Exact:
+class Exact(World):
     """Reach each target at once, but ``lag`` radians behind; one body moves 1 mm with each step."""
 
     time_step = DT
