@@ -122,28 +122,14 @@ def _hang(solid: Solid, link: str, model: RobotModel) -> Solid:
 
 
 @lru_cache(maxsize=8)
-def scene_solids(scene: Scene) -> Solids:
-    """Measure the collision shapes of all bodies; their frames are those of the free ones."""
-    frames = {body.name: number for number, body in enumerate(scene.free)}
-    solids = [body_solids(body, frames.get(body.name, WORLD)) for body in scene.bodies]
+def all_solids(scene: Scene, robot: Robot, tool: Tool) -> Solids:
+    """Join the solids of the links that move, those of the tool's parts, and the collision shapes of all bodies.
 
-    return Solids([*chain.from_iterable(solids)])
-
-
-@lru_cache(maxsize=8)
-def all_solids(robot: Robot, tool: Tool, bodies: Solids) -> Solids:
-    """Join the solids of the links that move, those of the tool's parts, and those of bodies.
-
-    Args:
-        robot: the arm.
-        tool: what it holds.
-        bodies: see `scene_solids`; their frames are behind the joints'.
+    The frames of free bodies are numbered behind the joints.
     """
     links = [solid for solid in link_solids(robot, jointed(tool)) if solid.frame > 0]
     joints = robot_model(robot, tool).model.njoints
-    others = [
-        solid if solid.frame == WORLD else replace(solid, frame=joints + solid.frame)
-        for solid in bodies.items
-    ]
+    frames = {body.name: joints + k for k, body in enumerate(scene.free)}
+    bodies = [body_solids(body, frames.get(body.name, WORLD)) for body in scene.bodies]
 
-    return Solids([*links, *tool_solids(robot, tool), *others])
+    return Solids([*links, *tool_solids(robot, tool), *chain(*bodies)])

@@ -197,7 +197,7 @@ class Encounter:
 
     def judge(self, look: Look, instant: Instant, now: float) -> Passage | None:
         """Take a look at an instant, which is ``now``, seconds; return a passage if there is one."""
-        self._follow_side(look, instant, now)
+        self._follow_side(look, now)
         touching = look.depth < (
             self.depths.limit if self.entry is None else self.depths.least
         )
@@ -215,7 +215,7 @@ class Encounter:
 
         return self._find_stuck(look, instant, now)
 
-    def _follow_side(self, look: Look, instant: Instant, now: float) -> None:
+    def _follow_side(self, look: Look, now: float) -> None:
         """Keep the side while the two only touch, or the way out turns gradually; else see whether it is a cut."""
         if look.depth < self.depths.skin:
             self.side = look
@@ -224,7 +224,7 @@ class Encounter:
             if max(float(look.out @ way) for way in directions) > SAME:
                 self.side = look
             elif self.cut is None:
-                overlaps = [overlap(self.pair, instant, way) for way in directions]
+                overlaps = [overlap(self.pair, look, way) for way in directions]
                 if min(overlaps) > look.depth + self.depths.cut:
                     self.cut = Passage(now, f"cut into {{}} at {now:.2f} s")
 
@@ -262,26 +262,26 @@ def turned_with(before: Look, now: Look) -> tuple[Array, Array]:
     Returns:
         Directions (3,) in the world: as if it were fixed to the first solid, and to the second.
     """
-    with_first = now.rotation @ (before.out @ before.rotation)
-    with_second = now.others_rotation @ (before.out @ before.others_rotation)
+    out = before.out
+    with_first = now.here.getRotation() @ (out @ before.here.getRotation())
+    with_second = now.there.getRotation() @ (out @ before.there.getRotation())
 
     return with_first, with_second
 
 
-def overlap(pair: Pair, instant: Instant, direction: Array) -> float:
+def overlap(pair: Pair, look: Look, direction: Array) -> float:
     """How far the first would have to go back until the two are apart, at most, metres.
 
     Args:
         pair: the two.
-        instant: when.
+        look: where they are.
         direction: (3,) in the world, along which it goes back.
     """
-    here, rotation = pair.first.at(*instant)
-    there, others_rotation = pair.second.at(*instant)
-    far = _extent(pair.first, -(direction @ rotation))
-    far += _extent(pair.second, direction @ others_rotation)
+    far = _extent(pair.first, -(direction @ look.here.getRotation()))
+    far += _extent(pair.second, direction @ look.there.getRotation())
+    apart = look.here.getTranslation() - look.there.getTranslation()
 
-    return far - float((here.getTranslation() - there.getTranslation()) @ direction)
+    return far - float(apart @ direction)
 
 
 def _extent(track: Track, direction: Array) -> float:

@@ -22,7 +22,7 @@ from core.interfaces import Recording
 from core.robot.kinematics import place, robot_model, rotate
 from core.robot.solids import WORLD
 from core.scene import Scene, State
-from core.solids.bodies import Solids, all_solids, scene_solids
+from core.solids.bodies import Solids, all_solids
 from core.values.robots import Robot
 
 SAMPLE_HZ = 25.0
@@ -87,15 +87,15 @@ class Track:
         self.high = rows.high[number]
         self._rests = solid.frame == WORLD
         self._ways = rows.ways[number]
-        self._places: dict[int, tuple[Any, Array]] = {}  # by sample
+        self._places: dict[int, Any] = {}  # by sample
 
     @cached_property
     def travel(self) -> Array:
         """An upper bound (T,) of how far any point has moved since the first sample, metres."""
         return running_sums(self._ways[:-1])
 
-    def at(self, k: int, share: float) -> tuple[Any, Array]:
-        """Coal's transform and the rotation (3, 3), a ``share`` (0..1) of the way from sample ``k`` to the next."""
+    def at(self, k: int, share: float = 0.0) -> Any:
+        """Coal's transform, a ``share`` (0..1) of the way from sample ``k`` to the next."""
         if self._rests:
             k = 0
             share = 0.0
@@ -105,11 +105,10 @@ class Track:
             turn = pin.log3(self.rotations[k].T.dot(self.rotations[k + 1]))
             rotation = self.rotations[k].dot(pin.exp3(share * turn))
             position = begin + share * (self.positions[k + 1] - begin)
-            return coal.Transform3s(rotation, position), rotation
+            return coal.Transform3s(rotation, position)
 
         if k not in self._places:
-            rotation = self.rotations[k]
-            self._places[k] = coal.Transform3s(rotation, self.positions[k]), rotation
+            self._places[k] = coal.Transform3s(self.rotations[k], self.positions[k])
 
         return self._places[k]
 
@@ -119,13 +118,13 @@ class Look(NamedTuple):
 
     Attributes:
         depth: how deep the first is in the second, metres; negative if they are apart.
-        rotation: (3, 3) that of the first; ``others_rotation`` is that of the second.
+        here: Coal's transform of the first; ``there`` is that of the second.
         result: Coal's.
     """
 
     depth: float
-    rotation: Array
-    others_rotation: Array
+    here: Any
+    there: Any
     result: Any
 
     @property
@@ -154,12 +153,12 @@ class Pair:
 
     def look(self, k: int, share: float = 0.0) -> Look:
         """Measure the two at an instant (see `Track.at`)."""
-        here, rotation = self.first.at(k, share)
-        there, others_rotation = self.second.at(k, share)
+        here = self.first.at(k, share)
+        there = self.second.at(k, share)
         result = coal.DistanceResult()
         gap = float(self._measure(there, here, _REQUEST, result))
 
-        return Look(-gap, rotation, others_rotation, result)
+        return Look(-gap, here, there, result)
 
     def gaps(self, samples: Indices) -> Array:
         """Measure the gaps (N,) at N samples, metres, negative if the two overlap; once while they rest."""
@@ -253,7 +252,7 @@ def follow(
         detour: how far they get from the straight way between two samples, which widens their bounding boxes.
         only: of the solids that move, the numbers of those that are followed; tracks of others are zeros. None: all.
     """
-    solids = all_solids(robot, tool, scene_solids(scene))
+    solids = all_solids(scene, robot, tool)
     model = robot_model(robot, tool)
     joints = model.order(recording.arm, recording.fingers)
     rotations, positions = model.place_joints(joints)

@@ -98,8 +98,7 @@ def parted(tried: Tried) -> float:
         others = [other for other in solids if other.name != one.name]
         samples = range(0, len(tried.recording.times), 5)
         gaps += [
-            min(_gap(one, one.at(k, 0.0)[0], other, k) for other in others)
-            for k in samples
+            min(_gap(one, one.at(k), other, k) for other in others) for k in samples
         ]
     return _lack(max(gaps, default=0.0), PARTED_M)
 
@@ -145,8 +144,8 @@ def _deepest(tool: Sequence[Track], bodies: Sequence[Track]) -> float:
             near = ((one.low <= other.high[0]) & (one.high >= other.low[0])).all(axis=1)
             for k in np.flatnonzero(near[:-1]):
                 for share in (0.0, 0.5):
-                    here = one.at(int(k), share)[0]
-                    there = other.at(0, 0.0)[0]
+                    here = one.at(int(k), share)
+                    there = other.at(0)
                     gap = coal.distance(
                         one.geometry,
                         here,
@@ -187,7 +186,7 @@ def inside(scene: Scene, tool: Tool, recording: Recording) -> tuple[float, str]:
             points, cell = _plane(one.shape)
             around = margin * np.vstack([np.eye(3), -np.eye(3)])
             for k in np.flatnonzero(np.any(near, axis=0)) if near else ():
-                here = one.at(int(k), 0.0)[0]
+                here = one.at(int(k))
                 close = [
                     part for part, there in zip(parts, near, strict=True) if there[k]
                 ]
@@ -207,7 +206,7 @@ def inside(scene: Scene, tool: Tool, recording: Recording) -> tuple[float, str]:
 
 
 def _gap(one: Track, here: Any, part: Track, k: int) -> float:
-    there = part.at(k, 0.0)[0]
+    there = part.at(k)
     return float(
         coal.distance(
             one.geometry,
@@ -242,7 +241,7 @@ def _plane(shape: Box) -> tuple[Array, float]:
 
 def _contains(part: Track, k: int, points: Array) -> Any:
     """Report whether points (P, 3) of the world are in a body's part."""
-    there = part.at(k, 0.0)[0]
+    there = part.at(k)
     local = (points - there.getTranslation()) @ there.getRotation()
     faces = _faces(part.shape)
     return (local @ faces[:, :3].T + faces[:, 3] < 0).all(axis=1)

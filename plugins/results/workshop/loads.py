@@ -262,7 +262,7 @@ class _Parts:
     def _gap(self, number: int, sample: int, point: Array) -> float:
         """How far a point is from the surface of a part."""
         track = self._tracks[number]
-        place, _ = track.at(sample, 0.0)
+        place = track.at(sample)
         dot = coal.Transform3s(np.eye(3), point)
         request = coal.DistanceRequest()
         result = coal.DistanceResult()
