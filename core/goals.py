@@ -89,11 +89,6 @@ class Evidence:
         """Report at which instants a body is held: 1, or 0.5 where the robot only touches it, (..., T)."""
         return np.maximum(self.film.held(body), self.film.contact(body, "robot") / 2)
 
-    @property
-    def full(self) -> Array:
-        """The share of what is fulfilled in each world, 1, (...)."""
-        return np.ones(self.end.positions.shape[:-2])
-
     def moved(self, body: str) -> Array:
         """Measure how far a body is from where it was at the start, m, (...)."""
         return _length(self.end.position(body) - self.start.position(body))
@@ -224,10 +219,8 @@ class Reach(Goal):
         least = min(getattr(self, name, 0.0) for name in fields)
         ends = [self.rest, self.held, self.released]
         only_bodies = type(self) is Reach and not (any(ends) or self.also)
-        misplaced = False
-        for part in self.also:
-            asked = [part.rest, part.held, part.released]
-            misplaced = misplaced or bool(np.greater(asked, ends).any())
+        asked = [(part.rest, part.held, part.released) for part in self.also]
+        misplaced = np.greater(asked or ends, ends).any()
 
         refuse(
             "a goal's ",
@@ -240,7 +233,9 @@ class Reach(Goal):
                 "held and released say the opposite; leave one of them out": (
                     self.held and self.released
                 ),
-                "rest, held and released stand in the goal itself, not in also": misplaced,
+                "rest, held and released stand in the goal itself, not in also": bool(
+                    misplaced
+                ),
             },
         )
 
@@ -269,6 +264,11 @@ class Reach(Goal):
     def subject(self) -> str:
         """What it is about, in words."""
         return (" or " if self.any else ", ").join(self.bodies)
+
+    def label(self, number: int) -> str:
+        """Return its name, or what it is about and its number among the goals."""
+        what = ", ".join(self.bodies[:3]) or self.subject
+        return self.name or f"{what} (goal {number})"
 
     # What follows from it:
 
@@ -378,18 +378,18 @@ class Reach(Goal):
         Raises:
             ValueError: there is no such goal.
         """
-        known = dict[str | int, Reach]()
-        names = []
-        for number, goal in enumerate(evidence.goals):
-            if isinstance(goal, Reach):
-                # It may be called by its number, whatever its name.
-                name = goal.name or number
-                known |= {number: goal, name: goal}
-                names.append(str(name))
+        numbered = {
+            number: goal
+            for number, goal in enumerate(evidence.goals)
+            if isinstance(goal, Reach)
+        }
+        named = {goal.name or number: goal for number, goal in numbered.items()}
+        known = {**numbered, **named}  # by its number, whatever its name
 
         if which not in known:
+            names = ", ".join(map(str, named))
             raise ValueError(
-                f"a goal comes after {which!r}, which is no goal; there are: {', '.join(names)}"
+                f"a goal comes after {which!r}, which is no goal; there are: {names}"
             )
 
         first = known[which].progress_over_time(evidence)
@@ -419,29 +419,27 @@ class Reach(Goal):
         found = []
 
         for alike in zip(*measures, strict=True):
-            margins = [measure.margin(end) for measure in alike]
-            known = [margin for margin in margins if margin is not None]
+            margins = filter(None, [measure.margin(end) for measure in alike])
+            best_first = sorted(margins, key=lambda margin: -margin.margin)
 
-            if known:
-                known.sort(key=lambda margin: -margin.margin)
-                found.append(known[self._count(len(known)) - 1])
+            if best_first:
+                found.append(best_first[self._count(len(best_first)) - 1])
 
-        what = "bodies"
-        if len(bodies) == 1:
-            what = self.subject
+        what = self.subject if len(bodies) == 1 else "bodies"
 
         if self.rest:
             speeds = sorted(float(self.unrest(body, end)) for body in bodies)
             fastest = speeds[self._count(len(speeds)) - 1]
-            name = f"speed of {what}"
-            found.append(Margin.at_most(name, fastest, 1.0, "resting speeds"))
+            unit = "resting speeds"
+            found.append(Margin.at_most(f"speed of {what}", fastest, 1.0, unit))
 
         if self.by_s is not None and evidence.trace is not None:
             times = evidence.trace.times
             fulfilled = times[self.progress_over_time(evidence) >= DONE]
             first = float(fulfilled.min(initial=max(times[-1], self.by_s)))
-            name = f"time to fulfil {what}"
-            found.append(Margin.at_most(name, first, self.by_s, "s"))
+            found.append(
+                Margin.at_most(f"time to fulfil {what}", first, self.by_s, "s")
+            )
 
         return found
 
@@ -643,7 +641,7 @@ class Kept(Limit):
         return STRAYED * self.kept_m
 
     def share(self, evidence: Evidence) -> Array:
-        share = evidence.full
+        share = np.ones(())
         for name in self.keep:
             left = self.lost_m - self._moved(name, evidence)
             share = share * np.clip(left / (self.lost_m - self.kept_m), 0.0, 1.0)
@@ -688,17 +686,16 @@ class Untouched(Limit):
         """It does: what touched is in the trace."""
         return True
 
+    def _harmed(self, name: str, film: Trace) -> Array:
+        """Report at which instants (..., T) the robot does to a body what it must not."""
+        if self.max_force_n:
+            return film.forces_n(name, "robot") > self.max_force_n
+        return film.contact(name, "robot")
+
     def share(self, evidence: Evidence) -> Array:
-        film = evidence.film
-        share = evidence.full
-
+        share = np.ones(())
         for name in self.untouched:
-            if self.max_force_n:
-                harmed = film.force_n(name, "robot") > self.max_force_n
-            else:
-                harmed = film.touched(name, "robot")
-
-            share = share * ~harmed
+            share = share * ~self._harmed(name, evidence.film).any(axis=-1)
 
         return share
 
@@ -723,19 +720,22 @@ class Untouched(Limit):
 
     def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
         film = evidence.film
+        if self.max_force_n and film.forces is None:
+            return
+
         for name in self.untouched:
-            if self.max_force_n and film.forces is not None:
-                forces = film.forces_n(name, "robot")
-                harmed = forces > self.max_force_n
-                did = f"{name} pressed with {forces.max():.0f} N, {self.max_force_n:g} N allowed"
-            elif not self.max_force_n:
-                harmed = film.contact(name, "robot")
-                did = f"{_find_toucher(film, name)} touched {name}"
-            else:
+            harmed = self._harmed(name, film)
+            if not harmed.any():
                 continue
 
-            if harmed.any():
-                yield float(film.times[harmed.argmax()]), did
+            did = f"{_find_toucher(film, name)} touched {name}"
+            if self.max_force_n:
+                force = film.force_n(name, "robot")
+                did = (
+                    f"{name} pressed with {force:.0f} N, {self.max_force_n:g} N allowed"
+                )
+
+            yield float(film.times[harmed.argmax()]), did
 
 
 class Aim(Protocol):
@@ -790,18 +790,15 @@ def goals_shares(
         return ()
 
     evidence = Evidence(start, end, trace, task.goals)
-    found = []
 
     try:
-        for number, goal in enumerate(task.goals):
-            if isinstance(goal, Reach):
-                what = ", ".join(goal.bodies[:3]) or goal.subject
-                label = goal.name or f"{what} (goal {number})"
-                found.append((label, float(goal.share(evidence))))
+        return tuple(
+            (goal.label(number), float(goal.share(evidence)))
+            for number, goal in enumerate(task.goals)
+            if isinstance(goal, Reach)
+        )
     except (AttributeError, KeyError, ValueError):
         return ()
-
-    return tuple(found)
 
 
 def goals_margins(
@@ -816,11 +813,10 @@ def goals_margins(
 
     if not task.every:
         known = filter(None, groups)
-        groups = [
-            max(known, key=lambda group: min(m.margin for m in group), default=[])
-        ]
+        best = max(known, key=lambda group: min(m.margin for m in group), default=[])
+        groups = [best]
 
-    return [*limits_margins(task, start, end, trace), *chain.from_iterable(groups)]
+    return [*limits_margins(task, start, end, trace), *chain(*groups)]
 
 
 def limits_margins(
@@ -831,9 +827,7 @@ def limits_margins(
     This is for tasks that measure themselves what is reached (`core.task.Task.margins`).
     """
     evidence = Evidence(start, end, trace, task.goals)
-    groups = [limit.margins(evidence) for limit in limits(task.goals)]
-
-    return list(chain.from_iterable(groups))
+    return list(chain(*(limit.margins(evidence) for limit in limits(task.goals))))
 
 
 def reaches(goals: Iterable[Goal]) -> list[Reach]:

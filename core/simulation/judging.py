@@ -60,7 +60,6 @@ def _find_failure(stage: Stage, attempt: Attempt) -> str | None:
         return outcome.error or "the simulator returned no state"
 
     recording = outcome.recording
-    reads_trace = stage.task.reads_trace
     if recording is not None and stage.settings.penetration != "ignore":
         parts = attempt.job.scene, stage.task.robot, attempt.job.tool, recording
         try:
@@ -68,7 +67,7 @@ def _find_failure(stage: Stage, attempt: Attempt) -> str | None:
         except Explosion as explosion:
             return f"the simulation blew up: {explosion}"
 
-    if reads_trace and _look_for_contacts(stage, attempt) is None:
+    if stage.task.reads_trace and _look_for_contacts(stage, attempt) is None:
         return "the reward reads a trace, and the simulator returned no recording of finite states"
 
     return None
@@ -93,8 +92,8 @@ def _reward(stage: Stage, finished: Sequence[Attempt]) -> None:
     trace = None
 
     if task.reads_trace:
-        contacts = [attempt.contacts for attempt in finished]
-        trace = make_trace(scene, [found for found in contacts if found])
+        contacts = filter(None, [attempt.contacts for attempt in finished])
+        trace = make_trace(scene, [*contacts])
 
     rewards = _rewards(task, starts, ends, trace).tolist()
     for place, attempt in enumerate(finished):

@@ -74,8 +74,6 @@ PATHS = 2
 MAX_CONTACTS = 120
 """The most contacts that are listed."""
 
-WORLD_AXES = np.array([1.0, 0.0, 0.0, 0.0])
-"""The turn of a goal that stands by nothing."""
 MEASURED = 4
 """The most figures of goals that are told."""
 
@@ -115,6 +113,7 @@ def observe(
     result, what, instant = case.classify(reward)
     moved = case.moved()
     taken = contacts.taken
+    approaches = contacts.approaches
 
     instants = np.linspace(0.0, taken.times[-1], INSTANTS)
     samples = np.abs(taken.times - instants[:, None]).argmin(axis=1)
@@ -139,8 +138,11 @@ def observe(
         errors=case.errors(),
         measured=tuple(islice(case.measured(), MEASURED)),
         contacts=_choose_contacts(contacts),
-        clearances={name: round(gap, 4) for name, gap in contacts.clearances.items()},
-        nearest=contacts.nearest,
+        clearances={name: round(near.gap_m, 4) for name, near in approaches.items()},
+        nearest={
+            name: (near.part, round(float(taken.times[near.sample]), 2))
+            for name, near in approaches.items()
+        },
         touch_m=_round(contacts.touch_m, 4),
         miss=(worst + 1, miss_m, miss_rad),
         lag_rad=round(lag, 4),
@@ -295,8 +297,7 @@ class _Case:
         for goal in sorted(self.reaches, key=self._measure_left):
             for name in goal.subjects(self.start):
                 wanted = goal.place_of(name, self.start)
-                stands_by = getattr(goal, "at", None)
-                axes = self.start.quaternion(stands_by) if stands_by else WORLD_AXES
+                axes = self.start.placement(getattr(goal, "at", None)).quaternion
                 found.setdefault(name, _offset(wanted, self.end.position(name), axes))
 
         return {name: found[name] for name in self.names if name in found}
@@ -476,10 +477,8 @@ def _runs(flags: Flags) -> Iterator[tuple[int, int]]:
     Returns:
         For each the number of the first flag, and that behind the last one.
     """
-    changes = np.diff(np.pad(flags.astype(np.int8), 1))
-    edges = np.flatnonzero(changes).tolist()
-
-    return zip(edges[::2], edges[1::2], strict=True)
+    for run in np.ma.clump_masked(np.ma.masked_where(flags, flags)):
+        yield run.start, run.stop
 
 
 def _offset(wanted: Array | None, position: Array, axes: Array) -> Offset:

@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,9 +35,20 @@ STRUCK_M = 0.1  # by something that came within this distance, or nearer
 Key = tuple[str, str, str]  # kind, one and other of a `Contact`
 
 
+class Approach(NamedTuple):
+    """How near the robot came to a body: the gap, metres, at which sample, and the part of the robot."""
+
+    gap_m: float
+    sample: int = 0
+    part: str = ""
+
+
+_TOUCHED = Approach(0.0)
+
+
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """The contacts of a rollout, and the clearances.
+    """The contacts of a rollout, and how near the robot came to what it did not touch.
 
     Feedback shows them (`all`), and a reward reads them as a `Trace` (`make_trace`). A contact has a kind: a component
     of the tool touches a body, a link of the arm does, or another body. With fingers alone, the arm's are meant.
@@ -45,37 +57,26 @@ class Contacts:
         taken: the T samples of the recording that were looked at.
         touching: for each two things that ever touched, at which samples (T,).
         depths: the largest penetration of each two, metres.
-        clearances: the smallest gap between the robot and each body that it never touched, metres.
+        approaches: how near the robot came to each body that it never touched.
         touch_m: how far from its mount's origin the tool first touched a body that can move; None: it touched none.
-        nearest: for each of ``clearances`` the part of the robot, and when, s.
     """
 
     taken: Recording
     touching: dict[Key, Flags]
     depths: dict[Key, float]
-    clearances: dict[str, float]
-    touch_m: float | None = None
-    nearest: dict[str, tuple[str, float]] = field(default_factory=dict)
-
-    @cached_property
-    def resting(self) -> set[Key]:
-        """The bodies that touched each other before the motion began."""
-        settling = self.taken.times <= 0
-        return {
-            key
-            for key, touched in self.touching.items()
-            if key[0] == "body" and (touched & settling).any()
-        }
+    approaches: dict[str, Approach]
+    touch_m: float | None
 
     @cached_property
     def all(self) -> tuple[Contact, ...]:
         """The contacts, the earliest first, without those of bodies that touched before the motion began."""
+        settling = self.taken.times <= 0
         contacts = [
-            self._describe(*key) for key in self.touching if key not in self.resting
+            self._describe(*key)
+            for key, touched in self.touching.items()
+            if key[0] != "body" or not (touched & settling).any()
         ]
-        contacts.sort(key=lambda contact: (contact.first_s, contact.one, contact.other))
-
-        return tuple(contacts)
+        return tuple(sorted(contacts, key=attrgetter("first_s", "one", "other")))
 
     def _describe(self, kind: Any, first: str, second: str) -> Contact:
         """Describe a contact.
@@ -194,7 +195,6 @@ def find_contacts(
     missed = {body.name for body in scene.bodies} - met
     robots = [track for track in tracks.items if track.owner == ROBOT]
     others = [track for track in tracks.items if track.owner in missed]
-    gaps = nearest(robots, others)
 
     by_tool = [
         touch
@@ -205,12 +205,8 @@ def find_contacts(
         taken,
         touching,
         depths,
-        clearances={name: gap for name, (gap, _, _) in gaps.items()},
-        nearest={
-            name: (part, round(float(taken.times[k]), 2))
-            for name, (_, k, part) in gaps.items()
-        },
-        touch_m=_measure_first_touch(robot, tool, taken, by_tool),
+        nearest(robots, others),
+        _measure_first_touch(robot, tool, taken, by_tool),
     )
 
 
@@ -360,18 +356,15 @@ def _measure_first_touch(
 
 def nearest(
     robot: Sequence[Track], bodies: Sequence[Track], most: int | None = 40
-) -> dict[str, tuple[float, int, str]]:
+) -> dict[str, Approach]:
     """Find how near the robot came to each body.
 
     Args:
         robot: its solids.
         bodies: the solids of bodies.
         most: how often a body's solid is measured, where the boxes are nearest; None: as often as needed.
-
-    Returns:
-        For each body the smallest distance, metres, the number of the sample, and the part of the robot.
     """
-    found: dict[str, tuple[float, int, str]] = {}
+    found: dict[str, Approach] = {}
     if not robot:
         return found
 
@@ -383,27 +376,19 @@ def nearest(
         apart = np.maximum(apart, 0.0)
         bounds = np.sqrt((apart * apart).sum(axis=2))  # (robot, T)
 
-        best = found.get(body.owner, (np.inf, 0, ""))
-        for index in _find_least(bounds.ravel(), most).tolist():
-            number, sample = divmod(index, bounds.shape[1])
-            if bounds[number, sample] >= best[0]:
+        best = found.get(body.owner, Approach(np.inf))
+        for _ in range(most or bounds.size):
+            number, sample = divmod(int(bounds.argmin()), bounds.shape[1])
+            if bounds[number, sample] >= best.gap_m:
                 break
 
             gap = -Pair(robot[number], body).look(sample).depth
-            best = min(best, (gap, sample, robot[number].name))
+            best = min(best, Approach(gap, sample, robot[number].name))
+            bounds[number, sample] = np.inf
 
         found[body.owner] = best
 
     return found
-
-
-def _find_least(values: Array, most: int | None) -> Indices:
-    """Return the numbers of the least values, at most so many; the least first, and of equal ones the first."""
-    if most is None or most >= len(values):
-        return np.argsort(values, kind="stable")
-
-    least = np.flatnonzero(values <= np.partition(values, most)[most])
-    return least[np.argsort(values[least], kind="stable")[:most]]
 
 
 def _extents(track: Track) -> Array:
@@ -459,7 +444,7 @@ def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
     # An engine that measures no forces has none where things touch.
     measured = bool(forces) or not touching
     clearances = {
-        name: np.array([world.clearances.get(name, 0.0) for world in worlds])
+        name: np.array([world.approaches.get(name, _TOUCHED).gap_m for world in worlds])
         for name in bodies
     }
     return Trace(

@@ -14,7 +14,7 @@ from core.design import Tool
 from core.geometry import Array, running_sums
 from core.interfaces import JointTrajectory, Recording, Robot
 from core.robot.kinematics import finger_values
-from core.scene import Scene, State
+from core.scene import Scene
 from core.solids.bodies import thickness
 from core.solids.tracks import (
     SAMPLE_HZ,
@@ -70,11 +70,10 @@ def _bound_tool_speed(robot: Robot, tool: Tool, trajectory: JointTrajectory) -> 
     fingers = finger_values(robot, tool, opening)
 
     # The motion as it is commanded, in a scene without bodies.
-    triples = np.empty((len(times), 0, 3))
-    quaternions = np.empty((len(times), 0, 4))
-    nothing = State((), triples, quaternions, triples, triples)
-    recording = Recording(times, arm, fingers, nothing)
-    tracks = follow(Scene(()), robot, tool, recording)
+    empty = Scene(())
+    still = empty.state().each(lambda array: np.repeat(array[None], len(times), axis=0))
+    recording = Recording(times, arm, fingers, still)
+    tracks = follow(empty, robot, tool, recording)
 
     return bound_speed(tracks.items[-len(tool.parts) :], times)
 
@@ -86,14 +85,7 @@ def _round_up(wanted: float) -> float:
 
 def is_finite(recording: Recording) -> bool:
     """Report whether all poses, velocities and joints are numbers."""
-    states = recording.states
-    arrays = (
-        states.positions,
-        states.quaternions,
-        states.linear_velocities,
-        recording.arm,
-    )
-
+    arrays = (*recording.states.arrays[:3], recording.arm)
     return all(np.isfinite(array).all() for array in arrays)
 
 

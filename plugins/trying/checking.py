@@ -71,8 +71,9 @@ def _find_untouched(stage: Stage, planned: Attempt) -> Iterator[str]:
     )
 
     touched = {other for kind, _, other in contacts.touching if kind != "body"}
-    gaps = {name: gap for name, gap in contacts.clearances.items() if name in movable}
-    if gaps and not touched & movable:
-        name = min(gaps, key=gaps.__getitem__)
+    gaps = {name: near.gap_m for name, near in contacts.approaches.items()}
+    missed = movable & gaps.keys()
+    if missed and not touched & movable:
+        name = min(sorted(missed), key=gaps.__getitem__)
         gap = f"{1000 * gaps[name]:.0f} mm"
         yield f"as planned, the robot touches nothing that can move: it comes no nearer than {gap} to {name}"

@@ -73,8 +73,9 @@ def clearance(
     links = [track for track in moving if track.name not in parts]
     components = [track for track in moving if track.name in parts]
     for what, tracks in (("arm", links), ("tool", components)):
-        for name, (gap, k, _) in nearest(tracks, bodies, None).items():
-            found.append(Nearest(what, name, min(gap, NEAR_M), times[k]))
+        for name, near in nearest(tracks, bodies, None).items():
+            gap = min(near.gap_m, NEAR_M)
+            found.append(Nearest(what, name, gap, times[near.sample]))
 
     return sorted(found, key=lambda row: row.metres)
 

@@ -133,4 +133,4 @@ def find_gaps(export: Export, tool: Tool, row: Strength) -> dict[str, float]:
     found = nearest(parts, body_tracks(export.scene, robot, taken), None)
     touched = {key[2] for key in replay.contacts.touching if key[0] == "tool"}
 
-    return {body: near[0] for body, near in found.items() if body not in touched}
+    return {body: near.gap_m for body, near in found.items() if body not in touched}

@@ -51,7 +51,7 @@ def test_what_rests_on_something_from_the_start_is_no_new_contact():
         {"cube": straight((0, 0, 0.05), (0.9, 0, 0.05), 30)}, ground, cube, post
     )
     assert [contact.other for contact in found.all] == ["post"]
-    assert ("body", "cube", "ground") in found.resting
+    assert ("body", "cube", "ground") in found.touching
 
 
 def test_a_body_that_is_struck_between_two_samples_was_in_contact():
@@ -98,8 +98,8 @@ def test_contacts_of_tool_and_arm_are_told_apart_and_the_rest_has_a_clearance():
     assert {(c.kind, c.other) for c in found.all} == {("tool", "low"), ("arm", "high")}
     assert found.with_robot("low")[10]
     assert not found.with_robot("low")[[0, -1]].any()
-    assert found.clearances.keys() == {"aside", "free"}
-    assert found.clearances["aside"] == pytest.approx(0.01, abs=1e-4)
+    assert found.approaches.keys() == {"aside", "free"}
+    assert found.approaches["aside"].gap_m == pytest.approx(0.01, abs=1e-4)
 
 
 def test_touches_before_the_motion_and_between_two_samples_count():
