@@ -98,7 +98,7 @@ class Result:
     unseen_trials: tuple[Trial, ...] = ()
     winner: Evaluation | None = None
     finals: Mapping[str, Rewards] = field(default_factory=dict)
-    held: Held | None = None
+    held: Held = field(default_factory=Held)
     perturbed: Tally = field(default_factory=Tally)
     effort: Effort | None = None
 

@@ -343,8 +343,8 @@ class Evaluation:
     @property
     def least_margin(self) -> Margin | None:
         """The least margin of its trials; None: the task says none."""
-        margins = [margin for trial in self.trials for margin in trial.margins]
-        return min(margins, key=lambda margin: margin.margin, default=None)
+        least = [trial.margins[0] for trial in self.trials if trial.margins]
+        return min(least, key=lambda margin: margin.margin, default=None)
 
     @property
     def effort(self) -> Effort | None:
@@ -352,12 +352,8 @@ class Evaluation:
         times = [trial.motion_s for trial in self.trials if trial.motion_s is not None]
         if not times or self.candidate.tool is None:
             return None
-        least = []
-        for trial in self.trials:
-            if trial.margins:
-                margin = min(margin.margin for margin in trial.margins)
-                least.append(max(margin, 0.0))
-
+        margins = [trial.margins[0].margin for trial in self.trials if trial.margins]
+        least = [max(margin, 0.0) for margin in margins]
         return Effort(
             motion_s=float(np.mean(times)),
             mass_kg=self.candidate.tool.mass,

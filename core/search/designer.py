@@ -182,7 +182,7 @@ class ModelDesigner:
     def requests(
         self, generation: int, team: Team, *, apart: bool = False
     ) -> list[Request]:
-        """Compose the request of each agent of a team.
+        """Compose the request of each agent of a team, with pictures of the scene and film strips.
 
         Args:
             generation: its number, from 0.
@@ -195,10 +195,18 @@ class ModelDesigner:
             if not apart or evaluation.candidate.agent in team.agents
         )
         strips = self._draw_strips(team, tried)
-        return [
-            self._request(generation, agent, team, tried, strips)
-            for agent in team.agents
-        ]
+        requests = []
+        for agent in team.agents:
+            brief, temperature = self.brief(generation, agent, team, tried)
+            scene = self.pictures.get(brief.gripper, ())
+            messages = self.prompts.compose(
+                brief, scene, strips, schema=not self.vlm.takes_schema
+            )
+            name = f"g{generation}-a{agent}"
+            schema = answer_schema(brief)
+            requests.append(Request(name, brief, messages, schema, temperature))
+
+        return requests
 
     def follow_ups(self, request: Request, elite: Evaluation | None) -> list[Request]:
         """Compose the requests that follow an answer with ``elite`` to a request; here there are none."""
@@ -347,25 +355,3 @@ class ModelDesigner:
                 strips[evaluation.candidate.id] = strip
 
         return strips
-
-    def _request(
-        self,
-        generation: int,
-        agent: int,
-        team: Team,
-        tried: tuple[Evaluation, ...],
-        strips: Mapping[str, Picture],
-    ) -> Request:
-        """Compose an agent's request, with pictures of the scene and film strips."""
-        brief, temperature = self.brief(generation, agent, team, tried)
-        scene = self.pictures.get(brief.gripper, ())
-        messages = self.prompts.compose(
-            brief, scene, strips, schema=not self.vlm.takes_schema
-        )
-        return Request(
-            f"g{generation}-a{agent}",
-            brief,
-            messages,
-            answer_schema(brief),
-            temperature,
-        )

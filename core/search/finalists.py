@@ -103,9 +103,10 @@ class Race:
         Returns:
             Whether anybody was tried. Else none that was not tried in all layouts can be the best.
         """
-        complete = [r.finals.loss for r in runners if r.finals.count >= level]
+        complete = [
+            runner.finals.loss for runner in runners if runner.finals.count >= level
+        ]
         bound = min([best, *complete]) + reach
-
         left = [
             runner
             for runner in runners

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from core.design import Candidate
 from core.designs.reading import dump_design
-from core.interfaces import Reply, Request, ToolRepresentation
+from core.interfaces import Request, ToolRepresentation
 from core.store.rows import Details, adapter
 from core.trial import Evaluation, Trial, TrialKey
 from core.values.plans import ActionPlan, Waypoints
@@ -26,14 +25,9 @@ def request_row(request: Request, digest: str) -> Columns:
         "agent": brief.agent,
         "gripper": brief.gripper,
         "temperature": request.temperature,
-        "elites": json.dumps([elite.candidate.id for elite in brief.elites]),
+        "elites": [elite.candidate.id for elite in brief.elites],
         "digest": digest,
     }
-
-
-def reply_row(reply: Reply) -> Columns:
-    """Return the columns of a reply."""
-    return vars(reply) | {"unanswered": 1 if reply.unanswered else None}
 
 
 def design_row(candidate: Candidate, representation: ToolRepresentation) -> Columns:
@@ -43,8 +37,8 @@ def design_row(candidate: Candidate, representation: ToolRepresentation) -> Colu
         "generation": candidate.generation,
         "agent": candidate.agent,
         "strategy": candidate.strategy,
-        "parents": json.dumps(candidate.parents),
-        "design": json.dumps(design),
+        "parents": candidate.parents,
+        "design": design,
     }
 
 
@@ -88,20 +82,19 @@ def evaluation_row(
     }
 
 
-def dump_plan(plan: ActionPlan) -> str:
-    """Write a plan: literal waypoints as a list, others with the name of their representation."""
+def dump_plan(plan: ActionPlan) -> list[Any] | Columns:
+    """Return a plan as JSON: literal waypoints as a list, others with the name of their representation."""
     written = plan.dump()
     if isinstance(plan, Waypoints):
-        return json.dumps(written)
-    return json.dumps({"action": plan.action, "plan": written})
+        return written
+    return {"action": plan.action, "plan": written}
 
 
-def _dump_fields(value: Details | Trial, *left_out: str) -> str:
-    """Write the fields that are not as their defaults, neither nan nor empty; an engine's numbers may be numpy's."""
+def _dump_fields(value: Details | Trial, *left_out: str) -> Columns:
+    """Return the fields that are not as their defaults, neither nan nor empty."""
     fields: Columns = adapter(type(value)).dump_python(
         value, exclude={*left_out}, exclude_defaults=True, warnings=False
     )
-    known = {
+    return {
         name: field for name, field in fields.items() if field == field and field != {}
     }
-    return json.dumps(known, default=float)

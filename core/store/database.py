@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import itertools
+import json
 import sqlite3
 import threading
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +34,9 @@ _OUR_FAULTS = ("SQLITE_ERROR", "SQLITE_CONSTRAINT", "SQLITE_MISUSE")
 _PATIENCE_S = 10.0  # with another process that has the file open, as a SQLite shell
 _ASKED_S = 0.2  # to wait for a lock that another process holds for an instant
 _sound: set[object] = set()  # the states of files that this process has checked
+
+
+_dump = partial(json.dumps, default=float)  # an engine's numbers may be numpy's
 
 
 @contextmanager
@@ -204,19 +209,26 @@ class Database:
                 raise
 
     def insert(self, table: str, *, verb: str = "INSERT", **values: Any) -> None:
-        """Insert a row, within a `transaction`; the ``verb`` REPLACE puts it in the place of one with the same key.
+        """Insert a row, within a `transaction`; lists, tuples and mappings are written as JSON.
+
+        The ``verb`` REPLACE puts it in the place of one with the same key.
 
         Raises:
             UserError: no reader would take it.
         """
+        row = {
+            name: _dump(value) if isinstance(value, list | tuple | dict) else value
+            for name, value in values.items()
+        }
         try:
-            check_row(table, values)
+            check_row(table, row)
         except ValueError as error:
             raise UserError(f"{table} can't be stored: {error}") from error
-        columns = ", ".join(values)
-        marks = ", ".join("?" * len(values))
+
+        columns = ", ".join(row)
+        marks = ", ".join("?" * len(row))
         statement = f"{verb} INTO {table} ({columns}) VALUES ({marks})"
-        self.execute(statement, *values.values())
+        self.execute(statement, *row.values())
 
     def execute(self, statement: str, *values: Any) -> None:
         """Change rows, within a `transaction`; keys are left out of the values."""

@@ -29,7 +29,6 @@ _PARTS = ("task", "robot", "sim", "vlm", "tool", "action", "evolution", "fitness
 
 def report(run: Run, result: Result) -> RunFigures:
     """Return the content of ``result.json``."""
-    finalists = {name: dict(engines) for name, engines in result.finals.items()}
     return RunFigures(
         name=run.config.get("name", ""),
         **{kind: run.parts[kind] for kind in _PARTS},
@@ -39,7 +38,7 @@ def report(run: Run, result: Result) -> RunFigures:
         best=best_figures(result),
         unseen=unseen_figures(run, result),
         effort=result.effort,
-        finalists=finalists,
+        finalists=dict(result.finals),
         held=held_figures(result.held),
         perturbed=held_figures(result.perturbed.count_held()),
         tie=result.tie,
@@ -68,9 +67,9 @@ def best_figures(result: Result) -> Best | None:
     )
 
 
-def held_figures(held: Held | None) -> HeldFigures | None:
+def held_figures(held: Held) -> HeldFigures | None:
     """Return in how many layouts the best candidate held; None: it was tried in none."""
-    if held is None or not held.layouts:
+    if not held.layouts:
         return None
     return HeldFigures(held.held, held.layouts, round(held.fails_below, 4))
 
@@ -85,7 +84,7 @@ def unseen_figures(run: Run, result: Result) -> Unseen | None:
         mean=statistics.fmean(rewards),
         worst=min(rewards),
         rewards=rewards,
-        engines=dict(result.unseen),
+        engines=result.unseen,
         failed=tuple(failed_layouts(run, result)),
     )
 

@@ -16,7 +16,7 @@ _AGAIN = """
     SELECT id, generation, agent FROM requests LEFT JOIN replies ON request_id = id
     WHERE (unanswered OR request_id IS NULL AND id LIKE '%-repair') AND id NOT LIKE '%-critic%' AND generation >= (
         SELECT max(generation) FROM (
-            SELECT generation FROM requests JOIN replies ON request_id = id WHERE unanswered IS NULL
+            SELECT generation FROM requests JOIN replies ON request_id = id WHERE NOT unanswered
             UNION ALL SELECT generation FROM evaluations WHERE status != 'rejected'
             UNION ALL SELECT 0
         )
@@ -32,7 +32,7 @@ class StoredProgress:
         requests: digests by request id.
         replies: replies by request id, without those to ask for again.
         designs: the keys of the stored designs.
-        candidates: the ids of the evaluated candidates.
+        candidates: status and content of the evaluated candidates, by their ids.
         trials: by content and condition.
         numbers: of the rows of the trials.
     """
@@ -53,12 +53,11 @@ class StoredProgress:
         agents = set(self.again.values())
         self.designs = set(stored.designs())
         rows = stored.trials()
-        self._contents = {
+        self.candidates = {
             evaluation.candidate: (evaluation.status, evaluation.content)
             for evaluation in stored.evaluations(rows)
             if evaluation.status != "rejected" or evaluation.design[:2] not in agents
         }
-        self.candidates = set(self._contents)
 
         self.trials: dict[TrialKey, Trial] = {}
         self.numbers: dict[TrialKey, int] = {}
@@ -75,7 +74,7 @@ class StoredProgress:
         """
         if candidate.id not in self.candidates:
             return
-        status, content = self._contents[candidate.id]
+        status, content = self.candidates[candidate.id]
         unread = status != "rejected" and candidate.problem is not None
         if unread or content != candidate.content:
             raise UserError(

@@ -119,8 +119,8 @@ class RunStore:
                 "sessions",
                 began=datetime.now(UTC).isoformat(timespec="seconds"),
                 seconds=0.0,
-                overrides=json.dumps(list(self.overrides)),
-                versions=json.dumps(found),
+                overrides=[*self.overrides],
+                versions=found,
             )
             # A session that is killed leaves no result of an earlier one behind.
             _put_run(database, run.config)
@@ -173,7 +173,7 @@ class RunStore:
             # A reply that arrives after an interrupted run has ended becomes a file only.
             if self._open and reply.request_id not in self.past.replies:
                 with self._database.transaction(paid=True):
-                    self._database.insert("replies", **columns.reply_row(reply))
+                    self._database.insert("replies", **vars(reply))
         finally:
             file = self.folder / "replies" / f"{reply.request_id}.txt"
             with writing(self.folder):
@@ -211,7 +211,7 @@ class RunStore:
 
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
-        figures = json.dumps(asdict(summary(generation)))
+        figures = asdict(summary(generation))
         row = {"number": generation.index, "summary": figures}
         with self._recording() as database:
             database.insert("generations", verb="REPLACE", **row)
@@ -223,7 +223,7 @@ class RunStore:
             text = json.dumps(outcome, indent=2) + "\n"
             write_text(self.folder / "result.json", text)
         with self._recording() as database:
-            _put_run(database, run.config, json.dumps(outcome))
+            _put_run(database, run.config, outcome)
 
     @contextmanager
     def _recording(self) -> Iterator[Database]:
@@ -255,7 +255,7 @@ def _opened(folder: Path) -> Iterator[Database]:
 
 
 def _put_run(
-    database: Database, config: dict[str, Any], result: str | None = None
+    database: Database, config: dict[str, Any], result: dict[str, Any] | None = None
 ) -> None:
     """Write the row of the run itself in place of the one that is there; within a transaction.
 
@@ -268,6 +268,5 @@ def _put_run(
         except ValueError as error:
             raise UserError(f"{key}: a number in it is not finite") from error
 
-    text = json.dumps(config)
     database.execute("DELETE FROM run")
-    database.insert("run", schema_version=SCHEMA_VERSION, config=text, result=result)
+    database.insert("run", schema_version=SCHEMA_VERSION, config=config, result=result)

@@ -10,7 +10,6 @@ from typing import Annotated, Any, Literal, NotRequired, TypeVar, cast
 
 from pydantic import (
     AfterValidator,
-    BeforeValidator,
     ConfigDict,
     Field,
     Json,
@@ -253,7 +252,6 @@ class StoredReply(Reply):
     prompt_tokens: Count | None = None
     completion_tokens: Count | None = None
     cost_usd: Amount | None = None
-    unanswered: Annotated[bool, BeforeValidator(bool)] = False  # 1, or null
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ CREATE TABLE IF NOT EXISTS requests (
 );
 CREATE TABLE IF NOT EXISTS replies (
     request_id TEXT PRIMARY KEY REFERENCES requests(id), model TEXT NOT NULL, text TEXT NOT NULL, error TEXT,
-    prompt_tokens INTEGER, completion_tokens INTEGER, cost_usd REAL, unanswered INTEGER
+    prompt_tokens INTEGER, completion_tokens INTEGER, cost_usd REAL,
+    unanswered INTEGER NOT NULL DEFAULT 0
 );
 CREATE TABLE IF NOT EXISTS strategies (
     generation INTEGER NOT NULL, agent INTEGER NOT NULL, strategy INTEGER NOT NULL, parents TEXT NOT NULL,

@@ -22,8 +22,8 @@ def holds(mean: float) -> bool:
 class Held:
     """In how many layouts a design held, of how many."""
 
-    held: int
-    layouts: int
+    held: int = 0
+    layouts: int = 0
 
     @property
     def fails_below(self) -> float:

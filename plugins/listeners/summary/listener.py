@@ -216,7 +216,7 @@ def _remarks(result: Result, best: Evaluation) -> Iterator[str]:
     if least is not None and least.name != "reward":
         yield f"least margin of the best {number(least.margin, 2)}: {least}"
 
-    if result.held is not None and result.held.layouts:
+    if result.held.layouts:
         yield f"the best {result.held.words()}"
 
     perturbed = result.perturbed.count_held()

@@ -294,7 +294,7 @@ def test_a_trial_is_stored_when_it_ends_and_is_known_when_the_run_goes_on(opened
     again = RunStore.open(store.folder)
     again.run_ended()
     assert str(again.past.trials) == str({key: trial})  # nan is not nan
-    assert again.past.candidates == set()  # it lacks its other trials
+    assert again.past.candidates == {}  # it lacks its other trials
 
 
 def test_versions_name_every_installed_requirement():
