@@ -85,7 +85,7 @@ def make_artist(
 
 def equip(designer: ModelDesigner, artist: Artist) -> None:
     """Give a designer what draws film strips, and the critic and the mender that the prompts' settings ask for."""
-    designer.film = artist.draw_strip
+    designer.artist = artist
     settings = designer.prompts.settings
 
     if settings.repair:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain, islice
+from itertools import chain
 from typing import Protocol
 
 import numpy as np
@@ -13,7 +13,6 @@ import pluggy
 from core.config.schemas import Sampling
 from core.design import Candidate, DesignError
 from core.designs.composer import PromptComposer
-from core.designs.feedback import last_generation, most_telling
 from core.designs.replies import parse_reply
 from core.designs.schema import answer_schema
 from core.errors import LimitReached, UsageError, UserError
@@ -46,6 +45,12 @@ class Artist:
     def draw_strip(self, evaluation: Evaluation) -> Picture | None:
         """Draw a film strip of the trial that is shown; None: there is none."""
         return None
+
+    def draw_strips(
+        self, elites: Sequence[Evaluation], tried: Sequence[Evaluation]
+    ) -> Mapping[str, Picture]:
+        """Draw the film strips that a prompt shows of elites, and of what was tried before, by candidates' ids."""
+        return {}
 
 
 class Critic(Protocol):
@@ -83,8 +88,7 @@ class ModelDesigner:
         sampling: the temperatures.
         events: receives requests and replies; register the designer there, so that it hears what was tried.
         pictures: those of the scene, without the gripper (False) and with it.
-        film: draws a film strip of a rollout; if the prompts' feedback is ``full``, it is called for the best elite and
-            for the most instructive failure of the last generation.
+        artist: draws film strips of rollouts.
         critic: has candidates criticised before each generation; None: nothing is.
         mender: sends designs that break a rule back; None: nothing goes back.
         stored: replies that are not asked for again, by request id.
@@ -100,7 +104,7 @@ class ModelDesigner:
     sampling: Sampling
     events: pluggy.PluginManager
     pictures: ScenePictures = field(default_factory=dict)
-    film: Callable[[Evaluation], Picture | None] | None = None
+    artist: Artist = field(default_factory=Artist)
     critic: Critic | None = None
     mender: Mender | None = None
     stored: Mapping[str, Reply] = field(default_factory=dict)
@@ -194,7 +198,7 @@ class ModelDesigner:
             for evaluation in self.tried
             if not apart or evaluation.candidate.agent in team.agents
         )
-        strips = self._draw_strips(team, tried)
+        strips = self.artist.draw_strips(team.elites, tried)
         requests = []
         for agent in team.agents:
             brief, temperature = self.brief(generation, agent, team, tried)
@@ -334,24 +338,3 @@ class ModelDesigner:
                 return replace(answer, sent=again)
 
         return answer.complete(f"the reply can't be read: {problem}")
-
-    def _draw_strips(
-        self, team: Team, tried: Sequence[Evaluation]
-    ) -> dict[str, Picture]:
-        """Draw film strips of the best elite and of a failure, by the candidates' ids.
-
-        A strip that can't be drawn is left out.
-        """
-        if self.film is None or self.prompts.settings.feedback != "full":
-            return {}
-
-        best = team.elites[:1]
-        strips: dict[str, Picture] = {}
-
-        shown = islice(most_telling(best, last_generation(tried)), len(best) + 1)
-        for evaluation in shown:
-            strip = self.film(evaluation)
-            if strip is not None:
-                strips[evaluation.candidate.id] = strip
-
-        return strips

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import islice
 
 from core.design import Tool
 from core.designs.composer import PromptComposer
+from core.designs.feedback import last_generation, most_telling
 from core.designs.rules import given_tool
 from core.errors import RAISED, NoPicture, UserError
 from core.interfaces import Picture, Simulator, Task
@@ -92,6 +94,26 @@ class EngineArtist(Artist):
         if strip is None:
             return None
         return Picture(png(strip), f"strip_{candidate.id}")
+
+    def draw_strips(
+        self, elites: Sequence[Evaluation], tried: Sequence[Evaluation]
+    ) -> dict[str, Picture]:
+        """Draw the best elite, and the most instructive failure of the last generation, for ``prompt.feedback=full``.
+
+        A strip that can't be drawn is left out.
+        """
+        if self.prompts.settings.feedback != "full":
+            return {}
+
+        best = elites[:1]
+        strips: dict[str, Picture] = {}
+        shown = islice(most_telling(best, last_generation(tried)), len(best) + 1)
+        for evaluation in shown:
+            strip = self.draw_strip(evaluation)
+            if strip is not None:
+                strips[evaluation.candidate.id] = strip
+
+        return strips
 
     def draw_scene(self, task: Task) -> ScenePictures:
         """Make the pictures of the scene that the prompt's settings ask for: drawn and photographed.

@@ -76,8 +76,7 @@ class ModelCritic:
             seed=int(rng.integers(2**31)),
         )
 
-        film = self.designer.film
-        strip = film and film(shown)
+        strip = self.designer.artist.draw_strip(shown)
         pictures = [replace(strip, caption=STRIP)] if strip is not None else []
         messages = self.designer.prompts.critique(alone, pictures)
         temperature = self.designer.sampling.temperature

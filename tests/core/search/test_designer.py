@@ -18,8 +18,10 @@ from core.search.assignment import Assignment, Team
 from core.search.designer import ModelDesigner
 from plugins.actions.waypoints import WaypointActions
 from plugins.conformance.evaluations import tried_once
+from plugins.vlms.artist import EngineArtist
 from plugins.vlms.second_look import SecondLook
 from tasks.bring_cube import BringCube
+from tests.faults import Faulty
 from tests.panda import on_panda
 
 pytestmark = pytest.mark.slow
@@ -80,10 +82,13 @@ def designer(
         on_panda(BringCube()), URDF, WaypointActions(), asked, seed, kinds
     )
     composer, hub = PromptComposer(prompt), events or event_hub()
-    mender = SecondLook(composer) if composer.settings.repair else None
-    return ModelDesigner(
-        assignment, vlm, composer, Sampling(temperature), hub, film=show, mender=mender
-    )
+    made = ModelDesigner(assignment, vlm, composer, Sampling(temperature), hub)
+    if composer.settings.repair:
+        made.mender = SecondLook(composer)
+    if show is not None:
+        made.artist = EngineArtist(assignment, composer, Faulty)
+        made.artist.draw_strip = show
+    return made
 
 
 class Listener:

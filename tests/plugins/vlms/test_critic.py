@@ -50,12 +50,15 @@ def tried(generation, *rewards):
     ]
 
 
+def draw_nothing(evaluation):
+    return Picture(b"png", f"strip_{evaluation.candidate.id}")
+
+
 def criticised(answer, count=2, events=None, **settings):
     """A designer with a critic, and its model."""
     prompt = PromptSettings(critic=count, **settings)
     vlm = Canned(lambda request: answer(request) if request.critique else good(request))
-    made = designer(vlm, BUDGET, prompt=prompt, events=events)
-    made.film = lambda e: Picture(b"png", f"strip_{e.candidate.id}")
+    made = designer(vlm, BUDGET, prompt=prompt, events=events, show=draw_nothing)
     made.critic = ModelCritic(made)
     return made, vlm
 
