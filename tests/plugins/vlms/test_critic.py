@@ -50,7 +50,7 @@ def tried(generation, *rewards):
     ]
 
 
-def draw_nothing(evaluation):
+def draw_blank(evaluation):
     return Picture(b"png", f"strip_{evaluation.candidate.id}")
 
 
@@ -58,7 +58,7 @@ def criticised(answer, count=2, events=None, **settings):
     """A designer with a critic, and its model."""
     prompt = PromptSettings(critic=count, **settings)
     vlm = Canned(lambda request: answer(request) if request.critique else good(request))
-    made = designer(vlm, BUDGET, prompt=prompt, events=events, show=draw_nothing)
+    made = designer(vlm, BUDGET, prompt=prompt, events=events, show=draw_blank)
     made.critic = ModelCritic(made)
     return made, vlm
 
