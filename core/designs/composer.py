@@ -7,11 +7,10 @@ name is an error.
 
 from __future__ import annotations
 
-import copy
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
+from itertools import chain
 from typing import Any
 
 from core.config.schemas import FEEDBACK, PARTS, PHOTOGRAPHS, PromptSettings
@@ -24,69 +23,35 @@ from core.interfaces import (
     Brief,
     Message,
     Picture,
-    Reply,
-    Request,
-    RolloutSettings,
     Text,
 )
-from core.plugins import installed
-from core.task import Level
-from core.trial import TIE
 
-REPAIR = "repair"
-CRITIC = "critic"
 IDEA = "colleague"  # quotes a person's idea
 PICTURE = "picture"  # the pictures of the scene follow it
-MAX_REPEATED = 400_000  # characters of a reply that are sent back
 
 
 class PromptComposer:
     """Composes prompts from the templates of one folder.
 
-    Args:
-        settings: those of the prompts.
-        rollout: how plans are executed, as templates describe it.
-        engine: the name of the engine; empty: any.
-        tie: the run's (`core.trial.ranked`).
-        judged: says what a design is judged by (`core.interfaces.Fitness`).
+    Attributes:
+        facts: what templates may say of the run.
+        templates: those of the settings' parts, and what plugins load.
 
     Raises:
         UserError: the folder, a part's template or the person's file is missing, or a template is not valid Jinja.
     """
 
-    def __init__(
-        self,
-        settings: PromptSettings | None = None,
-        rollout: RolloutSettings | None = None,
-        engine: str = "",
-        *,
-        tie: float = TIE,
-        judged: str = "",
-    ) -> None:
-        self.settings = settings or PromptSettings()
-        self.rollout = rollout or RolloutSettings()
-        _check_settings(self.settings)
-        self.level: Level = installed().factory(
-            "level", self.settings.told, "prompt.told"
-        )()
-        parts = _list_parts(self.settings)
-        folder = Path(self.settings.dir) if self.settings.dir else None
-        self._templates = PromptTemplates(folder, parts)
-        self._facts = RunFacts(
-            settings=self.settings,
-            level=self.level,
-            rollout=self.rollout,
-            engine=engine,
-            tie=tie,
-            judged=judged.strip(),
-            idea=read_idea(self.settings.file, wanted=IDEA in parts),
-        )
+    def __init__(self, facts: RunFacts | None = None) -> None:
+        facts = facts or RunFacts()
+        settings = facts.settings
+        _check_settings(settings)
+        parts = _list_parts(settings)
+        self.templates = PromptTemplates(settings.dir)
+        for part in sorted(parts):
+            self.templates.load(part)
 
-    def judged_by(self, instructions: str) -> PromptComposer:
-        """Return a composer of the same prompts for designs that are judged by something else."""
-        other = copy.copy(self)
-        other._facts = replace(self._facts, judged=instructions.strip())
-        return other
+        idea = read_idea(settings.file, wanted=IDEA in parts)
+        self.facts = replace(facts, idea=idea)
 
     def compose(
         self,
@@ -108,7 +73,7 @@ class PromptComposer:
             ValueError: an elite has no tool.
         """
         strips = strips or {}
-        values = prompt_values(self._facts, brief)
+        values = prompt_values(self.facts, brief)
         values["picture"] = bool(pictures)
         values["pictured"] = list(strips)
         values["schema"] = ""
@@ -119,11 +84,11 @@ class PromptComposer:
 
         user: list[Text | Picture] = []
         for part in self._parts(brief):
-            text = self._templates.fill(part, values)
+            text = self.templates.fill(part, values)
             if text.text.strip():
                 user.append(text)
             if part == PICTURE:
-                user += _with_captions(pictures)
+                user += with_captions(pictures)
 
         if brief.style.strip():
             user.append(Text(f"{brief.style.strip()}\n\n"))
@@ -133,63 +98,13 @@ class PromptComposer:
         for name, strip in strips.items():
             which = "an elite" if name in elites else "a failure"
             caption = f"Film strip of {which}, {name}: six instants of its motion, in reading order:"
-            user += _with_captions([replace(strip, caption=caption)])
+            user += with_captions([replace(strip, caption=caption)])
 
-        return (*self._system(values), Message("user", tuple(user)))
-
-    def critique(
-        self, brief: Brief, pictures: Sequence[Picture]
-    ) -> tuple[Message, ...]:
-        """Compose a request for a critique of the brief's one elite, with ``pictures`` of it.
-
-        Raises:
-            UserError: see `compose`.
-            ValueError: the elite has no tool.
-        """
-        values = prompt_values(replace(self._facts, criticised=True), brief)
-        values["pictured"] = list(pictures)
-        text = self._templates.fill(CRITIC, values)
-        user = (text, *_with_captions(pictures))
-        return (*self._system(values), Message("user", user))
-
-    def repair(
-        self,
-        request: Request,
-        reply: Reply,
-        problem: str,
-        faults: Sequence[str] = (),
-        brief: Brief | None = None,
-    ) -> tuple[Message, ...]:
-        """Compose the messages of a request, the reply, and a request to mend it.
-
-        Args:
-            request: that was answered.
-            reply: to it.
-            problem: why the reply can't be read; empty: it can.
-            faults: of its designs.
-            brief: of what is to be mended; None: of the whole request.
-
-        Raises:
-            UserError: the template fails.
-        """
-        brief = brief or request.brief
-        sight = self.level.sight(brief.task, brief.scene_seed)
-        values = {
-            "problem": sight.text(problem),
-            "faults": [sight.text(fault) for fault in faults],
-            "brief": brief,
-        }
-        messages = list(request.messages)
-        text = reply.text[:MAX_REPEATED]
-        if text.strip():
-            messages.append(Message("assistant", (Text(text),)))
-        messages.append(Message("user", (self._templates.fill(REPAIR, values),)))
-
-        return tuple(messages)
+        return (*self.system(values), Message("user", tuple(user)))
 
     def _parts(self, brief: Brief) -> Sequence[str]:
         """Choose the parts of a request."""
-        settings = self.settings
+        settings = self.facts.settings
         use = "initial"
         if brief.representation.given(brief.task) is not None:
             use = "given"
@@ -210,15 +125,17 @@ class PromptComposer:
             )
         return parts
 
-    def _system(self, values: dict[str, Any]) -> list[Message]:
-        parts = self.settings.system
+    def system(self, values: Mapping[str, Any]) -> list[Message]:
+        """Compose the system message; none: the settings have no parts for it."""
+        parts = self.facts.settings.system
         if not parts:
             return []
-        texts = tuple(self._templates.fill(part, values) for part in parts)
+        texts = tuple(self.templates.fill(part, values) for part in parts)
         return [Message("system", texts)]
 
 
-def _with_captions(pictures: Sequence[Picture]) -> Iterator[Text | Picture]:
+def with_captions(pictures: Sequence[Picture]) -> Iterator[Text | Picture]:
+    """Yield pictures, each after its caption."""
     for picture in pictures:
         if picture.caption:
             yield Text(f"{picture.caption}\n\n")
@@ -245,7 +162,5 @@ def _check_settings(settings: PromptSettings) -> None:
 
 
 def _list_parts(settings: PromptSettings) -> set[str]:
-    parts = {REPAIR, CRITIC}
-    for use in PARTS:
-        parts |= {*getattr(settings, use)}
-    return parts
+    """List the parts of all requests."""
+    return set(chain(*(getattr(settings, use) for use in PARTS)))

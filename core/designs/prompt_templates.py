@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.resources
-from collections.abc import Mapping, Set
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,22 +18,30 @@ SUFFIX = ".md.j2"
 
 
 class PromptTemplates:
-    """The templates of some ``parts`` in a folder, the project's own if it is None: part ``NAME`` is ``NAME.md.j2``.
+    """The templates of prompts' parts in a folder, the project's own if it is None: part ``NAME`` is ``NAME.md.j2``.
 
     Raises:
-        UserError: the folder or a template is missing, or a template is not valid Jinja.
+        UserError: there is no such folder.
     """
 
-    def __init__(self, folder: Path | None, parts: Set[str]) -> None:
-        root = folder or Path(str(importlib.resources.files("prompts")))
-        if not root.is_dir():
+    def __init__(self, folder: str | None) -> None:
+        self._root = Path(folder or str(importlib.resources.files("prompts")))
+        if not self._root.is_dir():
             raise UserError(
-                f"no prompt folder {root}; name a folder of templates, or leave prompt.dir out"
+                f"no prompt folder {self._root}; name a folder of templates, or leave prompt.dir out"
             )
-        self._templates = {part: _load(root, part + SUFFIX) for part in sorted(parts)}
+        self._templates: dict[str, jinja2.Template] = {}
+
+    def load(self, part: str) -> None:
+        """Load the template of a part, so that it can be filled.
+
+        Raises:
+            UserError: it is missing, or is not valid Jinja.
+        """
+        self._templates[part] = _load(self._root, part + SUFFIX)
 
     def fill(self, part: str, values: Mapping[str, Any]) -> Text:
-        """Fill in the template of a part.
+        """Fill in the template of a part that is loaded.
 
         Raises:
             UserError: the template uses an unknown name, or fails otherwise.

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from core.config.schemas import PromptSettings
@@ -12,6 +13,7 @@ from core.designs.plan_rules import plan_limits
 from core.interfaces import Brief, RolloutSettings
 from core.plugins import installed
 from core.task import NOTHING_TOLD, Level
+from core.trial import TIE
 
 
 @dataclass(frozen=True)
@@ -20,7 +22,6 @@ class RunFacts:
 
     Attributes:
         settings: those of the prompts.
-        level: how much is told of a scene.
         rollout: how plans are executed.
         engine: the name of the one that executes them; empty: any.
         tie: see `core.trial.ranked`.
@@ -29,14 +30,19 @@ class RunFacts:
         criticised: whether the request is one for a critique.
     """
 
-    settings: PromptSettings
-    level: Level
-    rollout: RolloutSettings
-    engine: str
-    tie: float
-    judged: str
-    idea: str | None
+    settings: PromptSettings = field(default_factory=PromptSettings)
+    rollout: RolloutSettings = field(default_factory=RolloutSettings)
+    engine: str = ""
+    tie: float = TIE
+    judged: str = ""
+    idea: str | None = None
     criticised: bool = False
+
+    @cached_property
+    def level(self) -> Level:
+        """How much is told of a scene."""
+        level: Level = installed().factory("level", self.settings.told, "prompt.told")()
+        return level
 
 
 PromptValue = Callable[[Brief, Tool, RunFacts], Any]
@@ -71,7 +77,7 @@ def _assignment_values(
         "idea": facts.idea,
         "tool_rules": brief.representation.instructions(brief).strip(),
         "action_rules": brief.actions.instructions(brief).strip(),
-        "judged": facts.judged,
+        "judged": facts.judged.strip(),
         "tie": facts.tie,
         "feedback": facts.settings.feedback,
         "solved": any(elite.reward >= 1 - facts.tie for elite in brief.elites),

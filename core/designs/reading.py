@@ -183,41 +183,48 @@ def _read_strategy(
         fields = read_fields(strategy, representation)
         given = given_tool(representation, task)
         gripper = read_gripper(fields, given, task)
-        actions = actions or named_actions(fields)
         base = replace(
             base,
+            tool=given,
             strategy_name=read_words(fields, "strategy_name"),
             strategy_description=read_words(fields, "strategy_description"),
             action_description=read_words(fields, "action_description"),
         )
-    except DesignError as error:
-        plans = _list_written(strategy, "action_sets")
-        for action in range(max(1, len(plans))):
-            yield replace(base, action=action, problem=str(error))
-        return
-
-    tool = given
-    problem = None
-
-    try:
-        if given is None:
-            tool = read_tool(fields, representation, gripper, task)
-            check_tool(tool, task.robot, representation.material)
-        if start is not None and tool is not None:
-            start.check(tool)
-    except DesignError as error:
-        problem = str(error)
-
-    base = replace(base, tool=tool, problem=problem)
-
-    try:
+        base = _read_tool(fields, base, representation, task, gripper, start)
+        actions = actions or named_actions(fields)
         plans = _read_action_sets(fields, actions, gripper)
     except DesignError as error:
-        yield replace(base, problem=problem or str(error))
+        problem = base.problem or str(error)
+        for action in range(max(1, len(_list_written(strategy, "action_sets")))):
+            yield replace(base, action=action, problem=problem)
         return
 
     for action, raw in enumerate(plans):
         yield _read_plan(raw, replace(base, action=action), actions, gripper)
+
+
+def _read_tool(
+    fields: Fields,
+    base: Candidate,
+    representation: ToolRepresentation,
+    task: Task,
+    gripper: bool,
+    start: SpawnRules | None,
+) -> Candidate:
+    """Read the tool of a strategy into a candidate, unless one is given; with the rule that it breaks, if any."""
+    tool = base.tool
+    problem = None
+
+    try:
+        if tool is None:
+            tool = read_tool(fields, representation, gripper, task)
+            check_tool(tool, task.robot, representation.material)
+        if start is not None:
+            start.check(tool)
+    except DesignError as error:
+        problem = str(error)
+
+    return replace(base, tool=tool, problem=problem)
 
 
 def _read_plan(

@@ -10,6 +10,7 @@ from omegaconf import DictConfig
 from core.config.compose import check_seed, node, part, task_part, tool_part
 from core.config.schemas import PromptSettings, Sampling
 from core.designs.composer import PromptComposer
+from core.designs.prompt_values import RunFacts
 from core.errors import UsageError
 from core.interfaces import VLM, Budget, EvolutionStrategy, Fitness, RolloutSettings
 from core.plugins import ACTION, EVOLUTION
@@ -47,13 +48,14 @@ def build_designer(
 
     fitness = builder.build_fitness(cfg, settings)
     prompt = node(cfg.prompt, PromptSettings)
-    prompts = PromptComposer(
+    facts = RunFacts(
         replace(prompt, repair=count_repairs(cfg, vlm)),
         settings,
         cfg.sim.name,
         tie=cfg.evolution.get("tie", TIE),
         judged=fitness.instructions(),
     )
+    prompts = PromptComposer(facts)
     sampling = node(cfg.sampling, Sampling)
     designer = ModelDesigner(assignment, vlm, prompts, sampling, events)
     artist = make_artist(assignment, prompts, cfg)

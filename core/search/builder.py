@@ -86,7 +86,7 @@ def make_artist(
 def equip(designer: ModelDesigner, artist: Artist) -> None:
     """Give a designer what draws film strips, and the critic and the mender that the prompts' settings ask for."""
     designer.artist = artist
-    settings = designer.prompts.settings
+    settings = designer.prompts.facts.settings
 
     if settings.repair:
         for make in installed().factories("mender").values():

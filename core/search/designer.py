@@ -112,8 +112,8 @@ class ModelDesigner:
 
     def __post_init__(self) -> None:
         self._replies: list[Reply] = []  # of the generation that is being asked for
-        name = self.prompts.settings.told
-        level = self.prompts.level
+        name = self.prompts.facts.settings.told
+        level = self.prompts.facts.level
         task = self.assignment.task
         if level.in_words and not task.in_words:
             raise UsageError(
@@ -222,7 +222,7 @@ class ModelDesigner:
         Raises:
             LimitReached: after all that came, see `VLM.complete`.
         """
-        left = self.prompts.settings.repair or 0
+        left = self.prompts.facts.settings.repair or 0
         again = {request.id: Answer(request, request) for request in requests}
         while again:
             missing = again

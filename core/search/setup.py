@@ -81,7 +81,7 @@ def build_search(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) ->
         assignment.budget,
         cfg.seed,
         part(SIMULATOR, cfg.sim).create(),
-        designer.prompts.rollout,
+        designer.prompts.facts.rollout,
     )
     return Search(run, strategy, fitness, executor, events, proxies)
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from omegaconf import DictConfig
 
 from core.config.compose import task_parts
+from core.designs.composer import PromptComposer
 from core.errors import UsageError
 from core.interfaces import Fitness, Picture, RolloutSettings, Task
 from core.search.builder import SearchBuilder, build_fitness_in, equip
@@ -34,9 +35,9 @@ class SeveralSearch(SearchBuilder):
         assignment = designer.assignment
         task = assignment.task
         prompts = designer.prompts
-        if not prompts.level.numbers:
+        if not prompts.facts.level.numbers:
             raise UsageError(
-                f"prompt.told={prompts.settings.told} shows one scene, and {task.name} has several: "
+                f"prompt.told={prompts.facts.settings.told} shows one scene, and {task.name} has several: "
                 "use words or source"
             )
 
@@ -57,7 +58,9 @@ class SeveralSearch(SearchBuilder):
             _join(pictures),
             plan_actions=assignment.actions,
             plan_prompts={
-                name: prompts.judged_by(judge.instructions())
+                name: PromptComposer(
+                    replace(prompts.facts, judged=judge.instructions())
+                )
                 for name, judge in fitness.by_task.items()
             },
             plan_pictures=pictures,

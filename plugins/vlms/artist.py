@@ -77,8 +77,8 @@ class EngineArtist(Artist):
         layout = self.assignment.seed if shown is None else shown.layout
         # Of several trials what was observed may be of another engine, or perturbed.
         seen = None if evaluation.combined else evaluation.observation
-        level = self.prompts.level
-        rollout = self.prompts.rollout
+        level = self.prompts.facts.level
+        rollout = self.prompts.facts.rollout
 
         try:
             recording, draw = filmed(
@@ -102,7 +102,7 @@ class EngineArtist(Artist):
 
         A strip that can't be drawn is left out.
         """
-        if self.prompts.settings.feedback != "full":
+        if self.prompts.facts.settings.feedback != "full":
             return {}
 
         best = elites[:1]
@@ -123,8 +123,8 @@ class EngineArtist(Artist):
         Raises:
             UserError: the machine fails, or a prompt without numbers can't be drawn.
         """
-        settings = self.prompts.settings
-        numbers = self.prompts.level.numbers
+        settings = self.prompts.facts.settings
+        numbers = self.prompts.facts.level.numbers
         mounted = self.mounted
         simulator = self.engine()
         photographs: tuple[Picture, ...] = ()
@@ -163,7 +163,7 @@ class EngineArtist(Artist):
     ) -> tuple[Picture, ...]:
         """Draw the scene with a tool: one picture, or those of the prompt's level where it has no numbers."""
         seed = self.assignment.seed
-        level = self.prompts.level
+        level = self.prompts.facts.level
         render = partial(simulator.render, task, seed=seed, tool=tool)
         if not level.numbers:
             return level.draw(task, seed, render)

@@ -7,14 +7,17 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from core.designs.composer import with_captions
 from core.designs.feedback import last_generation, most_telling
-from core.interfaces import Brief, Reply, Request
+from core.designs.prompt_values import prompt_values
+from core.interfaces import Brief, Message, Picture, Reply, Request
 from core.search.designer import ModelDesigner
 from core.search.replies import ask_model
 from core.support.text import clean
 from core.trial import Evaluation
 from plugins.vlms.artist import shown_in
 
+CRITIC = "critic"  # the template
 MAX_CRITIQUE = 2000  # characters
 STRIP = "Film strip of the rollout: six instants at which something happens, in reading order:"
 # In place of an agent's number: keeps requests' random numbers apart.
@@ -31,6 +34,9 @@ class ModelCritic:
     designer: ModelDesigner
     _shown: dict[str, int] = field(default_factory=dict)  # generations, by candidate
     _words: dict[str, str] = field(default_factory=dict)  # by candidate
+
+    def __post_init__(self) -> None:
+        self.designer.prompts.templates.load(CRITIC)
 
     def criticise(self, brief: Brief) -> None:
         """Ask for critiques, and wait for them: the generation's other requests show them."""
@@ -51,7 +57,7 @@ class ModelCritic:
         first = list(self._shown.values()).count(brief.generation)
         telling = most_telling(brief.elites, last_generation(brief.tried))
         new = [e for e in telling if e.candidate.id not in self._shown]
-        most = range(first, self.designer.prompts.settings.critic)
+        most = range(first, self.designer.prompts.facts.settings.critic)
 
         return [self._request(brief, *pair) for pair in zip(most, new, strict=False)]
 
@@ -78,11 +84,28 @@ class ModelCritic:
 
         strip = self.designer.artist.draw_strip(shown)
         pictures = [replace(strip, caption=STRIP)] if strip is not None else []
-        messages = self.designer.prompts.critique(alone, pictures)
+        messages = self._compose(alone, pictures)
         temperature = self.designer.sampling.temperature
         name = f"g{brief.generation}-critic{number}"
 
         return Request(name, alone, messages, {}, temperature, critique=True)
+
+    def _compose(
+        self, brief: Brief, pictures: Sequence[Picture]
+    ) -> tuple[Message, ...]:
+        """Compose a request for a critique of the brief's one elite.
+
+        Raises:
+            UserError: a template uses an unknown name or fails otherwise.
+            ValueError: the elite has no tool.
+        """
+        prompts = self.designer.prompts
+        values = prompt_values(replace(prompts.facts, criticised=True), brief)
+        values["pictured"] = list(pictures)
+        text = prompts.templates.fill(CRITIC, values)
+        user = (text, *with_captions(pictures))
+
+        return (*prompts.system(values), Message("user", user))
 
     def hear(self, reply: Reply, request: Request) -> None:
         """Keep what a reply says; a failed one says nothing.

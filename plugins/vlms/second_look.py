@@ -10,9 +10,11 @@ from core.design import Candidate, DesignError
 from core.designs.composer import PromptComposer
 from core.designs.schema import answer_schema
 from core.designs.tools import read_fields
-from core.interfaces import Reply, Request
+from core.interfaces import Message, Reply, Request, Text
 from core.search.answers import Answer, read_candidates
 
+REPAIR = "repair"  # the template
+MAX_REPEATED = 400_000  # characters of a reply that are sent back
 REPAIRED = "-repair"  # at the end of the id of a request that asks once more
 
 
@@ -38,6 +40,9 @@ class SecondLook:
 
     prompts: PromptComposer
 
+    def __post_init__(self) -> None:
+        self.prompts.templates.load(REPAIR)
+
     def look_again(self, answer: Answer, reply: Reply, problem: str) -> Request | None:
         """Compose the request for a second look: at the faulty designs, or at all where the reply has a ``problem``."""
         numbers = list_faulty(answer.candidates)
@@ -54,9 +59,41 @@ class SecondLook:
             request,
             id=f"{answer.sent.id}{REPAIRED}",
             brief=brief,
-            messages=self.prompts.repair(request, reply, problem, faults, brief),
+            messages=self._compose(
+                replace(request, brief=brief), reply, problem, faults
+            ),
             schema=answer_schema(brief),
         )
+
+    def _compose(
+        self, request: Request, reply: Reply, problem: str, faults: Sequence[str]
+    ) -> tuple[Message, ...]:
+        """Compose the messages of a request, the reply, and a request to mend it.
+
+        Args:
+            request: that was answered; its brief is of what is to be mended.
+            reply: to it.
+            problem: why the reply can't be read; empty: it can.
+            faults: of its designs.
+
+        Raises:
+            UserError: the template fails.
+        """
+        brief = request.brief
+        sight = self.prompts.facts.level.sight(brief.task, brief.scene_seed)
+        values = {
+            "problem": sight.text(problem),
+            "faults": [sight.text(fault) for fault in faults],
+            "brief": brief,
+        }
+        messages = list(request.messages)
+        text = reply.text[:MAX_REPEATED]
+        if text.strip():
+            messages.append(Message("assistant", (Text(text),)))
+        asked = self.prompts.templates.fill(REPAIR, values)
+        messages.append(Message("user", (asked,)))
+
+        return tuple(messages)
 
     def mend(self, answer: Answer, strategies: Sequence[Any]) -> Answer:
         """Put the designs of a second look in the places of the faulty ones, under the same names.

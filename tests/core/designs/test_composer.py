@@ -19,8 +19,9 @@ import prompts
 from core.config.compose import load, node
 from core.config.schemas import PARTS, PromptSettings
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Tool
-from core.designs.composer import CRITIC, REPAIR, PromptComposer
+from core.designs.composer import PromptComposer
 from core.designs.prompt_templates import SUFFIX
+from core.designs.prompt_values import RunFacts
 from core.designs.rules import check_tool
 from core.designs.schema import answer_schema
 from core.designs.start import SpawnRules
@@ -41,10 +42,13 @@ from core.interfaces import (
 )
 from core.plugins import installed
 from core.scene import Body, Scene, State, floor, table
+from core.search.answers import Answer
 from core.trial import Evaluation, Score, Trial, Where
 from core.values.robots import ISO_9409_1_50
 from plugins.actions.waypoints import WaypointActions
 from plugins.conformance.evaluations import tried_once
+from plugins.vlms.critic import CRITIC
+from plugins.vlms.second_look import REPAIR, SecondLook
 from plugins.vlms.told.excerpts import task_source
 from tests.panda import PANDA, on_panda
 
@@ -142,7 +146,9 @@ def words(messages: tuple[Message, ...]) -> str:
 
 def prompt(settings: PromptSettings | None = None, **changes: Any) -> str:
     """The text for a changed brief, without a picture."""
-    return words(PromptComposer(settings).compose(make_brief(**changes)))
+    return words(
+        PromptComposer(settings and RunFacts(settings)).compose(make_brief(**changes))
+    )
 
 
 def elites_in(text: str) -> tuple[str, str, list[dict[str, Any]]]:
@@ -186,7 +192,9 @@ def test_contents_of_every_prompt(brief: Brief) -> None:
     assert brief.representation.instructions(brief) in text
     assert "(0.4, -0.2, 0.2)" in text
     assert "| cube | 1.2 0 0.025 | box 0.05 0.05 0.05 |" in text
-    papers = words(PromptComposer(settings_of("paper")).compose(brief, [PICTURE]))
+    papers = words(
+        PromptComposer(RunFacts(settings_of("paper"))).compose(brief, [PICTURE])
+    )
     code = papers.partition("```python\ndef plan_motion(")[2].partition("```")[0]
     assert '"""' not in code
     assert "return Motion(" in code
@@ -248,7 +256,7 @@ def test_a_fitness_says_what_counts_and_its_figures_come_back() -> None:
     score = Score(ELITES[0].reward, {"cost": float("nan")})
     elites = (replace(ELITES[0], trials=trials, score=score), ELITES[1])
     text = words(
-        PromptComposer(judged=" The worst of three {{ trials }}.\n").compose(
+        PromptComposer(RunFacts(judged=" The worst of three {{ trials }}.\n")).compose(
             make_brief(elites=elites)
         )
     )
@@ -270,7 +278,7 @@ def test_where_trials_decide_room_to_spare_is_left_to_gain_and_numbers_may_chang
         elites = (make_elite(0, reward), make_elite(1, 0.4))
         text = " ".join(
             words(
-                PromptComposer(judged="In two layouts.").compose(
+                PromptComposer(RunFacts(judged="In two layouts.")).compose(
                     make_brief(elites=elites)
                 )
             ).split()
@@ -310,7 +318,7 @@ def test_feedback(feedback: str) -> None:
         if feedback == "full"
         else {}
     )
-    prompts = PromptComposer(PromptSettings(feedback=feedback))
+    prompts = PromptComposer(RunFacts(PromptSettings(feedback=feedback)))
     messages = prompts.compose(
         make_brief(elites=(elite, ELITES[1])), [PICTURE], pictures
     )
@@ -348,7 +356,7 @@ def test_unknown_feedback_is_an_error() -> None:
         UsageError,
         match=r"no feedback 'ful' in prompt.feedback \(did you mean 'full'\?\)",
     ):
-        PromptComposer(PromptSettings(feedback="ful"))
+        PromptComposer(RunFacts(PromptSettings(feedback="ful")))
 
 
 class GivenBar(Bar):
@@ -400,7 +408,9 @@ def idea(tmp_path: Path) -> Path:
 )
 def test_a_persons_idea_is_passed_on(idea: Path, brief: Brief) -> None:
     text = words(
-        PromptComposer(settings_of("human", f"prompt.file={idea}")).compose(brief)
+        PromptComposer(RunFacts(settings_of("human", f"prompt.file={idea}"))).compose(
+            brief
+        )
     )
     assert text.count("```text\nTake a broom {{ brief }}.\n```") == 1
     assert "# The colleague's instructions" in text
@@ -430,13 +440,13 @@ def test_files_that_hold_no_idea(
     if content is not None:
         file.write_bytes(content)
     with pytest.raises(UserError, match=reason) as error:
-        PromptComposer(settings_of("human", f"prompt.file={file}"))
+        PromptComposer(RunFacts(settings_of("human", f"prompt.file={file}")))
     assert str(error.value).startswith(f"prompt.file={file}")
     assert "\n" not in str(error.value)
 
 
 def test_evolution_alone_needs_elites() -> None:
-    prompts = PromptComposer(settings_of("evolve"))
+    prompts = PromptComposer(RunFacts(settings_of("evolve")))
     assert "## The elites" in words(prompts.compose(make_brief(elites=ELITES)))
     with pytest.raises(
         UserError, match="this prompt evolves elites, and there are none"
@@ -450,15 +460,17 @@ def test_evolution_alone_needs_elites() -> None:
 def test_a_repair_shows_the_reply_and_its_problem() -> None:
     brief = make_brief()
     first = Request("g0-a0", brief, PromptComposer().compose(brief, [PICTURE]), {}, 1.0)
-    messages = PromptComposer().repair(
-        first, Reply("g0-a0", "I {{ think }}", "m"), "it has no {{ JSON }}"
-    )
+    mender = SecondLook(PromptComposer())
+    unread = Answer(first, first)
+    messages = mender.look_again(
+        unread, Reply("g0-a0", "I {{ think }}", "m"), "it has no {{ JSON }}"
+    ).messages
     assert messages[:2] == first.messages
     assert [m.role for m in messages[2:]] == ["assistant", "user"]
     assert messages[2].parts == (Text("I {{ think }}"),)
     assert "can't be read: it has no {{ JSON }}." in messages[3].parts[0].text
-    empty = PromptComposer().repair(first, Reply("g0-a0", " \n", "m"), "it is empty")
-    assert [m.role for m in empty] == ["system", "user", "user"]
+    empty = mender.look_again(unread, Reply("g0-a0", " \n", "m"), "it is empty")
+    assert [m.role for m in empty.messages] == ["system", "user", "user"]
 
 
 # --- one elite, or of the other kind ----------------------------------------------------------------------------
@@ -498,7 +510,7 @@ def test_each_template_is_used() -> None:
 
 
 def from_folder(folder: Path) -> PromptComposer:
-    return PromptComposer(PromptSettings(dir=str(folder)))
+    return PromptComposer(RunFacts(PromptSettings(dir=str(folder))))
 
 
 def settings_of(name: str, *overrides: str) -> PromptSettings:

@@ -9,6 +9,7 @@ import pytest
 from core.config.schemas import PromptSettings, Sampling
 from core.design import Candidate, Component, Tool
 from core.designs.composer import PromptComposer
+from core.designs.prompt_values import RunFacts
 from core.errors import LimitReached
 from core.geometry import Box, Pose
 from core.hooks import hookimpl
@@ -81,9 +82,9 @@ def designer(
     assignment = Assignment(
         on_panda(BringCube()), URDF, WaypointActions(), asked, seed, kinds
     )
-    composer, hub = PromptComposer(prompt), events or event_hub()
+    composer, hub = PromptComposer(prompt and RunFacts(prompt)), events or event_hub()
     made = ModelDesigner(assignment, vlm, composer, Sampling(temperature), hub)
-    if composer.settings.repair:
+    if composer.facts.settings.repair:
         made.mender = SecondLook(composer)
     if show is not None:
         made.artist = EngineArtist(assignment, composer, Faulty)

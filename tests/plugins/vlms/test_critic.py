@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from core.config.schemas import PromptSettings, Sampling
 from core.design import Candidate
 from core.designs.composer import PromptComposer
+from core.designs.prompt_values import RunFacts
 from core.errors import LimitReached, UsageError
 from core.events import Generation
 from core.interfaces import Budget, Picture, Reply, Text
@@ -192,7 +193,7 @@ def test_a_limit_is_passed_on():
 
 
 def test_a_program_that_writes_no_critiques_is_not_asked():
-    prompts = PromptComposer(PromptSettings(critic=2))
+    prompts = PromptComposer(RunFacts(PromptSettings(critic=2)))
     assignment = Assignment(on_panda(BringCube()), URDF, WaypointActions(), BUDGET, 0)
     made = ModelDesigner(
         assignment, OfflineDesigner(), prompts, Sampling(), Listener().hub
@@ -205,4 +206,4 @@ def test_a_negative_number_is_refused():
     with pytest.raises(
         UsageError, match=r"prompt\.critic must be 0 or greater, got -1"
     ):
-        PromptComposer(PromptSettings(critic=-1))
+        PromptComposer(RunFacts(PromptSettings(critic=-1)))

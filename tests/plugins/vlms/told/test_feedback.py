@@ -9,6 +9,7 @@ import pytest
 from core.config.schemas import PromptSettings
 from core.design import Candidate, Component, Tool
 from core.designs.composer import PromptComposer
+from core.designs.prompt_values import RunFacts
 from core.geometry import Box, Pose
 from core.interfaces import Contact, Observation
 from core.scene import Camera
@@ -331,7 +332,7 @@ def test_what_is_said_of_an_elite():
 
 
 def text(feedback, elites=(), **given):
-    prompts = PromptComposer(PromptSettings(feedback=feedback, **given))
+    prompts = PromptComposer(RunFacts(PromptSettings(feedback=feedback, **given)))
     _, user = prompts.compose(make_brief(elites=elites, tried=(tried(), tried(1))))
     return "".join(part.text for part in user.parts)
 
@@ -348,7 +349,7 @@ def test_the_prompt_has_the_lines_unless_it_is_the_papers(elites):
 
 
 def test_a_first_prompt_has_no_heading_for_a_last_round():
-    prompts = PromptComposer(PromptSettings(feedback="numbers"))
+    prompts = PromptComposer(RunFacts(PromptSettings(feedback="numbers")))
     assert "last round" not in "".join(
         part.text for m in prompts.compose(make_brief()) for part in m.parts
     )

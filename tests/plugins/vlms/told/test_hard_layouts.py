@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from core.config.schemas import PromptSettings
 from core.designs.composer import PromptComposer
+from core.designs.prompt_values import RunFacts
 from core.interfaces import Trial
 from core.plugins import PluginPart
 from core.trial import Tally, Where
@@ -29,7 +30,7 @@ def elite(number, failing, among=range(300), outcome="missed cube"):
 
 
 def prompt(*elites, tried=(), **settings):
-    composer = PromptComposer(PromptSettings(**settings), judged="layouts")
+    composer = PromptComposer(RunFacts(PromptSettings(**settings), judged="layouts"))
     brief = make_brief(task=WIDE, elites=elites, tried=tried)
     (_, user) = composer.compose(brief)
     return "".join(part.text for part in user.parts)
