@@ -80,10 +80,10 @@ def result(*designs):
     return Result((Generation(0, tuple(evaluations)),), 1.0)
 
 
-def finals(trials=None, tell=None):
+def finals(trials=None, **more):
     trials = trials or Trials(Inline(), play=earn)
     fitness = Several()
-    return Race(fitness.finals(), fitness, trials, TIE, tell=tell or (lambda one: None))
+    return Race(fitness.finals(), fitness, trials, TIE, **more)
 
 
 def race(*designs, rollouts=480):
@@ -304,7 +304,7 @@ def test_listeners_hear_of_each_round_and_what_was_tried_is_not_tried_again():
     def hear(runner):
         heard[runner.candidate.id] = len(runner.finals.in_order())
 
-    choice = finals(trials, hear).choose(found, 40)
+    choice = finals(trials, tell=hear).choose(found, 40)
     assert heard == {
         name: sum(map(len, engines.values())) for name, engines in choice.finals.items()
     }
