@@ -9,7 +9,6 @@ from itertools import islice
 
 from core.design import Tool
 from core.designs.composer import PromptComposer
-from core.designs.feedback import last_generation, most_telling
 from core.designs.rules import given_tool
 from core.errors import RAISED, NoPicture, UserError
 from core.interfaces import Picture, Simulator, Task
@@ -17,6 +16,7 @@ from core.search.assignment import Assignment
 from core.search.designer import Artist, ScenePictures
 from core.simulation.pictures import SIZE, filmed, png, report_missing
 from core.trial import Evaluation
+from plugins.vlms.telling import last_generation, most_telling
 
 
 def shown_in(task: Task, evaluation: Evaluation) -> tuple[Task, Evaluation]:

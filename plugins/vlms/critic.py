@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from core.designs.composer import with_captions
-from core.designs.feedback import last_generation, most_telling
 from core.designs.prompt_values import prompt_values
 from core.interfaces import Brief, Message, Picture, Reply, Request
 from core.search.designer import ModelDesigner
@@ -16,6 +15,7 @@ from core.search.replies import ask_model
 from core.support.text import clean
 from core.trial import Evaluation
 from plugins.vlms.artist import shown_in
+from plugins.vlms.telling import last_generation, most_telling
 
 CRITIC = "critic"  # the template
 MAX_CRITIQUE = 2000  # characters

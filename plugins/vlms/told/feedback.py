@@ -10,12 +10,12 @@ from operator import itemgetter
 from typing import Any
 
 from core.design import Tool
-from core.designs.feedback import last_generation, outcome_of
 from core.designs.prompt_values import RunFacts
 from core.interfaces import Brief, Contact, Evaluation, Observation, Task, Trial
 from core.support.text import by_reason, clean, number, short_numbers
 from core.trial import best_first, summarise_rewards
 from core.values.observations import Sight
+from plugins.vlms.telling import last_generation, outcome_of
 from plugins.vlms.told.tables import phrase
 
 WHOLE = 2

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from core.designs.feedback import last_generation, most_telling, outcome_of
+from plugins.vlms.telling import last_generation, most_telling, outcome_of
 from tests.plugins.vlms.told.test_feedback import SEEN, tried
 
 
