@@ -85,8 +85,8 @@ def measure(folder):
 @pytest.mark.parametrize(
     ("folder", "nodes", "in_thousand_lines"),
     [
-        ("core", 73_450, 3_500),
-        ("plugins", 201_260, 3_800),
+        ("core", 73_400, 3_500),
+        ("plugins", 201_300, 3_800),
         ("tasks", 20_500, 4_450),
     ],
 )

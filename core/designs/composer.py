@@ -8,7 +8,7 @@ name is an error.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from typing import Any
@@ -19,12 +19,7 @@ from core.designs.prompt_templates import PromptTemplates
 from core.designs.prompt_values import RunFacts, prompt_values
 from core.designs.schema import answer_schema
 from core.errors import UsageError, UserError, choices
-from core.interfaces import (
-    Brief,
-    Message,
-    Picture,
-    Text,
-)
+from core.interfaces import Brief, Message, Picture, Text
 
 IDEA = "colleague"  # quotes a person's idea
 PICTURE = "picture"  # the pictures of the scene follow it
@@ -63,8 +58,8 @@ class PromptComposer:
     ) -> tuple[Message, ...]:
         """Compose a system message and a user message.
 
-        The user message has one text per part, then the brief's style, and film ``strips`` (by candidates' ids), each
-        after a line that names it. The ``pictures`` of the scene follow the part `PICTURE`, with their captions.
+        The user message has one text per part, then the brief's style, and film ``strips`` (by candidates' ids). The
+        ``pictures`` of the scene follow the part `PICTURE`. Each picture comes after its caption.
         ``schema``: the text holds the JSON schema of the answer.
 
         Raises:
@@ -93,13 +88,7 @@ class PromptComposer:
         if brief.style.strip():
             user.append(Text(f"{brief.style.strip()}\n\n"))
 
-        elites = {elite.candidate.id for elite in brief.elites}
-
-        for name, strip in strips.items():
-            which = "an elite" if name in elites else "a failure"
-            caption = f"Film strip of {which}, {name}: six instants of its motion, in reading order:"
-            user += with_captions([replace(strip, caption=caption)])
-
+        user += with_captions(strips.values())
         return (*self.system(values), Message("user", tuple(user)))
 
     def _parts(self, brief: Brief) -> Sequence[str]:
@@ -134,7 +123,7 @@ class PromptComposer:
         return [Message("system", texts)]
 
 
-def with_captions(pictures: Sequence[Picture]) -> Iterator[Text | Picture]:
+def with_captions(pictures: Iterable[Picture]) -> Iterator[Text | Picture]:
     """Yield pictures, each after its caption."""
     for picture in pictures:
         if picture.caption:

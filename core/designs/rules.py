@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -230,29 +229,26 @@ def check_contacts(tool: Tool, robot: Robot | None) -> Mapping[str, Array]:
         DesignError: names all components that are too far from their parents, the gaps, and how to close them.
     """
     faults = Faults()
-    solids = mount_solids(tool, robot) if robot else {}
-    for component in tool.components:
-        name = component.name
-        solids[name] = solids_of(name, component.shape, Pose())
-
     placed = tool.placed()
+    solids = mount_solids(tool, robot) if robot else {}
     points: dict[str, Array] = {}
+
     for component in tool.components:
         name = component.name
         parent = component.parent
+        solids[name] = solids_of(name, component.shape, Pose())
         if parent not in solids:
             continue
-        there = [replace(solid, pose=component.pose) for solid in solids[name]]
+
+        there = solids_of(name, component.shape, component.pose)
         gap, point, direction = closest(there, solids[parent])
         mount, _ = placed[name]
+        _, frame = placed.get(parent, (parent, Pose()))
         most = MAX_GAP_M
         neighbour = f"parent {parent!r}"
-        frame = Pose()
         if parent in tool.mounts:
             most = MAX_MOUNT_GAP_M
             neighbour = f"mount {parent!r}"
-        else:
-            _, frame = placed[parent]
 
         if gap > most:
             way = describe_way(frame.rotation.apply(gap * direction), mount)

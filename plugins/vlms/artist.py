@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import islice
 
@@ -111,7 +111,10 @@ class EngineArtist(Artist):
         for evaluation in shown:
             strip = self.draw_strip(evaluation)
             if strip is not None:
-                strips[evaluation.candidate.id] = strip
+                name = evaluation.candidate.id
+                which = "an elite" if evaluation in best else "a failure"
+                caption = f"Film strip of {which}, {name}: six instants of its motion, in reading order:"
+                strips[name] = replace(strip, caption=caption)
 
         return strips
 

@@ -314,7 +314,7 @@ def test_feedback(feedback: str) -> None:
         replace(ELITES[0].candidate, plan=plan), "ok", ELITES[0].reward, **FIGURES
     )
     pictures = (
-        {"g0-a0-s0-p0": Picture(b"elite", "elite_g0-a0-s0-p0")}
+        {"g0-a0-s0-p0": Picture(b"elite", "elite_g0-a0-s0-p0", "An elite.")}
         if feedback == "full"
         else {}
     )
@@ -346,9 +346,7 @@ def test_feedback(feedback: str) -> None:
     parts = messages[-1].parts
     assert parts[parts.index(PICTURE) - 1].text.startswith("## Picture")
     if feedback == "full":
-        label = "Film strip of an elite, g0-a0-s0-p0: six instants of its motion, in reading order:"
-        strip = replace(pictures["g0-a0-s0-p0"], caption=label)
-        assert parts[-2:] == (Text(f"{label}\n\n"), strip)
+        assert parts[-2:] == (Text("An elite.\n\n"), pictures["g0-a0-s0-p0"])
 
 
 def test_unknown_feedback_is_an_error() -> None:
