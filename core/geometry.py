@@ -23,7 +23,8 @@ if TYPE_CHECKING:  # both are slow to import, and not needed to name poses and s
 
 Array = npt.NDArray[np.float64]
 Vector = Sequence[float] | Array
-Color = tuple[float, float, float, float]  # red, green, blue and opacity, 0..1
+Triple = tuple[float, ...]  # x, y and z
+Color = tuple[float, ...]  # red, green, blue and opacity, 0..1
 
 
 def frozen_array(values: npt.ArrayLike, shape: tuple[int, ...] | None = None) -> Array:
@@ -273,12 +274,12 @@ class Box(_Solid):
         ValueError: one of them is not positive.
     """
 
-    size: tuple[float, float, float]
+    size: Triple
 
     def __post_init__(self) -> None:
-        x, y, z = (float(side) for side in self.size)
-        _check_lengths(self, x=x, y=y, z=z)
-        object.__setattr__(self, "size", (x, y, z))
+        size = tuple(map(float, self.size))
+        _check_lengths(self, **dict(zip("xyz", size, strict=True)))
+        object.__setattr__(self, "size", size)
 
 
 class _Round(_Solid):
@@ -458,7 +459,11 @@ def resized(shape: Shape | Compound, size: Vector) -> Shape | Compound:
         shape: what is stretched.
         size: the side lengths (3,) of the new box, metres. Radii are means of two or three of them.
     """
-    x, y, z = (float(side) for side in size)
+    x, y, z = map(float, size)
+    middle, before = shape.bounds
+
+    def stretch(mesh: Mesh) -> Mesh:
+        return Mesh((mesh.vertices - middle) * (size / before) + middle, mesh.faces)
 
     match shape:
         case Box():
@@ -470,19 +475,6 @@ def resized(shape: Shape | Compound, size: Vector) -> Shape | Compound:
         case Capsule():
             return Capsule((x + y) / 4, max(z - (x + y) / 2, 1e-6))
         case Mesh():
-            return _stretch(shape, shape, size)
+            return stretch(shape)
         case Compound(surface, parts):
-            stretched = [_stretch(part, surface, size) for part in parts]
-            return Compound(_stretch(surface, surface, size), tuple(stretched))
-
-
-def _stretch(mesh: Mesh, whole: Mesh, size: Vector) -> Mesh:
-    """Stretch a mesh about the middle of a whole.
-
-    Args:
-        mesh: a part of the whole, or all of it.
-        whole: what gets the new bounding box.
-        size: the side lengths (3,) of this box, metres.
-    """
-    middle, before = whole.bounds
-    return Mesh((mesh.vertices - middle) * (size / before) + middle, mesh.faces)
+            return Compound(stretch(surface), tuple(map(stretch, parts)))

@@ -4,12 +4,13 @@ Nothing here depends on a physics engine: a simulator reads a `Scene` and return
 World frame: x forward from the arm's base, y left, z up; metres, kilograms, radians.
 """
 
+# ruff: noqa: I001 - names that are handed on (`X as X`) stand together: a task needs one import
+
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from graphlib import CycleError, TopologicalSorter
 from typing import TypedDict
 
 import numpy as np
@@ -17,52 +18,33 @@ import numpy as np
 from core.errors import refuse, unknown
 from core.geometry import (
     Array,
-    Box,
-    Color,
-    Cylinder,
-    Mesh,
-    Pose,
+    Box as Box,
+    Color as Color,
+    Cylinder as Cylinder,
+    Mesh as Mesh,
+    Pose as Pose,
     Shape,
-    Sphere,
+    Sphere as Sphere,
     Vector,
 )
-from core.values.joints import Drive, Joint, Latch, PlacedJoint
-from core.values.margins import Margin
-from core.values.softs import MAX_NODES, Cloth, Elastic, Filling, Form, Rope
-from core.values.states import State
+from core.values.joints import (
+    Drive as Drive,
+    Joint as Joint,
+    Latch as Latch,
+    PlacedJoint,
+)
+from core.values.margins import Margin as Margin
+from core.values.softs import (
+    MAX_NODES,
+    Cloth as Cloth,
+    Elastic as Elastic,
+    Filling as Filling,
+    Form as Form,
+    Rope as Rope,
+)
+from core.values.states import State as State
 from core.values.tools import Tool
-from core.values.traces import Trace
-
-# A task needs one import: shapes, joints, soft bodies, states and margins are offered here too.
-__all__ = [
-    "Body",
-    "Box",
-    "Camera",
-    "Cloth",
-    "Color",
-    "Cylinder",
-    "Drive",
-    "Elastic",
-    "Filling",
-    "Form",
-    "Geom",
-    "Joint",
-    "Latch",
-    "Margin",
-    "Mesh",
-    "Pose",
-    "Region",
-    "Rope",
-    "Scene",
-    "Soft",
-    "Sphere",
-    "State",
-    "Trace",
-    "View",
-    "floor",
-    "table",
-]
-
+from core.values.traces import Trace as Trace
 
 GROUND_M = 400.0  # how long and wide a floor is
 GRAVITY: Vector = (0.0, 0.0, -9.81)
@@ -250,7 +232,7 @@ class Scene:
                 f"the soft bodies of a scene can have {MAX_NODES} nodes in all, not {nodes}; take fewer"
             )
         self._check_joints()
-        self._check_circles()
+        _ = self.ordered_joints  # raises an error where they form a circle
 
     def _check_names(self, what: str, names: list[str]) -> None:
         repeated = sorted({name for name in names if names.count(name) > 1})
@@ -286,16 +268,6 @@ class Scene:
             }
             refuse(f"{where}: ", problems)
             hanging.add(body.name)
-
-    def _check_circles(self) -> None:
-        parents = {joint.body: [joint.parent] for joint in self.joints}
-        try:
-            TopologicalSorter(parents).prepare()
-        except CycleError as error:
-            names = ", ".join(sorted(set(error.args[1])))
-            raise ValueError(
-                f"the joints of {names} form a circle; leave one of them out"
-            ) from error
 
     def __getitem__(self, name: str) -> Body:
         for body in self.bodies:
@@ -342,18 +314,27 @@ class Scene:
 
     @cached_property
     def ordered_joints(self) -> tuple[PlacedJoint, ...]:
-        """The joints in an order in which a parent's own joint comes first."""
-        parents = {joint.body: joint.parent for joint in self.joints}
+        """The joints in an order in which a parent's own joint comes first.
 
-        def depth(placed: PlacedJoint) -> int:
-            body = placed.joint.parent
-            count = 0
-            while body in parents:
-                body = parents[body]
-                count += 1
-            return count
+        Raises:
+            ValueError: they form a circle.
+        """
+        waiting = {joint.body: joint for joint in self.joints}
+        ordered = list[PlacedJoint]()
 
-        return tuple(sorted(self.placed_joints.values(), key=depth))
+        while waiting:
+            ready = [j for j in waiting.values() if j.parent not in waiting]
+            if not ready:
+                names = ", ".join(sorted(waiting))
+                raise ValueError(
+                    f"among the joints of {names} is a circle; leave one of them out"
+                )
+
+            for joint in ready:
+                ordered.append(self.placed_joints[joint.name])
+                del waiting[joint.body]
+
+        return tuple(ordered)
 
     @cached_property
     def joined(self) -> frozenset[frozenset[str]]:
@@ -399,8 +380,8 @@ def _furnish(scene: Scene, tool: Tool) -> Scene:
 class Region:
     """A box along the world's axes, from its lowest corner to its highest, metres."""
 
-    low: tuple[float, float, float]
-    high: tuple[float, float, float]
+    low: Vector
+    high: Vector
 
     def holds(self, middle: Array, half: Array) -> bool:
         """Check if a box along the axes is in it, with its middle (3,) and half lengths (3,)."""
@@ -417,8 +398,8 @@ class Camera:
     so many metres from its bottom to its top.
     """
 
-    position: tuple[float, float, float] = (1.55, -1.15, 1.15)
-    target: tuple[float, float, float] = (0.55, 0.0, 0.15)
+    position: Vector = (1.55, -1.15, 1.15)
+    target: Vector = (0.55, 0.0, 0.15)
     fov_deg: float = 60.0
     height_m: float | None = None
 

@@ -22,6 +22,7 @@ from core.values.descriptions import (
     RobotShape,
     Weight,
     rounded,
+    rounded_all,
 )
 from core.values.robots import Robot
 
@@ -142,12 +143,11 @@ def _joint(
     def exact(value: float) -> float:
         return rounded(value, PICOMETRES)
 
-    x, y, z = map(exact, moving.axis)
     spring = (exact(moving.stiffness), exact(moving.rest))
     return replace(
         fixed,
         kind="revolute" if moving.kind == "hinge" else "prismatic",
-        axis=(x, y, z),
+        axis=rounded_all(moving.axis, PICOMETRES),
         limits=Limits(exact(moving.lower), exact(moving.upper), 0.0, 1000.0),
         damping=exact(moving.damping),
         friction=exact(moving.friction),

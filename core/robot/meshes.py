@@ -11,7 +11,6 @@ import itertools
 from collections.abc import Callable, Iterator
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import platformdirs
@@ -20,8 +19,9 @@ from scipy.spatial import ConvexHull
 
 from core.design import Tool
 from core.errors import UserError
-from core.geometry import Array, Color, Mesh, Pose, Shape
+from core.geometry import Array, Color, Mesh
 from core.robot.description import assembled
+from core.scene import Geom
 from core.support.files import write_whole
 from core.values.descriptions import ONE, RobotShape
 from core.values.robots import Robot
@@ -31,14 +31,6 @@ MAX_CORNERS = 128
 _MANY = 8_000  # corners of a hull: of more, only those farthest in many directions are looked at
 _VERSION = 1  # of what is written
 _GREY: Color = (0.8, 0.8, 0.8, 1.0)  # of shapes without a material
-
-
-class Visual(NamedTuple):
-    """A shape in one colour, and its pose in the frame of its link."""
-
-    shape: Shape
-    pose: Pose
-    color: Color
 
 
 def keep_file(
@@ -115,7 +107,7 @@ def farthest(corners: Array) -> Array:
 
 
 @lru_cache(maxsize=8)
-def link_visuals(robot: Robot, gripper: bool) -> dict[str, tuple[Visual, ...]]:
+def link_visuals(robot: Robot, gripper: bool) -> dict[str, tuple[Geom, ...]]:
     """List the visual shapes of each link of the bare arm that has some.
 
     Args:
@@ -130,21 +122,21 @@ def link_visuals(robot: Robot, gripper: bool) -> dict[str, tuple[Visual, ...]]:
     }
 
 
-def _visuals(visual: RobotShape) -> Iterator[Visual]:
+def _visuals(visual: RobotShape) -> Iterator[Geom]:
     """Yield what is drawn for a shape of a description; a file may hold several meshes."""
     shape = visual.shape
     pose = visual.origin.pose
     color = visual.color or _GREY
 
     if not isinstance(shape, Path):
-        yield Visual(shape, pose, color)
+        yield Geom(shape, pose, color)
         return
 
     for piece, painted in _pieces(shape):
         mesh = piece
         if visual.scale != ONE:
             mesh = Mesh.from_trimesh(piece.to_trimesh().apply_scale(visual.scale))
-        yield Visual(mesh, pose, painted or color)
+        yield Geom(mesh, pose, painted or color)
 
 
 @lru_cache(maxsize=64)
@@ -157,8 +149,7 @@ def _pieces(file: Path) -> tuple[tuple[Mesh, Color | None], ...]:
             color: Color | None = None
             if piece.visual.kind == "texture":
                 rgba = piece.visual.material.main_color / 255
-                red, green, blue, opacity = rgba.tolist()
-                color = (red, green, blue, opacity)
+                color = tuple(rgba.tolist())
 
             piece.merge_vertices(merge_tex=True, merge_norm=True)
             pieces.append((Mesh.from_trimesh(piece), color))

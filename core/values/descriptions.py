@@ -13,18 +13,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.geometry import Array, Box, Capsule, Color, Cylinder, Pose, Sphere
+from core.geometry import (
+    Array,
+    Box,
+    Capsule,
+    Color,
+    Cylinder,
+    Pose,
+    Sphere,
+    Triple,
+    Vector,
+)
 
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 MOVING = ("revolute", "continuous", "prismatic")
 
 Primitive = Box | Sphere | Cylinder | Capsule
-Triple = tuple[float, float, float]
-Scale = Triple
 # Mass, its centre (3,), and the inertia tensor (3, 3) about it; one frame for all.
 Weight = tuple[float, Array, Array]
 ZERO: Triple = (0.0, 0.0, 0.0)
-ONE: Scale = (1.0, 1.0, 1.0)
+ONE: Triple = (1.0, 1.0, 1.0)
 
 
 # How numbers are rounded before they are written.
@@ -37,12 +45,16 @@ def rounded(value: float, form: str = DIGITS) -> float:
     return float(format(value, form)) + 0.0
 
 
+def rounded_all(values: Vector, form: str = DIGITS) -> Triple:
+    """Round numbers; see `rounded`."""
+    return tuple(rounded(value, form) for value in values)
+
+
 def rounded_shape(shape: Primitive, form: str = PICOMETRES) -> Primitive:
     """Round the lengths of a shape."""
     match shape:
         case Box(size):
-            x, y, z = (rounded(side, form) for side in size)
-            return Box((x, y, z))
+            return Box(rounded_all(size, form))
         case Sphere(radius):
             return Sphere(rounded(radius, form))
         case Cylinder(radius, length) | Capsule(radius, length):
@@ -59,10 +71,7 @@ class Origin:
     @classmethod
     def from_pose(cls, pose: Pose, form: str = PICOMETRES) -> Origin:
         """Make the frame of a pose, rounded."""
-        x, y, z, roll, pitch, yaw = (
-            rounded(value, form) for value in (*pose.position, *pose.rpy)
-        )
-        return cls((x, y, z), (roll, pitch, yaw))
+        return cls(rounded_all(pose.position, form), rounded_all(pose.rpy, form))
 
     @cached_property
     def pose(self) -> Pose:
@@ -78,7 +87,7 @@ class Inertial:
 
     mass: float = 0.0
     center: Triple = ZERO
-    moments: tuple[float, float, float, float, float, float] = (0.0,) * 6
+    moments: tuple[float, ...] = (0.0,) * 6
     rpy: Triple = ZERO
 
     @classmethod
@@ -86,12 +95,8 @@ class Inertial:
         cls, mass: float, center: Array, tensor: Array, form: str = PICOMETRES
     ) -> Inertial:
         """Take an inertia in the link's axes, rounded; ``form`` is that of the centre."""
-        xx, xy, xz, _, yy, yz, *_, zz = (rounded(value) for value in np.ravel(tensor))
-        return cls(
-            rounded(mass),
-            Origin.from_pose(Pose(center), form).xyz,
-            (xx, xy, xz, yy, yz, zz),
-        )
+        moments = rounded_all(tensor[np.triu_indices(3)])
+        return cls(rounded(mass), rounded_all(center, form), moments)
 
     @property
     def tensor(self) -> Array:
@@ -115,7 +120,7 @@ class RobotShape:
     shape: Primitive | Path
     origin: Origin = Origin()
     color: Color | None = None
-    scale: Scale = ONE
+    scale: Triple = ONE
 
 
 @dataclass(frozen=True)
@@ -224,21 +229,15 @@ class Description:
 
     def renamed(self, names: Mapping[str, str]) -> Description:
         """Give links other names."""
-
-        def rename(name: str) -> str:
-            return names.get(name, name)
-
-        links = {}
-
-        for link in self.links.values():
-            new = rename(link.name)
-            links[new] = replace(link, name=new)
-
-        joints = {}
-
-        for joint in self.joints.values():
-            new = rename(joint.child)
-            joints[new] = replace(joint, parent=rename(joint.parent), child=new)
+        new = {name: names.get(name, name) for name in self.links}
+        links = {
+            new[name]: replace(link, name=new[name])
+            for name, link in self.links.items()
+        }
+        joints = {
+            new[child]: replace(joint, parent=new[joint.parent], child=new[child])
+            for child, joint in self.joints.items()
+        }
 
         return Description(self.name, links, joints)
 

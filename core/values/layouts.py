@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from core.geometry import Pose, Vector
+from core.geometry import Pose, Triple, Vector
 
 Ranges = Mapping[str, tuple[float, float]]
 """The lowest and the highest value of each number that is drawn, by a name such as ``cube.x``."""
@@ -30,13 +30,12 @@ class Draw:
         rng = np.random.default_rng([self.seed, zlib.crc32(name.encode())])
         return float(rng.uniform(*self.ranges[name]))
 
-    def position(self, name: str, nominal: Vector) -> tuple[float, float, float]:
+    def position(self, name: str, nominal: Vector) -> Triple:
         """Return a position (3,) in metres, from the numbers NAME.x, NAME.y and NAME.z."""
-        x, y, z = (
+        return tuple(
             self(f"{name}.{axis}", value)
             for axis, value in zip("xyz", nominal, strict=True)
         )
-        return x, y, z
 
     def pose(self, name: str, nominal: Vector = (0.0, 0.0, 0.0)) -> Pose:
         """Return an upright pose, from NAME.x, NAME.y, NAME.z and NAME.yaw."""

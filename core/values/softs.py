@@ -95,7 +95,7 @@ class _Divided(ABC):
             ),
         }
         refuse(where, problems)
-        flat = not sizes(self.nodes, self.elements).min() > 1e-12
+        flat = not self.sizes.min() > 1e-12
         refuse(where, {"needs a size: two of its nodes are in one place": flat})
 
     @property
@@ -111,7 +111,25 @@ class _Divided(ABC):
     @cached_property
     def elements(self) -> Elements:
         """The numbers of each element's nodes; triangles face up, and tetrahedra have positive volumes."""
-        return facing(self.nodes, simplices(self.counts))
+        found = simplices(self.counts)
+        edges = self._measure_edges(found)
+        dimensions = edges.shape[1]
+        inverted = np.linalg.det(edges[..., :dimensions]) < 0
+        found[inverted, 1:3] = found[inverted, 2:0:-1]
+
+        return found
+
+    @cached_property
+    def sizes(self) -> Array:
+        """The length, area or volume (E,) of each element: m, m^2 or m^3."""
+        edges = self._measure_edges(self.elements)
+        squares = np.linalg.det(edges @ edges.swapaxes(1, 2))
+
+        return np.sqrt(np.maximum(squares, 0.0)) / math.factorial(edges.shape[1])
+
+    def _measure_edges(self, elements: Elements) -> Array:
+        """Measure the ways (E, D, 3) from the first node of each element to its others."""
+        return self.nodes[elements[:, 1:]] - self.nodes[elements[:, :1]]
 
     @property
     def section(self) -> float:
@@ -121,17 +139,15 @@ class _Divided(ABC):
     @property
     def volume(self) -> float:
         """The volume, m^3."""
-        return self.section * float(sizes(self.nodes, self.elements).sum())
+        return self.section * float(self.sizes.sum())
 
     @cached_property
     def weights(self) -> Array:
         """The share (N,) of the mass that each node has."""
-        size = sizes(self.nodes, self.elements)
-        of_corner = size / size.sum() / self.elements.shape[1]
-        found = np.zeros(len(self.nodes))
-        np.add.at(found, self.elements, of_corner[:, None])
-
-        return found
+        corners = self.elements.shape[1]
+        of_corner = self.sizes / self.sizes.sum() / corners
+        shares = of_corner.repeat(corners)
+        return np.bincount(self.elements.ravel(), shares).astype(np.float64)
 
     def surface(self, nodes: Array) -> Mesh:
         """Make the surface that is drawn: the faces of a solid.
@@ -328,38 +344,6 @@ def simplices(counts: Sequence[int]) -> Elements:
 def _three(counts: Sequence[int]) -> tuple[int, ...]:
     """Count the nodes along all three axes."""
     return (*counts, 1, 1)[:3]
-
-
-def sizes(nodes: Array, elements: Elements) -> Array:
-    """Measure the length of segments, the area of triangles or the volume of tetrahedra.
-
-    Args:
-        nodes: (N, 3) places.
-        elements: (E, D + 1) the numbers of each one's nodes.
-
-    Returns:
-        Sizes (E,): m, m^2 or m^3.
-    """
-    edges = nodes[elements[:, 1:]] - nodes[elements[:, :1]]
-    squares = np.linalg.det(edges @ edges.swapaxes(1, 2))
-
-    return np.sqrt(np.maximum(squares, 0.0)) / math.factorial(edges.shape[1])
-
-
-def facing(nodes: Array, elements: Elements) -> Elements:
-    """Order the nodes of triangles so that they face up, and of tetrahedra so that their volumes are positive."""
-    edges = nodes[elements[:, 1:]] - nodes[elements[:, :1]]
-    corners = elements.shape[1]
-
-    if corners == 2:
-        return elements
-
-    signs = np.cross(edges[:, 0], edges[:, 1])[:, 2]
-    if corners == 4:
-        signs = np.linalg.det(edges)
-
-    turned = elements[:, [0, 2, 1, 3][:corners]]
-    return np.where((signs < 0)[:, None], turned, elements)
 
 
 def _unit(vectors: Array) -> Array:

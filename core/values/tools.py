@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from core.geometry import Compound, Pose, Shape
+from core.geometry import Color, Compound, Pose, Shape, Triple
 from core.values.plans import content_of, digest
 
 RIGID_MOUNT = "tool_mount"
@@ -40,10 +40,10 @@ class ToolJoint:
     """
 
     kind: Literal["hinge", "slider"]
-    axis: tuple[float, float, float]
+    axis: Triple
     lower: float
     upper: float
-    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    origin: Triple = (0.0, 0.0, 0.0)
     damping: float = 0.0
     friction: float = 0.0
     stiffness: float = 0.0
@@ -55,8 +55,8 @@ class ToolJoint:
         if not 1e-6 < length < np.inf:
             raise DesignError("a joint's axis needs a length: give for example 0 0 1")
 
-        x, y, z = (float(value) / length for value in self.axis)
-        object.__setattr__(self, "axis", (x, y, z))
+        unit = tuple(float(value) / length for value in self.axis)
+        object.__setattr__(self, "axis", unit)
 
         if not self.lower <= 0 <= self.upper or self.lower == self.upper:
             raise DesignError(
@@ -92,7 +92,7 @@ class Component:
     pose: Pose
     shape: Shape | Compound
     mass: float = 0.005
-    color: tuple[float, float, float, float] = (0.2, 0.45, 0.8, 1.0)
+    color: Color = (0.2, 0.45, 0.8, 1.0)
     joint: ToolJoint | None = None
 
     @property

@@ -20,7 +20,7 @@ from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 
 from core.errors import UserError, choices
-from core.geometry import Box, Color, Cylinder, Sphere
+from core.geometry import Box, Color, Cylinder, Sphere, Triple
 from core.support.text import shorten, visible
 from core.values.descriptions import (
     MOMENTS,
@@ -36,7 +36,6 @@ from core.values.descriptions import (
     RobotJoint,
     RobotLink,
     RobotShape,
-    Scale,
 )
 
 MAX_BYTES = 10_000_000
@@ -263,7 +262,7 @@ def _read_shapes(
 
 def _read_geometry(
     geometry: Element, find: Callable[[str], Path]
-) -> tuple[Primitive | Path, Scale]:
+) -> tuple[Primitive | Path, Triple]:
     if len(geometry) != 1:
         raise UserError(
             f"<geometry> needs one shape: box, sphere, cylinder or mesh; it has {len(geometry)}"
@@ -386,5 +385,4 @@ def _read_color(material: Element) -> Color:
     with _inside(f"material {shorten(material.get('name', ''))}"):
         rgba = _read_numbers(_need(material, "color"), "rgba", 4)
 
-    red, green, blue, opacity = np.clip(rgba, 0.0, 1.0).tolist()
-    return red, green, blue, opacity
+    return tuple(np.clip(rgba, 0.0, 1.0).tolist())

@@ -14,11 +14,11 @@ import trimesh
 from scipy.spatial import ConvexHull, QhullError
 
 from core.errors import UserError
-from core.geometry import Color
+from core.geometry import Color, Triple
 from core.robot.meshes import farthest, keep_file, kept_file
 from core.support.files import read_untrusted
 from core.support.sandbox import isolated
-from core.values.descriptions import ONE, RobotShape, Scale
+from core.values.descriptions import ONE, RobotShape
 
 KINDS = (".stl", ".obj", ".dae", ".ply", ".glb")
 MAX_MB = 64
@@ -44,7 +44,7 @@ class Job(NamedTuple):
     """
 
     mesh: str
-    scale: Scale = ONE
+    scale: Triple = ONE
     color: Color | None = None
 
     def kind(self) -> tuple[str, str]:
@@ -131,8 +131,7 @@ def main_color(drawn: Path) -> Color | None:
     if found is None:
         return None
 
-    red, green, blue, opacity = map(float, found[1].split())
-    return red, green, blue, opacity
+    return tuple(map(float, found[1].split()))
 
 
 def build(data: bytes) -> bytes:
@@ -146,7 +145,7 @@ def build(data: bytes) -> bytes:
     return _hull(parts) if job.color is None else _collada(parts, job.color)
 
 
-def _load(mesh: Path, scale: Scale) -> list[trimesh.Trimesh]:
+def _load(mesh: Path, scale: Triple) -> list[trimesh.Trimesh]:
     """Read a mesh file's parts in metres, each with triangles and a colour of its own.
 
     Raises:

@@ -278,14 +278,13 @@ class _Reading:
         if kind != "prismatic":
             away = Pose.from_rotation(np.zeros(3), Rotation.from_rotvec(back))
 
-        x, y, z = joint.axis.tolist()
         lower, upper = joint.range.tolist()
         self.joints[name] = replace(
             fixed,
             name=called,
             kind=kind,
             origin=Origin.from_pose(place @ away, DIGITS),
-            axis=(x, y, z),
+            axis=tuple(joint.axis.tolist()),
             limits=Limits(lower, upper, self._find_effort(joint.id), SPEED),
         )
 

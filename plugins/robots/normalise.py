@@ -93,9 +93,9 @@ def normalise(
         place = pose @ joint.origin.pose
         joints[head] = RobotJoint.fixed(joint.name, parent, head, place, DIGITS)
         if moving is not None:
-            x, y, z = joint.direction.tolist()
+            axis = tuple(joint.direction.tolist())
             joints[head] = replace(
-                joints[head], kind=moving.kind, axis=(x, y, z), limits=moving.limits
+                joints[head], kind=moving.kind, axis=axis, limits=moving.limits
             )
 
     if flange not in links:

@@ -19,12 +19,13 @@ from typing import Any
 import numpy as np
 
 from core.design import Component, DesignError, Tool, ToolJoint
+from core.designs.plan_rules import MAX_ANGLE_RAD
 from core.designs.rules import MAX_COMPONENTS, MAX_DENSITY, MIN_DENSITY, NAME
-from core.geometry import Array, Compound, Pose, Shape
+from core.geometry import Array, Color, Compound, Pose, Shape
 from core.interfaces import Brief, Robot
 from core.robot.description import assembled
 from core.support.text import kind, shorten
-from plugins.tools.mounting import check_angles, first_box, instruct
+from plugins.tools.mounting import first_box, instruct
 from plugins.tools.varying import VariedTools
 
 MAX_NUMBER = 1000.0
@@ -379,7 +380,7 @@ def _read_joint(
         )
 
     axis = read_numbers(item.get("axis"), 3, f"{where}: axis")
-    x, y, z = pose.rotation.inv().apply(axis)
+    turned = tuple(pose.rotation.inv().apply(axis))
     place = pose.position
 
     if item.get("at") is not None:
@@ -395,7 +396,7 @@ def _read_joint(
     }
 
     try:
-        return ToolJoint(moves, (x, y, z), origin=origin, **numbers)
+        return ToolJoint(moves, turned, origin=origin, **numbers)
     except DesignError as error:
         raise DesignError(f"{where}: {error}") from error
 
@@ -532,9 +533,20 @@ def _read_name(
     return name
 
 
-def _read_color(
-    item: Mapping[str, Any], where: str
-) -> tuple[float, float, float, float]:
+def check_angles(angles: Iterable[float], where: str) -> None:
+    """Refuse angles of a tool that must be degrees; ``where`` names their place.
+
+    Raises:
+        DesignError: one is more than a full turn.
+    """
+    for angle in angles:
+        if abs(angle) > MAX_ANGLE_RAD:
+            raise DesignError(
+                f"{where} has {angle:g}; angles are in radians, at most a full turn (90 degrees are 1.5708)"
+            )
+
+
+def _read_color(item: Mapping[str, Any], where: str) -> Color:
     """Read a colour; without one it is the usual."""
     text = item.get("color")
     if text is None:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from core.design import RIGID_MOUNT, DesignError, Tool
+from core.design import RIGID_MOUNT, Tool
 from core.designs import rules, statics
-from core.designs.plan_rules import MAX_ANGLE_RAD
 from core.geometry import Array
 from core.interfaces import Brief, Robot
 from core.robot.extents import fingers_of
@@ -18,19 +16,6 @@ from core.support.templates import fill
 from core.support.text import short_number
 from core.values.materials import Material
 from plugins.tools import joint_rules
-
-
-def check_angles(angles: Iterable[float], where: str) -> None:
-    """Refuse angles of a tool that must be degrees; ``where`` names their place.
-
-    Raises:
-        DesignError: one is more than a full turn.
-    """
-    for angle in angles:
-        if abs(angle) > MAX_ANGLE_RAD:
-            raise DesignError(
-                f"{where} has {angle:g}; angles are in radians, at most a full turn (90 degrees are 1.5708)"
-            )
 
 
 def describe_mount(brief: Brief) -> str:

@@ -27,10 +27,10 @@ def links(robot: Robot, gripper: bool) -> dict[str, trimesh.Trimesh]:
     meshes = {}
     for name, visuals in link_visuals(robot, gripper).items():
         pieces = []
-        for shape, pose, color in visuals:
-            mesh = shape.to_trimesh()
-            piece = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=color)
-            pieces.append(piece.apply_transform(pose.matrix))
+        for part in visuals:
+            mesh = part.shape.to_trimesh()
+            piece = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=part.color)
+            pieces.append(piece.apply_transform(part.pose.matrix))
 
         meshes[name] = trimesh.util.concatenate(pieces)
 

@@ -8,11 +8,9 @@ import numpy as np
 import trimesh
 
 from core.design import GRIPPER_MOUNTS, Component, Tool
-from core.geometry import Box, Pose
+from core.geometry import Box, Color, Pose
 from core.robot.kinematics import open_mounts
 from core.values.robots import Robot
-
-Color = tuple[float, float, float, float]
 
 ROBOT: Color = (0.62, 0.64, 0.68, 1.0)
 FINGER = Box((0.021, 0.012, 0.054))  # a finger, roughly

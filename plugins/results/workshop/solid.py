@@ -175,8 +175,7 @@ def box(low: Sequence[float] | Array, high: Sequence[float] | Array) -> Placed:
     """Return a box between two corners, in metres."""
     low = np.asarray(low)
     high = np.asarray(high)
-    x, y, z = (high - low).tolist()
-    return Box((x, y, z)), Pose((low + high) / 2)
+    return Box(tuple(high - low)), Pose((low + high) / 2)
 
 
 def rod(start: Array, end: Array, radius: float) -> Placed:

@@ -14,11 +14,11 @@ import trimesh
 
 from core.design import Tool
 from core.errors import NoPicture
-from core.geometry import Array, Mesh, Pose, Shape
+from core.geometry import Array, Mesh
 from core.interfaces import Image, Task
 from core.robot.description import assemble
 from core.robot.meshes import link_visuals
-from core.scene import Camera, Color, State
+from core.scene import Camera, Geom, State
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element, add_geom
 from plugins.simulators.rendering import Renderer, joint_positions
@@ -76,25 +76,13 @@ class MuJoCoRenderer(Renderer):
         for geom in list(spec.geoms):
             spec.delete(geom)
         for link, visuals in link_visuals(robot, shown.gripper).items():
-            for shape, pose, color in visuals:
-                _show(
-                    spec,
-                    spec.body(link),
-                    shape,
-                    pose,
-                    color,
-                )
+            for part in visuals:
+                _show(spec, spec.body(link), part)
 
         for component in shown.components:
             bearer, pose = shown.borne[component.name]
-            drawn = component.shape.drawn
-            _show(
-                spec,
-                spec.body(bearer),
-                drawn,
-                pose,
-                component.color,
-            )
+            drawn = Geom(component.shape.drawn, pose, component.color)
+            _show(spec, spec.body(bearer), drawn)
 
         scene = task.scene(seed).furnished(tool)
         for body in scene.bodies:
@@ -104,13 +92,7 @@ class MuJoCoRenderer(Renderer):
             element.quat = body.pose.quaternion
 
             for part in body.visuals:
-                _show(
-                    spec,
-                    element,
-                    part.shape,
-                    part.pose,
-                    part.color,
-                )
+                _show(spec, element, part)
 
         _light(spec)
         self._softs = scene.softs
@@ -281,31 +263,27 @@ def _no_open_gl(why: str) -> NoPicture:
     return NoPicture(f"MuJoCo's own renderer needs OpenGL without a window ({why})")
 
 
-def _show(
-    spec: Element, bearer: Element, shape: Shape, pose: Pose, color: Color
-) -> None:
+def _show(spec: Element, bearer: Element, part: Geom) -> None:
     """Add a shape that is only drawn.
 
     Args:
         spec: gets its mesh, if it has one.
         bearer: the spec's body that it is part of.
-        shape: the shape.
-        pose: in the body.
-        color: red, green, blue and opacity, 0 to 1.
+        part: the shape, and where it is in the body.
     """
     geom = add_geom(
         spec,
         bearer,
-        shape,
-        pose,
+        part.shape,
+        part.pose,
     )
-    geom.rgba = color
+    geom.rgba = part.color
     geom.contype = 0
     geom.conaffinity = 0
     geom.mass = 1e-6
-    if isinstance(shape, Mesh):
+    if isinstance(part.shape, Mesh):
         mesh = spec.mesh(geom.meshname)
-        mesh.userface = np.ravel(shape.faces).astype(np.int32)
+        mesh.userface = np.ravel(part.shape.faces).astype(np.int32)
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # for open meshes
 
 

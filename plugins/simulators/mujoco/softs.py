@@ -10,7 +10,7 @@ from core.errors import UserError
 from core.geometry import Array
 from core.scene import Scene, Soft
 from core.values.joints import Placement
-from core.values.softs import lattice, sizes
+from core.values.softs import lattice
 from plugins.simulators.mujoco.contacts import (
     IMPEDANCE,
     Role,
@@ -162,7 +162,7 @@ def _bends(soft: Soft, gravity: float) -> bool:
     thickness = soft.form.thickness
     weight = 12 * elastic.density * gravity * (1 - elastic.poisson**2)
     stiff = elastic.young * thickness**2 / weight
-    cell: float = np.median(sizes(soft.form.nodes, soft.form.elements))
+    cell: float = np.median(soft.form.sizes)
     return bool(stiff ** (1 / 3) > np.sqrt(2 * cell))
 
 

@@ -21,6 +21,7 @@ from core.values.descriptions import (
     RobotJoint,
     RobotLink,
     rounded,
+    rounded_all,
 )
 from plugins.simulators.inertia import Inertia, inertia_of
 from plugins.simulators.pybullet.bodies import (
@@ -292,7 +293,6 @@ def _describe_joint(joint: Joint, link: str, parent: str, pose: Pose) -> RobotJo
         0.0,
         1000.0,
     )
-    x, y, z = (rounded(value, DIGITS) for value in joint.axis)
     origin = Origin.from_pose(pose, DIGITS)
     return RobotJoint(
         f"{link}_joint",
@@ -300,7 +300,7 @@ def _describe_joint(joint: Joint, link: str, parent: str, pose: Pose) -> RobotJo
         parent,
         link,
         origin,
-        (x, y, z),
+        rounded_all(joint.axis),
         limits,
     )
 

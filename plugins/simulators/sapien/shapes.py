@@ -12,7 +12,16 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
+from core.geometry import (
+    Box,
+    Capsule,
+    Cylinder,
+    Mesh,
+    Pose,
+    Shape,
+    Sphere,
+    Triple,
+)
 from core.support.scratch import write_once
 from plugins.simulators.forces import Thing
 from plugins.simulators.sapien.engine import physx, sapien
@@ -140,9 +149,7 @@ def _collider(shape: Shape | Path, material: Any, folder: Path) -> Any:
             return _hull(_file(folder, digest[:16], shape.to_trimesh), material)
 
 
-def _hull(
-    file: Path, material: Any, scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
-) -> Any:
+def _hull(file: Path, material: Any, scale: Triple = (1.0, 1.0, 1.0)) -> Any:
     """Make the convex hull of a mesh file."""
     return physx.PhysxCollisionShapeConvexMesh(str(file), np.array(scale), material)
 

@@ -83,8 +83,7 @@ def build_ground(spec: SceneSpec) -> Iterator[Body]:
         sides[axis] = THICK_M
         place = np.array([0.0, 0.0, spec.floor_height + ground.wall / 2])
         place[axis] = (2 * sign - 1) * (ground.size[axis] + THICK_M) / 2
-        x, y, z = sides.tolist()
-        walls.append(Geom(Box((x, y, z)), Pose(place), drawn.color))
+        walls.append(Geom(Box(tuple(sides)), Pose(place), drawn.color))
 
     yield Body("wall", Pose(), 0.0, tuple(walls), tuple(walls), ground.friction)
 

@@ -301,8 +301,7 @@ class _Reading:
         if geom.matid[0] >= 0 and np.allclose(shown, _GREY):
             shown = self._model.mat_rgba[geom.matid[0]]
 
-        red, green, blue, opacity = np.clip(shown, 0, 1).tolist()
-        color = (red, green, blue, opacity)
+        color = tuple(np.clip(shown, 0, 1).tolist())
         place = frame.inverse() @ _pose(self._data.geom(geom.id))
         yield Geom(drawn, place, color), Geom(solid, place, color)
 

@@ -142,8 +142,7 @@ ColorName = Annotated[str, AfterValidator(_color)]
 def rgba(color: str) -> Color:
     """Read a colour such as ``red`` or ``#3366cc``; four numbers from 0 to 1."""
     channels = (*ImageColor.getrgb(color), 255)  # the last is for want of an opacity
-    red, green, blue, opacity = [channel / 255 for channel in channels[:4]]
-    return red, green, blue, opacity
+    return tuple(channel / 255 for channel in channels[:4])
 
 
 def _read_with(model: type[BaseModel], make: Callable[[Any], Any]) -> GetPydanticSchema:

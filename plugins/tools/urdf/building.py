@@ -26,8 +26,12 @@ from core.scene import Color
 from core.support.text import shorten
 from core.values.descriptions import RobotJoint, RobotLink
 from core.values.urdf import read_tree, read_xml
-from plugins.tools.components import default_mass, parents_first, robot_names
-from plugins.tools.mounting import check_angles
+from plugins.tools.components import (
+    check_angles,
+    default_mass,
+    parents_first,
+    robot_names,
+)
 
 MAX_CHARACTERS = 1_000_000
 MAX_LINKS = 2 * MAX_COMPONENTS  # some are only frames
@@ -294,8 +298,8 @@ def _boxes(link: RobotLink) -> list[_Shape]:
                 f'link {link.name!r}: boxes only; expected <box size="x y z"/>, found <{found}>'
             )
 
-        red, green, blue, opacity = looks.color or DEFAULT_COLOR
-        color = (red, green, blue, max(opacity, _MIN_OPACITY))
+        *rgb, opacity = looks.color or DEFAULT_COLOR
+        color = (*rgb, max(opacity, _MIN_OPACITY))
         boxes.append(_Shape(shape.shape, shape.origin.pose, color))
 
     return boxes
@@ -399,10 +403,8 @@ def _hang(
 def _in_box(joint: ToolJoint, place: Pose) -> ToolJoint:
     """Return a link's joint in the frame of a box, which lies at ``place`` in the link."""
     inverse = place.inverse()
-    x, y, z = inverse.position.tolist()
-    along_x, along_y, along_z = inverse.rotation.apply(joint.axis).tolist()
-
-    return replace(joint, axis=(along_x, along_y, along_z), origin=(x, y, z))
+    axis = tuple(inverse.rotation.apply(joint.axis).tolist())
+    return replace(joint, axis=axis, origin=tuple(inverse.position.tolist()))
 
 
 def _nearest(

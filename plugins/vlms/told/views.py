@@ -148,9 +148,9 @@ def parallel_camera(name: str, bodies: Sequence[Body]) -> Camera:
 
     middle = (low + high) / 2
     away = float(np.abs(backward @ (high - low))) / 2 + _ROOM_M / 2
-    x, y, z = (middle + away * backward).tolist()
+    place = tuple((middle + away * backward).tolist())
 
-    return Camera((x, y, z), tuple(middle.tolist()), 2.0, float(max(tall, wide)))
+    return Camera(place, tuple(middle.tolist()), 2.0, float(max(tall, wide)))
 
 
 def move_closer(camera: Camera, low: Array, high: Array) -> Camera:

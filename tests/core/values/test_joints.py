@@ -223,7 +223,7 @@ def test_a_drive_rests_moves_and_stays_or_repeats():
                 (body("a"), body("b")),
                 (Joint("i", "hinge", "a", "b"), Joint("j", "hinge", "b", "a")),
             ),
-            "the joints of a, b form a circle",
+            "among the joints of a, b is a circle",
         ),
         (
             lambda: Scene((body("a"),), (Joint("i", "hinge", "a"),) * 2),

@@ -108,11 +108,8 @@ def load_solid(
             faces = faces[:, ::-1]
 
         mesh = Mesh(found[f"v{number}"] @ change.T, faces)
-        red, green, blue, opacity = found[f"c{number}"].tolist()
-        if np.isnan(red):
-            drawn.append((mesh, None))
-        else:
-            drawn.append((mesh, (red, green, blue, opacity)))
+        color = tuple(found[f"c{number}"].tolist())
+        drawn.append((mesh, None if np.isnan(color[0]) else color))
 
     pieces = _list_parts(found)
     if "rest_v" in found:
