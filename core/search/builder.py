@@ -63,11 +63,12 @@ def build_fitness_in(
 
 
 def check_starts(task: Task) -> None:
-    """Check that the arm can start a task, so that it is reported once, before anything is drawn or tried.
+    """Check that the arm can start a task, and find the rules for tools, before anything is drawn, asked or tried.
 
     Raises:
-        UserError: it can't reach the home pose.
+        UserError: the arm can't reach the home pose, or a rule can't be imported.
     """
+    installed().factories("tool_rule")
     for stage in task.parts:
         arm_of(task.robot).home_for(stage.home)
 

@@ -10,6 +10,7 @@ from core.config.compose import load
 from core.designs.composer import as_markdown
 from core.errors import UserError
 from core.interfaces import VLM, Picture
+from core.plugins import Offer, installed
 from plugins.trying.prompt import PromptConfig, compose, main
 from tests.commands import python_m
 from tests.rare import rare
@@ -169,6 +170,13 @@ def test_mistakes(overrides, reason):
     with pytest.raises(UserError, match=re.escape(reason)) as error:
         composed(*overrides)
     assert "\n" not in str(error.value)
+
+
+def test_a_rule_for_tools_that_can_not_be_imported_is_said_at_once(monkeypatch):
+    offer = Offer("tool_rule", "far", "lab", "my-lab", "no_such_lab:rule")
+    monkeypatch.setitem(installed().offers, ("tool_rule", "far"), offer)
+    with pytest.raises(UserError, match="tool_rule 'far' of my-lab can't be imported"):
+        composed()
 
 
 def test_designs_that_make_no_elites(tmp_path):
