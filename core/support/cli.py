@@ -206,17 +206,15 @@ def print_table(
     import rich.text
 
     file = sys.stdout if file is None else file
-    grid = [[clean(cell, 2000) for cell in row] for row in rows]
     table = rich.table.Table(box=None, header_style="bold", pad_edge=False)
-    for number, name in enumerate(columns):
+    for name in columns:
         table.add_column(name, overflow="fold")
         if name in numbers:
-            column = table.columns[number]
-            column.justify = "right"
-            column.min_width = max((len(row[number]) for row in grid), default=0)
+            table.columns[-1].justify = "right"
+            table.columns[-1].no_wrap = True
 
-    for row in grid:
-        table.add_row(*map(rich.text.Text, row))
+    for row in rows:
+        table.add_row(*(rich.text.Text(clean(cell, 2000)) for cell in row))
 
     console = rich.console.Console(file=file, width=None if file.isatty() else 100_000)
     with console.capture() as printed:

@@ -22,16 +22,15 @@ class Step:
     """Something that takes a while: ``what`` is being done, such as ``reading cup.obj``; it may change meanwhile."""
 
     what: str
-    at_once: bool = False
 
 
 _steps = list[Step]()
 
 
 @contextmanager
-def busy(what: str, *, at_once: bool = False) -> Iterator[Step]:
-    """Say what is being done, if it lasts; or ``at_once``."""
-    step = Step(what, at_once)
+def busy(what: str) -> Iterator[Step]:
+    """Say what is being done, if it lasts."""
+    step = Step(what)
     _steps.append(step)
     try:
         yield step
@@ -46,23 +45,18 @@ def show_progress(say: Callable[[str], None]) -> None:
 
 def _watch(say: Callable[[str], None]) -> None:
     """Look now and then at what is being done last, and say it when it is due."""
-    announced = list[Step]()
     wait_s = FIRST_S
     worked = 0.0
     due = 0.0
     while True:
         time.sleep(LOOK_S)
         now = time.monotonic()
-        # What is to be said at once goes before what is done within it.
-        urgent = [step for step in _steps if step.at_once and step not in announced]
-        for step in urgent or _steps[-1:]:
+        for step in _steps[-1:]:
             if now > worked + PAUSE_S:
                 wait_s = FIRST_S
                 due = now + wait_s
             worked = now
-            if urgent or now >= due:
+            if now >= due:
                 say(f"{step.what} ...")
-                announced.append(step)
-                if not urgent:
-                    wait_s *= 2
+                wait_s *= 2
                 due = now + wait_s

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import os
+import pkgutil
 import resource
 import subprocess
 import sys
@@ -31,20 +31,20 @@ def isolated(
 ) -> bytes:
     """Call a module's function with untrusted data, and words, in a process of its own, with limits on memory and time.
 
-    ``step``, what is being done, is said at once; without it the reading is, if it lasts.
+    What is being done is said if it lasts: ``step``, or that ``what`` is being read.
 
     Raises:
         UserError: the function raises one, takes too long, or ends otherwise; it begins with ``what``.
     """
     with (
-        busy(step or f"reading {what}", at_once=bool(step)),
+        busy(step or f"reading {what}"),
         tempfile.TemporaryDirectory(dir=scratch()) as folder,
     ):
         out = Path(folder) / "made"
-        called = [__name__, function.__module__, function.__name__, *words, str(out)]
+        named = f"{function.__module__}:{function.__name__}"
         try:
             done = subprocess.run(  # noqa: S603  # our own module
-                [sys.executable, "-P", "-m", *called],
+                [sys.executable, "-P", "-m", __name__, named, *words, str(out)],
                 input=data,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
@@ -75,7 +75,7 @@ def isolated(
         return out.read_bytes()
 
 
-def _main(module: str, function: str, *words: str) -> None:
+def _main(function: str, *words: str) -> None:
     """Call a function with what is piped in, and write the bytes that it returns to the file that comes last."""
     *given, out = words
 
@@ -84,16 +84,11 @@ def _main(module: str, function: str, *words: str) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
 
     try:
-        Path(out).write_bytes(
-            getattr(importlib.import_module(module), function)(
-                sys.stdin.buffer.read(), *given
-            )
-        )
+        read = pkgutil.resolve_name(function)
+        Path(out).write_bytes(read(sys.stdin.buffer.read(), *given))
     except (UserError, MemoryError) as error:
-        sys.exit(
-            _REFUSED
-            + (" ".join(str(error).split()) or "needs too much memory; make it smaller")
-        )
+        reason = " ".join(str(error).split())
+        sys.exit(f"{_REFUSED}{reason or 'needs too much memory; make it smaller'}")
 
 
 if __name__ == "__main__":

@@ -7,9 +7,9 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
 
-# Texts that Hydra reads as numbers or other values.
-_OTHER = re.compile(
-    r"[+-]?(([\d_]+\.?[\d_]*|\.\d+)(e[+-]?\d+)?|inf|nan)|true|false|null", re.IGNORECASE
+# What Hydra reads as a text: no number, and none of its other values.
+_PLAIN = re.compile(
+    r"(?!(true|false|null|inf|nan)$)[a-z/][\w./+-]*", re.IGNORECASE | re.ASCII
 )
 
 
@@ -125,9 +125,11 @@ def hydra_word(value: object) -> str:
         items = [f"{hydra_word(key)}:{hydra_word(value[key])}" for key in value]
         return f"{{{','.join(items)}}}"
 
-    text = str(value).lower() if isinstance(value, bool) else str(value)
-    other = isinstance(value, str) and _OTHER.fullmatch(text)
-    if not other and re.fullmatch(r"[\w./+-]+", text, re.ASCII):
+    if isinstance(value, bool | int | float):
+        return str(value).lower()
+
+    text = str(value)
+    if _PLAIN.fullmatch(text):
         return text
     quoted = text.replace("'", "\\'")
 
