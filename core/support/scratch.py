@@ -45,15 +45,6 @@ def scratch() -> Path:
         return _folder
 
 
-def temporary_folder() -> Path:
-    """Make a new folder in `scratch`, which is removed with it: a forked process that ends leaves it alone.
-
-    Raises:
-        UserError: it can't be made.
-    """
-    return Path(tempfile.mkdtemp(dir=scratch()))
-
-
 def use_scratch(folder: Path) -> None:
     """Keep this process's temporary files, those of libraries too, in a folder that another process removes."""
     global _folder

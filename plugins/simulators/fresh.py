@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import tempfile
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 
 from core.design import Tool
@@ -13,7 +15,7 @@ from core.interfaces import Outcome, Robot, Rollout, Simulator, Task, World
 from core.robot.trajectory import at_home
 from core.scene import Scene, State
 from core.simulation.playback import play
-from core.support.scratch import temporary_folder
+from core.support.scratch import scratch
 from plugins.simulators.forces import Impulses
 from plugins.simulators.rigid import only_rigid
 from plugins.simulators.scenes import scene_of
@@ -70,7 +72,8 @@ class FreshWorlds(Simulator, Generic[Prepared]):
         check_positive("sim.", **settings)
         check_time_step(time_step)
         self._time_step = time_step
-        self.folder = temporary_folder()
+        # It is removed with the process's own: a forked one leaves it alone.
+        self.folder = Path(tempfile.mkdtemp(dir=scratch()))
         # That of the last job, since consecutive jobs mostly share it.
         self._prepared: tuple[Scene, Prepared] | None = None
 

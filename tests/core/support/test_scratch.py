@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from core.errors import UserError
-from core.support.scratch import scratch, temporary_folder, write_once
+from core.support.scratch import scratch, write_once
 
 PROGRAM = """
 import os, signal, sys
@@ -67,7 +67,7 @@ def test_no_room_is_a_line(monkeypatch, tmp_path):
         UserError,
         match=r"no temporary folder can be made: .*; make room, or set TMPDIR",
     ):
-        temporary_folder()
+        scratch()
 
 
 def test_a_file_is_written_once_and_again_where_it_was_changed(tmp_path):
