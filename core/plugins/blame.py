@@ -34,9 +34,7 @@ class PluginError(Exception):
     """A plugin raised an exception that it may not raise; the message names both."""
 
 
-def describe_failure(
-    error: BaseException, plugins: Plugins | None = None
-) -> str | None:
+def describe_failure(error: BaseException) -> str | None:
     """Name what a plugin raised, and the part that is deepest in the traceback, in one line.
 
     A part's code is its methods, and the module of its factory. None: no plugin is in the traceback, or the error
@@ -44,13 +42,13 @@ def describe_failure(
     """
     if isinstance(error, PluginError):
         return None
-    modules: dict[str, Offer] = {}
-    for offer in (plugins or installed()).offers.values():
-        modules.setdefault(_module(offer), offer)  # the first, of several in a module
+    offers = installed().offers.values()
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     for frame in reversed(frames):
         origin = Plugins.origin(frame.f_locals.get("self"))
-        blamed = origin or modules.get(frame.f_globals.get("__name__", ""))
+        module = frame.f_globals.get("__name__")
+        offered = (offer for offer in offers if _module(offer) == module)
+        blamed = origin or next(offered, None)
         if blamed is not None:
             return f"{blamed.owner} raised {in_line(error)}"
 
@@ -97,13 +95,9 @@ def refuse_exit() -> Iterator[None]:
         ) from end
 
 
-def add_listener(
-    hub: pluggy.PluginManager, listener: object, name: str
-) -> ListenerProxy:
+def add_listener(hub: pluggy.PluginManager, listener: object, name: str) -> None:
     """Register ``listener`` with ``hub`` until it raises an exception (`ListenerProxy`)."""
-    proxy = ListenerProxy(hub, listener)
-    hub.register(proxy, name)
-    return proxy
+    hub.register(ListenerProxy(hub, listener), name)
 
 
 class ListenerProxy:
@@ -111,13 +105,9 @@ class ListenerProxy:
 
     The first exception is reported on standard error in one line, which names the listener, the event and the error.
     From then on the listener receives only ``run_ended``, so that it can let go of what it holds.
-
-    Attributes:
-        exited: which event the listener answered by ending the process, if it tried to.
     """
 
     def __init__(self, hub: pluggy.PluginManager, listener: object) -> None:
-        self.exited: str | None = None
         self._listener = listener
         self._failed = False
         for event in dir(listener):
@@ -136,16 +126,9 @@ class ListenerProxy:
             try:
                 function(*arguments)
             except RAISED as error:  # of a plugin
-                self._report(event, error)
+                if not self._failed:
+                    what = f"{describe_part(self._listener)}: {event} raised {in_line(error)}"
+                    say(f"{what}; it receives no more events", file=sys.stderr)
+                self._failed = True
 
         return pass_on
-
-    def _report(self, event: str, error: BaseException) -> None:
-        if self._failed:
-            return
-        self._failed = True
-        what = in_line(error)
-        line = f"{describe_part(self._listener)}: {event} raised {what}"
-        if isinstance(error, SystemExit):
-            self.exited = line
-        say(f"{line}; it receives no more events", file=sys.stderr)

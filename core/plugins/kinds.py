@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
@@ -37,7 +38,6 @@ class Kind(Generic[T]):
     hook: str  # the hook that offers its parts, of `core.hooks.Parts`
     # The class of its parts; None: a part implements some of `core.hooks.Events`.
     interface: type[T] | None
-    attributes: tuple[str, ...] = ()  # what its parts have beside methods
     # The arguments of its factories that the program provides; the others are settings.
     provided: tuple[str, ...] = ()
     defaults: Mapping[str, Any] = field(default_factory=dict)
@@ -53,13 +53,16 @@ class Kind(Generic[T]):
         """
         if self.interface is None:
             _check_listener(part, offer)
-        elif not isinstance(part, self.interface):
+            return
+
+        if not isinstance(part, self.interface):
             expected = f"{self.interface.__module__}.{self.interface.__name__}"
             raise UserError(
                 f"{offer} makes a {type(part).__name__}, which is no {expected}"
             )
 
-        missing = [name for name in self.attributes if not hasattr(part, name)]
+        declared = inspect.get_annotations(self.interface)
+        missing = [name for name in declared if not hasattr(part, name)]
         if missing:
             raise UserError(
                 f"{offer}: {type(part).__qualname__} has no {' and no '.join(missing)}"
@@ -80,12 +83,11 @@ TASK = Kind(
     "task",
     "tasks",
     Task,
-    attributes=("name", "description", "goals"),
     defaults={"tool_kinds": ["rigid"], "paper": PAPER_BUDGET},
 )
 ROBOT = Kind("robot", "robots", Robot, defaults={"base": [0.0, 0.0, 0.0, 0.0]})
 SIMULATOR = Kind("sim", "simulators", Simulator)
-MODEL = Kind("vlm", "vlms", VLM, attributes=("model",))
+MODEL = Kind("vlm", "vlms", VLM)
 TOOL = Kind("tool", "tool_representations", ToolRepresentation)
 ACTION = Kind("action", "action_representations", ActionRepresentation)
 EVOLUTION = Kind(

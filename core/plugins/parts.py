@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Annotated, Any, Generic
+from typing import Any, Generic
 
 import pydantic
+from pydantic import FiniteFloat
 from typing_extensions import TypeVar
 
 from core.errors import UsageError
@@ -18,8 +19,7 @@ from core.support.progress import busy
 from core.values.materials import PAPER, Material
 
 T_co = TypeVar("T_co", covariant=True, default=Any)
-_Number = Annotated[pydantic.FiniteFloat, pydantic.Strict()]
-_BASE = pydantic.TypeAdapter(tuple[_Number, _Number, _Number, _Number])
+_BASE = pydantic.TypeAdapter(tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat])
 
 
 @dataclass(frozen=True)

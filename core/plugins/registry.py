@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import importlib.metadata
-import importlib.util
 import inspect
-import os
 import pkgutil
 import typing
-from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, ClassVar, TypeVar
@@ -22,7 +20,7 @@ from core.errors import RAISED, UsageError, UserError, choices, in_line
 from core.hooks import PROJECT, Command, Configs, Factory, Parts
 from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins.kinds import COMMAND, HOOKS, KINDS, ROBOT, Kind
-from core.plugins.packages import find_hidden, find_rivals
+from core.plugins.packages import check_configs, refuse_hiding, refuse_rivals
 from core.values.materials import PAPER, Material
 
 Settings = Mapping[str, Any] | None
@@ -68,7 +66,7 @@ class Plugins:
 
     Attributes:
         offers: what is offered, by kind and name. The first offer of a name is kept.
-        configs: packages of Hydra configs, by distribution.
+        configs: packages of Hydra configs, each with the distribution that names it.
         failures: what could not be loaded.
     """
 
@@ -76,7 +74,7 @@ class Plugins:
 
     def __init__(self) -> None:
         self.offers: dict[tuple[str, str], Offer] = {}
-        self.configs: dict[str, list[str]] = {}
+        self.configs: dict[str, str] = {}
         self.failures: list[Failure] = []
 
         entries = importlib.metadata.entry_points(group=PROJECT)
@@ -84,11 +82,8 @@ class Plugins:
         # This project's own come first: no other package replaces a built-in part.
         for entry, distribution in sorted(found, key=lambda pair: pair[1] != PROJECT):
             try:
-                with _no_exit():
-                    plugin = entry.load()
-            except KeyboardInterrupt:
-                raise
-            except BaseException as error:  # a third-party import may raise anything
+                plugin = entry.load()
+            except RAISED as error:  # a third-party import may raise anything
                 reason = f"import failed: {in_line(error)}"
                 self.failures.append(Failure(entry.name, distribution, reason))
             else:
@@ -118,7 +113,8 @@ class Plugins:
             try:
                 for offered in hook():
                     if hook.name == "config_path":
-                        self._add_configs(offered, distribution)
+                        check_configs(offered)
+                        self.configs.setdefault(offered, distribution)
                         continue
                     for part, factory in dict(offered).items():
                         kind = HOOKS[hook.name]
@@ -129,14 +125,6 @@ class Plugins:
                             fail(f"{kind} {part!r} is taken by {owner}")
             except RAISED as error:  # a third-party hook may raise anything
                 fail(f"hook {hook.name!r} failed: {in_line(error)}")
-
-    def _add_configs(self, path: str, distribution: str) -> None:
-        package = path.removeprefix("pkg://")
-        if package == path or importlib.util.find_spec(package) is None:
-            raise ValueError(
-                f'it gave {path!r}; expected a package that holds YAML files, "pkg://my_package.conf"'
-            )
-        self.configs.setdefault(distribution, []).append(path)
 
     def names(self, kind: str) -> list[str]:
         """Return the names of the parts of a kind, sorted."""
@@ -208,15 +196,13 @@ class Plugins:
         group = str(kind)
         factory = self.factory(group, name)
         offer = self.offers[group, name]
-        checked = check_settings(factory, settings or {}, f"{group}={name}", given)
         try:
+            checked = check_settings(factory, settings or {}, f"{group}={name}", given)
             part = factory(**checked, **given)
         except UserError:
             raise
         except RAISED as error:  # a third-party factory may raise anything
             raise UserError(f"{offer} can't be made: {in_line(error)}") from error
-
-        KINDS[group].check(part, str(offer))
 
         with suppress(TypeError):  # one that can't be a key is described by its class
             self._origins[part] = offer
@@ -224,6 +210,8 @@ class Plugins:
             part.robot = robot or self.default_robot
         if isinstance(part, ToolRepresentation):
             part.material = material
+
+        KINDS[group].check(part, str(offer))
         return typing.cast(T, part)
 
     @cached_property
@@ -292,41 +280,21 @@ def settings_of(
     }
 
 
-@contextmanager
-def _no_exit() -> Iterator[None]:
-    """Let code that is imported raise where it calls `os._exit`, which would end the process without a word."""
-
-    def refuse(status: int) -> typing.NoReturn:
-        raise SystemExit(f"it called os._exit({status})")
-
-    kept = os._exit
-    os._exit = refuse
-    try:
-        yield
-    finally:
-        os._exit = kept
-
-
 def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any]:
     """Import what a text ``"module:attribute"`` names.
 
     Raises:
-        UserError: it can't be imported, or can't be called.
+        UserError: it can't be imported.
     """
+    if not isinstance(what, str):
+        return what
+
     try:
-        with _no_exit():
-            found = pkgutil.resolve_name(what) if isinstance(what, str) else what
+        return typing.cast(Callable[..., Any], pkgutil.resolve_name(what))
     except UserError:
         raise
     except RAISED as error:  # a third-party import may raise anything
         raise UserError(f"{offer.owner} can't be imported: {in_line(error)}") from error
-
-    if not callable(found):
-        raise UserError(
-            f"{offer.owner} is {found!r}; it must be callable, or a text 'module:attribute'"
-        )
-
-    return typing.cast(Callable[..., Any], found)
 
 
 def describe_part(part: object) -> str:
@@ -343,14 +311,8 @@ def installed() -> Plugins:
     Raises:
         UserError: another folder or package stands in the place of one of this program's.
     """
-    hidden = list(find_hidden())
-    if hidden:
-        raise UserError("; ".join(hidden))
-
+    refuse_hiding()
     plugins = Plugins()
-    broken = [fail for fail in plugins.failures if fail.distribution == PROJECT]
-    rivals = list(find_rivals()) if broken else []
-    if rivals:
-        raise UserError("; ".join(rivals))
-
+    if any(failure.distribution == PROJECT for failure in plugins.failures):
+        refuse_rivals()
     return plugins

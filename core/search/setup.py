@@ -24,7 +24,7 @@ from core.plugins import (
     event_hub,
     installed,
 )
-from core.plugins.blame import ListenerProxy, add_listener, refuse_exit
+from core.plugins.blame import add_listener, refuse_exit
 from core.search.asking import build_designer
 from core.search.designer import ModelDesigner
 from core.trial import TIE
@@ -42,7 +42,6 @@ class Search:
     fitness: Fitness
     executor: Executor
     events: pluggy.PluginManager
-    listeners: list[ListenerProxy]
 
 
 @refuse_exit()
@@ -63,7 +62,7 @@ def build_search(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) ->
     strategy = _build_strategy(config["evolution"], designer)
     if strategy.learns:
         events.register(designer, "designer")
-    proxies = _add_listeners(config["listener"], vlm, events)
+    _add_listeners(config["listener"], vlm, events)
 
     assignment = designer.assignment
     task = assignment.task
@@ -83,7 +82,7 @@ def build_search(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) ->
         part(SIMULATOR, cfg.sim).create(),
         designer.prompts.facts.rollout,
     )
-    return Search(run, strategy, fitness, executor, events, proxies)
+    return Search(run, strategy, fitness, executor, events)
 
 
 def _build_strategy(
@@ -128,7 +127,7 @@ def _add_listeners(
     chosen: Mapping[str, Mapping[str, Any] | None],
     vlm: VLM,
     events: pluggy.PluginManager,
-) -> list[ListenerProxy]:
+) -> None:
     """Register the listeners, and the model, which may be one too.
 
     Raises:
@@ -139,6 +138,5 @@ def _add_listeners(
         for name, settings in chosen.items()
     }
     listeners["vlm"] = vlm
-    return [
-        add_listener(events, listener, name) for name, listener in listeners.items()
-    ]
+    for name, listener in listeners.items():
+        add_listener(events, listener, name)

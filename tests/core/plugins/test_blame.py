@@ -1,10 +1,11 @@
 import pytest
 
-from core.plugins import Offer, describe_failure
+from core.plugins import Offer, blame, describe_failure
 from tests.faults import Faulty
 
 
-def test_the_plugin_deepest_in_the_traceback_is_named(found):
+def test_the_plugin_deepest_in_the_traceback_is_named(found, monkeypatch):
+    monkeypatch.setattr(blame, "installed", lambda: found)
     found.offers = {
         ("sim", "a"): Offer("sim", "a", "a", "dist-a", "tests.faults:Faulty"),
         ("listener", "b"): Offer(
@@ -14,9 +15,9 @@ def test_the_plugin_deepest_in_the_traceback_is_named(found):
     with pytest.raises(ArithmeticError) as caught:
         Faulty().break_down("raise")
     assert (
-        describe_failure(caught.value, found)
+        describe_failure(caught.value)
         == "sim 'a' of dist-a raised ArithmeticError: the solver gave up"
     )
     with pytest.raises(ValueError, match="invalid literal") as ours:
         int("ours")
-    assert describe_failure(ours.value, found) is None
+    assert describe_failure(ours.value) is None

@@ -43,7 +43,7 @@ def test_a_part_that_lacks_an_attribute(found, kind, hook, interface, lacks):
         UserError,
         match=rf"{kind} 'bare' of my-package \(hook '{hook}'\): Bare has no {lacks}",
     ):
-        found.create(kind, "bare")
+        found.create(kind, "bare", robot=installed().default_robot)
 
 
 def test_a_listener_receives_some_event(found):
