@@ -17,6 +17,7 @@ from core.plugins import event_hub, installed
 from core.search.asking import build_designer
 from core.search.assignment import Team
 from core.search.finalists import rollouts_in
+from core.store.reader import StoredRun
 from core.support.cli import print_table
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.study.files import StudyRun, is_done, read_state
@@ -105,7 +106,7 @@ def look_ahead(runs: Sequence[StudyRun], jobs: int) -> Outlook:
     done = [state for state in states.values() if isinstance(state, FinishedRun)]
     estimator = Estimator(done)
     missing = [run for run, state in states.items() if not is_done(state)]
-    needs = {run: estimator.need(run) for run in missing}
+    needs = {run: estimator.need(run, begun=states[run] is not None) for run in missing}
     power = min(cores(), jobs * workers(load("config", runs[0].words)))
 
     return Outlook(runs, needs, jobs, power)
@@ -155,8 +156,8 @@ class Estimator:
         self._demands: dict[str, _Demand] = {}
         self._budgets: dict[tuple[str, str], DictConfig] = {}
 
-    def need(self, run: StudyRun) -> Need:
-        """Estimate a run.
+    def need(self, run: StudyRun, *, begun: bool) -> Need:
+        """Estimate a run, or what is left of one that has ``begun``.
 
         Raises:
             UserError: its words can't be used; so mistakes are found before anything starts.
@@ -178,10 +179,15 @@ class Estimator:
         often, last = demand.finals
         rollouts = candidates * demand.conditions + often * generations + last
         requests = budget.n_agent * generations
+        if begun:
+            store = StoredRun(run.folder)
+            asked = [request for request, _ in store.answers() if not request.critique]
+            requests = max(requests - len(asked), 0)
+            rollouts = max(rollouts - len(store.trials()), 0)
 
         busy_s = START_S + rollouts * (self._rollout_s or ROLLOUT_S)
         waits = reads_words(cfg) and self._rollout_s is None
-        wait_s = ANSWER_S * generations if waits else 0.0
+        wait_s = ANSWER_S * requests / budget.n_agent if waits else 0.0
         usd = requests * demand.price(tools, budget.n_action)
 
         return Need(requests, rollouts, busy_s, wait_s, usd)
