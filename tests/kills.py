@@ -27,6 +27,7 @@ import core.search.replies
 import plugins.vlms.ensemble.model
 from core.plugins import installed
 from core.search.orchestration import resume, run
+from core.store.reader import StoredRun
 from plugins.executors.ray import RayExecutor
 from tests.toys import Notes, composed, note_chunks, offer, several
 
@@ -117,7 +118,7 @@ def session(
                 Path(os.devnull).open("w") as nowhere,
                 contextlib.redirect_stdout(nowhere),
             ):
-                if resumed:
+                if resumed and has_begun(folder / "run"):
                     address = "executor.address="  # which a resumed run asks for again
                     again = [word for word in words if word.startswith(address)]
                     resume(folder / "run", again)
@@ -168,7 +169,7 @@ def kill(folder: Path, points: int, words: Sequence[str]) -> None:
     moments = session(folder / "whole", words, resumed=False, last=None)
     for point in range(points):
         at = folder / str(point)
-        note_config(at, words)
+        at.mkdir()
         last = 1 + point * (moments - 2) // max(points - 1, 1)
         assert session(at, words, resumed=False, last=last) == 0
         (at / "killed").mkdir()
@@ -198,11 +199,10 @@ def cluster() -> Iterator[str]:
         yield next(line for line in lines if line.startswith("at ")).split()[1]
 
 
-def note_config(at: Path, words: Sequence[str]) -> None:
-    """Write the configuration as Hydra does before a run begins."""
-    (at / "run" / ".hydra").mkdir(parents=True)
-    config = configure(at / "notes", words)
-    OmegaConf.save(config, at / "run" / ".hydra" / "config.yaml")
+def has_begun(folder: Path) -> bool:
+    """Report whether there is a run to resume: one that was killed earlier is started again."""
+    store = StoredRun(folder)
+    return store.exists and store.config() != {}
 
 
 if __name__ == "__main__":

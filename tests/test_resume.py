@@ -506,25 +506,26 @@ def test_a_candidate_that_reads_differently_now_is_not_given_another_ones_reward
 
 
 def test_folders_without_a_run(toy, tmp_path):
-    with pytest.raises(UserError, match=r"nowhere holds no run$"):
+    with pytest.raises(
+        UserError, match=r"nowhere holds no run that has begun; start one$"
+    ):
         resume(tmp_path / "nowhere")
     begin(toy, tmp_path / "sweep" / "0_seed=5")
     with pytest.raises(
-        UserError, match=r"sweep holds no run; there is one in .*sweep/0_seed=5$"
+        UserError,
+        match=r"sweep holds no run that has begun; there is one in .*sweep/0_seed=5$",
     ):
         resume(tmp_path / "sweep")
     assert not (tmp_path / "sweep" / LOCK).exists()
 
 
-def test_a_run_killed_before_it_stored_anything_begins_anew(toy, whole, tmp_path):
-    for stored in (None, b""):
-        folder = tmp_path / f"run {stored}"
-        (folder / ".hydra").mkdir(parents=True)
-        OmegaConf.save(toys.config(toy.file), folder / ".hydra" / "config.yaml")
-        if stored is not None:
-            (folder / FILE).write_bytes(stored)
-        resume(folder)
-        assert_same_run(folder, whole)
+def test_a_run_killed_before_it_stored_anything_is_started_again(toy, whole, tmp_path):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / FILE).write_bytes(b"")
+    with pytest.raises(UserError, match=r"holds no run that has begun; start one$"):
+        resume(tmp_path / "run")
+    begin(toy, tmp_path / "run")
+    assert_same_run(tmp_path / "run", whole)
 
 
 # --- one process at a time --------------------------------------------------------------------------------------

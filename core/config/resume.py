@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, cast
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -19,7 +18,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from core.config.compose import explain, first_line, load
 from core.config.schemas import RunConfig
-from core.config.trust import as_stored, read_stored_yaml, refuse_key_words, texts
+from core.config.trust import refuse_key_words, texts
 from core.config.words import quote_paths
 from core.errors import UsageError, UserError
 from core.support.text import clean
@@ -31,21 +30,6 @@ KEYS = ("film", "budget.n_iteration", "budget.stop_reward", "evolution.refine")
 
 # The last word of a setting that is an address.
 _ADDRESS = re.compile(r"(^|_)(base|url|host|address|endpoint|server)$")
-
-
-def hydra_config(folder: Path) -> dict[str, Any]:
-    """Read the configuration that Hydra wrote for a run which ended before it stored anything.
-
-    Raises:
-        UserError: there is none, or it can't be read.
-    """
-    file = folder / ".hydra" / "config.yaml"
-    if not file.is_file():
-        inside = sorted(store.parent for store in folder.glob("*/run.sqlite"))
-        hint = f"; there is one in {inside[0]}" if inside else ""
-        raise UserError(f"{folder} holds no run{hint}")
-
-    return as_stored(read_stored_yaml(file), folder, references=True)
 
 
 def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:

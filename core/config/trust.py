@@ -5,19 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-import yaml
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 
 from core.errors import UsageError, UserError
-from core.support.files import read_untrusted
 from core.support.secrets import holds_secret, is_secret_name
 from core.support.text import clean
 
-MAX_BYTES = 100_000  # of a stored configuration
 # In a mapping or an address's query, or of a variable.
 _NAMED = re.compile(r"(?:[{,?&]|\.env:)\s*['\"]?([\w-]+)")
 _HINT = "it would be stored with the run; set the provider's environment variable instead, such as OPENAI_API_KEY"
@@ -86,10 +82,8 @@ def texts(node: Any, path: str = "") -> Iterator[tuple[str, str]]:
             yield from texts(item, f"{path}.{key}" if path else str(key))
 
 
-def as_stored(config: Any, where: Path, *, references: bool = False) -> dict[str, Any]:
+def as_stored(config: Any, where: Path) -> dict[str, Any]:
     """Return a configuration that was read from a run's folder, if nothing in it would be resolved.
-
-    With ``references`` it may refer to its own keys, as Hydra writes it.
 
     Raises:
         UserError: it refers to something, such as an environment variable of this machine.
@@ -97,39 +91,10 @@ def as_stored(config: Any, where: Path, *, references: bool = False) -> dict[str
     if not isinstance(config, dict):
         raise UserError(f"{where}: its configuration is no object")
     for path, value in texts(config):
-        rest = re.sub(r"\$\{[\w.\[\]]+\}", "", value) if references else value
-        if "${" in rest:
+        if "${" in value:
             raise UserError(
                 f"{where}: its configuration has {clean(value, 100)!r} for {clean(path, 100)}, which is not resolved: "
                 "it comes from a run's folder"
             )
 
     return config
-
-
-def read_stored_yaml(file: Path) -> dict[str, Any]:
-    """Read the configuration that Hydra wrote into a run's folder, unresolved.
-
-    Raises:
-        UserError: it can't be read, or has aliases, a few of which may unfold to gigabytes.
-    """
-    try:
-        text = read_untrusted(file, MAX_BYTES).decode()
-        if any(
-            isinstance(event, yaml.AliasEvent)
-            for event in yaml.parse(text, Loader=yaml.CSafeLoader)
-        ):
-            raise UserError(f"{file} can't be used: it has aliases")
-
-        config = OmegaConf.to_container(OmegaConf.create(text))
-    except (
-        OmegaConfBaseException,
-        yaml.YAMLError,
-        ValueError,
-        RecursionError,
-    ) as error:
-        raise UserError(f"{file} can't be used: {clean(str(error), 200)}") from error
-
-    if not isinstance(config, dict):
-        raise UserError(f"{file} can't be used: it is no configuration")
-    return cast(dict[str, Any], config)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from core.config.resume import changed, hydra_config, refuse_stored_receivers
+from core.config.resume import changed, refuse_stored_receivers
 from core.errors import UserError, fault
 from core.events import INTERRUPTED, Result
 from core.plugins import installed
@@ -19,7 +19,7 @@ from core.search.finalists import Race, choose_winner, rollouts_in
 from core.search.outcome import Announcer, print_best, report_end, resume_hint
 from core.search.setup import Search, build_search
 from core.search.trials import Trials
-from core.store.database import writing
+from core.store.database import FILE, writing
 from core.store.recorder import RunStore
 from core.support.cli import say
 from core.support.progress import busy
@@ -47,8 +47,7 @@ def run(
     those of ``cfg``, and before them.
 
     Raises:
-        UserError: a part or setting that can't be used, a folder that holds a run already or can't be written, or a
-            listener that tried to end the process, once the run has come to its end.
+        UserError: a part or setting that can't be used, or a folder that holds a run already or can't be written.
         KeyboardInterrupt: outside of the loop (inside: `Result.stopped`); says how to go on.
     """
     search = build_search(cfg, folder, store.past.replies if store is not None else {})
@@ -115,9 +114,6 @@ def run_search(search: Search, store: RunStore) -> Result:
         for export in installed().factories("export").values():
             export(result, run, search.strategy)
     events.hook.run_finished(run=run, result=result)
-    exited = [proxy.exited for proxy in search.listeners if proxy.exited]
-    if exited:
-        raise UserError(f"{exited[0]}; the run came to its end without it")
     return result
 
 
@@ -129,10 +125,9 @@ def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
     """
     store = RunStore.open(folder)
     if store is None:
-        config = hydra_config(folder)
-        refuse_stored_receivers(config, overrides)
-        run_and_print(changed(config, overrides), folder)
-        return
+        inside = sorted(store.parent for store in folder.glob(f"*/{FILE}"))
+        hint = f"there is one in {inside[0]}" if inside else "start one"
+        raise UserError(f"{folder} holds no run that has begun; {hint}")
 
     try:
         _go_on(store, folder, overrides)

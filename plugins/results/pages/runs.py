@@ -7,20 +7,26 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
+import yaml
 from filelock import FileLock, Timeout
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
-from core.config.trust import read_stored_yaml
+from core.config.trust import texts
 from core.errors import UserError
 from core.store.database import FILE, LOCK
 from core.store.reader import StoredRun
 from core.store.rows import Best, RunFigures, StoredEvaluation
+from core.support.files import read_untrusted
 from core.support.text import by_reason, clean, number
 from core.trial import NOTHING
 
 RESULT = "result.json"
 HYDRA = ".hydra"
+MAX_BYTES = 100_000  # of Hydra's notes
+OWN_KEY = re.compile(r"\$\{[\w.\[\]]+\}")
 MAX_DEPTH = 6
 """Of a run's folder below one that the user names."""
 
@@ -240,11 +246,32 @@ def _task(folder: Path, config: dict[str, Any]) -> str:
 
 
 def _read_yaml(file: Path) -> dict[str, Any]:
-    """Read a YAML file of a run; empty if it can't be read, so that the run is listed without what it says."""
+    """Read a YAML file of a run; empty if it can't be read, so that the run is listed without what it says.
+
+    Keys of its own that it refers to are filled in, and nothing else.
+    """
     try:
-        return read_stored_yaml(file)
-    except UserError:
+        text = read_untrusted(file, MAX_BYTES).decode()
+        events = yaml.parse(text, Loader=yaml.CSafeLoader)
+        if any(isinstance(event, yaml.AliasEvent) for event in events):
+            return {}  # a few of them may unfold to gigabytes
+
+        config = OmegaConf.create(text)
+        refers_to_itself = all(
+            "${" not in OWN_KEY.sub("", value)
+            for _, value in texts(OmegaConf.to_container(config))
+        )
+        read = OmegaConf.to_container(config, resolve=refers_to_itself)
+    except (
+        UserError,
+        OmegaConfBaseException,
+        yaml.YAMLError,
+        ValueError,
+        RecursionError,
+    ):
         return {}
+
+    return cast(dict[str, Any], read) if isinstance(read, dict) else {}
 
 
 def is_held(folder: Path) -> bool:

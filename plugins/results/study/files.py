@@ -14,10 +14,11 @@ import yaml
 
 from core.errors import UsageError, UserError, choices
 from core.store.database import FILE
+from core.store.reader import StoredRun
 from core.support.cli import expand, path_exists
 from core.support.files import read_text
 from core.support.text import hydra_word
-from plugins.results.pages.runs import AnyRun, FinishedRun, read_run
+from plugins.results.pages.runs import AnyRun, FinishedRun, LeftOutRun, read_run
 
 RECORD = "study.yaml"
 """What the folder of a study says of it, for reports and for who goes on with it."""
@@ -120,11 +121,16 @@ class StudyRun:
 
 
 def read_state(run: StudyRun) -> AnyRun | None:
-    """Return what is known of a run; None: nothing, so that it starts from the beginning."""
+    """Return what is known of a run; None: it has not begun, so that it starts from the beginning."""
     if not (run.folder / FILE).exists():
         return None
 
-    return read_run(run.folder)
+    state = read_run(run.folder)
+    is_unfinished = isinstance(state, LeftOutRun) and state.status == "unfinished"
+    if is_unfinished and not StoredRun(run.folder).config():
+        return None
+
+    return state
 
 
 def is_done(state: AnyRun | None) -> bool:

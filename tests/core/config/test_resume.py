@@ -6,7 +6,7 @@ import pytest
 from omegaconf import OmegaConf
 
 from core.config.compose import load
-from core.config.resume import changed, hydra_config, refuse_stored_receivers
+from core.config.resume import changed, refuse_stored_receivers
 from core.errors import UsageError, UserError
 
 pytestmark = pytest.mark.slow
@@ -66,13 +66,6 @@ def test_refinement_is_added_once_and_stays_last(began):
         changed(refined, ["evolution.refine=12"])
     with pytest.raises(UsageError, match="refinement comes last"):
         changed(refined, ["budget.n_iteration=3"])
-
-
-def test_a_folder_without_a_run(tmp_path):
-    (tmp_path / "sweep").mkdir()
-    (tmp_path / "sweep" / "run.sqlite").touch()
-    with pytest.raises(UserError, match=r"holds no run; there is one in .*sweep"):
-        hydra_config(tmp_path)
 
 
 @pytest.mark.parametrize(("group", "key"), [("budget", "n_tool"), (None, "executor")])

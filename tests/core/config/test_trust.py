@@ -1,7 +1,5 @@
 """No key gets into a run's files, and nothing in another's run is resolved, followed or called."""
 
-import itertools
-import os
 import shutil
 from pathlib import Path
 
@@ -9,7 +7,7 @@ import pytest
 from omegaconf import OmegaConf
 
 from core.config.compose import load
-from core.config.trust import read_stored_yaml, refuse_key_words, refuse_keys
+from core.config.trust import refuse_key_words, refuse_keys
 from core.errors import UsageError, UserError
 from core.store.database import Database, refuse_links
 from core.store.recorder import RunStore
@@ -155,24 +153,6 @@ def test_a_stored_configuration_is_not_resolved(config, tmp_path):
     assert left_out.status == "unreadable"
     assert "which is not resolved" in left_out.reason
     assert KEY not in left_out.reason
-
-
-def test_hydras_file_of_a_run_is_read_within_limits(tmp_path):
-    (tmp_path / ".hydra").mkdir()
-    file = tmp_path / ".hydra" / "config.yaml"
-    laughs = "a: &a [x,x,x,x,x,x,x,x,x]\n"
-    laughs += "".join(
-        f"{b}: &{b} [{','.join([f'*{a}'] * 9)}]\n"
-        for a, b in itertools.pairwise("abcdefghi")
-    )
-    for text in (laughs, "a: 1\n" * 50_000, "[" * 5000, "- 1", "a: ${", "\x00", "a: {"):
-        file.write_text(text)
-        with pytest.raises(UserError, match=r"can't be used|are read"):
-            read_stored_yaml(file)
-    file.unlink()
-    os.mkfifo(file)
-    with pytest.raises(UserError, match="is no regular file"):
-        read_stored_yaml(file)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """What is read of run folders, and what is not: finished, failed, unfinished, broken."""
 
+import itertools
 import os
 import shutil
 import subprocess
@@ -74,6 +75,23 @@ def test_a_run_in_which_nothing_could_be_tried_failed(tmp_path):
         "failed",
         "no candidate could be tried; the first reason: it is too heavy",
     )
+
+
+def test_hydras_notes_of_a_run_are_read_within_limits(tmp_path):
+    (tmp_path / ".hydra").mkdir()
+    file = tmp_path / ".hydra" / "config.yaml"
+    laughs = "a: &a [x,x,x,x,x,x,x,x,x]\n"
+    laughs += "".join(
+        f"{b}: &{b} [{','.join([f'*{a}'] * 9)}]\n"
+        for a, b in itertools.pairwise("abcdefghi")
+    )
+    for text in (laughs, "a: 1\n" * 50_000, "[" * 5000, "- 1", "a: ${", "\x00", "a: {"):
+        file.write_text(text)
+        assert read_run(tmp_path).config == {}
+    file.write_text("a: 1e-3\nb: ${a}\n")
+    assert read_run(tmp_path).config == {"a": 0.001, "b": 0.001}
+    file.write_text("a: ${oc.env:HOME}\nb: ${a}\n")
+    assert read_run(tmp_path).config == {"a": "${oc.env:HOME}", "b": "${a}"}
 
 
 @pytest.mark.parametrize("name", ["run.sqlite", "run.sqlite-wal", ".hydra/config.yaml"])

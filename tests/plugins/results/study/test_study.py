@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from omegaconf import OmegaConf
 
 from core.config.compose import load
 from core.errors import UserError
@@ -19,7 +20,13 @@ from core.search.orchestration import run
 from plugins.results.report.command import report
 from plugins.results.study.command import main
 from plugins.results.study.estimate import look_ahead
-from plugins.results.study.files import RECORD, Selection, find_study, read_study
+from plugins.results.study.files import (
+    RECORD,
+    Selection,
+    StudyRun,
+    find_study,
+    read_study,
+)
 from tests.core.run_folders import write_run
 from tests.plugins.results.report.test_tables import read_csv
 from tests.plugins.vlms.servers import Say, serving
@@ -138,6 +145,15 @@ def test_what_is_there_is_not_run_again(tmp_path, monkeypatch, capsys):
         main([file, "tasks=BringCube", "folder=done", "sim=sapien"])
 
 
+def test_what_is_left_of_a_run_is_estimated(tmp_path):
+    words = ("task=BringCube", "budget.n_agent=1")
+    begun = write_run(tmp_path / "begun", *words, rewards=[[0.3, 0.6]], finish=False)
+    runs = [StudyRun("a", "", 0, folder, words) for folder in (tmp_path / "new", begun)]
+    new, rest = look_ahead(runs, 1).needs.values()
+    assert new.requests - rest.requests == 1
+    assert new.rollouts - rest.rollouts == 2
+
+
 def test_published_figures_stand_beside_those_of_the_runs(tmp_path):
     """On the tasks that all methods of a figure have; nothing where a method is not there."""
     write_run(tmp_path / "a", "name=full", "task=ElevatePlate", rewards=[[0.5]])
@@ -146,6 +162,11 @@ def test_published_figures_stand_beside_those_of_the_runs(tmp_path):
     file = find_study("paper")
     selection = Selection(read_study(file), file, tmp_path, "quick")
     (tmp_path / RECORD).write_text(selection.record())
+
+    # One that never began has nothing but Hydra's notes.
+    never = tmp_path / "d" / ".hydra" / "config.yaml"
+    never.parent.mkdir(parents=True)
+    OmegaConf.save(load("config", ["name=full", "task=ElevatePlate"]), never)
 
     report([tmp_path], tmp_path)
     rows = read_csv(tmp_path / "data/published.csv")
