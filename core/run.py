@@ -11,17 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from core.errors import UsageError, UserError
-from core.support.cli import command, read_path, say
+from core.support.cli import command, read_path
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
-
-USAGE = """\
-usage: python -m core.run [GROUP=NAME | KEY=VALUE ...]      start a run; groups and keys are listed below
-       python -m core.run -m KEY=VALUE,VALUE ...            a run for each combination
-       python -m core.run resume=RUN_DIR [KEY=VALUE ...]    go on with an interrupted run
-       python -m core.run --hydra-help                      Hydra's own flags
-"""
 
 
 def _run_job(cfg: DictConfig) -> UserError | BrokenPipeError | None:
@@ -45,25 +38,22 @@ def _run_job(cfg: DictConfig) -> UserError | BrokenPipeError | None:
 
 
 def main(words: list[str]) -> None:
-    flags = [word for word in words if word.startswith("-")]
+    """Go on with the run that ``resume=RUN_DIR`` names; else hand all words to Hydra, ``--help`` too."""
     resumed = [word for word in words if word.startswith("resume=")]
-    others = [word for word in words if word not in (*flags, *resumed)]
-
-    if flags and {*flags} <= {"--help", "-h"}:
-        from core.config.compose import overview
-
-        say(*f"{USAGE}\n{overview('config', others)}".splitlines())
-    elif resumed:
-        if len(resumed) > 1 or flags:
-            raise UsageError(
-                f"{' '.join([*flags, *resumed])}: resume=RUN_DIR goes on with one run, such as a sweep's"
-            )
-
-        from core.search.orchestration import resume
-
-        resume(read_path(resumed[0].removeprefix("resume=")), others)
-    else:
+    if not resumed:
         _hydra(words)
+        return
+
+    others = [word for word in words if word not in resumed]
+    flags = [word for word in others if word.startswith("-")]
+    if len(resumed) > 1 or flags:
+        raise UsageError(
+            f"{' '.join([*flags, *resumed])}: resume=RUN_DIR goes on with one run, such as a sweep's"
+        )
+
+    from core.search.orchestration import resume
+
+    resume(read_path(resumed[0].removeprefix("resume=")), others)
 
 
 def _hydra(given: list[str]) -> None:

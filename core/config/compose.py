@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import is_dataclass, replace
 from functools import cache
 from typing import Any, TypeVar, cast
 
@@ -17,7 +17,7 @@ from hydra.errors import (
     MissingConfigException,
     OverrideParseException,
 )
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import MISSING, DictConfig, OmegaConf
 from omegaconf.errors import (
     ConfigAttributeError,
     ConfigKeyError,
@@ -84,10 +84,9 @@ def load(name: str, overrides: Sequence[str], schema: type | None = None) -> Dic
 
     try:
         config = _compose(name, quote_paths(overrides))
+        check_keys(config)
     except (HydraException, OmegaConfBaseException) as error:
         raise explain(error, name) from error
-
-    check_keys(config)
 
     return config
 
@@ -98,51 +97,22 @@ def check_keys(config: DictConfig) -> None:
     The settings of a part have no schema: its factory checks them.
 
     Raises:
-        UserError: there is one.
+        UserError: there is a secret.
+        OmegaConfBaseException: there is such a key (`explain`).
     """
     refuse_keys(config)
-    _refuse_unknown(config, "")
-
-
-def _refuse_unknown(config: DictConfig, path: str) -> None:
     schema = OmegaConf.get_type(config)
-    if not is_dataclass(schema):
-        return
-    known = [field.name for field in fields(schema)]
-
-    for key, node in config.items_ex(resolve=False):
-        if key not in known:
-            raise choices("key", str(key), known, path or "the configuration")
-        if isinstance(node, DictConfig):
-            _refuse_unknown(node, f"{path}.{key}".lstrip("."))
-
-
-def overview(name: str, overrides: Sequence[str]) -> str:
-    """Describe the config groups with their choices, and the primary config ``name`` with command-line overrides."""
-    keys = OmegaConf.to_yaml(load(name, overrides))
-
-    with _hydra():
-        loader = GlobalHydra.instance().config_loader()
-        groups = [
-            f"{group}: {', '.join(sorted(loader.get_group_options(group)))}\n"
-            for group in sorted(loader.list_groups(""))
-            if group not in ("hydra", "command")
-        ]
-
-    return f"groups (GROUP=NAME):\n\n{''.join(groups)}\nkeys (KEY=VALUE), and their values:\n\n{keys}"
+    if is_dataclass(schema):
+        OmegaConf.merge(schema, OmegaConf.to_container(config))
 
 
 def _compose(name: str, overrides: Sequence[str]) -> DictConfig:
-    with _hydra():
+    start: AbstractContextManager[object] = nullcontext()
+    if not GlobalHydra.instance().is_initialized():  # else this is one of its jobs
+        start = initialize_config_module("conf", version_base="1.3")
+    with start:
         config: DictConfig = compose(name, list(overrides))
     return config
-
-
-def _hydra() -> AbstractContextManager[object]:
-    """Initialise Hydra for composing, unless this is one of its jobs."""
-    if GlobalHydra.instance().is_initialized():
-        return nullcontext()
-    return initialize_config_module("conf", version_base="1.3")  # type: ignore[no-any-return]
 
 
 def explain(error: Exception, name: str) -> UserError:
@@ -216,7 +186,7 @@ def part(kind: Kind[T], config: DictConfig) -> PluginPart[T]:
     """
     try:
         settings = OmegaConf.to_container(config, resolve=True)
-    except OmegaConfBaseException as error:
+    except (OmegaConfBaseException, ValueError) as error:  # the latter: there is none
         raise UserError(
             f"{kind}: its configuration can't be used here: {first_line(error)}"
         ) from error
@@ -229,7 +199,7 @@ def part(kind: Kind[T], config: DictConfig) -> PluginPart[T]:
     given = [
         (str(key), value)
         for key, value in settings.items()
-        if key not in group.defaults and not OmegaConf.is_missing(config, key)
+        if key not in group.defaults and value != MISSING
     ]
     base = ()
     if group is ROBOT:
@@ -263,14 +233,14 @@ def read_parts(
         shown = " ".join([name, *(f"{key}={value}" for key, value in given.items())])
         if shown in parts:
             raise UsageError(f"{kind}: {shown!r} is repeated; name each {kind} once")
-        node: Any = {"name": name}
-        if chosen is None or chosen.name != name:
-            usual = load("config", [f"{kind}={name}"])[kind.name]
-            node = OmegaConf.to_container(usual, resolve=True)
-        else:
-            node |= dict(chosen.settings)
+        if chosen is not None and chosen.name == name:
+            node: Any = {"name": name, **dict(chosen.settings)}
             if kind is ROBOT:
                 node["base"] = getattr(chosen, "base", ())
+        else:
+            usual = load("config", [f"{kind}={name}"])[kind.name]
+            node = OmegaConf.to_container(usual, resolve=True)
+
         parts[shown] = part(kind, OmegaConf.create({**node, **given}))
 
     if not parts:
@@ -293,9 +263,8 @@ def engines(
 
 
 def task_part(config: DictConfig) -> PluginPart[Task]:
-    """Return the task of a command's configuration, for the robot that it names, if it does."""
-    robot = config.get("robot")
-    return replace(part(TASK, config.task), robot=robot and part(ROBOT, robot))
+    """Return the task of a command's configuration, for its robot."""
+    return replace(part(TASK, config.task), robot=part(ROBOT, config.robot))
 
 
 def task_parts(config: DictConfig) -> list[PluginPart[Task]]:
@@ -307,22 +276,20 @@ def task_parts(config: DictConfig) -> list[PluginPart[Task]]:
 
 
 def tool_part(config: DictConfig) -> PluginPart[ToolRepresentation]:
-    """Return the tool representation of a configuration, for the robot and the material (else ``paper``) it names.
+    """Return the tool representation of a configuration, for its robot and its material.
 
     Raises:
         UserError: see `part`; or the material can't be used.
     """
-    robot = config.get("robot")
-
     try:
         schema = OmegaConf.structured(Material)
-        merged = OmegaConf.merge(schema, config.get("material") or {})
+        merged = OmegaConf.merge(schema, config.material)
         material = node(cast(DictConfig, merged), Material)
     except (OmegaConfBaseException, ValueError) as error:  # the latter: it has no keys
         raise UserError(f"material: {first_line(error)}") from error
 
     return replace(
         part(TOOL, config.tool),
-        robot=robot and part(ROBOT, robot),
+        robot=part(ROBOT, config.robot),
         material=material,
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from datetime import datetime
-from functools import cache
 from pathlib import Path
 
 from omegaconf import DictConfig
@@ -27,12 +26,6 @@ def new_folder(name: str) -> str:
         return chosen
 
     return name
-
-
-@cache
-def run_folder(name: str) -> str:
-    """Make the folder of this process's run, once: Hydra asks for it many times."""
-    return new_folder(name)
 
 
 def notes_folder(folder: str) -> str | None:

@@ -85,8 +85,7 @@ class SceneConfig:
     """
 
     task: PartConfig = MISSING
-    # Empty: the default robot, as in runs of earlier versions.
-    robot: PartConfig = field(default_factory=dict)
+    robot: PartConfig = MISSING
     sim: PartConfig = MISSING
     material: Material = field(default_factory=Material)
     seed: int = 0
@@ -100,11 +99,11 @@ class TrialConfig(SceneConfig):
     """
 
     tool: PartConfig = MISSING
-    action: PartConfig = field(default_factory=lambda: {"name": "waypoints"})
-    fitness: PartConfig = field(default_factory=lambda: {"name": "nominal"})
+    action: PartConfig = MISSING
+    fitness: PartConfig = MISSING
     executor: PartConfig = MISSING
     rollout: RolloutSettings = field(default_factory=RolloutSettings)
-    protocol: PartConfig = field(default_factory=lambda: {"name": "none"})
+    protocol: PartConfig = MISSING
 
 
 @dataclass

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 import json
-from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, cast
+from typing import Any
 
 from hydra._internal.core_plugins.importlib_resources_config_source import (
     ImportlibResourcesConfigSource,
@@ -16,9 +14,9 @@ from hydra.core.object_type import ObjectType
 from hydra.core.plugins import Plugins as HydraPlugins
 from hydra.plugins.config_source import ConfigResult, ConfigSource
 from hydra.plugins.search_path_plugin import SearchPathPlugin
-from omegaconf import MISSING, DictConfig, OmegaConf
+from omegaconf import MISSING, OmegaConf
 
-from core.config.folders import notes_folder, run_folder, task_folder
+from core.config.folders import new_folder, notes_folder, task_folder
 from core.errors import UserError
 from core.plugins import KINDS, installed
 from core.plugins.registry import settings_of
@@ -30,9 +28,8 @@ class PluginConfigs(SearchPathPlugin):  # type: ignore[misc]  # hydra has no typ
     def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
         search_path.prepend("parts", f"{PartConfigs.scheme()}://")
 
-        for distribution, paths in installed().configs.items():
-            for path in paths:
-                search_path.append(distribution, path)
+        for path, distribution in installed().configs.items():
+            search_path.append(distribution, path)
 
 
 class PartConfigs(ConfigSource):  # type: ignore[misc]
@@ -61,38 +58,28 @@ class PartConfigs(ConfigSource):  # type: ignore[misc]
         ):
             return []
 
-        return installed().names(group) if group else sorted(KINDS)
+        # A command is chosen by the word before all others.
+        groups = sorted(KINDS.keys() - {"command"})
+        return installed().names(group) if group else groups
 
     def load_config(self, config_path: str) -> ConfigResult:
         kind, name = _part(config_path)
-        base = OmegaConf.create({"name": name, **defaults(kind, name)})
-        file = _file(config_path)
-        if file is None:
-            config = _placed(kind, name, base)
-            where = f"{self.scheme()}://"
-            return ConfigResult(self.provider, where, config, {"package": None})
+        is_listener = kind == "listener"
+        named = {} if is_listener else {"name": name}
+        node = OmegaConf.create({**named, **defaults(kind, name)})
+        result = ConfigResult(
+            self.provider, f"{self.scheme()}://", node, {"package": None}
+        )
 
-        result = file.load_config(config_path)
-        if "defaults" not in result.config:  # else the defaults of its base hold
-            written = result.config[name] if kind == "listener" else result.config
-            settings = cast(DictConfig, OmegaConf.merge(base, written))
-            result.config = _placed(kind, name, settings)
+        file = _file(config_path)
+        if file is not None:
+            result = file.load_config(config_path)
+            if "defaults" not in result.config:  # else the defaults of its base hold
+                result.config = OmegaConf.merge(node, result.config)
+        if is_listener:  # several at once, each under its name
+            result.header["package"] = f"{kind}.{name}"
 
         return result
-
-
-def _placed(kind: str, name: str, node: DictConfig) -> DictConfig:
-    """Put a part's settings where its group has them.
-
-    There are several listeners at once, each under its name.
-    """
-    if kind != "listener":
-        return node
-    settings = {
-        key: value for key, value in node.items_ex(resolve=False) if key != "name"
-    }
-
-    return OmegaConf.create({name: settings})
 
 
 def _part(config_path: str) -> tuple[str, str]:
@@ -103,7 +90,7 @@ def _part(config_path: str) -> tuple[str, str]:
 
 def _file(config_path: str) -> ConfigSource | None:
     """The package that holds the YAML file of a part, if one does."""
-    for path in ("pkg://conf", *itertools.chain(*installed().configs.values())):
+    for path in ("pkg://conf", *installed().configs):
         source = ImportlibResourcesConfigSource("parts", path)
         if source.is_config(config_path):
             return source
@@ -132,10 +119,10 @@ def defaults(kind: str, name: str) -> dict[str, Any]:
             json.dumps(default)
             settings[setting] = default
 
-    for key, default in KINDS[kind].defaults.items():
-        declared = getattr(factory, key, None)  # by the part's class
-        is_list = isinstance(declared, list | tuple)
-        settings[key] = list(declared) if declared and is_list else default
+    settings |= KINDS[kind].defaults
+    declared = getattr(factory, "tool_kinds", ())  # by a task's class
+    if declared and isinstance(declared, list | tuple):
+        settings["tool_kinds"] = list(declared)
 
     return settings
 
@@ -144,10 +131,9 @@ def register() -> None:
     """Register the sources, and what configurations call, with Hydra; call it before composing."""
     for source in (PluginConfigs, PartConfigs):
         HydraPlugins.instance().register(source)
-    resolvers: dict[str, Callable[..., Any]] = {
-        "new_folder": run_folder,
-        "notes_folder": notes_folder,
-        "task_folder": task_folder,
-    }
-    for name, resolver in resolvers.items():
-        OmegaConf.register_new_resolver(name, resolver, replace=True)
+    # It makes one for a configuration, however often it is asked.
+    OmegaConf.register_new_resolver(
+        "new_folder", new_folder, replace=True, use_cache=True
+    )
+    OmegaConf.register_new_resolver("notes_folder", notes_folder, replace=True)
+    OmegaConf.register_new_resolver("task_folder", task_folder, replace=True)

@@ -44,7 +44,7 @@ class DesignsConfig:
     """
 
     task: PartConfig = MISSING
-    robot: PartConfig = field(default_factory=dict)
+    robot: PartConfig = MISSING
     tool: PartConfig = MISSING
     material: Material = field(default_factory=Material)
     rollout: RolloutSettings = field(default_factory=RolloutSettings)

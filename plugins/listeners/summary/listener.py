@@ -22,7 +22,6 @@ from core.support.cli import print_table, say
 from core.support.text import by_reason, clean, hydra_word, number
 from core.trial import NOTHING, Evaluation, best_tools
 from core.values.efforts import PERTURBED
-from plugins.listeners.summary.elsewhere import AUTO, try_elsewhere
 
 if TYPE_CHECKING:
     from core.events import Result, Run
@@ -49,7 +48,7 @@ class SummaryListener:
         second: the engine in which the winner is tried once more; ``auto``: one that can; ``none``: in no other.
     """
 
-    def __init__(self, top: int = 3, second: str = AUTO) -> None:
+    def __init__(self, top: int = 3, second: str = "auto") -> None:
         self.top = top
         self.second = second
         self._replies: list[Reply] = []
@@ -62,6 +61,9 @@ class SummaryListener:
     @hookimpl(trylast=True)
     def run_finished(self, run: Run, result: Result) -> None:
         """Print it after other listeners, whose files it names."""
+        # Engines are imported with it, which would slow down a list of settings.
+        from plugins.listeners.summary.elsewhere import try_elsewhere
+
         best = result.best
         lines = [_spent(self._replies)]
 

@@ -100,6 +100,11 @@ def test_a_part_without_a_config_file_has_its_signature(extended):
         match=r"no sim 'gird' \(did you mean 'grid'\?\); possible: grid, .*pybullet",
     ):
         load("config", ["sim=gird"])
+    with pytest.raises(
+        UsageError,
+        match=r"no key 'colour' in listener.shout \(did you mean 'color'\?\)",
+    ):
+        load("config", ["listener=[shout]", "listener.shout.colour=blue"])
 
 
 @pytest.fixture
@@ -174,18 +179,3 @@ def test_a_config_file_over_another_one_keeps_what_that_says(brought):
 def test_a_config_group_of_a_plugin_can_be_added(brought):
     assert load("config", ["+experiment=big"]).seed == 7
     assert load("config", []).seed == 0
-
-
-def test_settings_of_a_listener(extended):
-    def shout(top: int = 3, color: str = "red") -> object:
-        raise NotImplementedError
-
-    extended.register(Offering(listeners={"shout": shout}), "mine", "my-package")
-    assert load(
-        "config", ["listener=[shout]", "listener.shout.color=blue"]
-    ).listener == {"shout": {"top": 3, "color": "blue"}}
-    with pytest.raises(
-        UsageError,
-        match=r"no key 'colour' in listener.shout \(did you mean 'color'\?\)",
-    ):
-        load("config", ["listener=[shout]", "listener.shout.colour=blue"])
