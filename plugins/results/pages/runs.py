@@ -7,14 +7,11 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import yaml
 from filelock import FileLock, Timeout
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 
-from core.config.trust import texts
 from core.errors import UserError
 from core.store.database import FILE, LOCK
 from core.store.reader import StoredRun
@@ -25,8 +22,7 @@ from core.trial import NOTHING
 
 RESULT = "result.json"
 HYDRA = ".hydra"
-MAX_BYTES = 100_000  # of Hydra's notes
-OWN_KEY = re.compile(r"\$\{[\w.\[\]]+\}")
+MAX_BYTES = 100_000  # of a scene file
 MAX_DEPTH = 6
 """Of a run's folder below one that the user names."""
 
@@ -199,8 +195,7 @@ def read_run(folder: Path) -> AnyRun:
     store = StoredRun(folder)
     if not store.exists:
         why = f"it has no {FILE}: it ended before it began, or that was deleted"
-        config = _read_yaml(folder / HYDRA / "config.yaml")
-        return LeftOutRun(folder, "failed", why, _task(folder, config), config)
+        return LeftOutRun(folder, "failed", why)
 
     try:
         config = store.config()
@@ -209,7 +204,6 @@ def read_run(folder: Path) -> AnyRun:
         return LeftOutRun(folder, "unreadable", short(str(error)))
 
     if figures is None:
-        config = config or _read_yaml(folder / HYDRA / "config.yaml")
         why = _progress(folder, store)
         return LeftOutRun(folder, "unfinished", why, _task(folder, config), config)
 
@@ -238,40 +232,20 @@ def short(text: str) -> str:
 
 def _task(folder: Path, config: dict[str, Any]) -> str:
     """Name the task of a run without a result; one of a scene file is named as the run's copy says."""
-    match _read_yaml(folder / "task.yaml") or config.get("task"):
-        case {"name": str(name)}:
-            return short(name)
+    for task in (_read_copy(folder / "task.yaml"), config.get("task")):
+        match task:
+            case {"name": str(name)}:
+                return short(name)
 
     return ""
 
 
-def _read_yaml(file: Path) -> dict[str, Any]:
-    """Read a YAML file of a run; empty if it can't be read, so that the run is listed without what it says.
-
-    Keys of its own that it refers to are filled in, and nothing else.
-    """
+def _read_copy(file: Path) -> Any:
+    """Read the copy of a scene file, in which nothing is resolved or merged; None: it can't be read."""
     try:
-        text = read_untrusted(file, MAX_BYTES).decode()
-        events = yaml.parse(text, Loader=yaml.CSafeLoader)
-        if any(isinstance(event, yaml.AliasEvent) for event in events):
-            return {}  # a few of them may unfold to gigabytes
-
-        config = OmegaConf.create(text)
-        refers_to_itself = all(
-            "${" not in OWN_KEY.sub("", value)
-            for _, value in texts(OmegaConf.to_container(config))
-        )
-        read = OmegaConf.to_container(config, resolve=refers_to_itself)
-    except (
-        UserError,
-        OmegaConfBaseException,
-        yaml.YAMLError,
-        ValueError,
-        RecursionError,
-    ):
-        return {}
-
-    return cast(dict[str, Any], read) if isinstance(read, dict) else {}
+        return yaml.load(read_untrusted(file, MAX_BYTES), yaml.CBaseLoader)  # noqa: S506
+    except (UserError, yaml.YAMLError, ValueError, RecursionError):
+        return None
 
 
 def is_held(folder: Path) -> bool:

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from core.errors import UserError
-from core.store.database import FILE
 from core.store.reader import StoredRun
 from plugins.results.pages.runs import AnyRun, FinishedRun, LeftOutRun, short
 from plugins.results.report.entries import Entry, RunResult, TaskResult, check_entry
@@ -100,12 +99,10 @@ def _make_entry(
         UserError: a run is not finished, they differ, or they are no entry (`check_entry`).
     """
     for run in runs:
-        if isinstance(run, LeftOutRun):
-            ended = run.status == "failed" and (run.folder / FILE).exists()
-            if not ended:
-                raise UserError(
-                    f"{short(str(run.folder))} is {run.status}; resume it, or delete it"
-                )
+        if isinstance(run, LeftOutRun) and run.status != "failed":
+            raise UserError(
+                f"{short(str(run.folder))} is {run.status}; resume it, or delete it"
+            )
 
     apart = differing([(run.task, run.config) for run in runs])
     if apart:

@@ -77,33 +77,27 @@ def test_a_run_in_which_nothing_could_be_tried_failed(tmp_path):
     )
 
 
-def test_hydras_notes_of_a_run_are_read_within_limits(tmp_path):
-    (tmp_path / ".hydra").mkdir()
-    file = tmp_path / ".hydra" / "config.yaml"
+def test_a_copy_of_a_scene_file_is_read_within_limits(tmp_path):
+    folder = write_run(tmp_path / "run", rewards=[[0.3]], finish=False)
     laughs = "a: &a [x,x,x,x,x,x,x,x,x]\n"
     laughs += "".join(
         f"{b}: &{b} [{','.join([f'*{a}'] * 9)}]\n"
         for a, b in itertools.pairwise("abcdefghi")
     )
-    for text in (laughs, "a: 1\n" * 50_000, "[" * 5000, "- 1", "a: ${", "\x00", "a: {"):
-        file.write_text(text)
-        assert read_run(tmp_path).config == {}
-    file.write_text("a: 1e-3\nb: ${a}\n")
-    assert read_run(tmp_path).config == {"a": 0.001, "b": 0.001}
-    file.write_text("a: ${oc.env:HOME}\nb: ${a}\n")
-    assert read_run(tmp_path).config == {"a": "${oc.env:HOME}", "b": "${a}"}
+    for text in ("[" * 5000, "- 1", "\x00", "a: {", "name: x\n" * 50_000):
+        (folder / "task.yaml").write_text(text)
+        assert read_run(folder).task == "BringCube"
+    (folder / "task.yaml").write_text(f"{laughs}name: far\n")
+    assert read_run(folder).task == "far"
 
 
-@pytest.mark.parametrize("name", ["run.sqlite", "run.sqlite-wal", ".hydra/config.yaml"])
+@pytest.mark.parametrize("name", ["run.sqlite", "run.sqlite-wal", "task.yaml"])
 def test_a_pipe_in_a_strangers_folder_is_not_waited_for(tmp_path, name):
-    folder = write_run(tmp_path / "run")
-    (folder / ".hydra").mkdir()
-    if name.startswith(".hydra"):
-        (folder / "run.sqlite").unlink()
+    folder = write_run(tmp_path / "run", finish=name != "task.yaml")
     (folder / name).unlink(missing_ok=True)
     os.mkfifo(folder / name)
     (run,) = find_runs([tmp_path])[1]
-    assert run.status == ("failed" if name.startswith(".hydra") else "unreadable")
+    assert run.status == ("unfinished" if name == "task.yaml" else "unreadable")
 
 
 def test_a_store_that_is_none(tmp_path):
