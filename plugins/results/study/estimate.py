@@ -19,7 +19,7 @@ from core.search.assignment import Team
 from core.search.finalists import rollouts_in
 from core.store.reader import StoredRun
 from core.support.cli import print_table
-from plugins.results.pages.runs import FinishedRun
+from plugins.results.pages.runs import AnyRun, FinishedRun, LeftOutRun
 from plugins.results.study.files import StudyRun, is_done, read_state
 
 # Of a language model's answer; measured of the embedded designer's designs, as text.
@@ -106,7 +106,7 @@ def look_ahead(runs: Sequence[StudyRun], jobs: int) -> Outlook:
     done = [state for state in states.values() if isinstance(state, FinishedRun)]
     estimator = Estimator(done)
     missing = [run for run, state in states.items() if not is_done(state)]
-    needs = {run: estimator.need(run, begun=states[run] is not None) for run in missing}
+    needs = {run: estimator.need(run, states[run]) for run in missing}
     power = min(cores(), jobs * workers(load("config", runs[0].words)))
 
     return Outlook(runs, needs, jobs, power)
@@ -156,8 +156,8 @@ class Estimator:
         self._demands: dict[str, _Demand] = {}
         self._budgets: dict[tuple[str, str], DictConfig] = {}
 
-    def need(self, run: StudyRun, *, begun: bool) -> Need:
-        """Estimate a run, or what is left of one that has ``begun``.
+    def need(self, run: StudyRun, state: AnyRun | None) -> Need:
+        """Estimate a run, or what is left of one that has begun.
 
         Raises:
             UserError: its words can't be used; so mistakes are found before anything starts.
@@ -179,10 +179,10 @@ class Estimator:
         often, last = demand.finals
         rollouts = candidates * demand.conditions + often * generations + last
         requests = budget.n_agent * generations
-        if begun:
+        if isinstance(state, LeftOutRun) and state.status == "unfinished":
             store = StoredRun(run.folder)
-            asked = [request for request, _ in store.answers() if not request.critique]
-            requests = max(requests - len(asked), 0)
+            answered = sum(not request.critique for request, _ in store.answers())
+            requests = max(requests - answered, 0)
             rollouts = max(rollouts - len(store.trials()), 0)
 
         busy_s = START_S + rollouts * (self._rollout_s or ROLLOUT_S)

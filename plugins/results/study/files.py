@@ -13,8 +13,6 @@ import pydantic
 import yaml
 
 from core.errors import UsageError, UserError, choices
-from core.store.database import FILE
-from core.store.reader import StoredRun
 from core.support.cli import expand, path_exists
 from core.support.files import read_text
 from core.support.text import hydra_word
@@ -122,13 +120,9 @@ class StudyRun:
 
 def read_state(run: StudyRun) -> AnyRun | None:
     """Return what is known of a run; None: it has not begun, so that it starts from the beginning."""
-    if not (run.folder / FILE).exists():
-        return None
-
     state = read_run(run.folder)
-    is_unfinished = isinstance(state, LeftOutRun) and state.status == "unfinished"
-    if is_unfinished and not StoredRun(run.folder).config():
-        return None
+    if isinstance(state, LeftOutRun) and not state.config:
+        return state if state.status == "unreadable" else None
 
     return state
 

@@ -39,10 +39,9 @@ def sent(monkeypatch):
 
     monkeypatch.setattr(httpx.HTTPTransport, "handle_request", send)
     monkeypatch.setattr(socket, "getaddrinfo", nowhere)
-    sleep = (
-        time.sleep
-    )  # of all threads: those that look at something again and again must not spin
-    monkeypatch.setattr("time.sleep", lambda seconds: sleep(min(seconds, 0.01)))
+    # Other threads, which look at something again and again, must not spin.
+    sleep = time.sleep
+    monkeypatch.setattr("time.sleep", lambda seconds: sleep(min(seconds, 0.001)))
     for name in (
         "OPENAI_ORGANIZATION",
         "OPENAI_ORG_ID",
