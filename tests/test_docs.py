@@ -357,7 +357,7 @@ def test_example_configs_are_found_through_the_hook(tmp_path, monkeypatch):
 
     plugins = Plugins()
     plugins.register(my_task, "my_task", "this process")
-    assert plugins.configs["this process"] == ["pkg://my_task.conf"]
+    assert plugins.configs["pkg://my_task.conf"] == "this process"
     assert not [
         failure for failure in plugins.failures if failure.entry_point == "my_task"
     ]
