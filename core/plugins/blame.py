@@ -5,15 +5,14 @@ from __future__ import annotations
 import errno
 import sys
 import traceback
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import wraps
 from typing import Any
 
 import pluggy
 
 from core.design import DesignError
-from core.errors import RAISED, UserError, in_line
+from core.errors import RAISED, in_line
 from core.hooks import Command, hookimpl
 from core.plugins.registry import Offer, Plugins, describe_part, installed
 from core.support.cli import say
@@ -78,21 +77,6 @@ def judge_design(
         if getattr(error, "errno", None) in _MACHINE:
             raise
         raise DesignError(f"{owner} raised {in_line(error)}") from error
-
-
-@contextmanager
-def refuse_exit() -> Iterator[None]:
-    """Turn `sys.exit` in a plugin's code into an error: it would end a command with status 0 and without a word.
-
-    Raises:
-        UserError: names the plugin.
-    """
-    try:
-        yield
-    except SystemExit as end:
-        raise UserError(
-            describe_failure(end) or f"the process was told to end: SystemExit: {end}"
-        ) from end
 
 
 def add_listener(hub: pluggy.PluginManager, listener: object, name: str) -> None:

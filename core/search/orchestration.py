@@ -10,10 +10,10 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from core.config.resume import changed, refuse_stored_receivers
-from core.errors import UserError, fault
+from core.errors import RAISED, UserError, fault
 from core.events import INTERRUPTED, Result
 from core.plugins import installed
-from core.plugins.blame import describe_failure, refuse_exit
+from core.plugins.blame import describe_failure
 from core.search.evolution import evolve
 from core.search.finalists import Race, choose_winner, rollouts_in
 from core.search.outcome import Announcer, print_best, report_end, resume_hint
@@ -67,11 +67,12 @@ def run(
         raise UserError(f"{error}; {hint}") from error
     except KeyboardInterrupt:
         raise KeyboardInterrupt(hint) from None
-    except Exception as error:
+    except RAISED as error:
         blamed = describe_failure(error)
         machine = fault(error)
-        if machine is not None:
-            raise UserError(f"{blamed or machine}; {hint}") from error
+        # A plugin that exits would end the command with status 0.
+        if machine is not None or isinstance(error, SystemExit):
+            raise UserError(f"{blamed or machine or error}; {hint}") from error
         if blamed:
             error.add_note(blamed)
         error.add_note(hint)
@@ -80,7 +81,6 @@ def run(
         search.events.hook.run_ended()
 
 
-@refuse_exit()
 def run_search(search: Search, store: RunStore) -> Result:
     """Run the loop, and write what it found."""
     run = search.run

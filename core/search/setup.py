@@ -24,7 +24,7 @@ from core.plugins import (
     event_hub,
     installed,
 )
-from core.plugins.blame import add_listener, refuse_exit
+from core.plugins.blame import add_listener
 from core.search.asking import build_designer
 from core.search.designer import ModelDesigner
 from core.trial import TIE
@@ -44,7 +44,6 @@ class Search:
     events: pluggy.PluginManager
 
 
-@refuse_exit()
 def build_search(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) -> Search:
     """Make the parts that ``cfg`` names; a model's ``replies`` are not asked for again.
 

@@ -20,7 +20,6 @@ from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError
 from core.interfaces import Task
 from core.plugins import installed
-from core.plugins.blame import refuse_exit
 from core.support.cli import arguments, print_table, say, write_bytes
 from core.support.text import by_reason, clean, number
 from core.trial import Evaluation
@@ -36,7 +35,6 @@ MISSES = ("ik_error_m", "ik_error_rad", "tracking_error_rad")
 MAX_REMARK = 2000  # characters
 
 
-@refuse_exit()
 def evaluate(cfg: DictConfig) -> list[Evaluation]:
     """Try every action plan in ``cfg.designs``, in the file's order.
 

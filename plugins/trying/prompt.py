@@ -19,7 +19,6 @@ from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError
 from core.interfaces import VLM, Estimate, Picture, Request
 from core.plugins import event_hub, installed
-from core.plugins.blame import refuse_exit
 from core.search.asking import build_designer, count_repairs
 from core.search.assignment import Team
 from core.support.cli import arguments, say, write_bytes
@@ -63,7 +62,6 @@ def compose(cfg: DictConfig) -> Request:
     return requests(cfg)[0]
 
 
-@refuse_exit()
 def requests(cfg: DictConfig) -> list[Request]:
     """Compose the first request of agent ``cfg.agent`` in a run with this configuration; with ``cfg.designs`` the one
     after a generation in which these were the elites. What the designer would ask next of the best elite follows.
