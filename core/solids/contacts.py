@@ -10,15 +10,13 @@ import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from core.design import Tool
 from core.geometry import Array, Mesh
-from core.interfaces import Contact, Recording, Robot
+from core.interfaces import Recording, Robot
 from core.robot.kinematics import link_frames
 from core.scene import Scene, State, Trace
 from core.solids.bodies import ROBOT
@@ -50,7 +48,7 @@ _TOUCHED = Approach(0.0)
 class Contacts:
     """The contacts of a rollout, and how near the robot came to what it did not touch.
 
-    Feedback shows them (`all`), and a reward reads them as a `Trace` (`make_trace`). A contact has a kind: a component
+    Observations list them, and a reward reads them as a `Trace` (`make_trace`). A contact has a kind: a component
     of the tool touches a body, a link of the arm does, or another body. With fingers alone, the arm's are meant.
 
     Attributes:
@@ -66,50 +64,6 @@ class Contacts:
     depths: dict[Key, float]
     approaches: dict[str, Approach]
     touch_m: float | None
-
-    @cached_property
-    def all(self) -> tuple[Contact, ...]:
-        """The contacts, the earliest first, without those of bodies that touched before the motion began."""
-        settling = self.taken.times <= 0
-        contacts = [
-            self._describe(*key)
-            for key, touched in self.touching.items()
-            if key[0] != "body" or not (touched & settling).any()
-        ]
-        return tuple(sorted(contacts, key=attrgetter("first_s", "one", "other")))
-
-    def _describe(self, kind: Any, first: str, second: str) -> Contact:
-        """Describe a contact.
-
-        Args:
-            kind: of the first.
-            first: what touches.
-            second: the body that is touched.
-
-        Returns:
-            The contact, with the largest normal force, N. A component of the tool has the force of the whole tool.
-        """
-        key = (kind, first, second)
-        touched = self.touching[key]
-        begin, end = self.taken.times[touched][[0, -1]].tolist()
-
-        force = None
-        forces = self.taken.forces
-        if forces:
-            presser = "tool" if kind == "tool" else first
-            unpressed = forces.get((second, presser), np.zeros(1))
-            values = forces.get((presser, second), unpressed)
-            force = float((values * touched).max())
-
-        return Contact(
-            kind,
-            first,
-            second,
-            begin,
-            end,
-            self.depths[key],
-            force,
-        )
 
     def with_robot(self, body: str) -> Flags:
         """Report when the arm or the tool touches a body.
@@ -127,23 +81,6 @@ class Contacts:
                 touched |= flags
 
         return touched
-
-    def held(self, body: str) -> Flags:
-        """Report when the robot touches a body, or another body that touches it.
-
-        Args:
-            body: its name.
-
-        Returns:
-            At which samples (T,).
-        """
-        held = self.with_robot(body)
-
-        for (kind, first, second), flags in self.touching.items():
-            if kind == "body" and body in (first, second):
-                held |= flags & self.with_robot(second if first == body else first)
-
-        return held
 
 
 class _Touch(NamedTuple):

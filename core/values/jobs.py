@@ -214,7 +214,7 @@ class RolloutSettings:
     one another (`core.solids.penetration`): with ``forbid`` nothing, with ``warn`` the task's reward; both add a
     warning. With ``ignore`` nothing is checked. A plan that drives the arm through itself or the tool through the arm
     (`core.solids.self_collision`) is rejected with ``forbid``, and adds a warning with ``warn``. A trial of a rollout
-    that was checked and earns nothing holds an observation (`core.simulation.observing`), with ``observe`` each trial.
+    that was checked and earns nothing holds an observation (`Observation`), with ``observe`` each trial.
     Plans that look see the scene with the noise of ``perception``, and guards feel by ``feel``.
     """
 

@@ -23,6 +23,11 @@ Class = Literal[
     "unreachable",
 ]
 
+MISSED_M = 0.02
+"""A way is missed by more than this, or by more than `MISSED_RAD`."""
+
+MISSED_RAD = 0.1
+
 Point = tuple[float, float, float]
 Offset = tuple[float | None, float | None, float | None]
 
@@ -74,7 +79,7 @@ class Observation:
     """The observations of a rollout. Lengths are metres, times seconds from the start of the motion.
 
     Attributes:
-        result: what became of the bodies of the task's goal, see `core.simulation.observing`.
+        result: what became of the bodies of the task's goal.
         what: the body that this happened to, the thing that the robot was stuck at, or what was forbidden.
         at_s: when it happened.
         left: the bodies of the goal that are not in place.

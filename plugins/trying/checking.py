@@ -11,9 +11,9 @@ from core.interfaces import Recording
 from core.robot.kinematics import finger_values
 from core.scene import State
 from core.simulation.attempt import Attempt, Stage, plan_attempt, stage_of
-from core.simulation.observing import MISSED_M, MISSED_RAD
 from core.solids.contacts import find_contacts
 from core.trial import Condition
+from core.values.observations import MISSED_M, MISSED_RAD
 from core.values.traces import TRACE_HZ
 
 

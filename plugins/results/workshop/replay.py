@@ -48,8 +48,15 @@ class PlayedMotion:
     @property
     def contact_s(self) -> float | None:
         """When the robot first touches a body, s; None: never."""
-        touches = [touch for touch in self.contacts.all if touch.kind != "body"]
-        return min((touch.first_s for touch in touches), default=None)
+        times = self.contacts.taken.times
+        return min(
+            (
+                float(times[touched.argmax()])
+                for (kind, *_), touched in self.contacts.touching.items()
+                if kind != "body"
+            ),
+            default=None,
+        )
 
 
 def play_in_all(

@@ -10,6 +10,7 @@ from core.geometry import Box, Mesh, Pose, Sphere
 from core.scene import Joint, Scene
 from core.solids.contacts import HULL_M, TOUCH_M, find_contacts, make_trace
 from core.solids.penetration import findings
+from plugins.vlms.told.observing import find_held, list_contacts
 from tests.core.solids.test_penetration import HZ, ROD, body, recording, straight
 from tests.panda import ARM, PANDA
 
@@ -33,12 +34,13 @@ def there_and_back(gap, count=21):
 def test_things_are_in_contact_up_to_the_gap_that_engines_leave(shape, most):
     wall = body("wall", Box((0.1, 1.0, 1.0)), (0.55, 0, 0), mass=0.0)
     cube = body("cube", shape, (0, 0, 0))
-    (found,) = contacts({"cube": there_and_back(most - 1e-5)}, wall, cube).all
-    assert (found.kind, found.one, found.other) == ("body", "cube", "wall")
-    assert found.first_s == found.last_s == pytest.approx(10 / HZ)
-    assert found.depth_m == pytest.approx(1e-5 - most, abs=1e-6)
-    assert found.force_n is None
-    assert contacts({"cube": there_and_back(most + 1e-5)}, wall, cube).all == ()
+    found = contacts({"cube": there_and_back(most - 1e-5)}, wall, cube)
+    ((key, touched),) = found.touching.items()
+    assert key == ("body", "cube", "wall")
+    assert np.flatnonzero(touched).tolist() == [10]
+    assert found.depths[key] == pytest.approx(1e-5 - most, abs=1e-6)
+    assert list_contacts(found)[0].force_n is None
+    assert not contacts({"cube": there_and_back(most + 1e-5)}, wall, cube).touching
 
 
 def test_what_rests_on_something_from_the_start_is_no_new_contact():
@@ -50,7 +52,7 @@ def test_what_rests_on_something_from_the_start_is_no_new_contact():
     found = contacts(
         {"cube": straight((0, 0, 0.05), (0.9, 0, 0.05), 30)}, ground, cube, post
     )
-    assert [contact.other for contact in found.all] == ["post"]
+    assert [contact.other for contact in list_contacts(found)] == ["post"]
     assert ("body", "cube", "ground") in found.touching
 
 
@@ -62,10 +64,10 @@ def test_a_body_that_is_struck_between_two_samples_was_in_contact():
     paths = {"club": np.outer(club_x, [1, 0, 0]), "ball": np.outer(ball_x, [1, 0, 0])}
     speeds = np.zeros((5, 3))
     speeds[3:, 0] = 2.0
-    (found,) = contacts(paths, club, ball, velocities={"ball": speeds}).all
+    (found,) = list_contacts(contacts(paths, club, ball, velocities={"ball": speeds}))
     assert {found.one, found.other} == {"club", "ball"}
     assert found.first_s == pytest.approx(3 / HZ)
-    assert contacts(paths, club, ball).all == ()  # if its velocity had not changed
+    assert not contacts(paths, club, ball).touching  # if its velocity had not changed
 
 
 def test_contacts_of_tool_and_arm_are_told_apart_and_the_rest_has_a_clearance():
@@ -95,7 +97,10 @@ def test_contacts_of_tool_and_arm_are_told_apart_and_the_rest_has_a_clearance():
         tool=rod,
         arms=joints,
     )
-    assert {(c.kind, c.other) for c in found.all} == {("tool", "low"), ("arm", "high")}
+    assert {(kind, other) for kind, _, other in found.touching} == {
+        ("tool", "low"),
+        ("arm", "high"),
+    }
     assert found.with_robot("low")[10]
     assert not found.with_robot("low")[[0, -1]].any()
     assert found.approaches.keys() == {"aside", "free"}
@@ -151,18 +156,16 @@ def test_a_body_is_held_by_one_that_the_robot_touches():
     }
     found = contacts(still, tray, egg, arms=joints)
     assert not found.with_robot("egg").any()
-    assert found.held("egg").all()
+    assert find_held(found, "egg").all()
 
 
 def test_without_motion_or_bodies_nothing_touches():
-    assert contacts({"cube": np.zeros((1, 3))}, body("cube", CUBE, (0, 0, 0))).all == ()
+    assert not contacts(
+        {"cube": np.zeros((1, 3))}, body("cube", CUBE, (0, 0, 0))
+    ).touching
     scene = Scene(())
-    assert (
-        find_contacts(
-            scene, PANDA, ROD, recording(scene, {"nothing": np.zeros((3, 3))})
-        ).all
-        == ()
-    )
+    nothing = recording(scene, {"nothing": np.zeros((3, 3))})
+    assert not find_contacts(scene, PANDA, ROD, nothing).touching
 
 
 def test_bodies_that_a_joint_connects_are_in_no_contact():
@@ -171,11 +174,11 @@ def test_bodies_that_a_joint_connects_are_in_no_contact():
         body("cube", CUBE, (0.2, 0, 0)),
     )
     film = recording(Scene((wall, cube)), {"cube": there_and_back(-0.08)})
-    assert find_contacts(Scene((wall, cube)), PANDA, ROD, film).all
+    assert find_contacts(Scene((wall, cube)), PANDA, ROD, film).touching
     joined = Scene(
         (wall, cube), (Joint("slide", "slider", "cube", "wall", axis=(1, 0, 0)),)
     )
-    assert find_contacts(joined, PANDA, ROD, film).all == ()
+    assert not find_contacts(joined, PANDA, ROD, film).touching
     assert findings(joined, PANDA, ROD, film) == []
     assert findings(Scene((wall, cube)), PANDA, ROD, film)
 
@@ -204,6 +207,6 @@ def test_a_trace_of_worlds_that_end_at_different_times():
     assert np.ptp(trace.states.position("cube")[1, 5:], axis=0).max() == 0
     # The mean of the last two samples.
     assert trace.force_n("cube").tolist() == pytest.approx([19.5, 0])
-    (contact,) = worlds[0].all
+    (contact,) = list_contacts(worlds[0])
     assert contact.force_n == pytest.approx(9.5, abs=1.01)  # while it lasts
     assert "wall" in trace.states.places

@@ -28,8 +28,8 @@ from tests.playing import evaluate_batch
 from tests.rare import rare
 
 # The names of the strategies say how they fail.
-FAILURES = Path(__file__).parents[2] / "failures"
-SOLUTIONS = Path(__file__).parents[2] / "tasks" / "solutions"
+FAILURES = Path(__file__).parents[3] / "failures"
+SOLUTIONS = Path(__file__).parents[3] / "tasks" / "solutions"
 OBSERVED = RolloutSettings(observe=True)
 
 
@@ -131,10 +131,10 @@ def test_observing_changes_no_reward_and_no_figure(task):
 
 def test_an_observation_survives_the_store():
     for evaluation in evaluations(FAILURES / "BringCube.json"):
-        trials = tuple(
-            load_trial(trial_row(evaluation.candidate.content, trial))
-            for trial in evaluation.trials
-        )
+        (trial,) = evaluation.trials
+        row = trial_row(evaluation.candidate.content, trial)
+        written = {"details": json.dumps(row["details"], default=float)}
+        trials = (load_trial({**row, **written}),)
         resumed = replace(evaluation, trials=trials)
         assert resumed.trials == evaluation.trials
         assert describe(resumed) == describe(evaluation)

@@ -20,7 +20,6 @@ Dropped and tipped need at least half of the bodies that are not in place, or wi
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from itertools import chain, islice
 from typing import Any
 
@@ -30,18 +29,18 @@ import numpy.typing as npt
 from core.errors import UsageError
 from core.geometry import Array, Sphere
 from core.goals import Evidence, Goal, Reach, check_names, limits, reaches
-from core.interfaces import Contact, Observation, Outcome, Task
-from core.robot.trajectory import Motion
+from core.interfaces import Contact, Observation, Task
 from core.scene import Scene, State
+from core.simulation.attempt import Attempt
 from core.solids.contacts import Contacts, make_trace
 from core.values.joints import rotate, rotate_back
-from core.values.observations import Class, Moved, Offset, Point
-from core.values.traces import Flags
-
-MISSED_M = 0.02
-"""A way is missed by more than this, or by more than `MISSED_RAD`."""
-
-MISSED_RAD = 0.1
+from core.values.observations import (
+    MISSED_M,
+    MISSED_RAD,
+    Class,
+    Moved,
+    Offset,
+)
 
 STUCK_RAD = 0.05
 """The lag of a joint that is held back; reference solutions lag by less than 0.012."""
@@ -83,33 +82,18 @@ NAMED = 3
 _STILL_M = 0.001  # a body that moved by no more, and turned by no more than `_STILL_DEG`, stayed
 _STILL_DEG = 1.0
 
+Flags = npt.NDArray[np.bool_]
 Samples = npt.NDArray[np.intp]
 Cause = tuple[float, Class, str]  # when, what, and to which body
 Mishap = tuple[float, float, Class, str]  # from when to when, what, and where
 
 
-def observe(
-    task: Task,
-    scene: Scene,
-    motion: Motion,
-    outcome: Outcome,
-    reward: float,
-    contacts: Contacts,
-) -> Observation:
-    """Observe a rollout that came to its end.
-
-    Args:
-        task: its goals say which bodies matter, and where they should be.
-        scene: the layout.
-        motion: as it was played.
-        outcome: of the rollout.
-        reward: that it earns.
-        contacts: those of its recording.
-
-    Returns:
-        What is shown of it, rounded so that it is short as text.
-    """
-    case = _Case(task, scene, motion, outcome, contacts)
+def observe(task: Task, attempt: Attempt, reward: float) -> Observation:
+    """Observe a rollout that came to its end; see `core.simulation.judging.Observer`."""
+    case = _Case(task, attempt)
+    motion = case.motion
+    outcome = attempt.outcome
+    contacts = case.contacts
     result, what, instant = case.classify(reward)
     moved = case.moved()
     taken = contacts.taken
@@ -117,7 +101,7 @@ def observe(
 
     instants = np.linspace(0.0, taken.times[-1], INSTANTS)
     samples = np.abs(taken.times - instants[:, None]).argmin(axis=1)
-    paths = dict[str, tuple[Point, ...]]()
+    paths: dict[str, Any] = {}
 
     for name in case.choose_paths(moved):
         places = taken.states.position(name)[samples]
@@ -137,7 +121,7 @@ def observe(
         moved=moved,
         errors=case.errors(),
         measured=tuple(islice(case.measured(), MEASURED)),
-        contacts=_choose_contacts(contacts),
+        contacts=list_contacts(contacts)[:MAX_CONTACTS],
         clearances={name: round(near.gap_m, 4) for name, near in approaches.items()},
         nearest={
             name: (near.part, round(float(taken.times[near.sample]), 2))
@@ -154,18 +138,53 @@ def observe(
     )
 
 
-def _choose_contacts(contacts: Contacts) -> tuple[Contact, ...]:
-    """Choose the first contacts, the robot's before those of bodies with each other, and round them."""
-    robots_first = sorted(contacts.all, key=lambda contact: contact.kind == "body")
-    return tuple(
-        replace(
-            contact,
-            first_s=round(contact.first_s, 2),
-            last_s=round(contact.last_s, 2),
-            depth_m=round(contact.depth_m, 4) + 0.0,
-        )
-        for contact in robots_first[:MAX_CONTACTS]
-    )
+def list_contacts(contacts: Contacts) -> tuple[Contact, ...]:
+    """List contacts, the robot's before those of bodies with each other, the earliest first.
+
+    Those of bodies that touched before the motion began are left out.
+    """
+    touching = contacts.touching
+    settling = contacts.taken.times <= 0
+    keys = [
+        key
+        for key, touched in touching.items()
+        if key[0] != "body" or not (touched & settling).any()
+    ]
+    keys.sort(key=lambda key: (key[0] == "body", touching[key].argmax(), *key))
+
+    return tuple(_describe(contacts, *key) for key in keys)
+
+
+def _describe(contacts: Contacts, kind: Any, first: str, second: str) -> Contact:
+    """Describe a contact, rounded, with the largest normal force, N.
+
+    A component of the tool has the force of the whole tool.
+    """
+    key = (kind, first, second)
+    touched = contacts.touching[key]
+    begin, end = contacts.taken.times[touched][[0, -1]].tolist()
+
+    force = None
+    forces = contacts.taken.forces
+    if forces:
+        presser = "tool" if kind == "tool" else first
+        unpressed = forces.get((second, presser), np.zeros(1))
+        values = forces.get((presser, second), unpressed)
+        force = float((values * touched).max())
+
+    depth = round(contacts.depths[key], 4) + 0.0
+    return Contact(kind, first, second, round(begin, 2), round(end, 2), depth, force)
+
+
+def find_held(contacts: Contacts, body: str) -> Flags:
+    """Report when the robot touches a body, or another body that touches it: at which samples (T,)."""
+    held = contacts.with_robot(body)
+
+    for (kind, first, second), flags in contacts.touching.items():
+        if kind == "body" and body in (first, second):
+            held |= flags & contacts.with_robot(second if first == body else first)
+
+    return held
 
 
 class _Case:
@@ -185,25 +204,21 @@ class _Case:
         lags: of the joint that lags most at each sample, radians; 0 before the motion begins.
     """
 
-    def __init__(
-        self,
-        task: Task,
-        scene: Scene,
-        motion: Motion,
-        outcome: Outcome,
-        contacts: Contacts,
-    ) -> None:
+    def __init__(self, task: Task, attempt: Attempt) -> None:
+        outcome = attempt.outcome
+        contacts = attempt.contacts
         assert outcome.start is not None
         assert outcome.end is not None
+        assert contacts is not None
         self.task = task
-        self.scene = scene
-        self.motion = motion
-        self.start = scene.complete(outcome.start)
-        self.end = scene.complete(outcome.end)
+        self.scene: Scene = attempt.job.scene
+        self.motion = attempt.motion
+        self.start = self.scene.complete(outcome.start)
+        self.end = self.scene.complete(outcome.end)
         self.contacts = contacts
         self.states = contacts.taken.states
         self.times = contacts.taken.times
-        self.goals = [goal for goal in task.goals if _fits(goal, scene)]
+        self.goals = [goal for goal in task.goals if _fits(goal, self.scene)]
         self.reaches = reaches(self.goals)
 
         bodies = dict[str, None]()
@@ -213,7 +228,7 @@ class _Case:
         self.names = tuple(bodies) or self.start.names
         self.left = tuple(name for name in self.names if not self._is_in_place(name))
 
-        planned, _ = motion.trajectory.sample(self.times)
+        planned, _ = self.motion.trajectory.sample(self.times)
         off = np.abs(contacts.taken.arm - planned).max(axis=1)
         self.lags = np.where(self.times < 0, 0.0, off)
 
@@ -330,7 +345,7 @@ class _Case:
         """
         found = [
             goal.is_in_place(name, self.start, self.end)
-            and (not goal.held or self.contacts.held(name)[-1])
+            and (not goal.held or find_held(self.contacts, name)[-1])
             and not (goal.released and self.contacts.with_robot(name)[-1])
             for goal in self.reaches
             if name in goal.subjects(self.start)
@@ -432,7 +447,7 @@ class _Case:
         heights = self.states.position(name)[:, 2]
         rest = float(self.start.position(name)[2])
 
-        for begin, stop in _runs(~self.contacts.held(name)):
+        for begin, stop in _runs(~find_held(self.contacts, name)):
             top = heights[begin - 1] if begin else rest
             if top - rest >= LIFTED_M and top - heights[begin:stop].min() >= FALLEN_M:
                 return float(self.times[begin - 1]), "dropped", name
