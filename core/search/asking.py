@@ -15,7 +15,7 @@ from core.errors import UsageError
 from core.interfaces import VLM, Budget, EvolutionStrategy, Fitness, RolloutSettings
 from core.plugins import ACTION, EVOLUTION
 from core.search.assignment import DEFAULT_KINDS, Assignment, borne_kinds
-from core.search.builder import builder_for, check_starts, make_artist
+from core.search.builder import builder_for, check_starts, finish_designer
 from core.search.designer import ModelDesigner
 from core.trial import TIE
 
@@ -58,9 +58,7 @@ def build_designer(
     prompts = PromptComposer(facts)
     sampling = node(cfg.sampling, Sampling)
     designer = ModelDesigner(assignment, vlm, prompts, sampling, events)
-    artist = make_artist(assignment, prompts, cfg)
-
-    return builder.finish(designer, fitness, artist), fitness
+    return finish_designer(builder, designer, fitness, cfg), fitness
 
 
 def count_repairs(cfg: DictConfig, vlm: object) -> int:

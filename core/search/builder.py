@@ -7,12 +7,10 @@ from typing import ClassVar
 from omegaconf import DictConfig
 
 from core.config.compose import part, task_part
-from core.designs.composer import PromptComposer
 from core.interfaces import Condition, Fitness, RolloutSettings, Task
 from core.plugins import FITNESS, SIMULATOR, PluginPart, installed
 from core.robot.kinematics import arm_of
-from core.search.assignment import Assignment
-from core.search.designer import Artist, ModelDesigner
+from core.search.designer import ModelDesigner
 
 
 class SearchBuilder:
@@ -28,10 +26,8 @@ class SearchBuilder:
         """
         return build_fitness_in(task_part(cfg), cfg, settings)
 
-    def finish(
-        self, designer: ModelDesigner, fitness: Fitness, artist: Artist
-    ) -> ModelDesigner:
-        """Give a designer what it shows the model: pictures of the scene and of rollouts, and critiques.
+    def finish(self, designer: ModelDesigner, fitness: Fitness) -> ModelDesigner:
+        """Give a designer the pictures of the scene that it shows the model.
 
         Where nothing can draw, standard error says why, and the model gets text alone. Another designer may be
         returned in its place.
@@ -39,8 +35,8 @@ class SearchBuilder:
         Raises:
             UserError: a prompt without numbers can't be drawn.
         """
-        designer.pictures = artist.draw_scene(designer.assignment.task)
-        equip(designer, artist)
+        task = designer.assignment.task
+        designer.pictures = designer.artist.draw_scene(task)
         return designer
 
 
@@ -73,20 +69,25 @@ def check_starts(task: Task) -> None:
         arm_of(task.robot).home_for(stage.home)
 
 
-def make_artist(
-    assignment: Assignment, prompts: PromptComposer, cfg: DictConfig
-) -> Artist:
-    """Make what draws for prompts, with the engine that a configuration names."""
+def finish_designer(
+    builder: SearchBuilder, designer: ModelDesigner, fitness: Fitness, cfg: DictConfig
+) -> ModelDesigner:
+    """Let a builder finish a designer, which then has an artist, and the critic and the mender that are asked for.
+
+    Raises:
+        UserError: a prompt without numbers can't be drawn.
+    """
     engine = part(SIMULATOR, cfg.sim)
     for make in installed().factories("artist").values():
-        artist: Artist = make(assignment, prompts, engine.create)
-        return artist
-    return Artist()
+        designer.artist = make(designer.assignment, designer.prompts, engine.create)
+
+    designer = builder.finish(designer, fitness)
+    equip(designer)
+    return designer
 
 
-def equip(designer: ModelDesigner, artist: Artist) -> None:
-    """Give a designer what draws film strips, and the critic and the mender that the prompts' settings ask for."""
-    designer.artist = artist
+def equip(designer: ModelDesigner) -> None:
+    """Give a designer the critic and the mender that the prompts' settings ask for."""
     settings = designer.prompts.facts.settings
 
     if settings.repair:

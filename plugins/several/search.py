@@ -10,8 +10,8 @@ from core.config.compose import task_parts
 from core.designs.composer import PromptComposer
 from core.errors import UsageError
 from core.interfaces import Fitness, Picture, RolloutSettings, Task
-from core.search.builder import SearchBuilder, build_fitness_in, equip
-from core.search.designer import Artist, ModelDesigner, ScenePictures
+from core.search.builder import SearchBuilder, build_fitness_in
+from core.search.designer import ModelDesigner, ScenePictures
 from plugins.several.designer import SeveralDesigner
 from plugins.several.fitness import Together
 from plugins.several.plans import TaskActions
@@ -29,9 +29,7 @@ class SeveralSearch(SearchBuilder):
         }
         return Together(by_task, cfg.task.get("combine", "mean"))
 
-    def finish(
-        self, designer: ModelDesigner, fitness: Fitness, artist: Artist
-    ) -> SeveralDesigner:
+    def finish(self, designer: ModelDesigner, fitness: Fitness) -> SeveralDesigner:
         assignment = designer.assignment
         task = assignment.task
         prompts = designer.prompts
@@ -45,17 +43,18 @@ class SeveralSearch(SearchBuilder):
         for number, part in enumerate(task.parts):
             pictures[part.name] = {
                 gripper: tuple(_name(picture, part, number) for picture in shown)
-                for gripper, shown in artist.draw_scene(part).items()
+                for gripper, shown in designer.artist.draw_scene(part).items()
             }
 
         assert isinstance(fitness, Together)
-        several = SeveralDesigner(
+        return SeveralDesigner(
             replace(assignment, actions=TaskActions()),
             designer.vlm,
             prompts,
             designer.sampling,
             designer.events,
             _join(pictures),
+            designer.artist,
             plan_actions=assignment.actions,
             plan_prompts={
                 name: PromptComposer(
@@ -65,9 +64,6 @@ class SeveralSearch(SearchBuilder):
             },
             plan_pictures=pictures,
         )
-        equip(several, artist)
-
-        return several
 
 
 def _name(picture: Picture, task: Task, number: int) -> Picture:

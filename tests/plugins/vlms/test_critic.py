@@ -20,7 +20,6 @@ from core.search.builder import equip
 from core.search.designer import ModelDesigner
 from plugins.actions.waypoints import WaypointActions
 from plugins.conformance.evaluations import tried_once
-from plugins.vlms.artist import EngineArtist
 from plugins.vlms.critic import MAX_CRITIQUE, ModelCritic
 from plugins.vlms.offline.designer import OfflineDesigner
 from tasks.bring_cube import BringCube
@@ -34,7 +33,6 @@ from tests.core.search.test_designer import (
     good,
 )
 from tests.panda import on_panda
-from tests.toys import ToyEngine
 
 BUDGET = Budget(2, 1, 1, 3, 5, 0.6)
 
@@ -198,7 +196,7 @@ def test_a_program_that_writes_no_critiques_is_not_asked():
     made = ModelDesigner(
         assignment, OfflineDesigner(), prompts, Sampling(), Listener().hub
     )
-    equip(made, EngineArtist(assignment, prompts, ToyEngine))
+    equip(made)
     assert made.critic is None
 
 
