@@ -26,7 +26,7 @@ class Slide(Task):
     name = "Slide"
     description = "A block."
     goals = (Away(("block",), away=0.1),)
-    home = Pose(np.array([0.5, 0.0, 0.4]))
+    home = Pose.xyz_rpy((0.5, 0.0, 0.4))
 
     def scene(self, seed):
         block = Body.of(
@@ -50,7 +50,7 @@ class Crowded(Slide):
     def scene(self, seed):
         scene = super().scene(seed)
         (block,) = scene.bodies
-        there = replace(block, pose=Pose(np.array([0.5, 0.0, 0.35])))
+        there = replace(block, pose=Pose.xyz_rpy((0.5, 0.0, 0.35)))
         return replace(scene, bodies=(there,)) if seed == 1 else scene
 
 
@@ -98,7 +98,7 @@ def candidate(number: int, fault: str | None = None) -> Candidate:
     """Return candidate ``number``; there are two plans to a tool, whose mass chooses the fault."""
     mass = 0.1 + (0 if fault is None else FAULTS.index(fault) + 1) / 1000
     length = 0.1 + (number // 2) / 1000
-    down = Pose(np.array([0.0, 0.0, -length / 2]))  # clear of the arm
+    down = Pose.xyz_rpy((0.0, 0.0, -length / 2))  # clear of the arm
     tool = Tool(
         (Component("rod", "tool_mount", down, Box((0.02, 0.02, length)), mass),)
     )

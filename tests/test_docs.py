@@ -52,14 +52,14 @@ SMALL = [
 ]
 
 
-def blocks(page: Path, language: str) -> list[str]:
+def blocks(page, language):
     return re.findall(rf"```{language}\n(.*?)```", page.read_text(), re.DOTALL)
 
 
 STARTS = ("python -m ", "vlmgineer ")
 
 
-def commands() -> list[str]:
+def commands():
     lines = [
         line
         for page in PAGES
@@ -69,7 +69,7 @@ def commands() -> list[str]:
     return sorted({line for line in lines if line.startswith(STARTS)})
 
 
-def after_python(line: str) -> list[str]:
+def after_python(line):
     """Return a command's words after ``python``; ``vlmgineer NAME`` is ``python -m core NAME``."""
     first, *words = shlex.split(line, comments=True)
     return ["-m", "core", *words] if first == "vlmgineer" else words
@@ -109,7 +109,7 @@ def test_the_commands_that_are_run_are_in_the_docs():
         for line in commands()
     ],
 )
-def test_command(line: str, tmp_path: Path):
+def test_command(line, tmp_path):
     (tmp_path / "tests").symlink_to(ROOT / "tests")
     (tmp_path / "tasks").mkdir()
     (tmp_path / "tasks" / "scenes").symlink_to(ROOT / "tasks" / "scenes")
@@ -125,7 +125,7 @@ def test_command(line: str, tmp_path: Path):
     assert "Traceback" not in done.stderr
 
 
-def compose(line: str) -> None:
+def compose(line):
     """Compose what a command is given; of a sweep, the first job's."""
     words = after_python(line)[1:]
     program, words = (
@@ -148,7 +148,7 @@ def compose(line: str) -> None:
         load(config, given, schema)
 
 
-def console(page: Path) -> list[tuple[str, str]]:
+def console(page):
     """Find the blocks of commands that are not run here, each after the comment that says why."""
     return re.findall(
         r"(?:<!-- not run: (.*?) -->\n)?```console\n(.*?)```",
@@ -157,7 +157,7 @@ def console(page: Path) -> list[tuple[str, str]]:
     )
 
 
-def typed(block: str) -> list[str]:
+def typed(block):
     """Read the commands of a console block, with or without a prompt."""
     return [
         line.removeprefix("$ ")
@@ -234,7 +234,7 @@ def test_the_notebook_shows_what_it_does(tmp_path):
         assert last[-1].startswith(best)
 
 
-def kinds(cell) -> list[str]:
+def kinds(cell):
     """List the kinds of output of a cell, without Pillow's JPEG beside its PNG, which is not kept."""
     outputs = cell.get("outputs", [])
     return [
@@ -243,7 +243,7 @@ def kinds(cell) -> list[str]:
     ]
 
 
-def text(cell) -> str:
+def text(cell):
     return "".join(out["text"] for out in cell.outputs)
 
 
@@ -368,7 +368,7 @@ def test_the_strategy_of_the_tutorial_passes_its_checks(tmp_path):
     """Written by `plugins.new`, changed as the page says, and installed as pip leaves it."""
     page = ROOT / "docs/strategy_tutorial.md"
 
-    def run(*words: str) -> str:
+    def run(*words):
         done = python_m(tmp_path, *words, PYTHONPATH=str(tmp_path / "tournament"))
         assert done.returncode == 0, done.stderr
         return done.stdout
@@ -439,8 +439,8 @@ def test_example_designs_are_read():
     assert design["strategies"][0]["action_sets"]
     seen = Seen(
         {
-            "cube": Pose(np.array([0.6, 0.0, 0.0])),
-            "goal": Pose(np.array([0.6, -0.2, 0.0])),
+            "cube": Pose.xyz_rpy((0.6, 0.0, 0.0)),
+            "goal": Pose.xyz_rpy((0.6, -0.2, 0.0)),
         }
     )
     waypoints = (

@@ -28,12 +28,12 @@ def python(tmp_path_factory):
     return folder / "environment" / "bin" / "python"
 
 
-def package_folders() -> list[str]:
+def package_folders():
     """Where this environment finds packages: its own folder and those that .pth files lead to."""
     return [path for path in sys.path if path.endswith("-packages")]
 
 
-def run(python: Path, folder: Path, *words: str) -> str:
+def run(python, folder, *words):
     done = subprocess.run(
         [python, "-m", *words], cwd=folder, capture_output=True, text=True, env=PYTHON
     )

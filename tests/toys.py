@@ -114,7 +114,7 @@ def answer(brief) -> str:
     strategies = []
     for number in range(brief.n_tool):
         rod = Box((0.02, 0.02, round(float(rng.uniform(0.1, 0.3)), 3)))
-        pose = Pose(np.array([0.0, 0.0, -rod.size[2] / 2]))
+        pose = Pose.xyz_rpy((0.0, 0.0, -rod.size[2] / 2))
         plans = [
             [
                 [

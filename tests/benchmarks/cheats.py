@@ -127,7 +127,7 @@ class Varied:
         post = Component(
             "post",
             RIGID_MOUNT,
-            Pose(np.array([0, 0, -length / 2])),
+            Pose.xyz_rpy((0, 0, -length / 2)),
             Box((0.02, 0.02, length)),
         )
         tool = Tool((post,))

@@ -32,13 +32,13 @@ def hook(length: float, name: str = "hook", description: str = "") -> Tool:
     shaft = Component(
         "shaft",
         "tool_mount",
-        Pose(np.array([0, 0, -length / 2])),
+        Pose.xyz_rpy((0, 0, -length / 2)),
         Box((0.02, 0.02, length)),
     )
     blade = Component(
         "blade",
         "shaft",
-        Pose(np.array([0.04, 0, -length / 2])),
+        Pose.xyz_rpy((0.04, 0, -length / 2)),
         Box((0.1, 0.03, 0.006)),
     )
     return Tool((shaft, blade), name=name, description=description)

@@ -5,21 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.geometry import Array
 from core.scene import State
 from tasks.high_object import BIN_CENTER, START, HighObject
 
 TASK = HighObject()
 
 
-def rewards(positions: Array) -> Array:
+def rewards(positions):
     """The rewards (N,) for positions (N, 3) of the cube."""
     start = TASK.scene(0).state()
     ends = [replace(start, positions=position[None]) for position in positions]
     return TASK.reward(State.stack([start] * len(ends)), State.stack(ends))
 
 
-def test_the_reward_rises_from_0_to_1_on_the_way_into_the_bin() -> None:
+def test_the_reward_rises_from_0_to_1_on_the_way_into_the_bin():
     way = np.linspace((*START, 0.925), BIN_CENTER, 101)
     reward = rewards(way)
     assert reward[0] == 0.0
@@ -37,7 +36,5 @@ def test_the_reward_rises_from_0_to_1_on_the_way_into_the_bin() -> None:
         pytest.param((1.3, 0.0, 0.025), False, id="on the floor below the shelf"),
     ],
 )
-def test_only_a_cube_inside_the_bin_earns_everything(
-    where: tuple[float, float, float], inside: bool
-) -> None:
+def test_only_a_cube_inside_the_bin_earns_everything(where, inside):
     assert (rewards(np.array([where]))[0] == 1.0) == inside

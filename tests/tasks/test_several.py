@@ -15,7 +15,7 @@ FILES = sorted((Path(__file__).parent / "solutions" / "several").glob("*.json"))
 @pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize("file", rare(FILES, FILES[0]), ids=lambda file: file.stem)
-def test_one_tool_does_three_tasks(file: Path) -> None:
+def test_one_tool_does_three_tasks(file):
     tasks = file.stem.split("_")
     (strategy,) = json.loads(file.read_text())["strategies"]
     assert [plan["task"] for plan in strategy["action_sets"][0]] == tasks
@@ -31,7 +31,7 @@ def test_one_tool_does_three_tasks(file: Path) -> None:
     assert min(found.figures.values()) >= 0.95
 
 
-def test_there_are_three_sets() -> None:
+def test_there_are_three_sets():
     assert len(FILES) == 3
     assert len({frozenset(file.stem.split("_")) for file in FILES}) == 3
     for file in FILES:

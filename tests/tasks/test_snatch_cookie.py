@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.geometry import Array
 from core.scene import State
 from tasks.snatch_cookie import JAR, THICKNESS, SnatchCookie
 from tests.panda import on_panda
@@ -14,14 +13,14 @@ TASK = on_panda(SnatchCookie())
 START = TASK.scene(0).state()
 
 
-def moved(name: str, position: Array) -> State:
+def moved(name, position):
     """The layout of seed 0 with one cookie elsewhere."""
     positions = START.positions.copy()
     positions[START.names.index(name)] = position
     return replace(START, positions=positions)
 
 
-def lifted(name: str, to: float) -> list[State]:
+def lifted(name, to):
     """The layout of seed 0 with one cookie raised to a height."""
     here = START.position(name)
     return [
@@ -30,12 +29,12 @@ def lifted(name: str, to: float) -> list[State]:
     ]
 
 
-def rewards(ends: list[State]) -> Array:
+def rewards(ends):
     return TASK.reward(State.stack([START] * len(ends)), State.stack(ends))
 
 
 @pytest.mark.parametrize("name", ["cookie_6", "cookie_12", "cookie_1"])
-def test_the_reward_rises_from_0_to_1_while_a_cookie_is_lifted_out(name: str) -> None:
+def test_the_reward_rises_from_0_to_1_while_a_cookie_is_lifted_out(name):
     reward = rewards(lifted(name, 0.31))
     assert reward[0] == 0.0
     assert reward[-1] == 1.0
@@ -51,6 +50,6 @@ def test_the_reward_rises_from_0_to_1_while_a_cookie_is_lifted_out(name: str) ->
     ],
 )
 def test_a_cookie_that_ends_low_earns_nothing(
-    where: tuple[float, float, float],
-) -> None:
+    where,
+):
     assert rewards([moved("cookie_6", np.array(where))])[0] == 0.0

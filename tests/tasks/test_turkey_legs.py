@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.geometry import Array, Pose
+from core.geometry import Pose
 from core.scene import State
 from tasks.turkey_legs import (
     BOX,
@@ -21,7 +21,7 @@ START = TASK.scene(0).state()
 IN_THE_BOX = np.array([*BOX, 0.03])
 
 
-def end(**moved: Array) -> State:
+def end(**moved):
     """The layout of seed 0 with some bodies elsewhere."""
     positions = START.positions.copy()
     for name, position in moved.items():
@@ -29,11 +29,11 @@ def end(**moved: Array) -> State:
     return replace(START, positions=positions, quaternions=START.quaternions.copy())
 
 
-def rewards(ends: list[State]) -> Array:
+def rewards(ends):
     return TASK.reward(State.stack([START] * len(ends)), State.stack(ends))
 
 
-def test_the_reward_rises_from_0_to_1_leg_by_leg() -> None:
+def test_the_reward_rises_from_0_to_1_leg_by_leg():
     ends = [
         end(**dict.fromkeys(LEGS[:done], IN_THE_BOX), **{LEGS[done]: here})
         for done in range(len(LEGS))
@@ -46,7 +46,7 @@ def test_the_reward_rises_from_0_to_1_leg_by_leg() -> None:
     assert sorted(set(reward.round(6))) == [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
 
 
-def test_with_the_pot_dropped_along_it_is_0_7() -> None:
+def test_with_the_pot_dropped_along_it_is_0_7():
     everything = dict.fromkeys((*LEGS, "pot"), IN_THE_BOX)
     assert rewards([end(**everything)])[0] == pytest.approx(0.7)
 
@@ -77,13 +77,13 @@ LEANS = Pose.xyz_rpy(
             id="is held beside it, tilted",
         ),
         pytest.param(
-            Pose(np.array([BOX[0], BOX[1] - BOX_WIDTH / 2 - 0.13, 0.0])),
+            Pose.xyz_rpy((BOX[0], BOX[1] - BOX_WIDTH / 2 - 0.13, 0.0)),
             False,
             id="stands beside it",
         ),
     ],
 )
-def test_the_pot_is_in_the_box_if_any_of_it_is(pose: Pose, inside: bool) -> None:
+def test_the_pot_is_in_the_box_if_any_of_it_is(pose, inside):
     state = end(**dict.fromkeys(LEGS, IN_THE_BOX), pot=pose.position)
     state.quaternions[state.names.index("pot")] = pose.quaternion
     assert rewards([state, state]) == pytest.approx([0.7 if inside else 1.0] * 2)

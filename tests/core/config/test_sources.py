@@ -62,7 +62,7 @@ def test_every_config_names_a_part_that_there_is():
 
 
 def test_a_part_without_a_config_file_has_its_signature(extended):
-    def listener(color: str = "red", where: Path = ROOT) -> object:
+    def listener(color="red", where=ROOT):
         raise NotImplementedError
 
     extended.register(
@@ -121,7 +121,7 @@ def brought(extended, monkeypatch, tmp_path):
     (group / "big.yaml").write_text("# @package _global_\nseed: 7\n")
     monkeypatch.syspath_prepend(tmp_path)
 
-    def make(size: int, hint: str = "none", grid: Path = ROOT) -> Task:
+    def make(size, hint="none", grid=ROOT):
         raise NotImplementedError(size, hint, grid)
 
     class Brings(Offering):

@@ -1,15 +1,11 @@
 """The prompts describe the code: complete, independent of this machine, and with the right signs."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
 import sys
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -26,22 +22,20 @@ from core.designs.rules import check_tool
 from core.designs.schema import answer_schema
 from core.designs.start import SpawnRules
 from core.errors import UsageError, UserError
-from core.geometry import Array, Box, Cylinder, Pose
+from core.geometry import Box, Cylinder, Pose
 from core.goals import Away
 from core.interfaces import (
     Brief,
-    Message,
     Observation,
     Picture,
     Reply,
     Request,
-    Robot,
     Task,
     Text,
     ToolRepresentation,
 )
 from core.plugins import installed
-from core.scene import Body, Scene, State, floor, table
+from core.scene import Body, Scene, floor, table
 from core.search.answers import Answer
 from core.trial import Evaluation, Score, Trial, Where
 from core.values.robots import ISO_9409_1_50
@@ -62,9 +56,9 @@ class PushCube(Task):
     name = "PushCube"
     description = "A small cube stands on the table. Push it {{ off }} the far edge."  # braces are text here, not Jinja
     goals = (Away(bodies=("cube",), away=0.5),)
-    home = Pose(np.array([0.4, -0.2, 0.2]))
+    home = Pose.xyz_rpy((0.4, -0.2, 0.2))
 
-    def scene(self, seed: int) -> Scene:
+    def scene(self, seed):
         cube = Body.of(
             "cube",
             Box((0.05, 0.05, 0.05)),
@@ -74,7 +68,7 @@ class PushCube(Task):
         )
         return Scene((floor(), table(), cube))
 
-    def reward(self, start: State, end: State) -> Array:
+    def reward(self, start, end):
         moved = end.position("cube")[..., 0] - start.position("cube")[..., 0]
         return np.clip(moved / 0.5, 0.0, 1.0)
 
@@ -82,20 +76,20 @@ class PushCube(Task):
 class Bar(ToolRepresentation):
     """A tool is one bar, written as XML."""
 
-    def instructions(self, brief: Brief) -> str:
+    def instructions(self, brief):
         return f"The tool is one bar on {' and '.join(GRIPPER_MOUNTS) if brief.gripper else RIGID_MOUNT}."
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self):
         return {"xml": {"type": "string", "description": "the bar"}}
 
-    def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:
+    def parse(self, data, *, gripper):
         raise NotImplementedError
 
-    def dump(self, tool: Tool) -> dict[str, Any]:
+    def dump(self, tool):
         return {"xml": f'<bar name="{tool.components[0].name}"/>\n'}
 
 
-def make_brief(**changes: Any) -> Brief:
+def make_brief(**changes):
     counts = {
         "gripper": False,
         "n_tool": 3,
@@ -108,12 +102,12 @@ def make_brief(**changes: Any) -> Brief:
     return replace(brief, **changes)
 
 
-def make_elite(strategy: int, reward: float, *, gripper: bool = False) -> Evaluation:
+def make_elite(strategy, reward, *, gripper=False):
     mount = GRIPPER_MOUNTS[0] if gripper else RIGID_MOUNT
     bar = Component(
         f"bar{strategy}",
         mount,
-        Pose(np.array([0.0, 0.0, -0.1])),
+        Pose.xyz_rpy((0.0, 0.0, -0.1)),
         Box((0.01, 0.01, 0.2)),
     )
     tool = Tool((bar,), gripper, name=f"Bar {strategy}", description="A long bar.")
@@ -132,7 +126,7 @@ ELITES = (make_elite(0, 0.87654321), make_elite(1, 0.6))
 SOURCE = task_source(PushCube())
 
 
-def words(messages: tuple[Message, ...]) -> str:
+def words(messages):
     """All text except the task's source, which is this file, and would match every test."""
     text = "".join(
         part.text
@@ -144,21 +138,21 @@ def words(messages: tuple[Message, ...]) -> str:
     return text.replace(SOURCE, "SOURCE")
 
 
-def prompt(settings: PromptSettings | None = None, **changes: Any) -> str:
+def prompt(settings=None, **changes):
     """The text for a changed brief, without a picture."""
     return words(
         PromptComposer(settings and RunFacts(settings)).compose(make_brief(**changes))
     )
 
 
-def elites_in(text: str) -> tuple[str, str, list[dict[str, Any]]]:
+def elites_in(text):
     """What a prompt says before its list of elites, the list as text, and the list."""
     block = re.search(r"## The elites?\n(.*?)```json\n(.*?)```", text, re.DOTALL)
     assert block is not None
     return block[1], block[2], json.loads(block[2])
 
 
-def headings(text: str) -> list[str]:
+def headings(text):
     return re.findall(
         r"^# (.+)$", re.sub(r"```.*?```", "", text, flags=re.DOTALL), re.MULTILINE
     )
@@ -180,7 +174,7 @@ BRIEFS = [
 
 
 @pytest.mark.parametrize("brief", BRIEFS)
-def test_contents_of_every_prompt(brief: Brief) -> None:
+def test_contents_of_every_prompt(brief):
     system, user = PromptComposer().compose(brief, [PICTURE])
     assert (system.role, user.role) == ("system", "user")
     texts = [part for part in user.parts if part != PICTURE]
@@ -225,7 +219,7 @@ def test_contents_of_every_prompt(brief: Brief) -> None:
     assert schema not in words(PromptComposer().compose(brief, [PICTURE], schema=False))
 
 
-def test_elites_are_shown() -> None:
+def test_elites_are_shown():
     text = prompt(PromptSettings(feedback="paper"), elites=ELITES)
     _, _, (first, second) = elites_in(text)
     assert first == {
@@ -245,7 +239,7 @@ def test_elites_are_shown() -> None:
 # --- what a design is judged by, and what is left to gain -------------------------------------------------------
 
 
-def test_a_fitness_says_what_counts_and_its_figures_come_back() -> None:
+def test_a_fitness_says_what_counts_and_its_figures_come_back():
     plain = prompt(elites=ELITES)
     assert "judged by" not in plain
     assert "`details`" not in plain
@@ -271,9 +265,7 @@ def test_a_fitness_says_what_counts_and_its_figures_come_back() -> None:
     assert "`details` says what became of the `trials`" in text
 
 
-def test_where_trials_decide_room_to_spare_is_left_to_gain_and_numbers_may_change_a_little() -> (
-    None
-):
+def test_where_trials_decide_room_to_spare_is_left_to_gain_and_numbers_may_change_a_little():
     for reward in (0.5, 0.999):
         elites = (make_elite(0, reward), make_elite(1, 0.4))
         text = " ".join(
@@ -308,7 +300,7 @@ FIGURES = {
 
 
 @pytest.mark.parametrize("feedback", ["paper", "numbers", "full"])
-def test_feedback(feedback: str) -> None:
+def test_feedback(feedback):
     plan = np.array([[0.5, 0.0, 0.123456, 0, 0, 1.5], [0.4, 0, 0.1, 0, 0, 0]])
     elite = tried_once(
         replace(ELITES[0].candidate, plan=plan), "ok", ELITES[0].reward, **FIGURES
@@ -349,7 +341,7 @@ def test_feedback(feedback: str) -> None:
         assert parts[-2:] == (Text("An elite.\n\n"), pictures["g0-a0-s0-p0"])
 
 
-def test_unknown_feedback_is_an_error() -> None:
+def test_unknown_feedback_is_an_error():
     with pytest.raises(
         UsageError,
         match=r"no feedback 'ful' in prompt.feedback \(did you mean 'full'\?\)",
@@ -358,21 +350,21 @@ def test_unknown_feedback_is_an_error() -> None:
 
 
 class GivenBar(Bar):
-    def given(self, task: Task) -> Tool:
+    def given(self, task):
         return Tool(
             (Component("bar", RIGID_MOUNT, Pose(), Box((0.01, 0.01, 0.2))),),
             name="bar",
             description="it is",
         )
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self):
         return {}
 
-    def dump(self, tool: Tool) -> dict[str, Any]:
+    def dump(self, tool):
         return {}
 
 
-def test_plans_for_a_given_tool_start_from_the_best_ones() -> None:
+def test_plans_for_a_given_tool_start_from_the_best_ones():
     first = prompt(representation=GivenBar(), n_tool=1)
     assert "best plans so far" not in first
     brief = make_brief(representation=GivenBar(), n_tool=1, elites=ELITES)
@@ -390,7 +382,7 @@ def test_plans_for_a_given_tool_start_from_the_best_ones() -> None:
 
 
 @pytest.fixture
-def idea(tmp_path: Path) -> Path:
+def idea(tmp_path):
     file = tmp_path / "my_idea.md"
     file.write_text("\ufeff Take a broom {{ brief }}.\n", encoding="utf-8")
     return file
@@ -404,7 +396,7 @@ def idea(tmp_path: Path) -> Path:
         make_brief(representation=GivenBar(), n_tool=1),
     ],
 )
-def test_a_persons_idea_is_passed_on(idea: Path, brief: Brief) -> None:
+def test_a_persons_idea_is_passed_on(idea, brief):
     text = words(
         PromptComposer(RunFacts(settings_of("human", f"prompt.file={idea}"))).compose(
             brief
@@ -429,9 +421,7 @@ def test_a_persons_idea_is_passed_on(idea: Path, brief: Brief) -> None:
         (b"x" * 60_000, "has 60000 characters; at most 50000"),
     ],
 )
-def test_files_that_hold_no_idea(
-    tmp_path: Path, content: bytes | None, reason: str
-) -> None:
+def test_files_that_hold_no_idea(tmp_path, content, reason):
     file = (
         tmp_path / "idea.md" if reason != "can't be read: Is a directory" else tmp_path
     )
@@ -443,7 +433,7 @@ def test_files_that_hold_no_idea(
     assert "\n" not in str(error.value)
 
 
-def test_evolution_alone_needs_elites() -> None:
+def test_evolution_alone_needs_elites():
     prompts = PromptComposer(RunFacts(settings_of("evolve")))
     assert "## The elites" in words(prompts.compose(make_brief(elites=ELITES)))
     with pytest.raises(
@@ -455,7 +445,7 @@ def test_evolution_alone_needs_elites() -> None:
 # --- a repair ---------------------------------------------------------------------------------------------------
 
 
-def test_a_repair_shows_the_reply_and_its_problem() -> None:
+def test_a_repair_shows_the_reply_and_its_problem():
     brief = make_brief()
     first = Request("g0-a0", brief, PromptComposer().compose(brief, [PICTURE]), {}, 1.0)
     mender = SecondLook(PromptComposer())
@@ -475,7 +465,7 @@ def test_a_repair_shows_the_reply_and_its_problem() -> None:
 
 
 @pytest.mark.parametrize("gripper", [False, True])
-def test_elites_of_the_other_kind_are_marked(gripper: bool) -> None:
+def test_elites_of_the_other_kind_are_marked(gripper):
     same = words(
         PromptComposer().compose(
             make_brief(gripper=gripper, elites=(make_elite(0, 1, gripper=gripper),))
@@ -490,7 +480,7 @@ def test_elites_of_the_other_kind_are_marked(gripper: bool) -> None:
     assert f"`gripper` is {json.dumps(not gripper)}, it is of the other kind" in other
 
 
-def test_an_elite_without_a_tool_is_an_error() -> None:
+def test_an_elite_without_a_tool_is_an_error():
     elite = Evaluation(Candidate(None, np.zeros((0, 6)), problem="no tool"))
     with pytest.raises(ValueError, match="g0-a0-s0-p0 has no tool"):
         PromptComposer().compose(make_brief(elites=(elite,)))
@@ -499,7 +489,7 @@ def test_an_elite_without_a_tool_is_an_error() -> None:
 # --- the templates ----------------------------------------------------------------------------------------------
 
 
-def test_each_template_is_used() -> None:
+def test_each_template_is_used():
     used = {REPAIR, CRITIC}.union(*PARTS.values())
     for name in ("human", "paper"):
         settings = settings_of(name)
@@ -507,17 +497,17 @@ def test_each_template_is_used() -> None:
     assert {file.name.removesuffix(SUFFIX) for file in FOLDER.glob("*.j2")} == used
 
 
-def from_folder(folder: Path) -> PromptComposer:
+def from_folder(folder):
     return PromptComposer(RunFacts(PromptSettings(dir=str(folder))))
 
 
-def settings_of(name: str, *overrides: str) -> PromptSettings:
+def settings_of(name, *overrides):
     """The settings of one config of the group ``prompt``."""
     return node(load("config", [f"prompt={name}", *overrides]).prompt, PromptSettings)
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     return Path(
         shutil.copytree(
             FOLDER,
@@ -527,7 +517,7 @@ def folder(tmp_path: Path) -> Path:
     )
 
 
-def test_another_folder(folder: Path) -> None:
+def test_another_folder(folder):
     (folder / "units.md.j2").write_text(
         "# Units\nInches, for {{ task.name }}.\n", encoding="utf-8"
     )
@@ -545,16 +535,14 @@ def test_another_folder(folder: Path) -> None:
         ("{{ brief.__class__.__mro__ }}", r"units\.md\.j2: .*unsafe"),
     ],
 )
-def test_a_template_that_cannot_be_used_is_an_error(
-    folder: Path, text: str, said: str
-) -> None:
+def test_a_template_that_cannot_be_used_is_an_error(folder, text, said):
     (folder / "units.md.j2").write_text(text, encoding="utf-8")
     with pytest.raises(UserError, match=said) as error:
         from_folder(folder).compose(make_brief())
     assert "\n" not in str(error.value)
 
 
-def test_what_is_missing_is_an_error(folder: Path) -> None:
+def test_what_is_missing_is_an_error(folder):
     (folder / "units.md.j2").rename(folder / "unit.md.j2")
     with pytest.raises(
         UserError,
@@ -571,7 +559,7 @@ def test_what_is_missing_is_an_error(folder: Path) -> None:
 # --- the schema -------------------------------------------------------------------------------------------------
 
 
-def objects(schema: Any) -> list[dict[str, Any]]:
+def objects(schema):
     if isinstance(schema, list):
         return [found for item in schema for found in objects(item)]
     if not isinstance(schema, dict):
@@ -581,7 +569,7 @@ def objects(schema: Any) -> list[dict[str, Any]]:
 
 
 @pytest.mark.parametrize(("gripper", "numbers"), [(False, 6), (True, 7)])
-def test_schema_counts(gripper: bool, numbers: int) -> None:
+def test_schema_counts(gripper, numbers):
     schema = answer_schema(make_brief(gripper=gripper))
     strategies = schema["properties"]["strategies"]
     assert (strategies["minItems"], strategies["maxItems"]) == (3, 3)
@@ -603,7 +591,7 @@ def test_schema_counts(gripper: bool, numbers: int) -> None:
 
 
 @pytest.mark.parametrize("elites", [(), ELITES])
-def test_schema_is_closed_and_complete(elites: tuple[Evaluation, ...]) -> None:
+def test_schema_is_closed_and_complete(elites):
     schema = answer_schema(make_brief(elites=elites))
     found = objects(schema)
     assert len(found) == 2
@@ -614,7 +602,7 @@ def test_schema_is_closed_and_complete(elites: tuple[Evaluation, ...]) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_offspring_name_their_parents(count: int) -> None:
+def test_offspring_name_their_parents(count):
     strategy = answer_schema(make_brief(elites=ELITES[:count]))["properties"][
         "strategies"
     ]["items"]
@@ -640,7 +628,7 @@ def test_offspring_name_their_parents(count: int) -> None:
 UR5 = installed().create("robot", "ur5")
 
 
-def for_robot(robot: Robot, **changes: Any) -> Brief:
+def for_robot(robot, **changes):
     task = PushCube()
     task.robot = robot
     return make_brief(task=task, **changes)
@@ -651,7 +639,7 @@ def for_robot(robot: Robot, **changes: Any) -> Brief:
     [PANDA, replace(UR5, flange=replace(ISO_9409_1_50, disc=Cylinder(0.03, 0.004)))],
 )
 @pytest.mark.parametrize("gripper", [False, True])
-def test_the_example_of_a_tool_can_be_used(robot: Robot, gripper: bool) -> None:
+def test_the_example_of_a_tool_can_be_used(robot, gripper):
     if gripper and robot.gripper is None:
         return
     brief = for_robot(

@@ -170,9 +170,9 @@ def bar(length, thickness, pieces=1, slope=0.0):
             (0, 0, 0), (slope * (i > 0) * (-1) ** i * (1 if i == 1 else 2), 0, 0)
         )
         pose = (
-            (Pose(np.array([0, 0, -part / 2])) if i else Pose())
+            (Pose.xyz_rpy((0, 0, -part / 2)) if i else Pose())
             @ turn
-            @ Pose(np.array([0, 0, -part / 2]))
+            @ Pose.xyz_rpy((0, 0, -part / 2))
         )
         size = Box((thickness, thickness, part))
         components.append(
@@ -435,7 +435,7 @@ def test_an_attachment_may_be_in_its_own_finger_only(spawn):
 
 def test_a_home_out_of_reach_is_an_error():
     class Far(CubeOnTable):
-        home = Pose(np.array([2.0, 0.0, 0.5]))
+        home = Pose.xyz_rpy((2.0, 0.0, 0.5))
 
     with pytest.raises(UserError, match=r"can't reach the task's home \(2, 0, 0.5\)"):
         SpawnRules(on_panda(Far()), 0)

@@ -24,7 +24,7 @@ def test_a_factory_may_be_named(found):
 
 
 def test_a_factory_may_be_a_function(found):
-    def make(size: int = 2) -> Engine:
+    def make(size=2):
         return Engine(size)
 
     found.register(Offering(simulators={"grid": make}), "mine", "my-package")
@@ -74,7 +74,7 @@ def test_a_part_that_lacks_a_method_is_refused_with_its_plugin(found):
 
 
 def test_a_part_that_cannot_be_made_is_one_line(found):
-    def make() -> Engine:
+    def make():
         raise RuntimeError("no licence")
 
     found.register(Offering(simulators={"grid": make}), "mine", "my-package")

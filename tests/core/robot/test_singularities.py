@@ -7,14 +7,14 @@ from scipy.spatial.transform import Rotation
 from core.geometry import Pose
 from core.interfaces import Waypoints
 from core.plugins import installed
-from core.robot.kinematics import Arm, arm_of
+from core.robot.kinematics import arm_of
 from core.robot.trajectory import plan_motion
 
 HOME = Pose.xyz_rpy((0.45, 0.0, 0.4))
 
 
 @pytest.fixture(scope="module")
-def arm() -> Arm:
+def arm():
     return arm_of(installed().create("robot", "ur5"))
 
 

@@ -32,7 +32,7 @@ ROD = Tool(
         Component(
             "rod",
             "tool_mount",
-            Pose(np.array([0.0, 0.0, -0.1])),
+            Pose.xyz_rpy((0.0, 0.0, -0.1)),
             Box((0.02, 0.02, 0.2)),
         ),
     ),
@@ -59,7 +59,7 @@ class Canned(VLM):
                 yield reply
 
 
-def document(n_tool=1, n_action=1, **more) -> str:
+def document(n_tool=1, n_action=1, **more):
     strategy = {**URDF.dump(ROD), "action_sets": [PLAN] * n_action, **more}
     return json.dumps({"strategies": [strategy] * n_tool})
 

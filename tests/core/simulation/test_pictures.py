@@ -114,7 +114,7 @@ def test_a_run_shows_its_best_elite_and_so_does_one_that_goes_on(engine, tmp_pat
 class Shaky(toys.ToyEngine):
     """Its renderer breaks after ``whole`` pictures."""
 
-    def __init__(self, whole: int) -> None:
+    def __init__(self, whole):
         self.whole = whole
 
     def render(self, task, **view):

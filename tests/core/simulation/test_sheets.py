@@ -50,8 +50,8 @@ UNPAID = [("ElevatePlate", "mujoco", 2)]
 
 def swing(name, engine, mm):
     (length, width), end, plan = SWINGS[name]
-    sheet = Pose(np.array([0.01 + length / 2, 0.0, end * POST + mm / 2000]))
-    post = Pose(np.array([0.0, 0.0, end * POST / 2]))
+    sheet = Pose.xyz_rpy((0.01 + length / 2, 0.0, end * POST + mm / 2000))
+    post = Pose.xyz_rpy((0.0, 0.0, end * POST / 2))
     tool = Tool(
         (
             Component("post", "tool_mount", post, Box((0.03, 0.03, POST)), mass=0.1),

@@ -79,7 +79,7 @@ def test_contacts_of_tool_and_arm_are_told_apart_and_the_rest_has_a_clearance():
             Component(
                 "rod",
                 "tool_mount",
-                Pose(np.array([0.0, 0.0, -0.1])),
+                Pose.xyz_rpy((0.0, 0.0, -0.1)),
                 Box((0.02, 0.02, 0.2)),
             ),
         )

@@ -70,9 +70,9 @@ def test_a_sheet_that_goes_through_the_lowest_layer(thick, speed):
 @THIN
 def test_a_sheet_stuck_between_touching_parts_of_a_body(thick):
     """A little more than half of it is in the foot, the rest in the disc, that have no gap between them."""
-    foot = Geom(Cylinder(0.03, 0.02), Pose(np.array([0.0, 0.0, 0.01])))
-    disc = Geom(Cylinder(0.05, 0.01), Pose(np.array([0.0, 0.0, 0.025])))
-    plate = Body("plate", Pose(np.array([0.525, 0.0, 0.0])), 0.5, (), (foot, disc))
+    foot = Geom(Cylinder(0.03, 0.02), Pose.xyz_rpy((0.0, 0.0, 0.01)))
+    disc = Geom(Cylinder(0.05, 0.01), Pose.xyz_rpy((0.0, 0.0, 0.025)))
+    plate = Body("plate", Pose.xyz_rpy((0.525, 0.0, 0.0)), 0.5, (), (foot, disc))
     scene = Scene((table(), sheet(thick, low=0.02 - 0.52 * thick), plate))
     (found,) = pushed(scene, 0.06, [(0, 0, 0), (1, 0, 0)])
     assert "'plate'" in found

@@ -35,7 +35,7 @@ ROD = Tool(
         Component(
             "rod",
             "tool_mount",
-            Pose(np.array([0.0, 0.0, -0.1])),
+            Pose.xyz_rpy((0.0, 0.0, -0.1)),
             Box((0.02, 0.02, 0.2)),
         ),
     )
@@ -255,7 +255,7 @@ def test_a_tool_that_goes_through_a_wall(count):
 def test_a_component_with_a_joint_is_followed(swing, through):
     """The arm stays at home; the rod swings to the side where a wall is, or away from it."""
     wall = body("wall", Box((0.5, 0.005, 0.2)), (0.5, 0.06, 0.3), mass=0.0)
-    arms = np.tile(ARM.home_for(Pose(np.array([0.5, 0.0, 0.5]))), (26, 1))
+    arms = np.tile(ARM.home_for(Pose.xyz_rpy((0.5, 0.0, 0.5))), (26, 1))
     taken = recording(Scene((wall,)), {}, arms=arms)
     taken = replace(
         taken, fingers=np.column_stack([taken.fingers, straight(0.0, swing, 26)])
@@ -354,7 +354,7 @@ class Fenced(Task):
     name = "Fenced"
     description = "A ball before a wall."
     goals = (Placed(("ball",), place=(0.8, None, None)),)
-    home = Pose(np.array([0.3, 0.0, 0.75]))
+    home = Pose.xyz_rpy((0.3, 0.0, 0.75))
 
     def scene(self, seed):
         return Scene((table(), WALL, body("ball", Sphere(0.02), (0.4, 0.0, 0.02))))

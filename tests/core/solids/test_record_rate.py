@@ -22,7 +22,7 @@ def stick(thick):
             Component(
                 "stick",
                 "tool_mount",
-                Pose(np.array([0, 0, -0.1])),
+                Pose.xyz_rpy((0, 0, -0.1)),
                 Box((thick, thick, 0.2)),
             ),
         )

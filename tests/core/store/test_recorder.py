@@ -32,7 +32,7 @@ ROD = Tool(
         Component(
             "rod",
             "tool_mount",
-            Pose(np.array([0.0, 0.0, -0.1])),
+            Pose.xyz_rpy((0.0, 0.0, -0.1)),
             Box((0.02, 0.02, 0.2)),
         ),
     ),
@@ -42,7 +42,7 @@ PLAN = np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.1]])
 URDF = installed().create("tool", "urdf")
 
 
-def request() -> Request:
+def request():
     brief = Brief(
         BringCube(),
         0,
@@ -91,7 +91,7 @@ def opened(tmp_path):
     events.hook.run_ended()
 
 
-def rows(store: RunStore, query: str) -> list[tuple]:
+def rows(store, query):
     with sqlite3.connect(store.folder / "run.sqlite") as database:
         return database.execute(query).fetchall()
 

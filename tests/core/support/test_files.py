@@ -1,7 +1,5 @@
 """`core.support.files`: files are written whole, and a change is noticed."""
 
-from __future__ import annotations
-
 import os
 import time
 from pathlib import Path
@@ -12,7 +10,7 @@ from core.errors import UserError
 from core.support.files import file_mark, read_untrusted, write_whole
 
 
-def test_a_file_is_replaced_whole(tmp_path: Path) -> None:
+def test_a_file_is_replaced_whole(tmp_path):
     file = tmp_path / "reply.json"
     file.write_text("old")
     reader = file.open()
@@ -23,7 +21,7 @@ def test_a_file_is_replaced_whole(tmp_path: Path) -> None:
     assert [left.name for left in tmp_path.iterdir()] == ["reply.json"]
 
 
-def test_a_link_is_replaced_and_not_followed(tmp_path: Path) -> None:
+def test_a_link_is_replaced_and_not_followed(tmp_path):
     target, link = tmp_path / "precious", tmp_path / "reply.json"
     target.write_text("precious")
     link.symlink_to(target)
@@ -33,27 +31,27 @@ def test_a_link_is_replaced_and_not_followed(tmp_path: Path) -> None:
     assert link.read_text() == "reply"
 
 
-def test_what_an_ended_process_left_is_removed(tmp_path: Path) -> None:
+def test_what_an_ended_process_left_is_removed(tmp_path):
     (tmp_path / "reply.json.part").write_text("half of a rep")
     write_whole(tmp_path / "reply.json", b"reply")
     assert [left.name for left in tmp_path.iterdir()] == ["reply.json"]
 
 
-def test_processes_that_share_a_file_have_parts_of_their_own(tmp_path: Path) -> None:
+def test_processes_that_share_a_file_have_parts_of_their_own(tmp_path):
     other = tmp_path / "reply.json.part"
     other.write_text("half of a rep")
     write_whole(tmp_path / "reply.json", b"reply", shared=True)
     assert other.read_text() == "half of a rep"
 
 
-def test_what_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
+def test_what_cannot_be_written_leaves_nothing(tmp_path):
     (tmp_path / "taken").mkdir()
     with pytest.raises(OSError, match="taken"):
         write_whole(tmp_path / "taken", b"reply")
     assert [left.name for left in tmp_path.iterdir()] == ["taken"]
 
 
-def test_a_change_of_the_same_length_and_date_is_noticed(tmp_path: Path) -> None:
+def test_a_change_of_the_same_length_and_date_is_noticed(tmp_path):
     file = tmp_path / "reply.json"
     assert file_mark(file) is None
     file.write_text("one")
@@ -70,8 +68,8 @@ def test_a_change_of_the_same_length_and_date_is_noticed(tmp_path: Path) -> None
 
 
 def test_what_others_made_is_read_if_it_is_a_regular_file_of_bounded_size(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     file, link, pipe = tmp_path / "made", tmp_path / "link", tmp_path / "pipe"
     file.write_bytes(b"12345")
     link.symlink_to(file)

@@ -30,7 +30,7 @@ from tests.playing import evaluate_batch
 
 ACTIONS = AnchoredActions()
 CUBE = Pose.xyz_rpy((0.6, 0.1, 0.02), (0.0, 0.0, 0.5))
-SEEN = Seen({"cube": CUBE, "goal": Pose(np.array([0.6, -0.3, 0.0]))})
+SEEN = Seen({"cube": CUBE, "goal": Pose.xyz_rpy((0.6, -0.3, 0.0))})
 
 
 def plan(*steps, gripper=False):
@@ -294,7 +294,7 @@ def test_what_would_cost_too_much_is_refused_before_it_is_spent(steps, reason):
         Component(
             f"c{k}",
             "tool_mount",
-            Pose(np.array([0.0002 * k, 0.0, -0.01])),
+            Pose.xyz_rpy((0.0002 * k, 0.0, -0.01)),
             Box((0.0005, 0.02, 0.02)),
             0.0005,
         )
@@ -376,7 +376,7 @@ def test_here_is_where_the_last_guard_ended():
     np.testing.assert_allclose(
         nominal.poses[[1, 3], :3], nominal.poses[[0, 2], :3] + [0, 0, 0.02]
     )
-    felt = Pose(np.array([0.5, 0.0, 0.3]))
+    felt = Pose.xyz_rpy((0.5, 0.0, 0.3))
     again = steps.resolve(Seen(SEEN.poses, (None, felt)))
     np.testing.assert_allclose(again.poses[:3], nominal.poses[:3])
     np.testing.assert_allclose(again.poses[3, :3], [0.5, 0.0, 0.32])

@@ -20,14 +20,14 @@ PADDLE = Tool(
         Component(
             "shaft",
             "tool_mount",
-            Pose(np.array([0.0, 0.0, -0.13])),
+            Pose.xyz_rpy((0.0, 0.0, -0.13)),
             Box((0.03, 0.03, 0.26)),
             0.1,
         ),
         Component(
             "blade",
             "shaft",
-            Pose(np.array([0.0, 0.0, -0.145])),
+            Pose.xyz_rpy((0.0, 0.0, -0.145)),
             Box((0.12, 0.03, 0.05)),
             0.05,
         ),

@@ -50,7 +50,7 @@ class Throw(Task):
     name = "Throw"
     description = "Throw the cube, which lies on a post, into the tray."
     goals = ()
-    home = Pose(np.array([0.45, -0.3, 0.7]))
+    home = Pose.xyz_rpy((0.45, -0.3, 0.7))
 
     def scene(self, seed):
         ground = Body.of(

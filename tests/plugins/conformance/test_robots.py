@@ -7,18 +7,17 @@ import pytest
 
 from core.plugins import installed
 from core.robot.writing import write
-from core.values.robots import Robot
 from core.values.urdf import read_tree, read_xml
 from plugins.conformance.suites import SUITES, examine
 
 pytestmark = pytest.mark.slow
 
 
-def ur5(**changes: object) -> Robot:
+def ur5(**changes):
     return replace(installed().create("robot", "ur5"), **changes)
 
 
-def rewritten(*changes: tuple[str, str]) -> Robot:
+def rewritten(*changes):
     text = write(ur5().description)
     for old, new in changes:
         assert old in text
@@ -26,7 +25,7 @@ def rewritten(*changes: tuple[str, str]) -> Robot:
     return ur5(description=read_tree(read_xml(text.encode(), Path("ur5"))))
 
 
-def turned(joint: int, by: float) -> tuple[float, ...]:
+def turned(joint, by):
     home = list(ur5().home)
     home[joint] += by
     return tuple(home)

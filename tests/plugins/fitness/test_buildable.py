@@ -97,7 +97,7 @@ def test_neighbours_are_judged_each_for_itself(scoop):
     thin = Component(
         "wall",
         "tool_mount",
-        Pose(np.array([0.0, 0.0, -0.05])),
+        Pose.xyz_rpy((0.0, 0.0, -0.05)),
         Box((0.0006, 0.1, 0.1)),
         0.01,
     )

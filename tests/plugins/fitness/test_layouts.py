@@ -37,7 +37,7 @@ STICK = Tool(
         Component(
             "stick",
             "tool_mount",
-            Pose(np.array([0.0, 0.0, -0.1])),
+            Pose.xyz_rpy((0.0, 0.0, -0.1)),
             Box((0.02, 0.02, 0.2)),
             0.005,
         ),
@@ -126,7 +126,7 @@ def test_the_worst_quarter(rewards):
 
 
 def test_a_tool_that_overlaps_some_layouts_at_spawn_is_rejected_there_and_tried_in_the_others():
-    beside = Pose(np.array([0.25, -0.04, -0.48]))
+    beside = Pose.xyz_rpy((0.25, -0.04, -0.48))
     tool = Tool(
         (Component("bar", "tool_mount", beside, Box((0.5, 0.02, 0.02)), 0.005),)
     )
@@ -147,7 +147,7 @@ def test_a_tool_that_overlaps_some_layouts_at_spawn_is_rejected_there_and_tried_
 
 
 def test_a_tool_that_overlaps_every_layout_at_spawn_is_rejected():
-    inside = Pose(np.array([0.25, 0.0, -0.48]))
+    inside = Pose.xyz_rpy((0.25, 0.0, -0.48))
     tool = Tool(
         (Component("bar", "tool_mount", inside, Box((0.5, 0.02, 0.02)), 0.005),)
     )

@@ -7,14 +7,13 @@ from omegaconf import OmegaConf
 from core.config.compose import load, part
 from core.errors import UserError
 from core.interfaces import Trial
-from plugins.fitness.lean import Lean
 from tests.plugins.fitness.judging import judged
 from tests.plugins.fitness.test_layouts import STAY, WIDE
 
 NUMBERS = {"BringCube": [4.0, 0.005, None]}
 
 
-def fitness(references=NUMBERS, **settings) -> Lean:
+def fitness(references=NUMBERS, **settings):
     config = {"name": "lean", "references": references, "layouts": 1, **settings}
     return part("fitness", OmegaConf.create(config)).create(condition=WIDE)
 

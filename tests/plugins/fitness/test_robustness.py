@@ -176,7 +176,7 @@ def test_a_tool_grows_or_shrinks_about_its_mount_and_is_rougher_or_smoother():
         Compound(surface, (surface,)),
     )
     components = [
-        Component(f"part{n}", "tool_mount", Pose(np.array([0, 0, -0.1 * n])), shape)
+        Component(f"part{n}", "tool_mount", Pose.xyz_rpy((0, 0, -0.1 * n)), shape)
         for n, shape in enumerate(shapes)
     ]
     tool = Tool(tuple(components))

@@ -74,7 +74,7 @@ def generations(simulator):
     )
 
 
-def run_in(folder, simulator) -> Run:
+def run_in(folder, simulator):
     parts = {"task": "BringCube", "sim": "pybullet", "vlm": "canned"}
     return Run(
         folder,
@@ -103,7 +103,7 @@ def play(run, generations, **settings):
 class Recording:
     """Rows by entity path in the order of writing, static ones apart; ``sim_time`` in seconds."""
 
-    def __init__(self, file: Path) -> None:
+    def __init__(self, file):
         self.rows: dict[str, list[dict]] = defaultdict(list)
         self.static: dict[str, list[dict]] = defaultdict(list)
         reader = RrdReader(file)
@@ -129,11 +129,11 @@ class Recording:
         ]
         self.blueprint = "\n".join(arranged)
 
-    def column(self, path: str, name: str) -> list:
+    def column(self, path, name):
         """None where a row lacks it."""
         return [row.get(name) for row in self.rows[path]]
 
-    def values(self, path: str, name: str) -> list:
+    def values(self, path, name):
         """Of components that are logged one by one."""
         return [value for (value,) in self.column(path, name)]
 
@@ -284,7 +284,7 @@ def test_it_opens_arranged(recorded):
 # --- failures ---------------------------------------------------------------------------------------------------
 
 
-def said(capfd) -> list[str]:
+def said(capfd):
     """By us: in a run Rerun itself says nothing, but here it was imported by others before."""
     return [
         line

@@ -48,12 +48,12 @@ def test_a_tool_is_one_closed_body_in_millimetres():
 
 def test_a_tool_of_any_form_takes_its_meshes_along(tmp_path):
     head = Component(
-        "head", "tool_mount", Pose(np.array([0.0, 0.0, -0.08])), bowl(0.07, 0.01)
+        "head", "tool_mount", Pose.xyz_rpy((0.0, 0.0, -0.08)), bowl(0.07, 0.01)
     )
     flap = Component(
         "flap",
         "head",
-        Pose(np.array([0.0, 0.0, -0.085])),
+        Pose.xyz_rpy((0.0, 0.0, -0.085)),
         Box((0.02, 0.02, 0.02)),
         joint=FLAP,
     )

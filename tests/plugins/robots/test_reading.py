@@ -57,7 +57,7 @@ def test_the_arm_is_as_the_file_has_it(file):
         0.35 + 0.42 * np.cos(0.35) + 0.40 * np.cos(1.85) - 0.12,
     )
     np.testing.assert_allclose(above.position, (reached[0], 0.0, reached[1]), atol=1e-3)
-    assert arm.home_for(Pose(np.array([0.5, 0.0, 0.5]))).shape == (6,)
+    assert arm.home_for(Pose.xyz_rpy((0.5, 0.0, 0.5))).shape == (6,)
 
 
 def test_meshes_of_all_formats_and_units_have_their_size(file):

@@ -10,7 +10,7 @@ from plugins.conformance.suites import SUITES
 from plugins.robots.arms import measured
 
 # The home of most tasks, and where the base has to stand for it.
-HOME = Pose(np.array([0.5, 0.0, 0.5]))
+HOME = Pose.xyz_rpy((0.5, 0.0, 0.5))
 SHEETS = {
     "panda": (7, 3.0, True),
     "fr3": (7, 3.0, True),

@@ -1,26 +1,24 @@
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from core.config.compose import load
 from core.errors import UsageError
-from core.trial import Evaluation
 from plugins.trying.evaluate import evaluate
 from tests.solutions import TASKS as SOLVED
 
 TASKS = "task=several", "task.of=[BringCube,ElevatePlate]"
 
 
-def solution(task: str) -> dict[str, Any]:
+def solution(task):
     strategy: dict[str, Any] = json.loads(
         (SOLVED / "solutions" / f"{task}.json").read_text()
     )["strategies"][0]
     return strategy
 
 
-def tried(folder: Path, strategy: dict[str, Any], *words: str) -> list[Evaluation]:
+def tried(folder, strategy, *words):
     file = folder / "designs.json"
     file.write_text(json.dumps({"strategies": [strategy]}))
     return evaluate(
@@ -30,11 +28,11 @@ def tried(folder: Path, strategy: dict[str, Any], *words: str) -> list[Evaluatio
     )
 
 
-def several(*sets: list[dict[str, Any]]) -> dict[str, Any]:
+def several(*sets):
     return {**solution("BringCube"), "action": "several", "action_sets": list(sets)}
 
 
-def plan(task: str) -> dict[str, Any]:
+def plan(task):
     return {
         "task": task,
         "action": "waypoints",
@@ -42,7 +40,7 @@ def plan(task: str) -> dict[str, Any]:
     }
 
 
-def test_each_task_is_tried_with_its_own_plan(tmp_path: Path) -> None:
+def test_each_task_is_tried_with_its_own_plan(tmp_path):
     (alone,) = tried(
         tmp_path,
         {**solution("BringCube"), "action_sets": [plan("")["plan"]]},
@@ -63,7 +61,7 @@ def test_each_task_is_tried_with_its_own_plan(tmp_path: Path) -> None:
     )
 
 
-def test_the_worst_task_may_count(tmp_path: Path) -> None:
+def test_the_worst_task_may_count(tmp_path):
     (both,) = tried(
         tmp_path,
         several([plan("BringCube"), plan("ElevatePlate")]),
@@ -73,7 +71,7 @@ def test_the_worst_task_may_count(tmp_path: Path) -> None:
     assert both.reward == min(both.figures.values()) < both.figures["BringCube"]
 
 
-def test_a_plan_that_lacks_costs_its_task_alone(tmp_path: Path) -> None:
+def test_a_plan_that_lacks_costs_its_task_alone(tmp_path):
     wrong = {"task": "ElevatePlate", "plan": [[1, 2]]}
     lacks, unread = tried(
         tmp_path, several([plan("BringCube")], [plan("BringCube"), wrong]), *TASKS
@@ -85,8 +83,8 @@ def test_a_plan_that_lacks_costs_its_task_alone(tmp_path: Path) -> None:
 
 
 def test_a_tool_that_does_not_start_clear_in_one_task_is_tried_in_the_other(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     plans = several([plan("BringCube"), {**plan("BringCube"), "task": "LiftBox"}])
     (both,) = tried(tmp_path, plans, "task=several", "task.of=[BringCube,LiftBox]")
     clear, inside = both.trials
@@ -110,6 +108,6 @@ def test_a_tool_that_does_not_start_clear_in_one_task_is_tried_in_the_other(
         ),
     ],
 )
-def test_tasks_that_do_not_go_together(tmp_path: Path, of: str, said: str) -> None:
+def test_tasks_that_do_not_go_together(tmp_path, of, said):
     with pytest.raises(UsageError, match=said):
         tried(tmp_path, solution("BringCube"), "task=several", f"task.of={of}")

@@ -149,9 +149,9 @@ def test_a_spring_between_a_hammer_and_what_weighs_next_to_nothing_gives_its_ene
     axis = {"axis": (0.0, 0.0, 1.0), "origin": (-0.05, 0.0, 0.0)}
     turns = ToolJoint("hinge", lower=-3.0, upper=3.0, **axis)
     sprung = replace(turns, stiffness=10.0, rest=0.01)
-    low = Pose(np.array([0.0, 0.0, -0.021]))
+    low = Pose.xyz_rpy((0.0, 0.0, -0.021))
     post = Component("post", RIGID_MOUNT, low, SMALL, 0.05)
-    aside = Pose(np.array([0.05, 0.0, 0.0])) @ low
+    aside = Pose.xyz_rpy((0.05, 0.0, 0.0)) @ low
     bearer = Component("bearer", "post", aside, SMALL, 0.001, joint=turns)
     hammer = Component("hammer", "bearer", low, SMALL, 0.065, joint=sprung)
     job = Rollout(Tool((post, bearer, hammer)), still(), 0, 0.1, 0.5, record_hz=1e4)

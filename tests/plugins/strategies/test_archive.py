@@ -89,7 +89,7 @@ def test_the_extent_is_the_longest_side_of_all_components_together():
     assert measure_extent(hook(0.3)) == pytest.approx(0.303)
     assert measure_extent(Tool()) == 0
     pad = Component(
-        "pad", "left_finger", Pose(np.array([9.0, 0.0, 0.0])), Box((0.02, 0.01, 0.05))
+        "pad", "left_finger", Pose.xyz_rpy((9.0, 0.0, 0.0)), Box((0.02, 0.01, 0.05))
     )
     assert measure_extent(Tool((pad,), gripper=True)) == pytest.approx(0.05)
 

@@ -80,14 +80,14 @@ def heavy(joint):
     post = Component(
         "post",
         "tool_mount",
-        Pose(np.array([0.0, 0.0, -0.15])),
+        Pose.xyz_rpy((0.0, 0.0, -0.15)),
         Box((0.03, 0.03, 0.3)),
         0.05,
     )
     block = Component(
         "block",
         "post",
-        Pose(np.array([0.05, 0.0, 0.0])),
+        Pose.xyz_rpy((0.05, 0.0, 0.0)),
         Box((0.07, 0.2, 0.2)),
         1.0,
         joint=joint,
@@ -142,7 +142,7 @@ def test_all_springs_of_a_tool_share_an_energy():
     one = heavy(hinge(stiffness=1.4, lower=-0.1, upper=0.1, rest=1.4))
     check_joints(one, PANDA, PAPER)
     again = replace(
-        one.components[1], name="other", pose=Pose(np.array([-0.05, 0.0, 0.0]))
+        one.components[1], name="other", pose=Pose.xyz_rpy((-0.05, 0.0, 0.0))
     )
     with pytest.raises(
         DesignError, match=r"springs hold 3.15 J .* give 'block' a smaller range"
@@ -201,7 +201,7 @@ def test_a_joint_moves_something():
 def test_number_of_joints():
     components, parent = [*hinged(0.2, hinge()).components[:1]], "post"
     for i in range(9):
-        at = Pose(np.array([0.0, 0.0, -0.06 if i == 0 else -0.02]))
+        at = Pose.xyz_rpy((0.0, 0.0, -0.06 if i == 0 else -0.02))
         components.append(
             Component(
                 f"c{i}",
@@ -228,7 +228,7 @@ def test_what_a_joint_moves():
     own = 0.1 * (0.2**2 + 0.01**2) / 12 + 0.1 * 0.1**2
     assert inertia_of(tool) == pytest.approx(own)
     more = Component(
-        "tip", "rod", Pose(np.array([0.0, 0.0, -0.11])), Box((0.02, 0.02, 0.02)), 0.05
+        "tip", "rod", Pose.xyz_rpy((0.0, 0.0, -0.11)), Box((0.02, 0.02, 0.02)), 0.05
     )
     both = own + 0.05 * (0.02**2 / 6 + 0.21**2)
     assert inertia_of(Tool((*tool.components, more))) == pytest.approx(both)
@@ -238,7 +238,7 @@ def test_what_a_joint_moves():
 
 def on_carriage(mass, **resisting):
     """A hammer of 65 g on a slider, borne by a carriage of this mass on another slider."""
-    post = Component("post", "tool_mount", Pose(np.array([0, 0, -0.1])), SMALL, 0.05)
+    post = Component("post", "tool_mount", Pose.xyz_rpy((0, 0, -0.1)), SMALL, 0.05)
     slide = ToolJoint("slider", (1, 0, 0), -0.005, 0.005)
     carriage = Component("carriage", "post", Pose(), SMALL, mass, joint=slide)
     sprung = replace(slide, **resisting)
@@ -267,7 +267,7 @@ def test_what_bears_a_spring_or_damper_gives_way_too(resisting, fault):
 
 def test_what_bears_a_spring_gives_way_where_it_is_lightest():
     """The hinge of the arm passes the middle of what the slider moves, and no longer at the end of its range."""
-    post = Component("post", "tool_mount", Pose(np.array([0, 0, -0.1])), SMALL, 0.05)
+    post = Component("post", "tool_mount", Pose.xyz_rpy((0, 0, -0.1)), SMALL, 0.05)
     turns = ToolJoint("hinge", (1, 0, 0), -0.1, 0.1)
     arm = Component("arm", "post", Pose(), SMALL, 0.01, joint=turns)
     slides = ToolJoint("slider", (0, 1, 0), 0.0, 0.1)
@@ -287,7 +287,7 @@ def test_springs_make_nothing_faster_than_engines_can_follow():
 
 
 def sprung_paddle(mass):
-    post = Component("post", "tool_mount", Pose(np.array([0, 0, -0.1])), SMALL, 0.05)
+    post = Component("post", "tool_mount", Pose.xyz_rpy((0, 0, -0.1)), SMALL, 0.05)
     spring = ToolJoint(
         "hinge", (1, 0, 0), 0.0, 2.0, (0, 0, 0.1), stiffness=0.62, rest=2.5
     )

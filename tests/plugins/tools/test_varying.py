@@ -39,7 +39,7 @@ def chain(shapes):
         Component(
             "part0",
             RIGID_MOUNT,
-            Pose(np.array([0.0, 0.0, -shapes[0].bounds[1][2] / 2])),
+            Pose.xyz_rpy((0.0, 0.0, -shapes[0].bounds[1][2] / 2)),
             shapes[0],
             0.05,
         )
@@ -50,7 +50,7 @@ def chain(shapes):
             Component(
                 f"part{number}",
                 f"part{number - 1}",
-                Pose(np.array([0.0, 0.0, down])),
+                Pose.xyz_rpy((0.0, 0.0, down)),
                 shape,
                 0.05,
             )

@@ -30,9 +30,7 @@ SOLUTION = (ROOT / "tests/tasks/solutions/BringCube.json").read_text()
 class Priced(VLM):
     """Answers at a cost; ``earns`` is what tests let its designs earn."""
 
-    def __init__(
-        self, model: str = "one", earns: float = 0.5, cost: float | None = None
-    ) -> None:
+    def __init__(self, model="one", earns=0.5, cost=None):
         self.model = model
         self.earns = earns
         self.cost = cost

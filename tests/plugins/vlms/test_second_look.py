@@ -4,7 +4,6 @@ import json
 import re
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from core.config.schemas import PromptSettings
@@ -115,7 +114,7 @@ def test_it_goes_back_as_often_as_is_asked_for():
 
 
 def test_a_tool_that_does_not_start_clear_goes_back_too():
-    pose = Pose(np.array([0.0, 0.0, -0.3]))
+    pose = Pose.xyz_rpy((0.0, 0.0, -0.3))
     rod = replace(ROD.components[0], pose=pose, shape=Box((0.02, 0.02, 0.6)))
     long = {**SOUND, **URDF.dump(replace(ROD, components=(rod,)))}
     vlm = answering(text_of(long), text_of(SOUND))
@@ -125,7 +124,7 @@ def test_a_tool_that_does_not_start_clear_goes_back_too():
 
 
 def test_faults_of_tool_start_and_plan_go_back_together():
-    pose = Pose(np.array([0.0, 0.0, -0.3]))
+    pose = Pose.xyz_rpy((0.0, 0.0, -0.3))
     rod = replace(ROD.components[0], pose=pose, shape=Box((0.02, 0.02, 0.6)))
     long = {**ONE_PLAN, **URDF.dump(replace(ROD, components=(rod,)))}
     vlm = answering(text_of(long), text_of(SOUND))

@@ -13,9 +13,7 @@ SCENE = TASK.scene(0)
 START = SCENE.complete(SCENE.state())
 
 
-def reward(
-    raised: float, slid: float = 0.0, roll: float = 0.0, speed: float = 0.0
-) -> float:
+def reward(raised, slid=0.0, roll=0.0, speed=0.0):
     """The reward of a stone whose near edge was raised about its far edge."""
     far = Pose.xyz_rpy((LENGTH / 2, 0.0, -HEIGHT / 2))
     turn = Pose.xyz_rpy((slid, 0.0, 0.0), (roll, np.arcsin(raised / LENGTH), 0.0))
@@ -30,7 +28,7 @@ def reward(
     return float(TASK.reward(START, end))
 
 
-def test_the_reward_rises_to_1_in_the_range_and_falls_above_it() -> None:
+def test_the_reward_rises_to_1_in_the_range_and_falls_above_it():
     up = [reward(raised) for raised in np.linspace(0.0, 0.026, 14)]
     assert up[0] == 0.0
     assert (np.diff(up) >= 0).all()
@@ -48,5 +46,5 @@ def test_the_reward_rises_to_1_in_the_range_and_falls_above_it() -> None:
         pytest.param({"raised": -0.03}, 0.0, id="pressed down"),
     ],
 )
-def test_what_earns_nothing(case: dict[str, float], most: float) -> None:
+def test_what_earns_nothing(case, most):
     assert reward(**case) <= most + 1e-6

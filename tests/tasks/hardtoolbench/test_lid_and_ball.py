@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.geometry import Array
 from core.scene import Trace
 from tasks.hardtoolbench.lid_and_ball import (
     BALL_RADIUS,
@@ -25,12 +24,12 @@ ASIDE = POT + np.array([0.0, 0.28, LID_THICKNESS / 2])
 
 
 def reward(
-    lid: Array = ASIDE,
-    ball: Array = BOWL,
-    fall: float = 0.1,
-    held: bool = False,
-    slides: float = 0.0,
-) -> float:
+    lid=ASIDE,
+    ball=BOWL,
+    fall=0.1,
+    held=False,
+    slides=0.0,
+):
     """The reward of a lid and a ball that end elsewhere, after the lid fell at most so fast and slides."""
     velocities = np.array([[slides, 0.0, 0.0], [0.0, 0.0, 0.0]])
     end = replace(START, positions=np.stack([lid, ball]), linear_velocities=velocities)
@@ -46,7 +45,7 @@ def reward(
     )
 
 
-def test_both_count() -> None:
+def test_both_count():
     assert reward() == 1.0
     assert reward(ball=START.position("ball")) == pytest.approx(0.25)
     assert reward(lid=START.position("lid")) == 0.0
@@ -56,13 +55,13 @@ def test_both_count() -> None:
     "off", [(0.0, 0.0, 0.04), (BOWL_RADIUS + BALL_RADIUS + WALL, 0.0, BALL_RADIUS)]
 )
 def test_a_ball_held_over_the_bowl_in_it_or_left_beside_it_is_not_in_it(
-    off: tuple[float, ...],
-) -> None:
+    off,
+):
     assert 0.4 < reward(ball=BOWL + np.array(off)) <= 0.5 + 1e-9
     assert reward(held=True) == pytest.approx(0.5)
 
 
-def test_the_reward_rises_on_the_ball_s_way() -> None:
+def test_the_reward_rises_on_the_ball_s_way():
     out = POT + np.array([0.0, -POT_RADIUS - 0.01, 0.0])
     rewards = [
         reward(ball=out + share * (BOWL - out)) for share in np.linspace(0.0, 1.0, 11)
@@ -89,15 +88,15 @@ def test_the_reward_rises_on_the_ball_s_way() -> None:
         ),
     ],
 )
-def test_what_earns_nothing(case: dict[str, Array], most: float) -> None:
+def test_what_earns_nothing(case, most):
     assert reward(**case) <= most  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("height", "earned"), [(0.008, 1.0), (0.033, 0.0)])
 @pytest.mark.parametrize("late", [0.001, 0.012, 0.025, 0.039])
 def test_a_fall_that_ends_between_two_instants_is_as_fast_as_it_was(
-    height: float, earned: float, late: float
-) -> None:
+    height, earned, late
+):
     """From 33 mm the lid is 0.8 m/s fast where it lands, and up to 0.39 m/s slower at the last instant before."""
     times = np.arange(-3, 6) / 25 + late
     z = np.maximum(height - 9.81 * np.maximum(times, 0.0) ** 2 / 2, 0.0)

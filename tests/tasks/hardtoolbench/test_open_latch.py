@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.geometry import Array
-from core.scene import Pose, State
+from core.scene import Pose
 from core.values.joints import Placement
 from tasks.hardtoolbench.open_latch import OPEN, OpenLatch
 
@@ -16,9 +15,7 @@ START = SCENE.complete(SCENE.state())
 STILL = np.zeros(3)
 
 
-def ended(
-    angle: float, speed: float = 0.0, shift: Array = STILL, tilt: float = 0.0
-) -> State:
+def ended(angle, speed=0.0, shift=STILL, tilt=0.0):
     """The end of a door at an angle, and a glass that was moved."""
     parent = Placement.at_rest(SCENE["cabinet"].pose)
     leaf = START.joints["hinge"].carry(np.asarray(angle), np.asarray(speed), parent)
@@ -32,14 +29,12 @@ def ended(
     )
 
 
-def reward(
-    angle: float, speed: float = 0.0, shift: Array = STILL, tilt: float = 0.0
-) -> float:
+def reward(angle, speed=0.0, shift=STILL, tilt=0.0):
     """The reward of such an end."""
     return float(TASK.reward(START, ended(angle, speed, shift, tilt)))
 
 
-def test_the_reward_rises_with_the_angle() -> None:
+def test_the_reward_rises_with_the_angle():
     rewards = [reward(angle) for angle in np.linspace(0.0, OPEN, 19)]
     assert rewards[0] == rewards[1] == 0.0  # the latch has not let go
     assert (np.diff(rewards) >= 0).all()
@@ -59,11 +54,11 @@ def test_the_reward_rises_with_the_angle() -> None:
         ),
     ],
 )
-def test_what_costs(case: dict[str, float], most: float) -> None:
+def test_what_costs(case, most):
     assert reward(1.0, **case) <= most  # type: ignore[arg-type]
 
 
-def test_margins_of_the_glass_and_of_the_door() -> None:
+def test_margins_of_the_glass_and_of_the_door():
     glass, door = TASK.margins(
         START, ended(OPEN + 0.1, shift=np.array([0.005, 0.0, 0.0]))
     )

@@ -70,14 +70,14 @@ def test_a_plate_that_presses_the_cards_presses_the_board(engine):
     post = Component(
         "post",
         "tool_mount",
-        Pose(np.array([0.0, 0.0, -0.05])),
+        Pose.xyz_rpy((0.0, 0.0, -0.05)),
         Box((0.02, 0.02, 0.1)),
         0.05,
     )
     plate = Component(
         "plate",
         "post",
-        Pose(np.array([0.0, 0.0, -0.055])),
+        Pose.xyz_rpy((0.0, 0.0, -0.055)),
         Box((0.03, 0.37, 0.01)),
         0.1,
     )

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.geometry import Array, Pose
+from core.geometry import Pose
 from core.scene import State
 from tasks.hardtoolbench.turn_disc import TurnDisc
 
@@ -15,7 +15,7 @@ START = SCENE.complete(SCENE.state())
 MARK = START.position("mark")
 
 
-def reward(degrees: float, at: Array = MARK, speed: float = 0.0) -> float:
+def reward(degrees, at=MARK, speed=0.0):
     """The reward of a disc that is turned by so much, about an axis across the board."""
     turned = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, np.radians(degrees), 0.0)).quaternion
     end = replace(
@@ -28,14 +28,14 @@ def reward(degrees: float, at: Array = MARK, speed: float = 0.0) -> float:
     return float(TASK.reward(START, end))
 
 
-def test_the_reward_rises_with_the_turn() -> None:
+def test_the_reward_rises_with_the_turn():
     rewards = [reward(degrees) for degrees in range(0, 181, 5)]
     assert rewards[0] == 0.0
     assert (np.diff(rewards) >= 0).all()
     assert rewards[-1] == rewards[-4] == 1.0  # 165 degrees
 
 
-def test_the_reward_falls_with_the_distance_from_the_mark() -> None:
+def test_the_reward_falls_with_the_distance_from_the_mark():
     rewards = [
         reward(180.0, MARK + np.array([away, 0.0, 0.0]))
         for away in np.linspace(0.0, 0.2, 21)
@@ -63,7 +63,5 @@ def test_the_reward_falls_with_the_distance_from_the_mark() -> None:
         pytest.param(180.0, MARK, 1.0, 0.0, id="still in motion"),
     ],
 )
-def test_what_earns_little(
-    degrees: float, at: Array, speed: float, most: float
-) -> None:
+def test_what_earns_little(degrees, at, speed, most):
     assert reward(degrees, at, speed) <= most + 1e-9

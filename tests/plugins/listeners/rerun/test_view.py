@@ -61,7 +61,7 @@ def test_the_page_is_served_here_and_nowhere_else_until_an_interrupt(folder):
     assert all(closes(port) for port in (address.port, data.port))
 
 
-def closes(port: int) -> bool:
+def closes(port):
     """The signal has been sent to the server's own child too, which may need a moment."""
     deadline = time.monotonic() + 10
     while listens(port) and time.monotonic() < deadline:
@@ -69,7 +69,7 @@ def closes(port: int) -> bool:
     return not listens(port)
 
 
-def elsewhere() -> set[str]:
+def elsewhere():
     """This machine's other addresses: loopback has a whole range."""
     named = socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)
     return {str(entry[4][0]) for entry in named} - {"127.0.0.1"} | {"127.0.0.2"}

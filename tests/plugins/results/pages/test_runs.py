@@ -18,7 +18,7 @@ from tests.core.run_folders import result, write_run
 pytestmark = pytest.mark.slow
 
 
-def folder_state(folder: Path) -> dict[str, tuple[int, int]]:
+def folder_state(folder):
     return {
         str(p.relative_to(folder)): (p.stat().st_mtime_ns, p.stat().st_size)
         for p in sorted(folder.rglob("*"))

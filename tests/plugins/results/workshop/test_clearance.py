@@ -26,7 +26,7 @@ def post(length, mass=0.1):
             Component(
                 "post",
                 "tool_mount",
-                Pose(np.array([0, 0, -length / 2])),
+                Pose.xyz_rpy((0, 0, -length / 2)),
                 Box((0.02, 0.02, length)),
                 mass,
             ),
@@ -75,7 +75,7 @@ def test_torques_of_an_arm_at_rest_are_those_of_weights():
 
 
 def test_a_box_below_the_flange():
-    pose = Pose(np.array([0.0, 0.0, -0.1]))
+    pose = Pose.xyz_rpy((0.0, 0.0, -0.1))
     box = Component("box", "tool_mount", pose, Box((0.1, 0.1, 0.2)), mass=2.0)
     found = payload(PANDA, Tool((box,)))
     assert found["frame"] == "panda_link8"

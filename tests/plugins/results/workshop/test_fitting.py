@@ -28,7 +28,7 @@ def box(name, at, size, parent="tool_mount"):
 
 
 POST = Component(
-    "post", "tool_mount", Pose(np.array([0.0, 0.0, -0.06])), Cylinder(0.012, 0.12)
+    "post", "tool_mount", Pose.xyz_rpy((0.0, 0.0, -0.06)), Cylinder(0.012, 0.12)
 )
 
 

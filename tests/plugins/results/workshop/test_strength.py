@@ -26,7 +26,7 @@ def bar(name, parent, top, length, thick, mass=0.1):
     return Component(
         name,
         parent,
-        Pose(np.array([0.0, 0.0, top - length / 2])),
+        Pose.xyz_rpy((0.0, 0.0, top - length / 2)),
         Box((thick, thick, length)),
         mass,
     )

@@ -1,6 +1,5 @@
 """A tool's files, read back by others; what is said against it; and what it earns as it is built."""
 
-import numpy as np
 import pytest
 import trimesh
 
@@ -19,7 +18,7 @@ PLA = Material("pla", 1240.0, infill=0.2, wall_mm=1.2)
 
 
 def at(x, y, z):
-    return Pose(np.array([x, y, z]))
+    return Pose.xyz_rpy((x, y, z))
 
 
 LONG = Tool(

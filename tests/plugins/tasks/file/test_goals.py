@@ -89,7 +89,7 @@ def test_soft_bodies_get_a_node_to_a_place_flat_and_wide():
         "slab",
         form,
         Elastic(400, 5e3),
-        Pose(np.array([0.5, 0, 0.02])),
+        Pose.xyz_rpy((0.5, 0, 0.02)),
         color=RED,
     )
     start = Scene((slab,)).state()

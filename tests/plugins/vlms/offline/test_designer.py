@@ -281,7 +281,7 @@ def test_given_tools_get_plans_only(name):
     assert [design.problem for design in designs] == [None] * 4
 
 
-def rewards(task, designs: list[Candidate]) -> list[float]:
+def rewards(task, designs):
     simulator = installed().create("sim", "pybullet")
     return [
         evaluation.reward

@@ -47,20 +47,18 @@ ROD = Tool(
         Component(
             "rod",
             "tool_mount",
-            Pose(np.array([0.0, 0.0, -0.1])),
+            Pose.xyz_rpy((0.0, 0.0, -0.1)),
             Box((0.02, 0.02, 0.2)),
         ),
     )
 )
 
 
-def trial(layout=0, engine="mujoco", **given) -> Trial:
+def trial(layout=0, engine="mujoco", **given):
     return Trial(Where("Slide", engine, layout), **given)
 
 
-def tried(
-    number=0, reward=0.5, seen: Observation | None = SEEN, generation=0, **given
-) -> Evaluation:
+def tried(number=0, reward=0.5, seen=SEEN, generation=0, **given):
     """A candidate with one trial, of which ``given`` are further fields."""
     return tried_in(
         trial(reward=reward, observation=seen, **given),
@@ -69,9 +67,7 @@ def tried(
     )
 
 
-def tried_in(
-    *trials: Trial, reward: float | None = None, shown=0, number=0, generation=0
-) -> Evaluation:
+def tried_in(*trials, reward=None, shown=0, number=0, generation=0):
     candidate = Candidate(
         ROD, np.zeros((1, 6)), generation, 0, number // 10, number % 10
     )

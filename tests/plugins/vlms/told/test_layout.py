@@ -9,7 +9,7 @@ import pytest
 from core.geometry import Pose
 from core.interfaces import Task
 from core.plugins import installed
-from core.scene import Body, Box, Cylinder, Geom, Mesh, Scene, Sphere, State
+from core.scene import Body, Box, Cylinder, Geom, Mesh, Scene, Sphere
 from plugins.conformance.checking import ready
 from plugins.vlms.told.layout import layout_table
 
@@ -28,7 +28,7 @@ def rows_of(*bodies):
         def scene(self, seed):
             return Scene(bodies)
 
-        def reward(self, start: State, end: State):
+        def reward(self, start, end):
             return np.zeros(len(end.positions))
 
     lines = layout_table(Still(), 0).splitlines()[2:]
@@ -96,21 +96,21 @@ def walls(size, thickness, bottom):
     """A box of walls, open on top, with or without a bottom; its frame is in the middle."""
     x, y, z = np.array(size) / 2
     parts = [
-        Geom(Box((thickness, 2 * y, 2 * z)), Pose(np.array([side * x, 0, 0])))
+        Geom(Box((thickness, 2 * y, 2 * z)), Pose.xyz_rpy((side * x, 0, 0)))
         for side in (-1, 1)
     ]
     parts += [
-        Geom(Box((2 * x, thickness, 2 * z)), Pose(np.array([0, side * y, 0])))
+        Geom(Box((2 * x, thickness, 2 * z)), Pose.xyz_rpy((0, side * y, 0)))
         for side in (-1, 1)
     ]
-    parts += [Geom(Box((2 * x, 2 * y, thickness)), Pose(np.array([0, 0, -z])))] * bottom
+    parts += [Geom(Box((2 * x, 2 * y, thickness)), Pose.xyz_rpy((0, 0, -z)))] * bottom
     return tuple(parts)
 
 
 def test_the_inside_of_a_hollow_body():
     box, frame = walls((0.4, 0.3, 0.2), 0.02, True), walls((0.4, 0.3, 0.2), 0.02, False)
     rows = rows_of(
-        Body("bin", Pose(np.array([1.0, 0.5, 0.1])), 0.0, box, box),
+        Body("bin", Pose.xyz_rpy((1.0, 0.5, 0.1)), 0.0, box, box),
         Body("frame", Pose.xyz_rpy((1.0, -0.5, 0.1), (0, 0, 0.3)), 1.0, frame, frame),
         Body("stack", Pose(), 1.0, box[:3], (Geom(Box((1, 1, 1))), *box[:2])),
     )

@@ -11,12 +11,11 @@ import pytest
 from core.config.compose import load, part
 from core.designs.reading import load_designs, read_designs
 from core.goals import Away, JointAt, Placed, Turned, Untouched
-from core.interfaces import Observation, Outcome, Recording, RolloutSettings
+from core.interfaces import Outcome, Recording, RolloutSettings
 from core.plugins import installed
 from core.scene import Body, Box, Joint, Pose, Scene, State, table
 from core.store.columns import trial_row
 from core.store.rows import load_trial
-from core.trial import Evaluation
 from plugins.conformance.evaluations import tried_once
 from plugins.vlms.told.feedback import describe, elite_feedback
 from tasks.bring_cube import BringCube
@@ -34,7 +33,7 @@ OBSERVED = RolloutSettings(observe=True)
 
 
 @cache
-def evaluations(file: Path, settings=None, engine="mujoco") -> tuple[Evaluation, ...]:
+def evaluations(file, settings=None, engine="mujoco"):
     cfg = load("evaluate", [f"task={file.stem}"])
     task = part("task", cfg.task).create()
     candidates = read_designs(load_designs(file), part("tool", cfg.tool).create(), task)
@@ -42,7 +41,7 @@ def evaluations(file: Path, settings=None, engine="mujoco") -> tuple[Evaluation,
     return tuple(evaluate_batch(task, simulator(engine), candidates, 0, observed))
 
 
-def observed(file: Path) -> dict[str, Observation]:
+def observed(file):
     found = {}
     for evaluation in evaluations(file):
         assert (evaluation.status, evaluation.reason) == ("ok", "")

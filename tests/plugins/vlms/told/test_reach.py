@@ -13,7 +13,7 @@ from core.robot.trajectory import plan_motion
 from plugins.vlms.told.reach import PITCHES, compute_reach, span_at, turns_at
 from tests.panda import ARM, PANDA
 
-HOME = Pose(np.array([0.5, 0.0, 0.5]))
+HOME = Pose.xyz_rpy((0.5, 0.0, 0.5))
 
 
 @cache
