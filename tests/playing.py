@@ -93,8 +93,8 @@ def evaluate_batch(
     task: Task,
     simulator: Simulator,
     candidates: Sequence[Candidate],
-    seed: int,
-    settings: RolloutSettings,
+    seed: int = 0,
+    settings: RolloutSettings | None = None,
 ) -> list[Evaluation]:
     """Try candidates in one layout; the evaluation of each has one trial."""
     trials = play(condition(task, simulator, seed, settings), candidates)

@@ -55,7 +55,9 @@ def played(name, engine="mujoco", **settings):
     """Play an attack: evaluations, and what was recorded."""
     task, read = candidates(name)
     watched = Watched(simulator(engine))
-    evaluations = evaluate_batch(task, watched, read, 0, RolloutSettings(**settings))
+    evaluations = evaluate_batch(
+        task, watched, read, settings=RolloutSettings(**settings)
+    )
     return evaluations, [outcome.recording for outcome in watched.outcomes]
 
 
@@ -175,6 +177,6 @@ def test_a_part_that_strikes_through_a_wall_pays_where_nobody_looks(
     task, read = candidates("DislodgeCube")
     engine = installed().create("sim", "mujoco")
     settings = RolloutSettings(penetration=penetration)
-    (evaluation,) = evaluate_batch(task, engine, read, 0, settings)
+    (evaluation,) = evaluate_batch(task, engine, read, settings=settings)
     assert evaluation.reward == pytest.approx(reward, abs=0.02)
     assert reason in evaluation.reason

@@ -31,7 +31,7 @@ from core.designs.reading import dump_design, read_designs
 from core.designs.springs import measure_lightness
 from core.errors import choices
 from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
-from core.interfaces import Numbers, RolloutSettings, Simulator, Task
+from core.interfaces import Numbers, Simulator, Task
 from core.plugins import PluginPart, installed
 from core.support.cli import arguments, command
 from core.trial import Evaluation
@@ -462,9 +462,7 @@ class _Search:
     def tried(self, candidates: list[Candidate]) -> list[tuple[Evaluation, float]]:
         """Play candidates; those that could be played, with what each lacks to be absurd."""
         sound = [candidate for candidate in candidates if candidate.problem is None]
-        evaluations = evaluate_batch(
-            self.task, self.simulator, sound, self.pair.seed, RolloutSettings()
-        )
+        evaluations = evaluate_batch(self.task, self.simulator, sound, self.pair.seed)
         jobs = zip(self.simulator.jobs, self.simulator.outcomes, strict=True)
         played = {id(job.tool): (job, outcome.recording) for job, outcome in jobs}
         ranked = []

@@ -39,9 +39,7 @@ def candidate_of(name):
 
 
 def play(name, engine, candidate):
-    (evaluation,) = evaluate_batch(
-        task_of(name), simulator(engine), [candidate], 0, RolloutSettings()
-    )
+    (evaluation,) = evaluate_batch(task_of(name), simulator(engine), [candidate])
     assert evaluation.status == "ok"
     return evaluation
 

@@ -6,7 +6,6 @@ import pytest
 
 from core.designs.reading import load_designs, read_designs
 from core.errors import UserError
-from core.interfaces import RolloutSettings
 from core.plugins import installed
 from tests.engines import every_simulator, simulator
 from tests.playing import evaluate_batch
@@ -27,7 +26,6 @@ def tried(scene, engine, variation="none", seeds=(0,)):
             simulator(engine),
             read_designs(designs, boxes, task),
             seed,
-            RolloutSettings(),
         )[0]
         for seed in seeds
     ]

@@ -288,7 +288,7 @@ def test_doing_nothing_earns_nothing_where_rewards_read_traces(name, engine):
     task = task_of(name, "wide")
     home = Waypoints(np.array([[*task.home.position, *task.home.rpy]]))
     (evaluation,) = evaluate_batch(
-        task, simulator(engine), [Candidate(Tool(), home)], 0, PROTOCOL
+        task, simulator(engine), [Candidate(Tool(), home)], settings=PROTOCOL
     )
     assert (evaluation.status, evaluation.reason) == ("ok", "")
     assert 0 <= evaluation.reward < 0.02
@@ -355,9 +355,7 @@ def test_the_reference_solution_solves_it(name, engine):
     task = task_of(name)
     candidates = solutions(name)
     assert [candidate.problem for candidate in candidates] == [None] * len(candidates)
-    evaluations = evaluate_batch(
-        task, simulator(engine), candidates, 0, RolloutSettings()
-    )
+    evaluations = evaluate_batch(task, simulator(engine), candidates)
     best = max(evaluations, key=lambda e: e.reward)
     assert best.status == "ok"
     assert best.reward >= 0.95

@@ -79,7 +79,7 @@ def test_without_its_fixture_it_earns_nothing(task):
     strategy = {key: value for key, value in STRATEGY.items() if key != FIXTURE}
     designs = [read(task, strategy), read(task, STRATEGY)]
     settings = RolloutSettings()
-    found = evaluate_batch(task, simulator("mujoco"), designs, 0, settings)
+    found = evaluate_batch(task, simulator("mujoco"), designs, settings=settings)
     assert [evaluation.reward for evaluation in found] == [0, 1]
 
 

@@ -24,7 +24,9 @@ SETTINGS = RolloutSettings(settle_s=0, hold_s=0)
 
 
 def evaluated(*candidates, task=None, engine=None, settings=SETTINGS):
-    return evaluate_batch(task or Slide(), engine or Faulty(), candidates, 0, settings)
+    return evaluate_batch(
+        task or Slide(), engine or Faulty(), candidates, settings=settings
+    )
 
 
 def test_what_breaks_a_rule_is_not_tried_and_the_order_is_kept():

@@ -63,7 +63,7 @@ def swing(name, engine, mm):
     task = installed().create("task", name)
     settings = RolloutSettings(penetration="warn")
     (evaluation,) = evaluate_batch(
-        task, simulator(engine), [Candidate(tool, np.array(plan))], 0, settings
+        task, simulator(engine), [Candidate(tool, np.array(plan))], settings=settings
     )
     return evaluation
 

@@ -14,7 +14,6 @@ from core.errors import UsageError
 from core.geometry import Box, Cylinder, Pose, Sphere
 from core.goals import Placed
 from core.interfaces import (
-    JointTrajectory,
     Outcome,
     Recording,
     Rollout,
@@ -23,6 +22,7 @@ from core.interfaces import (
     Task,
 )
 from core.plugins import installed
+from core.robot.trajectory import at_home
 from core.scene import Body, Scene, State, table
 from core.solids.penetration import Explosion, findings
 from plugins.conformance.releases import hinge, hinged
@@ -54,25 +54,21 @@ def recording(scene, paths, hz=HZ, arms=None, quaternions=None, velocities=None)
     """Record free bodies at ``paths`` (T, 3), by name; the arm is far from them by default (``arms``: (T, 7))."""
     count = len(arms) if arms is not None else len(next(iter(paths.values())))
     away = np.tile([2.8, *ARM.home[1:]], (count, 1))
-    free = scene.free
-    positions = (
-        np.array([paths[b.name] for b in free])
-        .reshape(len(free), count, 3)
-        .swapaxes(0, 1)
-    )
-    turned = np.zeros((count, len(free), 4))
-    turned[..., 0] = 1.0
-    for name, values in (quaternions or {}).items():
-        turned[:, [b.name for b in free].index(name)] = values
-    speeds = np.zeros(positions.shape)
-    for name, values in (velocities or {}).items():
-        speeds[:, [b.name for b in free].index(name)] = values
+    names = tuple(free.name for free in scene.free)
+
+    def series(given, default):
+        """Values by name, or the default (T, free bodies, numbers)."""
+        rows = [
+            np.broadcast_to(given.get(n, default), (count, len(default))) for n in names
+        ]
+        return np.stack(rows, axis=1) if rows else np.zeros((count, 0, len(default)))
+
     states = State(
-        tuple(b.name for b in free),
-        positions,
-        turned,
-        speeds,
-        np.zeros(positions.shape),
+        names,
+        series(paths, (0.0, 0.0, 0.0)),
+        series(quaternions or {}, (1.0, 0.0, 0.0, 0.0)),
+        series(velocities or {}, (0.0, 0.0, 0.0)),
+        np.zeros((count, len(names), 3)),
     )
     return Recording(
         np.arange(count) / hz,
@@ -118,6 +114,7 @@ def test_a_body_that_goes_through_a_wall_is_found_however_fast(shape, speed):
     assert "'wall'" in found
 
 
+LAID = Scene((table(), body("cube", Box((0.05, 0.05, 0.05)), (0.5, 0.3, 0.025))))
 SUNK = (0.5, 0.3, 0.010)  # 15 mm deep
 FALL = np.vstack(
     [np.tile((0.5, 0.3, 0.3), (195, 1)), straight((0.5, 0.3, 0.3), (0.5, 0.3, 0.03), 5)]
@@ -130,21 +127,17 @@ FALL = np.vstack(
 )
 def test_a_body_that_gets_in_and_stays(way, rest, hz):
     """It sinks, or is thrown: what rests is not looked at more often, and not less either."""
-    scene = Scene((table(), body("cube", Box((0.05, 0.05, 0.05)), (0.5, 0.3, 0.025))))
-    (found,) = penetrations(
-        scene,
-        recording(scene, {"cube": np.vstack([way, np.tile(SUNK, (rest, 1))])}, hz=hz),
-    )
+    path = np.vstack([way, np.tile(SUNK, (rest, 1))])
+    (found,) = penetrations(LAID, recording(LAID, {"cube": path}, hz=hz))
     assert "deep inside 'table'" in found
 
 
 def test_a_thrown_body_that_rests_too_deep_is_found_however_deep():
     """Where it was looked at last on its way down, it may be almost too deep, and then it does not move any more."""
-    scene = Scene((table(), body("cube", Box((0.05, 0.05, 0.05)), (0.5, 0.3, 0.025))))
 
     def found(height):
         way = np.vstack([FALL, np.tile((0.5, 0.3, height), (200, 1))])
-        return penetrations(scene, recording(scene, {"cube": way}, hz=400.0))
+        return penetrations(LAID, recording(LAID, {"cube": way}, hz=400.0))
 
     assert all(len(found(height)) == 1 for height in np.linspace(0.005, 0.0149, 41))
     assert found(0.0152) == []  # 9.8 mm deep
@@ -153,14 +146,14 @@ def test_a_thrown_body_that_rests_too_deep_is_found_however_deep():
 def test_a_body_that_turns_through_a_wall():
     """Its middle stays where it is; only its end passes."""
     bar = body("bar", Box((0.3, 0.01, 0.01)), (0.4, 0.0, 0.25))
-    turns = Rotation.from_euler("z", np.linspace(0.7, 2.4, 6)[:, None]).as_quat()[
-        :, [3, 0, 1, 2]
-    ]
+    turns = Rotation.from_euler("z", np.linspace(0.7, 2.4, 6)[:, None])
     scene = Scene(
         (body("wall", Box((0.01, 0.01, 0.5)), (0.4, 0.1, 0.25), mass=0.0), bar)
     )
     taken = recording(
-        scene, {"bar": np.tile((0.4, 0.0, 0.25), (6, 1))}, quaternions={"bar": turns}
+        scene,
+        {"bar": np.tile((0.4, 0.0, 0.25), (6, 1))},
+        quaternions={"bar": turns.as_quat(scalar_first=True)},
     )
     assert len(penetrations(scene, taken)) == 1
 
@@ -194,29 +187,22 @@ def test_a_ball_goes_through_a_solid_or_beside_it(
         + off
         + np.linspace(-0.3, 0.3 + 0.3 * random.random(), count)[:, None] * way[0]
     )
-    rpy = turn.as_euler("xyz")
+    scene = Scene(
+        (
+            body("ball", Sphere(radius), path[0]),
+            body("solid", solid, middle, 0.1 * carried, turn.as_euler("xyz")),
+        )
+    )
+    paths = {"ball": path}
     if carried:
-        scene = Scene(
-            (
-                body("ball", Sphere(radius), path[0]),
-                body("solid", solid, middle, rpy=rpy),
-            )
-        )
-        turns = np.tile(turn.as_quat(scalar_first=True), (count, 1))
-        paths = {"ball": np.tile(path[0], (count, 1)), "solid": middle + path[0] - path}
-    else:
-        scene = Scene(
-            (
-                body("ball", Sphere(radius), path[0]),
-                body("solid", solid, middle, mass=0.0, rpy=rpy),
-            )
-        )
-        turns, paths = None, {"ball": path}
-    spins = Rotation.random(count, rng=random).as_quat(scalar_first=True)
-    quaternions = {"ball": spins} if turns is None else {"ball": spins, "solid": turns}
-    assert len(
-        penetrations(scene, recording(scene, paths, quaternions=quaternions))
-    ) == (not beside)
+        still = np.tile(path[0], (count, 1))
+        paths = {"ball": still, "solid": middle + path[0] - path}
+    quaternions = {
+        "ball": Rotation.random(count, rng=random).as_quat(scalar_first=True),
+        "solid": turn.as_quat(scalar_first=True),
+    }
+    taken = recording(scene, paths, quaternions=quaternions)
+    assert len(penetrations(scene, taken)) == (not beside)
 
 
 def sweep(turn, count):
@@ -228,22 +214,13 @@ def sweep(turn, count):
 
 @pytest.mark.parametrize("count", [4, 12, 60])
 def test_a_tool_that_goes_through_a_wall(count):
-    scene = Scene(
-        (
-            body(
-                "fence",
-                Box((0.3, 0.01, 0.05)),
-                ARM.forward(ARM.home).apply((0.0, 0.0, -0.15)),
-                mass=0.0,
-            ),
-        )
-    )
-    (found,) = penetrations(scene, recording(scene, {}, arms=sweep(0.4, count)))
+    below = ARM.forward(ARM.home).apply((0.0, 0.0, -0.15))
+    scene = Scene((body("fence", Box((0.3, 0.01, 0.05)), below, mass=0.0),))
+    taken = recording(scene, {}, arms=sweep(0.4, count))
+    (found,) = penetrations(scene, taken)
     assert found.startswith("'rod'")
     # The bare arm is above it.
-    assert (
-        penetrations(scene, recording(scene, {}, arms=sweep(0.4, count)), Tool()) == []
-    )
+    assert penetrations(scene, taken, Tool()) == []
 
 
 # --- what is no penetration -------------------------------------------------------------------------------------
@@ -289,45 +266,39 @@ def test_what_stands_in_each_other_from_the_start_is_no_penetration():
 
 # --- flung ------------------------------------------------------------------------------------------------------
 
+FLYING = Scene((body("ball", Sphere(0.02), (0.5, 0, 1.0)),))
+
 
 def test_a_body_faster_than_the_robot_can_make_it_was_flung():
-    scene = Scene((body("ball", Sphere(0.02), (0.5, 0, 1.0)),))
     path = {"ball": straight((0.5, 0.0, 1.0), (3.0, 0.0, 1.0), 10)}
-    (found,) = findings(
-        scene, PANDA, ROD, recording(scene, path, velocities={"ball": (50.0, 0, 0)})
-    )
-    assert (found.penetration, "flung" in found.text, "50.0 m/s" in found.text) == (
-        False,
-        True,
-        True,
-    )
-    swing = recording(scene, path, arms=sweep(1.0, 10))  # some 5 m/s
-    swing.states.linear_velocities[:] = (8.0, 0, 0)
-    assert findings(scene, PANDA, ROD, swing) == []
-    (found,) = findings(
-        scene,
-        PANDA,
-        ROD,
-        recording(scene, path, velocities={"ball": (50.0, 0, 0)}, arms=sweep(1.0, 10)),
-    )
-    robot_speed = float(found.text.split()[-2])
+
+    def found(speed, arms=None):
+        moving = {"ball": (speed, 0, 0)}
+        taken = recording(FLYING, path, velocities=moving, arms=arms)
+        return findings(FLYING, PANDA, ROD, taken)
+
+    (flung,) = found(50.0)
+    assert not flung.penetration
+    assert "flung" in flung.text
+    assert "50.0 m/s" in flung.text
+    swing = sweep(1.0, 10)  # some 5 m/s
+    assert found(8.0, swing) == []
+    (faster,) = found(50.0, swing)
+    robot_speed = float(faster.text.split()[-2])
     for times, count in ((2.1, 0), (2.4, 1)):  # an elastic blow gives twice the speed
-        swing.states.linear_velocities[:] = (times * robot_speed, 0, 0)
-        assert len(findings(scene, PANDA, ROD, swing)) == count
+        assert len(found(times * robot_speed, swing)) == count
 
 
 def test_a_fall_is_no_fling():
-    scene = Scene((body("ball", Sphere(0.02), (0.5, 0, 1.0)),))
-    times = np.arange(75) / HZ
-    path = np.column_stack([np.full(75, 0.5), np.zeros(75), 1.0 - 9.81 / 2 * times**2])
-    speeds = np.column_stack([np.zeros(75), np.zeros(75), -9.81 * times])
-    fallen = recording(scene, {"ball": path}, velocities={"ball": speeds})
-    (found,) = findings(scene, PANDA, ROD, fallen)
+    times = np.arange(75)[:, None] / HZ
+    down = np.array([0, 0, -9.81])
+    path = (0.5, 0, 1.0) + down / 2 * times**2
+    fallen = recording(FLYING, {"ball": path}, velocities={"ball": down * times})
+    (found,) = findings(FLYING, PANDA, ROD, fallen)
     assert found.text == "'ball' left the scene: it got to z = -42 m"
-    path[:, 2] = 1.0
-    path[:, 0] += 3.0 * times
-    rolled = recording(scene, {"ball": path}, velocities={"ball": (3.0, 0, 0)})
-    (found,) = findings(scene, PANDA, ROD, rolled)
+    path = straight((0.5, 0, 1.0), (9.38, 0, 1.0), 75)
+    rolled = recording(FLYING, {"ball": path}, velocities={"ball": (3.0, 0, 0)})
+    (found,) = findings(FLYING, PANDA, ROD, rolled)
     assert found.text == "'ball' is far away: it got to 9.4 m from the robot"
 
 
@@ -336,14 +307,13 @@ def test_a_fall_is_no_fling():
     [(1e4, "10000 m/s"), (np.nan, "not finite"), (np.inf, "not finite")],
 )
 def test_an_explosion_is_reported(velocity, why):
-    scene = Scene((body("ball", Sphere(0.02), (0.5, 0, 1.0)),))
     taken = recording(
-        scene,
+        FLYING,
         {"ball": np.tile((0.5, 0, 1), (5, 1))},
         velocities={"ball": (velocity, 0, 0)},
     )
     with pytest.raises(Explosion, match=why):
-        findings(scene, PANDA, ROD, taken)
+        findings(FLYING, PANDA, ROD, taken)
 
 
 # --- what it costs ----------------------------------------------------------------------------------------------
@@ -374,11 +344,9 @@ class Ghostly(Simulator):
 
     def one(self, task, job):
         scene = task.scene(job.seed)
-        detour = [
-            (0.4, 0, 0.02),
-            *([(0.4, 0, 0.8), (0.8, 0, 0.8)] if self.way == "over" else []),
-            (0.8, 0, 0.02),
-        ]
+        detour = [(0.4, 0, 0.02), (0.8, 0, 0.02)]
+        if self.way == "over":
+            detour[1:1] = [(0.4, 0, 0.8), (0.8, 0, 0.8)]
         path = np.vstack([straight(a, b, 20) for a, b in itertools.pairwise(detour)])
         velocity = (1e5 if self.way == "explosion" else 0.0, 0, 0)
         film = recording(scene, {"ball": path}, velocities={"ball": velocity})
@@ -398,7 +366,10 @@ class Ghostly(Simulator):
 def earned(way, penetration):
     candidate = Candidate(ROD, np.array([[0.3, 0.0, 0.8, 0, 0, 0]]))
     (evaluation,) = evaluate_batch(
-        Fenced(), Ghostly(way), [candidate], 0, RolloutSettings(penetration=penetration)
+        Fenced(),
+        Ghostly(way),
+        [candidate],
+        settings=RolloutSettings(penetration=penetration),
     )
     return evaluation
 
@@ -454,28 +425,22 @@ def test_what_a_real_engine_lets_through_is_found():
     coarse = installed().create("sim", "pybullet", {"time_step": 0.02})
     fine = installed().create("sim", "pybullet", {"time_step": 0.001})
     settings = RolloutSettings(settle_s=0.0)
-    (through,) = evaluate_batch(Hurried(), coarse, [candidate], 0, settings)
+    (through,) = evaluate_batch(Hurried(), coarse, [candidate], settings=settings)
     assert through.reward == 0.0
     assert "'ball' passed through 'sheet'" in through.reason
-    (caught,) = evaluate_batch(Hurried(), fine, [candidate], 0, settings)
+    (caught,) = evaluate_batch(Hurried(), fine, [candidate], settings=settings)
     assert (caught.reason, caught.warnings) == ("", ())
 
 
 def test_a_recording_does_not_change_what_is_recorded():
-    task, sim = (
-        installed().create("task", "BringCube"),
-        installed().create("sim", "pybullet"),
-    )
-    still = Rollout(ROD, _still(task), settle_s=0.2, hold_s=0.2)
-    plain, filmed = sim.rollout(
-        task,
-        [still, Rollout(ROD, _still(task), settle_s=0.2, hold_s=0.2, record_hz=HZ)],
+    task = installed().create("task", "BringCube")
+    still = Rollout(ROD, at_home(task), settle_s=0.2, hold_s=0.2)
+    plain, filmed = (
+        installed()
+        .create("sim", "pybullet")
+        .rollout(task, [still, replace(still, record_hz=HZ)])
     )
     assert np.array_equal(plain.end.positions, filmed.end.positions)
-
-
-def _still(task):
-    return JointTrajectory(np.zeros(1), ARM.home_for(task.home)[None], np.array([0.04]))
 
 
 @pytest.mark.parametrize(
@@ -486,18 +451,14 @@ def test_a_joint_of_the_tool_that_stays_beyond_its_range_is_found(
     over, instants, found
 ):
     slider = ToolJoint("slider", (0.0, 0.0, 1.0), 0.0, 0.0065)
-    rod = replace(
-        ROD.components[0], name="slide", parent=ROD.components[0].name, joint=slider
-    )
-    tool, scene = (
-        replace(ROD, components=(*ROD.components, rod)),
-        Scene((body("cube", Sphere(0.02), (0.8, 0, 1.0)),)),
-    )
-    taken = recording(scene, {"cube": straight((0.8, 0, 1.0), (0.8, 0, 1.0), 100)})
+    (rod,) = ROD.components
+    slide = replace(rod, name="slide", parent=rod.name, joint=slider)
+    tool = replace(ROD, components=(rod, slide))
+    taken = recording(FLYING, {"ball": np.tile((0.8, 0, 1.0), (100, 1))}, hz=50)
     places = np.zeros((100, 3))
     places[30 : 30 + instants, 2] = 0.0065 + over
-    taken = replace(taken, times=np.arange(100) / 50, fingers=places)
-    said = [text for text in penetrations(scene, taken, tool) if "joint" in text]
+    taken = replace(taken, fingers=places)
+    said = [text for text in penetrations(FLYING, taken, tool) if "joint" in text]
     assert (
         said
         == ["'slide' went 0.013 m beyond the range of its joint from 0.60 s on"] * found

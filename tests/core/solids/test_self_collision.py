@@ -240,7 +240,7 @@ class Unused(Faulty):
 def test_the_setting_decides():
     def evaluated(penetration, sim):
         rules = RolloutSettings(settle_s=0, hold_s=0, penetration=penetration)
-        return evaluate_batch(Slide(), sim, [Candidate(ROD, FOLDED)], 0, rules)[0]
+        return evaluate_batch(Slide(), sim, [Candidate(ROD, FOLDED)], settings=rules)[0]
 
     rejected = evaluated("forbid", Unused())
     assert (rejected.status, rejected.reward) == ("rejected", 0.0)

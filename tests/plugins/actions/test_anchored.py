@@ -248,9 +248,7 @@ def test_it_is_played_and_what_was_slowed_is_reported():
         Candidate(installed().create("tool", "none").given(task), plan(*steps))
         for steps in ([GOOD, NEAR], [GOOD | {"anchor": "nowhere"}])
     ]
-    played, lost = evaluate_batch(
-        task, installed().create("sim", "mujoco"), candidates, 0, RolloutSettings()
-    )
+    played, lost = evaluate_batch(task, installed().create("sim", "mujoco"), candidates)
     assert played.status == "ok"
     assert any("waypoint 2: the arm's limits" in warning for warning in played.warnings)
     assert (lost.status, "no anchor 'nowhere'" in lost.reason) == ("rejected", True)
@@ -305,8 +303,6 @@ def test_what_would_cost_too_much_is_refused_before_it_is_spent(steps, reason):
         on_panda(BringCube()),
         Never(),
         [Candidate(Tool(tuple(sheets)), plan(*steps))],
-        0,
-        RolloutSettings(),
     )
     assert lost.status == "rejected"
     assert re.search(reason, lost.reason)

@@ -135,7 +135,9 @@ def test_noise_above_the_threshold_is_taken_for_a_touch_and_below_it_is_not():
 def test_the_evaluation_is_of_the_motion_as_it_was_played():
     settings = RolloutSettings(observe=True)
     plan = candidate(ABOVE, DOWN, UP)
-    (evaluation,) = evaluate_batch(Block(), simulator("mujoco"), [plan], 0, settings)
+    (evaluation,) = evaluate_batch(
+        Block(), simulator("mujoco"), [plan], settings=settings
+    )
     played = play(ABOVE, DOWN, UP)
     assert evaluation.distance_m == pytest.approx(
         played.guards.motion.distance_m, abs=1e-3
@@ -145,9 +147,7 @@ def test_the_evaluation_is_of_the_motion_as_it_was_played():
 
 
 def test_an_engine_that_plays_no_guards_says_so():
-    (evaluation,) = evaluate_batch(
-        Block(), Faulty(), [candidate(ABOVE, DOWN)], 0, RolloutSettings()
-    )
+    (evaluation,) = evaluate_batch(Block(), Faulty(), [candidate(ABOVE, DOWN)])
     assert (evaluation.status, "this engine can't play them" in evaluation.reason) == (
         "rejected",
         True,

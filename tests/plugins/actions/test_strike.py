@@ -95,7 +95,9 @@ def test_a_strike_needs_its_tempo(engine):
         for plan in (swing(tempo=True), swing(tempo=False), stroke)
     ]
     settings, sim = RolloutSettings(hold_s=4.0), installed().create("sim", engine)
-    struck, *pushed = evaluate_batch(on_panda(Strike()), sim, candidates, 0, settings)
+    struck, *pushed = evaluate_batch(
+        on_panda(Strike()), sim, candidates, settings=settings
+    )
     assert struck.reward > 0.9
     assert all(
         evaluation.status == "ok" and evaluation.reward < 0.4 for evaluation in pushed

@@ -133,7 +133,7 @@ def test_a_throw_needs_its_tempo(engine):
         Candidate(FORK, throw(tempo=False), action=1),
     ]
     thrown, carried = evaluate_batch(
-        task, installed().create("sim", engine), candidates, 0, settings
+        task, installed().create("sim", engine), candidates, settings=settings
     )
     assert (thrown.status, thrown.reward) == ("ok", 1.0)
     assert (carried.status, carried.reward) == ("ok", 0.0)

@@ -18,7 +18,7 @@ from core.design import Candidate, Tool
 from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError
 from core.events import Generation, Result, Run
-from core.interfaces import Budget, RolloutSettings
+from core.interfaces import Budget
 from core.plugins import event_hub, installed
 from plugins.actions.anchored import AnchoredActions
 from plugins.conformance.evaluations import tried_once
@@ -65,10 +65,7 @@ def generations(simulator):
         Tool(gripper=True), np.array([[0.5, 0, 0.5, 0, 0, 0, 1.0]]), 1, parents=parents
     )
     rounds = ([hook, lost], [hostile], [hand])
-    tried = [
-        evaluate_batch(TASK, simulator, candidates, 0, RolloutSettings())
-        for candidates in rounds
-    ]
+    tried = [evaluate_batch(TASK, simulator, candidates) for candidates in rounds]
     return tuple(
         Generation(i, tuple(evaluations)) for i, evaluations in enumerate(tried)
     )
@@ -372,9 +369,7 @@ def test_a_mark_shows_where_a_guard_ended_until_the_next_rollout(
     hook = generations[0].evaluations[0]
     steps = [{"offset": [0.5, 0.3, 0.5]}, {"offset": [0.5, 0.3, 0.4], "until": "touch"}]
     plan = AnchoredActions().parse(steps, gripper=False)
-    guarded = evaluate_batch(
-        TASK, simulator, [replace(hook.candidate, plan=plan)], 0, RolloutSettings()
-    )
+    guarded = evaluate_batch(TASK, simulator, [replace(hook.candidate, plan=plan)])
     play(
         run_in(tmp_path, simulator),
         [Generation(0, tuple(guarded)), Generation(1, (hook,))],
@@ -391,9 +386,7 @@ def test_a_soft_body_is_shown_by_its_nodes_as_they_move(tmp_path):
         installed().create("sim", "mujoco"),
         installed().create("task", "SpreadSlab"),
     )
-    evaluations = evaluate_batch(
-        task, engine, [solutions.anchored("SpreadSlab")], 0, RolloutSettings()
-    )
+    evaluations = evaluate_batch(task, engine, [solutions.anchored("SpreadSlab")])
     run = replace(run_in(tmp_path, engine), task=task)
     play(run, [Generation(0, tuple(evaluations))])
     recording = Recording(tmp_path / "recording.rrd")

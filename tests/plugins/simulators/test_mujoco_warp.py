@@ -12,7 +12,7 @@ import pytest
 from core.designs.reading import load_designs, read_designs
 from core.errors import UserError
 from core.geometry import Box
-from core.interfaces import JointTrajectory, Rollout, RolloutSettings
+from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
 from core.scene import Body, Joint, Scene, table
 from plugins.conformance import bodies, joints, output, robot, shapes
@@ -64,7 +64,7 @@ def test_reference_solutions_are_as_good(warped, name):
     designs = load_designs(ROOT / f"tests/tasks/solutions/{name}.json")
     candidates = read_designs(designs, installed().create("tool", "urdf"), task)
     ours, theirs = (
-        evaluate_batch(task, engine, candidates, 0, RolloutSettings())
+        evaluate_batch(task, engine, candidates)
         for engine in (warped, installed().create("sim", "mujoco"))
     )
     for one, other in zip(ours, theirs, strict=True):

@@ -52,13 +52,6 @@ SPOOL = {
         [0, 0.04],
     ]
 }
-MEET = {
-    "intersection": [
-        TUBE,
-        {"box": [0.1, 0.02, 0.1]},
-        {"box": [0.1, 0.1, 0.1], "at": [0.05, 0, 0]},
-    ]
-}
 SHAPES = {
     "bowl": BOWL,
     "tube": TUBE,
@@ -77,7 +70,6 @@ COMB = [
         for x, y in ((0, 0.2), (0.01, 0.2), (0.01, 0.01), (0.02, 0.01))
     ),
 ]
-TEETH = {"extrude": [*COMB, [0.22, 0]], "height": 0.5}
 EXACT = {"L": 2, "fork": 7}  # and how many parts they need
 
 

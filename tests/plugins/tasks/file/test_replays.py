@@ -27,7 +27,9 @@ def test_a_saved_design_plays_again_to_the_bit(name, tmp_path):
         document = load_designs(tmp_path / "design.json")
         (design,) = read_designs(document, tools, task)
         settings = RolloutSettings()
-        (found,) = evaluate_batch(task, simulator("mujoco"), [design], 0, settings)
+        (found,) = evaluate_batch(
+            task, simulator("mujoco"), [design], settings=settings
+        )
         assert found.reward > 0.1
         ends.append((found.reward, found.trials[0].moved_m))
         save_design(design, tools, tmp_path)

@@ -9,7 +9,7 @@ import pytest
 
 from core.design import Tool, Waypoints
 from core.designs.reading import load_designs, read_designs
-from core.interfaces import JointTrajectory, Rollout, RolloutSettings
+from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.scene import Camera
@@ -34,7 +34,7 @@ def rewards(scene, engine, shifts):
         poses = design.plan.poses.copy()
         poses[:, :3] += shift
         tried.append(replace(design, plan=Waypoints(poses)))
-    found = evaluate_batch(task, simulator(engine), tried, 0, RolloutSettings())
+    found = evaluate_batch(task, simulator(engine), tried)
     assert {evaluation.reason for evaluation in found} == {""}
     return np.array([evaluation.reward for evaluation in found])
 

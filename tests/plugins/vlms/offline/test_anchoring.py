@@ -161,7 +161,7 @@ def test_one_plan_lifts_a_plate_in_layouts_that_it_was_not_made_for():
     sim = installed().create("sim", "mujoco")
     found = candidates(given, answer(given))
     rewards = [
-        [e.reward for e in evaluate_batch(given.task, sim, found, s, RolloutSettings())]
+        [e.reward for e in evaluate_batch(given.task, sim, found, s)]
         for s in (50, 51, 52)
     ]
     assert np.mean(rewards, axis=0).max() > 0.9

@@ -15,7 +15,7 @@ from core.designs.replies import parse_reply
 from core.designs.schema import answer_schema
 from core.geometry import Box, Cylinder
 from core.goals import JointAt, Placed, Turned
-from core.interfaces import Brief, Material, Request, RolloutSettings, Task, Waypoints
+from core.interfaces import Brief, Material, Request, Task, Waypoints
 from core.plugins import installed
 from core.robot.trajectory import plan_motion
 from core.scene import Body, Joint, Scene, floor, table
@@ -285,9 +285,7 @@ def rewards(task, designs):
     simulator = installed().create("sim", "pybullet")
     return [
         evaluation.reward
-        for evaluation in evaluate_batch(
-            on_panda(task), simulator, designs, 0, RolloutSettings()
-        )
+        for evaluation in evaluate_batch(on_panda(task), simulator, designs)
     ]
 
 

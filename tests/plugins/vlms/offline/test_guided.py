@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.interfaces import RolloutSettings
 from core.plugins import installed
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
 from tests.benchmarks.measuring import SOLUTIONS
@@ -53,7 +52,4 @@ def test_fresh_designs_earn(name, least):
     task = scene(name)
     sim = installed().create("sim", "mujoco")
     designs = candidates(brief(task, n_tool=4, n_action=1, seed=3))
-    assert (
-        max(e.reward for e in evaluate_batch(task, sim, designs, 0, RolloutSettings()))
-        >= least
-    )
+    assert max(e.reward for e in evaluate_batch(task, sim, designs)) >= least

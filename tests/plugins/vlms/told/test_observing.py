@@ -38,7 +38,7 @@ def evaluations(file, settings=None, engine="mujoco"):
     task = part("task", cfg.task).create()
     candidates = read_designs(load_designs(file), part("tool", cfg.tool).create(), task)
     observed = OBSERVED if settings is None else RolloutSettings()
-    return tuple(evaluate_batch(task, simulator(engine), candidates, 0, observed))
+    return tuple(evaluate_batch(task, simulator(engine), candidates, settings=observed))
 
 
 def observed(file):
@@ -101,7 +101,9 @@ def test_of_twelve_failures_on_hard_tasks_the_first_words_name_the_cause(engine)
         ]
         shifted = replace(solution, plan=replace(solution.plan, steps=tuple(steps)))
         task = installed().create("task", name)
-        (evaluation,) = evaluate_batch(task, simulator(engine), [shifted], 0, OBSERVED)
+        (evaluation,) = evaluate_batch(
+            task, simulator(engine), [shifted], settings=OBSERVED
+        )
         line = describe(evaluation)
         if not line.partition(" ")[2].startswith(wanted):
             said[name, shift] = line
@@ -192,7 +194,7 @@ class Mistaken(BringCube):
 def test_a_goal_of_other_bodies_leaves_all_free_ones():
     candidate = next(e.candidate for e in evaluations(SOLUTIONS / "BringCube.json"))
     (evaluation,) = evaluate_batch(
-        Mistaken(), simulator("mujoco"), [candidate], 0, OBSERVED
+        Mistaken(), simulator("mujoco"), [candidate], settings=OBSERVED
     )
     assert evaluation.observation.left == ("cube",)
     assert evaluation.observation.errors == {}
@@ -218,7 +220,9 @@ def test_a_scene_in_which_nothing_moves(solid):
     task = Bare()
     task.solid = solid
     candidate = next(e.candidate for e in evaluations(SOLUTIONS / "BringCube.json"))
-    (evaluation,) = evaluate_batch(task, simulator("mujoco"), [candidate], 0, OBSERVED)
+    (evaluation,) = evaluate_batch(
+        task, simulator("mujoco"), [candidate], settings=OBSERVED
+    )
     assert (evaluation.status, evaluation.observation.result) == ("ok", "never touched")
     assert (evaluation.observation.moved, evaluation.observation.left) == ({}, ())
 
@@ -239,7 +243,7 @@ def test_states_that_are_not_finite_are_not_observed(monkeypatch):
     monkeypatch.setattr(engine, "rollout", diverging)
     settings = RolloutSettings(observe=True, penetration="ignore")
     (evaluation,) = evaluate_batch(
-        on_panda(BringCube()), engine, [candidate], 0, settings
+        on_panda(BringCube()), engine, [candidate], settings=settings
     )
     assert (evaluation.status, evaluation.observation) == ("ok", None)
 
@@ -321,7 +325,7 @@ class Told(Faulty):
 def test_goals_of_joints_and_axes_are_reached_or_not(opened, tilt, left):
     settings = RolloutSettings(observe=True, penetration="ignore")
     (evaluation,) = evaluate_batch(
-        Drawer(), Told(opened, tilt), [candidate(0)], 0, settings
+        Drawer(), Told(opened, tilt), [candidate(0)], settings=settings
     )
     found = evaluation.observation
     assert found.left == left
