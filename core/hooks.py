@@ -118,10 +118,6 @@ class Configs(Protocol):
         """Refuse tools: a `core.designs.rules.ToolRule`, which every tool must pass."""
 
     @hookspec
-    def observers(self) -> Factories:
-        """Say what became of rollouts: a `core.simulation.judging.Observer`. The first one is asked."""
-
-    @hookspec
     def artists(self) -> Factories:
         """Draw what prompts show: makes a `core.search.designer.Artist` of assignment, composer and engine."""
 

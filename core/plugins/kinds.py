@@ -126,7 +126,6 @@ HOOKS = {
     "prompt_values": "prompt_value",
     "readers": "reader",
     "tool_rules": "tool_rule",
-    "observers": "observer",
     "artists": "artist",
     "critics": "critic",
     "menders": "mender",

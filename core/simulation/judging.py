@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import groupby
-from typing import Protocol
 
 import numpy as np
 
 from core.geometry import Array
 from core.goals import goals_shares
-from core.interfaces import Observation, Task
-from core.plugins import describe_part, installed
+from core.interfaces import Task
+from core.plugins import describe_part
 from core.plugins.blame import PluginError
 from core.scene import Scene, State, Trace
 from core.simulation.attempt import Attempt, Stage
+from core.simulation.observing import observe
 from core.solids.contacts import Contacts, find_contacts, make_trace
 from core.solids.penetration import Explosion, Finding, findings
 from core.solids.record_rate import is_finite
@@ -26,19 +26,6 @@ from core.trial import NOTHING, Trial
 _WARNINGS = 10  # findings of a rollout that are listed
 
 World = tuple[State, State, Trace | None]  # at the start, at the end, and in between
-
-
-class Observer(Protocol):
-    """Says what became of a rollout that came to its end; a plugin offers it."""
-
-    def __call__(self, task: Task, attempt: Attempt, reward: float) -> Observation:
-        """Return what is shown of a rollout, rounded so that it is short as text.
-
-        Args:
-            task: its goals say which bodies matter, and where they should be.
-            attempt: the motion as it was played, the outcome, and the contacts, which are known.
-            reward: that it earns.
-        """
 
 
 def judge_attempts(stage: Stage, attempts: Sequence[Attempt]) -> None:
@@ -181,12 +168,9 @@ def _observe(stage: Stage, trial: Trial, attempt: Attempt) -> Trial:
     if attempt.contacts is None and _look_for_contacts(stage, attempt) is None:
         return trial
 
-    for observe in installed().factories("observer").values():
-        seen: Observation = observe(stage.task, attempt, trial.reward)
-        text = f"{seen.result} {seen.what}".strip()
-        return replace(trial, touch_m=seen.touch_m, outcome=text, observation=seen)
-
-    return trial
+    seen = observe(stage.task, attempt, trial.reward)
+    text = f"{seen.result} {seen.what}".strip()
+    return replace(trial, touch_m=seen.touch_m, outcome=text, observation=seen)
 
 
 def _forbid_penetration(stage: Stage, trial: Trial, found: Sequence[Finding]) -> Trial:

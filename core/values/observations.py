@@ -79,7 +79,7 @@ class Observation:
     """The observations of a rollout. Lengths are metres, times seconds from the start of the motion.
 
     Attributes:
-        result: what became of the bodies of the task's goal.
+        result: what became of the bodies of the task's goal, see `core.simulation.observing`.
         what: the body that this happened to, the thing that the robot was stuck at, or what was forbidden.
         at_s: when it happened.
         left: the bodies of the goal that are not in place.

@@ -43,11 +43,6 @@ def critics() -> Mapping[str, str]:
 
 
 @hookimpl
-def observers() -> Mapping[str, str]:
-    return {"goals": "plugins.vlms.told.observing:observe"}
-
-
-@hookimpl
 def artists() -> Mapping[str, str]:
     return {"engine": "plugins.vlms.artist:EngineArtist"}
 

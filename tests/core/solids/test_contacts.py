@@ -8,9 +8,9 @@ import pytest
 from core.design import Component, Tool
 from core.geometry import Box, Mesh, Pose, Sphere
 from core.scene import Joint, Scene
+from core.simulation.observing import find_held, list_contacts
 from core.solids.contacts import HULL_M, TOUCH_M, find_contacts, make_trace
 from core.solids.penetration import findings
-from plugins.vlms.told.observing import find_held, list_contacts
 from tests.core.solids.test_penetration import HZ, ROD, body, recording, straight
 from tests.panda import ARM, PANDA
 

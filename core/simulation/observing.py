@@ -492,7 +492,7 @@ def _runs(flags: Flags) -> Iterator[tuple[int, int]]:
     Returns:
         For each the number of the first flag, and that behind the last one.
     """
-    for run in np.ma.clump_masked(np.ma.masked_where(flags, flags)):
+    for run in np.ma.clump_masked(np.ma.masked_where(flags, flags)):  # type: ignore[no-untyped-call]
         yield run.start, run.stop
 
 

@@ -27,8 +27,8 @@ from tests.playing import evaluate_batch
 from tests.rare import rare
 
 # The names of the strategies say how they fail.
-FAILURES = Path(__file__).parents[3] / "failures"
-SOLUTIONS = Path(__file__).parents[3] / "tasks" / "solutions"
+FAILURES = Path(__file__).parents[2] / "failures"
+SOLUTIONS = Path(__file__).parents[2] / "tasks" / "solutions"
 OBSERVED = RolloutSettings(observe=True)
 
 
