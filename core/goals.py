@@ -29,7 +29,7 @@ from core.scene import Scene
 from core.values.joints import rotate
 from core.values.margins import Margin
 from core.values.states import State
-from core.values.traces import Trace
+from core.values.traces import Flags, Trace
 
 Coordinates = tuple[float | None, float | None, float | None]
 """A place, m; a coordinate that is None is free."""
@@ -378,7 +378,7 @@ class Reach(Goal):
         Raises:
             ValueError: there is no such goal.
         """
-        numbered = {
+        numbered: dict[str | int, Reach] = {
             number: goal
             for number, goal in enumerate(evidence.goals)
             if isinstance(goal, Reach)
@@ -686,7 +686,7 @@ class Untouched(Limit):
         """It does: what touched is in the trace."""
         return True
 
-    def _harmed(self, name: str, film: Trace) -> Array:
+    def _harmed(self, name: str, film: Trace) -> Flags:
         """Report at which instants (..., T) the robot does to a body what it must not."""
         if self.max_force_n:
             return film.forces_n(name, "robot") > self.max_force_n
