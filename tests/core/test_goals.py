@@ -280,34 +280,32 @@ def test_goals_that_ask_for_the_past_need_a_trace():
         reward(goal, START)
 
 
-def test_held_is_touched_by_the_robot_and_by_nothing_fixed():
-    goal, end = Reach(("cube",), held=True), shifted(1, by=(0, 0, 0.2))
-    assert reward(goal, end, film(START, end)) == 0
-    assert reward(goal, end, film(START, end, cube_tool_blade=[1])) == 1
-    assert reward(goal, end, film(START, end, cube_tool_blade=[0])) == 0
-    assert (
-        reward(goal, end, film(START, end, cube_tool_blade=[1], case_body_cube=[1]))
-        == 0.5
-    )
-    assert (
-        reward(goal, end, film(START, end, other_arm_link=[1], other_body_cube=[1]))
-        == 1
-    )
-
-
-def test_released_is_touched_by_no_part_of_the_robot():
+@pytest.mark.parametrize(
+    ("touching", "held", "released"),
+    [
+        ({}, 0, 1),
+        ({"cube_tool_blade": [0]}, 0, 1),
+        ({"cube_tool_blade": [1]}, 1, 0),
+        ({"cube_tool_blade": [1], "case_body_cube": [1]}, 0.5, 0.5),
+        ({"other_body_cube": [1]}, 0, 1),
+        ({"other_arm_link": [1], "other_body_cube": [1]}, 1, 0),
+    ],
+)
+def test_held_is_borne_by_the_robot_alone_and_released_not_at_all(
+    touching, held, released
+):
     """A body that is still held above its place is not placed."""
-    goal = Placed(("cube",), place=(0.7, None, None), released=True)
     end = shifted(1, by=(0.2, 0, 0.2))
+    trace = film(START, end, **touching)
+    goal = Placed(("cube",), place=(0.7, None, None), released=True)
     assert goal.needs_trace
-    assert reward(goal, end, film(START, end)) == 1
-    assert reward(goal, end, film(START, end, cube_tool_blade=[0])) == 1
-    assert reward(goal, end, film(START, end, cube_tool_blade=[1])) == 0
-    assert reward(goal, end, film(START, end, other_body_cube=[1])) == 1
-    touched = film(START, end, cube_tool_blade=[1], case_body_cube=[1])
-    assert reward(goal, end, touched) == 0.5
+    assert reward(goal, end, trace) == released
+    assert reward(Reach(("cube",), held=True), end, trace) == held
+
+
+def test_held_and_released_say_the_opposite():
     with pytest.raises(ValueError, match="say the opposite"):
-        replace(goal, held=True)
+        Reach(("cube",), held=True, released=True)
 
 
 def test_a_body_is_kept_at_the_end_or_throughout():
@@ -356,20 +354,15 @@ def test_one_after_another():
         reward((goals[0], replace(goals[1], after="shut")), put, film(START, put))
 
 
-def test_what_must_not_be_touched():
+@pytest.mark.parametrize("every", [False, True])
+def test_what_must_not_be_touched(every):
     goal = Placed(("other",), place=(0.9, None, None))
-    end, touched = shifted(1, "other"), film(START, START, cube_tool_blade=[0])
-    for every in (False, True):
-        assert reward((goal, Untouched(("cube",))), end, film(START, START), every) == 1
-        assert reward((goal, Untouched(("cube",))), end, touched, every) == 0
-        assert (
-            reward((goal, Untouched(("cube",), max_force_n=4)), end, touched, every)
-            == 1
-        )
-        assert (
-            reward((goal, Untouched(("cube",), max_force_n=2)), end, touched, every)
-            == 0
-        )
+    end = shifted(1, "other")
+    touched = film(START, START, cube_tool_blade=[0])
+    assert reward((goal, Untouched(("cube",))), end, film(START, START), every) == 1
+    for force, wanted in ((0, 0), (4, 1), (2, 0)):
+        untouched = Untouched(("cube",), max_force_n=force)
+        assert reward((goal, untouched), end, touched, every) == wanted
 
 
 def margins(*goals, end, trace=None, every=True):

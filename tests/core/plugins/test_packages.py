@@ -1,11 +1,13 @@
 """The names of this program's packages are common: what stands in their places is said in a line."""
 
+import re
 import subprocess
 import sys
 
 import pytest
 
 from tests.packages import PYTHON
+from tests.rare import rare
 
 pytestmark = pytest.mark.slow
 
@@ -19,17 +21,18 @@ def python(folder, *words, **environment):
     )
 
 
-@pytest.mark.parametrize(
-    ("package", "file"),
-    [
-        ("plugins", "plugins/__init__.py"),
-        ("tasks", "tasks/__init__.py"),
-        ("conf", "conf/__init__.py"),
-        ("prompts", "prompts/__init__.py"),
-        ("tasks", "tasks.py"),
-    ],
-)
-def test_what_hides_ours_is_named(tmp_path, package, file):
+FILES = [
+    "plugins/__init__.py",
+    "tasks/__init__.py",
+    "conf/__init__.py",
+    "prompts/__init__.py",
+    "tasks.py",
+]
+
+
+@pytest.mark.parametrize("file", rare(FILES, FILES[0], FILES[-1]))
+def test_what_hides_ours_is_named(tmp_path, file):
+    package = re.split("[./]", file)[0]
     (tmp_path / file).parent.mkdir(exist_ok=True)
     (tmp_path / file).touch()
     done = python(tmp_path, "-m", "core.run", "--help")

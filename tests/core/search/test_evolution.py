@@ -94,22 +94,20 @@ def evaluate_all(candidates, evaluate, executor):
     return trials.evaluate(candidates, fitness)
 
 
-def race_of(evaluate, executor, tie=TIE):
-    trials, fitness = scripted(evaluate, executor)
-    return Race(iter(()), fitness, trials, tie)
-
-
-def run(generations, evaluate=earn, executor=None, known=(), tie=TIE, **budget):
-    strategy = Scripted(generations)
+def run(asked, evaluate=earn, executor=None, known=(), tie=TIE, watch=Diary, **budget):
+    """Search with generations, or with a strategy that has them."""
+    strategy = asked if isinstance(asked, Scripted) else Scripted(asked)
     strategy.tie = tie
-    diary = Diary(strategy)
+    diary = watch(strategy)
     events = event_hub()
     events.register(diary)
-    limits = {"n_iteration": len(generations) - 1, "stop_reward": None, **budget}
+    last = len(strategy.generations) - 1
+    limits = {"n_iteration": last, "stop_reward": None, **budget}
     spent = Budget(1, 1, 1, k_top=5, reward_save=0.5, **limits)
-    race = race_of(evaluate, executor or Inline(), tie)
-    (condition,) = race.fitness.conditions()
-    race.trials.known.update(
+    trials, fitness = scripted(evaluate, executor or Inline())
+    race = Race(iter(()), fitness, trials, tie)
+    (condition,) = fitness.conditions()
+    trials.known.update(
         {(e.candidate.content, condition.where): e.trials[0] for e in known}
     )
     found = evolve(strategy, race, spent, events)
@@ -470,24 +468,25 @@ class Limited(Scripted):
 @pytest.mark.parametrize("last", [0, 3])
 def test_a_limit_ends_the_run_with_what_there_is(last):
     strategy = Limited([population(0, 2), population(1, 4)], last)
-    diary = Diary(strategy)
-    events = event_hub()
-    events.register(diary)
-    race = race_of(earn, Inline(np.random.default_rng(1)))
-    result = evolve(strategy, race, Budget(1, 1, 3, 5, 5, 0.5), events)
+    result, _, diary = run(strategy, executor=Inline(np.random.default_rng(1)))
     assert result.stopped == "3 dollars are spent"
     assert [len(generation.evaluations) for generation in result.generations] == [2, 3][
         : 1 + bool(last)
     ]
     assert result.best.candidate.id == ("g1-a0-s0-p2" if last else "g0-a0-s0-p1")
     assert len(strategy.evaluated) == 1
-    assert "finish 1" not in diary.entries  # it may go on where the limit is raised
+    assert "finish 1" not in diary  # it may go on where the limit is raised
 
 
 @pytest.mark.parametrize(
-    "when", ["while one is tried", "while one is reported", "while a generation ends"]
+    ("when", "arrived"),
+    [
+        ("while one is tried", 2),
+        ("while one is reported", 1),
+        ("while a generation ends", 4),
+    ],
 )
-def test_an_interrupt_ends_the_run_with_what_there_is(when):
+def test_an_interrupt_ends_the_run_with_what_there_is(when, arrived):
     def interrupted(chunk):
         if (
             when == "while one is tried"
@@ -511,17 +510,9 @@ def test_an_interrupt_ends_the_run_with_what_there_is(when):
             if when == "while a generation ends" and generation.index == 1:
                 raise KeyboardInterrupt
 
-    strategy = Scripted([population(0, 2, 2), population(1, 2, 2), population(2, 2)])
-    events = event_hub()
-    events.register(Impatient(strategy))
-    race = race_of(interrupted, Inline())
-    result = evolve(strategy, race, Budget(1, 1, 1, 2, 5, 0.5), events)
+    generations = [population(0, 2, 2), population(1, 2, 2), population(2, 2)]
+    result, strategy, _ = run(generations, interrupted, watch=Impatient)
     assert result.stopped == INTERRUPTED
-    arrived = {
-        "while one is tried": 2,
-        "while one is reported": 1,
-        "while a generation ends": 4,
-    }[when]
     assert [len(generation.evaluations) for generation in result.generations] == [
         4,
         arrived,
@@ -542,8 +533,7 @@ def test_processes_come_to_the_same_as_this_one():
     for executor in (Inline(), installed().create("executor", "local", {"workers": 2})):
         strategy = Limited([asked, again], 5)
         with executor:
-            race = race_of(earn, executor)
-            result = evolve(strategy, race, Budget(1, 1, 1, 1, 5, 0.5), event_hub())
+            result, *_ = run(strategy, executor=executor)
         found.append(
             [
                 [(e.candidate.id, e.status, e.reward) for e in g.evaluations]

@@ -44,6 +44,15 @@ HELD = joint("tool_mount", "a")
 A = link("a") + HELD
 
 
+def held(*inside):
+    """A link with elements that the mount holds."""
+    return link("a", "".join(inside)) + HELD
+
+
+def geometry(inside):
+    return shape("collision", f"<geometry>{inside}</geometry>")
+
+
 def test_schema_names_the_field_that_parse_reads_and_dump_writes():
     assert set(URDF.schema()) == {"tool_urdf"} == set(URDF.dump(parse(A)))
 
@@ -109,22 +118,18 @@ def test_a_robots_other_names_of_mounts_are_read(alias, mount):
 
 
 def test_a_visual_alone_collides_too():
-    (component,) = parse(
-        link("a", shape("visual")) + joint("tool_mount", "a")
-    ).components
+    (component,) = parse(held(shape("visual"))).components
     assert component.shape == Box((0.02, 0.02, 0.1))
 
 
 def test_mass_is_shared_by_volume():
-    boxes = shape("collision", '<geometry><box size="0.1 0.1 0.1"/></geometry>')
-    boxes += shape(
-        "collision",
-        '<geometry><box size="0.1 0.1 0.3"/></geometry>',
-        '<origin xyz="0 0 -0.2"/>',
-    )
+    low = '<origin xyz="0 0 -0.2"/>'
     tool = parse(
-        link("a", f'{boxes}<inertial><mass value="0.08"/></inertial>')
-        + joint("tool_mount", "a")
+        held(
+            geometry('<box size="0.1 0.1 0.1"/>'),
+            shape("collision", '<geometry><box size="0.1 0.1 0.3"/></geometry>', low),
+            '<inertial><mass value="0.08"/></inertial>',
+        )
     )
     assert [c.mass for c in tool.components] == pytest.approx([0.02, 0.06])
 
@@ -144,11 +149,9 @@ def test_mass_is_shared_by_volume():
 )
 def test_color(material, color):
     top = '<material name="green"><color rgba="0 1 0 1"/></material>'
-    both = shape("visual", material=material) + shape("collision")
-    assert (
-        parse(top + link("a", both) + joint("tool_mount", "a")).components[0].color
-        == color
-    )
+    both = held(shape("visual", material=material), shape("collision"))
+    (component,) = parse(top + both).components
+    assert component.color == color
 
 
 def test_boxes_of_a_link_and_its_children_keep_their_places():
@@ -174,14 +177,11 @@ def test_boxes_of_a_link_and_its_children_keep_their_places():
 
 
 def test_boxes_hang_from_the_box_that_they_touch():
-    row = "".join(
+    row = (
         shape("collision", origin=f'<origin xyz="0 0 {z}"/>') for z in (0, -0.1, -0.2)
     )
     tool = parse(
-        link("a", row)
-        + joint("tool_mount", "a")
-        + link("b")
-        + joint("a", "b", origin='<origin xyz="0 0 -0.3"/>')
+        held(*row) + link("b") + joint("a", "b", origin='<origin xyz="0 0 -0.3"/>')
     )
     assert [(c.name, c.parent) for c in tool.components] == [
         ("a", "tool_mount"),
@@ -193,12 +193,7 @@ def test_boxes_hang_from_the_box_that_they_touch():
 
 
 def test_further_boxes_do_not_take_the_name_of_another_link():
-    tool = parse(
-        link("a", shape("collision") * 2)
-        + joint("tool_mount", "a")
-        + link("a_2")
-        + joint("a", "a_2")
-    )
+    tool = parse(held(shape("collision") * 2) + link("a_2") + joint("a", "a_2"))
     assert sorted(c.name for c in tool.components) == ["a", "a_2", "a_3"]
 
 
@@ -249,49 +244,32 @@ HOSTILE = {
     "lone surrogate": ("\ud800", "malformed XML"),
     "not closed": (f"{A}\n<link name='b'>", "malformed XML: mismatched tag: line 3"),
     "mesh": (
-        link(
-            "a",
-            shape("collision", '<geometry><mesh filename="/etc/passwd"/></geometry>'),
-        )
-        + HELD,
+        held(geometry('<mesh filename="/etc/passwd"/>')),
         "boxes only.*<mesh>",
     ),
     "package": (
-        link(
-            "a",
-            shape(
-                "visual", '<geometry><mesh filename="package://x/y.stl"/></geometry>'
-            ),
-        )
-        + HELD,
+        held(geometry('<mesh filename="package://x/y.stl"/>')),
         "boxes only",
     ),
     "cylinder": (
-        link(
-            "a",
-            shape(
-                "collision", '<geometry><cylinder radius="1" length="1"/></geometry>'
-            ),
-        )
-        + HELD,
+        held(geometry('<cylinder radius="1" length="1"/>')),
         "boxes only",
     ),
     "sphere": (
-        link("a", shape("collision", '<geometry><sphere radius="1"/></geometry>'))
-        + HELD,
+        held(geometry('<sphere radius="1"/>')),
         "boxes only",
     ),
     "two shapes": (
         link("a", shape("collision", BOX.replace("<box", '<box size="1 1 1"/><box'))),
         "2 <box> elements",
     ),
-    "no geometry": (link("a", "<collision/>") + HELD, "has no <geometry>"),
+    "no geometry": (held("<collision/>"), "has no <geometry>"),
     "two geometries": (
         link("a", f"<collision>{BOX * 2}</collision>"),
         "2 <geometry> elements",
     ),
     "no size": (
-        link("a", "<collision><geometry><box/></geometry></collision>") + HELD,
+        held(geometry("<box/>")),
         "size is missing",
     ),
     "duplicate links": (A + link("a"), "two links are named 'a'"),
@@ -352,14 +330,11 @@ HOSTILE = {
     ),
     "foreign element": (A + "<gazebo/>", "<gazebo> is not allowed"),
     "massless inertial": (
-        link("a", "<inertial/>") + HELD,
+        held("<inertial/>"),
         "inertial: it has no <mass>",
     ),
     "colour of three numbers": (
-        link(
-            "a", shape("visual", material='<material><color rgba="1 0 0"/></material>')
-        )
-        + HELD,
+        held(shape("visual", material='<material><color rgba="1 0 0"/></material>')),
         "rgba is '1 0 0'; expected 4 numbers",
     ),
 }
@@ -394,23 +369,16 @@ def test_hostile_text_gets_a_reason(text, reason):
 @pytest.mark.parametrize("place", ["size", "xyz", "rpy"])
 def test_bad_numbers(numbers, reason, place):
     origin = f'<origin {place}="{numbers}"/>' if place != "size" else ""
-    geometry = (
-        f'<geometry><box size="{numbers}"/></geometry>' if place == "size" else BOX
-    )
+    box = BOX.replace("0.02 0.02 0.1", numbers) if place == "size" else BOX
     with pytest.raises(DesignError, match=reason) as caught:
-        parse(
-            link("a", shape("collision", geometry, origin)) + joint("tool_mount", "a")
-        )
+        parse(held(shape("collision", box, origin)))
     assert len(str(caught.value)) < 200
 
 
 @pytest.mark.parametrize("size", ["0 1 1", "-0.1 1 1"])
 def test_sides_are_positive(size):
     with pytest.raises(DesignError, match=r"box: [xyz] must be a positive length"):
-        parse(
-            link("a", shape("collision", f'<geometry><box size="{size}"/></geometry>'))
-            + HELD
-        )
+        parse(held(geometry(f'<box size="{size}"/>')))
 
 
 def test_collision_boxes_count_in_the_colours_of_as_many_visual_ones():
@@ -419,11 +387,9 @@ def test_collision_boxes_count_in_the_colours_of_as_many_visual_ones():
     low = '<origin xyz="0 0 0"/>'
     visuals = shape("visual", origin=high, material=red) + shape("visual", origin=low)
     shapes = visuals + shape("collision", origin=high) + shape("collision", origin=low)
-    tool = parse(link("a", shapes) + joint("tool_mount", "a"))
+    tool = parse(held(shapes))
     assert [c.color for c in tool.components] == [(1, 0, 0, 1), DEFAULT_COLOR]
-    (component,) = parse(
-        link("a", visuals + shape("collision")) + joint("tool_mount", "a")
-    ).components
+    (component,) = parse(held(visuals, shape("collision"))).components
     assert (component.pose.position.tolist(), component.color) == (
         [0, 0, -0.05],
         DEFAULT_COLOR,
@@ -467,25 +433,20 @@ def tools(draw):
 @given(tools())
 def test_dump_and_parse_give_the_same_tool(tool):
     again = URDF.parse(URDF.dump(tool), gripper=tool.gripper)
-    assert [(c.name, c.parent) for c in again.components] == [
-        (c.name, c.parent) for c in tool.components
-    ]
     before = tool.placed()
     after = again.placed()
     for component, other in zip(tool.components, again.components, strict=True):
+        assert (other.name, other.parent) == (component.name, component.parent)
         np.testing.assert_allclose(
-            other.shape.size, component.shape.size, rtol=0, atol=1e-9
-        )
-        np.testing.assert_allclose(
-            [other.mass, *other.color],
-            [component.mass, *component.color],
+            [other.mass, *other.color, *other.shape.size],
+            [component.mass, *component.color, *component.shape.size],
             rtol=0,
             atol=1e-9,
         )
-        here = before[component.name]
-        there = after[component.name]
-        assert here[0] == there[0]
-        np.testing.assert_allclose(there[1].matrix, here[1].matrix, rtol=0, atol=1e-9)
+        mount, here = before[component.name]
+        same_mount, there = after[component.name]
+        assert same_mount == mount
+        np.testing.assert_allclose(there.matrix, here.matrix, rtol=0, atol=1e-9)
     assert URDF.dump(again) == {"tool_urdf": robot.tool_urdf(again)}
 
 
@@ -508,35 +469,26 @@ def test_a_saved_tool_comes_back_to_the_last_bit():
     )
 
 
+def instructions_of(tools):
+    """What a model is told of a tool, on one line."""
+    counts = dict.fromkeys(("n_tool", "n_action", "generation", "agent", "seed"), 1)
+    brief = Brief(
+        on_panda(OneBook()), 0, tools, False, **counts, actions=WaypointActions()
+    )
+    return " ".join(tools.instructions(brief).split())
+
+
 def test_of_a_real_material_a_mass_is_neither_asked_for_nor_read():
     made_of_pla = on_panda(UrdfTools())
     made_of_pla.robot = PANDA
     made_of_pla.material = Material("pla", 1240)
-    text = " ".join(
-        made_of_pla.instructions(
-            Brief(
-                on_panda(OneBook()),
-                0,
-                made_of_pla,
-                False,
-                1,
-                1,
-                0,
-                0,
-                0,
-                actions=WaypointActions(),
-            )
-        ).split()
-    )
+    text = instructions_of(made_of_pla)
     assert "Tools are made of pla, 1240 kg/m^3, solid." in text
     assert "bend it by more than 10 mm or 10 N would break it." in text
     assert "mass value" not in text
     assert "A few grams per box" not in text
-    heavy = link(
-        "a",
-        f'<collision>{BOX}</collision><inertial><mass value="as much as you like"/></inertial>',
-    )
-    data = {"tool_urdf": heavy + joint("tool_mount", "a")}
+    heavy = '<inertial><mass value="as much as you like"/></inertial>'
+    data = {"tool_urdf": held(shape("collision"), heavy)}
     assert len(made_of_pla.parse(data, gripper=False).components) == 1
     with pytest.raises(
         DesignError, match="value is 'as much as you like'; expected a number"
@@ -545,20 +497,7 @@ def test_of_a_real_material_a_mass_is_neither_asked_for_nor_read():
 
 
 def test_of_paper_the_instructions_are_as_ever():
-    text = URDF.instructions(
-        Brief(
-            on_panda(OneBook()),
-            0,
-            URDF,
-            False,
-            1,
-            1,
-            0,
-            0,
-            0,
-            actions=WaypointActions(),
-        )
-    )
+    text = instructions_of(URDF)
     assert '- The inertial needs <mass value="..."/> in kilograms' in text
     assert (
         "more than 10 mm even if it were of steel, as it would a bar of 2 mm thickness and 0.25 m length."

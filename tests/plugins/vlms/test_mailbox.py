@@ -24,24 +24,26 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[3]
 SOLUTION = json.loads((ROOT / "tests/tasks/solutions/BringCube.json").read_text())
+STRATEGY = SOLUTION["strategies"][0]
 GOOD = json.dumps(SOLUTION)
 QUICK = {"poll_s": 0.02}
 
 
+def document(*strategies):
+    return json.dumps({"strategies": strategies})
+
+
+@pytest.fixture
+def box(tmp_path):
+    """The folder of the first request; it is made when that is asked."""
+    return tmp_path / "g0-a0"
+
+
 def request(agent=0, text="Design.", n_tool=2):
     tools = installed().create("tool", "urdf")
-    brief = Brief(
-        on_panda(BringCube()),
-        0,
-        tools,
-        False,
-        n_tool,
-        2,
-        0,
-        agent,
-        0,
-        actions=WaypointActions(),
-    )
+    counts = (n_tool, 2, 0, agent, 0)
+    task = on_panda(BringCube())
+    brief = Brief(task, 0, tools, False, *counts, actions=WaypointActions())
     user = Message(
         "user",
         (
@@ -109,14 +111,20 @@ def says(file, text):
     return lambda: file.is_file() and text in file.read_text()
 
 
+def answers(box, text=GOOD):
+    """Once a request is there, its reply is written."""
+    return exists(box / "prompt.md"), writes(box / "reply.json", text)
+
+
+def problem(box):
+    return (box / "problem.md").read_text()
+
+
 # --- requests and replies ---------------------------------------------------------------------------------------
 
 
-def test_a_request_becomes_a_folder_and_a_reply_is_read(tmp_path, capsys):
-    box = tmp_path / "g0-a0"
-    reply = answered(
-        tmp_path, (exists(box / "prompt.md"), writes(box / "reply.json", GOOD))
-    )
+def test_a_request_becomes_a_folder_and_a_reply_is_read(tmp_path, box, capsys):
+    reply = answered(tmp_path, answers(box))
     assert (reply.request_id, reply.text, reply.error) == ("g0-a0", GOOD, None)
     assert (reply.prompt_tokens, reply.cost_usd) == (None, None)
     prompt = (box / "prompt.md").read_text()
@@ -190,24 +198,17 @@ def test_replies_come_in_any_order_and_as_markdown(tmp_path, capsys):
         (b"\xff\xfe", "is not UTF-8 text"),
         (b'{"strategies": [{"tool_urdf": "<link/>"}]}', "strategy 1: "),
         (
-            json.dumps(
-                {
-                    "strategies": [
-                        SOLUTION["strategies"][0] | {"action_sets": [[[9] * 6]]}
-                    ]
-                }
-            ).encode(),
+            document(STRATEGY | {"action_sets": [[[9] * 6]]}).encode(),
             "x is 9; it must be between",
         ),
     ],
 )
-def test_a_reply_without_a_usable_design_is_refused(tmp_path, bad, reason, capsys):
-    box = tmp_path / "g0-a0"
+def test_a_reply_without_a_usable_design_is_refused(tmp_path, box, bad, reason, capsys):
     box.mkdir()
     problems = []
 
     def mend():
-        problems.append((box / "problem.md").read_text())
+        problems.append(problem(box))
         (box / "reply.json").write_text(GOOD)
 
     reply = answered(
@@ -225,15 +226,11 @@ def test_a_reply_without_a_usable_design_is_refused(tmp_path, bad, reason, capsy
     assert str(box / "problem.md") in said
 
 
-def test_rejected_designs_of_an_accepted_reply_are_listed(tmp_path):
-    strategy = SOLUTION["strategies"][0]
-    text = json.dumps({"strategies": [strategy, strategy | {"tool_urdf": "<link/>"}]})
-    box = tmp_path / "g0-a0"
-    reply = answered(
-        tmp_path, (exists(box / "prompt.md"), writes(box / "reply.json", text))
-    )
+def test_rejected_designs_of_an_accepted_reply_are_listed(tmp_path, box):
+    text = document(STRATEGY, STRATEGY | {"tool_urdf": "<link/>"})
+    reply = answered(tmp_path, answers(box, text))
     assert reply.text == text
-    listed = (box / "problem.md").read_text()
+    listed = problem(box)
     assert listed.startswith(
         "reply.json is accepted; these of its designs will be rejected:\n\n- strategy 2: "
     )
@@ -241,17 +238,14 @@ def test_rejected_designs_of_an_accepted_reply_are_listed(tmp_path):
 
 
 @pytest.mark.parametrize("accepted", [True, False])
-def test_faulty_designs_are_amended_or_accepted(tmp_path, accepted, capsys):
-    strategy = SOLUTION["strategies"][0]
-    bad = strategy | {"action_sets": [[[9] * 6]]}
-    text = json.dumps({"strategies": [strategy, bad]})
-    box = tmp_path / "g0-a0"
+def test_faulty_designs_are_amended_or_accepted(tmp_path, box, accepted, capsys):
+    text = document(STRATEGY, STRATEGY | {"action_sets": [[[9] * 6]]})
     act = writes(box / "reply.json", GOOD)
     if accepted:
         act = writes(box / "accept", "")
     reply = answered(
         tmp_path,
-        (exists(box / "prompt.md"), writes(box / "reply.json", text)),
+        answers(box, text),
         (says(box / "problem.md", "put a file named accept"), act),
         amend=True,
     )
@@ -264,17 +258,14 @@ def test_a_reply_is_judged_by_the_runs_own_representation_of_plans():
     asked = request()
     anchored = replace(asked, brief=replace(asked.brief, actions=AnchoredActions()))
     plan = [{"anchor": "cube", "offset": [0.0, 0.0, 0.4]}]
-    text = json.dumps(
-        {"strategies": [SOLUTION["strategies"][0] | {"action_sets": [plan]}]}
-    )
+    text = document(STRATEGY | {"action_sets": [plan]})
     assert judge(anchored, text) == (True, [])
     assert judge(asked, text)[0] is judge(anchored, GOOD)[0] is False
 
 
-def test_a_reply_that_is_still_being_written_is_waited_for(tmp_path):
+def test_a_reply_that_is_still_being_written_is_waited_for(tmp_path, box):
     """Even if it can be read so far: the first of two strategies is complete long before the second."""
-    text = json.dumps({"strategies": [SOLUTION["strategies"][0]] * 2})
-    box = tmp_path / "g0-a0"
+    text = document(STRATEGY, STRATEGY)
 
     def slowly():
         with (box / "reply.json").open("w") as file:
@@ -288,23 +279,21 @@ def test_a_reply_that_is_still_being_written_is_waited_for(tmp_path):
     assert not (box / "problem.md").exists()
 
 
-def test_a_reply_that_is_cut_off_is_read_when_its_file_rests(tmp_path):
-    text = json.dumps({"strategies": [SOLUTION["strategies"][0]] * 2})[:-30]
-    box = tmp_path / "g0-a0"
+def test_a_reply_that_is_cut_off_is_read_when_its_file_rests(tmp_path, box):
+    text = document(STRATEGY, STRATEGY)[:-30]
     reply = answered(
         tmp_path, (exists(box / "prompt.md"), writes(box / "reply.md", text))
     )
     assert reply.text == text
-    assert "strategy 2: the strategy is cut off" in (box / "problem.md").read_text()
+    assert "strategy 2: the strategy is cut off" in problem(box)
 
 
-def test_a_large_reply_or_a_folder_is_refused(tmp_path, monkeypatch):
+def test_a_large_reply_or_a_folder_is_refused(tmp_path, box, monkeypatch):
     monkeypatch.setattr("plugins.vlms.mailbox.MAX_BYTES", 100_000)
     large = GOOD + " " * 100_000
-    box = tmp_path / "g0-a0"
     answered(
         tmp_path,
-        (exists(box / "prompt.md"), writes(box / "reply.json", large)),
+        answers(box, large),
         (
             exists(box / "problem.md"),
             lambda: (box / "problem.md").rename(box / "first.md"),
@@ -316,7 +305,7 @@ def test_a_large_reply_or_a_folder_is_refused(tmp_path, monkeypatch):
         "reply.json has 0.1 MB; at most 0.1 MB are read"
         in (box / "first.md").read_text()
     )
-    assert "reply.md can't be read: Is a directory" in (box / "problem.md").read_text()
+    assert "reply.md can't be read: Is a directory" in problem(box)
 
 
 # --- folders that others may write to ---------------------------------------------------------------------------
@@ -352,8 +341,7 @@ def test_a_folder_that_is_a_link_is_not_written_to(tmp_path):
     assert not list((tmp_path / "private").iterdir())
 
 
-def test_a_reply_is_not_read_through_a_link_and_a_pipe_is_not_waited_for(tmp_path):
-    box = tmp_path / "g0-a0"
+def test_a_reply_is_not_read_through_a_link_and_a_pipe_is_not_waited_for(tmp_path, box):
     (tmp_path / "private.json").write_text(GOOD)
     reply = answered(
         tmp_path,
@@ -365,15 +353,14 @@ def test_a_reply_is_not_read_through_a_link_and_a_pipe_is_not_waited_for(tmp_pat
         (exists(box / "problem.md"), writes(box / "skip", "")),
     )
     assert reply.text == ""
-    assert "it is a link; put the file itself there" in (box / "problem.md").read_text()
+    assert "it is a link; put the file itself there" in problem(box)
 
 
 # --- again ------------------------------------------------------------------------------------------------------
 
 
-def test_replies_that_are_already_there_are_read_at_once(tmp_path, capsys):
-    box = tmp_path / "g0-a0"
-    answered(tmp_path, (exists(box / "prompt.md"), writes(box / "reply.json", GOOD)))
+def test_replies_that_are_already_there_are_read_at_once(tmp_path, box, capsys):
+    answered(tmp_path, answers(box))
     os.utime(box / "reply.json", (0, 0))
     prompt = (box / "prompt.md").stat().st_mtime_ns
     capsys.readouterr()
@@ -383,17 +370,13 @@ def test_replies_that_are_already_there_are_read_at_once(tmp_path, capsys):
     assert capsys.readouterr().err == ""
 
 
-def test_a_reply_to_another_request_is_refused(tmp_path):
-    box = tmp_path / "g0-a0"
+def test_a_reply_to_another_request_is_refused(tmp_path, box):
     box.mkdir()
     (box / "prompt.md").write_text("another")
     # Unanswered: written anew.
     answered(
         tmp_path,
-        (
-            lambda: "Design." in (box / "prompt.md").read_text(),
-            writes(box / "reply.json", GOOD),
-        ),
+        (says(box / "prompt.md", "Design."), writes(box / "reply.json", GOOD)),
     )
     with pytest.raises(
         UserError, match=r"g0-a0 has a reply to a different request; move it away"
@@ -419,10 +402,7 @@ def test_a_run_answered_by_hand(tmp_path):
     folder = tmp_path / "run"
     box = folder / "mailbox"
     person = Person(
-        (
-            exists(box / "g0-a0" / "prompt.md"),
-            writes(box / "g0-a0" / "reply.json", GOOD),
-        ),
+        answers(box / "g0-a0"),
         (exists(box / "g0-a1" / "prompt.md"), writes(box / "g0-a1" / "skip", "")),
     )
     result = run(load("config", [*RUN, "listener={}"]), folder)
