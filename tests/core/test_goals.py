@@ -90,6 +90,8 @@ def shifted(share, name="cube", by=(0.2, 0, 0)):
 
 
 CUBE = ("cube",)
+THERE = Placed(CUBE, place=(0.7, None, None))
+"""The goal of `shifted`: the cube is 0.2 m farther along x."""
 
 
 @pytest.mark.parametrize(
@@ -136,7 +138,7 @@ def test_an_axis_needs_a_length():
 
 @given(st.floats(0, 1), st.floats(0, 1))
 def test_progress_rises_from_the_start_to_the_goal(one, other):
-    goal = Placed(("cube",), place=(0.7, None, None), tolerance=0.02)
+    goal = replace(THERE, tolerance=0.02)
     first, second = (
         reward(goal, shifted(min(one, other))),
         reward(goal, shifted(max(one, other))),
@@ -149,7 +151,7 @@ def test_progress_rises_from_the_start_to_the_goal(one, other):
 
 def test_rewards_are_of_one_world_or_of_many():
     goals = (
-        Placed(("cube",), place=(0.7, None, None)),
+        THERE,
         JointAt(joint="drawer", to=0.2),
         Turned(("other",), axis=(1, 0, 0)),
     )
@@ -221,14 +223,14 @@ def test_an_axis_must_point_somewhere_and_what_was_right_must_stay_so():
     upright = Turned(("cube",), axis=(0, 0, 1))
     assert reward(upright, tipped) == 0
     assert reward(upright, START, start=tipped) == pytest.approx(1)
-    both = Placed(("cube",), place=(0.7, None, None), also=(Turned(axis=(0, 0, 2)),))
+    both = replace(THERE, also=(Turned(axis=(0, 0, 2)),))
     there = shifted(1)
     assert reward(both, there) == pytest.approx(1)
     assert reward(both, replace(there, quaternions=quaternions)) == 0
 
 
 def test_at_rest():
-    goal = Placed(("cube",), place=(0.7, None, None), rest=True)
+    goal = replace(THERE, rest=True)
     speeds = np.zeros_like(START.linear_velocities)
     speeds[START.names.index("cube")] = (0, 0, 0.04)
     assert reward(goal, shifted(1)) == 1
@@ -238,17 +240,15 @@ def test_at_rest():
 
 
 def test_all_goals_count_by_weight_or_one_is_enough():
-    one, other = (
-        Placed(("cube",), place=(0.7, None, None), weight=3),
-        Placed(("other",), place=(0.9, None, None)),
-    )
+    one = replace(THERE, weight=3)
+    other = Placed(("other",), place=(0.9, None, None))
     assert reward((one, other), shifted(0.5), every=True) == pytest.approx(0.375)
     assert reward((one, other), shifted(0.5)) == pytest.approx(0.5)
     assert reward(replace(one, bodies=("cube", "other"), any=True), shifted(1)) == 1
 
 
 def test_a_body_to_keep_must_stay():
-    goals = (Placed(("cube",), place=(0.7, None, None)), Kept(("other",)))
+    goals = (THERE, Kept(("other",)))
     near, far = (
         at(shifted(1), other=START.position("other") + np.array([0, way, 0]))
         for way in (0.06, 0.2)
@@ -273,7 +273,7 @@ def film(*states, **touching):
 
 
 def test_goals_that_ask_for_the_past_need_a_trace():
-    goal = Placed(("cube",), place=(0.7, None, None), by_s=1.0)
+    goal = replace(THERE, by_s=1.0)
     assert goal.needs_trace
     assert not replace(goal, by_s=None).needs_trace
     with pytest.raises(ValueError, match="need a trace"):
@@ -297,7 +297,7 @@ def test_held_is_borne_by_the_robot_alone_and_released_not_at_all(
     """A body that is still held above its place is not placed."""
     end = shifted(1, by=(0.2, 0, 0.2))
     trace = film(START, end, **touching)
-    goal = Placed(("cube",), place=(0.7, None, None), released=True)
+    goal = replace(THERE, released=True)
     assert goal.needs_trace
     assert reward(goal, end, trace) == released
     assert reward(Reach(("cube",), held=True), end, trace) == held
@@ -310,15 +310,14 @@ def test_held_and_released_say_the_opposite():
 
 def test_a_body_is_kept_at_the_end_or_throughout():
     """One that goes away and comes back was in place at the end alone."""
-    placed = Placed(("cube",), place=(0.7, None, None))
     away = at(shifted(0.5), other=START.position("other") + np.array([0, 0.06, 0]))
     back = film(START, away, shifted(1))
     at_end, throughout = Kept(("other",)), Kept(("other",), throughout=True)
     assert not at_end.needs_trace
     assert throughout.needs_trace
-    assert reward((placed, at_end), shifted(1), back) == 1
-    assert reward((placed, throughout), shifted(1), back) == pytest.approx(0.5)
-    assert reward((placed, throughout), shifted(1), film(START, shifted(1))) == 1
+    assert reward((THERE, at_end), shifted(1), back) == 1
+    assert reward((THERE, throughout), shifted(1), back) == pytest.approx(0.5)
+    assert reward((THERE, throughout), shifted(1), film(START, shifted(1))) == 1
     (margin,) = goals_margins(
         SimpleNamespace(goals=(throughout,), every=False), START, shifted(1), back
     )
@@ -326,7 +325,7 @@ def test_a_body_is_kept_at_the_end_or_throughout():
 
 
 def test_in_time_and_at_some_time():
-    goal = Placed(("cube",), place=(0.7, None, None), by_s=0.05)
+    goal = replace(THERE, by_s=0.05)
     late = film(START, shifted(0.5), START, shifted(1))
     assert reward(goal, shifted(1), late) == pytest.approx(0.5)
     assert reward(goal, shifted(1), film(START, shifted(1), shifted(1))) == 1
@@ -338,7 +337,7 @@ def test_one_after_another():
     opened, put = turned("drawer", to=0.2), shifted(1)
     goals = (
         JointAt(joint="drawer", to=0.2, ever=True, name="open"),
-        Placed(("cube",), place=(0.7, None, None), after="open"),
+        replace(THERE, after="open"),
     )
     assert reward(goals, put, film(START, opened, put), every=True) == 1
     assert reward(goals, put, film(START, put, put), every=True) == 0

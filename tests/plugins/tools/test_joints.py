@@ -8,12 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.design import DesignError, ToolJoint
-from core.interfaces import Brief
 from core.plugins import installed
-from plugins.actions.waypoints import WaypointActions
 from plugins.conformance.releases import hinge, hinged, sliding
-from tasks.bring_cube import BringCube
-from tests.panda import on_panda
+from tests.plugins.tools.test_urdf import instructions_of
 from tests.tongs import tongs
 
 NUMBERS = ("lower", "upper", "damping", "friction", "stiffness", "rest")
@@ -87,21 +84,7 @@ def test_joints_are_refused_unless_they_are_allowed(name):
 @pytest.mark.parametrize("name", ["urdf", "boxes", "solids"])
 def test_a_model_is_told_of_joints_only_where_they_are_allowed(name):
     told, silent = (
-        made(name, **settings).instructions(
-            Brief(
-                on_panda(BringCube()),
-                0,
-                made(name),
-                False,
-                1,
-                1,
-                0,
-                0,
-                0,
-                actions=WaypointActions(),
-            )
-        )
-        for settings in ({"joints": True}, {})
+        instructions_of(made(name, **settings)) for settings in ({"joints": True}, {})
     )
     assert "spring" in told
     assert "20 Hz" in told
