@@ -251,6 +251,7 @@ class _Solid:
                 return mesh.apply_translation(-mesh.bounds.mean(axis=0))
 
         mesh = cast("Mesh", self.drawn)
+
         return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
 
     def convex_parts(self) -> tuple[Shape, ...]:
@@ -278,6 +279,7 @@ class Box(_Solid):
 
     def __post_init__(self) -> None:
         size = tuple(map(float, self.size))
+
         _check_lengths(self, **dict(zip("xyz", size, strict=True)))
         object.__setattr__(self, "size", size)
 
@@ -460,6 +462,7 @@ def resized(shape: Shape | Compound, size: Vector) -> Shape | Compound:
         size: the side lengths (3,) of the new box, metres. Radii are means of two or three of them.
     """
     x, y, z = map(float, size)
+
     middle, before = shape.bounds
 
     def stretch(mesh: Mesh) -> Mesh:

@@ -34,16 +34,6 @@ def joint_name(link: str) -> str:
     return f"{link}_joint"
 
 
-# Names that no link and no joint of an arm may have.
-RESERVED = (
-    RIGID_MOUNT,
-    *GRIPPER_MOUNTS,
-    BASE,
-    joint_name(RIGID_MOUNT),
-    joint_name(BASE),
-)
-
-
 def assembled(
     robot: Robot, tool: Tool | None = None, *, fused: bool = False
 ) -> Description:
@@ -60,13 +50,13 @@ def assembled(
         fused: merge the tool's components into the link that bears them (for engines: fewer links, the same physics)
             instead of giving each a link of its own (for people).
     """
-
     gripper = robot.gripper
     if tool is None:
         tool = Tool(gripper=gripper is not None)
 
     arm = robot.description
     mount = _joint(RIGID_MOUNT, robot.mount_link, robot.mount)
+
     if gripper is not None and tool.gripper:
         arm = arm.renamed(dict(zip(gripper.links, GRIPPER_MOUNTS, strict=True)))
         mount = _joint(RIGID_MOUNT, gripper.link, gripper.mount)
@@ -106,8 +96,10 @@ def tool_parts(tool: Tool) -> Iterator[tuple[RobotLink, RobotJoint]]:
         link = RobotLink(component.name, inertial, *_place_shapes(component, in_link))
 
         pose = component.pose
+
         if component.joint is not None:
             pose = pose @ component.link
+
         if component.parent in frames:
             pose = frames[component.parent].inverse() @ pose
 
@@ -137,6 +129,7 @@ def _joint(
         moving: how it moves; None: it does not.
     """
     fixed = RobotJoint.fixed(joint_name(name), parent, name, pose)
+
     if moving is None:
         return fixed
 
@@ -183,6 +176,7 @@ def merge_inertias(parts: Sequence[Weight]) -> Weight:
 def _fuse(link: RobotLink, tool: Tool) -> RobotLink:
     """Merge the components that a link bears into it: many shapes, one inertia."""
     borne = [c for c in tool.components if tool.borne[c.name][0] == link.name]
+
     if not borne:
         return link
 

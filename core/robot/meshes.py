@@ -19,11 +19,11 @@ from scipy.spatial import ConvexHull
 
 from core.design import Tool
 from core.errors import UserError
-from core.geometry import Array, Color, Mesh
+from core.geometry import Array, Color, Mesh, Triple
 from core.robot.description import assembled
 from core.scene import Geom
 from core.support.files import write_whole
-from core.values.descriptions import ONE, RobotShape
+from core.values.descriptions import RobotShape
 from core.values.robots import Robot
 
 # PhysX takes at most 255 faces, and cuts larger hulls its own way; a hull of V corners has up to 2 V - 4.
@@ -132,16 +132,13 @@ def _visuals(visual: RobotShape) -> Iterator[Geom]:
         yield Geom(shape, pose, color)
         return
 
-    for piece, painted in _pieces(shape):
-        mesh = piece
-        if visual.scale != ONE:
-            mesh = Mesh.from_trimesh(piece.to_trimesh().apply_scale(visual.scale))
+    for mesh, painted in _pieces(shape, visual.scale):
         yield Geom(mesh, pose, painted or color)
 
 
 @lru_cache(maxsize=64)
-def _pieces(file: Path) -> tuple[tuple[Mesh, Color | None], ...]:
-    """Read a file's meshes and their colours; None: the file has none."""
+def _pieces(file: Path, scale: Triple) -> tuple[tuple[Mesh, Color | None], ...]:
+    """Read a file's meshes, scaled, and their colours; None: the file has none."""
     pieces: list[tuple[Mesh, Color | None]] = []
 
     for piece in trimesh.load_scene(file).dump():
@@ -152,6 +149,7 @@ def _pieces(file: Path) -> tuple[tuple[Mesh, Color | None], ...]:
                 color = tuple(rgba.tolist())
 
             piece.merge_vertices(merge_tex=True, merge_norm=True)
+            piece.apply_scale(scale)
             pieces.append((Mesh.from_trimesh(piece), color))
 
     return tuple(pieces)

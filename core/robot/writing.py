@@ -38,6 +38,7 @@ def write(
         root.append(_link_element(link, visuals, mesh_path))
 
     root.extend(map(_joint_element, description.joints.values()))
+
     return _to_text(root)
 
 
@@ -84,19 +85,16 @@ def _link_element(link: RobotLink, visuals: bool, mesh_path: MeshPath) -> Any:
 
 def _shape_element(tag: str, shape: RobotShape, mesh_path: MeshPath) -> Any:
     """Write a shape that is drawn or that collides, as ``tag`` says."""
-    geometry = _element("geometry", _geometry_element(shape, mesh_path))
-    return _element(tag, _origin_element(shape.origin), geometry)
-
-
-def _geometry_element(shape: RobotShape, mesh_path: MeshPath) -> Any:
-    """Write a mesh's file, or a solid by its lengths."""
     solid = shape.shape
     if isinstance(solid, Path):
         scale = None if shape.scale == ONE else shape.scale
-        return _element("mesh", filename=mesh_path(solid), scale=scale)
+        body = _element("mesh", filename=mesh_path(solid), scale=scale)
+    else:
+        # Our solids and their lengths are named as in URDF.
+        body = _element(type(solid).__name__.lower(), **vars(solid))
 
-    # Our solids and their lengths are named as in URDF.
-    return _element(type(solid).__name__.lower(), **vars(solid))
+    origin = _origin_element(shape.origin)
+    return _element(tag, origin, _element("geometry", body))
 
 
 def _joint_element(joint: RobotJoint) -> Any:

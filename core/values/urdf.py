@@ -63,6 +63,7 @@ def read_xml(data: bytes, file: Path) -> Element:
         ) from error
 
     count = sum(1 for _ in root.iter())
+
     if count > _MAX_ELEMENTS:
         raise UserError(
             f"{file} has {count} elements; at most {_MAX_ELEMENTS} are read"
@@ -107,6 +108,7 @@ def read_tree(
             raise UserError(
                 f"link {joint.child!r} hangs on two joints, so that links form a loop; a URDF is a tree"
             )
+
         joints[joint.child] = joint
 
     _check_tree(links, joints)
@@ -125,6 +127,7 @@ def _check_tree(
         raise UserError(f"links form a loop: {loop}; a URDF is a tree") from error
 
     roots = sorted(links.keys() - joints.keys())
+
     if len(roots) != 1:
         found = ", ".join(roots[:5]) or "no link is left"
         raise UserError(
@@ -151,10 +154,12 @@ def _find_named(root: Element, tag: str) -> dict[str, Element]:
         name = element.get("name")
         if not name:
             raise UserError(f"a <{tag}> has no name")
+
         if name in found:
             raise UserError(
                 f"two {tag}s are named {name!r}; each needs a name of its own"
             )
+
         found[name] = element
 
     return found
@@ -208,6 +213,7 @@ def _read_fields(element: Element, tag: str, **fields: Any) -> dict[str, Any]:
 
 
 def _read_origin(element: Element) -> Origin:
+    """Read where an element is; without an origin it is where its parent is."""
     origin = element.find("origin")
     if origin is None:
         return Origin()
@@ -222,9 +228,18 @@ def _read_link(
     colors: Mapping[str, Color],
     find: Callable[[str], Path],
 ) -> RobotLink:
+    """Read a link.
+
+    Args:
+        element: the link.
+        name: of the link.
+        colors: those of the robot's materials, by name.
+        find: finds the file of a mesh.
+    """
     collisions = _read_shapes(element, "collision", colors, find)
     visuals = _read_shapes(element, "visual", colors, find)
     inertial = element.find("inertial")
+
     if inertial is None:
         return RobotLink(name, Inertial(), collisions, visuals)
 
@@ -243,6 +258,14 @@ def _read_link(
 def _read_shapes(
     link: Element, tag: str, colors: Mapping[str, Color], find: Callable[[str], Path]
 ) -> tuple[RobotShape, ...]:
+    """Read shapes of a link.
+
+    Args:
+        link: has the shapes.
+        tag: ``collision`` or ``visual``.
+        colors: those of the robot's materials, by name.
+        find: finds the file of a mesh.
+    """
     shapes = []
 
     for element in link.findall(tag):
@@ -263,6 +286,11 @@ def _read_shapes(
 def _read_geometry(
     geometry: Element, find: Callable[[str], Path]
 ) -> tuple[Primitive | Path, Triple]:
+    """Read a shape, or find the file of a mesh; and its scale.
+
+    Raises:
+        UserError: there is not exactly one, it is of another kind, or a number is wrong.
+    """
     if len(geometry) != 1:
         raise UserError(
             f"<geometry> needs one shape: box, sphere, cylinder or mesh; it has {len(geometry)}"
@@ -299,8 +327,10 @@ def find_mesh(name: str, file: Path) -> Path:
         UserError: the name can't be resolved, or there is no such file.
     """
     scheme, _, path = name.rpartition("://")
+
     if not path:
         raise UserError("mesh has no filename that can be read")
+
     if scheme not in ("", "file", "package"):
         raise UserError(
             f"mesh {shorten(name)}: {scheme}:// is not read; give a path, or package://"
@@ -308,9 +338,12 @@ def find_mesh(name: str, file: Path) -> Path:
 
     mend = ""
     folders = [file.parent]
+
     if scheme:
         path = unquote(path)
+
     package = path.partition("/")[0]
+
     if scheme == "package":
         folders = [*file.resolve().parents, *_package_folders()]
         mend = (
@@ -339,9 +372,15 @@ def _package_folders() -> Iterator[Path]:
 
 
 def _read_joint(element: Element, name: str, links: Collection[str]) -> RobotJoint:
+    """Read a joint between two of the links.
+
+    Raises:
+        UserError: it is of no kind of joint, a link at its end is missing, or a number is wrong.
+    """
     parent = _find_end(element, "parent", links)
     child = _find_end(element, "child", links)
     kind = element.get("type", "")
+
     if kind not in _KINDS:
         raise choices("type", kind, _KINDS)
 
@@ -349,9 +388,11 @@ def _read_joint(element: Element, name: str, links: Collection[str]) -> RobotJoi
     axis = element.find("axis")
     if axis is not None:
         direction = _read_numbers(axis, "xyz", 3)
+
     if kind in MOVING and math.hypot(*direction) < 1e-6:
         raise UserError("its axis has length 0")
 
+    limits = _read_fields(element, "limit", **Limits()._asdict())
     mimic = element.find("mimic")
     factors = _read_fields(element, "mimic", multiplier=1.0, offset=0.0)
     spring = _read_fields(element, "spring", stiffness=0.0, rest=0.0)
@@ -362,7 +403,7 @@ def _read_joint(element: Element, name: str, links: Collection[str]) -> RobotJoi
         child,
         _read_origin(element),
         direction,
-        Limits(**_read_fields(element, "limit", **Limits()._asdict())),
+        Limits(**limits),
         None if mimic is None else Mimic(mimic.get("joint", ""), **factors),
         **_read_fields(element, "dynamics", damping=0.0, friction=0.0),
         spring=tuple(spring.values()) if element.find("spring") is not None else None,
@@ -376,12 +417,14 @@ def _find_end(joint: Element, tag: str, links: Collection[str]) -> str:
         raise UserError(f'it names no {tag}; add <{tag} link="..."/>')
 
     name = end.attrib["link"]
+
     if name not in links:
         raise choices("link", name, links)
     return name
 
 
 def _read_color(material: Element) -> Color:
+    """Read the colour of a material; what is below 0 or above 1 is taken to be meant as the end."""
     with _inside(f"material {shorten(material.get('name', ''))}"):
         rgba = _read_numbers(_need(material, "color"), "rgba", 4)
 

@@ -7,9 +7,19 @@ import shlex
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
-from core.robot.description import RESERVED
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT
+from core.robot.description import BASE, joint_name
 from core.support.text import hydra_word
 from core.values.descriptions import Description
+
+# Names that links and joints of what is mounted have, and so none of an arm.
+RESERVED = (
+    RIGID_MOUNT,
+    *GRIPPER_MOUNTS,
+    BASE,
+    joint_name(RIGID_MOUNT),
+    joint_name(BASE),
+)
 
 _ODD = re.compile(r"[^A-Za-z0-9_.-]+")
 _LONGEST = 64
