@@ -173,9 +173,8 @@ def hull(points: Array) -> Mesh:
 
 def box(low: Sequence[float] | Array, high: Sequence[float] | Array) -> Placed:
     """Return a box between two corners, in metres."""
-    low = np.asarray(low)
-    high = np.asarray(high)
-    return Box(tuple(high - low)), Pose((low + high) / 2)
+    sides = np.subtract(high, low)
+    return Box(tuple(sides)), Pose(np.add(low, high) / 2)
 
 
 def rod(start: Array, end: Array, radius: float) -> Placed:
