@@ -31,7 +31,7 @@ def _run_job(cfg: DictConfig) -> UserError | BrokenPipeError | None:
         run_and_print(cfg, folder)
     except (UserError, BrokenPipeError) as error:
         return error
-    except OmegaConfBaseException as error:  # a setting without a value
+    except OmegaConfBaseException as error:  # an unknown key, or one without a value
         return explain(error, "config")
 
     return None
