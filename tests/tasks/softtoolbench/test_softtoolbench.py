@@ -86,7 +86,7 @@ def test_names_words_and_configs(name):
     assert all(len(soft.form.nodes) <= 50 for scene in scenes for soft in scene.softs)
 
 
-@every_task
+@quickest_task
 def test_the_embedded_designer_plans_for_it_and_says_what_it_leaves_out(name):
     parts = installed()
     tools = parts.create("tool", "boxes")
