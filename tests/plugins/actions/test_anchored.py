@@ -2,6 +2,7 @@ import json
 import pickle
 import re
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -199,43 +200,27 @@ def test_an_anchor_that_is_not_there(step, problem):
 
 def test_a_designs_file_names_the_representation_and_reads_back():
     task = on_panda(BringCube())
-    document = json.loads(
-        json.dumps(
-            {
-                "strategies": [
-                    BARE | {"action": "anchored", "action_sets": [[GOOD, NEAR]]}
-                ]
-            }
-        )
-    )
     rules = SpawnRules(task, 0)
     bare = installed().create("tool", "none")
-    (candidate,) = read_designs(document, bare, rules)
+
+    def read(**fields):
+        document = json.loads(json.dumps({"strategies": [BARE | fields]}))
+        (candidate,) = read_designs(document, bare, rules)
+        return candidate
+
+    candidate = read(action="anchored", action_sets=[[GOOD, NEAR]])
     assert isinstance(candidate.plan, AnchoredPlan)
-    (again,) = read_designs({"strategies": [dump_design(candidate, bare)]}, bare, rules)
+    again = read(**dump_design(candidate, bare))
     assert (
         again.content
         == candidate.content
         == pickle.loads(pickle.dumps(candidate)).content
     )
     numbers = 7 if bare.given(task).gripper else 6
-    (literal,) = read_designs(
-        {
-            "strategies": [
-                BARE | {"action_sets": [[[0.5, 0, 0.4, 0, 0, 0, 1][:numbers]]]}
-            ]
-        },
-        bare,
-        rules,
-    )
+    literal = read(action_sets=[[[0.5, 0, 0.4, 0, 0, 0, 1][:numbers]]])
     assert isinstance(literal.plan, Waypoints)
     assert "action" not in dump_design(literal, bare)
-    (unknown,) = read_designs(
-        {"strategies": [BARE | {"action": "dance", "action_sets": [[GOOD]]}]},
-        bare,
-        rules,
-    )
-    assert "no action 'dance'" in unknown.problem
+    assert "no action 'dance'" in read(action="dance", action_sets=[[GOOD]]).problem
 
 
 BARE = {"strategy_name": "bare"}
@@ -288,14 +273,9 @@ SWING = [{"offset": [0.5, 0.3 * (-1) ** k, 0.4], "speed": 5.0} for k in range(60
     ],
 )
 def test_what_would_cost_too_much_is_refused_before_it_is_spent(steps, reason):
+    sheet = Component("c", "tool_mount", Pose(), Box((0.0005, 0.02, 0.02)), 0.0005)
     sheets = [
-        Component(
-            f"c{k}",
-            "tool_mount",
-            Pose.xyz_rpy((0.0002 * k, 0.0, -0.01)),
-            Box((0.0005, 0.02, 0.02)),
-            0.0005,
-        )
+        replace(sheet, name=f"c{k}", pose=Pose.xyz_rpy((0.0002 * k, 0.0, -0.01)))
         for k in range(99)
     ]
     began = time.process_time()
@@ -325,30 +305,21 @@ def test_a_hundred_warnings_are_a_line():
 @pytest.mark.usefixtures("inline")
 def test_a_run_is_stored_and_goes_on_with_its_plans_as_written(tmp_path):
     words = [
-        "budget.n_agent=1",
-        "budget.n_tool=1",
-        "budget.n_action=2",
-        "budget.n_iteration=0",
-        "listener=[]",
+        *("budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2"),
+        *("budget.n_iteration=0", "listener=[]", "film=false", "prompt.picture=false"),
+        *("sim=mujoco", "action=anchored", "rollout.perception.position=0.005"),
     ]
-    words += ["sim=mujoco", "action=anchored", "rollout.perception.position=0.005"]
-    words += ["film=false", "prompt.picture=false"]
     cfg = load("config", words)
     run(cfg, tmp_path / "run")
     representation = tool_part(cfg).create()
     rules = SpawnRules(on_panda(BringCube()), 0)
     stored = stored_evaluations(tmp_path / "run", representation, rules)
-    assert all(
-        isinstance(evaluation.candidate.plan, AnchoredPlan) for evaluation in stored
-    )
-    plans = {
-        evaluation.candidate.id: evaluation.candidate.plan.dump()
-        for evaluation in stored
-    }
+    stored = {tried.candidate.id: tried.candidate.plan for tried in stored}
+    assert all(isinstance(plan, AnchoredPlan) for plan in stored.values())
     winner = best_tool(read_run(tmp_path / "run"))
     (design,) = load_designs(tmp_path / "run/best/design.json")["strategies"]
     assert design["action"] == "anchored"
-    assert design["action_sets"] == [plans[winner.candidate]]
+    assert design["action_sets"] == [stored[winner.candidate].dump()]
     resume(tmp_path / "run", ["budget.n_iteration=1"])
     assert (
         len(json.loads((tmp_path / "run/result.json").read_text())["generations"]) == 2
@@ -435,14 +406,9 @@ def test_a_plan_with_guards_is_written_as_it_is_read():
     assert ACTIONS.parse(steps.dump(), gripper=False) == steps
     waypoints = steps.resolve(SEEN)
     written = ACTIONS.anchor(waypoints, steps.anchors, SEEN)
-    np.testing.assert_allclose(
-        ACTIONS.parse(written, gripper=False).resolve(SEEN).poses,
-        waypoints.poses,
-        atol=2e-5,
-    )
-    assert (
-        ACTIONS.parse(written, gripper=False).resolve(SEEN).guards == waypoints.guards
-    )
+    again = ACTIONS.parse(written, gripper=False).resolve(SEEN)
+    np.testing.assert_allclose(again.poses, waypoints.poses, atol=2e-5)
+    assert again.guards == waypoints.guards
 
 
 @pytest.mark.parametrize(
