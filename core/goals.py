@@ -384,7 +384,10 @@ class Reach(Goal):
             if isinstance(goal, Reach)
         }
         named = {goal.name or number: goal for number, goal in numbered.items()}
-        known = {**numbered, **named}  # by its number, whatever its name
+        known: dict[str | int, Reach] = {
+            **numbered,
+            **named,
+        }  # by its number, whatever its name
 
         if which not in known:
             names = ", ".join(map(str, named))

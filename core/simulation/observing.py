@@ -274,11 +274,7 @@ class _Case:
         for name in self.start.names:
             begin = self.start.position(name)
             end = self.end.position(name)
-            tilt = 0.0
-
-            if not self._is_ball(name):
-                tilt = round(float(self._tilts(name, self.end)), 1)
-
+            tilt = round(float(self._tilts(name, self.end)), 1)
             shifted = self._way(name) > _STILL_M or tilt > _STILL_DEG
             if shifted or name in self.names:
                 way = _round_all(end - begin, 4)
@@ -452,9 +448,6 @@ class _Case:
             if top - rest >= LIFTED_M and top - heights[begin:stop].min() >= FALLEN_M:
                 return float(self.times[begin - 1]), "dropped", name
 
-        if self._is_ball(name):
-            return None
-
         upright = np.flatnonzero(self._tilts(name, self.states) <= TIPPED_DEG)
         tipped = int(upright[-1]) + 1 if upright.size else 0
         # It stayed so, and did not fall.
@@ -463,13 +456,14 @@ class _Case:
 
         return None
 
-    def _is_ball(self, name: str) -> bool:
-        """Report whether a body's turning can't be seen."""
-        parts = self.scene[name].collisions
-        return all(isinstance(part.shape, Sphere) for part in parts)
-
     def _tilts(self, name: str, states: State) -> Array:
-        """Compute how far a body's upward axis has turned since the start, degrees, in each state (...)."""
+        """Compute how far a body's upward axis has turned since the start, degrees, in each state (...).
+
+        That of a ball can't be seen.
+        """
+        if all(isinstance(part.shape, Sphere) for part in self.scene[name].collisions):
+            return np.zeros(states.positions.shape[:-2])
+
         upward = rotate_back(self.start.quaternion(name), np.array([0.0, 0.0, 1.0]))
         heights = rotate(states.quaternion(name), upward)[..., 2]
 
