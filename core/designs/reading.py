@@ -10,7 +10,6 @@ Other spellings that have one meaning are read, too (`core.designs.replies.Reade
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
@@ -109,25 +108,6 @@ def load_designs(path: Path) -> object:
     except DesignError as error:
         raise UserError(f"{what}: {error}") from error
     return document
-
-
-def save_design(
-    candidate: Candidate, representation: ToolRepresentation, folder: Path
-) -> None:
-    """Write ``design.json``, a designs file with one candidate, which `load_designs` reads.
-
-    Args:
-        candidate: has a tool.
-        representation: writes the tool.
-        folder: where the file is written; made if it is not there.
-
-    Raises:
-        ValueError: the candidate has no tool.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    strategies = [dump_design(candidate, representation)]
-    text = json.dumps({"strategies": strategies}, indent=2) + "\n"
-    (folder / "design.json").write_text(text, encoding="utf-8")
 
 
 def dump_design(

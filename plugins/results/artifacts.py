@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import filecmp
+import json
 import shutil
 from functools import partial
 from pathlib import Path
@@ -12,6 +13,8 @@ import numpy as np
 import trimesh
 
 from core.design import GRIPPER_MOUNTS, Candidate, Tool
+from core.designs.reading import dump_design
+from core.interfaces import ToolRepresentation
 from core.robot.description import assemble, tool_urdf
 from core.robot.trajectory import Motion
 from core.values.robots import Robot
@@ -52,6 +55,25 @@ def save_files(
     tool_mesh(tool, robot.opening_m).export(folder / "tool.stl")
     if tool.fixture is not None:
         tool_mesh(tool.fixture.parts, 0.0).export(folder / "fixture.stl")
+
+
+def save_design(
+    candidate: Candidate, representation: ToolRepresentation, folder: Path
+) -> None:
+    """Write ``design.json``, a designs file with one candidate, which `core.designs.reading.load_designs` reads.
+
+    Args:
+        candidate: has a tool.
+        representation: writes the tool.
+        folder: where the file is written; made if it is not there.
+
+    Raises:
+        ValueError: the candidate has no tool.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    strategies = [dump_design(candidate, representation)]
+    text = json.dumps({"strategies": strategies}, indent=2) + "\n"
+    (folder / "design.json").write_text(text, encoding="utf-8")
 
 
 def copied(mesh: Path, folder: Path) -> str:

@@ -7,14 +7,13 @@ from pathlib import Path
 
 from core.design import Candidate
 from core.designs.planning import resolve
-from core.designs.reading import save_design
 from core.errors import RAISED, UserError
 from core.events import INTERRUPTED, Result, Run
 from core.interfaces import EvolutionStrategy, Simulator, Task
 from core.robot.trajectory import plan_task_motion
 from core.simulation.pictures import filmed, report_missing, save_film
 from core.support.progress import busy
-from plugins.results.artifacts import save_files
+from plugins.results.artifacts import save_design, save_files
 
 
 def save_best(result: Result, run: Run, strategy: EvolutionStrategy) -> None:

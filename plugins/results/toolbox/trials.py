@@ -10,7 +10,6 @@ from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import load, part, task_part, tool_part
 from core.design import DesignError
-from core.designs.reading import save_design
 from core.designs.start import SpawnRules
 from core.errors import UsageError, UserError
 from core.events import INTERRUPTED
@@ -21,6 +20,7 @@ from core.store.database import writing
 from core.store.reader import StoredRun
 from core.store.recorder import RunStore
 from core.values.plans import digest
+from plugins.results.artifacts import save_design
 from plugins.results.chosen import stored_evaluations
 from plugins.results.toolbox.tools import (
     HeldTool,

@@ -9,11 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from core.designs.reading import save_design
 from core.errors import UsageError, UserError
 from core.interfaces import ToolRepresentation
 from core.support.cli import write_bytes
-from plugins.results.artifacts import save_files
+from plugins.results.artifacts import save_design, save_files
 from plugins.results.workshop.export import Export
 from plugins.results.workshop.motion import to_csv
 from plugins.results.workshop.ros import write_messages

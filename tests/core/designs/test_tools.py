@@ -6,11 +6,12 @@ from dataclasses import replace
 import jsonschema
 import pytest
 
-from core.designs.reading import load_designs, read_designs, save_design
+from core.designs.reading import load_designs, read_designs
 from core.designs.start import SpawnRules
 from core.interfaces import RolloutSettings
 from core.plugins import installed
 from core.scene import FIXTURE
+from plugins.results.artifacts import save_design
 from tests.engines import simulator
 from tests.panda import on_panda
 from tests.playing import evaluate_batch

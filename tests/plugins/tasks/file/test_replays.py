@@ -5,9 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from core.designs.reading import load_designs, read_designs, save_design
+from core.designs.reading import load_designs, read_designs
 from core.interfaces import RolloutSettings
 from core.plugins import installed
+from plugins.results.artifacts import save_design
 from tests.engines import simulator
 from tests.panda import on_panda
 from tests.playing import evaluate_batch
