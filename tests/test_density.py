@@ -85,8 +85,8 @@ def measure(folder):
 @pytest.mark.parametrize(
     ("folder", "nodes", "in_thousand_lines"),
     [
-        ("core", 72_330, 3_500),
-        ("plugins", 201_210, 3_800),
+        ("core", 72_150, 3_500),
+        ("plugins", 201_370, 3_800),
         ("tasks", 20_500, 4_450),
     ],
 )

@@ -66,36 +66,11 @@ def arguments(usage: str, given: Sequence[str]) -> list[str]:
     Raises:
         UsageError: a word is no ``KEY=VALUE``.
     """
-    given = _help_or_words(usage, given)
+    given = answer_help(usage, given)
     for word in given:
         if word.startswith("-") or "=" not in word:
             raise UsageError(f"can't read {word!r}; {usage}")
     return given
-
-
-def folders_and_overrides(
-    usage: str, given: Sequence[str]
-) -> tuple[list[Path], list[str]]:
-    """Return the folders that the command line names, as they are or as ``runs=FOLDER``, and its overrides.
-
-    With ``--help`` it prints the usage and ends the process. A path that exists is a folder, even with a ``=``
-    in its name, as a multirun's jobs may have.
-    """
-    folders: list[Path] = []
-    overrides: list[str] = []
-    for word in _help_or_words(usage, given):
-        if word.startswith("-"):
-            raise UsageError(f"can't read {word!r}; {usage}")
-        key, _, value = word.partition("=")
-
-        if "=" not in word or path_exists(word):
-            folders.append(read_path(word))
-        elif key in ("run", "runs"):
-            folders.append(read_path(value))
-        else:
-            overrides.append(word)
-
-    return folders, overrides
 
 
 def join_words(given: Sequence[str]) -> list[str]:
@@ -145,8 +120,8 @@ def path_exists(value: str) -> bool:
         return False
 
 
-def _help_or_words(usage: str, given: Sequence[str]) -> list[str]:
-    """Return the words; with ``--help`` among them print the usage and end the process."""
+def answer_help(usage: str, given: Sequence[str]) -> list[str]:
+    """Print the usage and end the process if ``--help`` is among the words; else return them."""
     if "--help" in given or "-h" in given:
         say(*usage.splitlines())
         sys.stdout.flush()

@@ -27,6 +27,7 @@ def commands() -> dict[str, Command]:
             "try the best designs in several engines and in perturbed scenes",
             "plugins.results.transfer:main",
         ),
+        "view": Command("show the recording of a run", "plugins.results.view:main"),
         "export": Command(
             "write what a real arm needs to run the best motion",
             "plugins.results.workshop.command:main",

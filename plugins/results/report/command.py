@@ -10,7 +10,8 @@ from pathlib import Path
 
 from core.config.compose import load
 from core.errors import UsageError, UserError
-from core.support.cli import folders_and_overrides, print_table, say, write_bytes
+from core.support.cli import print_table, say, write_bytes
+from plugins.results.folders import folders_and_overrides
 from plugins.results.pages.formats import Table, printed
 from plugins.results.pages.runs import find_runs
 from plugins.results.report.contents import DATA, contents

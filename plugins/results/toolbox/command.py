@@ -12,9 +12,10 @@ from core.designs.planning import parse_plan
 from core.errors import UsageError
 from core.interfaces import ActionPlan
 from core.plugins import ACTION, installed
-from core.support.cli import folders_and_overrides, print_table, say, write_bytes
+from core.support.cli import print_table, say, write_bytes
 from core.support.text import number
 from plugins.results.artifacts import save_design
+from plugins.results.folders import folders_and_overrides
 from plugins.results.pages.formats import Column, Table, to_csv
 from plugins.results.toolbox.choice import Toolbox, ToolboxConfig, toolbox
 

@@ -16,9 +16,10 @@ from core.config.compose import check_seed, node, task_part, task_parts, tool_pa
 from core.errors import UsageError, UserError
 from core.store.database import writing
 from core.store.reader import StoredRun
-from core.support.cli import folders_and_overrides, print_table, say
+from core.support.cli import print_table, say
 from core.values.efforts import PERTURBED, Held
 from plugins.results.chosen import DesignsConfig, chosen_evaluations, config_for
+from plugins.results.folders import folders_and_overrides
 from plugins.results.workshop.export import Export
 from plugins.results.workshop.files import new_folder, write_export
 from plugins.results.workshop.playback import make_export

@@ -5,7 +5,6 @@ import re
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -181,9 +180,6 @@ def test_a_path_is_read_in_quotes_or_without(tmp_path, monkeypatch, value, path)
     monkeypatch.chdir(tmp_path)
     (tmp_path / '"there"').touch()
     assert str(cli.read_path(value)) == path
-    folders, rest = cli.folders_and_overrides("usage", [f"runs={value}", "seed=1"])
-    assert list(map(str, folders)) == [path]
-    assert rest == ["seed=1"]
 
 
 def test_an_override_that_hydra_cannot_read():
@@ -222,27 +218,3 @@ def test_a_table_on_a_terminal_folds_text_but_no_number(monkeypatch):
     text = "".join(lines)
     assert "0.029 ± 0.012" in text
     assert max(len(re.sub(r"\x1b\[[\d;]*m", "", line).rstrip()) for line in lines) <= 40
-
-
-@pytest.mark.parametrize(
-    ("words", "folders"),
-    [
-        (["here", "runs=a/b", "top=3"], ["here", "a/b"]),
-        (["run=a=b"], ["a=b"]),
-    ],
-)
-def test_folders_are_given_as_they_are_or_as_runs(words, folders):
-    assert cli.folders_and_overrides("usage: ", words) == (
-        [Path(folder) for folder in folders],
-        [word for word in words if word == "top=3"],
-    )
-
-
-def test_a_folder_that_is_there_is_one_with_any_name(tmp_path, monkeypatch):
-    (tmp_path / "seed=1").mkdir()
-    (tmp_path / "[x]").mkdir()
-    monkeypatch.chdir(tmp_path)
-    assert cli.folders_and_overrides("usage: ", ["seed=1", "runs=[x]"]) == (
-        [Path("seed=1"), Path("[x]")],
-        [],
-    )

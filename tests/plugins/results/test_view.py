@@ -12,7 +12,7 @@ from urllib.parse import parse_qs, urlsplit
 import pytest
 import rerun as rr
 
-from plugins.listeners.rerun.view import free_port, listens, recordings
+from plugins.results.view import free_port, listens, recordings
 from tests.commands import python_m
 
 
