@@ -194,10 +194,6 @@ class Trial:
         return self.where.layout
 
     @property
-    def change(self) -> int | None:
-        return self.where.change
-
-    @property
     def cause(self) -> str:
         """Why it earns what it earns: the reason, or what became of the goal's bodies; or empty."""
         return self.reason or self.outcome
@@ -374,7 +370,7 @@ class Evaluation:
     @property
     def layouts(self) -> int:
         """In how many layouts or changes it was tried in the search."""
-        return len({(trial.layout, trial.change) for trial in self.trials})
+        return len({(trial.layout, trial.where.change) for trial in self.trials})
 
     @property
     def expected_loss(self) -> float:

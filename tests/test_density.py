@@ -85,7 +85,7 @@ def measure(folder):
 @pytest.mark.parametrize(
     ("folder", "nodes", "in_thousand_lines"),
     [
-        ("core", 72_150, 3_500),
+        ("core", 72_000, 3_500),
         ("plugins", 201_370, 3_800),
         ("tasks", 20_500, 4_450),
     ],

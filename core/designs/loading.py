@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from core.design import DesignError, Tool
-from core.designs.reading import list_strategies, load_designs
-from core.designs.tools import read_fields, read_gripper, read_tool
+from core.design import Tool
+from core.designs.reading import load_designs, read_designs
 from core.errors import UserError
 from core.interfaces import Task, ToolRepresentation
 
@@ -25,18 +24,17 @@ def load_tool(
     Raises:
         UserError: there is no such strategy, or its tool can't be read.
     """
-    strategies = list_strategies(load_designs(path))
-    if number not in range(len(strategies)):
+    candidates = read_designs(load_designs(path), representation, task)
+    by_strategy = {candidate.strategy: candidate for candidate in candidates}
+    if number not in by_strategy:
         raise UserError(
-            f"{path} has {len(strategies)} strategies; there is no strategy={number}"
+            f"{path} has {len(by_strategy)} strategies; there is no strategy={number}"
         )
 
-    given = representation.given(task)
-    try:
-        fields = read_fields(strategies[number], representation)
-        gripper = read_gripper(fields, given, task)
-        return given or read_tool(fields, representation, gripper, task)
-    except DesignError as error:
+    candidate = by_strategy[number]
+    if candidate.tool is None:
         raise UserError(
-            f"{path}: the tool of strategy {number} can't be read: {error}"
-        ) from error
+            f"{path}: the tool of strategy {number} can't be read: {candidate.problem}"
+        )
+
+    return candidate.tool

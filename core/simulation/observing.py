@@ -332,7 +332,8 @@ class _Case:
 
     def _way(self, name: str) -> float:
         """Measure how far a body ended from its start."""
-        return _length(self.end.position(name) - self.start.position(name))
+        way = self.end.position(name) - self.start.position(name)
+        return float(np.linalg.norm(way))
 
     def _is_in_place(self, name: str) -> bool:
         """Report whether a body ended where the goals want it, held or let go as they want it.
@@ -430,7 +431,7 @@ class _Case:
                 moved = 0.0
                 if not self.scene[other].fixed:
                     places = self.states.position(other)
-                    moved = _length(places[peak] - places[before])
+                    moved = float(np.linalg.norm(places[peak] - places[before]))
 
                 if moved <= UNYIELDING_M:
                     yield float(times[begin]), times[stop - 1], "stuck", other
@@ -509,11 +510,6 @@ def _offset(wanted: Array | None, position: Array, axes: Array) -> Offset:
     way[free] = np.nan
     x, y, z = (None if np.isnan(off) else round(off, 4) + 0.0 for off in way.tolist())
     return x, y, z
-
-
-def _length(vector: Array) -> float:
-    """Measure a vector (3,)."""
-    return float(np.linalg.norm(vector))
 
 
 def _round_all(values: Array, digits: int) -> Any:

@@ -12,12 +12,10 @@ from core.config.trust import as_stored
 from core.interfaces import Reply
 from core.store.database import FILE, reading
 from core.store.rows import (
-    GenerationFigures,
     Key,
     RunFigures,
     StoredDesign,
     StoredEvaluation,
-    StoredGeneration,
     StoredReply,
     StoredRequest,
     StoredTrial,
@@ -68,11 +66,6 @@ class StoredRun:
         for row in self._query("SELECT result FROM run WHERE result IS NOT NULL"):
             return validated(RunFigures, parsed(row["result"]))
         return None
-
-    def generations(self) -> tuple[GenerationFigures, ...]:
-        """Return the figures of the generations that are done."""
-        stored = self._rows(StoredGeneration, "generations ORDER BY number")
-        return tuple(generation.summary for generation in stored)
 
     def seconds(self) -> float:
         """Return the wall time of all sessions."""

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from core.errors import UserError
-from core.events import Generation, Result, Run
+from core.events import Result, Run
 from core.hooks import hookimpl
 from core.interfaces import Reply, Request
 from core.store import columns
 from core.store.database import FILE, SCHEMA_VERSION, Database, writing
-from core.store.figures import report, summary, versions
+from core.store.figures import report, versions
 from core.store.files import keep_task, write_request, write_text
 from core.store.progress import StoredProgress, digest_request
 from core.store.reader import StoredRun
@@ -147,7 +147,6 @@ class RunStore:
         execute("DELETE FROM replies WHERE request_id = ?", request)
         rejected = "generation = ? AND agent = ? AND status = 'rejected'"
         execute(f"DELETE FROM evaluations WHERE {rejected}", generation, agent)  # noqa: S608
-        execute("DELETE FROM generations WHERE number = ?", generation)
 
     @hookimpl
     def request_composed(self, request: Request) -> None:
@@ -208,13 +207,6 @@ class RunStore:
         row = columns.evaluation_row(evaluation, self.past.numbers)
         with self._recording() as database:
             database.insert("evaluations", verb="REPLACE", **row)
-
-    @hookimpl
-    def generation_finished(self, generation: Generation) -> None:
-        figures = asdict(summary(generation))
-        row = {"number": generation.index, "summary": figures}
-        with self._recording() as database:
-            database.insert("generations", verb="REPLACE", **row)
 
     @hookimpl
     def run_finished(self, run: Run, result: Result) -> None:

@@ -367,14 +367,6 @@ class StoredTrial:
     trial: Trial
 
 
-@dataclass(frozen=True)
-class StoredGeneration:
-    """The figures of a generation."""
-
-    number: Count
-    summary: Json[GenerationFigures]
-
-
 def load_trial(row: Row) -> Trial:
     """Read the row of a trial, whose column ``details`` has what has no column of its own.
 
@@ -394,7 +386,6 @@ TABLES: dict[str, Callable[[Any], object]] = {
     "strategies": partial(validated, StoredDesign),
     "evaluations": partial(validated, StoredEvaluation),
     "trials": load_trial,
-    "generations": partial(validated, StoredGeneration),
 }
 """How a row of each table is read."""
 

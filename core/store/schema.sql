@@ -27,4 +27,3 @@ CREATE TABLE IF NOT EXISTS trials (
     layout INTEGER NOT NULL, change INTEGER, candidate TEXT NOT NULL, status TEXT NOT NULL, reward REAL NOT NULL,
     details TEXT NOT NULL
 );
-CREATE TABLE IF NOT EXISTS generations (number INTEGER PRIMARY KEY, summary TEXT NOT NULL);

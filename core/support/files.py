@@ -6,19 +6,11 @@ import os
 import secrets
 import stat
 from pathlib import Path
-from typing import NamedTuple
 
 from core.errors import UserError
 
-
-class FileMark(NamedTuple):
-    """Numbers of which at least one changes when a file is changed or replaced."""
-
-    device: int
-    number: int
-    size: int
-    modified_ns: int
-    changed_ns: int  # unlike the time of modification it can't be chosen
+FileMark = tuple[int, ...]
+"""Numbers of which at least one changes when a file is changed or replaced. The first is its size, bytes."""
 
 
 def file_mark(file: Path) -> FileMark | None:
@@ -27,9 +19,13 @@ def file_mark(file: Path) -> FileMark | None:
         status = file.lstat()
     except OSError:
         return None
-    place = (status.st_dev, status.st_ino)
-    times = (status.st_mtime_ns, status.st_ctime_ns)
-    return FileMark(*place, status.st_size, *times)
+    return (
+        status.st_size,
+        status.st_dev,
+        status.st_ino,
+        status.st_mtime_ns,
+        status.st_ctime_ns,
+    )
 
 
 def read_text(file: Path, what: str) -> str:

@@ -164,8 +164,10 @@ def record(
     candidate: Candidate, robot: str, tried: Sequence[Trial], fitness: Fitness
 ) -> dict[str, Any]:
     """Make the entry of one design on one robot in the output file."""
-    nominal = {trial.engine: trial.reward for trial in tried if trial.change is None}
-    changed = tuple(trial for trial in tried if trial.change is not None)
+    nominal = {
+        trial.engine: trial.reward for trial in tried if trial.where.change is None
+    }
+    changed = tuple(trial for trial in tried if trial.where.change is not None)
     robust = Evaluation(candidate, changed, fitness.score(candidate, changed))
     missed_m = changed[robust.score.shown].ik_error_m
     return {

@@ -260,7 +260,7 @@ class Letter:
         checks = checks + 1 if mark == last else 1
         self._checks[name] = mark, checks
 
-        if mark is None or mark.size == 0 or checks != CHECKS:
+        if mark is None or mark[0] == 0 or checks != CHECKS:
             return None
 
         usable = False

@@ -265,11 +265,12 @@ def _progress(folder: Path, store: StoredRun) -> str:
     """The progress of an unfinished run, in words."""
     try:
         evaluations = store.evaluations()
-        generations = len(store.generations())
     except UserError as error:
         return short(str(error))
 
-    done = f"{generations} generations and {len(evaluations)} candidates done"
+    done = f"{len(evaluations)} candidates done"
+    if evaluations:
+        done += f", in generation {evaluations[-1].generation}"
     rewards = [row.reward for row in evaluations if row.status == "ok"]
     if rewards:
         done += f", best reward so far {number(max(rewards), 3)}"

@@ -186,7 +186,7 @@ def test_in_a_perturbed_scene_the_reward_reads_the_trace_too():
         change=Perturbation(PerturbationRange(), 0),
     )
     (trial,) = play(perturbed, [candidate(0)])
-    assert (trial.change, trial.reward) == (0, 0.75)
+    assert (trial.where.change, trial.reward) == (0, 0.75)
 
 
 def test_a_tool_that_starts_inside_something_is_rejected_in_that_layout_alone():
@@ -216,7 +216,7 @@ def test_in_a_perturbed_scene_a_rejection_says_so():
         replace(condition(Slide(), Faulty(), settings=SETTINGS), change=Shifting()),
         [candidate(0)],
     )
-    assert (trial.status, trial.change) == ("rejected", 3)
+    assert (trial.status, trial.where.change) == ("rejected", 3)
     assert trial.reason.startswith("in the perturbed scene, component 'rod' starts")
 
 

@@ -1,12 +1,12 @@
 """Reading a store that another process writes, that a killed process left, or that can't be written."""
 
-import json
 import os
 import shutil
 
 import pytest
 
 from core.errors import UserError
+from core.interfaces import Reply
 from core.plugins import installed
 from core.store.database import FILE, Database, reading
 from core.store.recorder import RunStore
@@ -14,8 +14,6 @@ from plugins.results.chosen import stored_config
 from plugins.results.pages.runs import read_run
 from plugins.results.transfer import configured
 from tests.core.run_folders import write_run
-
-FIGURES = {"best_reward": None, "mean_reward": None, "n_candidates": 0}
 
 
 @pytest.fixture
@@ -44,7 +42,7 @@ def test_a_log_in_a_folder_that_cannot_be_written(unfinished, sealed):
         (folder / "new").touch()
     before = files(folder)
     assert rewards(folder) == [0.3]
-    assert read_run(folder).reason.startswith("1 generations and 1 candidates done")
+    assert read_run(folder).reason.startswith("1 candidates done, in generation 0")
     assert (
         configured([f"designs={folder}"]).task.name
         == stored_config(folder)["task"]["name"]
@@ -71,17 +69,13 @@ def test_reading_neither_waits_for_a_writer_nor_stops_it(tmp_path):
     writer = Database(tmp_path)
     with writer.transaction():
         writer.create()
-        writer.insert(
-            "generations", number=0, summary=json.dumps(FIGURES | {"index": 0})
-        )
-    query = "SELECT number FROM generations"
+        writer.insert("replies", **vars(Reply("g0-a0", "", "m")))
+    query = "SELECT request_id FROM replies"
     with reading(tmp_path) as database:
         with writer.transaction():
-            writer.insert(
-                "generations", number=1, summary=json.dumps(FIGURES | {"index": 1})
-            )
-            assert [row["number"] for row in database.execute(query)] == [0]
-        assert [row["number"] for row in database.execute(query)] == [0, 1]
+            writer.insert("replies", **vars(Reply("g0-a1", "", "m")))
+            assert [row[0] for row in database.execute(query)] == ["g0-a0"]
+        assert [row[0] for row in database.execute(query)] == ["g0-a0", "g0-a1"]
     writer.close()
 
 

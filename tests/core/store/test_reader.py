@@ -15,7 +15,7 @@ def test_a_run_is_read_as_values(tmp_path):
     )
     assert store.config()["budget"]["name"] == "quick"
     assert store.result().best.reward == 0.5
-    assert (len(store.generations()), store.seconds() > 0) == (2, True)
+    assert store.seconds() > 0
     assert [(e.candidate, e.status, e.reward) for e in store.evaluations()] == [
         ("g0-a0-s0-p0", "ok", 0.2),
         ("g0-a0-s1-p0", "rejected", 0.0),

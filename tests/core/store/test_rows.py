@@ -185,11 +185,6 @@ def test_a_store_of_another_form_is_refused_in_one_line_and_left_as_it_is(
         ),
         ("UPDATE requests SET gripper = ?", 7, "gripper: "),
         ("UPDATE sessions SET versions = ?", "[1]", "versions: "),
-        (
-            "UPDATE generations SET summary = ?",
-            '{"index": 0}',
-            "summary.best_reward: Field required",
-        ),
         ("UPDATE run SET config = ?", "3", "config: "),
         ("UPDATE run SET config = ?", '{"task": {}}', "config: task has no name"),
         (
@@ -198,7 +193,7 @@ def test_a_store_of_another_form_is_refused_in_one_line_and_left_as_it_is(
             "config.budget.n_agent: ",
         ),
         ("UPDATE run SET result = ?", '{"name": "", "task": 1}', "result.task: "),
-        ("DROP TABLE generations", None, "no such table: generations"),
+        ("DROP TABLE sessions", None, "no such table: sessions"),
     ],
 )
 def test_values_that_no_run_writes(tmp_path, statement, value, said):

@@ -65,7 +65,7 @@ def test_a_run_that_was_killed_is_unfinished(tmp_path):
     assert (run.status, run.task) == ("unfinished", "BringCube")
     assert (
         run.reason
-        == "1 generations and 2 candidates done, best reward so far 0.600; it goes on"
+        == "2 candidates done, in generation 0, best reward so far 0.600; it goes on"
     )
 
 
@@ -112,12 +112,15 @@ WRITER = """
 import sys
 sys.path.insert(0, {root!r})
 from pathlib import Path
-from core.events import Generation
+from core.design import Candidate
+from core.designs.planning import NO_PLAN
+from core.trial import Evaluation
 from tests.core.run_folders import write_run
 write_run(Path({folder!r}), rewards=[[0.3, 0.6]], finish=False)
 print("written", flush=True)
 sys.stdin.readline()
-write_run.open[0].hook.generation_finished(generation=Generation(7, ()))
+unread = Evaluation(Candidate(None, NO_PLAN, 7, problem="no tool"))
+write_run.open[0].hook.candidate_evaluated(evaluation=unread)
 print("written", flush=True)
 sys.stdin.readline()
 """
@@ -138,13 +141,13 @@ def test_a_store_that_is_being_written(tmp_path):
         assert writer.stdout.readline() == "written\n"
         assert (tmp_path / "run" / "run.sqlite-wal").stat().st_size > 0
         assert read_run(tmp_path / "run").reason.startswith(
-            "1 generations and 2 candidates done"
+            "2 candidates done, in generation 0"
         )
         writer.stdin.write("go on\n")
         writer.stdin.flush()
         assert writer.stdout.readline() == "written\n"
         assert read_run(tmp_path / "run").reason.startswith(
-            "2 generations and 2 candidates done"
+            "3 candidates done, in generation 7"
         )
     finally:
         writer.kill()
@@ -152,7 +155,7 @@ def test_a_store_that_is_being_written(tmp_path):
     before = folder_state(tmp_path / "run").keys()
     # Of its log.
     assert read_run(tmp_path / "run").reason.startswith(
-        "2 generations and 2 candidates done"
+        "3 candidates done, in generation 7"
     )
     assert folder_state(tmp_path / "run").keys() == before
 
