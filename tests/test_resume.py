@@ -282,7 +282,6 @@ def test_a_limit_ends_a_run_well_and_the_run_goes_on_where_it_is_raised(
         7,
     ]
     assert (folder / "best" / "design.json").exists()
-    assert rows(folder / FILE, "SELECT number FROM generations") == [(0,)]
     asked = len(toy.lines("asked"))
 
     resume(folder)  # nothing has changed: nothing is asked, and it is said again

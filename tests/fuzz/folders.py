@@ -30,8 +30,7 @@ from core.errors import UserError
 from core.store import rows
 from core.store.database import FILE
 from plugins.executors.local import LocalExecutor
-from plugins.listeners.rerun import view
-from plugins.results import transfer
+from plugins.results import transfer, view
 from plugins.results.report import command as report
 from plugins.results.toolbox import command as toolbox
 from plugins.results.workshop import command as export

@@ -224,7 +224,7 @@ def test_of_several_parts_in_a_module_the_one_that_raised_is_named(
 
 
 def test_what_the_store_raises_ends_the_run(jitter, tmp_path, monkeypatch):
-    monkeypatch.setattr("core.store.recorder.summary", lambda generation: 1 / 0)
+    monkeypatch.setattr("core.store.columns.evaluation_row", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError) as caught:
         come_to(tmp_path)
     assert caught.value.__notes__[-1].startswith("to go on: ")

@@ -120,7 +120,7 @@ def test_the_worst_trial_is_the_one_that_is_shown():
     ]
     others[1] = replace(others[1], observation=seen)
     found = evaluated(earned(1.0), *others)
-    assert (found.shown.engine, found.shown.change) == ("other", 1)
+    assert (found.shown.engine, found.shown.where.change) == ("other", 1)
     assert found.observation is seen
     assert found.by_engine["other"] == (0.9, 0.2, 0.5)
 

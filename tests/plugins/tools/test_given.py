@@ -23,12 +23,12 @@ NONE, RLBENCH = (installed().create("tool", name) for name in ("none", "rlbench"
 
 
 def test_stick_is_as_in_the_paper():
-    (component,) = RLBENCH.given(BringCube()).components
-    mount, pose = RLBENCH.given(BringCube()).placed()["stick"]
+    (component,) = RLBENCH.given(on_panda(BringCube())).components
+    mount, pose = RLBENCH.given(on_panda(BringCube())).placed()["stick"]
     assert mount == RIGID_MOUNT
     assert component.shape.size[0] == pytest.approx(0.4, abs=0.03)
     np.testing.assert_allclose(pose.position, [0.2, 0.0, -0.1], atol=0.02)
-    SpawnRules(on_panda(BringCube()), 0).check(RLBENCH.given(BringCube()))
+    SpawnRules(on_panda(BringCube()), 0).check(RLBENCH.given(on_panda(BringCube())))
 
 
 def test_each_task_has_its_own_tool_of_rlbench():
@@ -113,7 +113,9 @@ def test_bare_gripper_is_the_hand():
 def test_the_tool_of_a_file_is_the_one_that_its_design_means(material):
     words = [f"tool.file={FILES['BringCube']}", "tool.of=boxes", f"material={material}"]
     known = (
-        tool_part(load("config", ["tool=known", *words])).create().given(BringCube())
+        tool_part(load("config", ["tool=known", *words]))
+        .create()
+        .given(on_panda(BringCube()))
     )
     meant = anchored("BringCube", material).tool
     assert (known, known.mass, known.name) == (meant, meant.mass, meant.name)

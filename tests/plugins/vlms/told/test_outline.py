@@ -12,10 +12,10 @@ from core.plugins import installed
 from core.robot.description import assemble
 from plugins.vlms.told.outline import shorten_urdf
 from tasks.clean_table import CleanTable
-from tests.panda import PANDA
+from tests.panda import PANDA, on_panda
 
 UR5 = installed().create("robot", "ur5")
-BROOM = installed().create("tool", "rlbench").given(CleanTable())
+BROOM = installed().create("tool", "rlbench").given(on_panda(CleanTable()))
 
 MOUNTED = [
     pytest.param(PANDA, Tool(), id="rigid"),
