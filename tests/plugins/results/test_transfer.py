@@ -271,6 +271,7 @@ def test_an_engine_that_is_not_installed_is_left_out_unless_it_is_named(
     assert configured(["designs=x.json", "sims=[pybullet]"]).sims == ["pybullet"]
 
 
+@pytest.mark.thorough
 def test_all_that_was_tried_can_be_read_back(ran):
     folder, result = ran
     task = installed().create("task", "OneBook")

@@ -45,6 +45,7 @@ def secrets_in(folder):
     return [file for file in files if any(key in file.read_bytes() for key in keys)]
 
 
+@pytest.mark.thorough
 def test_a_served_run_has_the_result_of_its_answers(tmp_path):
     small = [
         *COMMON,

@@ -31,6 +31,7 @@ def result(folder, *overrides):
     }
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.usefixtures("inline")
 def test_the_same_result_as_the_past_run_and_requests_that_it_lacks(tmp_path):
