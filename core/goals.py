@@ -384,10 +384,8 @@ class Reach(Goal):
             if isinstance(goal, Reach)
         }
         named = {goal.name or number: goal for number, goal in numbered.items()}
-        known: dict[str | int, Reach] = {
-            **numbered,
-            **named,
-        }  # by its number, whatever its name
+        # It may be called by its number, whatever its name.
+        known: dict[str | int, Reach] = {**numbered, **named}
 
         if which not in known:
             names = ", ".join(map(str, named))

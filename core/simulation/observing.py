@@ -41,6 +41,7 @@ from core.values.observations import (
     Moved,
     Offset,
 )
+from core.values.traces import Flags
 
 STUCK_RAD = 0.05
 """The lag of a joint that is held back; reference solutions lag by less than 0.012."""
@@ -82,7 +83,6 @@ NAMED = 3
 _STILL_M = 0.001  # a body that moved by no more, and turned by no more than `_STILL_DEG`, stayed
 _STILL_DEG = 1.0
 
-Flags = npt.NDArray[np.bool_]
 Samples = npt.NDArray[np.intp]
 Cause = tuple[float, Class, str]  # when, what, and to which body
 Mishap = tuple[float, float, Class, str]  # from when to when, what, and where

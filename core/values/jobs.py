@@ -348,4 +348,4 @@ class World(ABC):
 
         Points (C, 3) in the world, metres, and the forces there (C, 3), newtons.
         """
-        raise NotImplementedError
+        raise NotImplementedError("this engine does not say what pushes the arm")

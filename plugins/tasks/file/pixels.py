@@ -1,4 +1,4 @@
-"""Read a photograph's pixels. The process that does it imports this file, so that has no more than it needs."""
+"""Read a photograph's pixels. This is done in a process of its own, which imports this file: so it imports little."""
 
 from __future__ import annotations
 

@@ -239,7 +239,7 @@ def _named(variations: dict[str, Any]) -> dict[str, Any]:
 class _Spec(BaseModel):
     """A part of a scene file: no other keys than its own, and numbers that are numbers."""
 
-    # Pydantic searches the source of each such model, also of one that has none and is made here.
+    # Only here: Pydantic reads docstrings in a model's source, and models made by `create_model` have none.
     model_config = ConfigDict(**STRICT, use_attribute_docstrings=True)
 
 
