@@ -20,10 +20,10 @@ from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError
 from core.interfaces import Task
 from core.plugins import installed
+from core.simulation.checking import find_problems
 from core.support.cli import arguments, print_table, say, write_bytes
 from core.support.text import by_reason, clean, number
 from core.trial import Evaluation
-from plugins.trying.checking import find_problems
 from plugins.trying.filming import film_best
 from plugins.trying.judging import build_fitness, try_all
 

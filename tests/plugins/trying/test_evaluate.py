@@ -1,19 +1,13 @@
 """The table of rewards: no reason is folded or cut where standard output is no terminal, and a blocked arm is named."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from PIL import Image
 
-from core.interfaces import RolloutSettings, Waypoints
-from plugins.trying.checking import find_problems
 from plugins.trying.evaluate import main, show
 from tests.commands import python_m
-from tests.faults import Faulty, Slide, candidate
-from tests.playing import condition
 
 SOLUTION = Path(__file__).parents[2] / "tasks" / "solutions" / "BringCube.json"
 ANCHORED = Path(__file__).parents[2] / "tasks" / "anchored"
@@ -191,15 +185,3 @@ def test_plans_are_checked_without_playing_them(tmp_path):
         "strategy 0 plan 1: 5 times, first layout 0: the arm misses the way to waypoint 1 by "
         in done.stdout
     )
-
-
-def test_problems_are_found_without_playing():
-    where = condition(Slide(), Faulty(), settings=RolloutSettings(settle_s=0, hold_s=0))
-    assert find_problems(where, candidate(0)) == [
-        "as planned, the robot touches nothing that can move: it comes no nearer than 200 mm to block"
-    ]
-    far = replace(candidate(0), plan=Waypoints(np.array([[3.0, 0, 0.4, 0, 0, 0]])))
-    assert "the arm misses the way to waypoint 1 by" in find_problems(where, far)[0]
-    assert find_problems(where, replace(candidate(0), problem="too heavy")) == [
-        "too heavy"
-    ]
