@@ -91,6 +91,8 @@ class Budget:
             soft bodies 1. 0: what is known then decides.
         elite_s: for how long they are after each generation. 0: the reward and the distance choose elites, and all
             candidates are tried in all layouts of the search.
+        n_rollouts: in the layouts of the search, all generations together; the search ends before a candidate that
+            may take more. None: as many as its candidates take.
         name: of its file.
     """
 
@@ -103,6 +105,7 @@ class Budget:
     stop_reward: float | None = None
     final_s: float = 60.0
     elite_s: float = 10.0
+    n_rollouts: int | None = None
     name: str = ""
 
     @property

@@ -6,6 +6,7 @@ the settings of its model, and how long it goes on.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any, cast
@@ -26,7 +27,13 @@ from core.support.text import clean
 # What may change in a run that goes on: parts as a whole, their settings, and single ones.
 GROUPS = ("executor", "listener")
 PARTS = ("executor.", "listener.", "vlm.")
-KEYS = ("film", "budget.n_iteration", "budget.stop_reward", "evolution.refine")
+KEYS = (
+    "film",
+    "budget.n_iteration",
+    "budget.n_rollouts",
+    "budget.stop_reward",
+    "evolution.refine",
+)
 
 # The last word of a setting that is an address.
 _ADDRESS = re.compile(r"(^|_)(base|url|host|address|endpoint|server)$")
@@ -70,6 +77,13 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
             raise UsageError(
                 f"{key} of a run that goes on can only be raised; it is {least}"
             )
+
+    rollouts = after.budget.n_rollouts
+    if rollouts is not None and rollouts < (before.budget.n_rollouts or math.inf):
+        raise UsageError(
+            "budget.n_rollouts of a run that goes on can only be raised, or lifted with null; it is "
+            f"{before.budget.n_rollouts or 'null'}"
+        )
 
     more_generations = after.budget.n_iteration > before.budget.n_iteration
     if more_generations and before.evolution.get("refine", 0):

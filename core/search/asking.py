@@ -105,6 +105,11 @@ def _read_budget(cfg: DictConfig) -> Budget:
         if number < least:
             raise UsageError(f"budget.{name} must be at least {least}, got {number}")
 
+    if budget.n_rollouts is not None and budget.n_rollouts < 1:
+        raise UsageError(
+            f"budget.n_rollouts must be at least 1, or null, got {budget.n_rollouts}"
+        )
+
     return budget
 
 

@@ -16,7 +16,7 @@ from core.interfaces import Budget, EvolutionStrategy, Robot
 from core.plugins import describe_part, installed
 from core.search.finalists import FIRST, Race, evaluate_in_race
 from core.support.text import shorten
-from core.trial import Evaluation, best_first
+from core.trial import Evaluation, best_first, count_rollouts
 
 
 def evolve(
@@ -43,8 +43,13 @@ def evolve(
             clearly behind are not tried in all layouts of the search.
     """
     began = time.monotonic()
-    candidates = CheckedCandidates(strategy, robot or installed().default_robot, expect)
     fitness = race.fitness
+    candidates = CheckedCandidates(
+        strategy,
+        robot or installed().default_robot,
+        expect,
+        Allowance(budget.n_rollouts, len(fitness.conditions())),
+    )
     tie = strategy.tie
     tried: list[Evaluation] = []
     generations: list[Generation] = []
@@ -67,6 +72,7 @@ def evolve(
     try:
         while strategy.has_generation(len(generations), budget):
             events.hook.generation_started(index=len(generations))
+            candidates.allowance.settle(tried)
             evaluate(candidates)
             if candidates.limit is not None:
                 break
@@ -93,6 +99,47 @@ def evolve(
 
 
 @dataclass(eq=False)
+class Allowance:
+    """The rollouts that a search may still take of ``budget.n_rollouts``.
+
+    Each candidate is counted with a rollout in each condition when it comes. What it really took is known, and
+    counted, after its generation: equal candidates share theirs.
+
+    Attributes:
+        most: in the whole search; None: there is no limit.
+        each: rollouts that a candidate may take.
+        taken: so far.
+    """
+
+    most: int | None
+    each: int
+    taken: int = 0
+
+    def settle(self, tried: Iterable[Evaluation]) -> None:
+        """Count what was really played for the candidates so far."""
+        self.taken = sum(
+            count_rollouts(evaluation.candidate.id, evaluation.trials)
+            for evaluation in tried
+        )
+
+    def take(self) -> None:
+        """Count a candidate.
+
+        Raises:
+            LimitReached: there are not enough rollouts left for it.
+        """
+        if self.most is None:
+            return
+        left = self.most - self.taken
+        if left < self.each:
+            raise LimitReached(
+                f"budget.n_rollouts={self.most}: {left} left, and a candidate takes {self.each}"
+            )
+
+        self.taken += self.each
+
+
+@dataclass(eq=False)
 class CheckedCandidates:
     """A strategy's candidates, one generation for each iteration.
 
@@ -100,12 +147,14 @@ class CheckedCandidates:
         strategy: gives them.
         robot: tools must suit it.
         expect: may raise where a candidate is not what it was.
+        allowance: the rollouts that are left.
         limit: which limit ended the last generation; None: none did.
     """
 
     strategy: EvolutionStrategy
     robot: Robot
     expect: Callable[[Candidate], None]
+    allowance: Allowance
     limit: str | None = None
     # The last tool that was checked: candidates in a row share one.
     _sound: Tool | None = None
@@ -133,7 +182,10 @@ class CheckedCandidates:
                     )
                 self._ids.add(candidate.id)
                 self.expect(candidate)
-                yield self._check(candidate)
+                checked = self._check(candidate)
+                if checked.problem is None:
+                    self.allowance.take()
+                yield checked
         except LimitReached as limit:
             self.limit = str(limit)
 

@@ -46,6 +46,7 @@ def test_what_has_no_effect_on_the_past_may_change(began):
         ("nonsense", "nonsense"),
         ("~listener", "a run goes on as it began"),
         ("budget.n_iteration=1", "can only be raised; it is 2"),
+        ("budget.n_rollouts=100", "or lifted with null; it is null"),
         ("film=true,false", "one run goes on, with one value for each setting"),
         ("executor=nonesuch", "nonesuch"),
     ],

@@ -520,6 +520,23 @@ def test_an_interrupt_ends_the_run_with_what_there_is(when, arrived):
     assert strategy.asked == 2
 
 
+def test_rollouts_that_the_budget_does_not_hold_end_the_search():
+    """What broke a rule takes none, and equal designs take theirs once."""
+    equal = [replace(candidate, agent=1) for candidate in population(0, 1)]
+    first = [*population(0, 1), *equal, *population(0, 0, 1, problem="too heavy")]
+    result, strategy, _ = run([first, population(1, 1), population(2, 2)], n_rollouts=3)
+    assert [e.candidate.id for e in result.evaluations] == [
+        "g0-a0-s0-p0",
+        "g0-a0-s1-p0",
+        "g0-a1-s0-p0",
+        "g1-a0-s0-p0",
+        "g2-a0-s0-p0",
+    ]
+    assert result.rollouts == 3
+    assert len(strategy.evaluated) == 2
+    assert result.stopped == "budget.n_rollouts=3: 0 left, and a candidate takes 1"
+
+
 @pytest.mark.thorough
 def test_processes_come_to_the_same_as_this_one():
     """Candidates are read in another thread then, while results come: identical and rejected ones, and a limit."""
