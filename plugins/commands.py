@@ -10,7 +10,7 @@ def commands() -> dict[str, Command]:
     return {
         "conformance": Command(
             "check that a part does what its kind must do",
-            "plugins.conformance.command:main",
+            "plugins.conformance.conformance_command:main",
         ),
         "evaluate": Command(
             "try the designs of a file, and print their rewards",

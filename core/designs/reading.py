@@ -3,8 +3,8 @@
 A document is an object ``{"strategies": [...]}``. A strategy holds the fields of its tool representation and
 ``action_sets``, a list of action plans; ``action`` (the representation of the plans, default ``waypoints``),
 ``gripper`` (default false), ``strategy_name``, ``strategy_description``, ``tool_name``, ``tool_description``,
-``action_description``, ``fixture`` (`core.designs.tools`) and ``parents`` (ids of the elites that it derives from)
-are optional. Other fields are ignored.
+``action_description``, ``fixture`` (`core.designs.tool_fields`) and ``parents`` (ids of the elites that it derives
+from) are optional. Other fields are ignored.
 Other spellings that have one meaning are read, too (`core.designs.replies.Reader`).
 """
 
@@ -21,7 +21,7 @@ from core.designs.planning import NO_PLAN, call_part, named_actions, parse_plan
 from core.designs.replies import EXPECTED, Fields, parse_reply, reader
 from core.designs.rules import check_tool, given_tool
 from core.designs.start import SpawnRules
-from core.designs.tools import (
+from core.designs.tool_fields import (
     dump_tool,
     read_fields,
     read_gripper,

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from core.design import Tool
 from core.designs.rules import Faults, describe_way
-from core.designs.tools import find_fixture_faults
+from core.designs.tool_fields import find_fixture_faults
 from core.geometry import Pose
 from core.interfaces import Task
 from core.robot.kinematics import arm_of, link_poses

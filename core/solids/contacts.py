@@ -19,9 +19,9 @@ from core.geometry import Array, Mesh
 from core.interfaces import Recording, Robot
 from core.robot.kinematics import link_frames
 from core.scene import Scene, State, Trace
-from core.solids.bodies import ROBOT
 from core.solids.near_pairs import Flags, may_meet, neighbours
 from core.solids.record_rate import coarse_samples, subset
+from core.solids.rollout_solids import ROBOT
 from core.solids.tracks import Indices, Pair, Track, Tracks, follow, lengths
 from core.values.traces import TRACE_HZ
 

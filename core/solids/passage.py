@@ -19,8 +19,8 @@ import numpy as np
 
 from core.geometry import Array, Capsule, Cylinder, Sphere, running_sums
 from core.robot.solids import WORLD, corners
-from core.solids.bodies import ROBOT, Solids
 from core.solids.near_pairs import Flags
+from core.solids.rollout_solids import ROBOT, Solids
 from core.solids.tracks import Indices, Look, Pair, Track, Tracks, angles, lengths
 
 DEEP_M = 0.01  # penetration allowed under pressure; at most half of what it takes to reach the other side

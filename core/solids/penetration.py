@@ -16,7 +16,6 @@ from core.design import Tool
 from core.geometry import Array
 from core.interfaces import Recording, Robot
 from core.scene import Scene
-from core.solids.bodies import ROBOT
 from core.solids.near_pairs import Flags, may_meet, neighbours
 from core.solids.passage import (
     DEEP_S,
@@ -32,6 +31,7 @@ from core.solids.record_rate import (
     refined_samples,
     subset,
 )
+from core.solids.rollout_solids import ROBOT
 from core.solids.tracks import (
     SAMPLE_HZ,
     Indices,

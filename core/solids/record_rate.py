@@ -15,7 +15,7 @@ from core.geometry import Array, running_sums
 from core.interfaces import JointTrajectory, Recording, Robot
 from core.robot.kinematics import finger_values
 from core.scene import Scene
-from core.solids.bodies import thickness
+from core.solids.rollout_solids import thickness
 from core.solids.tracks import (
     SAMPLE_HZ,
     Detour,

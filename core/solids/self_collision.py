@@ -25,7 +25,7 @@ from core.robot.kinematics import (
     robot_model,
 )
 from core.robot.solids import Solid, robot_solids
-from core.solids.bodies import link_solids, tool_solids
+from core.solids.rollout_solids import link_solids, tool_solids
 from core.values.robots import Robot
 
 # Depth that counts, metres. Hulls are larger than the links: of the poses in which two hulls overlap by more than this,

@@ -22,7 +22,7 @@ from core.interfaces import Recording
 from core.robot.kinematics import place, robot_model, rotate
 from core.robot.solids import WORLD
 from core.scene import Scene, State
-from core.solids.bodies import Solids, all_solids
+from core.solids.rollout_solids import Solids, all_solids
 from core.values.robots import Robot
 
 SAMPLE_HZ = 25.0

@@ -19,7 +19,7 @@ from core.interfaces import Reply, Request
 from core.store import columns
 from core.store.database import FILE, SCHEMA_VERSION, Database, writing
 from core.store.figures import report, versions
-from core.store.files import keep_task, write_request, write_text
+from core.store.plain_files import keep_task, write_request, write_text
 from core.store.progress import StoredProgress, digest_request
 from core.store.reader import StoredRun
 from core.trial import Evaluation, Trial, TrialKey

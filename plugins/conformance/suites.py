@@ -13,11 +13,11 @@ from core.errors import RAISED
 from core.plugins import KINDS, PluginPart
 from plugins.conformance import (
     action,
-    bodies,
     commands,
     evolution,
     executor,
     fitness,
+    free_bodies,
     guards,
     idle,
     impacts,
@@ -51,7 +51,7 @@ def _checks(*modules: ModuleType) -> tuple[Check, ...]:
 
 SUITES = {
     "sim": _checks(
-        output, robot, bodies, shapes, joints, mechanisms, impacts, guards, softs
+        output, robot, free_bodies, shapes, joints, mechanisms, impacts, guards, softs
     ),
     "task": _checks(task, idle),
     "robot": _checks(robots),

@@ -13,15 +13,15 @@ def commands() -> dict[str, Command]:
     return {
         "report": Command(
             "write tables, figures and a page about runs",
-            "plugins.results.report.command:main",
+            "plugins.results.report.report_command:main",
         ),
         "study": Command(
             "compare methods on tasks, as in the paper: estimate, run, report",
-            "plugins.results.study.command:main",
+            "plugins.results.study.study_command:main",
         ),
         "toolbox": Command(
             "try tools on each other's tasks, and choose few that do most",
-            "plugins.results.toolbox.command:main",
+            "plugins.results.toolbox.toolbox_command:main",
         ),
         "transfer": Command(
             "try the best designs in several engines and in perturbed scenes",
@@ -30,7 +30,7 @@ def commands() -> dict[str, Command]:
         "view": Command("show the recording of a run", "plugins.results.view:main"),
         "export": Command(
             "write what a real arm needs to run the best motion",
-            "plugins.results.workshop.command:main",
+            "plugins.results.workshop.export_command:main",
         ),
     }
 

@@ -17,8 +17,8 @@ from core.plugins.registry import check_settings
 from core.robot.kinematics import arm_of
 from core.support.cli import arguments, say
 from core.support.text import short_numbers
+from plugins.robots.arm_files import read_source
 from plugins.robots.enlarging import describe_factor, find_factor
-from plugins.robots.files import read_source
 from plugins.robots.home_search import (
     HOME_DIGITS,
     find_for_tasks,

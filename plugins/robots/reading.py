@@ -15,10 +15,10 @@ from core.interfaces import Gripper, Robot
 from core.support.cli import expand
 from core.support.text import clean
 from core.values.descriptions import Description
+from plugins.robots.arm_files import Source, read_source
 from plugins.robots.choosing import choose_arm
 from plugins.robots.doubting import find_doubts
 from plugins.robots.enlarging import describe_factor, enlarge, find_factor
-from plugins.robots.files import Source, read_source
 from plugins.robots.mounting import turn_mount
 from plugins.robots.naming import choose_all_names, rename
 from plugins.robots.normalise import normalise, read_meshes

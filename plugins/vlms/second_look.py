@@ -9,7 +9,7 @@ from typing import Any
 from core.design import Candidate, DesignError
 from core.designs.composer import PromptComposer
 from core.designs.schema import answer_schema
-from core.designs.tools import read_fields
+from core.designs.tool_fields import read_fields
 from core.interfaces import Message, Reply, Request, Text
 from core.search.answers import Answer, read_candidates
 

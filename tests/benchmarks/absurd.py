@@ -22,7 +22,7 @@ from core.interfaces import (
     Task,
 )
 from core.scene import Scene, State
-from core.solids.bodies import thickness
+from core.solids.rollout_solids import thickness
 from core.solids.tracks import Track
 from core.trial import Evaluation
 from plugins.results.workshop.tracks import body_tracks, robot_tracks

@@ -24,7 +24,7 @@ from core.simulation.playback import begin_motion
 from core.support.text import shorten
 from core.task import reward_of
 from plugins.gym.environment.film import SETTLE_S, Film
-from plugins.gym.environment.tools import load_mounted_tool
+from plugins.gym.environment.mounted_tool import load_mounted_tool
 
 ControlMode = Literal["joints", "end_effector"]
 Numbers = npt.NDArray[np.float32]

@@ -14,7 +14,7 @@ from plugins.results.pages.formats import Cell, Table
 from plugins.results.report.methods import Group
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import interquartile_mean, interval
-from plugins.results.study.files import Published
+from plugins.results.study.study_files import Published
 
 REACHED = 0.95  # a reward that counts as solved
 GOOD = 0.6  # in one engine ...

@@ -9,9 +9,9 @@ from markupsafe import Markup
 
 from core.support.files import read_untrusted
 from core.support.text import number
+from plugins.results.pages.best_tool import size
 from plugins.results.pages.formats import to_csv
 from plugins.results.pages.page import data_address, figure_address, in_viewer, render
-from plugins.results.pages.tools import size
 from plugins.results.report.figures import comparable, figure_pages
 from plugins.results.report.methods import rank
 from plugins.results.report.results import Results

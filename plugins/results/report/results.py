@@ -6,15 +6,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
-from core.designs.tools import MAX_DESCRIPTION
+from core.designs.tool_fields import MAX_DESCRIPTION
 from core.errors import UserError
 from core.support.text import clean
+from plugins.results.pages.best_tool import Winner, best_tool
 from plugins.results.pages.runs import FinishedRun, LeftOutRun
-from plugins.results.pages.tools import Winner, best_tool
 from plugins.results.report.entries import ListedEntry
 from plugins.results.report.methods import Group, group
 from plugins.results.report.verify import VerifiedRun
-from plugins.results.study.files import Study
+from plugins.results.study.study_files import Study
 
 
 class BestTools(NamedTuple):

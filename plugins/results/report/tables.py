@@ -9,10 +9,10 @@ from statistics import fmean
 
 from core.store.rows import Key, StoredDesign, StoredEvaluation, StoredRequest
 from core.trial import ranked
+from plugins.results.pages.best_tool import size
 from plugins.results.pages.formats import Cell, CellLink, Table
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.pages.runs import reasons as find_reasons
-from plugins.results.pages.tools import size
 from plugins.results.report.comparing import comparing_tables
 from plugins.results.report.entry_tables import entry_tables
 from plugins.results.report.methods import Group

@@ -20,7 +20,7 @@ from core.search.finalists import rollouts_in
 from core.store.reader import StoredRun
 from core.support.cli import print_table
 from plugins.results.pages.runs import AnyRun, FinishedRun, LeftOutRun
-from plugins.results.study.files import StudyRun, is_done, read_state
+from plugins.results.study.study_files import StudyRun, is_done, read_state
 
 # Of a language model's answer; measured of the embedded designer's designs, as text.
 TOOL_TOKENS = 2000

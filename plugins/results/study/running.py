@@ -19,7 +19,7 @@ from core.support.files import read_text
 from core.support.text import clean, hydra_word, number
 from plugins.results.pages.runs import AnyRun, FinishedRun, is_held
 from plugins.results.study.estimate import Need
-from plugins.results.study.files import StudyRun, harmless, is_done, read_state
+from plugins.results.study.study_files import StudyRun, harmless, is_done, read_state
 
 LOOK_S = 0.5  # between two looks at a run of another process
 MOST_FAILURES = 3  # one after the other, until no further run starts

@@ -15,7 +15,7 @@ from core.geometry import Array
 from core.support.cli import say
 from plugins.results.pages.runs import find_runs
 from plugins.results.toolbox.cover import best_sets
-from plugins.results.toolbox.tools import (
+from plugins.results.toolbox.held_tools import (
     HeldTool,
     TaskConfigs,
     all_task_configs,

@@ -22,7 +22,7 @@ from core.store.recorder import RunStore
 from core.values.plans import digest
 from plugins.results.artifacts import save_design
 from plugins.results.chosen import stored_evaluations
-from plugins.results.toolbox.tools import (
+from plugins.results.toolbox.held_tools import (
     HeldTool,
     TaskConfig,
     TaskConfigs,

@@ -17,8 +17,8 @@ from core.designs.statics import flange_moment
 from core.interfaces import Material, Task
 from core.support.cli import write_bytes
 from core.values.robots import Robot
+from plugins.results.pages.best_tool import size
 from plugins.results.pages.page import in_viewer, render
-from plugins.results.pages.tools import size
 from plugins.results.workshop.clearance import payload
 from plugins.results.workshop.printing import Check, PrintedPart, is_metal
 from plugins.results.workshop.strength import Strength

@@ -5,7 +5,7 @@ from __future__ import annotations
 from core.design import Tool
 from core.interfaces import Recording
 from core.scene import Scene
-from core.solids.bodies import ROBOT
+from core.solids.rollout_solids import ROBOT
 from core.solids.tracks import Track, follow
 from core.values.robots import Robot
 

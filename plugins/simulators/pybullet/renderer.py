@@ -11,9 +11,9 @@ from core.design import Tool
 from core.geometry import Array, Box, Pose
 from core.interfaces import Image, Task
 from core.scene import Camera, Geom, State
-from plugins.simulators.pybullet.bodies import facets_file
 from plugins.simulators.pybullet.engine import Client, pybullet
 from plugins.simulators.pybullet.robot import joint_numbers, load_robot, robot_file
+from plugins.simulators.pybullet.urdf_links import facets_file
 from plugins.simulators.rendering import Renderer, joint_positions
 
 _NEAR_M = 0.02

@@ -13,9 +13,9 @@ from core.robot.description import assembled
 from core.robot.writing import write
 from core.values.robots import Robot
 from plugins.simulators.inertia import Inertia, principal
-from plugins.simulators.pybullet.bodies import inertial, text_file
 from plugins.simulators.pybullet.engine import Client
 from plugins.simulators.pybullet.engine import pybullet as p
+from plugins.simulators.pybullet.urdf_links import inertial, text_file
 
 # Of no body is a moment of inertia larger than the sum of the two others, and PyBullet reads no such file. A link with
 # its motor's inertia is no such body. So files hold these moments, kg m^2, and links get their own once loaded.

@@ -24,7 +24,9 @@ from core.values.descriptions import (
     rounded_all,
 )
 from plugins.simulators.inertia import Inertia, inertia_of
-from plugins.simulators.pybullet.bodies import (
+from plugins.simulators.pybullet.engine import Client
+from plugins.simulators.pybullet.mechanisms import Place
+from plugins.simulators.pybullet.urdf_links import (
     DIGITS,
     collisions_of,
     dynamics_of,
@@ -32,8 +34,6 @@ from plugins.simulators.pybullet.bodies import (
     offset_of,
     text_file,
 )
-from plugins.simulators.pybullet.engine import Client
-from plugins.simulators.pybullet.mechanisms import Place
 from plugins.simulators.steps import MILD
 
 _KINDS = {

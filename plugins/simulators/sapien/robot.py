@@ -12,13 +12,13 @@ from core.geometry import Array
 from core.interfaces import JointTrajectory, Robot
 from core.robot.description import joint_name
 from plugins.simulators.links import bearers, friction_of
-from plugins.simulators.sapien.bodies import weigh
 from plugins.simulators.sapien.description import (
     ArticulationLink,
     AxisJoint,
     robot_links,
 )
 from plugins.simulators.sapien.engine import physx
+from plugins.simulators.sapien.physx_bodies import weigh
 from plugins.simulators.sapien.shapes import Setup, attach, to_sapien
 from plugins.simulators.sapien.surfaces import Apart, Surface
 

@@ -14,10 +14,10 @@ from core.interfaces import Robot, Rollout
 from core.scene import State
 from plugins.simulators.fresh import FreshWorld
 from plugins.simulators.links import beyond
-from plugins.simulators.sapien.bodies import UNKNOWN_PACK, Bodies, Weighed
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.forces import Forces, pushes
 from plugins.simulators.sapien.joints import Joints
+from plugins.simulators.sapien.physx_bodies import UNKNOWN_PACK, Bodies, Weighed
 from plugins.simulators.sapien.robot import ArticulatedArm, surfaces_of
 from plugins.simulators.sapien.shapes import Setup
 from plugins.simulators.sapien.surfaces import Surfaces

@@ -15,6 +15,6 @@ def commands() -> dict[str, Command]:
     return {
         "scene": Command(
             "write a scene file from a sentence and photographs",
-            "plugins.tasks.file.bench.command:main",
+            "plugins.tasks.file.bench.scene_command:main",
         )
     }

@@ -12,14 +12,14 @@ from core.errors import UserError, choices
 from core.geometry import Array, Pose
 from core.scene import FIXTURE, Body, Color, Region, Scene, table
 from core.values.joints import Placement
-from plugins.tasks.file.bodies import (
+from plugins.tasks.file.body_building import (
     build_body,
     build_ground,
     build_mark,
     place_copies,
     read_pose,
 )
-from plugins.tasks.file.files import Files
+from plugins.tasks.file.named_files import Files
 from plugins.tasks.file.naming import find_names
 from plugins.tasks.file.spec import MAX_COPIES, RepeatSpec, SceneSpec, rgba
 from plugins.tasks.file.tree import Tree, Where

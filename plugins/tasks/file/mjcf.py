@@ -24,7 +24,7 @@ from core.support.sandbox import isolated
 from core.support.text import clean
 from core.values.urdf import MAX_BYTES, read_xml
 from plugins.tasks.file.imports import Imported
-from plugins.tasks.file.imports.bodies import joined_body
+from plugins.tasks.file.imports.imported import joined_body
 from plugins.tasks.file.imports.solids import read_inside
 
 try:

@@ -37,7 +37,7 @@ from core.scene import Camera, Cloth, Color, Elastic, Joint, Rope
 from core.values.layouts import NONE
 from core.values.softs import MAX_NODES
 from plugins.tasks.file.goals import FILLED, KINDS, Entry, read_entry
-from plugins.tasks.file.imports import bodies as limits
+from plugins.tasks.file.imports import imported as limits
 from plugins.tasks.file.spans import Bound, Least
 from plugins.tasks.file.tree import Tree, Where
 from plugins.tasks.file.vessels import Vessel

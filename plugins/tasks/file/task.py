@@ -17,8 +17,9 @@ from core.interfaces import Picture, Task
 from core.scene import Scene, State, Trace
 from core.support.cli import expand
 from core.values.layouts import NONE
-from plugins.tasks.file import building, doubts, files, goals, naming, photos, tree
+from plugins.tasks.file import building, doubts, goals, naming, photos, tree
 from plugins.tasks.file import spec as schema
+from plugins.tasks.file.named_files import Files, warn_once
 
 BACK = 1.25  # times as far: how a camera moves back that sees too little
 FARTHEST_M = 10.0
@@ -41,7 +42,7 @@ class FileTask(Task):
     def __init__(self, file: str, variation: str = NONE) -> None:
         path = expand(file)
         self._text, self._tree = tree.Tree.read(path)
-        self._files = files.Files(path.absolute().parent)
+        self._files = Files(path.absolute().parent)
         spec = schema.read_spec(self._tree, self._tree.data)
         home = spec.home
         # Attributes of the object hide those of the class.
@@ -66,7 +67,7 @@ class FileTask(Task):
         self._look_at(spec)
         self._check_variations()
         for doubt in doubts.find_doubts(self._scene):
-            files.warn_once(f"{file}: {doubt}")
+            warn_once(f"{file}: {doubt}")
 
     def _look_at(self, spec: schema.SceneSpec) -> None:
         """Move the camera back until it sees the goals' bodies; where the file gives one, say which it does not see."""
@@ -79,7 +80,7 @@ class FileTask(Task):
         if "camera" in spec.model_fields_set:
             for name in unseen:
                 line = f"body {name} of a goal is outside of the picture; move camera"
-                files.warn_once(f"{self._tree.file}: {line}")
+                warn_once(f"{self._tree.file}: {line}")
 
             return
 

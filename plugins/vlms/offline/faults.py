@@ -22,7 +22,7 @@ from plugins.vlms.offline.layouts import Layout
 from plugins.vlms.offline.paths import SampledPlan
 from plugins.vlms.offline.plan_writing import PlanWriter
 from plugins.vlms.offline.subgoals import Subgoal
-from plugins.vlms.offline.tools import HAND, tool_boxes
+from plugins.vlms.offline.tool_parts import HAND, tool_boxes
 
 BREAKS_RULES = 1000.0
 """The fault of a design that is refused."""

@@ -17,7 +17,7 @@ from plugins.vlms.offline.paths import SampledPlan
 from plugins.vlms.offline.plan_variation import make_offspring_plans
 from plugins.vlms.offline.sampler import FreshDesign, Sampler
 from plugins.vlms.offline.strategy import Strategy, plans_of_fresh_design
-from plugins.vlms.offline.tools import task_suffix
+from plugins.vlms.offline.tool_parts import task_suffix
 
 _PART = re.compile(
     r"for ([\w.-]+): turned by (-?\d+) degrees, (\d+) mm long, draw (\d+)"

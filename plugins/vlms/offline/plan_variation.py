@@ -22,7 +22,7 @@ from plugins.vlms.offline.paths import SampledPlan
 from plugins.vlms.offline.sampler import Sampler
 from plugins.vlms.offline.scene_analysis import SceneAnalysis
 from plugins.vlms.offline.subgoals import goal_position
-from plugins.vlms.offline.tools import guess_head, lowest_middle, working_part
+from plugins.vlms.offline.tool_parts import guess_head, lowest_middle, working_part
 
 _LONG_M = 0.035  # a straight motion that is longer is a stroke
 _MOST_ROWS = 60  # of a plan that gets waypoints added

@@ -14,7 +14,7 @@ from core.geometry import Array
 from core.interfaces import ActionRepresentation, Anchor, Waypoints
 from plugins.vlms.offline.layouts import Layout
 from plugins.vlms.offline.paths import SampledPlan
-from plugins.vlms.offline.tools import tool_boxes
+from plugins.vlms.offline.tool_parts import tool_boxes
 
 _DIGITS = 5  # hundredths of a millimetre
 _LOW_M = 0.05  # a tool that is less high over the ground works there

@@ -34,7 +34,7 @@ from plugins.vlms.offline.paths import HeadPath, SampledPlan
 from plugins.vlms.offline.plan_writing import PlanWriter
 from plugins.vlms.offline.primitives import PRIMITIVES
 from plugins.vlms.offline.subgoals import Subgoal
-from plugins.vlms.offline.tools import PlacedHead, guess_head
+from plugins.vlms.offline.tool_parts import PlacedHead, guess_head
 
 _ANCHORING = 1  # keeps its random numbers apart from others of the same seed
 _TOOL_TRIES = 12

@@ -24,8 +24,8 @@ from plugins.vlms.offline.layouts import Layout
 from plugins.vlms.offline.sampler import Sampler
 from plugins.vlms.offline.scene_analysis import NothingToMove
 from plugins.vlms.offline.strategy import Strategy, write_tool
+from plugins.vlms.offline.tool_parts import find_part, task_suffix, working_part
 from plugins.vlms.offline.tool_variation import mutate
-from plugins.vlms.offline.tools import find_part, task_suffix, working_part
 
 _TRIES = 12
 _FRESH = 0.4  # the chance of a fresh part for a task that is not done

@@ -10,7 +10,7 @@ import numpy as np
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.geometry import Array, Box, Color, Pose
 from plugins.vlms.offline.heads import Head
-from plugins.vlms.offline.tools import FINGERTIP, MOUNTS
+from plugins.vlms.offline.tool_parts import FINGERTIP, MOUNTS
 
 SHAFTS = {
     "gantry": "a boom and a drop",

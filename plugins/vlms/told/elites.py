@@ -10,7 +10,7 @@ from typing import Any
 from core.design import Tool
 from core.designs.prompt_values import RunFacts
 from core.designs.reading import dump_names
-from core.designs.tools import dump_fixture
+from core.designs.tool_fields import dump_fixture
 from core.interfaces import Brief, Evaluation, ToolRepresentation, Waypoints
 from core.support.text import clean, number
 from core.values.observations import Sight

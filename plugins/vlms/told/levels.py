@@ -10,7 +10,7 @@ from core.interfaces import Evaluation, Image, Observation, Picture, Recording, 
 from core.scene import Body
 from core.task import NOTHING_TOLD, Level
 from core.values.observations import Sight
-from plugins.vlms.told.bodies import bodies_table
+from plugins.vlms.told.bodies_table import bodies_table
 from plugins.vlms.told.excerpts import class_source, helpers, task_source
 from plugins.vlms.told.feedback import report
 from plugins.vlms.told.layout import layout_table

@@ -17,7 +17,7 @@ from core.geometry import Array, Pose
 from core.interfaces import Image, Picture, Task
 from core.scene import Body, Camera
 from core.simulation.pictures import describe_camera, png
-from plugins.vlms.told.bodies import bounds, bounds_in_world
+from plugins.vlms.told.bodies_table import bounds, bounds_in_world
 from plugins.vlms.told.nearness import nearness
 from plugins.vlms.told.projection import project
 

@@ -15,8 +15,8 @@ from core.errors import UsageError, UserError
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Sphere
 from core.search.orchestration import run
 from core.values.materials import PAPER, Material
+from plugins.results.pages.best_tool import best_tool
 from plugins.results.pages.runs import read_run
-from plugins.results.pages.tools import best_tool
 from plugins.results.transfer import configured
 
 pytestmark = pytest.mark.slow

@@ -23,8 +23,8 @@ from core.search.orchestration import resume, run
 from plugins.actions.anchored import AnchoredActions, AnchoredPlan
 from plugins.actions.waypoints import WaypointActions
 from plugins.results.chosen import stored_evaluations
+from plugins.results.pages.best_tool import best_tool
 from plugins.results.pages.runs import read_run
-from plugins.results.pages.tools import best_tool
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda
 from tests.playing import evaluate_batch

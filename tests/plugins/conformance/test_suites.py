@@ -27,7 +27,7 @@ from core.interfaces import (
 )
 from core.plugins import KINDS, Offer, PluginPart, installed
 from core.scene import Body, Box, Scene, Sphere, floor, table
-from plugins.conformance import command as conformance
+from plugins.conformance import conformance_command as conformance
 from plugins.conformance.checking import ready
 from plugins.conformance.scenery import GREY
 from plugins.conformance.suites import SUITES, examine, subject

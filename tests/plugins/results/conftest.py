@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from plugins.results.report import statistics
-from plugins.results.report.command import report
+from plugins.results.report.report_command import report
 from tests.core.run_folders import write_run
 
 statistics.RESAMPLES = 200

@@ -11,7 +11,7 @@ from core.search.orchestration import resume, run
 from core.store.reader import StoredRun
 from plugins.results.transfer import configured as transfer_settings
 from plugins.results.transfer import transfer
-from plugins.results.workshop.command import configured, export
+from plugins.results.workshop.export_command import configured, export
 from plugins.trying.evaluate import evaluate
 from plugins.trying.prompt import PromptConfig, main, requests
 from tests import toys

@@ -15,7 +15,7 @@ from core.geometry import Box
 from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
 from core.scene import Body, Joint, Scene, table
-from plugins.conformance import bodies, joints, output, robot, shapes
+from plugins.conformance import free_bodies, joints, output, robot, shapes
 from plugins.conformance.output import bits
 from plugins.conformance.scenery import GREY, cube, stick
 from plugins.conformance.worlds import BARE, Bodies, end, film, motion, start, still
@@ -35,7 +35,7 @@ CHECKS = (
     robot.check_tool_stops_at_what_it_is_pushed_at,
     robot.check_arm_follows_its_trajectory,
     robot.check_gripper_lifts_what_it_can,
-    bodies.check_free_fall,
+    free_bodies.check_free_fall,
     joints.check_joints_of_tools_move_as_formulas_say,
     shapes.check_hollow_tool_is_hollow,
     output.check_start_is_after_settling,

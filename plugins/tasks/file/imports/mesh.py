@@ -11,7 +11,7 @@ from core.errors import UserError
 from core.geometry import Pose
 from core.scene import Body, Color, Geom
 from core.support.cli import expand
-from plugins.tasks.file.imports.bodies import Imported
+from plugins.tasks.file.imports.imported import Imported
 from plugins.tasks.file.imports.solids import MeshSolid, load_solid
 
 _MORE = 0.02

@@ -19,7 +19,7 @@ from core.scene import Body, Geom, Joint
 from core.support.cli import expand
 from core.values.descriptions import Description, RobotJoint, RobotLink, RobotShape
 from core.values.urdf import MAX_BYTES, find_mesh, read_tree, read_xml
-from plugins.tasks.file.imports.bodies import Imported, joined_body
+from plugins.tasks.file.imports.imported import Imported, joined_body
 from plugins.tasks.file.imports.solids import KINDS, load_solid, read_inside
 
 _FRICTION = 0.5

@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from plugins.results.report.command import report
+from plugins.results.report.report_command import report
 from tests.core.run_folders import edit, hook, result, write_run
 
 pytestmark = pytest.mark.slow

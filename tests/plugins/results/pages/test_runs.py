@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from core.errors import UserError
+from plugins.results.pages.best_tool import best_tool
 from plugins.results.pages.runs import FinishedRun, LeftOutRun, find_runs, read_run
-from plugins.results.pages.tools import best_tool
 from plugins.results.report.statistics import RunCost
 from tests.core.run_folders import result, write_run
 

@@ -12,11 +12,11 @@ from core.config.compose import load
 from core.errors import UserError
 from plugins.results.pages.runs import find_runs
 from plugins.results.report import verify
-from plugins.results.report.command import main
 from plugins.results.report.entries import ListedEntry, RunResult, read_entry
 from plugins.results.report.entry_tables import entry_tables
 from plugins.results.report.own_entries import find_entries
 from plugins.results.report.protocols import protocol
+from plugins.results.report.report_command import main
 from tests.core.run_folders import write_run
 
 ROOT = Path(__file__).parents[4]

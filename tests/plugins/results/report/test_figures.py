@@ -5,8 +5,8 @@ import pytest
 from PIL import Image
 
 from plugins.results.pages.runs import find_runs
-from plugins.results.report.command import report
 from plugins.results.report.figures import tied_groups
+from plugins.results.report.report_command import report
 from plugins.results.report.results import Results
 from tests.core.run_folders import write_run
 

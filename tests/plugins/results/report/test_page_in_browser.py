@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import ImageColor
 
-from plugins.results.report.command import report
+from plugins.results.report.report_command import report
 from tests.core.browser import complaints, opened, requests, screenshot
 from tests.core.run_folders import hook, write_run
 

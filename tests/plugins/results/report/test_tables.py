@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from plugins.results.report.command import report
+from plugins.results.report.report_command import report
 from tests.core.run_folders import edit, result, write_run
 
 pytestmark = pytest.mark.slow

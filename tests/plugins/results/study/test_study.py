@@ -17,10 +17,10 @@ from omegaconf import OmegaConf
 from core.config.compose import load
 from core.errors import UserError
 from core.search.orchestration import run
-from plugins.results.report.command import report
-from plugins.results.study.command import main
+from plugins.results.report.report_command import report
 from plugins.results.study.estimate import look_ahead
-from plugins.results.study.files import (
+from plugins.results.study.study_command import main
+from plugins.results.study.study_files import (
     RECORD,
     Selection,
     StudyRun,

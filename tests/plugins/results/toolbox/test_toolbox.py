@@ -9,7 +9,7 @@ from core.errors import UsageError, UserError
 from core.geometry import Box, Pose
 from core.plugins import installed
 from plugins.results.toolbox.choice import ToolboxConfig, toolbox
-from plugins.results.toolbox.command import main, write
+from plugins.results.toolbox.toolbox_command import main, write
 from tests.core.run_folders import hook, write_run
 
 pytestmark = pytest.mark.slow

@@ -16,8 +16,8 @@ from markdown_it import MarkdownIt
 from core.errors import UserError
 from core.robot.kinematics import arm_of
 from core.scene import Scene
-from plugins.results.workshop.command import configured, export, main
-from plugins.results.workshop.files import checklist
+from plugins.results.workshop.export_command import configured, export, main
+from plugins.results.workshop.export_folder import checklist
 from plugins.results.workshop.playback import compare_rewards
 from plugins.results.workshop.ways import close_ways
 from tests.core.run_folders import write_run
@@ -89,7 +89,9 @@ def test_what_fails_is_said_with_what_to_change_and_is_an_error(
     failing = [str(verdict) for verdict in found.verdicts if verdict.passed is False]
     assert [line.partition(":")[0] for line in failing] == ["weight"]
     assert "such as material=pla" in failing[0]
-    monkeypatch.setattr("plugins.results.workshop.command.export", lambda cfg: [found])
+    monkeypatch.setattr(
+        "plugins.results.workshop.export_command.export", lambda cfg: [found]
+    )
     with pytest.raises(UserError, match=rf"^1 of {len(found.verdicts)} checks failed"):
         main([f"designs={ANCHORED}/OneBook.json", "task=OneBook"])
     assert f"✗ {failing[0]}" in capsys.readouterr().out.splitlines()

@@ -13,8 +13,8 @@ from core.scene import Scene
 from core.support import sandbox
 from plugins.tasks.file import mjcf
 from plugins.tasks.file.building import with_starts
-from plugins.tasks.file.files import Files
 from plugins.tasks.file.mjcf import read_mjcf
+from plugins.tasks.file.named_files import Files
 from tests.plugins.tasks.file.imports.conftest import called
 
 

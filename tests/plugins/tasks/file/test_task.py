@@ -27,7 +27,7 @@ from plugins.new.packages import write_scene
 from plugins.tasks.file.goals import describe_goals
 from plugins.tasks.file.task import FileTask
 from plugins.tasks.file.tree import Tree
-from plugins.vlms.told.bodies import bodies_table
+from plugins.vlms.told.bodies_table import bodies_table
 from plugins.vlms.told.excerpts import helpers, task_source
 from tests.engines import every_simulator, simulator
 from tests.panda import on_panda

@@ -16,7 +16,7 @@ from core.values.messages import Text
 from plugins.trying.prompt import PromptConfig, compose
 from plugins.vlms.offline.designer import OfflineDesigner
 from plugins.vlms.told.arm import describe_arm
-from plugins.vlms.told.bodies import bodies_table
+from plugins.vlms.told.bodies_table import bodies_table
 
 pytestmark = pytest.mark.slow
 

@@ -14,10 +14,10 @@ from core.interfaces import Picture
 from core.scene import Camera
 from plugins.render import RenderConfig
 from plugins.tasks.file.bench.board import find_by_board
-from plugins.tasks.file.bench.command import main
 from plugins.tasks.file.bench.drafts import Draft
 from plugins.tasks.file.bench.photographs import Photograph, read_photographs
 from plugins.tasks.file.bench.replies import read_reply
+from plugins.tasks.file.bench.scene_command import main
 from plugins.tasks.file.bench.views import View
 from plugins.tasks.file.task import FileTask
 from tests.panda import on_panda

@@ -3,8 +3,8 @@
 import pytest
 
 from core.errors import UserError
+from plugins.results.pages.best_tool import best_tool
 from plugins.results.pages.runs import read_run
-from plugins.results.pages.tools import best_tool
 from tests.core.run_folders import edit, hook, write_run
 
 

@@ -21,7 +21,7 @@ from core.values.efforts import PERTURBED, Held
 from plugins.results.chosen import DesignsConfig, chosen_evaluations, config_for
 from plugins.results.folders import folders_and_overrides
 from plugins.results.workshop.export import Export
-from plugins.results.workshop.files import new_folder, write_export
+from plugins.results.workshop.export_folder import new_folder, write_export
 from plugins.results.workshop.playback import make_export
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.tool import make_tool, write_tool

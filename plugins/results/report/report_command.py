@@ -21,7 +21,7 @@ from plugins.results.report.own_entries import find_entries
 from plugins.results.report.results import Results
 from plugins.results.report.tables import rewards
 from plugins.results.report.verify import verification, verify
-from plugins.results.study.files import find_record
+from plugins.results.study.study_files import find_record
 
 USAGE = (
     "usage: vlmgineer report FOLDER [FOLDER ...] [output=DIR] [name=NAME] [entries=[FILE.json,...]] "

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from core.errors import UserError
-from plugins.results.report.command import main
+from plugins.results.report.report_command import main
 from tests.core.run_folders import write_run
 
 pytestmark = pytest.mark.slow

@@ -10,7 +10,7 @@ import yaml
 from PIL import Image
 
 from core.errors import UserError
-from plugins.tasks.file.bench.command import main
+from plugins.tasks.file.bench.scene_command import main
 from plugins.tasks.file.task import FileTask
 
 HERE = Path(__file__).parent

@@ -12,8 +12,8 @@ import trimesh
 from core.geometry import Array, Box, Mesh, Pose, Shape
 from core.scene import Body, Color, Filling, Geom, Soft, floor
 from plugins.tasks.file.doubts import bound
-from plugins.tasks.file.files import Files
-from plugins.tasks.file.imports.bodies import HEAVIEST, LIGHTEST
+from plugins.tasks.file.imports.imported import HEAVIEST, LIGHTEST
+from plugins.tasks.file.named_files import Files
 from plugins.tasks.file.spec import (
     BodySpec,
     ImportSpec,

@@ -16,21 +16,21 @@ from core.config.compose import load
 from core.errors import UsageError, UserError, choices
 from core.support.cli import arguments, say, write_bytes
 from core.support.progress import busy
-from plugins.results.report.command import report, show
+from plugins.results.report.report_command import report, show
 from plugins.results.study.estimate import (
     Outlook,
     cores,
     look_ahead,
     reads_words,
 )
-from plugins.results.study.files import (
+from plugins.results.study.running import Runner
+from plugins.results.study.study_files import (
     RECORD,
     Method,
     Selection,
     find_study,
     read_study,
 )
-from plugins.results.study.running import Runner
 
 T = TypeVar("T")
 
