@@ -10,7 +10,7 @@ from omegaconf import MISSING, DictConfig
 
 from core.config.compose import check_seed, load, part, task_part, tool_part
 from core.config.schemas import SceneConfig
-from core.designs.loading import load_tool
+from core.designs.reading import load_tool
 from core.errors import UsageError
 from core.interfaces import Image
 from core.plugins import SIMULATOR

@@ -23,7 +23,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
 
-import core.search.replies
+import core.search.model_requests
 import plugins.vlms.ensemble.model
 from core.plugins import installed
 from core.search.orchestration import resume, run
@@ -123,7 +123,7 @@ def session(
                     again = [word for word in words if word.startswith(address)]
                     resume(folder / "run", again)
                 else:
-                    core.search.replies.run_in_thread = run_at_once
+                    core.search.model_requests.run_in_thread = run_at_once
                     plugins.vlms.ensemble.model.run_in_thread = run_at_once
                     run(configure(folder / "notes", words), folder / "run")
             count.write_text(str(moments.number))

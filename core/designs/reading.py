@@ -16,7 +16,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from core.design import Candidate, DesignError
+from core.design import Candidate, DesignError, Tool
 from core.designs.planning import NO_PLAN, call_part, named_actions, parse_plan
 from core.designs.replies import EXPECTED, Fields, parse_reply, reader
 from core.designs.rules import check_tool, given_tool
@@ -108,6 +108,36 @@ def load_designs(path: Path) -> object:
     except DesignError as error:
         raise UserError(f"{what}: {error}") from error
     return document
+
+
+def load_tool(
+    path: Path, number: int, representation: ToolRepresentation, task: Task
+) -> Tool:
+    """Read the tool of a strategy in a designs file, whatever rules it breaks.
+
+    Args:
+        path: of the file.
+        number: of the strategy, from 0.
+        representation: reads the tool; if it gives one itself, that is returned.
+        task: what the tool is for.
+
+    Raises:
+        UserError: there is no such strategy, or its tool can't be read.
+    """
+    candidates = read_designs(load_designs(path), representation, task)
+    by_strategy = {candidate.strategy: candidate for candidate in candidates}
+    if number not in by_strategy:
+        raise UserError(
+            f"{path} has {len(by_strategy)} strategies; there is no strategy={number}"
+        )
+
+    candidate = by_strategy[number]
+    if candidate.tool is None:
+        raise UserError(
+            f"{path}: the tool of strategy {number} can't be read: {candidate.problem}"
+        )
+
+    return candidate.tool
 
 
 def dump_design(

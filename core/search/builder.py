@@ -1,16 +1,41 @@
-"""Build the fitness and the designer of a search."""
+"""Build the designer of a search, which asks a model for candidates, and the fitness that judges them."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
+import pluggy
 from omegaconf import DictConfig
 
-from core.config.compose import part, task_part
-from core.interfaces import Condition, Fitness, RolloutSettings, Task
-from core.plugins import FITNESS, SIMULATOR, PluginPart, installed
+from core.config.compose import check_seed, node, part, task_part, tool_part
+from core.config.schemas import PromptSettings, Sampling
+from core.designs.composer import PromptComposer
+from core.designs.prompt_values import RunFacts
+from core.errors import UsageError
+from core.interfaces import (
+    VLM,
+    Budget,
+    Condition,
+    EvolutionStrategy,
+    Fitness,
+    RolloutSettings,
+    Task,
+)
+from core.plugins import (
+    ACTION,
+    EVOLUTION,
+    FITNESS,
+    SIMULATOR,
+    PluginPart,
+    installed,
+)
 from core.robot.kinematics import arm_of
+from core.search.assignment import DEFAULT_KINDS, Assignment, borne_kinds
 from core.search.designer import ModelDesigner
+from core.trial import TIE
+
+MAY_BE_ZERO = ("n_iteration", "final_s", "elite_s")  # of a budget
 
 
 class SearchBuilder:
@@ -38,6 +63,108 @@ class SearchBuilder:
         task = designer.assignment.task
         designer.pictures = designer.artist.draw_scene(task)
         return designer
+
+
+def build_designer(
+    cfg: DictConfig, vlm: VLM, events: pluggy.PluginManager
+) -> tuple[ModelDesigner, Fitness]:
+    """Make what asks ``vlm`` for candidates in a run with this configuration, and what judges them.
+
+    Raises:
+        UserError: a part or setting that can't be used.
+    """
+    check_seed(cfg.seed)
+    if cfg.prompt.file and not vlm.sees:
+        raise UsageError(
+            f"{vlm.model} reads no text, so prompt.file={cfg.prompt.file} would change nothing; choose a model that "
+            "does with vlm=NAME, or leave prompt=human away"
+        )
+
+    builder = builder_for(task_part(cfg))
+    assignment = _read_assignment(cfg)
+    settings = node(cfg.rollout, RolloutSettings)
+    # Plans for a known tool are shown with what was observed of them, too.
+    asks_for_plans = assignment.given is not None or builder.asks_for_plans
+    shown = asks_for_plans or cfg.prompt.critic or cfg.prompt.feedback != "paper"
+    if (shown and vlm.sees) or _strategy_observes(cfg):
+        settings = replace(settings, observe=True)
+
+    fitness = builder.build_fitness(cfg, settings)
+    prompt = node(cfg.prompt, PromptSettings)
+    facts = RunFacts(
+        replace(prompt, repair=count_repairs(cfg, vlm)),
+        settings,
+        cfg.sim.name,
+        tie=cfg.evolution.get("tie", TIE),
+        judged=fitness.instructions(),
+    )
+    prompts = PromptComposer(facts)
+    sampling = node(cfg.sampling, Sampling)
+    designer = ModelDesigner(assignment, vlm, prompts, sampling, events)
+    return finish_designer(builder, designer, fitness, cfg), fitness
+
+
+def count_repairs(cfg: DictConfig, vlm: object) -> int:
+    """Return how often designs that break a rule go back to a model, or what is made of its factory."""
+    if cfg.prompt.repair is not None:
+        return int(cfg.prompt.repair)
+    can_mend = getattr(vlm, "repairs", VLM.repairs)
+
+    return int(can_mend and cfg.budget.name != "paper")
+
+
+def _read_assignment(cfg: DictConfig) -> Assignment:
+    """Read what agents are asked for.
+
+    Raises:
+        UserError: a part or setting that can't be used; no tool kind that the robot can bear, or no given tool.
+    """
+    budget = _read_budget(cfg)
+    task = task_part(cfg).create()
+    representation = tool_part(cfg).create()
+    check_starts(task)
+    kinds = list(cfg.task.get("tool_kinds") or task.tool_kinds or DEFAULT_KINDS)
+    actions = part(ACTION, cfg.action).create()
+    assignment = Assignment(task, representation, actions, budget, cfg.seed, kinds)
+    if assignment.given is not None:
+        # As many candidates as there would be with tools.
+        plans = budget.n_tool * budget.n_action
+        return replace(assignment, budget=replace(budget, n_tool=1, n_action=plans))
+
+    return replace(assignment, tool_kinds=borne_kinds(kinds, task.robot))
+
+
+def _read_budget(cfg: DictConfig) -> Budget:
+    """Read the budget of a run.
+
+    Raises:
+        UsageError: there would be no agent, tool, plan or elite; or a number that may be 0 is below it.
+    """
+    budget = node(cfg.budget, Budget)
+
+    for name in ("n_agent", "n_tool", "n_action", "k_top", *MAY_BE_ZERO):
+        least = int(name not in MAY_BE_ZERO)
+        number = getattr(budget, name)
+        if number < least:
+            raise UsageError(f"budget.{name} must be at least {least}, got {number}")
+
+    if budget.n_rollouts is not None and budget.n_rollouts < 1:
+        raise UsageError(
+            f"budget.n_rollouts must be at least 1, or null, got {budget.n_rollouts}"
+        )
+
+    return budget
+
+
+def _strategy_observes(cfg: DictConfig) -> bool:
+    """Report whether the strategy needs observations.
+
+    That is settled before it is made, since the fitness is made first.
+    """
+    strategy = part(EVOLUTION, cfg.evolution)
+    observes = strategy.declared("observes", EvolutionStrategy.observes)
+
+    return bool(observes(dict(strategy.settings)))
 
 
 def builder_for(task: PluginPart[Task]) -> SearchBuilder:

@@ -21,7 +21,7 @@ from core.hooks import hookimpl
 from core.interfaces import VLM, Brief, Picture, Reply, Request, Task
 from core.search.answers import Answer, Mender
 from core.search.assignment import Assignment, Team
-from core.search.replies import ask_model
+from core.search.model_requests import ask_model
 from core.trial import Evaluation
 
 ScenePictures = Mapping[bool, tuple[Picture, ...]]

@@ -25,7 +25,7 @@ from core.plugins import (
     installed,
 )
 from core.plugins.blame import add_listener
-from core.search.asking import build_designer
+from core.search.builder import build_designer
 from core.search.designer import ModelDesigner
 from core.trial import TIE
 

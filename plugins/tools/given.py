@@ -10,7 +10,7 @@ from omegaconf import OmegaConf
 
 from core.config.compose import part
 from core.design import Tool
-from core.designs.loading import load_tool
+from core.designs.reading import load_tool
 from core.errors import choices
 from core.interfaces import GivenTools, Task
 from core.plugins import TOOL

@@ -19,8 +19,8 @@ from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError
 from core.interfaces import VLM, Estimate, Picture, Request
 from core.plugins import event_hub, installed
-from core.search.asking import build_designer, count_repairs
 from core.search.assignment import Team
+from core.search.builder import build_designer, count_repairs
 from core.support.cli import arguments, say, write_bytes
 from core.trial import Evaluation, best_first
 from plugins.trying.judging import try_all

@@ -11,7 +11,7 @@ from core.designs.composer import with_captions
 from core.designs.prompt_values import prompt_values
 from core.interfaces import Brief, Message, Picture, Reply, Request
 from core.search.designer import ModelDesigner
-from core.search.replies import ask_model
+from core.search.model_requests import ask_model
 from core.support.text import clean
 from core.trial import Evaluation
 from plugins.vlms.artist import shown_in

@@ -13,10 +13,13 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from core.config.compose import load, part, task_part, tool_part
-from core.design import Tool
+from core.design import DesignError, Tool
+from core.designs.reading import load_tool
+from core.designs.rules import check_tool
+from core.designs.start import SpawnRules
 from core.errors import UserError, choices
 from core.geometry import Array, Pose
-from core.interfaces import Image, World
+from core.interfaces import Image, Task, ToolRepresentation, World
 from core.plugins import SIMULATOR
 from core.robot.kinematics import arm_of
 from core.scene import State
@@ -24,7 +27,6 @@ from core.simulation.playback import begin_motion
 from core.support.text import shorten
 from core.task import reward_of
 from plugins.gym.environment.film import SETTLE_S, Film
-from plugins.gym.environment.mounted_tool import load_mounted_tool
 
 ControlMode = Literal["joints", "end_effector"]
 Numbers = npt.NDArray[np.float32]
@@ -102,7 +104,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         self.tool = Tool(gripper=gripper)
         if designs is not None:
             representation = tool_part(config).create()
-            self.tool = load_mounted_tool(
+            self.tool = _load_mounted_tool(
                 Path(designs), strategy, representation, self.task
             )
 
@@ -339,3 +341,30 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
     def close(self) -> None:
         """Forget the world."""
         self._world = None
+
+
+def _load_mounted_tool(
+    designs: Path, strategy: int, representation: ToolRepresentation, task: Task
+) -> Tool:
+    """Read a tool, and check that it can be mounted.
+
+    Args:
+        designs: a designs file.
+        strategy: the number of the tool in it, from 0.
+        representation: reads it.
+        task: in whose first layout it must start clear of everything.
+
+    Raises:
+        UserError: the file, or the tool, can't be used.
+    """
+    tool = load_tool(designs, strategy, representation, task)
+    try:
+        if tool.components:
+            check_tool(tool, task.robot, representation.material)
+        SpawnRules(task, 0).check(tool)
+    except DesignError as error:
+        raise UserError(
+            f"{designs}: the tool of strategy {strategy} can't be mounted: {error}"
+        ) from error
+
+    return tool

@@ -14,8 +14,8 @@ from omegaconf import DictConfig
 from core.config.compose import load
 from core.interfaces import VLM, Estimate, Request
 from core.plugins import event_hub, installed
-from core.search.asking import build_designer
 from core.search.assignment import Team
+from core.search.builder import build_designer
 from core.search.finalists import rollouts_in
 from core.store.reader import StoredRun
 from core.support.cli import print_table

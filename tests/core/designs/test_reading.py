@@ -6,11 +6,11 @@ import pytest
 from hypothesis import strategies as st
 
 from core.design import Candidate, Component, DesignError, Tool
-from core.designs.loading import load_tool
 from core.designs.planning import NO_PLAN
 from core.designs.reading import (
     dump_design,
     load_designs,
+    load_tool,
     read_designs,
 )
 from core.errors import UserError

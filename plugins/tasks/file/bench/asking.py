@@ -17,7 +17,7 @@ from core.interfaces import VLM, Brief, Message, Request, Task
 from core.plugins import ACTION, MODEL, event_hub
 from core.plugins.blame import add_listener
 from core.scene import Scene, State, floor, table
-from core.search.replies import ask_model
+from core.search.model_requests import ask_model
 from core.store.recorder import RunStore
 from core.support.cli import say
 
