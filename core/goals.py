@@ -26,16 +26,19 @@ import numpy as np
 from core.errors import UsageError, choices, refuse
 from core.geometry import Array, Vector
 from core.scene import Scene
-from core.values.joints import rotate
+from core.values.joints import rotate, rotate_back
 from core.values.margins import Margin
+from core.values.spans import Span as Span
 from core.values.states import State
 from core.values.traces import Flags, Trace
 
-Coordinates = tuple[float | None, float | None, float | None]
+Coordinate = float | Span | None
+Coordinates = tuple[Coordinate, Coordinate, Coordinate]
 """A place, m; a coordinate that is None is free."""
 
 SLIP_M = 0.1  # what is right at the start counts as lost when it is so far off
 SLIP_RAD = 0.5
+SLIP_DEG = float(np.degrees(SLIP_RAD))
 NEAR_M = 0.02  # observations call a body in place up to here, if the tolerance is less
 NEAR_RAD = 0.1
 STILL_M_S = 0.02  # what is slower is at rest
@@ -45,14 +48,15 @@ STRAYED = 5  # and where it moved so many times as far, nothing is earned
 NOTICED = 0.25  # of what it may move is worth a word
 DONE = 0.95  # a goal is fulfilled from this progress on, where instants are compared
 
-_NAMES = {
-    "bodies": "body that can move",
-    "keep": "body that can move",
+FREE_BODY = "body that can move"
+NAMED = {
+    "bodies": FREE_BODY,
+    "keep": FREE_BODY,
     "untouched": "body",
     "at": "body",
     "joint": "joint",
 }
-"""The fields of goals that name things of the scene, and which."""
+"""The fields of goals that name things of the scene, and which: see `list_names`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +132,21 @@ class Measure:
     near: float = 0.0
     far: float = 0.0
     whole: bool = False
+
+    @classmethod
+    def within(
+        cls,
+        span: Span,
+        name: str,
+        value: Callable[[State], Array],
+        unit: str,
+        far: float,
+    ) -> Iterator[Measure]:
+        """Yield what a span asks of a figure; so ``far`` beyond an end counts as lost, and so far within as safe."""
+        if not math.isinf(span.low):
+            yield cls(name, value, span.low, far, unit, at_least=True)
+        if not math.isinf(span.high):
+            yield cls(name, value, span.high, far, unit, far=far)
 
     def left(self, state: State) -> Array:
         """Compute how far a state is beyond the limit, (...)."""
@@ -447,26 +466,79 @@ class Reach(Goal):
 
 @dataclass(frozen=True, kw_only=True)
 class Placed(Reach):
-    """Bodies that must end at a place.
+    """Bodies that must end at a place: the distance to it counts.
 
     A plug that must end 1 cm above the frame of its socket, wherever that stands::
 
         Placed(("plug",), place=(0.0, 0.0, 0.01), at="socket", tolerance=0.003)
 
+    Where a coordinate is a `Span`, or all count from the start, each counts on its own. A lamp to raise by 0.1 m::
+
+        Placed(("lamp",), place=(None, None, Span(low=0.1)), relative=True)
+
     Attributes:
         place: where, (x, y, z) in metres; None: a coordinate is free.
+        places: instead of a place, one for each of the bodies.
         at: the body or mark in whose frame, as it stands in the layout, the place is; None: in the world. If it may be
             turned, give both x and y or neither.
-        tolerance: how far off still counts as there, m.
+        relative: whether the place counts from where each body starts, along the axes of that frame.
+        tolerance: how far off still counts as there, m; of a span nothing is added.
         node: of soft bodies, the number of the node whose place counts; None: the centre of mass.
+
+    Raises:
+        ValueError: there is neither a place, nor one for each body.
     """
 
-    place: Coordinates
+    place: Coordinates | None = None
+    places: tuple[Coordinates, ...] = ()
     at: str | None = None
+    relative: bool = False
     tolerance: float = 0.0
     node: int | None = None
 
-    def measures(self, body: str, start: State) -> Sequence[Measure]:
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.place is None and len(self.places) != len(self.bodies):
+            raise ValueError(
+                f"a goal needs a place, or places: one for each of its {len(self.bodies)} bodies"
+            )
+
+        wanted = chain(*self.places)
+        if self.places and (self.relative or any(isinstance(w, Span) for w in wanted)):
+            raise ValueError(
+                "a goal's places have numbers, and don't count from the start; make a goal for each body"
+            )
+
+    def _choose_place(self, body: str) -> Coordinates:
+        """Return the place of a body."""
+        return self.place or self.places[self.bodies.index(body)]
+
+    @property
+    def spans(self) -> dict[str, Span]:
+        """The spans in which coordinates must end, by x, y and z; empty where the distance counts."""
+        place = self.place or ()
+        if not (self.relative or any(isinstance(wanted, Span) for wanted in place)):
+            return {}
+
+        return {
+            axis: Span.about(wanted, self.tolerance)
+            for axis, wanted in zip("xyz", place, strict=True)
+            if wanted is not None
+        }
+
+    def measures(self, body: str, start: State) -> Iterator[Measure]:
+        for axis, span in self.spans.items():
+
+            def value(state: State, number: int = "xyz".index(axis)) -> Array:
+                return self._see(body, start, state)[..., number]
+
+            what = "way along " if self.relative else ""
+            name = f"{what}{axis} of {body}"
+            yield from Measure.within(span, name, value, "m", SLIP_M)
+
+        if self.spans:
+            return
+
         there = self.place_of(body, start)
 
         def distance(state: State) -> Array:
@@ -474,16 +546,55 @@ class Placed(Reach):
             return _length(np.where(np.isnan(off), 0.0, off))
 
         name = f"{body} off its place"
-        return [Measure(name, distance, self.tolerance, SLIP_M, "m", near=NEAR_M)]
+        yield Measure(name, distance, self.tolerance, SLIP_M, "m", near=NEAR_M)
 
     def place_of(self, body: str, start: State) -> Array:
-        there = np.array([wanted or 0.0 for wanted in self.place])
+        if self.spans:
+            return self._aim(body, start)
+
+        place = self._choose_place(body)
+        there = np.array([wanted or 0.0 for wanted in place])
         if self.at is not None:
             turned = rotate(start.quaternion(self.at), there)
             there = start.position(self.at) + turned
 
-        free = [wanted is None for wanted in self.place]
+        free = [wanted is None for wanted in place]
         return np.where(free, np.nan, there)
+
+    def _aim(self, body: str, start: State) -> Array:
+        """Return a place well within all spans, (..., 3) in the world, nan where it is free."""
+        seen = self._see(body, start, start)
+        wanted = np.full(seen.shape, np.nan)
+        if self.at is not None:  # a frame that may be turned needs all three
+            wanted = seen.copy()
+
+        for axis, span in self.spans.items():
+            number = "xyz".index(axis)
+            aim = np.vectorize(span.aim)
+            wanted[..., number] = aim(seen[..., number], SLIP_M)
+
+        if self.relative:
+            wanted = wanted + self._turn_back(start.position(body, self.node), start)
+        if self.at is None:
+            return wanted
+
+        return start.position(self.at) + rotate(start.quaternion(self.at), wanted)
+
+    def _see(self, body: str, start: State, state: State) -> Array:
+        """Return the coordinates that spans are about, (..., 3)."""
+        position = state.position(body, self.node)
+        if self.relative:
+            position = position - start.position(body, self.node)
+        elif self.at is not None:
+            position = position - start.position(self.at)
+
+        return self._turn_back(position, start)
+
+    def _turn_back(self, vectors: Array, start: State) -> Array:
+        """Turn vectors (..., 3) of the world into the frame of the place."""
+        if self.at is None:
+            return vectors
+        return rotate_back(start.quaternion(self.at), vectors)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -515,31 +626,73 @@ class JointAt(Reach):
     """A ``joint`` that must end at the position ``to``, within ``tolerance``: m, or rad.
 
     A drawer that must be open by 0.2 m: ``JointAt(joint="drawer", to=0.2, tolerance=0.01)``.
+
+    Attributes:
+        to: the position, or a `Span` of it; to this nothing is added.
+        relative: whether it counts from where the joint starts.
     """
 
     joint: str
-    to: float
+    to: float | Span
     tolerance: float = 0.0
+    relative: bool = False
 
     @property
     def subject(self) -> str:
         return f"joint {self.joint}"
 
+    @property
+    def span(self) -> Span | None:
+        """The span in which the position must end; None: how far it is off counts."""
+        if self.relative or isinstance(self.to, Span):
+            return Span.about(self.to, self.tolerance)
+
+        return None
+
     def subjects(self, state: State) -> tuple[str, ...]:
         return (state.joints[self.joint].joint.body,)
+
+    def aim(self, start: State) -> float:
+        """Return the position that a program may aim for, m or rad."""
+        if self.span is None:
+            assert not isinstance(self.to, Span)
+            return self.to
+
+        aim = self.span.aim(0.0, SLIP_M)
+        if self.relative:
+            aim += start.joints[self.joint].joint.start
+
+        return aim
 
     def _slides(self, state: State) -> bool:
         return state.joints[self.joint].joint.kind == "slider"
 
-    def measures(self, body: str, start: State) -> Iterable[Measure]:
-        def off(state: State) -> Array:
-            return np.abs(state.joint(self.joint).position - self.to)
+    def measures(self, body: str, start: State) -> Iterator[Measure]:
+        def value(state: State) -> Array:
+            position = state.joint(self.joint).position
+            if self.relative:
+                position = position - start.joint(self.joint).position
+            elif self.span is None:
+                position = np.abs(position - self.to)
 
-        name = f"{self.joint} off its position"
+            return position
 
+        unit = "rad"
+        slip = SLIP_RAD
+        near = NEAR_RAD
         if self._slides(start):
-            return [Measure(name, off, self.tolerance, SLIP_M, "m", near=NEAR_M)]
-        return [Measure(name, off, self.tolerance, SLIP_RAD, "rad", near=NEAR_RAD)]
+            unit = "m"
+            slip = SLIP_M
+            near = NEAR_M
+
+        if self.span is None:
+            name = f"{self.joint} off its position"
+            yield Measure(name, value, self.tolerance, slip, unit, near=near)
+            return
+
+        what = "change" if self.relative else "position"
+        name = f"{what} of {self.joint}"
+        yield from Measure.within(self.span, name, value, unit, slip)
 
     def unrest(self, body: str, state: State) -> Array:
         still = STILL_M_S if self._slides(state) else STILL_RAD_S
@@ -553,34 +706,39 @@ class JointAt(Reach):
             return None
 
         parent = start.placement(joint.parent)
-        return placed.carry(np.asarray(self.to), np.zeros(()), parent).position
+        to = np.asarray(self.aim(start))
+        return placed.carry(to, np.zeros(()), parent).position
 
 
 @dataclass(frozen=True, kw_only=True)
 class Turned(Reach):
     """Bodies whose ``axis`` (3,), in their frames, must end along ``points`` (3,).
 
-    A cup that must stand upright: ``Turned(("cup",), axis=(0.0, 0.0, 1.0))``.
+    A cup that must stand upright is ``Turned(("cup",), axis=(0.0, 0.0, 1.0))``, and one that must lie down::
+
+        Turned(("cup",), angle_deg=Span(low=60.0))
 
     Attributes:
         points: in the world, or in the frame of the body or mark ``at``, as it stands in the layout.
         tolerance_deg: how far the axis may be off, degrees.
+        angle_deg: instead of a tolerance, the angle between the two, degrees from 0 to 180.
 
     Raises:
         ValueError: one of the two has no length.
     """
 
-    axis: Vector
+    axis: Vector = (0.0, 0.0, 1.0)
     points: Vector = (0.0, 0.0, 1.0)
     at: str | None = None
     tolerance_deg: float = 10.0
+    angle_deg: Span | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not (np.any(self.axis) and np.any(self.points)):
             raise ValueError("a goal's axis and points need a length")
 
-    def measures(self, body: str, start: State) -> Sequence[Measure]:
+    def measures(self, body: str, start: State) -> Iterator[Measure]:
         axis = np.divide(self.axis, np.linalg.norm(self.axis))
         points = np.divide(self.points, np.linalg.norm(self.points))
         if self.at is not None:
@@ -591,8 +749,16 @@ class Turned(Reach):
             between: Array = np.arccos(np.clip(along, -1.0, 1.0))
             return between
 
+        def angle_deg(state: State) -> Array:
+            return np.asarray(np.degrees(angle(state)))
+
+        name = f"angle of {body}"
+        if self.angle_deg is not None:
+            yield from Measure.within(self.angle_deg, name, angle_deg, "deg", SLIP_DEG)
+            return
+
         most = float(np.radians(self.tolerance_deg))
-        return [Measure(f"angle of {body}", angle, most, SLIP_RAD, "rad")]
+        yield Measure(name, angle, most, SLIP_RAD, "rad")
 
 
 class Limit(Goal):
@@ -841,30 +1007,36 @@ def limits(goals: Iterable[Goal]) -> list[Limit]:
     return [goal for goal in goals if isinstance(goal, Limit)]
 
 
+def list_names(what: str, scene: Scene) -> list[str]:
+    """List the names that a scene has of one of the things of `NAMED`."""
+    if what == "joint":
+        return [joint.name for joint in scene.joints]
+    if what == FREE_BODY:
+        return [body.name for body in scene.free]
+
+    return [body.name for body in scene.bodies]
+
+
 def check_names(goal: Goal, scene: Scene) -> None:
     """Refuse a goal that names what a scene lacks, or that is about no body.
 
     Raises:
         UsageError: names what is possible.
     """
-    possible = {
-        "body that can move": [body.name for body in scene.free],
-        "body": [body.name for body in scene.bodies],
-        "joint": [joint.name for joint in scene.joints],
-    }
     looks_at_bodies = isinstance(goal, Reach) and type(goal).subjects is Reach.subjects
     if looks_at_bodies and not getattr(goal, "bodies", ()):
         raise UsageError("a goal to reach needs bodies")
 
     for part in getattr(goal, "parts", [goal]):
-        for field, what in _NAMES.items():
+        for field, what in NAMED.items():
             names = getattr(part, field, None) or ()
             if isinstance(names, str):
                 names = (names,)
 
+            possible = list_names(what, scene)
             for name in names:
-                if name not in possible[what]:
-                    raise choices(what, name, possible[what])
+                if name not in possible:
+                    raise choices(what, name, possible)
 
 
 def _find_toucher(film: Trace, body: str) -> str:

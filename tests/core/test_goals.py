@@ -17,6 +17,7 @@ from core.goals import (
     Measure,
     Placed,
     Reach,
+    Span,
     Turned,
     Untouched,
     check_names,
@@ -76,6 +77,14 @@ def turned(name, **carried):
     positions, quaternions = START.positions.copy(), START.quaternions.copy()
     positions[number], quaternions[number] = there.position, there.quaternion
     return replace(START, positions=positions, quaternions=quaternions)
+
+
+def tipped(angle, name="cube"):
+    """The start state with a body turned about x, rad."""
+    quaternions = START.quaternions.copy()
+    number = START.names.index(name)
+    quaternions[number] = (np.cos(angle / 2), np.sin(angle / 2), 0, 0)
+    return replace(START, quaternions=quaternions)
 
 
 def reward(goals, end, trace=None, every=False, start=START):
@@ -460,3 +469,38 @@ def test_each_of_several_goals_that_count_has_a_share():
         goals_shares(SimpleNamespace(goals=goals[1:], every=True), START, end, None)
         == ()
     )
+
+
+def test_a_coordinate_may_be_a_span_and_count_from_the_start():
+    """Each coordinate counts on its own; with numbers alone it is the distance."""
+    far = Placed(CUBE, place=(Span(low=0.7), None, None))
+    assert reward(far, shifted(0.5)) == 0.5
+    assert reward(far, shifted(3.0)) == 1
+    assert reward(THERE, shifted(3.0)) == 0
+    moved = Placed(CUBE, place=(0.2, None, None), relative=True)
+    assert [reward(moved, shifted(share)) for share in (0, 0.5, 1)] == [0, 0.5, 1]
+    assert moved.place_of("cube", START) == pytest.approx(
+        (0.7, np.nan, np.nan), nan_ok=True
+    )
+
+    slid = JointAt(joint="drawer", to=Span(low=0.1), relative=True)
+    assert slid.aim(START) == pytest.approx(0.11)
+    assert reward(slid, turned("drawer", to=0.05)) == 0.5
+    lying = Turned(CUBE, angle_deg=Span(low=60))
+    assert reward(lying, START) == 0
+    assert reward(lying, tipped(np.pi / 2)) == 1
+
+
+def test_places_are_one_for_each_body_and_numbers():
+    both = ("cube", "other")
+    ends = ((0.7, None, None), (0.9, None, None))
+    goal = Placed(both, places=ends)
+    assert reward(goal, shifted(1)) == 0.5
+    for wrong, why in (
+        ({"places": ends[:1]}, "one for each of its 2 bodies"),
+        ({}, "a goal needs a place, or places"),
+        ({"places": ends, "relative": True}, "don't count from the start"),
+        ({"places": (ends[0], (Span(low=1), None, None))}, "have numbers"),
+    ):
+        with pytest.raises(ValueError, match=why):
+            Placed(both, **wrong)

@@ -8,37 +8,32 @@ from typing import Any
 
 from core.errors import UserError
 from core.goals import (
-    SLIP_M,
     Away,
     Goal,
     JointAt,
     Kept,
     Placed,
     Reach,
+    Span,
     Turned,
     Untouched,
     reaches,
 )
 from core.support.templates import macros
 from plugins.tasks.file.kinds import (
-    Angled,
     Apart,
-    Between,
     Flattened,
     Inside,
-    JointWithin,
-    Places,
     Spread,
     Throughout,
     TurnedBy,
 )
-from plugins.tasks.file.spans import Span
 
 NAMED = 4  # bodies of a goal that a description names, where there are more
 
 WAYS: Mapping[str, type[Goal]] = {
     "place": Placed,
-    "places": Places,
+    "places": Placed,
     "inside": Inside,
     "away": Away,
     "joint": JointAt,
@@ -47,20 +42,20 @@ WAYS: Mapping[str, type[Goal]] = {
 
 KINDS: Mapping[str, type[Goal]] = {
     **WAYS,
-    "moved": Between,
-    "raised": Between,
+    "moved": Placed,
+    "raised": Placed,
     "apart": Apart,
     "max_height_m": Flattened,
     "min_area_m2": Spread,
     "axis": Turned,
-    "angle_deg": Angled,
+    "angle_deg": Turned,
     "turned_deg": TurnedBy,
     "keep": Kept,
     "untouched": Untouched,
 }
 """The kinds of goals, by the key that an entry of a file has them by."""
 
-FILLED = {"spans", "span", "relative", "hollow", "also"}
+FILLED = {"relative", "hollow", "also"}
 """Fields of kinds that no entry has: they are made of others."""
 
 ENDS = {"rest", "held", "released"}
@@ -79,7 +74,7 @@ def read_entry(given: Given) -> Entry:
         ValueError: there is nothing to reach, two ways to go, a key that is missing, or one that says nothing.
     """
     known = given.keys()
-    given = _read_place(_read_keep(given))
+    given = _read_keep(given)
     kinds = _find_kinds(given)
     reaching = any(issubclass(kind, Reach) for kind in kinds.values())
     if not reaching and ENDS & given.keys():
@@ -121,30 +116,8 @@ def _find_kinds(given: Given) -> dict[str, type[Goal]]:
     kinds = {key: kind for key, kind in KINDS.items() if key in given}
     if "angle_deg" in kinds:  # then the axis is its own
         kinds.pop("axis", None)
-    if "spans" in given:
-        kinds = {"spans": Between, **kinds}
-    if "change" in given or isinstance(given.get("to"), Span):
-        kinds["joint"] = JointWithin
 
     return kinds
-
-
-def _read_place(given: Given) -> Given:
-    """Read a ``place`` that has a span as ``spans``."""
-    place = given.get("place", ())
-    if not any(isinstance(wanted, Span) for wanted in place):
-        return given
-
-    left = {key: value for key, value in given.items() if key != "place"}
-    return {**left, "spans": _about(place, given)}
-
-
-def _about(place: Sequence[Any], given: Given) -> tuple[Span | None, ...]:
-    """Return the spans of coordinates; what is a number may be off by the entry's tolerance."""
-    off = given.get("tolerance", 0.0)
-    return tuple(
-        None if wanted is None else Span.about(wanted, off) for wanted in place
-    )
 
 
 def _read_keep(given: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -168,30 +141,25 @@ def _read_keep(given: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _fill_moved(moved: Any, given: Given) -> dict[str, Any]:
-    return {"spans": _about(moved, given), "relative": True}
+    return {"place": moved, "places": (), "relative": True}
 
 
 def _fill_raised(raised: Any, given: Given) -> dict[str, Any]:
-    return {"spans": (None, None, raised), "relative": True}
+    return _fill_moved((None, None, raised), given)
 
 
 def _fill_joint(joint: Any, given: Given) -> dict[str, Any]:
     if "change" in given and "to" in given:
         raise ValueError("a joint has to (a position) or change (from its start)")
+    if "change" in given:
+        return {"to": given["change"], "relative": True}
 
-    wanted = given.get("to", given.get("change"))
-    if isinstance(wanted, float) and "to" in given:
-        return {}
-    if wanted is None:
-        raise ValueError("a goal with 'joint' needs 'to', too")
-
-    span = Span.about(wanted, given.get("tolerance", 0.0))
-    aim = span.aim(0.0, SLIP_M)
-    return {"span": span, "to": aim, "relative": "change" in given}
+    return {}
 
 
 def _fill_angle(angle: Any, given: Given) -> dict[str, Any]:
-    return {"span": Span.about(angle, given.get("tolerance_deg", 10.0))}
+    span = Span.about(angle, given.get("tolerance_deg", Turned.tolerance_deg))
+    return {"angle_deg": span, "turned_deg": span}
 
 
 FILLS: Mapping[str, Callable[[Any, Given], dict[str, Any]]] = {
@@ -201,13 +169,10 @@ FILLS: Mapping[str, Callable[[Any, Given], dict[str, Any]]] = {
     "angle_deg": _fill_angle,
     "turned_deg": _fill_angle,
 }
-"""What makes those fields of a kind that no entry has, by its key: of that key's value, and of the whole entry."""
+"""What makes those fields of a kind that an entry has otherwise, by its key: of its value, and of the whole entry."""
 
 TAKES: Mapping[str, set[str]] = {
-    "spans": {"place", "tolerance"},
-    "moved": {"tolerance"},
-    "joint": {"to", "change", "tolerance"},
-    "angle_deg": {"tolerance_deg"},
+    "joint": {"change"},
     "turned_deg": {"tolerance_deg"},
 }
 """The keys that they read besides."""

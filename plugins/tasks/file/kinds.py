@@ -7,193 +7,21 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from core.geometry import Array, Vector
-from core.goals import (
-    SLIP_M,
-    SLIP_RAD,
-    Coordinates,
-    Evidence,
-    JointAt,
-    Limit,
-    Measure,
-    Placed,
-    Reach,
-    Turned,
-)
-from core.values.joints import inverse, multiply, rotate, rotate_back
+from core.geometry import Array
+from core.goals import SLIP_DEG, SLIP_M, Evidence, Limit, Measure, Reach, Span
+from core.values.joints import inverse, multiply, rotate
 from core.values.margins import Margin
 from core.values.states import State
 from plugins.tasks.file.hollows import Hollow
-from plugins.tasks.file.spans import Span
 
 SLIP_SHARE = 0.2  # of a limit of height or area: what is so far off counts as lost
-SLIP_DEG = float(np.degrees(SLIP_RAD))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Places(Reach):
-    """Bodies that must end at ``places``, one for each; the rest is as for `Placed`.
-
-    Raises:
-        ValueError: there are not as many places as bodies.
-    """
-
-    places: tuple[Coordinates, ...]
-    at: str | None = None
-    tolerance: float = 0.0
-    node: int | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if len(self.places) != len(self.bodies):
-            raise ValueError(
-                f"a goal's places need one for each of its {len(self.bodies)} bodies"
-            )
-
-    def measures(self, body: str, start: State) -> Sequence[Measure]:
-        return self._placed(body).measures(body, start)
-
-    def place_of(self, body: str, start: State) -> Array | None:
-        return self._placed(body).place_of(body, start)
-
-    def _placed(self, body: str) -> Placed:
-        """Return the goal of one of the bodies."""
-        place = self.places[self.bodies.index(body)]
-        return Placed(place=place, at=self.at, tolerance=self.tolerance, node=self.node)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Between(Reach):
-    """Bodies that must end within a span of each coordinate that has one.
-
-    Attributes:
-        spans: of x, y and z; None: the coordinate is free.
-        at: the body or mark in whose frame the coordinates are, as it stands in the layout; None: the world.
-        relative: whether they count from where each body starts.
-        node: of soft bodies, the node that counts; None: the centre of mass.
-    """
-
-    spans: tuple[Span | None, Span | None, Span | None]
-    at: str | None = None
-    relative: bool = False
-    node: int | None = None
-
-    def measures(self, body: str, start: State) -> Iterator[Measure]:
-        for axis, span in enumerate(self.spans):
-            if span is not None:
-
-                def value(state: State, axis: int = axis) -> Array:
-                    return self._seen(body, start, state)[..., axis]
-
-                what = "way along " if self.relative else ""
-                name = f"{what}{'xyz'[axis]} of {body}"
-                yield from span.measures(name, value, "m", SLIP_M)
-
-    def place_of(self, body: str, start: State) -> Array:
-        seen = self._seen(body, start, start)
-        wanted = np.full(seen.shape, np.nan)
-        if self.at is not None:  # a frame that may be turned needs all three
-            wanted = seen.copy()
-
-        for axis, span in enumerate(self.spans):
-            if span is not None:
-                aim = np.vectorize(span.aim)
-                wanted[..., axis] = aim(seen[..., axis], SLIP_M)
-
-        if self.relative:
-            wanted = wanted + self._turned_back(start.position(body, self.node), start)
-        if self.at is None:
-            return wanted
-
-        return start.position(self.at) + rotate(start.quaternion(self.at), wanted)
-
-    def _seen(self, body: str, start: State, state: State) -> Array:
-        """Return the coordinates that count, (..., 3)."""
-        position = state.position(body, self.node)
-        if self.relative:
-            position = position - start.position(body, self.node)
-        elif self.at is not None:
-            position = position - start.position(self.at)
-
-        return self._turned_back(position, start)
-
-    def _turned_back(self, vectors: Array, start: State) -> Array:
-        if self.at is None:
-            return vectors
-        return rotate_back(start.quaternion(self.at), vectors)
-
-
-@dataclass(frozen=True, kw_only=True)
-class JointWithin(JointAt):
-    """A joint that must end within a ``span``; ``to`` is what a program may aim for.
-
-    Attributes:
-        relative: whether the span counts from where the joint starts.
-    """
-
-    span: Span
-    relative: bool = False
-
-    def measures(self, body: str, start: State) -> Iterator[Measure]:
-        def value(state: State) -> Array:
-            position = state.joint(self.joint).position
-            if self.relative:
-                position = position - start.joint(self.joint).position
-
-            return position
-
-        unit = "rad"
-        far = SLIP_RAD
-        if self._slides(start):
-            unit = "m"
-            far = SLIP_M
-
-        name = (
-            f"change of {self.joint}" if self.relative else f"position of {self.joint}"
-        )
-        yield from self.span.measures(name, value, unit, far)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Angled(Reach):
-    """Bodies whose ``axis``, in their frames, must end at an angle to ``points`` within a span, in degrees.
-
-    Attributes:
-        axis: of each body's frame.
-        points: in the world, or in the frame of the body or mark ``at``, as it stands in the layout.
-        span: of the angle, degrees from 0 to 180.
-
-    Raises:
-        ValueError: one of the two has no length.
-    """
-
-    span: Span
-    axis: Vector = (0.0, 0.0, 1.0)
-    points: Vector = (0.0, 0.0, 1.0)
-    at: str | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._pointing()
-
-    def _pointing(self) -> Turned:
-        """Return the goal of an axis that points the whole way."""
-        return Turned(axis=self.axis, points=self.points, at=self.at)
-
-    def measures(self, body: str, start: State) -> Iterator[Measure]:
-        (pointing,) = self._pointing().measures(body, start)
-
-        def angle(state: State) -> Array:
-            return np.asarray(np.degrees(pointing.value(state)))
-
-        yield from self.span.measures(f"angle of {body}", angle, "deg", SLIP_DEG)
 
 
 @dataclass(frozen=True, kw_only=True)
 class TurnedBy(Reach):
     """Bodies that must end turned from their start by an angle within a span, degrees, about whatever axis."""
 
-    span: Span
+    turned_deg: Span
 
     def measures(self, body: str, start: State) -> Iterator[Measure]:
         before = inverse(start.quaternion(body))
@@ -203,7 +31,8 @@ class TurnedBy(Reach):
             half = np.arccos(np.clip(np.abs(turn[..., 0]), 0.0, 1.0))
             return np.asarray(np.degrees(2 * half))
 
-        yield from self.span.measures(f"turn of {body}", angle, "deg", SLIP_DEG)
+        name = f"turn of {body}"
+        yield from Measure.within(self.turned_deg, name, angle, "deg", SLIP_DEG)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -242,7 +71,7 @@ class Apart(Reach):
             return nearest
 
         name = f"nodes of {body} apart" if self.nodes else f"{body} apart"
-        yield from self.apart.measures(name, distance, "m", SLIP_M)
+        yield from Measure.within(self.apart, name, distance, "m", SLIP_M)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
 
 from core.errors import UsageError, choices
-from core.goals import Goal, Reach, Turned, check_names, reaches
+from core.goals import (
+    NAMED,
+    Goal,
+    Reach,
+    Turned,
+    check_names,
+    list_names,
+    reaches,
+)
 from core.scene import Body, Scene, Soft
 from plugins.tasks.file.goals import join_entries
 from plugins.tasks.file.hollows import Hollow, find_hollow, space_of
 from plugins.tasks.file.kinds import (
-    Angled,
     Apart,
     Flattened,
     Inside,
-    JointWithin,
     Spread,
     Throughout,
     TurnedBy,
@@ -26,13 +32,6 @@ from plugins.tasks.file.spec import SceneSpec
 from plugins.tasks.file.tree import Tree
 
 _GLOB = re.compile(r"[*?\[]")
-
-NAMING: Mapping[str, Callable[[Scene], Sequence[Body]]] = {
-    "bodies": lambda scene: scene.free,
-    "keep": lambda scene: scene.free,
-    "untouched": lambda scene: scene.bodies,
-}
-"""The fields of goals that have names of bodies, and of which."""
 
 
 def find_names(patterns: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
@@ -90,10 +89,10 @@ def _resolve(goal: Goal, scene: Scene) -> Goal:
     if isinstance(goal, Throughout):
         return Throughout(_resolve(goal.what, scene))  # type: ignore[arg-type]
 
-    for field in NAMING:
-        if hasattr(goal, field):
-            names = [body.name for body in NAMING[field](scene)]
-            changes[field] = find_names(getattr(goal, field), names)
+    for field, what in NAMED.items():
+        patterns = getattr(goal, field, None)
+        if isinstance(patterns, tuple):
+            changes[field] = find_names(patterns, list_names(what, scene))
 
     if isinstance(goal, Reach):
         changes["also"] = tuple(_resolve(part, scene) for part in goal.also)
@@ -102,9 +101,6 @@ def _resolve(goal: Goal, scene: Scene) -> Goal:
     check_names(found, scene)
     if isinstance(found, Inside):
         found = replace(found, hollow=_find_space(scene[found.inside]))
-    if isinstance(found, JointWithin) and found.relative:
-        joint = scene.placed_joints[found.joint].joint
-        found = replace(found, to=found.to + joint.start)
     if isinstance(found, Reach):
         _check_softness(found, scene)
 
@@ -153,5 +149,5 @@ def _check_softness(goal: Reach, scene: Scene) -> None:
                 what = "node and nodes (from 0), max_height_m and min_area_m2 are for soft bodies"
                 raise UsageError(f"{what}; {name!r} has {nodes} nodes")
 
-            if nodes and isinstance(part, Turned | Angled | TurnedBy):
+            if nodes and isinstance(part, Turned | TurnedBy):
                 raise UsageError(f"the soft body {name!r} has no axis; its nodes move")

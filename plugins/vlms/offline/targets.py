@@ -7,9 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from core.geometry import Vector
-from core.goals import Away, Coordinates, JointAt, Reach, Turned
+from core.goals import Away, JointAt, Reach, Turned
 from core.scene import Scene
 from core.values.states import State
+
+Place = tuple[float | None, float | None, float | None]
+"""Where a body's frame is to end, m; None: the coordinate is free."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,7 @@ class Target:
     bodies: tuple[str, ...]
     any: bool = False
     held: bool = False
-    place: Coordinates | None = None
+    place: Place | None = None
     away: float | None = None
     axis: Vector | None = None
     points: Vector = (0.0, 0.0, 1.0)
@@ -42,7 +45,7 @@ class Target:
 def find_targets(goal: Reach, scene: Scene) -> list[Target]:
     """Find the targets of a goal in a layout: one for all bodies that it wants at one place."""
     state = scene.state()
-    groups = dict[Coordinates | None, list[str]]()
+    groups = dict[Place | None, list[str]]()
 
     for body in goal.subjects(state):
         groups.setdefault(_find_place(goal, body, state), []).append(body)
@@ -56,8 +59,8 @@ def find_targets(goal: Reach, scene: Scene) -> list[Target]:
         if isinstance(part, Away):
             wanted["away"] = part.away
         elif isinstance(part, JointAt):
-            wanted |= {"joint": part.joint, "to": part.to}
-        elif isinstance(part, Turned):
+            wanted |= {"joint": part.joint, "to": part.aim(state)}
+        elif isinstance(part, Turned) and part.angle_deg is None:
             points = part.points
             if part.at is not None:
                 points = scene[part.at].pose.rotation.apply(points)
@@ -75,7 +78,7 @@ def _find_place(
     goal: Reach,
     body: str,
     state: State,
-) -> Coordinates | None:
+) -> Place | None:
     """Return where a goal, or what it also asks, wants a body; None: it says no place."""
     places = [part.place_of(body, state) for part in goal.parts]
     place = next((place for place in places if place is not None), None)

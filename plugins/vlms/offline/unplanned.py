@@ -60,7 +60,9 @@ def _says_no_place(part: Reach) -> bool:
     """
     if isinstance(part, Placed):
         return part.node is not None
-    if type(part) is Reach or isinstance(part, Away | Turned):
+    if isinstance(part, Turned):
+        return part.angle_deg is not None
+    if type(part) is Reach or isinstance(part, Away):
         return False
 
     return type(part).place_of is Reach.place_of

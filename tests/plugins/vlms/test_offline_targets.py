@@ -5,7 +5,6 @@ import pytest
 
 from core.goals import Away, JointAt, Placed, Turned
 from core.scene import Body, Box, Joint, Scene
-from plugins.tasks.file.goals import Places
 from plugins.vlms.offline.targets import Target, find_targets
 from tasks.dislodge_cube import DislodgeCube
 
@@ -25,7 +24,7 @@ def test_a_goal_in_the_frame_of_a_body():
 
 def test_bodies_with_places_of_their_own_are_targets_of_their_own():
     places = ((0.5, 0.1, None), (0.5, 0.3, None))
-    goal = Places(("left", "right"), places=places, rest=True)
+    goal = Placed(("left", "right"), places=places, rest=True)
     scene = DislodgeCube().scene(0)
     assert [(target.bodies, target.place) for target in find_targets(goal, scene)] == [
         (("left",), places[0]),
