@@ -5,9 +5,9 @@
         Untouched(("vase",)),
     )
 
-A goal is of one of two sorts. A `Reach` wants bodies, or a joint, to end in some way: `Placed`, `Away`, `JointAt` and
-`Turned`. A `Limit` says what must not happen meanwhile: `Kept` and `Untouched`. All of them say how far they were
-fulfilled (`Goal.share`), and how far a rollout stayed from their limits (`Goal.margins`).
+A goal is of one of two sorts. A `Reach` wants bodies, or a joint, to end in some way: `Placed`, `Away`, `JointAt`,
+`Turned` and `Facing`. A `Limit` says what must not happen meanwhile: `Kept` and `Untouched`. All of them say how far
+they were fulfilled (`Goal.share`), and how far a rollout stayed from their limits (`Goal.margins`).
 
 A new kind is one class, wherever it is written: a `Reach` says what it measures, a `Limit` what it leaves of a reward.
 """
@@ -54,6 +54,7 @@ NAMED = {
     "keep": FREE_BODY,
     "untouched": "body",
     "at": "body",
+    "facing": "body",
     "joint": "joint",
 }
 """The fields of goals that name things of the scene, and which: see `list_names`."""
@@ -745,9 +746,7 @@ class Turned(Reach):
             points = rotate(start.quaternion(self.at), points)
 
         def angle(state: State) -> Array:
-            along = (rotate(state.quaternion(body), axis) * points).sum(axis=-1)
-            between: Array = np.arccos(np.clip(along, -1.0, 1.0))
-            return between
+            return _angle_between(rotate(state.quaternion(body), axis), points)
 
         def angle_deg(state: State) -> Array:
             return np.asarray(np.degrees(angle(state)))
@@ -758,6 +757,45 @@ class Turned(Reach):
             return
 
         most = float(np.radians(self.tolerance_deg))
+        yield Measure(name, angle, most, SLIP_RAD, "rad")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Facing(Reach):
+    """Bodies whose ``axis`` (3,), in their frames, must end pointing at the middle of another body or mark.
+
+    A lamp whose x axis must point at a book, wherever both end: ``Facing(("lamp",), facing="book")``.
+
+    Attributes:
+        facing: the name of the body or mark.
+        tolerance_deg: how far the axis may be off, degrees.
+
+    Raises:
+        ValueError: the axis has no length, or a body is to face itself.
+    """
+
+    facing: str
+    axis: Vector = (1.0, 0.0, 0.0)
+    tolerance_deg: float = 10.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not np.any(self.axis):
+            raise ValueError("a goal's axis needs a length")
+        if self.facing in self.bodies:
+            raise ValueError(f"{self.facing} can't face itself; name another body")
+
+    def measures(self, body: str, start: State) -> Iterator[Measure]:
+        axis = np.divide(self.axis, np.linalg.norm(self.axis))
+
+        def angle(state: State) -> Array:
+            way = state.position(self.facing) - state.position(body)
+            length = np.maximum(_length(way), np.finfo(float).tiny)
+            towards = way / length[..., None]
+            return _angle_between(rotate(state.quaternion(body), axis), towards)
+
+        most = float(np.radians(self.tolerance_deg))
+        name = f"angle of {body} to {self.facing}"
         yield Measure(name, angle, most, SLIP_RAD, "rad")
 
 
@@ -1052,6 +1090,13 @@ def _find_toucher(film: Trace, body: str) -> str:
     _, first = min(touches, default=(0, "the robot"))
 
     return first
+
+
+def _angle_between(first: Array, second: Array) -> Array:
+    """Compute the angle between unit vectors (..., 3), rad, (...)."""
+    along = (first * second).sum(axis=-1)
+    angle: Array = np.arccos(np.clip(along, -1.0, 1.0))
+    return angle
 
 
 def _length(vectors: Array) -> Array:

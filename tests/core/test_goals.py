@@ -12,6 +12,7 @@ from core.errors import UsageError
 from core.geometry import Pose
 from core.goals import (
     Away,
+    Facing,
     JointAt,
     Kept,
     Measure,
@@ -504,3 +505,45 @@ def test_places_are_one_for_each_body_and_numbers():
     ):
         with pytest.raises(ValueError, match=why):
             Placed(both, **wrong)
+
+
+def yawed(angle, state=START, name="cube"):
+    """A state with a body turned about the vertical, rad."""
+    quaternions = state.quaternions.copy()
+    quaternions[state.names.index(name)] = (np.cos(angle / 2), 0, 0, np.sin(angle / 2))
+    return replace(state, quaternions=quaternions)
+
+
+def test_a_body_faces_another_wherever_both_end():
+    """The other cube is straight ahead of the cube's x axis; then it is carried to its left."""
+    aside = at(other=(0.5, 0.3, 0.05))
+    goal = Facing(CUBE, facing="other", tolerance_deg=0)
+    assert reward(goal, START) == 1
+    assert reward(goal, aside) == 0
+    assert reward(goal, yawed(np.pi / 2, aside)) == 1
+    for angle, earned in ((0, 0), (np.pi / 4, 0.5), (np.pi / 2, 1), (-np.pi / 2, 0)):
+        assert reward(goal, yawed(angle, aside), start=aside) == earned
+
+    assert reward(replace(goal, axis=(-2, 0, 0)), yawed(np.pi)) == 1
+    found = margins(Facing(CUBE, facing="other"), end=yawed(np.pi / 36))
+    assert found["angle of cube to other"] == (0.087266, np.radians(10), 0.5)
+    # Where both are at one place, nothing is ahead.
+    assert reward(goal, at(other=START.position("cube"))) == 0
+
+
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        ({"facing": "mark", "axis": (0, 0, 0)}, "axis needs a length"),
+        ({"facing": "cube"}, "can't face itself"),
+        ({"facing": "mark", "tolerance_deg": -1}, "must be 0 or more"),
+    ],
+)
+def test_what_nothing_can_face_is_refused(given, why):
+    with pytest.raises(ValueError, match=why):
+        Facing(CUBE, **given)
+
+
+def test_what_is_to_be_faced_is_in_the_scene():
+    with pytest.raises(UsageError, match=r"no body 'makr'.*mark"):
+        check_names(Facing(CUBE, facing="makr"), SCENE)

@@ -9,6 +9,7 @@ from typing import Any
 from core.errors import UserError
 from core.goals import (
     Away,
+    Facing,
     Goal,
     JointAt,
     Kept,
@@ -50,6 +51,7 @@ KINDS: Mapping[str, type[Goal]] = {
     "axis": Turned,
     "angle_deg": Turned,
     "turned_deg": TurnedBy,
+    "facing": Facing,
     "keep": Kept,
     "untouched": Untouched,
 }
@@ -114,7 +116,7 @@ def read_entry(given: Given) -> Entry:
 def _find_kinds(given: Given) -> dict[str, type[Goal]]:
     """Return the kinds that an entry names, by key."""
     kinds = {key: kind for key, kind in KINDS.items() if key in given}
-    if "angle_deg" in kinds:  # then the axis is its own
+    if {"angle_deg", "facing"} & kinds.keys():  # then the axis is theirs
         kinds.pop("axis", None)
 
     return kinds

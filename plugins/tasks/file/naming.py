@@ -10,6 +10,7 @@ from fnmatch import fnmatchcase
 from core.errors import UsageError, choices
 from core.goals import (
     NAMED,
+    Facing,
     Goal,
     Reach,
     Turned,
@@ -149,5 +150,5 @@ def _check_softness(goal: Reach, scene: Scene) -> None:
                 what = "node and nodes (from 0), max_height_m and min_area_m2 are for soft bodies"
                 raise UsageError(f"{what}; {name!r} has {nodes} nodes")
 
-            if nodes and isinstance(part, Turned | TurnedBy):
+            if nodes and isinstance(part, Turned | TurnedBy | Facing):
                 raise UsageError(f"the soft body {name!r} has no axis; its nodes move")

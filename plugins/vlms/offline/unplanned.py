@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.goals import Away, Placed, Reach, Turned, limits, reaches
+from core.goals import Away, Facing, Placed, Reach, Turned, limits, reaches
 from core.interfaces import Task
 from core.scene import Scene
 from plugins.vlms.offline.subgoals import turn_to_goal
@@ -42,6 +42,7 @@ def find_unplanned(task: Task, seed: int) -> list[str]:
         "a turn about the vertical": any(_turns_level(t, scene) for t in targets),
         "a time limit": any(goal.by_s is not None for goal in reached),
         "what a soft body does as it gives way": bool(scene.softs),
+        "what an axis is to point at": any(isinstance(p, Facing) for p in parts),
         "a height, an area or a node": any(map(_says_no_place, parts)),
         "a limit of force": any(forces),
         "a second goal, where one is a joint's or a turn (each tool is made for one)": several
@@ -62,7 +63,7 @@ def _says_no_place(part: Reach) -> bool:
         return part.node is not None
     if isinstance(part, Turned):
         return part.angle_deg is not None
-    if type(part) is Reach or isinstance(part, Away):
+    if type(part) is Reach or isinstance(part, Away | Facing):
         return False
 
     return type(part).place_of is Reach.place_of

@@ -10,6 +10,7 @@ from core.errors import UserError
 from core.geometry import Box, Pose
 from core.goals import (
     Away,
+    Facing,
     Kept,
     Placed,
     Reach,
@@ -117,3 +118,11 @@ def test_every_kind_has_its_words_or_says_where_they_belong():
     strange = type("Strange", (Reach,), {})
     with pytest.raises(UserError, match=r"add a macro Strange\(goal\) to"):
         describe(strange(("cup",)))
+
+
+def test_a_body_that_faces_another_is_said_in_words():
+    (goal,) = read_entry({"bodies": ("lamp",), "facing": "book", "axis": (0, 1, 0)})
+    assert goal == Facing(("lamp",), facing="book", axis=(0, 1, 0))
+    assert describe(goal) == (
+        "lamp axis (0, 1, 0) of its frame must point at book, within 10 degrees"
+    )

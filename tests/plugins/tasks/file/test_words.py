@@ -66,6 +66,8 @@ CASES = [
     ("{bodies: [cup], angle_deg: '> 60'}", {"cup": (0, 0, 0, 90, 0, 0)}, 1),
     ("{bodies: [cup], angle_deg: '> 60'}", {"cup": (0, 0, 0, 30, 0, 0)}, 0.5),
     ("{bodies: [cup], turned_deg: [80, 100]}", {"cup": (0, 0, 0, 0, 0, -90)}, 1),
+    ("{bodies: [cup], facing: peg_0, axis: [0, 1, 0]}", {"peg_0": (0.5, 0.5, 0.05)}, 1),
+    ("{bodies: [cup], facing: zone}", {"cup": (0.5, 0.3, 0.05, 0, 0, 180)}, 1),
     ("{bodies: [cup, drawer], apart: 0.9}", {"cup": (0.05, 0.3, 0.025)}, 1),
     # Inside: nothing is earned at the foot of a bottle.
     ("{bodies: [peg_0], inside: bottle}", {"peg_0": (0.6, 0.3, 0.05)}, 1),
@@ -136,6 +138,9 @@ MISTAKES = [
     (GOAL, "{bodies: [cup], inside: post}", "'post' has no hollow with walls all around; give marks"),
     (GOAL, "{bodies: [cup], inside: jar}", "no body 'jar'"),
     (GOAL, "{bodies: [cup], places: [[0, 0, 0], [0, 0, 0]]}", "one for each of its 1 bodies"),
+    (GOAL, "{bodies: [cup], facing: jar}", "no body 'jar'"),
+    (GOAL, "{bodies: [cup], facing: cup}", "can't face itself"),
+    (GOAL, "{bodies: [cup], facing: zone, angle: 3}", "angle"),
     (GOAL, "{bodies: [cup], apart: 0.1}", "apart needs two bodies"),
     (GOAL, "{joint: runner, to: 0.1, change: 0.1}", "a joint has to"),
     (GOAL, "{bodies: [cup], enough: 0, away: 0.1}", "enough: must be greater than 0"),
