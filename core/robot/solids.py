@@ -83,7 +83,9 @@ def solid_geometry(shape: Shape) -> Any:
         case Box(size):
             return coal.Box(*size)
         case Sphere(radius):
-            return coal.Sphere(radius)
+            # Coal's formula for a sphere in a cylinder goes out sideways, however
+            # near the end is. A capsule without a length takes the general way.
+            return coal.Capsule(radius, 0.0)
         case Cylinder(radius, length):
             return coal.Cylinder(radius, length)
         case Capsule(radius, length):

@@ -39,6 +39,8 @@ BODY_SKIN_M = 0.01
 SAME = 0.9  # cosine of two directions that are about the same
 DEEP_S = 0.06  # a hard blow may penetrate deeper, for this long, up to the far side or this depth
 BLOW_M = 0.025  # a fall of more than a metre, 5 m/s in an engine's step of 5 ms
+# Of two bodies, the engine pushes one out of the other within a few of its steps.
+PUSHED_OUT_S = 0.01
 
 _FROM_AFAR_M = 0.02  # from this distance on, the first look finds the two apart: the side they came from is known
 
@@ -82,6 +84,7 @@ class Depths(NamedTuple):
         least: the least of what counts.
         cut: from here on beyond the shortest way out, it is a cut.
         far: from here on, the first is beyond the far side of a wall or of the thinner one: no blow goes so deep.
+        patience: seconds for which it may be beyond the far side.
     """
 
     thick: Any
@@ -92,6 +95,7 @@ class Depths(NamedTuple):
     least: Any
     cut: Any
     far: Any
+    patience: Any
 
 
 def choose_depths(solids: Solids, pairs: Indices) -> Depths:
@@ -131,6 +135,7 @@ def choose_depths(solids: Solids, pairs: Indices) -> Depths:
         least=np.minimum(limit, skin),
         cut=np.clip(2 * thick, CUT_LEAST_M, CUT_MOST_M),
         far=far,
+        patience=np.where(robots, 0.0, PUSHED_OUT_S),
     )
 
 
@@ -183,6 +188,7 @@ class Encounter:
         cut: when and how the first cut into the second, from where it may come out on the other side.
         since: when it got in, seconds.
         stuck: since when it is too deep, seconds.
+        beyond: since when it is beyond the far side, seconds.
     """
 
     def __init__(self, pair: Pair, depths: Depths) -> None:
@@ -194,6 +200,7 @@ class Encounter:
         self.cut: Passage | None = None
         self.since = 0.0
         self.stuck: float | None = None
+        self.beyond: float | None = None
 
     def judge(self, look: Look, instant: Instant, now: float) -> Passage | None:
         """Take a look at an instant, which is ``now``, seconds; return a passage if there is one."""
@@ -237,19 +244,30 @@ class Encounter:
         return bool(look.out @ entry < 0.5)
 
     def _find_stuck(self, look: Look, instant: Instant, now: float) -> Passage | None:
-        """Find out at a sample whether the first has been too deep for too long, or is beyond the far side."""
-        if look.depth < self.depths.deep:
-            self.stuck = None
-        elif instant.share == 0 and self.entry is not None:
-            if self.stuck is None:
-                self.stuck = now
-            if now - self.stuck >= DEEP_S or look.depth > self.depths.far:
-                depth = f"{1000 * self.reached:.0f} mm"
-                return Passage(
-                    self.stuck, f"was {depth} deep inside {{}} at {self.stuck:.2f} s"
-                )
+        """Find out at a sample whether the first has been too deep, or beyond the far side, for too long."""
+        depths = self.depths
 
-        return None
+        if look.depth <= depths.far:
+            self.beyond = None
+        if look.depth < depths.deep:
+            self.stuck = None
+            return None
+        if instant.share > 0 or self.entry is None:
+            return None
+
+        if self.stuck is None:
+            self.stuck = now
+        if look.depth > depths.far and self.beyond is None:
+            self.beyond = now
+
+        too_long = now - self.stuck >= DEEP_S
+        if self.beyond is not None and now - self.beyond >= depths.patience:
+            too_long = True
+        if not too_long:
+            return None
+
+        text = f"was {1000 * self.reached:.0f} mm deep inside {{}}"
+        return Passage(self.stuck, f"{text} at {self.stuck:.2f} s")
 
 
 def turned_with(before: Look, now: Look) -> tuple[Array, Array]:

@@ -22,9 +22,10 @@ from core.design import Tool
 from core.designs.rules import check_contacts
 from core.designs.statics import GRAVITY
 from core.errors import UserError
-from core.geometry import Array, Pose, mass_properties
+from core.geometry import Array, Pose, Sphere, mass_properties
 from core.interfaces import Pushes, Recording
 from core.robot.kinematics import link_frames
+from core.robot.solids import solid_geometry
 from core.scene import Scene
 from core.values.materials import Material
 from core.values.robots import Robot
@@ -39,7 +40,7 @@ NEAR_M = 0.005
 """Of a contact point to the bounding boxes of components that may have it."""
 
 WEIGHT = "its weight"
-_DOT = coal.Sphere(1e-6)
+_DOT = solid_geometry(Sphere(1e-6))
 
 
 class Load(NamedTuple):

@@ -193,3 +193,13 @@ def test_a_blow_of_the_robot_ends_at_the_far_side_of_a_thinner_wall():
     (text,) = found
     assert text.startswith("'rod' was ")
     assert "deep inside 'wall'" in text
+
+
+@pytest.mark.parametrize(("looks", "texts"), [(1, 0), (2, 0), (10, 1)])
+def test_no_single_look_decides_where_an_engine_pushes_a_body_out(looks, texts):
+    """A body jumps beyond the far side of another, and is back one, two or ten steps of 2.5 ms later."""
+    wall = body("wall", Box((0.01, 0.5, 0.5)), (0.5, 0.0, 0.25), mass=0.0)
+    scene = Scene((wall, body("rod", Box((0.2, 0.02, 0.02)), (0.3, 0.0, 0.25))))
+    path = np.tile([0.39, 0.0, 0.25], (80, 1))
+    path[40 : 40 + looks, 0] += 0.04
+    assert len(penetrations(scene, recording(scene, {"rod": path}, hz=HZ))) == texts
