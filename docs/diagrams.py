@@ -20,7 +20,7 @@ FLOORS = {
     "values": ("values", "scene", "goals", "design", "task", "trial"),
     "interfaces and events": ("interfaces", "events", "hooks"),
     "plugins and config": ("plugins", "config"),
-    "robot and solids": ("robot", "solids", "designs"),
+    "robot and solids": ("robot", "imports", "solids", "designs"),
     "one rollout": ("simulation",),
     "one run": ("store", "search"),
     "commands": ("__init__", "run", "__main__", "evaluate", "prompt"),

@@ -1,4 +1,4 @@
-"""Keep files that were made of meshes, reduce hulls, and read what a robot looks like.
+"""Keep files that were made of meshes, and read what a robot looks like.
 
 What is made is kept in the user's cache folder. A file is named by the content that it was made from, so that equal
 meshes share one, and engines that load files by name never mix two up.
@@ -12,23 +12,18 @@ from collections.abc import Callable, Iterator
 from functools import lru_cache
 from pathlib import Path
 
-import numpy as np
 import platformdirs
 import trimesh
-from scipy.spatial import ConvexHull
 
 from core.design import Tool
 from core.errors import UserError
-from core.geometry import Array, Color, Mesh, Triple
+from core.geometry import Color, Mesh, Triple
 from core.robot.description import assembled
 from core.scene import Geom
 from core.support.files import write_whole
 from core.values.descriptions import RobotShape
 from core.values.robots import Robot
 
-# PhysX takes at most 255 faces, and cuts larger hulls its own way; a hull of V corners has up to 2 V - 4.
-MAX_CORNERS = 128
-_MANY = 8_000  # corners of a hull: of more, only those farthest in many directions are looked at
 _VERSION = 1  # of what is written
 _GREY: Color = (0.8, 0.8, 0.8, 1.0)  # of shapes without a material
 
@@ -72,38 +67,6 @@ def kept_file(kind: str, suffix: str, content: bytes) -> Path:
     folder = platformdirs.user_cache_path("vlmgineer") / "meshes" / kind
 
     return folder / f"{name}.{suffix}"
-
-
-def farthest(corners: Array) -> Array:
-    """Choose few of a hull's corners, each the one farthest outside of the hull of those before it.
-
-    Args:
-        corners: (V, 3) of the hull.
-
-    Returns:
-        At most `MAX_CORNERS` of them.
-    """
-    if len(corners) <= MAX_CORNERS:
-        return corners
-    if len(corners) > _MANY:
-        ways = np.random.default_rng(0).normal(size=(_MANY // 4, 3))
-        corners = corners[np.unique([int((corners @ way).argmax()) for way in ways])]
-
-    first = corners[:1]
-    while len(first) < 4:
-        center = first.mean(axis=0)
-
-        # Of the line or plane through them.
-        axes = np.linalg.svd(first - center)[2][: len(first) - 1]
-        off = (corners - center) - (corners - center) @ axes.T @ axes
-        first = np.vstack([first, corners[np.linalg.norm(off, axis=1).argmax()]])
-
-    hull = ConvexHull(first, incremental=True)
-    while len(hull.points) < MAX_CORNERS:
-        outside = (corners @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
-        hull.add_points(corners[[outside.argmax()]])
-
-    return np.asarray(hull.points)
 
 
 @lru_cache(maxsize=8)

@@ -11,11 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 import trimesh
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import QhullError
 
 from core.errors import UserError
 from core.geometry import Color, Triple
-from core.robot.meshes import farthest, keep_file, kept_file
+from core.imports.meshes import find_color, hull_corners, load_parts, used_corners
+from core.robot.meshes import keep_file, kept_file
 from core.support.files import read_untrusted
 from core.support.sandbox import isolated
 from core.values.descriptions import ONE, RobotShape
@@ -151,31 +152,11 @@ def _load(mesh: Path, scale: Triple) -> list[trimesh.Trimesh]:
     Raises:
         UserError: it can't be read, is empty, or far too large for a link.
     """
-    try:
-        scene = trimesh.load_scene(mesh, process=False)
-        unit = next(
-            (part.units for part in scene.geometry.values() if part.units), None
-        )
-        factor = trimesh.units.unit_conversion(unit, "meters") if unit else 1.0
-        parts = [
-            part
-            for part in scene.dump()
-            if isinstance(part, trimesh.Trimesh) and len(part.faces)
-        ]
-        corners = [part.vertices[part.referenced_vertices] for part in parts]
-    except Exception as error:  # the readers raise whatever they stumble over
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise UserError(
-            f"can't be read as {mesh.suffix[1:].upper()} ({reason}); export it again"
-        ) from error
-
-    if not parts:
-        raise UserError("has no triangles; export it again")
-    if not all(np.isfinite(some).all() for some in corners):
-        raise UserError("has a corner that is not a finite number; export it again")
-
+    kind = mesh.suffix[1:].lower()
+    parts, unit = load_parts(mesh, kind, {"process": False})
+    factor = trimesh.units.unit_conversion(unit, "meters") if unit else 1.0
     factors = factor * np.array(scale)
-    size = max(float(np.abs(some * factors).max()) for some in corners)
+    size = max(float(np.abs(used_corners(part) * factors).max()) for part in parts)
     if size > _LARGEST_M:
         mend = 'if it is in millimetres, give its <mesh> scale="0.001 0.001 0.001"'
         raise UserError(f"reaches {size:.4g} m from its origin; {mend}")
@@ -187,12 +168,9 @@ def _load(mesh: Path, scale: Triple) -> list[trimesh.Trimesh]:
 
 
 def _hull(parts: list[trimesh.Trimesh]) -> bytes:
-    corners = np.concatenate(
-        [part.vertices[part.referenced_vertices] for part in parts]
-    )
+    corners = np.concatenate([used_corners(part) for part in parts])
     try:
-        corners = farthest(corners[ConvexHull(corners).vertices])
-        hull = trimesh.Trimesh(corners, process=False).convex_hull
+        hull = trimesh.Trimesh(hull_corners(corners), process=False).convex_hull
         return bytes(hull.export(file_type="stl"))
     except QhullError as error:
         mend = "a collision shape needs a volume: give it depth, or use a <box>"
@@ -202,10 +180,7 @@ def _hull(parts: list[trimesh.Trimesh]) -> bytes:
 def _collada(parts: list[trimesh.Trimesh], color: Sequence[float]) -> bytes:
     drawn = []
     for part in sorted(parts, key=lambda part: -part.area):  # see `main_color`
-        painted = color
-        if part.visual.defined:
-            painted = getattr(part.visual, "material", part.visual).main_color / 255
-
+        painted = find_color(part) or color
         material = trimesh.visual.material.PBRMaterial(baseColorFactor=painted)
 
         plain = _coarsen(part)

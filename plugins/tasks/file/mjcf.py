@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from core.errors import UserError
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
-from core.robot.meshes import MAX_CORNERS
+from core.imports.meshes import MAX_CORNERS
 from core.scene import Body, Geom, Joint
 from core.support.cli import expand
 from core.support.sandbox import isolated

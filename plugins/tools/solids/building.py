@@ -10,7 +10,7 @@ import numpy as np
 from manifold3d import CrossSection, Manifold, OpType
 
 from core.geometry import Pose
-from plugins.tools.solids.convex import (
+from plugins.tools.solids.cutting import (
     MAX_PIECES,
     SLIVER,
     Tolerance,

@@ -25,7 +25,7 @@ from core.geometry import (
     Sphere,
 )
 from plugins.tools.solids.building import MAX_TRIANGLES, TooFine, convex_parts, surface
-from plugins.tools.solids.convex import (
+from plugins.tools.solids.cutting import (
     SLIVER,
     Tolerance,
     TooManyPieces,

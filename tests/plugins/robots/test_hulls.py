@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from core.errors import UserError
-from core.robot.meshes import MAX_CORNERS
+from core.imports.meshes import MAX_CORNERS
 from core.support.sandbox import isolated
 from plugins.robots import hulls
 from plugins.robots.hulls import Job

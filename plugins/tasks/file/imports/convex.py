@@ -8,14 +8,21 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import QhullError
 
 from core.errors import UserError
 from core.geometry import Array
-from core.robot.meshes import MAX_CORNERS, farthest
+from core.imports.meshes import (
+    MAX_CORNERS,
+    find_color,
+    hull_corners,
+    load_parts,
+    used_corners,
+)
 from plugins.tasks.file.imports.pieces import find_pieces
 
 MAX_FACES = 200_000
+MAX_COORDINATE = 1e9  # in the unit of the file
 _CONCAVE = 0.02  # how concave a part may be, as CoACD measures it
 _UNPAINTED = (np.nan,) * 4
 # Groups of an OBJ file stay apart; no file is looked for that it names.
@@ -38,19 +45,9 @@ def read_mesh(data: bytes, kind: str, *, drawn_only: bool) -> dict[str, Any]:
     Raises:
         UserError: the mesh can't be read.
     """
-    try:
-        scene = trimesh.load_scene(
-            io.BytesIO(data), file_type=kind, **_OPTIONS.get(kind, {})
-        )
-        groups = [part for part in scene.dump() if _is_solid(part)]
-        painted = [(_color(part), part) for part in groups]
-    except Exception as error:  # the readers raise whatever they stumble over
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise UserError(
-            f"can't be read as {kind.upper()} ({reason}); export it again"
-        ) from error
-
+    groups, _ = load_parts(io.BytesIO(data), kind, _OPTIONS.get(kind, {}))
     _check_size(groups)
+    painted = [(find_color(part), part) for part in groups]
     found: dict[str, Any] = {}
     for number, color in enumerate(dict.fromkeys(color for color, _ in painted)):
         alike = [part for paint, part in painted if paint == color]
@@ -67,7 +64,7 @@ def read_mesh(data: bytes, kind: str, *, drawn_only: bool) -> dict[str, Any]:
     try:
         convex, rest, found["volume"] = find_pieces(groups)
         for number, corners in enumerate(convex):
-            found[f"p{number}"] = _reduce(corners)
+            found[f"p{number}"] = hull_corners(corners)
     except QhullError as error:
         raise UserError("is flat: a body needs a volume; give it depth") from error
 
@@ -78,35 +75,14 @@ def read_mesh(data: bytes, kind: str, *, drawn_only: bool) -> dict[str, Any]:
     return found
 
 
-def _is_solid(part: Any) -> bool:
-    """Check if a part of a file has triangles."""
-    return isinstance(part, trimesh.Trimesh) and len(part.faces) > 0
-
-
-def _color(part: trimesh.Trimesh) -> tuple[float, ...] | None:
-    """Read a part's colour, four numbers from 0 to 1; None: it has none."""
-    if not part.visual.defined:
-        return None
-
-    color = getattr(part.visual, "material", part.visual).main_color
-    return tuple((np.asarray(color, dtype=np.float64) / 255).tolist())
-
-
 def _check_size(groups: Sequence[trimesh.Trimesh]) -> None:
-    """Refuse a mesh without triangles, with too many, or with corners that are no usual numbers."""
+    """Refuse a mesh with too many triangles, or with corners that are no usual numbers."""
     faces = sum(len(part.faces) for part in groups)
-    if not faces:
-        raise UserError("has no triangles; export it again")
     if faces > MAX_FACES:
         mend = "reduce them, for example with MeshLab's quadric edge collapse"
         raise UserError(f"has {faces} triangles; at most {MAX_FACES} are read: {mend}")
-
-    for part in groups:
-        used = part.vertices[part.referenced_vertices]
-        if not np.isfinite(used).all() or np.abs(used).max() > 1e9:
-            raise UserError(
-                "has a corner that is no number of a usual size; export it again"
-            )
+    if any(np.abs(used_corners(part)).max() > MAX_COORDINATE for part in groups):
+        raise UserError("has a corner of no usual size; export it again")
 
 
 def cut(vertices: Array, faces: Array, max_parts: int) -> list[Array]:
@@ -135,12 +111,7 @@ def cut(vertices: Array, faces: Array, max_parts: int) -> list[Array]:
             f"falls into {len(found)} convex parts; at most {max_parts} are made: make it simpler"
         )
 
-    return [_reduce(corners) for corners, _ in found]
-
-
-def _reduce(corners: Array) -> Array:
-    """Return the corners of the convex hull, as many as an engine takes."""
-    return farthest(corners[ConvexHull(corners).vertices])
+    return [hull_corners(corners) for corners, _ in found]
 
 
 def read_bytes(data: bytes, kind: str, wanted: str) -> bytes:

@@ -1,0 +1,1 @@
+"""Robots and bodies of files that others made: meshes, convex hulls, and what a compiler of MJCF says."""
