@@ -31,17 +31,17 @@ class Candidate:
 
     An array (N, 6) or (N, 7) as ``plan`` stands for literal `Waypoints`.
     ``problem`` says which rule the design breaks, so that it can't be tried; then ``tool`` may be None and ``plan``
-    empty. `id` is made of ``generation``, ``agent``, ``strategy`` and ``action``.
+    empty. `id` is made of ``generation``, ``agent``, ``design`` and ``action``.
     """
 
     tool: Tool | None
     plan: ActionPlan
     generation: int = 0
     agent: int = 0
-    strategy: int = 0
+    design: int = 0
     action: int = 0
-    strategy_name: str = ""
-    strategy_description: str = ""
+    design_name: str = ""
+    design_description: str = ""
     action_description: str = ""
     parents: tuple[str, ...] = ()
     problem: str | None = None
@@ -53,11 +53,11 @@ class Candidate:
     @property
     def key(self) -> tuple[int, int, int, int]:
         """Sorts candidates in one order, however they arrived."""
-        return (self.generation, self.agent, self.strategy, self.action)
+        return (self.generation, self.agent, self.design, self.action)
 
     @property
     def id(self) -> str:
-        """For example ``g0-a3-s1-p7``: generation, agent, strategy, plan."""
+        """For example ``g0-a3-s1-p7``: generation, agent, design, plan."""
         return "g{}-a{}-s{}-p{}".format(*self.key)
 
     @cached_property

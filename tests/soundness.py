@@ -26,8 +26,8 @@ def check_candidate(candidate: Candidate) -> None:
     """Check that texts can be shown anywhere and a problem is readable; without one, tool and plan keep the rules."""
     tool = candidate.tool
     texts = [
-        candidate.strategy_name,
-        candidate.strategy_description,
+        candidate.design_name,
+        candidate.design_description,
         candidate.action_description,
     ]
     names = [] if tool is None else [component.name for component in tool.components]

@@ -102,7 +102,7 @@ MISTAKES = [
     (
         "render",
         [f"designs={SOLUTION}", "strategy=1"],
-        "has 1 strategies; there is no strategy=1",
+        "has 1 designs; there is no strategy=1",
     ),
     ("render", ["width=0"], "width"),
 ]

@@ -33,13 +33,13 @@ _NOISE = 7
 _HEIGHT = 8
 
 
-def named_actions(strategy: dict[Any, Any]) -> ActionRepresentation:
-    """Make the representation that a strategy of a designs file names; of those without a name, literal waypoints.
+def named_actions(design: dict[Any, Any]) -> ActionRepresentation:
+    """Make the representation that a design of a designs file names; of those without a name, literal waypoints.
 
     Raises:
         DesignError: there is none of that name, or it can't be made.
     """
-    name = strategy.get("action", Waypoints.action)
+    name = design.get("action", Waypoints.action)
     if not isinstance(name, str):
         raise DesignError(
             f"'action' is {kind(name)}; it must be the name of an action representation"

@@ -1,6 +1,6 @@
 """Read candidates from a designs document, which a model or a person wrote, and write them back.
 
-A document is an object ``{"strategies": [...]}``. A strategy holds the fields of its tool representation and
+A document is an object ``{"strategies": [...]}``. A design holds the fields of its tool representation and
 ``action_sets``, a list of action plans; ``action`` (the representation of the plans, default ``waypoints``),
 ``gripper`` (default false), ``strategy_name``, ``strategy_description``, ``tool_name``, ``tool_description``,
 ``action_description``, ``fixture`` (`core.designs.tool_fields`) and ``parents`` (ids of the elites that it derives
@@ -45,23 +45,23 @@ def read_designs(
     actions: ActionRepresentation | None = None,
     start: SpawnRules | None = None,
 ) -> list[Candidate]:
-    """Read one candidate per action plan, in order, numbered by strategy and action from 0.
+    """Read one candidate per action plan, in order, numbered by design and action from 0.
 
-    A design that breaks a rule gives candidates with a `Candidate.problem`: all of its strategy if the tool breaks it,
-    and a single one if the plans can't be counted. Candidates of a strategy share one tool.
+    A design that breaks a rule gives candidates with a `Candidate.problem`: all of a tool that breaks it,
+    and a single one if the plans can't be counted. Candidates of a design share one tool.
 
     Args:
         document: what was read from JSON.
         representation: reads the tools.
         task: what the designs are for.
         base: has the generation and the agent of the candidates.
-        elites: the ids that a strategy may name as ``parents``; others are ignored.
-        most: how many strategies are read, and plans of each; None: all.
-        actions: reads the plans; None: the one that a strategy names.
+        elites: the ids that a design may name as ``parents``; others are ignored.
+        most: how many designs are read, and plans of each; None: all.
+        actions: reads the plans; None: the one that a design names.
         start: tools are to obey these rules, too; None: that is found out when they are tried.
 
     Raises:
-        DesignError: the document has no strategies at all.
+        DesignError: the document has no designs at all.
 
     For example, what is wrong with the designs of a file::
 
@@ -71,24 +71,24 @@ def read_designs(
     n_tool, n_action = most
     candidates: list[Candidate] = []
 
-    for number, strategy in enumerate(list_strategies(document)[:n_tool]):
-        parents = _read_parents(strategy, elites)
-        placed = replace(base, strategy=number, parents=parents)
-        found = _read_strategy(strategy, placed, representation, task, actions, start)
+    for number, design in enumerate(list_designs(document)[:n_tool]):
+        parents = _read_parents(design, elites)
+        placed = replace(base, design=number, parents=parents)
+        found = _read_design(design, placed, representation, task, actions, start)
         candidates += islice(found, n_action)
 
     return candidates
 
 
-def list_strategies(document: object) -> list[Any]:
-    """Return the strategies of a designs document, as they are written: each may still be unreadable.
+def list_designs(document: object) -> list[Any]:
+    """Return the designs of a designs document, as they are written: each may still be unreadable.
 
     Raises:
         DesignError: it has none.
     """
-    found = reader().list_strategies(document)
+    found = reader().list_designs(document)
     if not found:
-        raise DesignError(f"the document has no strategies; {EXPECTED}")
+        raise DesignError(f"the document has no designs; {EXPECTED}")
     return found
 
 
@@ -104,7 +104,7 @@ def load_designs(path: Path) -> object:
     what = f"designs file {path}"
     try:
         document = parse_reply(read_text(path, what))
-        list_strategies(document)
+        list_designs(document)
     except DesignError as error:
         raise UserError(f"{what}: {error}") from error
     return document
@@ -113,28 +113,28 @@ def load_designs(path: Path) -> object:
 def load_tool(
     path: Path, number: int, representation: ToolRepresentation, task: Task
 ) -> Tool:
-    """Read the tool of a strategy in a designs file, whatever rules it breaks.
+    """Read the tool of a design in a designs file, whatever rules it breaks.
 
     Args:
         path: of the file.
-        number: of the strategy, from 0.
+        number: of the design, from 0.
         representation: reads the tool; if it gives one itself, that is returned.
         task: what the tool is for.
 
     Raises:
-        UserError: there is no such strategy, or its tool can't be read.
+        UserError: there is no such design, or its tool can't be read.
     """
     candidates = read_designs(load_designs(path), representation, task)
-    by_strategy = {candidate.strategy: candidate for candidate in candidates}
-    if number not in by_strategy:
+    by_design = {candidate.design: candidate for candidate in candidates}
+    if number not in by_design:
         raise UserError(
-            f"{path} has {len(by_strategy)} strategies; there is no strategy={number}"
+            f"{path} has {len(by_design)} designs; there is no strategy={number}"
         )
 
-    candidate = by_strategy[number]
+    candidate = by_design[number]
     if candidate.tool is None:
         raise UserError(
-            f"{path}: the tool of strategy {number} can't be read: {candidate.problem}"
+            f"{path}: the tool of design {number} can't be read: {candidate.problem}"
         )
 
     return candidate.tool
@@ -143,24 +143,24 @@ def load_tool(
 def dump_design(
     candidate: Candidate, representation: ToolRepresentation
 ) -> dict[str, Any]:
-    """Write a candidate as a strategy of a designs document, with its one action plan.
+    """Write a candidate as a design of a designs document, with its one action plan.
 
     Raises:
         ValueError: the candidate has no tool.
     """
-    strategy = dump_names(candidate)
+    design = dump_names(candidate)
     assert candidate.tool is not None
-    strategy |= dump_tool(candidate.tool, representation)
-    strategy["action_description"] = candidate.action_description
+    design |= dump_tool(candidate.tool, representation)
+    design["action_description"] = candidate.action_description
     if candidate.plan.action != Waypoints.action:
-        strategy["action"] = candidate.plan.action
-    strategy["action_sets"] = [candidate.plan.dump()]
+        design["action"] = candidate.plan.action
+    design["action_sets"] = [candidate.plan.dump()]
 
-    return strategy
+    return design
 
 
 def dump_names(candidate: Candidate) -> dict[str, Any]:
-    """Write what a strategy says of itself and of its tool, whatever the representation.
+    """Write what a design says of itself and of its tool, whatever the representation.
 
     Raises:
         ValueError: the candidate has no tool.
@@ -172,32 +172,32 @@ def dump_names(candidate: Candidate) -> dict[str, Any]:
         )
 
     return {
-        "strategy_name": candidate.strategy_name,
-        "strategy_description": candidate.strategy_description,
+        "strategy_name": candidate.design_name,
+        "strategy_description": candidate.design_description,
         "tool_name": tool.name,
         "tool_description": tool.description,
         "gripper": tool.gripper,
     }
 
 
-def _read_strategy(
-    strategy: object,
+def _read_design(
+    design: object,
     base: Candidate,
     representation: ToolRepresentation,
     task: Task,
     actions: ActionRepresentation | None,
     start: SpawnRules | None,
 ) -> Iterator[Candidate]:
-    """Yield the candidates of a strategy; ``base`` holds what is known of them."""
+    """Yield the candidates of a design; ``base`` holds what is known of them."""
     try:
-        fields = read_fields(strategy, representation)
+        fields = read_fields(design, representation)
         given = given_tool(representation, task)
         gripper = read_gripper(fields, given, task)
         base = replace(
             base,
             tool=given,
-            strategy_name=read_words(fields, "strategy_name"),
-            strategy_description=read_words(fields, "strategy_description"),
+            design_name=read_words(fields, "strategy_name"),
+            design_description=read_words(fields, "strategy_description"),
             action_description=read_words(fields, "action_description"),
         )
         base = _read_tool(fields, base, representation, task, gripper, start)
@@ -205,7 +205,7 @@ def _read_strategy(
         plans = _read_action_sets(fields, actions, gripper)
     except DesignError as error:
         problem = base.problem or str(error)
-        for action in range(max(1, len(_list_written(strategy, "action_sets")))):
+        for action in range(max(1, len(_list_written(design, "action_sets")))):
             yield replace(base, action=action, problem=problem)
         return
 
@@ -221,7 +221,7 @@ def _read_tool(
     gripper: bool,
     start: SpawnRules | None,
 ) -> Candidate:
-    """Read the tool of a strategy into a candidate, unless one is given; with the rule that it breaks, if any."""
+    """Read the tool of a design into a candidate, unless one is given; with the rule that it breaks, if any."""
     tool = base.tool
     problem = None
 
@@ -257,22 +257,22 @@ def _read_plan(
         return replace(base, problem="; ".join(faults))
 
 
-def _read_parents(strategy: object, elites: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the elites that a strategy names as its parents; what else it names is ignored."""
-    named = _list_written(strategy, "parents")
+def _read_parents(design: object, elites: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the elites that a design names as its parents; what else it names is ignored."""
+    named = _list_written(design, "parents")
     return tuple(elite for elite in elites if elite in named)
 
 
-def _list_written(strategy: object, name: str) -> list[Any]:
-    """Return the list that a strategy has under a name, read or not; empty: it has none."""
-    written = strategy.get(name) if isinstance(strategy, dict) else None
+def _list_written(design: object, name: str) -> list[Any]:
+    """Return the list that a design has under a name, read or not; empty: it has none."""
+    written = design.get(name) if isinstance(design, dict) else None
     return written if isinstance(written, list) else []
 
 
 def _read_action_sets(
     fields: Fields, actions: ActionRepresentation, gripper: bool
 ) -> list[Any]:
-    """List a strategy's action plans as they are written; a `DesignError` stands for one that can't be read.
+    """List a design's action plans as they are written; a `DesignError` stands for one that can't be read.
 
     Raises:
         DesignError: there are none.

@@ -9,17 +9,17 @@ from typing import Any, Protocol
 
 from core.plugins import installed
 
-EXPECTED = 'expected an object {"strategies": [...]} with at least one strategy'
+EXPECTED = 'expected an object {"strategies": [...]} with at least one design'
 
 MAX_REPLY = 5_000_000
 """The most characters of a reply that are read, about ten times the longest answer of a model."""
 
-Fields = dict[Any, Any]  # of a strategy, which may hold anything
+Fields = dict[Any, Any]  # of a design, which may hold anything
 
 
 @dataclass(frozen=True)
 class Unread:
-    """Replaces a strategy that can't be read, and gives the reason."""
+    """Replaces a design that can't be read, and gives the reason."""
 
     reason: str
 
@@ -28,17 +28,17 @@ class Reader(Protocol):
     """Reads designs in other spellings than the one that is asked for; a plugin offers it as ``designs``."""
 
     def read_reply(self, text: str) -> object:
-        """Find the designs document in a reply. An `Unread` replaces a strategy that can't be read.
+        """Find the designs document in a reply. An `Unread` replaces a design that can't be read.
 
         Raises:
-            DesignError: there is none, or it has no sound strategy.
+            DesignError: there is none, or it has no sound design.
         """
 
-    def list_strategies(self, document: object) -> list[Any]:
-        """Return the strategies in a document; none: it has none."""
+    def list_designs(self, document: object) -> list[Any]:
+        """Return the designs in a document; none: it has none."""
 
-    def read_fields(self, strategy: Fields, wanted: Mapping[str, Any]) -> Fields:
-        """Return a strategy's fields by their proper names; ``wanted`` has the schemas of those of its tool.
+    def read_fields(self, design: Fields, wanted: Mapping[str, Any]) -> Fields:
+        """Return a design's fields by their proper names; ``wanted`` has the schemas of those of its tool.
 
         Raises:
             DesignError: a name has two meanings.

@@ -11,35 +11,35 @@ _TEXT = {"type": "string"}
 
 
 def answer_schema(brief: Brief) -> dict[str, Any]:
-    """Return the JSON schema of the answer to a brief: a scene analysis, and strategies.
+    """Return the JSON schema of the answer to a brief: a scene analysis, and designs.
 
-    A strategy is a tool with its action plans. Where the tool is given it has plans alone, and where the brief asks for
+    A design is a tool with its action plans. Where the tool is given it has plans alone, and where the brief asks for
     no plans the tool alone. It names its parents where there are elites.
     """
-    strategy: dict[str, Any] = {}
+    design: dict[str, Any] = {}
     if brief.elites:
         ids = [elite.candidate.id for elite in brief.elites]
-        strategy["parents"] = _list(_TEXT | {"enum": ids}, 1, min(2, len(ids)))
+        design["parents"] = _list(_TEXT | {"enum": ids}, 1, min(2, len(ids)))
 
-    strategy |= {"strategy_name": _TEXT, "strategy_description": _TEXT}
+    design |= {"strategy_name": _TEXT, "strategy_description": _TEXT}
     if brief.representation.given(brief.task) is None:
-        strategy |= {"tool_name": _TEXT, "tool_description": _TEXT}
+        design |= {"tool_name": _TEXT, "tool_description": _TEXT}
     if brief.task.robot.gripper:
-        strategy["gripper"] = {"type": "boolean", "enum": [brief.gripper]}
+        design["gripper"] = {"type": "boolean", "enum": [brief.gripper]}
     tool = brief.representation.schema()
-    strategy |= tool
+    design |= tool
     if brief.task.fixture and tool:
         pose = _list({"type": "number"}, 6, 6)
         fixture = _object({"pose": pose, **tool})
-        strategy[FIXTURE] = {"anyOf": [{"type": "null"}, fixture]}
+        design[FIXTURE] = {"anyOf": [{"type": "null"}, fixture]}
 
     if brief.n_action:
         plan = brief.actions.schema(gripper=brief.gripper)
-        strategy["action_description"] = _TEXT
-        strategy["action_sets"] = _list(plan, brief.n_action, brief.n_action)
+        design["action_description"] = _TEXT
+        design["action_sets"] = _list(plan, brief.n_action, brief.n_action)
 
-    strategies = _list(_object(strategy), brief.n_tool, brief.n_tool)
-    return _object({"scene_analysis": _TEXT, "strategies": strategies})
+    designs = _list(_object(design), brief.n_tool, brief.n_tool)
+    return _object({"scene_analysis": _TEXT, "strategies": designs})
 
 
 def _object(properties: dict[str, Any]) -> dict[str, Any]:

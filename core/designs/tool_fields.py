@@ -1,6 +1,6 @@
-"""Read and write the tool of a strategy, with its fixture: what a design adds to the scene, where a task has a place.
+"""Read and write the tool of a design, with its fixture: what a design adds to the scene, where a task has a place.
 
-In a designs document a fixture is the field ``fixture`` of a strategy: the fields of its tool representation, as of a
+In a designs document a fixture is the field ``fixture`` of a design: the fields of its tool representation, as of a
 rigid tool, and the ``pose`` [x, y, z, roll, pitch, yaw] of its mount's frame in the world.
 """
 
@@ -32,18 +32,18 @@ MAX_DESCRIPTION = 5000
 
 
 def read_fields(
-    strategy: object, representation: ToolRepresentation, what: str = "the strategy"
+    design: object, representation: ToolRepresentation, what: str = "the design"
 ) -> Fields:
-    """Return the fields of a strategy, or of its fixture, by their proper names.
+    """Return the fields of a design, or of its fixture, by their proper names.
 
     Raises:
         DesignError: it can't be read, or a name has two meanings.
     """
-    if isinstance(strategy, Unread):
-        raise DesignError(strategy.reason)
-    if not isinstance(strategy, dict):
-        raise DesignError(f"{what} is {kind(strategy)}, not an object")
-    return reader().read_fields(strategy, call_part(representation, "schema", dict))
+    if isinstance(design, Unread):
+        raise DesignError(design.reason)
+    if not isinstance(design, dict):
+        raise DesignError(f"{what} is {kind(design)}, not an object")
+    return reader().read_fields(design, call_part(representation, "schema", dict))
 
 
 def read_gripper(fields: Fields, given: Tool | None, task: Task) -> bool:
@@ -67,7 +67,7 @@ def read_gripper(fields: Fields, given: Tool | None, task: Task) -> bool:
 def read_tool(
     fields: Fields, representation: ToolRepresentation, gripper: bool, task: Task
 ) -> Tool:
-    """Read a strategy's tool, with its name and description, and its fixture.
+    """Read a design's tool, with its name and description, and its fixture.
 
     Raises:
         DesignError: a rule is broken, or the representation fails; then the message names its plugin.
@@ -112,7 +112,7 @@ def dump_tool(tool: Tool, representation: ToolRepresentation) -> dict[str, Any]:
 def _read_fixture(
     given: object, representation: ToolRepresentation, task: Task
 ) -> Fixture | None:
-    """Read the fixture of a strategy, from what it has in this field; None: it has none.
+    """Read the fixture of a design, from what it has in this field; None: it has none.
 
     Raises:
         DesignError: the task has no place for one, or it can't be read.
@@ -134,7 +134,7 @@ def _read_fixture(
 
 
 def dump_fixture(tool: Tool, representation: ToolRepresentation) -> dict[str, Any]:
-    """Write the fixture of a tool's design, as a field of a strategy; none: there is no field."""
+    """Write the fixture of a tool's design, as a field of a design; none: there is no field."""
     fixture = tool.fixture
     if fixture is None:
         return {}

@@ -8,24 +8,24 @@ from typing import Any, Protocol
 
 from core.design import Candidate
 from core.designs.planning import NO_PLAN
-from core.designs.reading import list_strategies, read_designs
+from core.designs.reading import list_designs, read_designs
 from core.designs.start import SpawnRules
 from core.interfaces import Brief, Reply, Request
 
 
 def read_candidates(
-    brief: Brief, strategies: Sequence[Any], *, starts: bool
+    brief: Brief, designs: Sequence[Any], *, starts: bool
 ) -> list[Candidate]:
-    """Read strategies, at most as many as the brief asks for.
+    """Read designs, at most as many as the brief asks for.
 
     Args:
         brief: of the request.
-        strategies: of the answer.
+        designs: of the answer.
         starts: a tool that does not start clear of everything is faulty, too, before it is tried.
     """
     rules = SpawnRules(brief.task, brief.scene_seed) if starts else None
     return read_designs(
-        {"strategies": strategies},
+        {"strategies": designs},
         brief.representation,
         brief.task,
         base=Candidate(None, NO_PLAN, brief.generation, brief.agent),
@@ -43,14 +43,14 @@ class Answer:
     Attributes:
         request: that was asked first.
         sent: that was sent last; asked for a second look, it is another one.
-        strategies: of the document that was read so far; empty: none.
+        designs: of the document that was read so far; empty: none.
         candidates: of these; at the end one in any case, if only one that says why there is no other.
         lost: there is no reply, for a reason that may pass.
     """
 
     request: Request
     sent: Request
-    strategies: Sequence[Any] = ()
+    designs: Sequence[Any] = ()
     candidates: list[Candidate] = field(default_factory=list)
     lost: bool = False
 
@@ -58,16 +58,16 @@ class Answer:
         """Read the candidates of a reply's document; those of a second look are mended.
 
         Raises:
-            DesignError: it holds no strategy.
+            DesignError: it holds no design.
         """
         brief = self.request.brief
         # A reply may hold more than were asked for, which are not read.
-        strategies = list_strategies(document)[: brief.n_tool]
+        designs = list_designs(document)[: brief.n_tool]
         if self.candidates and mender is not None:
-            return mender.mend(self, strategies)
+            return mender.mend(self, designs)
 
-        found = read_candidates(brief, strategies, starts=mender is not None)
-        return replace(self, strategies=strategies, candidates=found)
+        found = read_candidates(brief, designs, starts=mender is not None)
+        return replace(self, designs=designs, candidates=found)
 
     def complete(self, problem: str) -> Answer:
         """Return it with a candidate that has a problem and stands for all, where there is none."""
@@ -91,5 +91,5 @@ class Mender(Protocol):
             problem: why the reply can't be read; empty: it can.
         """
 
-    def mend(self, answer: Answer, strategies: Sequence[Any]) -> Answer:
-        """Put the strategies of a second look in the places of the faulty ones."""
+    def mend(self, answer: Answer, designs: Sequence[Any]) -> Answer:
+        """Put the designs of a second look in the places of the faulty ones."""

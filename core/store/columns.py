@@ -32,13 +32,13 @@ def request_row(request: Request, digest: str) -> Columns:
 
 def design_row(candidate: Candidate, representation: ToolRepresentation) -> Columns:
     """Return the columns of a design, without its action plans."""
-    design = dump_design(candidate, representation) | {"action_sets": []}
+    written = dump_design(candidate, representation) | {"action_sets": []}
     return {
         "generation": candidate.generation,
         "agent": candidate.agent,
-        "strategy": candidate.strategy,
+        "design": candidate.design,
         "parents": candidate.parents,
-        "design": design,
+        "written": written,
     }
 
 
@@ -70,7 +70,7 @@ def evaluation_row(
         "candidate": candidate.id,
         "generation": candidate.generation,
         "agent": candidate.agent,
-        "strategy": candidate.strategy,
+        "design": candidate.design,
         "plan": candidate.action,
         "waypoints": dump_plan(candidate.plan),
         "status": evaluation.status,

@@ -56,7 +56,8 @@ class StoredProgress:
         self.candidates = {
             evaluation.candidate: (evaluation.status, evaluation.content)
             for evaluation in stored.evaluations(rows)
-            if evaluation.status != "rejected" or evaluation.design[:2] not in agents
+            if evaluation.status != "rejected"
+            or evaluation.design_key[:2] not in agents
         }
 
         self.trials: dict[TrialKey, Trial] = {}

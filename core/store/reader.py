@@ -95,7 +95,7 @@ class StoredRun:
 
     def designs(self) -> dict[Key, StoredDesign]:
         """Return all designs that were read, whatever became of them."""
-        designs = self._rows(StoredDesign, "strategies")
+        designs = self._rows(StoredDesign, "designs")
         return {design.key: design for design in designs}
 
     def trials(self) -> list[StoredTrial]:
@@ -112,7 +112,7 @@ class StoredRun:
 
         ``tried`` are `trials`, where they were read already.
         """
-        order = "generation, agent, strategy, plan"
+        order = "generation, agent, design, plan"
         # Before the trials: a run that goes on adds these first.
         rows = [*self._rows(StoredEvaluation, f"evaluations ORDER BY {order}")]
         known = self.trials() if tried is None else tried

@@ -198,7 +198,7 @@ class RunStore:
             if candidate.tool and self._run and key not in self.past.designs:
                 self.past.designs.add(key)  # once for all of its candidates
                 design = columns.design_row(candidate, self._run.representation)
-                database.insert("strategies", **design)
+                database.insert("designs", **design)
             row = columns.evaluation_row(evaluation, self.past.numbers)
             database.insert("evaluations", **row)
 

@@ -48,7 +48,7 @@ Amount = Annotated[Number, Field(ge=0, le=1e9)]
 Reward = Annotated[Number, Field(ge=0, le=1)]
 Id = Annotated[str, Field(max_length=200)]
 Ids = Json[tuple[Id, ...]]
-Key = tuple[int, int, int]  # generation, agent and strategy of a design
+Key = tuple[int, int, int]  # generation, agent and number of a design
 
 # Slow to make.
 adapter: Callable[[Any], TypeAdapter[Any]] = lru_cache(maxsize=64)(TypeAdapter)
@@ -291,17 +291,17 @@ class StoredDesign:
 
     generation: Count
     agent: Count
-    strategy: Count
+    design: Count
     parents: Ids
-    design: Json[WrittenDesign]
+    fields: Annotated[Json[WrittenDesign], Field(alias="written")]
 
     @property
     def key(self) -> Key:
-        return self.generation, self.agent, self.strategy
+        return self.generation, self.agent, self.design
 
     @property
     def written(self) -> dict[str, Any]:
-        return dict(self.design)
+        return dict(self.fields)
 
 
 class WrittenPlan(TypedDict):
@@ -321,7 +321,7 @@ class StoredEvaluation:
     candidate: Id
     generation: Count
     agent: Count
-    strategy: Count
+    design: Count
     number: Annotated[Count, Field(alias="plan")]
     waypoints: Json[list[Pose] | WrittenPlan]
     status: Status
@@ -334,9 +334,9 @@ class StoredEvaluation:
     finals: tuple[Trial, ...] = ()
 
     @property
-    def design(self) -> Key:
+    def design_key(self) -> Key:
         """The key of its design."""
-        return self.generation, self.agent, self.strategy
+        return self.generation, self.agent, self.design
 
     @property
     def plan(self) -> list[Any]:
@@ -383,7 +383,7 @@ TABLES: dict[str, Callable[[Any], object]] = {
     "sessions": partial(validated, StoredSession),
     "requests": partial(validated, StoredRequest),
     "replies": partial(validated, StoredReply),
-    "strategies": partial(validated, StoredDesign),
+    "designs": partial(validated, StoredDesign),
     "evaluations": partial(validated, StoredEvaluation),
     "trials": load_trial,
 }
@@ -407,8 +407,8 @@ def check_row(table: str, row: Row) -> None:
 
 
 _ORPHANS = (
-    "SELECT candidate FROM evaluations LEFT JOIN strategies USING (generation, agent, strategy)"
-    " WHERE status = 'ok' AND design IS NULL"
+    "SELECT candidate FROM evaluations LEFT JOIN designs USING (generation, agent, design)"
+    " WHERE status = 'ok' AND written IS NULL"
 )
 _LOST_TRIALS = (
     "SELECT candidate, value FROM evaluations,"
@@ -434,7 +434,7 @@ def damage(database: sqlite3.Connection) -> str | None:
                 return f"row {row['row_number']} of {table}: {error}"
 
     for (candidate,) in database.execute(_ORPHANS):
-        return f"evaluations: {candidate} has no row in strategies"
+        return f"evaluations: {candidate} has no row in designs"
     for candidate, number in database.execute(_LOST_TRIALS):
         return f"evaluations: trial {number} of {candidate} has no row in trials"
     return None

@@ -13,12 +13,12 @@ CREATE TABLE IF NOT EXISTS replies (
     prompt_tokens INTEGER, completion_tokens INTEGER, cost_usd REAL,
     unanswered INTEGER NOT NULL DEFAULT 0
 );
-CREATE TABLE IF NOT EXISTS strategies (
-    generation INTEGER NOT NULL, agent INTEGER NOT NULL, strategy INTEGER NOT NULL, parents TEXT NOT NULL,
-    design TEXT NOT NULL, PRIMARY KEY (generation, agent, strategy)
+CREATE TABLE IF NOT EXISTS designs (
+    generation INTEGER NOT NULL, agent INTEGER NOT NULL, design INTEGER NOT NULL, parents TEXT NOT NULL,
+    written TEXT NOT NULL, PRIMARY KEY (generation, agent, design)
 );
 CREATE TABLE IF NOT EXISTS evaluations (
-    candidate TEXT PRIMARY KEY, generation INTEGER NOT NULL, agent INTEGER NOT NULL, strategy INTEGER NOT NULL,
+    candidate TEXT PRIMARY KEY, generation INTEGER NOT NULL, agent INTEGER NOT NULL, design INTEGER NOT NULL,
     plan INTEGER NOT NULL, waypoints TEXT NOT NULL, status TEXT NOT NULL, reason TEXT NOT NULL,
     reward REAL NOT NULL, distance_m REAL, content TEXT NOT NULL, details TEXT NOT NULL
 );

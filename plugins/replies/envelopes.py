@@ -1,4 +1,4 @@
-"""Find the strategies in what a model answered, wherever they stand: under a key, in a list, alone, in a text."""
+"""Find the designs in what a model answered, wherever they stand: under a key, in a list, alone, in a text."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from plugins.replies.decoding import DECODER
 from plugins.replies.mending import ELLIPSIS
 
 MAX_DEPTH = 8
-"""How deep strategies may lie."""
+"""How deep designs may lie."""
 
 PLANS = frozenset(
     {"actionsets", "actions", "actionplans", "plans", "actionset", "actionplan"}
 )
-"""Names of a strategy's plans, as `plain_name` gives them."""
+"""Names of a design's plans, as `plain_name` gives them."""
 
 NAMES = PLANS | {
     "strategyname",
@@ -27,7 +27,10 @@ NAMES = PLANS | {
     "gripper",
     "parents",
 }
-"""Names of a strategy's usual fields."""
+"""Names of a design's usual fields."""
+
+LIST_NAMES = frozenset({"strategies", "designs"})
+"""Names of the list of designs: the paper's, which is asked for, and ours."""
 
 _ANGLE_UNIT = re.compile(r"^units?|units?$|angle|rotation|orientation|euler|rpy")
 _DEGREES = re.compile(r"\W*(?:(?:all )?in )?deg(?:rees?)?\W*")
@@ -38,15 +41,15 @@ def plain_name(key: object) -> str:
     return re.sub(r"[\W_]+", "", str(key)).lower()
 
 
-def find_strategies(value: object, depth: int = MAX_DEPTH) -> list[Any]:
-    """Return the first list of strategies in a JSON value, at any depth; a single one is a list of one; empty: none.
+def find_designs(value: object, depth: int = MAX_DEPTH) -> list[Any]:
+    """Return the first list of designs in a JSON value, at any depth; a single one is a list of one; empty: none.
 
-    A text that holds JSON is looked through, too. An ellipsis among strategies is left out.
+    A text that holds JSON is looked through, too. An ellipsis among designs is left out.
     """
     if depth == 0:
         return []
     if isinstance(value, str):
-        return find_strategies(_decode(value), depth - 1)
+        return find_designs(_decode(value), depth - 1)
 
     found = _list_here(value, depth)
     inside: Iterable[Any] = ()
@@ -56,13 +59,13 @@ def find_strategies(value: object, depth: int = MAX_DEPTH) -> list[Any]:
         inside = value
 
     for inner in inside:
-        found = found or find_strategies(inner, depth - 1)
+        found = found or find_designs(inner, depth - 1)
 
     return found
 
 
-def is_strategy(value: object) -> bool:
-    """Report whether a value is an object with plans, or with two other fields of a strategy."""
+def is_design(value: object) -> bool:
+    """Report whether a value is an object with plans, or with two other fields of a design."""
     if not isinstance(value, dict):
         return False
 
@@ -86,19 +89,19 @@ def says_degrees(key: object, value: object) -> bool:
 
 
 def _list_here(value: object, depth: int) -> list[Any]:
-    """Return the strategies that a value is, or that it has under the name of a list of them."""
+    """Return the designs that a value is, or that it has under the name of a list of them."""
     items: Any = ()
-    if isinstance(value, list) and any(map(is_strategy, value)):
+    if isinstance(value, list) and any(map(is_design, value)):
         items = value
     if isinstance(value, dict):
         for key, inner in value.items():
-            is_named = plain_name(key) == "strategies" and isinstance(inner, list)
+            is_named = plain_name(key) in LIST_NAMES and isinstance(inner, list)
             if is_named and not all(isinstance(item, list) for item in inner):
                 return _tidy(inner, depth)
 
-        if is_strategy(value):
+        if is_design(value):
             items = [value]
-        elif value and all(map(is_strategy, value.values())):
+        elif value and all(map(is_design, value.values())):
             items = value.values()
     if items:
         assume("designs outside a list named 'strategies' are read, too")
@@ -107,15 +110,15 @@ def _list_here(value: object, depth: int) -> list[Any]:
 
 
 def _tidy(items: Any, depth: int) -> list[Any]:
-    """Leave out what is no strategy's place, and take each strategy out of an object or a text that holds it alone."""
+    """Leave out what is no design's place, and take each design out of an object or a text that holds it alone."""
     tidy: list[Any] = []
     for item in items:
         if item in (ELLIPSIS, None):
             continue
 
         inside = []
-        if not is_strategy(item):
-            inside = find_strategies(item, depth - 1)
+        if not is_design(item):
+            inside = find_designs(item, depth - 1)
 
         tidy.append(inside[0] if len(inside) == 1 else item)
 

@@ -1,4 +1,4 @@
-"""Read the fields of a strategy however they are spelled, where that has one meaning; else say which is near."""
+"""Read the fields of a design however they are spelled, where that has one meaning; else say which is near."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ _NUMBERED = re.compile(r"\D*(\d+)")
 _HOLDER = re.compile("tool|action|strategy|design")
 
 
-def read_fields(strategy: Fields, wanted: Mapping[str, Any]) -> Fields:
-    """Return the fields of a strategy by their proper names.
+def read_fields(design: Fields, wanted: Mapping[str, Any]) -> Fields:
+    """Return the fields of a design by their proper names.
 
     A name may be spelled otherwise (``toolUrdf``), be a part of the proper one (``urdf``), or stand in an object. A
     text may be a list of lines, and a list may be JSON in a text. Other fields stay as they are.
 
     Args:
-        strategy: what was written.
+        design: what was written.
         wanted: the JSON schemas of the fields that a tool needs, by name.
 
     Raises:
@@ -60,7 +60,7 @@ def read_fields(strategy: Fields, wanted: Mapping[str, Any]) -> Fields:
     fields: Fields = {}
     others: Fields = {}
 
-    for key, value in _flatten(strategy, names, needed):
+    for key, value in _flatten(design, names, needed):
         name = names.get(plain_name(key))
         if says_degrees(key, value):
             raise DesignError(
@@ -124,14 +124,14 @@ def _take(fields: Fields, name: str, key: object, value: object) -> None:
 
 
 def _flatten(
-    strategy: Fields, names: Mapping[str, str], needed: list[str]
+    design: Fields, names: Mapping[str, str], needed: list[str]
 ) -> Iterator[tuple[Any, Any]]:
     """Yield keys and values; those in an object by their own name, or with the object's before it.
 
     An object counts that is named as a tool or the like, or that has what a tool needs and nothing else has.
     """
-    lacking = {*needed} - {names.get(plain_name(key)) for key in strategy}
-    for key, value in strategy.items():
+    lacking = {*needed} - {names.get(plain_name(key)) for key in design}
+    for key, value in design.items():
         is_field = names.get(plain_name(key)) in (*needed, "gripper", "fixture")
         if not isinstance(value, dict) or is_field:
             yield key, value

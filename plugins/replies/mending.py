@@ -17,7 +17,7 @@ from plugins.replies.decoding import DECODER
 from plugins.replies.figures import figures_in, has_unit, is_uneven, read_figure
 
 MAX_MENDED = 40_000
-"""The most characters that are mended at a time; a strategy has some 15,000. The time grows with their square."""
+"""The most characters that are mended at a time; a design has some 15,000. The time grows with their square."""
 
 MAX_OPEN = 40
 """The most brackets that may be open at a time."""

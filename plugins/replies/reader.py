@@ -8,7 +8,7 @@ from typing import Any
 from core.design import DesignError
 from core.designs.replies import Fields, Reader
 from core.plugins import installed
-from plugins.replies.envelopes import find_strategies
+from plugins.replies.envelopes import find_designs
 from plugins.replies.fields import ACTION_SETS, list_plans, read_fields
 from plugins.replies.saving import read_reply
 from plugins.replies.waypoints import read_waypoints
@@ -20,11 +20,11 @@ class LenientReader(Reader):
     def read_reply(self, text: str) -> object:
         return read_reply(text)
 
-    def list_strategies(self, document: object) -> list[Any]:
-        return find_strategies(document)
+    def list_designs(self, document: object) -> list[Any]:
+        return find_designs(document)
 
-    def read_fields(self, strategy: Fields, wanted: Mapping[str, Any]) -> Fields:
-        fields = read_fields(strategy, wanted)
+    def read_fields(self, design: Fields, wanted: Mapping[str, Any]) -> Fields:
+        fields = read_fields(design, wanted)
         if "action" not in fields:
             fields |= _name_action(fields.get(ACTION_SETS))
 

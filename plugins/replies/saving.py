@@ -13,14 +13,14 @@ from plugins.replies.assumptions import assume
 from plugins.replies.decoding import Malformed, decode
 from plugins.replies.envelopes import (
     NAMES,
-    find_strategies,
-    is_strategy,
+    find_designs,
+    is_design,
     plain_name,
 )
 from plugins.replies.mending import MAX_MENDED, closing, mend_json, read_yaml
 
 MAX_SAVED = 1000
-"""The most strategies that stand alone that are read."""
+"""The most designs that stand alone that are read."""
 
 MAX_ALL_MENDED = 200_000
 """The most characters of a reply that are looked at to be mended, which takes time."""
@@ -34,14 +34,14 @@ MAX_BLOCKS = 3
 """The most fenced blocks of a reply that are read in other ways."""
 
 BLOCK = "```"
-"""The key of a block of another language that stands beside a strategy, for the one text that it lacks."""
+"""The key of a block of another language that stands beside a design, for the one text that it lacks."""
 
 _FENCE = re.compile(r"```\w*[^\n]{0,100}\n(.*?)(?:\n[ \t]*```|\Z)", re.DOTALL)
 _LIST = re.compile(r"strategies\W{0,3}:\s*\[")
 _GAP = r"(?:\s++|//[^\n]{0,300}+|/\*.{0,300}?\*/|#[^\n]{0,300}+){0,20}+"
 _KEY = re.compile(rf"""\{{{_GAP}["'“”„«‘]?(\w+)["'”“»’]?\s*:""", re.DOTALL)
 _YAML = re.compile(r"^(?:- )?[ \t]*(?:strateg|tool|action)\w*[ \t]*:", re.MULTILINE)
-# Where a list of strategies is cut off before the first key of its next one.
+# Where a list of designs is cut off before the first key of its next one.
 _CUT = re.compile(r"""\},\s*(?:\{\s*["'“]?\w*)?\Z""")
 
 
@@ -55,19 +55,19 @@ class _Found:
 
 
 def read_reply(text: str) -> dict[str, list[Any]]:
-    """Find the strategies in a model's reply, with or without text around them, as a designs document.
+    """Find the designs in a model's reply, with or without text around them, as a designs document.
 
-    They are those of the last document that has some (`find_strategies`); strategies that stand alone are joined.
-    ``NaN`` and ``Infinity`` are read as strings. If the document is malformed, its strategies are mended one by one,
+    They are those of the last document that has some (`find_designs`); designs that stand alone are joined.
+    ``NaN`` and ``Infinity`` are read as strings. If the document is malformed, its designs are mended one by one,
     and an `Unread` replaces each that is cut off or can't be mended.
 
     Raises:
-        DesignError: there is no strategy, or the document is malformed and has no sound one; gives line and column.
+        DesignError: there is no design, or the document is malformed and has no sound one; gives line and column.
     """
     found, longest = _find_objects(text)
-    strategies = _last_strategies(found) or _read_otherwise(text)
-    if strategies:
-        return {"strategies": _with_blocks(strategies, text)}
+    designs = _last_designs(found) or _read_otherwise(text)
+    if designs:
+        return {"strategies": _with_blocks(designs, text)}
 
     if longest is not None:
         raise longest
@@ -77,7 +77,7 @@ def read_reply(text: str) -> dict[str, list[Any]]:
         raise DesignError(f"'strategies' is empty, or no list of objects; {EXPECTED}")
 
     named = ", ".join(str(key)[:40] for key in islice(found[0].value, 5))
-    raise DesignError(f"the reply has no strategies (its JSON has {named}); {EXPECTED}")
+    raise DesignError(f"the reply has no designs (its JSON has {named}); {EXPECTED}")
 
 
 def _find_objects(text: str) -> tuple[list[_Found], Malformed | None]:
@@ -127,9 +127,9 @@ def _find_objects(text: str) -> tuple[list[_Found], Malformed | None]:
 
 
 def _mend(text: str, start: int, most: int) -> tuple[object, int]:
-    """Mend the strategy that begins at ``start``; return it, and how far at most ``most`` characters were looked at.
+    """Mend the design that begins at ``start``; return it, and how far at most ``most`` characters were looked at.
 
-    None replaces a document with a list of strategies, which are mended one by one.
+    None replaces a document with a list of designs, which are mended one by one.
     """
     most = max(0, min(most, MAX_MENDED))
     closed = closing(text, start, most)
@@ -146,16 +146,16 @@ def _mend(text: str, start: int, most: int) -> tuple[object, int]:
 
 
 def _unread(text: str, start: int, reason: str = "") -> Unread:
-    """Say that the strategy that begins at ``start`` can't be read."""
+    """Say that the design that begins at ``start`` can't be read."""
     line = text.count("\n", 0, start) + 1
     place = f"it begins at line {line} of the reply"
-    return Unread(f"the strategy is cut off or malformed ({place}){reason}")
+    return Unread(f"the design is cut off or malformed ({place}){reason}")
 
 
-def _last_strategies(found: list[_Found]) -> list[Any]:
-    """Return the strategies of the last document that has some; else those that stand alone, if one is sound.
+def _last_designs(found: list[_Found]) -> list[Any]:
+    """Return the designs of the last document that has some; else those that stand alone, if one is sound.
 
-    What lies in a malformed one, such as a component, is a strategy only if it begins like one.
+    What lies in a malformed one, such as a component, is a design only if it begins like one.
     """
     alone: list[Any] = []
     for item in reversed(found):
@@ -163,29 +163,29 @@ def _last_strategies(found: list[_Found]) -> list[Any]:
         is_broken = isinstance(value, Unread) and (
             item.key in NAMES or (item.key != "" and not item.is_inner)
         )
-        if is_broken or is_strategy(value):
+        if is_broken or is_design(value):
             alone.append(value)
-        elif strategies := find_strategies(value):
-            return strategies
+        elif designs := find_designs(value):
+            return designs
 
-    is_any_sound = any(not isinstance(strategy, Unread) for strategy in alone)
+    is_any_sound = any(not isinstance(design, Unread) for design in alone)
     alone.reverse()
     return alone[:MAX_SAVED] if is_any_sound else []
 
 
 def _read_otherwise(text: str) -> list[Any]:
-    """Read what no strategy begins in as usual: JSON with its quotes escaped, malformed JSON of another order, YAML."""
+    """Read what no design begins in as usual: JSON with its quotes escaped, malformed JSON of another order, YAML."""
     blocks = [match[1] for match in _FENCE.finditer(text)][:MAX_BLOCKS]
     for piece in (*blocks, text):
         for read in (_read_escaped, _read_mended, _read_yaml):
             try:
-                strategies = find_strategies(read(piece))
+                designs = find_designs(read(piece))
             except DesignError:
                 continue
 
-            if any(isinstance(strategy, dict) for strategy in strategies):
+            if any(isinstance(design, dict) for design in designs):
                 assume(MENDED)
-                return strategies
+                return designs
 
     return []
 
@@ -210,14 +210,14 @@ def _read_yaml(text: str) -> object:
     return read_yaml(text[first.start() if first else len(text) :])
 
 
-def _with_blocks(strategies: list[Any], text: str) -> list[Any]:
-    """Add to each strategy the block of XML beside it, if there are as many blocks as strategies."""
+def _with_blocks(designs: list[Any], text: str) -> list[Any]:
+    """Add to each design the block of XML beside it, if there are as many blocks as designs."""
     blocks = [match[1] for match in _FENCE.finditer(text)]
     blocks = [block for block in blocks if block.lstrip().startswith("<")]
-    if len(blocks) != len(strategies):
-        return strategies
+    if len(blocks) != len(designs):
+        return designs
 
     return [
-        {**strategy, BLOCK: block} if isinstance(strategy, dict) else strategy
-        for strategy, block in zip(strategies, blocks, strict=True)
+        {**design, BLOCK: block} if isinstance(design, dict) else design
+        for design, block in zip(designs, blocks, strict=True)
     ]

@@ -71,8 +71,8 @@ def save_design(
         ValueError: the candidate has no tool.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    strategies = [dump_design(candidate, representation)]
-    text = json.dumps({"strategies": strategies}, indent=2) + "\n"
+    designs = [dump_design(candidate, representation)]
+    text = json.dumps({"strategies": designs}, indent=2) + "\n"
     (folder / "design.json").write_text(text, encoding="utf-8")
 
 

@@ -67,7 +67,7 @@ def stored_evaluations(
     designs = run.designs()
     tried = [stored for stored in run.evaluations() if stored.status == "ok"]
     evaluations = []
-    for key, group in groupby(tried, lambda stored: stored.design):
+    for key, group in groupby(tried, lambda stored: stored.design_key):
         alike = list(group)
         design = designs[key]
         plans = [stored.plan for stored in alike]
@@ -81,7 +81,7 @@ def stored_evaluations(
         for stored, candidate in zip(alike, candidates, strict=True):
             known = replace(
                 candidate,
-                strategy=design.strategy,
+                design=design.design,
                 action=stored.number,
                 parents=design.parents,
             )

@@ -173,7 +173,7 @@ def record(
     return {
         "design": candidate.id,
         "robot": robot,
-        "name": candidate.strategy_name,
+        "name": candidate.design_name,
         "robust": robust.reward,
         "status": robust.status,
         "reason": robust.reason,

@@ -163,12 +163,12 @@ class SeveralDesigner(ModelDesigner):
         if brief.n_action or not isinstance(document, dict):
             return document
 
-        strategies = document.get("strategies")
-        if not isinstance(strategies, list):
+        designs = document.get("strategies")
+        if not isinstance(designs, list):
             return document
 
         planless = [
-            {**s, "action_sets": [[]]} if isinstance(s, dict) else s for s in strategies
+            {**s, "action_sets": [[]]} if isinstance(s, dict) else s for s in designs
         ]
 
         return {"strategies": planless}
@@ -220,7 +220,7 @@ class SeveralDesigner(ModelDesigner):
                 tool,
                 generation=generation,
                 agent=agent,
-                strategy=number,
+                design=number,
                 action=0,
                 plan=NO_PLANS,
                 parents=(tool.id,) if team.elites else (),
@@ -329,7 +329,7 @@ class SeveralDesigner(ModelDesigner):
         assert tool.tool is not None
         number = self.tasks.index(task)
         alone = [parent.in_task(task.name) for parent in parents]
-        rng = np.random.default_rng([brief.seed, tool.strategy, number])
+        rng = np.random.default_rng([brief.seed, tool.design, number])
         for_task = replace(
             brief,
             task=task,
@@ -352,7 +352,7 @@ class SeveralDesigner(ModelDesigner):
             schema=not self.vlm.takes_schema,
         )
 
-        name = f"g{brief.generation}-a{brief.agent}-s{tool.strategy}-t{number}"
+        name = f"g{brief.generation}-a{brief.agent}-s{tool.design}-t{number}"
 
         return Request(name, for_task, messages, answer_schema(for_task), temperature)
 

@@ -138,15 +138,15 @@ class Together(Fitness):
             ):
                 continue
 
-            strategy = recent[0].key[:3]
-            siblings = [e.candidate for e in tried if e.candidate.key[:3] == strategy]
+            design = recent[0].key[:3]
+            siblings = [e.candidate for e in tried if e.candidate.key[:3] == design]
 
             best = max(known, key=lambda evaluation: evaluation.reward)
             yield replace(
                 best.candidate,
                 generation=recent[0].generation,
                 agent=recent[0].agent,
-                strategy=recent[0].strategy,
+                design=recent[0].design,
                 action=1 + max(sibling.action for sibling in siblings),
                 plan=plans,
             )

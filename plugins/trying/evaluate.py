@@ -70,7 +70,7 @@ def check_all(cfg: DictConfig) -> Iterator[str]:
         alone = list(dict.fromkeys(problem for _, problem in found))
         lines = by_reason(found) if len(conditions) > 1 else alone
         problems = clean("; ".join(lines), MAX_REMARK) or "nothing found"
-        yield f"strategy {candidate.strategy} plan {candidate.action}: {problems}"
+        yield f"design {candidate.design} plan {candidate.action}: {problems}"
 
 
 def _read_candidates(cfg: DictConfig, document: object) -> list[Candidate]:
@@ -90,7 +90,7 @@ def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
     level = installed().factory("level", PromptSettings.told)()
 
     return {
-        "strategy": evaluation.candidate.strategy,
+        "design": evaluation.candidate.design,
         "plan": evaluation.candidate.action,
         "reward": evaluation.reward,
         "distance_m": _known(evaluation.distance_m),
@@ -147,7 +147,7 @@ def show(records: Sequence[Mapping[str, Any]]) -> None:
 
     That is why one was rejected or earned nothing, warnings, and the rewards in each engine where there are several.
     """
-    numbers = ("strategy", "plan", "reward", "distance m", "IK miss mm", "lag rad")
+    numbers = ("design", "plan", "reward", "distance m", "IK miss mm", "lag rad")
     print_table((*numbers, "status"), [_row(entry) for entry in records], numbers)
 
     for entry in records:
@@ -161,14 +161,14 @@ def show(records: Sequence[Mapping[str, Any]]) -> None:
             remarks.append(f"{engine}: {rewards}")
 
         for remark in filter(None, remarks):
-            name = f"strategy {entry['strategy']} plan {entry['plan']}"
+            name = f"design {entry['design']} plan {entry['plan']}"
             say(f"{name}: {clean(remark, MAX_REMARK)}")
 
 
 def _row(entry: Mapping[str, Any]) -> tuple[str, ...]:
     """Make the row of an entry; the misses are in mm and rad."""
     return (
-        str(entry["strategy"]),
+        str(entry["design"]),
         str(entry["plan"]),
         number(entry["reward"], 3),
         _format(entry["distance_m"], ".2f"),

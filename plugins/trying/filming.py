@@ -35,7 +35,7 @@ def film_best(cfg: DictConfig, evaluations: Sequence[Evaluation], task: Task) ->
     folder = Path(cfg.output or "film").parent
     for stage in task.parts:
         candidate = best.candidate.of(stage.name)
-        name = f"{stage.name}_s{candidate.strategy}_p{candidate.action}.gif"
+        name = f"{stage.name}_s{candidate.design}_p{candidate.action}.gif"
         layout = best.shown.layout
         try:
             with busy(f"drawing the film {name}"):

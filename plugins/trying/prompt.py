@@ -97,7 +97,7 @@ def _choose_elites(evaluations: Sequence[Evaluation]) -> list[Evaluation]:
     """Return the best plan of each tool, the best first."""
     best: dict[int, Evaluation] = {}
     for evaluation in best_first(evaluations):
-        best.setdefault(evaluation.candidate.strategy, evaluation)
+        best.setdefault(evaluation.candidate.design, evaluation)
 
     return list(best.values())
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from core.design import DesignError
 from core.designs.composer import as_markdown
-from core.designs.reading import list_strategies
+from core.designs.reading import list_designs
 from core.designs.replies import parse_reply
 from core.errors import UserError, check_positive
 from core.events import Generation, Run
@@ -36,7 +36,7 @@ CHECKS = (
 )
 
 _RESULTS_HEAD = (
-    "What became of each design (generation, agent, strategy, plan) and its reward:\n"
+    "What became of each design (generation, agent, design, plan) and its reward:\n"
 )
 _HELP = (
     f"Mend the file or replace it: it is read again when it changes. To skip this request, put a file named {SKIP} "
@@ -331,8 +331,8 @@ def judge(request: Request, text: str) -> tuple[bool, list[str]]:
     if request.critique:  # any text is one
         return (True, []) if text.strip() else (False, ["it is empty"])
 
-    strategies = list_strategies(parse_reply(text))
-    candidates = read_candidates(request.brief, strategies, starts=True)
+    designs = list_designs(parse_reply(text))
+    candidates = read_candidates(request.brief, designs, starts=True)
     is_usable = any(candidate.problem is None for candidate in candidates)
     return is_usable, list_faults(candidates)
 

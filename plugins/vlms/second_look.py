@@ -19,9 +19,9 @@ REPAIRED = "-repair"  # at the end of the id of a request that asks once more
 
 
 def list_faults(candidates: Sequence[Candidate]) -> list[str]:
-    """Say what is wrong with the designs of an answer, a line for each fault, with the number of its strategy."""
+    """Say what is wrong with the designs of an answer, a line for each fault, with its design's number."""
     faults = {
-        f"strategy {candidate.strategy + 1}: {candidate.problem}": None
+        f"design {candidate.design + 1}: {candidate.problem}": None
         for candidate in candidates
         if candidate.problem is not None
     }
@@ -29,8 +29,8 @@ def list_faults(candidates: Sequence[Candidate]) -> list[str]:
 
 
 def list_faulty(candidates: Sequence[Candidate]) -> list[int]:
-    """Return the numbers of the strategies that hold a design that breaks a rule."""
-    faulty = {c.strategy for c in candidates if c.problem is not None}
+    """Return the numbers of the designs that hold a design that breaks a rule."""
+    faulty = {c.design for c in candidates if c.problem is not None}
     return sorted(faulty)
 
 
@@ -95,46 +95,46 @@ class SecondLook:
 
         return tuple(messages)
 
-    def mend(self, answer: Answer, strategies: Sequence[Any]) -> Answer:
+    def mend(self, answer: Answer, designs: Sequence[Any]) -> Answer:
         """Put the designs of a second look in the places of the faulty ones, under the same names.
 
-        What it leaves out of a strategy stays as it was. A tool that was sound stays with all of its plans.
+        What it leaves out of a design stays as it was. A tool that was sound stays with all of its plans.
 
         Args:
             answer: what was read before.
-            strategies: one for each that was faulty, or for all.
+            designs: one for each that was faulty, or for all.
         """
         numbers = list_faulty(answer.candidates)
-        if len(strategies) == len(answer.strategies):
-            strategies = [strategies[number] for number in numbers]
+        if len(designs) == len(answer.designs):
+            designs = [designs[number] for number in numbers]
 
-        whole = list(answer.strategies)
+        whole = list(answer.designs)
         merged: list[Any] = []
-        for number, new in zip(numbers, strategies, strict=False):
+        for number, new in zip(numbers, designs, strict=False):
             whole[number] = _merge(answer, number, new)
             merged.append(whole[number])
 
         mended = list(answer.candidates)
         found = read_candidates(answer.request.brief, merged, starts=True)
         for place, number in enumerate(numbers[: len(merged)]):
-            new = [candidate for candidate in found if candidate.strategy == place]
+            new = [candidate for candidate in found if candidate.design == place]
             mended = _replace(mended, number, new)
 
-        return replace(answer, strategies=whole, candidates=mended)
+        return replace(answer, designs=whole, candidates=mended)
 
 
 def _merge(answer: Answer, number: int, new: object) -> object:
-    """Put a new strategy over an old one, field by field; a tool that is sound stays."""
+    """Put a new design over an old one, field by field; a tool that is sound stays."""
     representation = answer.request.brief.representation
     kept: dict[str, Any] = {}
     for candidate in answer.candidates:
-        if candidate.strategy == number and candidate.problem is None:
+        if candidate.design == number and candidate.problem is None:
             assert candidate.tool is not None
             kept = representation.dump(candidate.tool)
             kept["gripper"] = candidate.tool.gripper
 
     try:
-        old = read_fields(answer.strategies[number], representation)
+        old = read_fields(answer.designs[number], representation)
         return {**old, **read_fields(new, representation), **kept}
     except DesignError:  # one of them is read alone, and its fault said
         return new
@@ -143,14 +143,14 @@ def _merge(answer: Answer, number: int, new: object) -> object:
 def _replace(
     candidates: list[Candidate], number: int, new: list[Candidate]
 ) -> list[Candidate]:
-    """Replace the faulty candidates of a strategy by new ones: all of them, or plan by plan where others are sound.
+    """Replace the faulty candidates of a design by new ones: all of them, or plan by plan where others are sound.
 
     Args:
         candidates: of the answer.
-        number: of the strategy.
+        number: of the design.
         new: what was read of the second look.
     """
-    old = [candidate for candidate in candidates if candidate.strategy == number]
+    old = [candidate for candidate in candidates if candidate.design == number]
     sound = [candidate for candidate in old if candidate.problem is None]
     faulty = [candidate for candidate in old if candidate.problem is not None]
 
@@ -169,5 +169,5 @@ def _replace(
         return candidates
 
     others = [candidate for candidate in candidates if candidate not in faulty]
-    mended = [replace(candidate, strategy=number) for candidate in new]
+    mended = [replace(candidate, design=number) for candidate in new]
     return sorted([*others, *mended], key=lambda candidate: candidate.key)

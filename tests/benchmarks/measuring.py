@@ -122,7 +122,7 @@ def designs(task: str, tools: int, plans: int, seed: int) -> list[Candidate]:
         most=(n_tool, plans),
     )
     groups = itertools.groupby(
-        (c for c in read if c.problem is None), key=lambda c: c.strategy
+        (c for c in read if c.problem is None), key=lambda c: c.design
     )
     whole = [
         group for group in (list(group) for _, group in groups) if len(group) == plans

@@ -110,7 +110,7 @@ def population(
 ) -> dict[str, Any]:
     """Measure rollouts per second, and the time of each part."""
     clock = Clocked()
-    alike = itertools.groupby(candidates, key=lambda candidate: candidate.strategy)
+    alike = itertools.groupby(candidates, key=lambda candidate: candidate.design)
     chunks = [Chunk(condition, tuple(group)) for _, group in alike]
     began = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:

@@ -135,7 +135,7 @@ def write_run(
             if tool.gripper:
                 plan = np.hstack([plan, np.zeros((2, 1))])
             candidate = Candidate(
-                tool, plan, index, 0, i, 0, strategy_name=name, parents=elite
+                tool, plan, index, 0, i, 0, design_name=name, parents=elite
             )
             if reward is None:
                 evaluations.append(

@@ -344,27 +344,27 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
 
 
 def _load_mounted_tool(
-    designs: Path, strategy: int, representation: ToolRepresentation, task: Task
+    designs: Path, design: int, representation: ToolRepresentation, task: Task
 ) -> Tool:
     """Read a tool, and check that it can be mounted.
 
     Args:
         designs: a designs file.
-        strategy: the number of the tool in it, from 0.
+        design: the number of the tool in it, from 0.
         representation: reads it.
         task: in whose first layout it must start clear of everything.
 
     Raises:
         UserError: the file, or the tool, can't be used.
     """
-    tool = load_tool(designs, strategy, representation, task)
+    tool = load_tool(designs, design, representation, task)
     try:
         if tool.components:
             check_tool(tool, task.robot, representation.material)
         SpawnRules(task, 0).check(tool)
     except DesignError as error:
         raise UserError(
-            f"{designs}: the tool of strategy {strategy} can't be mounted: {error}"
+            f"{designs}: the tool of design {design} can't be mounted: {error}"
         ) from error
 
     return tool

@@ -112,7 +112,7 @@ def _untried(run: Run, result: Result, best: Evaluation) -> Iterator[str]:
 
 def _explain_id(candidate: Candidate) -> str:
     """Say what the id of the best candidate means, and what its tool is called."""
-    where = f"generation {candidate.generation}, agent {candidate.agent}, strategy {candidate.strategy}"
+    where = f"generation {candidate.generation}, agent {candidate.agent}, design {candidate.design}"
     line = f"{candidate.id}: {where}, plan {candidate.action}"
     name = clean(_name(candidate), _LONGEST)
 
@@ -120,9 +120,9 @@ def _explain_id(candidate: Candidate) -> str:
 
 
 def _name(candidate: Candidate) -> str:
-    """Return the name of a candidate's tool, or of its strategy; or empty."""
+    """Return the name of a candidate's tool, or of its design; or empty."""
     tool = candidate.tool
-    return (tool and tool.name) or candidate.strategy_name
+    return (tool and tool.name) or candidate.design_name
 
 
 def _next_steps(run: Run, result: Result) -> Iterator[str]:

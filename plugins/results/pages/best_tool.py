@@ -32,8 +32,8 @@ class Winner:
         robot: the run's.
         material: of the tool.
         tool: as it can be drawn.
-        name: the tool's, else the strategy's, else the candidate's.
-        use: how the strategy uses it.
+        name: the tool's, else the design's, else the candidate's.
+        use: how the design uses it.
         candidate: its id.
         reward: 0..1.
         distance_m: of its plan.
@@ -73,7 +73,7 @@ def best_tool(run: FinishedRun) -> Winner:
     kinds = ("task", "tool", "material", "robot")
     settings = {kind: run.config.get(kind, {}) for kind in kinds}
     representation, task = _parts(json.dumps(settings, sort_keys=True))
-    written = run.store.designs()[evaluation.design].written
+    written = run.store.designs()[evaluation.design_key].written
     design = written | {"action_sets": [evaluation.plan]}
     # It may break a rule, but must have a size: there were others when it was tried.
     (read,) = read_designs({"strategies": [design]}, representation, task)
@@ -93,8 +93,8 @@ def best_tool(run: FinishedRun) -> Winner:
         robot=representation.robot,
         material=representation.material,
         tool=read.tool,
-        name=read.tool.name or read.strategy_name or name,
-        use=read.strategy_description or read.strategy_name,
+        name=read.tool.name or read.design_name or name,
+        use=read.design_description or read.design_name,
         candidate=name,
         reward=evaluation.reward,
         distance_m=evaluation.distance_m,

@@ -47,7 +47,7 @@ class RunResult:
         requests: to the model.
         cost_usd: of the replies; None: none reports it.
         wall_time_s: of the search.
-        design: that earned the rewards, as a strategy of a designs file.
+        design: that earned the rewards, as a design of a designs file.
         effort: what its motion costs; None: it was not measured.
     """
 

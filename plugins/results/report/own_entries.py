@@ -154,7 +154,7 @@ def _make_result(run: AnyRun, rules: Protocol) -> RunResult:
     design = None
     for evaluation in tried:
         if evaluation.candidate == run.best.candidate:
-            written = store.designs()[evaluation.design].written
+            written = store.designs()[evaluation.design_key].written
             design = written | {"action_sets": [evaluation.plan]}
 
     unseen = run.figures.unseen

@@ -185,13 +185,13 @@ def lineage(results: Results) -> Rows:
     shown = run.config.get("budget", {}).get("k_top") or SHOWN
 
     for generation in range(len(run.figures.generations)):
-        rows = [row for row in tried if row.design[0] == generation]
+        rows = [row for row in tried if row.design_key[0] == generation]
         best: dict[Key, StoredEvaluation] = {}
         for row in ranked(rows, lambda e: (e.reward, e.distance_m), run.figures.tie):
-            best.setdefault(row.design, row)
+            best.setdefault(row.design_key, row)
 
         for row in list(best.values())[:shown]:
-            design = designs[row.design]
+            design = designs[row.design_key]
             parents = ", ".join(sorted(design.parents)) or "–"
             yield generation, row.candidate, row.reward, parents, _words(design)
 
@@ -256,7 +256,7 @@ def _answers_by_model(
                 designers[request.generation, request.agent] = reply.model
 
         for row in run.store.evaluations():
-            model = designers.get(row.design[:2])
+            model = designers.get(row.design_key[:2])
             if model is not None:
                 earned[model].append(row)
 

@@ -292,7 +292,7 @@ def save_archive(
     with (folder / "archive.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         axes = [f"cell_{measure.name}" for measure in archive.measures]
-        writer.writerow(["strategy", "candidate", *axes, "picked", "reward", *COLUMNS])
+        writer.writerow(["design", "candidate", *axes, "picked", "reward", *COLUMNS])
 
         for number, (name, evaluation) in enumerate(kept.items()):
             where = cells.get(name, [""] * len(axes))

@@ -37,12 +37,12 @@ class Variation:
         self, candidate: Candidate, values: Array, key: tuple[int, int, int, int]
     ) -> Candidate:
         """Make a candidate of ``values`` (N,), see `parameters`, with ``key``; what breaks a rule is its problem."""
-        generation, agent, strategy, action = key
+        generation, agent, number, action = key
         varied = replace(
             candidate,
             generation=generation,
             agent=agent,
-            strategy=strategy,
+            design=number,
             action=action,
             parents=(candidate.id,),
         )

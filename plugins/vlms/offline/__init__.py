@@ -13,7 +13,7 @@ An answer comes about by rejection sampling, and later by a genetic algorithm. E
   their own (`guided`, `joint_pushing`, `pouring`); `raycast` finds where they get in.
 - The search. The `Sampler` draws subgoals, a head, a path and a mount, counts the `faults` of what came of it, and
   keeps the sample with the fewest. `evolve` breeds from `parents`: `tool_variation` and `plan_variation`.
-- The answer. `anchoring` and `plan_writing` write plans that move with the layout, `strategy` a tool with its plans,
-  `answer` a brief's document; `given_tools` and `several` are for tools that are given, or must do several tasks.
-  `designer` is the model that a run asks.
+- The answer. `anchoring` and `plan_writing` write plans that move with the layout, `written_design` a tool with its
+  plans, `answer` a brief's document; `given_tools` and `several` are for tools that are given, or must do several
+  tasks. `designer` is the model that a run asks.
 """

@@ -12,10 +12,10 @@ from plugins.vlms.offline.layouts import make_layouts
 from plugins.vlms.offline.parents import Parent, find_parents
 from plugins.vlms.offline.sampler import Sampler
 from plugins.vlms.offline.several import answer_several
-from plugins.vlms.offline.strategy import (
-    Strategy,
+from plugins.vlms.offline.written_design import (
+    Design,
     plans_of_fresh_design,
-    write_strategy,
+    write_design,
 )
 
 
@@ -31,31 +31,31 @@ def answer(brief: Brief) -> dict[str, Any]:
 
     sampler = Sampler(brief, make_layouts(brief))
     parents = find_parents(brief.elites, brief.gripper, sampler.layout.seen)
-    strategies = [_make_strategy(sampler, parents) for _ in range(brief.n_tool)]
+    designs = [_make_design(sampler, parents) for _ in range(brief.n_tool)]
 
     bodies = len(sampler.model.solids)
     moving = sum(len(goal.bodies) for goal in sampler.analysis.goals)
     return {
         "scene_analysis": f"{bodies} bodies have collision shapes; to be moved: {moving}.",
-        "strategies": strategies,
+        "strategies": designs,
     }
 
 
-def _make_strategy(sampler: Sampler, parents: Sequence[Parent]) -> dict[str, Any]:
-    """Make a strategy, and write it as in the document."""
+def _make_design(sampler: Sampler, parents: Sequence[Parent]) -> dict[str, Any]:
+    """Make a design, and write it as in the document."""
     brief = sampler.brief
     given = brief.representation.given(brief.task)
     if given is not None:
-        strategy = plan_for_given_tool(given, sampler, parents)
+        design = plan_for_given_tool(given, sampler, parents)
     elif parents:
-        strategy = breed(parents, brief.n_action, sampler)
+        design = breed(parents, brief.n_action, sampler)
     else:
-        strategy = _invent(sampler)
+        design = _invent(sampler)
 
-    return write_strategy(strategy, sampler, is_given=given is not None)
+    return write_design(design, sampler, is_given=given is not None)
 
 
-def _invent(sampler: Sampler) -> Strategy:
+def _invent(sampler: Sampler) -> Design:
     """Design a fresh tool with plans."""
     brief = sampler.brief
     design = sampler.invent()
@@ -67,7 +67,7 @@ def _invent(sampler: Sampler) -> Strategy:
     if brief.elites:
         description += " A fresh design: no elite has this kind of tool."
 
-    return Strategy(
+    return Design(
         f"{head.primitive} with {tool.name}",
         description,
         tool,

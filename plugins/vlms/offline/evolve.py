@@ -10,8 +10,8 @@ import numpy as np
 from plugins.vlms.offline.parents import Parent
 from plugins.vlms.offline.plan_variation import make_offspring_plans
 from plugins.vlms.offline.sampler import Sampler
-from plugins.vlms.offline.strategy import Strategy
 from plugins.vlms.offline.tool_variation import cross, mutate
+from plugins.vlms.offline.written_design import Design
 
 _TRIES = 12
 _CROSSES = 0.4  # how often two different parents are crossed
@@ -21,7 +21,7 @@ def breed(
     parents: Sequence[Parent],
     count: int,
     sampler: Sampler,
-) -> Strategy:
+) -> Design:
     """Breed one tool with ``count`` plans. Better elites are parents more often.
 
     Where no change keeps the rules, the tool is its parent's.
@@ -58,7 +58,7 @@ def breed(
     description = f"{base}; changed: {change}"
     tool = replace(tool, name=first.tool.name, description=description)
 
-    return Strategy(
+    return Design(
         f"{name}: {change}",
         f"{name.capitalize()} of {' and '.join(ids)}: {change}.",
         tool,

@@ -16,8 +16,8 @@ from plugins.vlms.offline.parents import Parent
 from plugins.vlms.offline.paths import SampledPlan
 from plugins.vlms.offline.plan_variation import make_offspring_plans
 from plugins.vlms.offline.sampler import FreshDesign, Sampler
-from plugins.vlms.offline.strategy import Strategy, plans_of_fresh_design
 from plugins.vlms.offline.tool_parts import task_suffix
+from plugins.vlms.offline.written_design import Design, plans_of_fresh_design
 
 _PART = re.compile(
     r"for ([\w.-]+): turned by (-?\d+) degrees, (\d+) mm long, draw (\d+)"
@@ -64,7 +64,7 @@ def plan_for_given_tool(
     tool: Tool,
     sampler: Sampler,
     parents: Sequence[Parent],
-) -> Strategy:
+) -> Design:
     """Make plans for a tool that is given: offspring of a parent's plans, or fresh ones.
 
     Args:
@@ -80,7 +80,7 @@ def plan_for_given_tool(
     if not parents:
         plans = _make_fresh_plans(tool, sampler, seeds)
         description = f"It {plans[0].text}."
-        return Strategy("the given tool", description, tool, plans, [])
+        return Design("the given tool", description, tool, plans, [])
 
     if seeds:
         parent = max(parents, key=lambda parent: parent.reward)
@@ -89,7 +89,7 @@ def plan_for_given_tool(
 
     plans = make_offspring_plans(parent, tool, brief.n_action, sampler)
     description = f"Plans varied from {parent.id}."
-    return Strategy("the given tool", description, tool, plans, [parent.id])
+    return Design("the given tool", description, tool, plans, [parent.id])
 
 
 def _make_fresh_plans(

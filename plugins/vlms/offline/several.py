@@ -23,9 +23,9 @@ from plugins.vlms.offline.given_tools import PartSeed
 from plugins.vlms.offline.layouts import Layout
 from plugins.vlms.offline.sampler import Sampler
 from plugins.vlms.offline.scene_analysis import NothingToMove
-from plugins.vlms.offline.strategy import Strategy, write_tool
 from plugins.vlms.offline.tool_parts import find_part, task_suffix, working_part
 from plugins.vlms.offline.tool_variation import mutate
+from plugins.vlms.offline.written_design import Design, write_tool
 
 _TRIES = 12
 _FRESH = 0.4  # the chance of a fresh part for a task that is not done
@@ -54,21 +54,21 @@ def answer_several(brief: Brief) -> dict[str, Any]:
         raise NothingToMove("; ".join(reasons))
 
     maker = _ToolMaker(brief, samplers, np.random.default_rng(brief.seed))
-    strategies = [maker.make_strategy(number) for number in range(brief.n_tool)]
+    designs = [maker.make_design(number) for number in range(brief.n_tool)]
 
     return {
         "scene_analysis": f"{len(samplers)} tasks for one tool.",
-        "strategies": strategies,
+        "strategies": designs,
     }
 
 
-def _as_strategy(
+def _as_design(
     tool: Tool,
     change: str,
     parents: Sequence[str] = (),
-) -> Strategy:
-    """Make a strategy of a tool without plans, named by what was done to make it."""
-    return Strategy(change, f"{tool.name}: {change}.", tool, [], parents)
+) -> Design:
+    """Make a design of a tool without plans, named by what was done to make it."""
+    return Design(change, f"{tool.name}: {change}.", tool, [], parents)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,25 +85,25 @@ class _ToolMaker:
     samplers: Mapping[str, Sampler]
     rng: Generator
 
-    def make_strategy(self, number: int) -> dict[str, Any]:
+    def make_design(self, number: int) -> dict[str, Any]:
         """Make a tool and write it as in a designs document, without plans.
 
         Args:
             number: of the tool in the document, from 0.
         """
-        strategy = self._make_tool(number)
-        fields = write_tool(strategy, self.brief.representation)
+        design = self._make_tool(number)
+        fields = write_tool(design, self.brief.representation)
 
         if self.brief.elites:
-            fields["parents"] = list(strategy.parents)
+            fields["parents"] = list(design.parents)
 
         return fields
 
-    def _make_tool(self, number: int) -> Strategy:
+    def _make_tool(self, number: int) -> Design:
         """Join the best parts first; then change the part for a task that is not done, or make a fresh one.
 
         Args:
-            number: see `make_strategy`.
+            number: see `make_design`.
         """
         best = self._find_best()
         earned = {task: elite.figures.get(task, 0.0) for task, elite in best.items()}
@@ -139,11 +139,11 @@ class _ToolMaker:
 
         return best
 
-    def _make_first(self, number: int) -> Strategy:
+    def _make_first(self, number: int) -> Design:
         """Make a part for a task alone; as the last of a request, a tool with one for each.
 
         Args:
-            number: see `make_strategy`.
+            number: see `make_design`.
         """
         names = list(self.samplers)
         if number < self.brief.n_tool - 1:
@@ -154,15 +154,15 @@ class _ToolMaker:
         for part in others:
             tool = self._put_part(tool, replace(part, components=()), part) or tool
 
-        return _as_strategy(tool, "a part for each")
+        return _as_design(tool, "a part for each")
 
-    def _make_alone(self, name: str) -> Strategy:
+    def _make_alone(self, name: str) -> Design:
         """Make a part for a task, and nothing for the others.
 
         Args:
             name: of the task.
         """
-        return _as_strategy(self._make_part(name), f"a part for {name}")
+        return _as_design(self._make_part(name), f"a part for {name}")
 
     def _draw_weak(self, earned: Mapping[str, float]) -> str:
         """Draw a task, more likely one in which little was earned.
@@ -175,7 +175,7 @@ class _ToolMaker:
 
         return list(earned)[int(chosen)]
 
-    def _change_part(self, joined: Strategy, name: str) -> Strategy:
+    def _change_part(self, joined: Design, name: str) -> Design:
         """Mutate the part for a task; where no change keeps the rules, make a fresh one.
 
         Args:
@@ -190,7 +190,7 @@ class _ToolMaker:
 
             tool = self._put_part(joined.tool, part, changed)
             if tool is not None:
-                return _as_strategy(tool, f"{name}: {change}", joined.parents)
+                return _as_design(tool, f"{name}: {change}", joined.parents)
 
         return self._make_alone(name)
 
@@ -239,7 +239,7 @@ class _ToolMaker:
 
         return replace(tool, components=tuple(components), description=description)
 
-    def _join_parts(self, best: Mapping[str, Evaluation]) -> Strategy:
+    def _join_parts(self, best: Mapping[str, Evaluation]) -> Design:
         """Take the tool that does most, with the parts of others for the tasks that they do better, where they fit.
 
         Args:
@@ -263,7 +263,7 @@ class _ToolMaker:
 
         unique = list(dict.fromkeys(parents))
 
-        return _as_strategy(tool, "the parts that do most", unique)
+        return _as_design(tool, "the parts that do most", unique)
 
     def _put_part(
         self,

@@ -115,8 +115,8 @@ def make_elite(strategy, reward, *, gripper=False):
     candidate = Candidate(
         tool,
         np.zeros((1, 7 if gripper else 6)),
-        strategy=strategy,
-        strategy_name=f"Push {strategy}",
+        design=strategy,
+        design_name=f"Push {strategy}",
     )
     return tried_once(candidate, "ok", reward=reward)
 

@@ -120,8 +120,8 @@ def test_one_candidate_per_action_plan():
     assert first.tool is second.tool is not third.tool
     assert (first.tool.name, first.tool.description) == ("rod", "A rod.")
     described = (
-        first.strategy_name,
-        first.strategy_description,
+        first.design_name,
+        first.design_description,
         first.action_description,
     )
     assert described == ("poke", "Poke it.", "Forward.")
@@ -132,7 +132,7 @@ def test_one_candidate_per_action_plan():
 def test_only_the_tool_and_the_plans_are_required():
     (candidate,) = read({"length": 0.2, "action_sets": [PLAN], "strategy_name": None})
     assert candidate.problem is None
-    assert candidate.strategy_name == candidate.tool.name == ""
+    assert candidate.design_name == candidate.tool.name == ""
 
 
 def test_gripper_designs():
@@ -157,7 +157,7 @@ def test_a_fault_of_a_strategy_is_a_problem_of_all_its_plans(change, reason):
     good, *bad = read({**STRATEGY, "action_sets": [PLAN]}, {**STRATEGY, **change})
     assert good.problem is None
     assert [c.action for c in bad] == [0, 1]
-    assert all(reason in c.problem and c.strategy == 1 for c in bad)
+    assert all(reason in c.problem and c.design == 1 for c in bad)
 
 
 def test_whether_a_tool_starts_clear_is_asked_where_it_is_tried():
@@ -205,7 +205,7 @@ def test_missing_fields():
 
 def test_a_strategy_that_is_not_an_object():
     bad, good = read([], {**STRATEGY, "action_sets": [PLAN]})
-    assert "the strategy is a list" in bad.problem
+    assert "the design is a list" in bad.problem
     assert (good.problem, good.strategy) == (None, 1)
 
 
@@ -217,7 +217,7 @@ def test_a_strategy_that_is_not_an_object():
     ],
 )
 def test_a_document_without_strategies(document):
-    with pytest.raises(DesignError, match=r"has no strategies; expected an object"):
+    with pytest.raises(DesignError, match=r"has no designs; expected an object"):
         read_designs(document, Rod(), TASK)
 
 
@@ -226,7 +226,7 @@ def test_no_design_is_lost_by_a_description():
     (candidate,) = read({**STRATEGY, **texts, "action_sets": [PLAN]})
     assert candidate.problem is None
     assert candidate.tool.name == "3"
-    assert candidate.strategy_description == '["a", "b"]'
+    assert candidate.design_description == '["a", "b"]'
 
 
 def test_texts_are_cleaned():
@@ -238,7 +238,7 @@ def test_texts_are_cleaned():
     (candidate,) = read(
         {**STRATEGY, "strategy_description": "y" * 10_000, "action_sets": [PLAN]}
     )
-    assert len(candidate.strategy_description) == 5000
+    assert len(candidate.design_description) == 5000
 
 
 json_values = st.recursive(
@@ -316,13 +316,13 @@ def test_a_tool_is_read_alone_whatever_rules_it_breaks(tmp_path):
     task = on_panda(CubeOnTable())
     assert load_tool(path, 0, Rod(), task).components[0].shape.size[2] == 9.0
     for number, reason in (
-        (1, "the tool of strategy 1 can't be read: length must be"),
+        (1, "the tool of design 1 can't be read: length must be"),
         (
             2,
-            "the tool of strategy 2 can't be read: the strategy is the text 'none', not an object",
+            "the tool of design 2 can't be read: the design is the text 'none', not an object",
         ),
-        (3, "has 3 strategies; there is no strategy=3"),
-        (-1, "has 3 strategies; there is no strategy=-1"),
+        (3, "has 3 designs; there is no strategy=3"),
+        (-1, "has 3 designs; there is no strategy=-1"),
     ):
         with pytest.raises(UserError, match=f"designs.json.*{reason}"):
             load_tool(path, number, Rod(), task)

@@ -210,7 +210,7 @@ def test_an_agent_that_fails_costs_its_own_candidates_only(reply, reason):
 
 def test_elites_reach_the_brief_and_parents_come_back():
     elite = tried_once(
-        Candidate(ROD, np.array(PLAN), strategy_name="poke"), "ok", reward=0.8
+        Candidate(ROD, np.array(PLAN), design_name="poke"), "ok", reward=0.8
     )
     vlm = Canned(
         lambda r: Reply(r.id, document(parents=["g0-a0-s0-p0", "g7-a7-s7-p7"]), "a can")
@@ -322,7 +322,7 @@ def test_the_best_elite_is_drawn_once_and_only_if_it_is_shown(feedback):
         return Picture(b"drawn", f"strip_{evaluation.candidate.id}")
 
     elites = [
-        tried_once(Candidate(ROD, np.array(PLAN), strategy=n), "ok", reward=0.8)
+        tried_once(Candidate(ROD, np.array(PLAN), design=n), "ok", reward=0.8)
         for n in range(2)
     ]
     vlm = Canned(good)
@@ -347,7 +347,7 @@ def test_a_failure_of_the_last_generation_is_drawn_too_with_elites_or_without():
         return Picture(b"drawn", f"strip_{evaluation.candidate.id}")
 
     def tried(generation, strategy, result, reward):
-        candidate = Candidate(ROD, np.array(PLAN), generation, strategy=strategy)
+        candidate = Candidate(ROD, np.array(PLAN), generation, design=strategy)
         return tried_once(
             candidate, "ok", reward=reward, observation=Observation(result)
         )

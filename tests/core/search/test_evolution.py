@@ -79,7 +79,7 @@ class Diary:
 
 
 def reward_of(candidate):
-    return (1 + candidate.generation) * (candidate.strategy + candidate.action) / 100
+    return (1 + candidate.generation) * (candidate.design + candidate.action) / 100
 
 
 def earn(chunk):
@@ -373,8 +373,7 @@ def alike(*ids, plan=0.0, own=None):
     """Candidates of one content, by (generation, agent, strategy, action)."""
     own = own or tool()
     return [
-        Candidate(own, np.full((1, 6), plan), *key, strategy_name=f"{key}")
-        for key in ids
+        Candidate(own, np.full((1, 6), plan), *key, design_name=f"{key}") for key in ids
     ]
 
 
@@ -407,8 +406,8 @@ def test_identical_candidates_are_tried_once_and_earn_the_same():
         ["start 0", "finish 0", "start 1", "finish 1", *evaluated]
     )
     in_order = sorted(first, key=lambda candidate: candidate.key)
-    assert [e.candidate.strategy_name for e in strategy.evaluated[0]] == [
-        c.strategy_name for c in in_order
+    assert [e.candidate.design_name for e in strategy.evaluated[0]] == [
+        c.design_name for c in in_order
     ]
     assert result.n_evaluations == 6
 
@@ -491,7 +490,7 @@ def test_an_interrupt_ends_the_run_with_what_there_is(when, arrived):
         if (
             when == "while one is tried"
             and chunk[0].generation == 1
-            and chunk[0].strategy == 1
+            and chunk[0].design == 1
         ):
             raise KeyboardInterrupt
         return earn(chunk)

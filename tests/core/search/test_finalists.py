@@ -41,7 +41,7 @@ def earn(condition, candidates):
     for candidate in candidates:
         where = condition.where
         rewards = (
-            candidate.strategy_description.split(where.engine)[1].split("b")[0].split()
+            candidate.design_description.split(where.engine)[1].split("b")[0].split()
         )
         reward = rewards[where.layout % len(rewards)]
         if reward == "full":
@@ -68,9 +68,7 @@ def result(*designs):
     """Rewards in the search, distances, and what is earned in the trials of both engines."""
     evaluations = [
         tried_once(
-            Candidate(
-                None, np.full((1, 6), float(n)), 0, n, strategy_description=trials
-            ),
+            Candidate(None, np.full((1, 6), float(n)), 0, n, design_description=trials),
             "ok",
             reward,
             distance,

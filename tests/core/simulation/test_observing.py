@@ -45,7 +45,7 @@ def observed(file):
     found = {}
     for evaluation in evaluations(file):
         assert (evaluation.status, evaluation.reason) == ("ok", "")
-        found[evaluation.candidate.strategy_name] = evaluation.observation
+        found[evaluation.candidate.design_name] = evaluation.observation
     return found
 
 
@@ -54,7 +54,7 @@ def test_twelve_failures_are_named_two_of_each_kind():
     named, kinds = [], []
     for file in sorted(FAILURES.glob("*.json")):
         for evaluation in evaluations(file):
-            wanted = evaluation.candidate.strategy_name
+            wanted = evaluation.candidate.design_name
             kinds.append(wanted)
             named.append(evaluation.observation.result == wanted)
     assert sorted(kinds) == sorted(
@@ -254,7 +254,7 @@ def test_other_engines_name_the_same_failures(engine):
     """Those that hang on no friction."""
     for task in ("BringCube", "HighObject", "LiftBox"):
         for evaluation in evaluations(FAILURES / f"{task}.json", engine=engine):
-            assert evaluation.observation.result == evaluation.candidate.strategy_name
+            assert evaluation.observation.result == evaluation.candidate.design_name
 
 
 class Drawer(BringCube):

@@ -137,7 +137,7 @@ def test_evaluations_and_their_design_once(opened):
     ]
     assert json.loads(found[0][5]) == PLAN.tolist()
     assert found[3][4] is None
-    ((parents, design),) = rows(store, "SELECT parents, design FROM strategies")
+    ((parents, design),) = rows(store, "SELECT parents, written FROM designs")
     assert json.loads(parents) == ["g0-a0-s0-p0"]
     assert URDF.parse(json.loads(design), gripper=False).components[0].shape == Box(
         (0.02, 0.02, 0.2)

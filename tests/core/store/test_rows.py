@@ -161,17 +161,17 @@ def test_a_store_of_another_form_is_refused_in_one_line_and_left_as_it_is(
             "first",
             "where.2: Input should be a valid integer",
         ),
-        ("UPDATE strategies SET design = ?", "[]", "design: "),
+        ("UPDATE designs SET written = ?", "[]", "written: "),
         (
-            "UPDATE strategies SET design = ?",
+            "UPDATE designs SET written = ?",
             '{"tool_urdf": ""}',
-            "design.gripper: Field required",
+            "written.gripper: Field required",
         ),
-        ("UPDATE strategies SET parents = ?", '{"a": 1}', "parents: "),
+        ("UPDATE designs SET parents = ?", '{"a": 1}', "parents: "),
         (
-            "DELETE FROM strategies WHERE strategy = ?",
+            "DELETE FROM designs WHERE design = ?",
             1,
-            "evaluations: g0-a0-s1-p0 has no row in strategies",
+            "evaluations: g0-a0-s1-p0 has no row in designs",
         ),
         (
             "UPDATE replies SET prompt_tokens = ?",

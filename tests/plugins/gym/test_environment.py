@@ -188,7 +188,7 @@ def test_a_tool_that_breaks_a_rule_is_not_mounted(tmp_path):
     file.write_text(json.dumps(document))
     with pytest.raises(
         UserError,
-        match=r"floating.json: the tool of strategy 0 can't be mounted: .* 295.0 mm away",
+        match=r"floating.json: the tool of design 0 can't be mounted: .* 295.0 mm away",
     ):
         gymnasium.make("RoboToolBench/BringCube-v0", designs=file)
 

@@ -54,9 +54,9 @@ def generations(simulator):
         hook,
         tool=replace(hook.tool, name=HOSTILE, description=HOSTILE),
         plan=hook.plan.poses[:2],
-        strategy=1,
-        strategy_name=HOSTILE,
-        strategy_description=HOSTILE,
+        design=1,
+        design_name=HOSTILE,
+        design_description=HOSTILE,
         action_description=HOSTILE,
     )
     lost = Candidate(None, np.zeros((0, 6)), 0, 2, problem="no boxes")

@@ -86,7 +86,7 @@ def test_what_spoke_against_candidates_is_said_by_candidate(capsys):
     said = summary(capsys, [0.2, None, None], [None])
     first, *_ = lines = said.splitlines()
     assert first == (
-        "g0-a0-s0-p0: generation 0, agent 0, strategy 0, plan 0; its designer calls the tool hook"
+        "g0-a0-s0-p0: generation 0, agent 0, design 0, plan 0; its designer calls the tool hook"
     )
     heading = lines.index("what failed, and why (3 of 4 candidates):")
     assert heading > lines.index("what to type next:")

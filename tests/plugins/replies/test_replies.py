@@ -48,7 +48,7 @@ def test_a_reply_that_names_no_action_is_read_by_its_form():
 
 
 def test_a_reply_without_a_document():
-    with pytest.raises(DesignError, match=r"no strategies \(its JSON has a\)"):
+    with pytest.raises(DesignError, match=r"no designs \(its JSON has a\)"):
         parse_reply('so: {"a": 1} {"b": 2}')
     for reply in ("", "I can't help with that.", "[1, 2]", "```json\n```"):
         with pytest.raises(DesignError, match="no JSON object"):
@@ -87,13 +87,13 @@ def test_strategies_after_a_malformed_one_are_kept():
     text = '{"strategies": [' + ",\n".join([first, broken, broken, whole[3]]) + "]}"
     candidates = read_designs(parse_reply(text), Rod(), TASK)
     # Fmt: skip.
-    assert [(c.strategy, c.problem is None) for c in candidates] == [
+    assert [(c.design, c.problem is None) for c in candidates] == [
         *([(0, True)] * 2),
         (1, False),
         (2, False),
         *([(3, True)] * 2),
     ]
-    assert candidates[-1].strategy_name == "3"
+    assert candidates[-1].design_name == "3"
     assert "line 2 " in candidates[2].problem
     assert "line 3 " in candidates[3].problem
 

@@ -281,7 +281,7 @@ def test_all_that_was_tried_can_be_read_back(ran):
     for one, other in zip(again, tried, strict=True):
         assert (one.reward, one.distance_m) == (other.reward, other.distance_m)
         assert one.candidate.plan.poses.tolist() == other.candidate.plan.poses.tolist()
-        assert one.candidate.strategy_name == other.candidate.strategy_name
+        assert one.candidate.design_name == other.candidate.design_name
         assert one.candidate.parents == other.candidate.parents
         assert len(one.candidate.tool.components) == len(
             other.candidate.tool.components

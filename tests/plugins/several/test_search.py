@@ -73,7 +73,7 @@ def test_the_embedded_designers_tools_have_parts_for_the_tasks_side_by_side(foun
     for evaluation in (
         e for e in found[1].generations[0].evaluations if e.candidate.tool is not None
     ):
-        tools[evaluation.candidate.strategy] = evaluation.candidate.tool
+        tools[evaluation.candidate.design] = evaluation.candidate.tool
     first, last = (
         [c.name.rpartition("_")[2] for c in tools[number].components]
         for number in (0, 1)

@@ -187,7 +187,7 @@ def test_the_designs_of_an_archive_can_be_tried(tmp_path):
     ]
     for row, tried in zip(rows, evaluate(load("evaluate", words)), strict=True):
         assert tried.status == "ok"
-        assert tried.candidate.strategy == int(row["strategy"])
+        assert tried.candidate.design == int(row["design"])
         assert measure_extent(tried.candidate.tool) == pytest.approx(
             float(row["extent_m"])
         )

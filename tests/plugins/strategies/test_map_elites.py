@@ -33,7 +33,7 @@ class Hooks:
             yield Candidate(hook(0.2 + 0.04 * strategy), plan, generation, 0, strategy)
 
 
-def search(designer, generations=3, earns=lambda c: 0.1 + 0.1 * c.strategy, **settings):
+def search(designer, generations=3, earns=lambda c: 0.1 + 0.1 * c.design, **settings):
     """The evaluations of each generation."""
     strategy = installed().create(
         "evolution", "map_elites", settings, designer=designer, budget=BUDGET

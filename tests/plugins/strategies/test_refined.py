@@ -36,17 +36,17 @@ class Plans:
         return Numbers.near(candidate.plan.poses, 0.02, 3.0)
 
     def toward(self, candidate, other):
-        return other.plan.poses.ravel() if self.offsets[other.strategy] < 0.35 else None
+        return other.plan.poses.ravel() if self.offsets[other.design] < 0.35 else None
 
     def vary(self, candidate, values, key):
-        generation, agent, strategy, action = key
+        generation, agent, number, action = key
         new = replace(candidate, plan=Waypoints(values[None]), parents=(candidate.id,))
         problem = "too far" if values[0] > 1 else None
         return replace(
             new,
             generation=generation,
             agent=agent,
-            strategy=strategy,
+            design=number,
             action=action,
             problem=problem,
         )

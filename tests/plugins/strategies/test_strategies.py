@@ -73,7 +73,7 @@ def test_of_several_tasks_the_best_of_each_is_an_elite_and_stays():
     earned_in = {0: (0.6, 0.5), 1: (0.0, 0.9), 2: (0.7, 0.0)}  # in two tasks
     found = []
     for number, (in_a, in_b) in earned_in.items():
-        candidate = Candidate(Tool(), np.zeros((1, 6)), strategy=number)
+        candidate = Candidate(Tool(), np.zeros((1, 6)), design=number)
         trials = tuple(
             Trial(Where(task, "", 0), reward=reward)
             for task, reward in (("a", in_a), ("b", in_b))
@@ -83,7 +83,7 @@ def test_of_several_tasks_the_best_of_each_is_an_elite_and_stays():
                 candidate, trials, Score((in_a + in_b) / 2, {"a": in_a, "b": in_b})
             )
         )
-    assert [e.candidate.strategy for e in select(found, 1, 0.5)] == [0, 2, 1]
+    assert [e.candidate.design for e in select(found, 1, 0.5)] == [0, 2, 1]
     search, designer = strategy("vlmgineer", k_top=1)
     search.tell(found)
     search.tell([earned(0.0, 3)])

@@ -128,7 +128,7 @@ def test_a_file_without_a_tool_is_refused(tmp_path, document):
     file = tmp_path / "designs.json"
     file.write_text(document)
     with pytest.raises(
-        UserError, match=r"designs\.json: the tool of strategy 0 can't be read"
+        UserError, match=r"designs\.json: the tool of design 0 can't be read"
     ):
         installed().create("tool", "known", {"file": str(file), "of": "boxes"}).given(
             BringCube()

@@ -50,7 +50,7 @@ def evaluated(tmp_path_factory):
 @pytest.mark.slow
 def test_each_plan_has_a_record_of_what_it_earned(evaluated):
     records, lines = evaluated
-    assert [(r["strategy"], r["plan"]) for r in records] == [
+    assert [(r["design"], r["plan"]) for r in records] == [
         (0, 0),
         (0, 1),
         (0, 2),
@@ -68,7 +68,7 @@ def test_each_plan_has_a_record_of_what_it_earned(evaluated):
     assert (far["reward"], loose["reward"], far["distance_m"]) == (0, 0, None)
     assert "waypoint 1" in far["reason"]
     assert "revolute" in loose["reason"]
-    assert {"strategy", "reward", "status"} <= set(lines[0].split())
+    assert {"design", "reward", "status"} <= set(lines[0].split())
 
 
 @pytest.mark.slow
@@ -116,7 +116,7 @@ def test_a_reason_is_one_line(evaluated):
 def test_a_terminal_is_shown_no_control_sequences(capsys):
     """A plugin's error may hold what a model wrote."""
     reason = "\x1b]0;owned\x07\x1b[2J[bold]no[/bold] \u202egnp\x00\nnext"
-    figures = dict.fromkeys(("strategy", "plan", "reward"), 0)
+    figures = dict.fromkeys(("design", "plan", "reward"), 0)
     unknown = dict.fromkeys(("distance_m", "ik_error_m", "tracking_error_rad"))
     show([figures | unknown | {"status": "failed", "reason": reason, "warnings": []}])
     shown = capsys.readouterr().out

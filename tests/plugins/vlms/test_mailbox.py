@@ -196,7 +196,7 @@ def test_replies_come_in_any_order_and_as_markdown(tmp_path, capsys):
         (b'{"strategies": []}', "'strategies' is empty"),
         (GOOD[:300].encode(), "malformed JSON at line 1"),
         (b"\xff\xfe", "is not UTF-8 text"),
-        (b'{"strategies": [{"tool_urdf": "<link/>"}]}', "strategy 1: "),
+        (b'{"strategies": [{"tool_urdf": "<link/>"}]}', "design 1: "),
         (
             document(STRATEGY | {"action_sets": [[[9] * 6]]}).encode(),
             "x is 9; it must be between",
@@ -232,9 +232,9 @@ def test_rejected_designs_of_an_accepted_reply_are_listed(tmp_path, box):
     assert reply.text == text
     listed = problem(box)
     assert listed.startswith(
-        "reply.json is accepted; these of its designs will be rejected:\n\n- strategy 2: "
+        "reply.json is accepted; these of its designs will be rejected:\n\n- design 2: "
     )
-    assert "strategy 1" not in listed
+    assert "design 1" not in listed
 
 
 @pytest.mark.parametrize("accepted", [True, False])
@@ -285,7 +285,7 @@ def test_a_reply_that_is_cut_off_is_read_when_its_file_rests(tmp_path, box):
         tmp_path, (exists(box / "prompt.md"), writes(box / "reply.md", text))
     )
     assert reply.text == text
-    assert "strategy 2: the strategy is cut off" in problem(box)
+    assert "design 2: the design is cut off" in problem(box)
 
 
 def test_a_large_reply_or_a_folder_is_refused(tmp_path, box, monkeypatch):

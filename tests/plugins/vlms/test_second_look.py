@@ -55,10 +55,10 @@ def test_only_faulty_designs_go_back_and_the_answer_takes_their_names():
     assert (again.brief.n_tool, again.brief.n_action) == (2, 2)
     assert [m.role for m in again.messages[-2:]] == ["assistant", "user"]
     words = last_words(again)
-    assert "strategy 2: component 'rod' is 95.0 mm away from its mount" in words
-    assert "strategy 3: action plan 2: waypoint 1: x is 9" in words
-    assert "strategy 1" not in words
-    assert "only these 2 strategies, in this order" in words
+    assert "design 2: component 'rod' is 95.0 mm away from its mount" in words
+    assert "design 3: action plan 2: waypoint 1: x is 9" in words
+    assert "design 1" not in words
+    assert "only these 2 designs, in this order" in words
 
 
 def test_a_sound_tool_stays_and_so_do_its_sound_plans():
@@ -78,7 +78,7 @@ def test_designs_beyond_those_asked_for_do_not_move_the_others():
         text_of(SOUND, SOUND, APART, more, more), text_of(SOUND, SOUND, mended)
     )
     found = ask(vlm)
-    assert [c.tool.name for c in found if c.strategy == 2] == ["mended", "mended"]
+    assert [c.tool.name for c in found if c.design == 2] == ["mended", "mended"]
 
 
 def test_a_sound_tool_keeps_its_gripper():

@@ -209,7 +209,7 @@ def test_names_make_no_difference():
 
 def test_offspring_differ_from_their_parents_and_name_them():
     parents = [
-        replace(c, strategy=i)
+        replace(c, design=i)
         for i, c in enumerate(candidates(brief(CubeTask(), n_tool=3, n_action=1)))
     ]
     elites = [elite(parent, 0.9 - 0.1 * i) for i, parent in enumerate(parents)]

@@ -1,4 +1,4 @@
-"""A strategy of a designs document: a tool and its plans."""
+"""A design of a designs document: a tool and its plans."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from plugins.vlms.offline.sampler import FreshDesign, Sampler
 
 
 @dataclass(frozen=True, eq=False)
-class Strategy:
+class Design:
     """A tool and its plans, with what the document says of them.
 
     Attributes:
@@ -52,22 +52,22 @@ def plans_of_fresh_design(
 
 
 def write_tool(
-    strategy: Strategy,
+    design: Design,
     representation: ToolRepresentation,
     *,
     is_given: bool = False,
 ) -> dict[str, Any]:
-    """Write what a designs document says of a strategy's tool.
+    """Write what a designs document says of a design's tool.
 
     Args:
-        strategy: with or without plans.
+        design: with or without plans.
         representation: how the document describes tools.
         is_given: whether the tool is not asked for.
     """
-    tool = strategy.tool
+    tool = design.tool
     fields: dict[str, Any] = {
-        "strategy_name": strategy.name,
-        "strategy_description": strategy.description,
+        "strategy_name": design.name,
+        "strategy_description": design.description,
     }
     if not is_given:
         fields["tool_name"] = tool.name
@@ -77,34 +77,34 @@ def write_tool(
     return fields | representation.dump(tool)
 
 
-def write_strategy(
-    strategy: Strategy,
+def write_design(
+    design: Design,
     sampler: Sampler,
     *,
     is_given: bool,
 ) -> dict[str, Any]:
-    """Write a strategy as in a designs document.
+    """Write a design as in a designs document.
 
     Args:
-        strategy: with plans.
+        design: with plans.
         sampler: which knows how plans are written.
         is_given: whether its tool is not asked for.
     """
     representation = sampler.brief.representation
-    fields = write_tool(strategy, representation, is_given=is_given)
-    texts = [f"{i}: {plan.text}" for i, plan in enumerate(strategy.plans, start=1)]
+    fields = write_tool(design, representation, is_given=is_given)
+    texts = [f"{i}: {plan.text}" for i, plan in enumerate(design.plans, start=1)]
     fields["action_description"] = " | ".join(texts)
 
     # Where guards are known, every other plan has one.
     writer = sampler.writer
     action_sets = []
-    for number, plan in enumerate(strategy.plans):
+    for number, plan in enumerate(design.plans):
         if sampler.brief.actions.guards and number % 2 == 0:
-            action_sets.append(writer.write_with_guard(plan, strategy.tool))
+            action_sets.append(writer.write_with_guard(plan, design.tool))
         else:
             action_sets.append(writer.write(plan.rows, plan.anchors))
 
     fields["action_sets"] = action_sets
-    if strategy.parents:
-        fields["parents"] = strategy.parents
+    if design.parents:
+        fields["parents"] = design.parents
     return fields
