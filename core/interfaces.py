@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from core.design import Budget as Budget, Candidate, DesignError, Tool
 from core.errors import UsageError, UserError
-from core.scene import View as View
+from core.scene import Scene, View as View
 from core.task import Task as Task
 from core.trial import (
     TIE,
@@ -35,13 +35,10 @@ from core.values.jobs import (
     Feel as Feel,
     Felt as Felt,
     Guards as Guards,
-    JointTrajectory as JointTrajectory,
     Outcome as Outcome,
     Perception as Perception,
-    PlannedMotion as PlannedMotion,
     Pushes as Pushes,
     Recording as Recording,
-    Rollout as Rollout,
     RolloutSettings as RolloutSettings,
     World as World,
 )
@@ -54,10 +51,16 @@ from core.values.messages import (
     Spending as Spending,
     Text as Text,
 )
+from core.values.motions import (
+    Begin as Begin,
+    JointTrajectory as JointTrajectory,
+    Motion as Motion,
+)
 from core.values.numbers import Numbers as Numbers, Variable
 from core.values.observations import Contact as Contact, Observation as Observation
 from core.values.plans import (
     ActionPlan as ActionPlan,
+    PlannedMotion as PlannedMotion,
     Anchor as Anchor,
     Guard as Guard,
     Seen as Seen,
@@ -77,6 +80,28 @@ JsonObject = dict[str, Any]
 
 A = TypeVar("A")
 B = TypeVar("B")
+
+
+@dataclass(frozen=True, eq=False)
+class Rollout:
+    """One job for a simulator.
+
+    It spawns the ``scene`` (None: the task's layout of ``seed``), and the robot with ``tool`` at the trajectory's first
+    targets. It lets ``settle_s`` pass, notes the start state, plays the trajectory, holds the last targets for
+    ``hold_s``, and notes the end state. With ``record_hz`` > 0 all of it is recorded at that rate, and with ``forces``
+    contact forces too. A ``guards`` change the trajectory on the way; engines that play them say so
+    (`Simulator.supports_guards`).
+    """
+
+    tool: Tool
+    trajectory: JointTrajectory
+    seed: int = 0
+    settle_s: float = 0.5
+    hold_s: float = 1.0
+    record_hz: float = 0.0
+    forces: bool = False
+    guards: Guards | None = None
+    scene: Scene | None = None
 
 
 class Simulator(ABC):

@@ -122,7 +122,7 @@ def test_an_import_that_goes_up_is_found():
 def test_modules_import_each_other_without_circles(folder):
     trees = {dotted(file): tree for file, tree in modules(folder)}
     graph = {
-        module: {*imported(tree, runtime_only=True)} & {*trees} - {module}
+        module: {*imported(tree)} & {*trees} - {module}
         for module, tree in trees.items()
     }
     # Raises where there is a circle.

@@ -3,77 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose, step_lengths
-from core.interfaces import JointTrajectory, RolloutSettings, Task, Tempo, Waypoints
+from core.interfaces import (
+    Begin,
+    JointTrajectory,
+    Motion,
+    RolloutSettings,
+    Task,
+    Tempo,
+    Waypoints,
+)
 from core.robot.kinematics import Arm, arm_of
 from core.robot.paths import APART_M, place_knots
 from core.robot.timing import PEAK, Leg, time_leg
-
-_SLOWED = 1.05  # from here on it is reported
-_NAMED = 3  # waypoints that are named
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """A joint trajectory through N waypoints, and its figures.
-
-    Attributes:
-        trajectory: of the arm's joints and the fingers.
-        distance_m: metres travelled by the end-effector's origin from home through all waypoints, along the joint path.
-        arrivals: when each waypoint is reached (N,), seconds.
-        misses: the largest errors of the inverse kinematics on the way to each (N, 2), metres and radians; for the
-            first waypoint only on arrival.
-        plan: the waypoints (N, 6) or (N, 7).
-        slowed: how many times longer each way takes than asked (N,); 1 where nothing was asked.
-
-    For example, when the arm rests at its last waypoint, and where its joints are then::
-
-        motion = plan_task_motion(plan, task, RolloutSettings())
-        print(motion.arrivals[-1], motion.trajectory.arm[-1])
-        for line in motion.slowdowns():
-            print(line)
-    """
-
-    trajectory: JointTrajectory
-    distance_m: float
-    arrivals: Array
-    misses: Array
-    plan: Array
-    slowed: Array
-
-    def slowdowns(self) -> list[str]:
-        """Say in a line which waypoints were reached later than asked; none: all were in time."""
-        late = np.flatnonzero(self.slowed > _SLOWED) + 1
-        if len(late) == 0:
-            return []
-
-        names = ", ".join(map(str, late[:_NAMED]))
-        if len(late) > _NAMED:
-            names += f" and {len(late) - _NAMED} more"
-
-        return [
-            f"waypoint {names}: the arm's limits make the way there up to {self.slowed.max():.1f} times slower than "
-            "asked"
-        ]
-
-
-class Begin(NamedTuple):
-    """How a motion begins.
-
-    Attributes:
-        joints: of the arm, at rest (J,), radians.
-        grip: how far the gripper is closed, 0 to 1.
-    """
-
-    joints: Array
-    grip: float = 0.0
 
 
 def plan_task_motion(

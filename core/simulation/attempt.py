@@ -11,15 +11,18 @@ from core.designs.plan_rules import check_motion
 from core.designs.planning import call_part, resolve
 from core.designs.start import SpawnRules
 from core.interfaces import (
+    Begin,
     Guards,
+    Motion,
     Outcome,
     PlannedMotion,
     Rollout,
     RolloutSettings,
     Simulator,
     Task,
+    Waypoints,
 )
-from core.robot.trajectory import Motion, plan_task_motion
+from core.robot.trajectory import plan_task_motion
 from core.scene import Scene
 from core.solids.contacts import Contacts
 from core.solids.penetration import Finding
@@ -68,11 +71,12 @@ def prepare(
         planned = PlannedMotion(
             waypoints,
             motion,
-            task,
+            task.robot,
             seed,
             settings,
-            scene,
-            check,
+            resolve=partial(resolve, plan, task, seed, settings, scene),
+            go_on=partial(_plan_on, task, settings),
+            check=check,
         )
         guards = call_part(plan, "make_guards", Guards, planned)
 
@@ -87,6 +91,13 @@ def prepare(
         scene=scene,
     )
     return motion, job
+
+
+def _plan_on(
+    task: Task, settings: RolloutSettings, waypoints: Waypoints, begin: Begin
+) -> Motion:
+    """Plan the motion of a task's robot through waypoints, from where it stopped."""
+    return plan_task_motion(waypoints, task, settings, begin)
 
 
 class Stage:
@@ -143,6 +154,12 @@ class Attempt:
     contacts: Contacts | None = None
     problem: str | None = None
     trial: Trial | None = None
+
+    @property
+    def scene(self) -> Scene:
+        """What its job spawns."""
+        assert self.job.scene is not None  # `prepare` gives one to each job
+        return self.job.scene
 
     def end(self, stage: Stage, status: Status, reason: str) -> None:
         """Let it earn nothing."""
@@ -213,7 +230,9 @@ def _prepare_job(stage: Stage, attempt: Attempt) -> None:
             "the plan has guards ('until'), and this engine can't play them"
         )
 
-    hz = check_motion(stage.task, job.tool, job.scene, settings, job.trajectory)
+    attempt.motion = motion
+    attempt.job = job
+    hz = check_motion(stage.task, job.tool, attempt.scene, settings, job.trajectory)
     if hz > 0:
         if job.tool.bearers or job.guards:  # what they will do is not known yet
             hz = MAX_HZ
@@ -222,7 +241,6 @@ def _prepare_job(stage: Stage, attempt: Attempt) -> None:
     if stage.task.reads_trace:
         job = replace(job, record_hz=job.record_hz or TRACE_HZ, forces=True)
 
-    attempt.motion = motion
     attempt.job = job
 
 

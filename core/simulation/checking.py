@@ -54,7 +54,7 @@ def _find_untouched(stage: Stage, planned: Attempt) -> Iterator[str]:
         planned: a candidate whose motion is planned.
     """
     job = planned.job
-    scene = job.scene
+    scene = planned.scene
     movable = {body.name for body in scene.bodies if not body.fixed}
     driven = any(joint.drive for joint in scene.joints)
     if driven or job.guards or any(body.launched for body in scene.bodies):

@@ -42,7 +42,7 @@ def judge_attempts(stage: Stage, attempts: Sequence[Attempt]) -> None:
 
     finished = [attempt for attempt in attempts if attempt.trial is None]
     # Those whose designs add the same to the scene, if anything.
-    for _, group in groupby(finished, key=lambda attempt: id(attempt.job.scene)):
+    for _, group in groupby(finished, key=lambda attempt: id(attempt.scene)):
         _reward(stage, [*group])
 
 
@@ -61,7 +61,7 @@ def _find_failure(stage: Stage, attempt: Attempt) -> str | None:
 
     recording = outcome.recording
     if recording is not None and stage.settings.penetration != "ignore":
-        parts = attempt.job.scene, stage.task.robot, attempt.job.tool, recording
+        parts = attempt.scene, stage.task.robot, attempt.job.tool, recording
         try:
             attempt.findings = findings(*parts)
         except Explosion as explosion:
@@ -77,7 +77,7 @@ def _look_for_contacts(stage: Stage, attempt: Attempt) -> Contacts | None:
     """Find what touched, and keep it; None: there is no recording of finite states."""
     recording = attempt.outcome.recording
     if recording is not None and is_finite(recording):
-        parts = attempt.job.scene, stage.task.robot, attempt.job.tool, recording
+        parts = attempt.scene, stage.task.robot, attempt.job.tool, recording
         attempt.contacts = find_contacts(*parts)
 
     return attempt.contacts
@@ -86,7 +86,7 @@ def _look_for_contacts(stage: Stage, attempt: Attempt) -> Contacts | None:
 def _reward(stage: Stage, finished: Sequence[Attempt]) -> None:
     """Make the trials of what came to its end in one scene: the task's reward is called once for all of them."""
     task = stage.task
-    scene: Scene = finished[0].job.scene
+    scene = finished[0].scene
     starts = _stack(scene, finished, "start")
     ends = _stack(scene, finished, "end")
     trace = None

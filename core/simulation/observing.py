@@ -211,7 +211,7 @@ class _Case:
         assert outcome.end is not None
         assert contacts is not None
         self.task = task
-        self.scene: Scene = attempt.job.scene
+        self.scene = attempt.scene
         self.motion = attempt.motion
         self.start = self.scene.complete(outcome.start)
         self.end = self.scene.complete(outcome.end)

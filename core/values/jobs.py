@@ -1,4 +1,4 @@
-"""Define what a simulator takes and returns: joint trajectories, rollouts, recordings and outcomes.
+"""Define how a rollout is played, and what comes of it: settings, guards, worlds, recordings and outcomes.
 
 Plugins import all of it from `core.interfaces`.
 """
@@ -6,7 +6,7 @@ Plugins import all of it from `core.interfaces`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -15,45 +15,8 @@ import numpy.typing as npt
 
 from core.errors import UsageError, check_positive, choices
 from core.geometry import Array
-from core.values.plans import Waypoints
+from core.values.motions import JointTrajectory, Motion
 from core.values.states import State
-from core.values.tools import Tool
-
-
-@dataclass(frozen=True, eq=False)
-class JointTrajectory:
-    """The joint targets over time that every engine plays.
-
-    ``times`` (T,) rises from 0, in seconds; ``arm`` (T, J) is in radians; ``fingers`` (T,) is each finger's distance
-    from the middle, in metres (0 closed, 0.04 open). Targets are linear between instants, and constant after the last.
-    """
-
-    times: Array
-    arm: Array
-    fingers: Array
-
-    @property
-    def duration(self) -> float:
-        return float(self.times[-1])
-
-    def sample(self, times: Array) -> tuple[Array, Array]:
-        """Return arm targets (S, 7) and finger targets (S,) at instants (S,)."""
-        arm = np.stack(
-            [np.interp(times, self.times, joint) for joint in self.arm.T], axis=-1
-        )
-        return arm, np.interp(times, self.times, self.fingers)
-
-    def extended(self, times: Array, arm: Array, fingers: Array) -> JointTrajectory:
-        """Add targets behind the last one; their ``times`` (S,) count from there."""
-        return JointTrajectory(
-            np.append(self.times, self.duration + times),
-            np.vstack([self.arm, arm]),
-            np.append(self.fingers, fingers),
-        )
-
-    def held(self, seconds: float) -> JointTrajectory:
-        """Stay at the last targets for some time."""
-        return self.extended(np.array([seconds]), self.arm[-1:], self.fingers[-1:])
 
 
 class Felt(NamedTuple):
@@ -82,8 +45,8 @@ class Guards(Protocol):
     problem: str | None
 
     @property
-    def motion(self) -> Any:
-        """The `core.robot.trajectory.Motion` as it is planned now; after a rollout, as it was played."""
+    def motion(self) -> Motion:
+        """The motion as it is planned now; after a rollout, as it was played."""
 
     @property
     def since(self) -> float:
@@ -106,52 +69,6 @@ class Guards(Protocol):
 
 
 FEEL_S = 0.01  # between two readings
-
-
-@dataclass(frozen=True, eq=False)
-class PlannedMotion:
-    """A motion with guards as it is planned before anything is felt, and what it is planned from.
-
-    Attributes:
-        waypoints: what the plan means in this layout.
-        motion: a `core.robot.trajectory.Motion` through them, as if no guard fired.
-        task: a `core.task.Task`, whose robot moves.
-        layout: its seed.
-        settings: how the plan is executed.
-        scene: a `core.scene.Scene`, the layout.
-        check: raises a `core.design.DesignError` for a motion that can't be played on with, and when it would begin,
-            seconds.
-    """
-
-    waypoints: Waypoints
-    motion: Any
-    task: Any
-    layout: int
-    settings: RolloutSettings
-    scene: Any
-    check: Callable[[JointTrajectory, float], object]
-
-
-@dataclass(frozen=True, eq=False)
-class Rollout:
-    """One job for a simulator.
-
-    It spawns the ``scene`` (None: the task's layout of ``seed``), and the robot with ``tool`` at the trajectory's first
-    targets. It lets ``settle_s`` pass, notes the start state, plays the trajectory, holds the last targets for
-    ``hold_s``, and notes the end state. With ``record_hz`` > 0 all of it is recorded at that rate, and with ``forces``
-    contact forces too. A ``guards`` change the trajectory on the way; engines that play them say so
-    (`Simulator.supports_guards`).
-    """
-
-    tool: Tool
-    trajectory: JointTrajectory
-    seed: int = 0
-    settle_s: float = 0.5
-    hold_s: float = 1.0
-    record_hz: float = 0.0
-    forces: bool = False
-    guards: Guards | None = None
-    scene: Any = None  # a `core.scene.Scene`
 
 
 @dataclass(unsafe_hash=True)

@@ -7,16 +7,16 @@ from __future__ import annotations
 
 import hashlib
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from core.geometry import Array, Pose
-
-if TYPE_CHECKING:
-    from core.values.jobs import Guards, PlannedMotion
+from core.values.jobs import Guards, RolloutSettings
+from core.values.motions import Begin, JointTrajectory, Motion
+from core.values.robots import Robot
 
 
 @dataclass(frozen=True)
@@ -169,6 +169,33 @@ class Waypoints(ActionPlan):
             if self.tempo is not None or self.guards
             else content_of(self.poses)
         )
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedMotion:
+    """A motion with guards as it is planned before anything is felt, and what plans the rest of it on the way.
+
+    Attributes:
+        waypoints: what the plan means in this layout.
+        motion: through them, as if no guard fired.
+        robot: what moves.
+        layout: its seed.
+        settings: how the plan is executed.
+        resolve: returns what the plan means once some guards have ended; see `Seen.felt`. It raises a
+            `core.design.DesignError` where the plan means nothing then.
+        go_on: plans the motion through waypoints from where the arm stopped. It raises a `DesignError` where no tempo
+            keeps the arm's limits.
+        check: raises a `DesignError` for a motion that can't be played on with, and when it would begin, seconds.
+    """
+
+    waypoints: Waypoints
+    motion: Motion
+    robot: Robot
+    layout: int
+    settings: RolloutSettings
+    resolve: Callable[[tuple[Pose | None, ...]], Waypoints]
+    go_on: Callable[[Waypoints, Begin], Motion]
+    check: Callable[[JointTrajectory, float], object]
 
 
 def digest(content: object) -> str:

@@ -249,7 +249,7 @@ class AnchoredPlan(ActionPlan):
         return Waypoints(np.array(rows), self._tempo(), guards)
 
     def make_guards(self, planned: PlannedMotion) -> Guards:
-        return PlannedGuards(self, planned)
+        return PlannedGuards(planned)
 
     @property
     def anchors(self) -> tuple[Anchor, ...]:

@@ -12,24 +12,22 @@ counts, so that one peak of an impact does not fire a guard.
 from __future__ import annotations
 
 import math
-from functools import partial
 
 import numpy as np
 
 from core.design import DesignError
-from core.designs.planning import resolve
 from core.geometry import Array, Pose, step_lengths
 from core.interfaces import (
-    ActionPlan,
+    Begin,
     Felt,
     Guard,
     JointTrajectory,
+    Motion,
     PlannedMotion,
     Tempo,
     Waypoints,
 )
 from core.robot.kinematics import Arm, arm_of
-from core.robot.trajectory import Begin, Motion, plan_task_motion
 from core.values.jobs import FEEL_S
 
 _NOISE = 9  # keeps these random numbers apart from others of the same seed
@@ -51,30 +49,17 @@ class PlannedGuards:
         since: when the way to the next guard begins, seconds; infinity: there is none.
     """
 
-    def __init__(self, plan: ActionPlan, planned: PlannedMotion) -> None:
-        """Take a plan with what is planned of it.
-
-        Args:
-            plan: what is resolved anew each time that a guard ended.
-            planned: its motion as if no guard fired.
-        """
+    def __init__(self, planned: PlannedMotion) -> None:
+        """Take the motion as it is planned as if no guard fired."""
         self._planned = planned
         self._settings = planned.settings
-        self._resolve = partial(
-            resolve,
-            plan,
-            planned.task,
-            planned.layout,
-            planned.settings,
-            planned.scene,
-        )
-        self._arm = arm_of(planned.task.robot)
+        self._arm = arm_of(planned.robot)
         self.begin()
 
     def begin(self) -> JointTrajectory:
         """See `core.interfaces.Guards`."""
         self._waypoints = self._planned.waypoints
-        motion: Motion = self._planned.motion
+        motion = self._planned.motion
         self.motion = motion
         self.felt: tuple[Felt, ...] = ()
         self.problem: str | None = None
@@ -295,9 +280,9 @@ class PlannedGuards:
         begin = Begin(stop.arm[-1], grip)
 
         try:
-            self._waypoints = self._resolve(self._poses)
+            self._waypoints = self._planned.resolve(self._poses)
             rest = self._choose_rest(count)
-            motion = plan_task_motion(rest, self._planned.task, self._settings, begin)
+            motion = self._planned.go_on(rest, begin)
             self._planned.check(motion.trajectory, stop.duration)
         except DesignError as error:
             self.problem = f"after the guard of waypoint {count}: {error}"

@@ -14,9 +14,8 @@ import trimesh
 
 from core.design import GRIPPER_MOUNTS, Candidate, Tool
 from core.designs.reading import dump_design
-from core.interfaces import ToolRepresentation
+from core.interfaces import Motion, ToolRepresentation
 from core.robot.description import assemble, tool_urdf
-from core.robot.trajectory import Motion
 from core.values.robots import Robot
 from plugins.results.workshop.body import bodies
 from plugins.results.workshop.solid import to_mesh

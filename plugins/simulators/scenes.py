@@ -12,8 +12,7 @@ def scene_of(job: Rollout, task: Task) -> Scene:
     """Return the scene to play in, with its fixture: the job's, or the task's layout; one object for its jobs."""
     if job.scene is None:
         return _layout(task, job.seed).furnished(job.tool)
-    scene: Scene = job.scene
-    return scene
+    return job.scene
 
 
 @lru_cache(maxsize=4)

@@ -20,9 +20,8 @@ from scipy.spatial.transform import Rotation
 from core.design import Candidate, Tool
 from core.events import Generation, Run
 from core.geometry import Array
-from core.interfaces import Felt, Outcome, Recording
+from core.interfaces import Felt, Motion, Outcome, Recording
 from core.robot.kinematics import arm_of, link_frames
-from core.robot.trajectory import Motion
 from core.scene import Soft, State
 from core.simulation.attempt import prepare
 from core.task import reward_of

@@ -8,8 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from core.design import Candidate
-from core.interfaces import Task
-from core.robot.trajectory import Motion
+from core.interfaces import Motion, Task
 from core.scene import Scene
 from plugins.results.workshop.clearance import (
     NEAR_M,

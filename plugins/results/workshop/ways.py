@@ -8,9 +8,8 @@ import numpy as np
 from omegaconf import DictConfig
 
 from core.geometry import Array
-from core.interfaces import Recording, Task
+from core.interfaces import Motion, Recording, Task
 from core.robot.kinematics import arm_of
-from core.robot.trajectory import Motion
 from core.solids.self_collision import DEEP_M
 from plugins.results.workshop.clearance import HZ, clearance
 from plugins.results.workshop.export import Export

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from core.errors import UsageError
-from core.values.jobs import JointTrajectory, RolloutSettings
+from core.interfaces import JointTrajectory, RolloutSettings
 
 
 def test_targets_are_linear_between_instants_and_constant_outside():

@@ -203,7 +203,7 @@ def test_the_rest_follows_without_a_pause_where_a_guard_before_it_never_fires(
     engine, way, monkeypatch
 ):
     planned = []
-    plan = "plugins.actions.guards.plan_task_motion"
+    plan = "core.simulation.attempt.plan_task_motion"
     monkeypatch.setattr(
         plan,
         lambda points, *args: (
