@@ -674,7 +674,7 @@ class JointAt(Reach):
             if self.relative:
                 position = position - start.joint(self.joint).position
             elif self.span is None:
-                position = np.abs(position - self.to)
+                position = np.abs(position - self.aim(start))
 
             return position
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,8 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from core.errors import UserError, choices
-from core.geometry import Array, Box, Capsule, Cylinder, Pose, Shape, Sphere
+from core.geometry import Array, Mesh, Pose
+from core.imports.mjcf import JOINT_KINDS, MjcfGeom, MjcfShapes
 from core.robot.meshes import keep_file
 from core.robot.shape_files import urdf_shapes
 from core.support.sandbox import isolated
@@ -42,15 +43,9 @@ LIMIT_S = 120
 WORLD = "world"
 _BETWEEN = 0.01  # of a body's mass, for each link between two of its joints
 SPEED = 3.14  # rad/s or m/s: MJCF has no limits of speed
-_KINDS = ("floating", "floating", "prismatic", "revolute")  # by MuJoCo's numbers
-_FREE = 0
-_DRAWN_GROUPS = 3  # MuJoCo's viewer shows the groups before
-_SHAPES: dict[str, Callable[[float, float, float], Shape]] = {
-    "SPHERE": lambda x, y, z: Sphere(x),
-    "CAPSULE": lambda x, y, z: Capsule(x, 2 * y),
-    "CYLINDER": lambda x, y, z: Cylinder(x, 2 * y),
-    "BOX": lambda x, y, z: Box((2 * x, 2 * y, 2 * z)),
-}
+_KINDS = {"ball": "floating", "slider": "prismatic", "hinge": "revolute"}
+"""Of joints, by their kinds in MJCF."""
+_FREE = JOINT_KINDS.index("free")
 
 
 def read_mjcf(
@@ -72,7 +67,7 @@ def read_mjcf(
     said, _, binary = compiled.partition(b"\n")
     notes: list[str] = json.loads(said)
     model = mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": binary})
-    reading = _Reading(model, notes)
+    reading = _ArmReading(model, notes)
     reading.read(without)
     whole = Description(file.stem, reading.links, reading.joints)
     for link in without:
@@ -152,7 +147,7 @@ def _find_meshes(spec: Any, file: Path) -> list[str]:
     return describe_near(near) + left_out
 
 
-class _Reading:
+class _ArmReading:
     """Links and joints of a compiled model, by its names."""
 
     def __init__(self, model: Any, notes: list[str]) -> None:
@@ -161,6 +156,7 @@ class _Reading:
         # Of each joint the motor's inertia, kg m^2.
         self.motors = dict[str, float]()
         self._model = model
+        self._geoms = MjcfShapes(model)
         self._notes = notes
         # Of each body: its link, and its frame in the link's.
         self._frames = {0: (WORLD, Pose())}
@@ -265,7 +261,7 @@ class _Reading:
 
         called = joint.name or f"{name}_joint"
         self.motors[called] = float(self._model.dof_armature[joint.dofadr[0]])
-        kind = _KINDS[joint.type[0]]
+        kind = _KINDS[JOINT_KINDS[joint.type[0]]]
         if kind == "floating":  # a ball, which has no axis
             self.joints[name] = replace(fixed, name=called, kind=kind)
             return
@@ -310,38 +306,36 @@ class _Reading:
         """Give a link its share of what its body weighs, and its shapes; ``frame`` is the body's in the link."""
         visuals = list[RobotShape]()
         collisions = list[RobotShape]()
-        for number in np.flatnonzero(self._model.geom_bodyid == body.id):
-            geom = self._model.geom(number)
-            if geom.contype[0] or geom.conaffinity[0]:
+        for geom in self._geoms.of_bodies(np.arange(self._model.nbody) == body.id):
+            if geom.collides:
                 collisions += self._shapes(geom, frame)
-            elif geom.group[0] < _DRAWN_GROUPS:
+            elif geom.drawn:
                 visuals += self._shapes(geom, frame)
 
         weight = _weigh(body, frame, share)
         self.links[name] = RobotLink(name, weight, tuple(collisions), tuple(visuals))
 
-    def _shapes(self, geom: Any, frame: Pose) -> list[RobotShape]:
-        """Make the shapes of a geom."""
-        model = self._model
-        place = frame @ _pose(geom.pos, geom.quat)
-        kind = mujoco.mjtGeom(geom.type[0]).name.removeprefix("mjGEOM_")
+    def _shapes(self, geom: MjcfGeom, frame: Pose) -> list[RobotShape]:
+        """Make the shapes of a geom; ``frame`` is the body's in the link."""
+        there = self._model.geom(geom.number)
+        if geom.shape is None:
+            owner = self._model.body(there.bodyid[0]).name
+            self._notes.append(f"left out: geom {geom.kind} of {owner!r}")
+            return []
+
+        place = frame @ _pose(there.pos, there.quat)
         shapes = list[RobotShape]()
-        if kind == "MESH":
-            mesh = model.mesh(geom.dataid[0])
-            corners = model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]]
-            triangles = model.mesh_face[mesh.faceadr[0] :][: mesh.facenum[0]]
-            solid = trimesh.Trimesh(corners, triangles, process=False)
+        if isinstance(geom.shape, Mesh):
+            solid = trimesh.Trimesh(
+                geom.shape.vertices, geom.shape.faces, process=False
+            )
             content = bytes(solid.export(file_type="stl"))
             file = keep_file("mjcf", "stl", content, lambda: content)
             shapes = [RobotShape(file, Origin.from_pose(place, DIGITS))]
-        elif kind in _SHAPES:
-            shapes = urdf_shapes(_SHAPES[kind](*geom.size.tolist()), place)
         else:
-            owner = model.body(geom.bodyid[0]).name
-            self._notes.append(f"left out: geom {kind.lower()} of {owner!r}")
+            shapes = urdf_shapes(geom.shape, place)
 
-        shown = geom.rgba if geom.matid[0] < 0 else model.mat_rgba[geom.matid[0]]
-        red, green, blue, opacity = np.clip(shown, 0, 1).tolist()
+        red, green, blue, opacity = geom.color
         color = (red, green, blue, opacity or 1.0)  # what collides is often hidden
         return [replace(shape, color=color) for shape in shapes]
 

@@ -7,7 +7,6 @@ import math
 import re
 import zipfile
 from collections import Counter
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, tostring
@@ -16,8 +15,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.errors import UserError
-from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
+from core.geometry import Pose
 from core.imports.meshes import MAX_CORNERS
+from core.imports.mjcf import JOINT_KINDS, MjcfShapes
 from core.scene import Body, Geom, Joint
 from core.support.cli import expand
 from core.support.sandbox import isolated
@@ -41,18 +41,6 @@ MAX_ELEMENTS = 20_000  # with all copies of a replicate
 _READ = {"compiler", "default", "asset", "mesh", "material", "worldbody"}
 _READ |= {"body", "frame", "replicate", "inertial", "joint", "freejoint", "geom"}
 _MESHES = (".obj", ".stl", ".msh")
-_JOINTS = ("free", "ball", "slider", "hinge")  # in MuJoCo's order
-_SHAPES: dict[str, Callable[[float, float, float], Shape]] = {
-    "SPHERE": lambda x, y, z: Sphere(x),
-    "CAPSULE": lambda x, y, z: Capsule(x, 2 * y),
-    "CYLINDER": lambda x, y, z: Cylinder(x, 2 * y),
-    "BOX": lambda x, y, z: Box((2 * x, 2 * y, 2 * z)),
-    "ELLIPSOID": lambda *radii: Mesh.from_trimesh(
-        Sphere(1.0).to_trimesh().apply_scale(radii)
-    ),
-}
-# Of a shape that names no colour, so that its material's counts.
-_GREY = (0.5, 0.5, 0.5, 1.0)
 
 
 def read_mjcf(
@@ -78,7 +66,7 @@ def read_mjcf(
         packed = _pack(file, folder or file.parent, left)
         binary = isolated(compile_model, "the model", packed, limit_s=LIMIT_S)
         model = mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": binary})
-        return _Reading(model, prefix, left).read()
+        return _BodyReading(model, prefix, left).read()
     # RuntimeError: Qhull's, of what is flat.
     except (UserError, ValueError, RuntimeError) as error:
         raise UserError(f"{file}: {clean(str(error), 300)}") from error
@@ -202,7 +190,7 @@ def _count_copies(element: Element) -> int:
     return int(count)
 
 
-class _Reading:
+class _BodyReading:
     """Bodies and joints of a compiled model, at its ``qpos0``."""
 
     def __init__(self, model: Any, prefix: str, left: Counter[str]) -> None:
@@ -214,7 +202,7 @@ class _Reading:
         self._prefix = prefix
         self._left = left
         mujoco.mj_kinematics(model, self._data)
-        self._meshes = [self._mesh(model.mesh(number)) for number in range(model.nmesh)]
+        self._shapes = MjcfShapes(model)
         self._notes: list[str] = []
         self._names = [
             prefix + (model.body(number).name or f"body{number}")
@@ -234,20 +222,6 @@ class _Reading:
         notes = [f"left out: {count} {name}" for name, count in left]
         return Imported(bodies, joints, (*notes, *self._notes))
 
-    def _mesh(self, mesh: Any) -> tuple[Shape, Shape]:
-        """Make what is drawn of a mesh, and its hull, from the lists of numbers that MuJoCo keeps of it."""
-        corners = self._model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]]
-        triangles = self._model.mesh_face[mesh.faceadr[0] :][: mesh.facenum[0]]
-        drawn = Mesh(corners, triangles)
-        if mesh.graphadr[0] < 0:  # it does not collide
-            return drawn, drawn
-
-        graph = self._model.mesh_graph[mesh.graphadr[0] :]
-        count, faces = graph[:2]
-        hull = graph[2 + 3 * (count + faces) :][: 3 * faces]
-        used, numbers = np.unique(hull, return_inverse=True)
-        return drawn, Mesh(corners[used], numbers.reshape(-1, 3))
-
     def _body(self, head: int) -> Body | None:
         """Make a body of all that is rigidly joined; None: nothing is there."""
         model = self._model
@@ -262,14 +236,17 @@ class _Reading:
         visuals = list[Geom]()
         collisions = list[Geom]()
         frictions = set[float]()
-        for number in np.flatnonzero(self._heads[model.geom_bodyid] == head):
-            geom = model.geom(number)
-            for drawn, solid in self._geoms(geom, pose):
-                if geom.group[0] < 3 and drawn.color[3]:  # as in MuJoCo's viewer
-                    visuals.append(drawn)
-                if geom.contype[0] or geom.conaffinity[0]:
-                    collisions.append(solid)
-                    frictions.add(float(geom.friction[0]))
+        for geom in self._shapes.of_bodies(self._heads == head):
+            if geom.shape is None or geom.solid is None:
+                self._left[f"geom {geom.kind}"] += 1
+                continue
+
+            place = pose.inverse() @ _pose(self._data.geom(geom.number))
+            if geom.drawn and geom.color[3]:
+                visuals.append(Geom(geom.shape, place, geom.color))
+            if geom.collides:
+                collisions.append(Geom(geom.solid, place, geom.color))
+                frictions.add(geom.friction)
 
         if len(frictions) > 1:
             self._notes.append(
@@ -285,31 +262,11 @@ class _Reading:
         friction = max(frictions, default=1.0)
         return joined_body(name, pose, mass, visuals, collisions, friction)
 
-    def _geoms(self, geom: Any, frame: Pose) -> Iterator[tuple[Geom, Geom]]:
-        """Yield a geom as it is drawn and as it collides, unless it is of a kind that is not read."""
-        kind = mujoco.mjtGeom(geom.type[0]).name.removeprefix("mjGEOM_")
-        if kind == "MESH":
-            drawn, solid = self._meshes[geom.dataid[0]]
-        elif kind in _SHAPES:
-            drawn = _SHAPES[kind](*geom.size.tolist())
-            solid = drawn
-        else:
-            self._left[f"geom {kind.lower()}"] += 1
-            return
-
-        shown = geom.rgba
-        if geom.matid[0] >= 0 and np.allclose(shown, _GREY):
-            shown = self._model.mat_rgba[geom.matid[0]]
-
-        color = tuple(np.clip(shown, 0, 1).tolist())
-        place = frame.inverse() @ _pose(self._data.geom(geom.id))
-        yield Geom(drawn, place, color), Geom(solid, place, color)
-
     def _joint(self, number: int) -> Joint:
         """Make a joint; a range that is a whole turn or more is none."""
         joint = self._model.joint(number)
         body = self._names[joint.bodyid[0]]
-        kind = _JOINTS[joint.type[0]]
+        kind = JOINT_KINDS[joint.type[0]]
         parent = self._heads[self._model.body_parentid[joint.bodyid[0]]]
         self._left["armature of a joint"] += bool(joint.armature[0])
         self._left["range of a ball"] += bool(kind == "ball" and joint.limited[0])
