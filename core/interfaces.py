@@ -32,15 +32,21 @@ from core.trial import (
     rewards_by_engine,
 )
 from core.values.jobs import (
+    Ability as Ability,
+    Block as Block,
     Feel as Feel,
     Felt as Felt,
     Guards as Guards,
     Outcome as Outcome,
+    Passed as Passed,
     Perception as Perception,
     Pushes as Pushes,
+    Reading as Reading,
     Recording as Recording,
     RolloutSettings as RolloutSettings,
+    Targets as Targets,
     World as World,
+    Worlds as Worlds,
 )
 from core.values.materials import PAPER as PAPER, Material as Material
 from core.values.messages import (
@@ -89,8 +95,7 @@ class Rollout:
     It spawns the ``scene`` (None: the task's layout of ``seed``), and the robot with ``tool`` at the trajectory's first
     targets. It lets ``settle_s`` pass, notes the start state, plays the trajectory, holds the last targets for
     ``hold_s``, and notes the end state. With ``record_hz`` > 0 all of it is recorded at that rate, and with ``forces``
-    contact forces too. A ``guards`` change the trajectory on the way; engines that play them say so
-    (`Simulator.supports_guards`).
+    contact forces too. A ``guards`` change the trajectory on the way. What not every engine can do is an `Ability`.
     """
 
     tool: Tool
@@ -110,12 +115,9 @@ class Simulator(ABC):
     batch: ClassVar[int] = (
         1  # the best size of a batch; above 1, jobs with different tools are stepped together
     )
-    supports_guards: ClassVar[bool] = (
-        False  # it plays motions with guards (`Rollout.guards`)
-    )
-    supports_soft_bodies: ClassVar[bool] = (
-        False  # it has soft bodies (`core.scene.Soft`)
-    )
+    supports: ClassVar[frozenset[Ability]] = frozenset()
+    """What it can do that not every engine can. Jobs that need more are refused (`core.simulation.engines`)."""
+
     drawn_by: str = ""  # the name of what drew the last picture, if the engine has several renderers
 
     @abstractmethod

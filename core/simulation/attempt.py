@@ -24,6 +24,7 @@ from core.interfaces import (
 )
 from core.robot.trajectory import plan_task_motion
 from core.scene import Scene
+from core.simulation.engines import check_support
 from core.solids.contacts import Contacts
 from core.solids.penetration import Finding
 from core.solids.record_rate import MAX_HZ
@@ -225,11 +226,6 @@ def _prepare_job(stage: Stage, attempt: Attempt) -> None:
     motion, job = prepare(
         stage.task, candidate, condition.layout, settings, scene=stage.scene
     )
-    if job.guards is not None and not stage.simulator.supports_guards:
-        raise DesignError(
-            "the plan has guards ('until'), and this engine can't play them"
-        )
-
     attempt.motion = motion
     attempt.job = job
     hz = check_motion(stage.task, job.tool, attempt.scene, settings, job.trajectory)
@@ -241,6 +237,7 @@ def _prepare_job(stage: Stage, attempt: Attempt) -> None:
     if stage.task.reads_trace:
         job = replace(job, record_hz=job.record_hz or TRACE_HZ, forces=True)
 
+    check_support(stage.simulator, stage.task.name, attempt.scene, job)
     attempt.job = job
 
 

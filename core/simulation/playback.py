@@ -1,37 +1,53 @@
-"""Play a job: settle, move, hold. All engines share the schedule; those that step one world share `play` too."""
+"""Play jobs: settle, move, hold. Every engine is played by this loop, whatever it can do.
+
+A job is cut into *blocks* of steps, between the instants at which something may change. An engine steps a block and
+takes notes of its world on the way. One that steps a world at a time is a `World`, one that steps many in lockstep has
+`Worlds`.
+"""
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from core.geometry import Array
-from core.interfaces import Outcome, Recording, Rollout, World
+from core.interfaces import (
+    Block,
+    Outcome,
+    Passed,
+    Pushes,
+    Recording,
+    Rollout,
+    Targets,
+    World,
+    Worlds,
+)
 from core.scene import State
 from core.values.jobs import FEEL_S
 
 LAG_EVERY = 10  # steps between two measurements of the arm's lag
-
-Film = tuple[Array, Array, State]  # arm, fingers and states of a `Recording`
+_AHEAD = 8  # readings of guards that are played in a block where the world rewinds
 
 
 class Schedule:
-    """When an engine with a time step does what while it plays a job. The motion begins at 0, seconds.
-
-    `play` steps one world by it. An engine that steps many at once reads the same schedule, so that all engines let the
-    world settle, record and measure at the same instants.
+    """What happens after which step of a job, in an engine with a time step. The motion begins at 0, seconds.
 
     Attributes:
         job: what is played.
         time_step: of the engine, seconds.
         settle: how many steps let the world settle.
-        times: (S,) when steps begin; ``ends`` (S,) when they end.
-        every: the steps between two samples of a recording; 0 without one.
-        samples: (T,) how many steps are done at each sample, the last of them all.
+        count: how many there are in all, S.
+        ends: (S,) when steps end.
+        instants: (S + 1,) when steps begin, and the last one ends.
+        samples: (T,) how many steps are done at each instant of the recording, the last of them all; or none.
         looks: (L,) the steps after which the arm's lag is measured.
+        marks: after how many steps a note of the world is needed, rising.
         tick: the steps between two readings of guards.
+        targets: of the joints.
     """
 
     def __init__(self, job: Rollout, time_step: float) -> None:
@@ -39,90 +55,236 @@ class Schedule:
         self.time_step = time_step
         self.settle = round(job.settle_s / time_step)
         moving = int(np.ceil(job.trajectory.duration / time_step))
-        count = self.settle + moving + round(job.hold_s / time_step)
-        steps = np.arange(-self.settle, count - self.settle, dtype=np.float64)
-        self.times: Array = steps * time_step
-        self.ends: Array = self.times + time_step
-        self.every = 0
-        self.samples = np.empty(0, dtype=int)
+        self.count = self.settle + moving + round(job.hold_s / time_step)
+        steps = np.arange(-self.settle, self.count - self.settle, dtype=np.float64)
+        begins = steps * time_step
+        self.ends: Array = begins + time_step
+        self.instants: Array = np.append(begins, self.ends[-1:])
 
+        self.samples = np.empty(0, dtype=int)
         if job.record_hz > 0:
-            self.every = max(1, round(1 / (job.record_hz * time_step)))
-            self.samples = np.append(np.arange(0, count, self.every), count)
+            every = max(1, round(1 / (job.record_hz * time_step)))
+            self.samples = np.append(np.arange(0, self.count, every), self.count)
 
         first = -(-self.settle // LAG_EVERY) * LAG_EVERY
-        self.looks = np.arange(first, count, LAG_EVERY)
+        self.looks = np.arange(first, self.count, LAG_EVERY)
+        looked = (self.looks + 1).tolist()
+        self.marks = sorted({*self.samples.tolist(), *looked, self.count})
         self.tick = max(1, round(FEEL_S / time_step))
+        self.targets = Targets(job.trajectory, self.instants, time_step)
 
-    def targets(self) -> tuple[Array, Array, Array, Array]:
-        """Sample the targets at the end of each step, and the speeds that lead there.
-
-        Returns arm (S, 7), fingers (S,), arm speeds (S, 7) and finger speeds (S,).
-        """
-        arm, fingers = self.job.trajectory.sample(np.append(self.times, self.ends[-1:]))
-        speeds = np.diff(arm, axis=0) / self.time_step
-
-        return arm[1:], fingers[1:], speeds, np.diff(fingers) / self.time_step
-
-    def orders(self) -> list[tuple[Array, float, Array, float]]:
-        """Return what `World.step` takes, for each step."""
-        arm, fingers, speeds, finger_speeds = self.targets()
-        steps = zip(arm, fingers.tolist(), speeds, finger_speeds.tolist(), strict=True)
-
-        return list(steps)
-
-    def measure_lag(self, arm: Array) -> float:
-        """Measure the largest lag of a joint.
+    def block(self, begin: int, end: int, readings: Sequence[int] = ()) -> Block:
+        """Make the block of the steps from one to another, with its marks.
 
         Args:
-            arm: its joints (L, J) after the ``looks``.
-
-        Returns:
-            The lag, radians.
+            begin: how many steps are done before.
+            end: how many are done after it.
+            readings: after how many of its steps the arm feels.
         """
+        first = bisect_right(self.marks, begin)
+        last = bisect_right(self.marks, end)
+        marks = [mark - begin for mark in self.marks[first:last]]
+
+        return Block(
+            self.targets,
+            begin,
+            end,
+            marks,
+            readings,
+        )
+
+    def measure_lag(self, arm: Array) -> float:
+        """Measure the largest lag of a joint, radians, from its positions (L, J) after the ``looks``."""
         wanted, _ = self.job.trajectory.sample(self.ends[self.looks])
         return float(np.abs(wanted - np.reshape(arm, wanted.shape)).max(initial=0.0))
 
-    def conclude(
-        self,
-        start: State | None,
-        end: State,
-        lag: float,
-        film: Film | None = None,
-    ) -> Outcome:
-        """Make the outcome of what was played.
+
+class Player:
+    """Follows a job's schedule: which steps come next, and what was seen after which.
+
+    Args:
+        job: what is played.
+        time_step: of the engine, seconds.
+        ahead: how many readings of guards are played at once, beside the next one.
+
+    Attributes:
+        schedule: as guards have changed it so far.
+        done: how many steps are done.
+        error: why the world broke, if it did.
+    """
+
+    def __init__(self, job: Rollout, time_step: float, ahead: int = 0) -> None:
+        self.schedule = Schedule(job, time_step)
+        self.done = 0
+        self.error: str | None = None
+        self._ahead = ahead
+        self._notes: dict[int, Any] = {}  # by the number of steps that are done
+
+    @property
+    def is_filmed(self) -> bool:
+        return len(self.schedule.samples) > 0
+
+    def settling(self) -> Block:
+        """Return the steps before the motion begins."""
+        return self.schedule.block(0, self.schedule.settle)
+
+    def begin(self, first: Any, settled: Passed, now: Any) -> None:
+        """Take what came of settling.
 
         Args:
-            start: the state when the motion began.
-            end: the state at the end.
-            lag: see `measure_lag`.
-            film: what was seen at the samples, if the job is recorded.
+            first: a note of the world before the first step.
+            settled: what came of the steps.
+            now: a note of the world after `World.launch`.
+        """
+        self._notes[0] = first
+        self._keep(self.settling(), settled)
+        self.done = self.schedule.settle
+        self._notes[self.done] = now
+
+    def next_block(self) -> Block:
+        """Return the next steps; none: the job is over."""
+        schedule = self.schedule
+        if self.error is not None:
+            return schedule.block(self.done, self.done)
+
+        guards = schedule.job.guards
+        if guards is None:
+            return schedule.block(self.done, schedule.count)
+
+        # The steps up to the next reading.
+        quiet = bisect_left(schedule.ends, guards.since, self.done) - self.done
+        due = (quiet // schedule.tick + 1) * schedule.tick
+        left = schedule.count - self.done
+        count = min(left, due + self._ahead * schedule.tick)
+        readings = range(due, count + 1, schedule.tick)
+
+        return schedule.block(self.done, self.done + count, readings)
+
+    def take(self, block: Block, passed: Passed) -> Block | None:
+        """Take what came of a block.
 
         Returns:
-            The outcome; it has an error if the end is not finite.
+            The first steps of the block, if a guard changed the motion after them: the others did not happen. None:
+            all of them did.
         """
+        guards = self.schedule.job.guards
+
+        for count, reading in zip(block.readings, passed.readings, strict=True):
+            now = float(self.schedule.ends[block.begin + count - 1])
+            if guards is None or now < guards.since:
+                continue
+
+            changed = guards.feel(now, *reading)
+            if changed is None:
+                continue
+
+            self._keep(block, passed, count)
+            self.done = block.begin + count
+            job = replace(self.schedule.job, trajectory=changed)
+            self.schedule = Schedule(job, self.schedule.time_step)
+            return block.until(count) if count < len(block) else None
+
+        self._keep(block, passed, len(block))
+        self.done = block.end
+        return None
+
+    def _keep(self, block: Block, passed: Passed, count: int | None = None) -> None:
+        """Keep the notes of a block, or of so many of its steps."""
+        self.error = self.error or passed.error
+        for mark, note in zip(block.marks, passed.notes, strict=True):
+            if count is None or mark <= count:
+                self._notes[block.begin + mark] = note
+
+    def conclude(self, worlds: Worlds, number: int) -> Outcome:
+        """Make the outcome of what was played in one of the worlds.
+
+        It has an error if the world broke, or the end is not finite.
+        """
+        if self.error is not None:
+            return Outcome(None, None, error=self.error)
+
+        schedule = self.schedule
+        start = self._read_state(worlds, number, schedule.settle)
+        end = self._read_state(worlds, number, schedule.count)
         if not all(np.isfinite(array).all() for array in end.arrays[:3]):
             error = "the simulation blew up: a body's state is not finite"
             return Outcome(None, None, error=error)
 
-        recording = None
-        if film is not None:
-            instants = np.append(self.times, self.ends[-1])[self.samples]
-            recording = Recording(instants, *film)
+        reached = np.empty(0)
+        looks = [self._notes[look + 1] for look in schedule.looks.tolist()]
+        if looks:
+            reached, _, _ = worlds.read(number, looks)
 
-        felt = self.job.guards.felt if self.job.guards else ()
-        return Outcome(start, end, lag, recording=recording, felt=felt)
+        recording = None
+        if self.is_filmed:
+            recording = self._develop(worlds, number)
+
+        guards = schedule.job.guards
+        return Outcome(
+            start,
+            end,
+            schedule.measure_lag(reached),
+            recording=recording,
+            felt=guards.felt if guards else (),
+        )
+
+    def _read_state(self, worlds: Worlds, number: int, done: int) -> State:
+        """Read the free bodies' state after so many steps."""
+        _, _, states = worlds.read(number, [self._notes[done]])
+        return states[0]
+
+    def _develop(self, worlds: Worlds, number: int) -> Recording:
+        """Make the recording."""
+        schedule = self.schedule
+        notes = [self._notes[sample] for sample in schedule.samples.tolist()]
+        instants = schedule.instants[schedule.samples]
+        recording = Recording(instants, *worlds.read(number, notes))
+        if not schedule.job.forces:
+            return recording
+
+        forces, pushes = worlds.contact_forces(number, notes, instants)
+        return replace(recording, forces=forces, pushes=pushes)
+
+
+class Alone(Worlds):
+    """A world by itself."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self.time_step = world.time_step
+        self.rewinds = world.rewinds
+
+    def settle(self, blocks: Sequence[Block]) -> list[Passed]:
+        return [self._world.settle(blocks[0])]
+
+    def launch(self) -> None:
+        self._world.launch()
+
+    def advance(self, blocks: Sequence[Block]) -> list[Passed]:
+        return [self._world.advance(blocks[0])]
+
+    def note(self) -> list[Any]:
+        return [self._world.note()]
+
+    def read(self, number: int, notes: Sequence[Any]) -> tuple[Array, Array, State]:
+        return self._world.read(notes)
+
+    def contact_forces(
+        self, number: int, notes: Sequence[Any], instants: Array
+    ) -> tuple[Mapping[tuple[str, str], Array], Pushes | None]:
+        return self._world.contact_forces(notes, instants)
+
+    def save(self) -> None:
+        self._world.save()
+
+    def restore(self) -> None:
+        self._world.restore()
 
 
 def begin_motion(world: World) -> State:
     """Begin the motion, and return the state there."""
     world.launch()
     return world.state()
-
-
-def begin_guards(job: Rollout) -> Rollout:
-    """Let a job's guards begin anew."""
-    return replace(job, trajectory=job.guards.begin()) if job.guards else job
 
 
 def refuse_targets(job: Rollout) -> Outcome | None:
@@ -145,44 +307,55 @@ def play(world: World, job: Rollout) -> Outcome:
         world: with the scene, and with the robot at the first targets.
         job: what is played.
     """
-    job = begin_guards(job)
-    refused = refuse_targets(job)
+    if job.guards is not None:
+        job = replace(job, trajectory=job.guards.begin())
 
+    refused = refuse_targets(job)
     if refused is not None:
         return refused
 
-    schedule = Schedule(job, world.time_step)
-    orders = schedule.orders()
-    start = begin_motion(world) if schedule.settle == 0 else None
-    notes: list[Any] = []
-    reached: list[Array] = []
-    done = 0  # steps
+    (outcome,) = play_together(Alone(world), [job])
+    return outcome
 
-    while done < len(orders):
-        if schedule.every and done % schedule.every == 0:
-            notes.append(world.note())
 
-        world.step(*orders[done])
-        now = float(schedule.ends[done])
-        if done >= schedule.settle and done % LAG_EVERY == 0:
-            reached.append(world.joints()[0])
+def play_together(worlds: Worlds, jobs: Sequence[Rollout]) -> list[Outcome]:
+    """Play a job in each world. This is the loop that all engines are played by.
 
-        done += 1
-        if done == schedule.settle:
-            start = begin_motion(world)
+    Args:
+        worlds: with the scenes, and with the robots at the first targets.
+        jobs: with finite targets; guards have begun.
+    """
+    ahead = _AHEAD if worlds.rewinds else 0
+    players = [Player(job, worlds.time_step, ahead) for job in jobs]
 
-        due = (done - schedule.settle) % schedule.tick == 0
-        if job.guards is None or not due or now < job.guards.since:
-            continue
+    firsts: list[Any] = [None] * len(jobs)
+    if any(player.is_filmed for player in players):
+        firsts = worlds.note()
 
-        changed = job.guards.feel(now, world.joints()[0], *world.pushes())
-        if changed is not None:
-            schedule = Schedule(replace(job, trajectory=changed), world.time_step)
-            orders = schedule.orders()
+    settled = worlds.settle([player.settling() for player in players])
+    worlds.launch()
+    for player, first, passed, now in zip(
+        players, firsts, settled, worlds.note(), strict=True
+    ):
+        player.begin(first, passed, now)
 
-    film = None
-    if schedule.every:
-        film = world.read([*notes, world.note()])
+    while True:
+        blocks = [player.next_block() for player in players]
+        if not any(len(block) for block in blocks):
+            break
 
-    lag = schedule.measure_lag(np.array(reached))
-    return schedule.conclude(start, world.state(), lag, film)
+        if any(len(block.readings) > 1 for block in blocks):
+            worlds.save()
+
+        advanced = worlds.advance(blocks)
+        redone = []
+        for player, block, passed in zip(players, blocks, advanced, strict=True):
+            shorter = player.take(block, passed)
+            if shorter is not None:
+                redone.append(shorter)
+
+        if redone:
+            worlds.restore()
+            worlds.advance(redone)
+
+    return [player.conclude(worlds, number) for number, player in enumerate(players)]

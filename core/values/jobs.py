@@ -8,6 +8,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import cached_property
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -69,6 +71,17 @@ class Guards(Protocol):
 
 
 FEEL_S = 0.01  # between two readings
+
+
+class Ability(StrEnum):
+    """What a job may need, and not every engine can do; an engine lists its own (`Simulator.supports`)."""
+
+    GUARDS = "guards ('until') in a plan"
+    TOOL_JOINTS = "joints in a tool"
+    JOINTS = "joints in a scene"
+    LAUNCHED_BODIES = "launched bodies"
+    SOFT_BODIES = "soft bodies"
+    FORCES = "forces of contacts"
 
 
 @dataclass(unsafe_hash=True)
@@ -218,13 +231,157 @@ class Outcome:
     felt: tuple[Felt, ...] = ()
 
 
-class World(ABC):
-    """An engine's world with a scene and the robot, stepped by its caller (`core.simulation.playback`).
+class Targets:
+    """What a motion drives the joints to, in each of its steps; it is sampled once, and `Block` shows parts of it.
 
-    An engine says how its world steps, and how joints and bodies stand. It says more if it can do more, or faster.
+    Args:
+        trajectory: the motion.
+        instants: (N + 1,) when each of N steps begins, and when the last one ends; the motion begins at 0, seconds.
+        time_step: seconds.
+    """
+
+    def __init__(
+        self, trajectory: JointTrajectory, instants: Array, time_step: float
+    ) -> None:
+        self.trajectory = trajectory
+        self.instants = instants
+        self.time_step = time_step
+
+    @cached_property
+    def _sampled(self) -> tuple[Array, Array]:
+        return self.trajectory.sample(self.instants)
+
+    @property
+    def arm(self) -> Array:
+        """At each instant (N + 1, J)."""
+        return self._sampled[0]
+
+    @property
+    def fingers(self) -> Array:
+        """At each instant (N + 1,)."""
+        return self._sampled[1]
+
+    @cached_property
+    def speeds(self) -> Array:
+        """With which the arm approaches the target at each step's end (N, J)."""
+        speeds: Array = np.diff(self.arm, axis=0) / self.time_step
+        return speeds
+
+    @cached_property
+    def finger_speeds(self) -> Array:
+        """With which the fingers do (N,)."""
+        speeds: Array = np.diff(self.fingers) / self.time_step
+        return speeds
+
+    @cached_property
+    def orders(self) -> list[tuple[Array, float, Array, float]]:
+        """What `World.step` takes, for each step."""
+        steps = zip(
+            self.arm[1:],
+            self.fingers[1:].tolist(),
+            self.speeds,
+            self.finger_speeds.tolist(),
+            strict=True,
+        )
+        return list(steps)
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """S steps that an engine takes in a row, and when the playback looks at the world meanwhile.
+
+    Attributes:
+        targets: of the job.
+        begin: how many of the job's steps are done before.
+        end: how many are done after it.
+        marks: after how many of the block's steps (1 to S, rising) a note of the world is taken.
+        readings: after how many of them the arm feels what pushes it.
+    """
+
+    targets: Targets
+    begin: int
+    end: int
+    marks: Sequence[int] = ()
+    readings: Sequence[int] = ()
+
+    def __len__(self) -> int:
+        return self.end - self.begin
+
+    @property
+    def trajectory(self) -> JointTrajectory:
+        return self.targets.trajectory
+
+    @property
+    def instants(self) -> Array:
+        """When each step begins, and when the last one ends (S + 1,), seconds."""
+        return self.targets.instants[self.begin : self.end + 1]
+
+    @property
+    def arm(self) -> Array:
+        """The arm's targets at each instant (S + 1, J)."""
+        return self.targets.arm[self.begin : self.end + 1]
+
+    @property
+    def fingers(self) -> Array:
+        """The fingers' target at each instant (S + 1,)."""
+        return self.targets.fingers[self.begin : self.end + 1]
+
+    @property
+    def speeds(self) -> Array:
+        """With which the arm approaches the target at each step's end (S, J)."""
+        return self.targets.speeds[self.begin : self.end]
+
+    @property
+    def finger_speeds(self) -> Array:
+        """With which the fingers do (S,)."""
+        return self.targets.finger_speeds[self.begin : self.end]
+
+    @property
+    def orders(self) -> list[tuple[Array, float, Array, float]]:
+        """What `World.step` takes, for each step."""
+        return self.targets.orders[self.begin : self.end]
+
+    def until(self, count: int) -> Block:
+        """Return the block's first steps, during which nobody looks."""
+        return Block(self.targets, self.begin, self.begin + count)
+
+
+class Reading(NamedTuple):
+    """What the arm feels at an instant: its joints (J,), and forces (C, 3) at points (C, 3)."""
+
+    arm: Array
+    points: Array
+    forces: Array
+
+
+class Passed(NamedTuple):
+    """What came of a block.
+
+    Attributes:
+        notes: one for each of the block's marks, see `World.note`.
+        readings: one for each of the block's readings.
+        error: why the world broke on the way; then the rest means nothing.
+    """
+
+    notes: Sequence[Any] = ()
+    readings: Sequence[Reading] = ()
+    error: str | None = None
+
+
+class World(ABC):
+    """An engine's world with a scene and the robot, which `core.simulation.playback` plays a job in.
+
+    An engine says how its world steps, and how joints and bodies stand: `step`, `joints` and `state`. It says more if
+    it can do more (`launch`, `pushes`, `contact_forces`), or faster (`note` with `read`, `settle`, `advance`, and
+    `save` with `restore`). What it can't do it leaves out of `Simulator.supports`.
+
+    Attributes:
+        time_step: seconds.
+        rewinds: whether it has `save` and `restore`. Then several readings of guards are played in one block.
     """
 
     time_step: float
+    rewinds: bool = False
 
     @abstractmethod
     def step(
@@ -251,6 +408,37 @@ class World(ABC):
         """
         return
 
+    def settle(self, block: Block) -> Passed:
+        """Take the steps before the motion begins. A world that is used again may return to what they led to before."""
+        return self.advance(block)
+
+    def advance(self, block: Block) -> Passed:
+        """Take the steps of a block, with notes at its marks, and readings."""
+        notes = []
+        readings = []
+        orders = block.orders
+        done = 0
+
+        for end in sorted({*block.marks, *block.readings, len(block)}):
+            for order in orders[done:end]:
+                self.step(*order)
+
+            done = end
+            if end in block.marks:
+                notes.append(self.note())
+            if end in block.readings:
+                readings.append(Reading(self.joints()[0], *self.pushes()))
+
+        return Passed(notes, readings)
+
+    def save(self) -> None:
+        """Remember how the world is now."""
+        raise NotImplementedError("this engine does not rewind")
+
+    def restore(self) -> None:
+        """Return to how the world was when it was last saved."""
+        raise NotImplementedError("this engine does not rewind")
+
     def note(self) -> Any:
         """Take a snapshot of the joints and free bodies, in the form that is fastest to get."""
         return *self.joints(), self.state()
@@ -260,9 +448,63 @@ class World(ABC):
         arms, fingers, states = zip(*notes, strict=True)
         return np.array(arms), np.array(fingers), State.stack(states)
 
+    def contact_forces(
+        self, notes: Sequence[Any], instants: Array
+    ) -> tuple[Mapping[tuple[str, str], Array], Pushes | None]:
+        """Return ``forces`` and ``pushes`` of a `Recording`, from its snapshots and their instants (T,), seconds.
+
+        It is asked for after a job with `Rollout.forces`.
+        """
+        raise NotImplementedError("this engine does not measure the forces of contacts")
+
     def pushes(self) -> tuple[Array, Array]:
         """Return what pushed the links beyond the arm's last joint in the last step; plans with guards need it.
 
         Points (C, 3) in the world, metres, and the forces there (C, 3), newtons.
         """
         raise NotImplementedError("this engine does not say what pushes the arm")
+
+
+class Worlds(ABC):
+    """Several worlds that an engine steps together, each with a job of its own; its methods are those of `World`.
+
+    They are stepped in lockstep: a block is as long for each of them, but for those whose job ends within it. A world
+    whose job is over gets blocks of no steps.
+    """
+
+    time_step: float
+    rewinds: bool = False
+
+    @abstractmethod
+    def settle(self, blocks: Sequence[Block]) -> list[Passed]:
+        """Take the steps before the motions begin, equally many in each world."""
+
+    @abstractmethod
+    def launch(self) -> None:
+        """Begin the motions."""
+
+    @abstractmethod
+    def advance(self, blocks: Sequence[Block]) -> list[Passed]:
+        """Take the steps of a block in each world."""
+
+    @abstractmethod
+    def note(self) -> list[Any]:
+        """Take a snapshot of each world."""
+
+    @abstractmethod
+    def read(self, number: int, notes: Sequence[Any]) -> tuple[Array, Array, State]:
+        """Decode T snapshots of one of the worlds."""
+
+    def contact_forces(
+        self, number: int, notes: Sequence[Any], instants: Array
+    ) -> tuple[Mapping[tuple[str, str], Array], Pushes | None]:
+        """Return the contact forces of one of the worlds."""
+        raise NotImplementedError("this engine does not measure the forces of contacts")
+
+    def save(self) -> None:
+        """Remember how the worlds are now."""
+        raise NotImplementedError("this engine does not rewind")
+
+    def restore(self) -> None:
+        """Return to how they were."""
+        raise NotImplementedError("this engine does not rewind")

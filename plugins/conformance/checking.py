@@ -18,6 +18,7 @@ from core.errors import RAISED, UserError, in_line
 from core.geometry import Box, Pose
 from core.hooks import PROJECT
 from core.interfaces import (
+    Ability,
     Brief,
     Message,
     Request,
@@ -247,7 +248,7 @@ def some_simulator(*, soft: bool = False) -> tuple[str, Simulator]:
         LeftOut: none of them has soft bodies.
     """
     for name, simulator in simulators():
-        if simulator.supports_soft_bodies or not soft:
+        if not soft or Ability.SOFT_BODIES in simulator.supports:
             return name, simulator
     raise LeftOut("no engine that can be made here has soft bodies")
 

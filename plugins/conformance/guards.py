@@ -11,7 +11,7 @@ from core.interfaces import Feel, JsonObject, Outcome, RolloutSettings, Simulato
 from core.scene import Body
 from core.simulation.attempt import prepare
 from core.values.jobs import FEEL_S
-from plugins.conformance.checking import LeftOut, expect, near
+from plugins.conformance.checking import expect, near
 from plugins.conformance.scenery import cube, make_body, stick
 from plugins.conformance.worlds import Bodies, arm, film, play
 
@@ -36,9 +36,6 @@ def _played(simulator: Simulator, steps: list[JsonObject], *bodies: Body) -> Out
         LeftOut: the engine plays no motions with guards.
         AssertionError: the rollout broke.
     """
-    if not simulator.supports_guards:
-        raise LeftOut("it plays no motions with guards")
-
     task = Bodies(*bodies)
     settings = RolloutSettings(settle_s=0.1, hold_s=0.3, feel=Feel(noise=0.05))
     actions = named_actions({"action": "anchored"})

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from core.design import Tool
+from core.design import DesignError, Tool
 from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import (
@@ -24,6 +24,7 @@ from core.plugins import installed
 from core.robot.kinematics import Arm, arm_of
 from core.robot.trajectory import plan_motion
 from core.scene import Body, Joint, Scene, State
+from core.simulation.engines import check_support, scene_of
 from plugins.conformance.checking import LeftOut, expect
 
 T = TypeVar("T")
@@ -116,21 +117,22 @@ def run(
     """Simulate one job in a world of these bodies; it must not break.
 
     Raises:
-        LeftOut: the engine has no joints, no soft bodies, or none that start with a velocity.
+        LeftOut: the engine does not support what it needs.
     """
-    task = Bodies(*bodies, joints=joints)
-    scene = task.scene(0)
-
-    try:
-        return play(simulator, task, job)
-    except UserError as error:
-        if joints or scene.softs or any(body.launched for body in scene.bodies):
-            raise LeftOut(str(error)) from error
-        raise
+    return play(simulator, Bodies(*bodies, joints=joints), job)
 
 
 def play(simulator: Simulator, task: Task, job: Rollout) -> Outcome:
-    """Simulate one job of a task; it must not break."""
+    """Simulate one job of a task; it must not break.
+
+    Raises:
+        LeftOut: the engine does not support what it needs.
+    """
+    try:
+        check_support(simulator, task.name, scene_of(job, task), job)
+    except (DesignError, UserError) as error:
+        raise LeftOut(str(error)) from error
+
     (outcome,) = simulator.rollout(task, [job])
     expect(outcome.error is None, f"a rollout broke: {outcome.error}")
     return outcome

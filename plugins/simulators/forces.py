@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from core.geometry import Array
-from core.interfaces import Pushes, Recording
+from core.interfaces import Pushes
 from core.scene import Joint
 
 Thing = tuple[int, str]
@@ -56,28 +55,32 @@ class _Push(NamedTuple):
     """A contact of the tool.
 
     Attributes:
-        sample: the number of the recording's next sample.
         body: what the tool touched.
         point: where, in the world (3,).
         impulse: on the tool, N s (3,).
     """
 
-    sample: int
     body: str
     point: Sequence[float]
     impulse: Array
 
 
+class Totals(NamedTuple):
+    """What was summed up to an instant: impulses of pairs, N s, and the number of pushes on the tool."""
+
+    sums: Mapping[tuple[str, str], float]
+    pushes: int
+
+
 class Impulses(ABC):
     """The normal impulses since a world began, of each two things that touched; those on the tool with their points.
 
-    An engine's class adds those of each step with `add` and `push`. `note` is called at each instant of the recording,
-    and `measured` once, at its end.
+    An engine's class adds those of each step with `add` and `push`. `totals` goes into each note of the world, and
+    `mean_forces` makes forces of them.
     """
 
     def __init__(self) -> None:
         self._sums: dict[tuple[str, str], float] = {}
-        self._noted: list[dict[tuple[str, str], float]] = []
         self._pushes: list[_Push] = []
 
     @abstractmethod
@@ -92,26 +95,34 @@ class Impulses(ABC):
     def push(self, met: Meeting, point: Sequence[float], impulse: Array) -> None:
         """Add the impulse on the first thing (3,), N s, of a contact of the tool at a point in the world."""
         assert met.body is not None
-        push = _Push(len(self._noted), met.body, point, met.sign * impulse)
+        push = _Push(met.body, point, met.sign * impulse)
         self._pushes.append(push)
 
-    def note(self) -> None:
-        """Note the sums at an instant of the recording."""
-        self._noted.append(dict(self._sums))
+    def totals(self) -> Totals:
+        """Return the sums up to now."""
+        return Totals(dict(self._sums), len(self._pushes))
 
-    def measured(self, recording: Recording) -> Recording:
-        """Add the mean forces between instants to a recording, see `core.interfaces.Recording`."""
-        spans = np.diff(recording.times)
+    def mean_forces(
+        self, totals: Sequence[Totals], instants: Array
+    ) -> tuple[dict[tuple[str, str], Array], Pushes]:
+        """Compute the mean forces between instants (T,), seconds, see `core.interfaces.Recording`."""
+        spans = np.diff(instants)
         forces = {}
         for pair in self._sums:
-            sums = np.array([noted.get(pair, 0.0) for noted in self._noted])
+            sums = np.array([total.sums.get(pair, 0.0) for total in totals])
             forces[pair] = np.append(0.0, np.diff(sums) / spans)
 
-        return replace(recording, forces=forces, pushes=self._mean_pushes(spans))
+        return forces, self._mean_pushes([total.pushes for total in totals], spans)
 
-    def _mean_pushes(self, spans: Array) -> Pushes:
-        """Compute the mean forces on the tool, between instants of the recording that are ``spans`` (T - 1,) apart."""
-        samples = np.array([push.sample for push in self._pushes], dtype=np.int64)
+    def _mean_pushes(self, counts: Sequence[int], spans: Array) -> Pushes:
+        """Compute the mean forces on the tool.
+
+        Args:
+            counts: how many pushes there were up to each instant (T,).
+            spans: between the instants (T - 1,), seconds.
+        """
+        numbers = np.arange(len(self._pushes))
+        samples = np.searchsorted(counts, numbers, side="right")
         bodies = np.array([push.body for push in self._pushes], dtype=np.str_)
         points = np.reshape([push.point for push in self._pushes], (-1, 3))
         impulses = np.reshape([push.impulse for push in self._pushes], (-1, 3))

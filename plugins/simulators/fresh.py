@@ -4,58 +4,65 @@ from __future__ import annotations
 
 import tempfile
 from abc import abstractmethod
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
-from core.design import Tool
 from core.errors import check_positive
-from core.interfaces import Outcome, Robot, Rollout, Simulator, Task, World
-from core.robot.trajectory import at_home
+from core.geometry import Array
+from core.interfaces import Ability, Pushes, Robot, Rollout, World
 from core.scene import Scene, State
-from core.simulation.playback import play
+from core.simulation.engines import SteppingSimulator
 from core.support.scratch import scratch
 from plugins.simulators.forces import Impulses
-from plugins.simulators.rigid import only_rigid
-from plugins.simulators.scenes import scene_of
 from plugins.simulators.steps import check_time_step, choose_step
 
 Prepared = TypeVar("Prepared")
 
 
 class FreshWorld(World):
-    """A world with one job's robot and scene, stepped by its caller.
+    """A world with one job's robot and scene.
 
     Attributes:
-        forces: sums up those of contacts; None: they are not asked for.
+        impulses: sums up those of contacts; None: they are not asked for.
     """
 
-    forces: Impulses | None = None
+    impulses: Impulses | None = None
 
     @abstractmethod
     def snapshot(self) -> Any:
         """Take a snapshot of the joints and free bodies, in the form that is fastest to get."""
 
+    @abstractmethod
+    def decode(self, snapshots: Sequence[Any]) -> tuple[Array, Array, State]:
+        """Decode T snapshots, see `World.read`."""
+
     def note(self) -> Any:
-        """Take a snapshot at an instant of the recording."""
-        if self.forces:
-            self.forces.note()
-        return self.snapshot()
+        if self.impulses is None:
+            return self.snapshot()
+        return self.snapshot(), self.impulses.totals()
+
+    def read(self, notes: Sequence[Any]) -> tuple[Array, Array, State]:
+        if self.impulses is not None:
+            notes = [snapshot for snapshot, _ in notes]
+        return self.decode(notes)
+
+    def contact_forces(
+        self, notes: Sequence[Any], instants: Array
+    ) -> tuple[Mapping[tuple[str, str], Array], Pushes | None]:
+        assert self.impulses is not None
+        return self.impulses.mean_forces([totals for _, totals in notes], instants)
 
     def state(self) -> State:
         """Read the state of the free bodies."""
-        _, _, states = self.read([self.snapshot()])
+        _, _, states = self.decode([self.snapshot()])
         return states[0]
 
 
-class FreshWorlds(Simulator, Generic[Prepared]):
+class FreshWorlds(SteppingSimulator, Generic[Prepared]):
     """Play each job in a world of its own, so that no rollout affects the next.
 
     Attributes:
-        title: of the engine, for people.
-        name: as in ``sim=NAME``.
-        refusal: what the engine raises.
         folder: for files, which goes with the simulator.
 
     Args:
@@ -63,10 +70,7 @@ class FreshWorlds(Simulator, Generic[Prepared]):
         settings: others, which must be above 0, too.
     """
 
-    supports_guards = True
-    title: ClassVar[str]
-    name: ClassVar[str]
-    refusal: ClassVar[type[Exception]]
+    supports = frozenset(Ability) - {Ability.SOFT_BODIES}
 
     def __init__(self, time_step: float, **settings: float) -> None:
         check_positive("sim.", **settings)
@@ -82,33 +86,14 @@ class FreshWorlds(Simulator, Generic[Prepared]):
         """Prepare a scene to be placed in one world after another."""
 
     @abstractmethod
-    def build(
+    def place(
         self, prepared: Prepared, robot: Robot, job: Rollout, time_step: float
     ) -> FreshWorld:
         """Build a job's world, with the time step, s, that its tool needs."""
 
-    def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
-        return [self._play(task, job) for job in jobs]
-
-    def world(self, task: Task, tool: Tool, seed: int = 0) -> FreshWorld:
-        return self._build(task, Rollout(tool, at_home(task), seed))
-
-    def _build(self, task: Task, job: Rollout) -> FreshWorld:
-        scene = scene_of(job, task)
+    def build(self, robot: Robot, scene: Scene, job: Rollout) -> FreshWorld:
         if self._prepared is None or self._prepared[0] is not scene:
-            only_rigid(scene, task.name, self.name)
             self._prepared = (scene, self.prepare(scene))
 
         time_step = choose_step(job.tool, self._time_step)
-        return self.build(self._prepared[1], task.robot, job, time_step)
-
-    def _play(self, task: Task, job: Rollout) -> Outcome:
-        try:
-            world = self._build(task, job)
-            outcome = play(world, job)
-        except self.refusal as error:
-            return Outcome(None, None, error=f"{self.title}: {error}")
-
-        if world.forces and outcome.recording:
-            return replace(outcome, recording=world.forces.measured(outcome.recording))
-        return outcome
+        return self.place(self._prepared[1], robot, job, time_step)

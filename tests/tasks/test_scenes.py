@@ -37,7 +37,7 @@ def test_the_reference_solution_earns_all(scene, engine):
     if scene.stem == "turn_hose" and engine != "mujoco":
         with pytest.raises(
             UserError,
-            match=rf"sim={engine} can't have soft bodies \(hose\) in a scene; use sim=mujoco",
+            match=rf"sim={engine} does not support soft bodies \(hose\); use sim=mujoco",
         ):
             tried(scene, engine)
         return

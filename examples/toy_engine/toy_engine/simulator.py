@@ -1,25 +1,16 @@
 """Simulate without physics: the arm is where its targets are, and bodies that the tool touches move along with it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from typing_extensions import Unpack
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.geometry import Array, Pose
-from core.interfaces import (
-    Image,
-    Outcome,
-    Robot,
-    Rollout,
-    Simulator,
-    Task,
-    View,
-    World,
-)
+from core.interfaces import Image, Robot, Rollout, Task, View, World
 from core.robot.kinematics import arm_of
-from core.scene import State
-from core.simulation.playback import play
+from core.scene import Scene, State
+from core.simulation.engines import SteppingSimulator
 
 PAPER = 235  # how light the picture's ground is, 0..255
 RED = (200, 40, 40)
@@ -27,11 +18,11 @@ BLUE = (40, 80, 200)
 BLACK = (30, 30, 30)
 
 
-class ToySimulator(Simulator):
+class ToySimulator(SteppingSimulator):
     """Bodies are points with a radius, which never fall or turn.
 
-    `core.simulation.playback.play` settles, moves, holds and records: an engine that steps one world at a time needs
-    only a world with three methods.
+    `core.simulation.playback` settles, moves, holds and records: an engine that steps one world at a time needs only a
+    world with three methods. It supports nothing more, so that jobs with guards, joints or forces are refused.
 
     Args:
         time_step: seconds.
@@ -44,11 +35,8 @@ class ToySimulator(Simulator):
         self.time_step = time_step
         self.radius = radius
 
-    def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
-        return [play(self.world(task, job.tool, job.seed), job) for job in jobs]
-
-    def world(self, task: Task, tool: Tool, seed: int = 0) -> "ToyWorld":
-        return ToyWorld(task, tool, seed, self.time_step, self.radius)
+    def build(self, robot: Robot, scene: Scene, job: Rollout) -> "ToyWorld":
+        return ToyWorld(robot, scene.state(), job, self.time_step, self.radius)
 
     def render(self, task: Task, **view: Unpack[View]) -> Image:
         """Draw from above, x up and y to the left, 1 m to either side of (0.6, 0): bodies red, the tool blue."""
@@ -99,20 +87,20 @@ def place_boxes(
 
 
 class ToyWorld(World):
-    """A world that is stepped by its caller."""
+    """The arm at the first targets of its motion, and bodies where the scene has them."""
 
     def __init__(
-        self, task: Task, tool: Tool, seed: int, time_step: float, radius: float
+        self, robot: Robot, start: State, job: Rollout, time_step: float, radius: float
     ) -> None:
         self.time_step = time_step
         self._radius = radius
-        self._robot = task.robot
-        self._tool = tool
-        self._start = task.scene(seed).state()
-        self._positions = self._start.positions.copy()
+        self._robot = robot
+        self._tool = job.tool
+        self._start = start
+        self._positions = start.positions.copy()
         self._velocities = np.zeros_like(self._positions)
-        self._joints = arm_of(task.robot).home_for(task.home)
-        self._fingers = task.robot.opening_m
+        self._joints = job.trajectory.arm[0]
+        self._fingers = float(job.trajectory.fingers[0])
 
     def step(
         self, arm: Array, fingers: float, speeds: Array, finger_speed: float

@@ -10,7 +10,7 @@ from omegaconf import OmegaConf
 from core.config.compose import task_part
 from core.errors import UserError
 from core.events import INTERRUPTED
-from core.interfaces import Condition, Evaluation, Trial
+from core.interfaces import Ability, Condition, Evaluation, Trial
 from core.plugins import SIMULATOR, PluginPart
 from core.simulation.play import play
 from core.support.progress import busy
@@ -73,7 +73,8 @@ def _is_ready(run: Run, name: str) -> bool:
     except UserError:  # its package is missing
         return False
 
-    return engine.supports_soft_bodies or not run.task.scene(run.seed).softs
+    has_softs = Ability.SOFT_BODIES in engine.supports
+    return has_softs or not run.task.scene(run.seed).softs
 
 
 def _play(run: Run, best: Evaluation, name: str) -> Trial:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from itertools import compress
 from typing import NamedTuple
 
@@ -12,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.geometry import Array
-from core.interfaces import Pushes, Recording
+from core.interfaces import Pushes
 from core.scene import Scene
 from plugins.simulators.mujoco.contacts import Role
 from plugins.simulators.mujoco.engine import mujoco
@@ -141,7 +140,7 @@ class Meter:
     """Measure what things press on each other with: the tool and the arm's links first, then the scene's bodies.
 
     A step only copies what the engine says; `pack` has the contacts of many steps, and makes sense of them at once.
-    `begin` goes before the motion, `measure` after each step, and `add_to` to its end.
+    `begin` goes before the motion, `measure` after each step, and `mean_forces` to its end.
 
     Args:
         scene: has the bodies.
@@ -262,18 +261,19 @@ class Meter:
             pushes=pushes,
         )
 
-    def add_to(self, recording: Recording, samples: Numbers) -> Recording:
-        """Add the mean forces between instants to a recording.
+    def mean_forces(
+        self, samples: Numbers
+    ) -> tuple[dict[tuple[str, str], Array], Pushes | None]:
+        """Compute the mean forces between instants, see `core.interfaces.Recording`.
 
         Things that sleep press on each other as they did in the step before.
 
         Args:
-            recording: without forces.
-            samples: how many steps are done at each of its instants (T,).
+            samples: how many steps are done at each of the instants (T,).
         """
         packed = self.pack()
         if not packed:
-            return recording
+            return {}, None
 
         measured = _join(packed)
         # Of each step.
@@ -290,16 +290,7 @@ class Meter:
         touched = interval[measured.touching]
         bodies = np.array(self._names, dtype=np.str_)[measured.others]
         pushes = measured.pushes / spans[touched, None]
-        return replace(
-            recording,
-            forces=found,
-            pushes=Pushes(
-                touched,
-                bodies,
-                measured.points,
-                pushes,
-            ),
-        )
+        return found, Pushes(touched, bodies, measured.points, pushes)
 
 
 def _join(parts: Sequence[Measured]) -> Measured:

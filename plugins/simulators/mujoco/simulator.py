@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
 
 from core.design import Tool
 from core.errors import UsageError, check_positive
-from core.interfaces import Outcome, Rollout, Task
-from core.robot.trajectory import at_home
+from core.interfaces import Ability, Robot, Rollout
+from core.scene import Scene
+from core.simulation.engines import SteppingSimulator
+from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.keeping import keep
 from plugins.simulators.mujoco.model import MAX_TIME_STEP, compile_model
 from plugins.simulators.mujoco.renderer import MuJoCoRenderer
-from plugins.simulators.mujoco.stepped import Stepped
 from plugins.simulators.mujoco.world import World
 from plugins.simulators.rendering import DrawingSimulator
-from plugins.simulators.scenes import scene_of
 
 _KEPT = 4  # worlds: most batches have one tool
 
 
-class MuJoCoSimulator(DrawingSimulator):
+class MuJoCoSimulator(SteppingSimulator, DrawingSimulator):
     """Play jobs in one world per scene and tool, compiled once and reset for each job.
 
     Args:
@@ -30,9 +29,10 @@ class MuJoCoSimulator(DrawingSimulator):
             much higher rate, sliding bodies hop. With rolling friction a quarter of it is used.
     """
 
+    title = "MuJoCo"
+    failures = (mujoco.FatalError, FloatingPointError)
+    supports = frozenset(Ability)
     renderer = MuJoCoRenderer
-    supports_guards = True
-    supports_soft_bodies = True
 
     def __init__(
         self,
@@ -53,20 +53,15 @@ class MuJoCoSimulator(DrawingSimulator):
         self._rates = time_step, tracking_rate, slip_rate
         self._worlds: OrderedDict[tuple[int, Tool], World] = OrderedDict()
 
-    def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
-        return [self._world(task, job).play(job) for job in jobs]
-
-    def world(self, task: Task, tool: Tool, seed: int = 0) -> Stepped:
-        motion = at_home(task)
-        return self._world(task, Rollout(tool, motion, seed)).stepped(motion)
-
-    def _world(self, task: Task, job: Rollout) -> World:
+    def build(self, robot: Robot, scene: Scene, job: Rollout) -> World:
         """Return the world of a job's scene and tool; the last few are kept."""
-        scene = scene_of(job, task)
 
-        def build() -> World:
-            model = compile_model(task.robot, scene, job.tool, *self._rates)
-            return World(task.robot, scene, job.tool, model)
+        def compiled() -> World:
+            model = compile_model(robot, scene, job.tool, *self._rates)
+            return World(robot, scene, job.tool, model)
 
         # The world keeps the scene, so that no other gets its id.
-        return keep(self._worlds, (id(scene), job.tool), _KEPT, build)
+        world = keep(self._worlds, (id(scene), job.tool), _KEPT, compiled)
+        world.begin(job)
+
+        return world

@@ -26,8 +26,7 @@ class PyBulletSimulator(FreshWorlds[PreparedScene]):
     """
 
     title = "PyBullet"
-    name = "pybullet"
-    refusal = pybullet.error
+    failures = (pybullet.error,)
 
     def __init__(
         self,
@@ -44,7 +43,7 @@ class PyBulletSimulator(FreshWorlds[PreparedScene]):
     def prepare(self, scene: Scene) -> PreparedScene:
         return PreparedScene(scene, self.folder)
 
-    def build(
+    def place(
         self, prepared: PreparedScene, robot: Robot, job: Rollout, time_step: float
     ) -> World:
         file = robot_file(self.folder, robot, job.tool, visuals=False)

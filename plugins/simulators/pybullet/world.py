@@ -99,7 +99,7 @@ class World(FreshWorld):
             self.time_step,
         )
         if job.forces and job.record_hz > 0:
-            self.forces = Forces(client, self._name_things(job.tool), self.time_step)
+            self.impulses = Forces(client, self._name_things(job.tool), self.time_step)
 
     def _name_things(self, tool: Tool) -> dict[Place, Thing]:
         """Map all that collides to what contact forces call it."""
@@ -124,8 +124,8 @@ class World(FreshWorld):
         )
         self._mechanism.drive()
         p.stepSimulation(self.client.number)
-        if self.forces:
-            self.forces.add_step()
+        if self.impulses:
+            self.impulses.add_step()
 
     def launch(self) -> None:
         self._arm.launch()
@@ -152,8 +152,8 @@ class World(FreshWorld):
     def snapshot(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         return self._arm.snapshot(), self._take_bodies()
 
-    def read(self, notes: Sequence[Any]) -> tuple[Array, Array, State]:
-        joints, bodies = zip(*notes, strict=True)
+    def decode(self, snapshots: Sequence[Any]) -> tuple[Array, Array, State]:
+        joints, bodies = zip(*snapshots, strict=True)
         return *self._arm.read(joints), self._scene.read(bodies)
 
     def _take_bodies(self) -> tuple[float, ...]:

@@ -20,8 +20,7 @@ class SapienSimulator(FreshWorlds[Weighed], DrawingSimulator):
     """
 
     title = "SAPIEN"
-    name = "sapien"
-    refusal = RuntimeError  # of PhysX
+    failures = (RuntimeError,)  # of PhysX
 
     def __init__(
         self,
@@ -35,7 +34,7 @@ class SapienSimulator(FreshWorlds[Weighed], DrawingSimulator):
     def prepare(self, scene: Scene) -> Weighed:
         return Weighed(scene)
 
-    def build(
+    def place(
         self, prepared: Weighed, robot: Robot, job: Rollout, time_step: float
     ) -> World:
         return World(prepared, robot, job, self.folder, time_step, self._settings)

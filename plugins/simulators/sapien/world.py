@@ -86,7 +86,7 @@ class World(FreshWorld):
         self._robot = ArticulatedArm(setup, robot, tool, job.trajectory)
         self._held = robot, tool
         if job.forces and job.record_hz > 0:
-            self.forces = Forces(self._system, weighed.scene, setup.things)
+            self.impulses = Forces(self._system, weighed.scene, setup.things)
 
         arm, _ = self._robot.read(self._bodies.behind([self.snapshot()]))
         if not np.allclose(arm, job.trajectory.arm[0], atol=1e-5):
@@ -99,8 +99,8 @@ class World(FreshWorld):
         self._joints.act()
         self._system.step()
         self._bodies.end_step()
-        if self.forces:
-            self.forces.add_step()
+        if self.impulses:
+            self.impulses.add_step()
 
     def pushes(self) -> tuple[Array, Array]:
         return pushes(self._system, self._beyond)
@@ -126,8 +126,9 @@ class World(FreshWorld):
     def snapshot(self) -> bytes:
         return self._bodies.snapshot()
 
-    def read(self, notes: Sequence[bytes]) -> tuple[Array, Array, State]:
-        return *self._robot.read(self._bodies.behind(notes)), self._bodies.read(notes)
+    def decode(self, snapshots: Sequence[bytes]) -> tuple[Array, Array, State]:
+        arm, fingers = self._robot.read(self._bodies.behind(snapshots))
+        return arm, fingers, self._bodies.read(snapshots)
 
 
 def _configure(solver_iterations: int, gravity: Vector) -> None:

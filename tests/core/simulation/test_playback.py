@@ -46,8 +46,9 @@ def job(**settings):
 
 def test_it_settles_moves_and_holds():
     schedule = Schedule(job(), DT)
-    times = schedule.times
+    times = schedule.instants[:-1]
     assert schedule.settle == 10
+    assert schedule.count == 80
     np.testing.assert_allclose(times[[0, 10, -1]], [-0.1, 0.0, 0.69])
     world = Exact()
     outcome = play(world, job())
@@ -59,7 +60,9 @@ def test_it_settles_moves_and_holds():
 
 
 def test_targets_are_those_at_the_end_of_a_step_with_the_speeds_that_lead_there():
-    arm, fingers, speeds, finger_speeds = Schedule(job(), DT).targets()
+    block = Schedule(job(), DT).block(0, 80)
+    arm, fingers = block.arm[1:], block.fingers[1:]
+    speeds, finger_speeds = block.speeds, block.finger_speeds
     moving, still = slice(10, 60), np.r_[0:10, 60:80]
     np.testing.assert_allclose(arm[moving, 0], 0.01 * np.arange(1, 51))
     np.testing.assert_allclose(speeds[moving], 1.0)
@@ -74,8 +77,8 @@ def test_the_largest_lag_is_reported():
 
 def test_a_recording_has_its_rate_and_both_ends():
     outcome = play(Exact(), job(record_hz=25))
-    assert Schedule(job(record_hz=25), DT).every == 4
-    assert Schedule(job(), DT).every == 0
+    assert Schedule(job(record_hz=25), DT).samples.tolist() == [*range(0, 80, 4), 80]
+    assert not Schedule(job(), DT).samples.size
     times = outcome.recording.times
     assert (times[0], times[-1]) == (pytest.approx(-0.1), pytest.approx(0.7))
     np.testing.assert_allclose(np.diff(times), 0.04)

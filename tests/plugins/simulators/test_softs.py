@@ -178,6 +178,6 @@ def test_other_engines_refuse_them_and_name_the_mend(name):
         pytest.skip(f"{name} is not installed")
     with pytest.raises(
         UserError,
-        match=rf"sim={name} can't have soft bodies \(soft\) in a scene; use sim=mujoco",
+        match=rf"sim={name} does not support soft bodies \(soft\); use sim=mujoco",
     ):
         simulator.rollout(Bodies(TOWEL), [Rollout(BARE, still(), 0)])

@@ -49,7 +49,7 @@ def sampled(
 @wp.kernel(enable_backward=False)
 def drive(
     step: wp.array[int],
-    settle: wp.array[int],
+    begin: wp.array[int],
     broken: wp.array[int],
     dt: wp.float64,
     ahead: int,
@@ -64,8 +64,8 @@ def drive(
     """Set each joint's target at the step's end, and its servo's input; broken worlds stay at the start.
 
     Args:
-        step: how many steps are done (1,).
-        settle: how many let each world settle (W,).
+        step: how many steps of the block are done (W,).
+        begin: how many steps of the motion were done before the block (W,); below 0 while the worlds settle.
         broken: which worlds diverged (W,).
         dt: the time step, s.
         ahead: 1: servos get the target at the step's end; 0: at its beginning.
@@ -78,7 +78,7 @@ def drive(
         control: gets the servos' inputs (W, J).
     """
     world, joint = wp.tid()
-    time = wp.float64(step[0] - settle[world]) * dt
+    time = wp.float64(step[world] + begin[world]) * dt
     if broken[world] != 0:
         time = times[world, 0] - dt
 
@@ -102,70 +102,34 @@ def drive(
 
 
 @wp.kernel(enable_backward=False)
-def release(
-    step: wp.array[int],
-    settle: wp.array[int],
-    own_stiffness: wp.array2d[float],
-    own_friction: wp.array2d[float],
-    stiffness: wp.array2d[float],
-    friction: wp.array2d[float],
-) -> None:
-    """Give joints their springs and dry friction when the motion begins.
-
-    Args:
-        step: how many steps are done (1,).
-        settle: how many let each world settle (W,).
-        own_stiffness: what joints have (W, N).
-        own_friction: what degrees of freedom have (W, V).
-        stiffness: the model's (W, N).
-        friction: the model's (W, V).
-    """
-    world, number = wp.tid()
-    if step[0] == settle[world]:
-        friction[world, number] = own_friction[world, number]
-        if number < stiffness.shape[1]:
-            stiffness[world, number] = own_stiffness[world, number]
-
-
-@wp.kernel(enable_backward=False)
 def note(
     step: wp.array[int],
-    settle: wp.array[int],
     last: wp.array[int],
-    every: wp.array[int],
-    look: int,
-    arm: int,
+    marks: wp.array2d[int],
+    noted: wp.array[int],
     qpos: wp.array2d[float],
     qvel: wp.array2d[float],
-    aim: wp.array2d[wp.float64],
     overflow: wp.array[int],
     crowded: wp.array[int],
-    start: wp.array2d[float],
-    end: wp.array2d[float],
     film: wp.array3d[float],
-    lag: wp.array[wp.float64],
     lost: wp.array[int],
     astray: wp.array[int],
     broken: wp.array[int],
 ) -> None:
-    """Record one number of a world's state before the step. After a world's last step only divergence is recorded.
+    """Record one number of a world's state before the step, if there is a mark.
+
+    After a world's last step only divergence is recorded.
 
     Args:
-        step: how many steps are done (1,).
-        settle: how many let each world settle (W,).
-        last: how many each world plays (W,).
-        every: the steps between two samples of its recording (W,); 0: none.
-        look: the steps between two measurements of the lag.
-        arm: how many joints the arm has.
+        step: how many steps of the block are done (W,).
+        last: how many the block has for each world (W,).
+        marks: after how many of them a note is taken (W, F + 1), rising; -1 behind the last one.
+        noted: how many notes each world has (W,).
         qpos: positions (W, Q).
         qvel: speeds (W, V).
-        aim: the targets after the last step (W, J).
         overflow: what MuJoCo Warp had no room for (W,).
         crowded: which worlds had too many contacts (W,).
-        start: gets the state when the motion begins (W, Q + V).
-        end: gets the state at the end (W, Q + V).
-        film: gets the samples (F, W, Q + V).
-        lag: gets the largest of an arm joint (W,), rad or m.
+        film: gets the notes (F, W, Q + V).
         lost: gets what there was no room for (W,).
         astray: gets which worlds diverge now (W,).
         broken: gets which worlds diverged before their end (W,).
@@ -178,7 +142,7 @@ def note(
     else:
         value = qvel[world, number - positions]
 
-    now = step[0]
+    now = step[world]
 
     if not wp.isfinite(value) or wp.abs(value) > wp.static(LARGEST):
         astray[world] = 1
@@ -188,20 +152,14 @@ def note(
     if now > last[world]:
         return
 
-    if now == settle[world]:
-        start[world, number] = value
-    if now == last[world]:
-        end[world, number] = value
-    if every[world] > 0 and now < last[world] and now % every[world] == 0:
-        film[now // every[world], world, number] = value
+    frame = noted[world]
+    if marks[world, frame] == now:
+        film[frame, world, number] = value
 
     if number == 0:
         lost[world] = overflow[world]
         if crowded[world] != 0:
             lost[world] = -1
-
-    if number < arm and now > settle[world] and (now - 1) % look == 0:
-        wp.atomic_max(lag, world, wp.abs(wp.float64(value) - aim[world, number]))
 
 
 @wp.kernel(enable_backward=False)
@@ -275,6 +233,10 @@ def mend(
 
 
 @wp.kernel(enable_backward=False)
-def advance(step: wp.array[int]) -> None:
-    """Count a step (1,)."""
-    step[0] = step[0] + 1
+def advance(step: wp.array[int], marks: wp.array2d[int], noted: wp.array[int]) -> None:
+    """Count a step of each world (W,), and the note that was taken before it (W,) at one of its marks (W, F + 1)."""
+    world = wp.tid()
+    if marks[world, noted[world]] == step[world]:
+        noted[world] = noted[world] + 1
+
+    step[world] = step[world] + 1

@@ -100,7 +100,7 @@ class Size:
 
     Attributes:
         worlds: how many are stepped together.
-        frames: samples of a recording.
+        frames: notes of a world in a block.
         instants: times of a trajectory.
         contacts: in each world.
     """
@@ -109,27 +109,6 @@ class Size:
     frames: int
     instants: int
     contacts: int
-
-
-@dataclass(frozen=True, eq=False)
-class Played:
-    """A world's result; states are positions and then speeds (Q + V,).
-
-    Attributes:
-        start: the state when the motion begins.
-        end: the state at the end.
-        film: the states that were recorded, without the end (F, Q + V).
-        lag: the largest of an arm joint, rad or m.
-        broken: whether the world diverged.
-        crowded: whether it had more contacts than its capacity.
-    """
-
-    start: Array
-    end: Array
-    film: Array
-    lag: float
-    broken: bool
-    crowded: bool
 
 
 def slots(tool: Tool) -> int:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-import numpy as np
-
-from core.errors import UsageError, UserError
-from core.interfaces import Outcome, Rollout, Task
+from core.errors import UsageError
+from core.interfaces import Ability, Outcome, Rollout, Task
 from core.scene import Scene
-from core.simulation.playback import Schedule, refuse_targets
+from core.simulation.engines import check_support, scene_of
+from core.simulation.playback import Schedule, play_together, refuse_targets
 from plugins.simulators.mujoco.batched.models import (
     ModelFigures,
-    Played,
     Size,
     extract_figures,
     model,
@@ -24,8 +22,6 @@ from plugins.simulators.mujoco.keeping import keep
 from plugins.simulators.mujoco.shapes import Element
 from plugins.simulators.mujoco.simulator import MuJoCoSimulator
 from plugins.simulators.rendering import DrawingSimulator
-from plugins.simulators.rigid import only_rigid
-from plugins.simulators.scenes import scene_of
 
 if TYPE_CHECKING:
     from plugins.simulators.mujoco.batched.worlds import Worlds
@@ -47,6 +43,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
     """
 
     batch: ClassVar[int] = 2048
+    supports = frozenset({Ability.TOOL_JOINTS})
     renderer = MuJoCoSimulator.renderer
 
     def __init__(
@@ -75,29 +72,26 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         self._batches: OrderedDict[tuple[str, Size], Worlds] = OrderedDict()
 
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
-        if any(job.forces for job in jobs):
-            raise UserError(
-                "sim=mujoco_warp can't measure the forces of contacts; use sim=mujoco"
-            )
-
-        schedules = [Schedule(job, self._rates[0]) for job in jobs]
-        figures = [self._find_figures(task, job) for job in jobs]
         outcomes: dict[int, Outcome] = {}
-        groups: dict[str, list[int]] = {}
+        groups: dict[tuple[str, int], list[int]] = {}
+        schedules = [Schedule(job, self._rates[0]) for job in jobs]
 
-        for number, known in enumerate(figures):
-            refused = refuse_targets(jobs[number])
-            if refused is None:
-                groups.setdefault(known.shared, []).append(number)
-            else:
+        for number, job in enumerate(jobs):
+            check_support(self, task.name, scene_of(job, task), job)
+            refused = refuse_targets(job)
+            if refused is not None:
                 outcomes[number] = refused
+                continue
+
+            figures = self._find_figures(task, job)
+            key = (figures.shared, schedules[number].settle)
+            groups.setdefault(key, []).append(number)
 
         for members in groups.values():
             # So that neighbours end together.
-            members.sort(key=lambda number: len(schedules[number].times))
-            for number, played in self._play(task, members, figures, schedules):
-                outcome = self._outcome(schedules[number], figures[number], played)
-                outcomes[number] = outcome
+            members.sort(key=lambda number: schedules[number].count)
+            waiting = [_Waiting(number, schedules[number]) for number in members]
+            outcomes.update(self._play(task, waiting))
 
         return [outcomes[number] for number in range(len(jobs))]
 
@@ -114,12 +108,6 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         scene = scene_of(job, task)
 
         def extract() -> tuple[Scene, ModelFigures]:
-            only_rigid(scene, task.name, "mujoco_warp")
-            if scene.joints or any(body.launched for body in scene.free):
-                raise UserError(
-                    f"{task.name}: sim=mujoco_warp can't have joints or launched bodies in a scene; use sim=mujoco"
-                )
-
             compiled = self._model(task, job)
             joints = Joints.find(task.robot, job.tool, compiled)
 
@@ -135,41 +123,39 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         return model(task.robot, scene_of(job, task), job.tool, *self._rates)
 
     def _play(
-        self,
-        task: Task,
-        members: Sequence[int],
-        figures: Sequence[ModelFigures],
-        schedules: Sequence[Schedule],
-    ) -> Iterator[tuple[int, Played]]:
-        """Yield each member's number and result. Jobs with too many contacts are repeated with more capacity.
+        self, task: Task, waiting: list[_Waiting]
+    ) -> Iterator[tuple[int, Outcome]]:
+        """Yield each job's number and outcome. Jobs with too many contacts are repeated with more capacity.
 
         Args:
             task: that of all jobs.
-            members: the numbers of the jobs that can be in one batch.
-            figures: of all jobs.
-            schedules: of all jobs.
+            waiting: the jobs that can be in one batch.
         """
-        shared = figures[members[0]].shared
-        waiting = list(members)
-
         while waiting:
-            ahead = [schedules[number] for number in waiting]
-            worlds = self._batch(task, ahead, figures[waiting[0]])
+            figures = self._find_figures(task, waiting[0].job)
+            worlds = self._batch(task, [each.schedule for each in waiting], figures)
             now = waiting[: worlds.size.worlds]
             waiting = waiting[worlds.size.worlds :]
-            results = worlds.play(
-                [figures[number] for number in now], ahead[: len(now)]
-            )
-            again = []
 
-            for number, played in zip(now, results, strict=True):
-                if played.crowded and 2 * worlds.size.contacts <= _MOST_CONTACTS:
-                    again.append(number)
+            jobs = [each.job for each in now]
+            worlds.begin(
+                [self._find_figures(task, job) for job in jobs],
+                [job.trajectory for job in jobs],
+            )
+            outcomes = play_together(worlds, jobs)
+
+            more = 2 * worlds.size.contacts
+            again = []
+            for each, outcome, crowded in zip(
+                now, outcomes, worlds.crowded, strict=True
+            ):
+                if crowded and more <= _MOST_CONTACTS:
+                    again.append(each)
                 else:
-                    yield number, played
+                    yield each.number, outcome
 
             if again:
-                self._contacts[shared] = 2 * worlds.size.contacts
+                self._contacts[figures.shared] = more
                 waiting = again + waiting
 
     def _batch(
@@ -188,7 +174,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         if contacts is None:
             contacts = _round_up(32 + 4 * len(figures.names) + len(figures.geom_xpos))
 
-        frames = [len(schedule.samples) for schedule in schedules]
+        frames = [len(schedule.marks) for schedule in schedules]
         instants = [len(schedule.job.trajectory.times) for schedule in schedules]
         size = Size(
             worlds=min(_round_up(len(schedules)), self.worlds),
@@ -202,28 +188,16 @@ class MuJoCoWarpSimulator(DrawingSimulator):
 
         return keep(self._batches, (figures.shared, size), _KEPT_BATCHES, build)
 
-    def _outcome(
-        self, schedule: Schedule, figures: ModelFigures, played: Played
-    ) -> Outcome:
-        """Make a job's outcome of its world's result; an error if that can't be trusted."""
-        if played.crowded:
-            problem = f"more than {_MOST_CONTACTS // 2} contacts at once"
-            return Outcome(None, None, error=f"MuJoCo Warp: {problem}")
 
-        if played.broken:
-            problem = "the simulation blew up: a state is not finite, or huge"
-            return Outcome(None, None, error=f"MuJoCo Warp: {problem}")
+class _Waiting(NamedTuple):
+    """A job that waits to be played: its number among all, and its schedule."""
 
-        end = played.end.astype(np.float64)
-        film = None
+    number: int
+    schedule: Schedule
 
-        if schedule.every:
-            numbers = np.concatenate([played.film.astype(np.float64), end[None]])
-            film = (*figures.joints.read(numbers), figures.state(numbers))
-
-        start = figures.state(played.start.astype(np.float64))
-
-        return schedule.conclude(start, figures.state(end), played.lag, film)
+    @property
+    def job(self) -> Rollout:
+        return self.schedule.job
 
 
 def _round_up(count: int) -> int:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
+from core import interfaces
 from core.design import MAX_JOINTS
 from core.geometry import Array
-from core.simulation.playback import LAG_EVERY, Schedule
+from core.interfaces import Block, JointTrajectory, Passed
+from core.scene import State
 from plugins.simulators.mujoco.batched.engine import mujoco_warp, warp
 from plugins.simulators.mujoco.batched.kernels import (
     advance,
@@ -18,17 +21,13 @@ from plugins.simulators.mujoco.batched.kernels import (
     leave_out,
     mend,
     note,
-    release,
 )
-from plugins.simulators.mujoco.batched.models import (
-    PER_WORLD,
-    ModelFigures,
-    Played,
-    Size,
-)
+from plugins.simulators.mujoco.batched.models import PER_WORLD, ModelFigures, Size
 from plugins.simulators.mujoco.contacts import is_discrete
 from plugins.simulators.mujoco.joints import HELD
 from plugins.simulators.mujoco.shapes import Element
+
+T = TypeVar("T")
 
 _NO_ROOM = (
     mujoco_warp.OverflowType.ALL
@@ -37,23 +36,27 @@ _NO_ROOM = (
 )
 
 
-class Worlds:
-    """Worlds with the same `ModelFigures.shared`.
+class Worlds(interfaces.Worlds):
+    """Worlds with the same `ModelFigures.shared`; `begin` comes before each play.
 
-    All steps of a rollout are the same few hundred launches. They are recorded once, as a CUDA graph or its CPU
-    equivalent.
+    All steps are the same few hundred launches. They are recorded once, as a CUDA graph or its CPU equivalent.
 
     Args:
         compiled: the model, of one of the worlds.
         size: their capacity.
         device: Warp's.
+
+    Attributes:
+        crowded: which worlds had more contacts than there is room for, since they began.
     """
 
     def __init__(self, compiled: Element, size: Size, device: Any) -> None:
         self.size = size
-        self._arm = 0
+        self.time_step = float(compiled.opt.timestep)
+        self.crowded: list[bool] = []
         self._device = device
-        self._dt = float(compiled.opt.timestep)
+        self._figures: list[ModelFigures] = []
+        self._trajectories: list[JointTrajectory] = []
         joints = compiled.nactuator
         numbers = compiled.nq + compiled.nv
         count = size.worlds
@@ -63,7 +66,7 @@ class Worlds:
             self._model = mujoco_warp.put_model(
                 compiled, batch_sizes=dict.fromkeys(PER_WORLD, count)
             )
-            # Otherwise it is printed; `Played.crowded` says it.
+            # Otherwise it is printed; `crowded` says it.
             self._model.opt.warn_overflow = 0
             self._model.opt.deterministic = True
             rows = _count_rows(compiled, size.contacts)
@@ -71,10 +74,10 @@ class Worlds:
                 compiled, count, nconmax=size.contacts, njmax=rows
             )
 
-            self._step = warp.zeros(1, dtype=int)
-            self._settle, self._last, self._every, self._instants = (
-                warp.zeros(count, dtype=int) for _ in range(4)
+            self._step, self._begin, self._last, self._noted, self._instants = (
+                warp.zeros(count, dtype=int) for _ in range(5)
             )
+            self._marks = warp.zeros((count, size.frames + 1), dtype=int)
             self._times = warp.zeros((count, size.instants), dtype=warp.float64)
             self._targets = warp.zeros(
                 (count, size.instants, joints), dtype=warp.float64
@@ -84,14 +87,7 @@ class Worlds:
             )
 
             self._first = warp.zeros((count, compiled.nq), dtype=float)
-            self._start, self._end = (
-                warp.zeros((count, numbers), dtype=float) for _ in range(2)
-            )
             self._film = warp.zeros((size.frames, count, numbers), dtype=float)
-            self._springs = warp.zeros((count, compiled.njnt), dtype=float)
-            self._frictions = warp.zeros((count, compiled.nv), dtype=float)
-
-            self._lag = warp.zeros(count, dtype=warp.float64)
             self._lost, self._astray, self._broken, self._crowded, self._counts = (
                 warp.zeros(count, dtype=int) for _ in range(5)
             )
@@ -99,112 +95,128 @@ class Worlds:
             self._model.callback.contactfilter = self._leave_out
             self._graph: Any = None
 
-    def play(
-        self, figures: Sequence[ModelFigures], schedules: Sequence[Schedule]
-    ) -> list[Played]:
-        """Play one job in each world.
+    def begin(
+        self, figures: Sequence[ModelFigures], trajectories: Sequence[JointTrajectory]
+    ) -> None:
+        """Reset all worlds, each with the robot at a motion's first targets, and the tools' joints held.
+
+        Worlds left over repeat the last job.
 
         Args:
-            figures: of each job's model.
-            schedules: of the jobs, at most `Size.worlds`, with trajectories and recordings that fit the size.
+            figures: of each job's model, at most `Size.worlds`.
+            trajectories: of the jobs, which fit the size.
         """
+        self._figures = [*figures]
+        self._load_targets(trajectories)
         with warp.ScopedDevice(self._device):
-            last = self._load(figures, schedules)
+            self._reset()
             if self._graph is None:
                 self._step_once()  # compiles missing kernels
                 with warp.ScopedCapture() as capture:
                     self._step_once()
 
                 self._graph = capture.graph
-                self._load(figures, schedules)
+                self._reset()
 
-            for _ in range(max(last)):
+    def settle(self, blocks: Sequence[Block]) -> list[Passed]:
+        return self.advance(blocks)
+
+    def launch(self) -> None:
+        """Give joints their springs and dry friction."""
+        for name in ("jnt_stiffness", "dof_frictionloss"):
+            _assign(getattr(self._model, name), self._stack(name))
+
+    def advance(self, blocks: Sequence[Block]) -> list[Passed]:
+        self._load_targets([block.trajectory for block in blocks])
+        frames = max(len(block.marks) for block in blocks)
+        with warp.ScopedDevice(self._device):
+            self._load(blocks)
+            for _ in range(max(len(block) for block in blocks)):
                 warp.capture_launch(self._graph)
 
             self._note()
-            start = self._start.numpy()
-            end = self._end.numpy()
-            film = self._film.numpy()
-            lag = self._lag.numpy()
+            film = self._film[: max(1, frames)].numpy()
+            if self._device.is_cpu:  # where it is the same memory
+                film = film.copy()
+
             lost = self._lost.numpy()
             broken = self._broken.numpy()
-            every = self._every.numpy()
 
-        results = []
-        for i in range(len(schedules)):
-            frames = 0
-            if every[i]:
-                frames = -(-last[i] // every[i])
+        count = len(blocks)
+        self.crowded = [bool(lost[number] & _NO_ROOM) for number in range(count)]
+        found = []
+        for number, block in enumerate(blocks):
+            error = None
+            if broken[number]:
+                error = "MuJoCo Warp: the simulation blew up: a state is not finite, or huge"
+            if self.crowded[number]:
+                error = f"MuJoCo Warp: more than {self.size.contacts} contacts at once"
 
-            crowded = bool(lost[i] & _NO_ROOM)
-            results.append(
-                Played(
-                    start[i],
-                    end[i],
-                    film[:frames, i],
-                    float(lag[i]),
-                    broken=bool(broken[i]),
-                    crowded=crowded,
-                )
-            )
+            notes = [film[frame, number] for frame in range(len(block.marks))]
+            found.append(Passed(notes, error=error))
 
-        return results
+        return found
 
-    def _load(
-        self, figures: Sequence[ModelFigures], schedules: Sequence[Schedule]
-    ) -> list[int]:
-        """Reset all worlds, and load the jobs. Worlds left over repeat the last job.
+    def note(self) -> list[Array]:
+        numbers = np.concatenate(
+            [self._data.qpos.numpy(), self._data.qvel.numpy()], axis=1
+        )
+        return [*numbers[: len(self._figures)]]
 
-        Args:
-            figures: of each job's model.
-            schedules: of the jobs.
+    def read(self, number: int, notes: Sequence[Array]) -> tuple[Array, Array, State]:
+        figures = self._figures[number]
+        numbers = np.array(notes, dtype=np.float64)
+        return *figures.joints.read(numbers), figures.state(numbers)
 
-        Returns:
-            how many steps each world has.
-        """
-        count = self.size.worlds
-        self._arm = schedules[0].job.trajectory.arm.shape[1]
-        which = np.minimum(np.arange(count), len(schedules) - 1)
-        figures = [figures[i] for i in which]
-        schedules = [schedules[i] for i in which]
+    def _pad(self, jobs: Sequence[T]) -> list[T]:
+        """Repeat the last job's for the worlds left over."""
+        return [*jobs, *[jobs[-1]] * (self.size.worlds - len(jobs))]
 
-        fields = {}
-        for name in PER_WORLD:
-            fields[name] = np.stack([world.fields[name] for world in figures])
+    def _stack(self, name: str) -> Array:
+        """Stack a field of all worlds' models (W, ...)."""
+        return np.stack([world.fields[name] for world in self._pad(self._figures)])
 
-        _assign(self._springs, fields["jnt_stiffness"])
-        _assign(self._frictions, fields["dof_frictionloss"])
+    def _load_targets(self, trajectories: Sequence[JointTrajectory]) -> None:
+        """Load the motions, where they are others than before."""
+        known = self._trajectories
+        if len(known) == len(trajectories) and all(
+            map(operator.is_, known, trajectories)
+        ):
+            return
 
-        for i, world in enumerate(figures):  # held until the motion begins
+        self._trajectories = [*trajectories]
+        times = np.zeros(self._times.shape)
+        targets = np.zeros(self._targets.shape)
+        instants = []
+
+        for i, trajectory in enumerate(self._pad(trajectories)):
+            known_times = len(trajectory.times)
+            arm = trajectory.arm.shape[1]
+            times[i, :known_times] = trajectory.times
+            targets[i, :known_times, :arm] = trajectory.arm
+            targets[i, :known_times, arm:] = trajectory.fingers[:, None]
+            instants.append(known_times)
+
+        _assign(self._instants, np.array(instants))
+        _assign(self._times, times)
+        _assign(self._targets, targets)
+
+    def _reset(self) -> None:
+        """Reset all worlds, and hold the tools' joints until `launch`."""
+        figures = self._pad(self._figures)
+        fields = {name: self._stack(name) for name in PER_WORLD}
+        first = fields["qpos0"].copy()
+        targets = self._targets.numpy()
+
+        for i, world in enumerate(figures):
             fields["jnt_stiffness"][i, world.joints.loose] = 0.0
             fields["dof_frictionloss"][i, world.joints.loose] = HELD
+            first[i, world.joints.driven] = targets[i, 0]
 
         for name, values in fields.items():
             _assign(getattr(self._model, name), values)
 
         mujoco_warp.reset_data(self._model, self._data)
-
-        first = np.stack([world.fields["qpos0"] for world in figures])
-        times = np.zeros(self._times.shape)
-        targets = np.zeros(self._targets.shape)
-        instants = []
-        for i, schedule in enumerate(schedules):
-            trajectory = schedule.job.trajectory
-            known = len(trajectory.times)
-            times[i, :known] = trajectory.times
-            targets[i, :known, : self._arm] = trajectory.arm
-            targets[i, :known, self._arm :] = trajectory.fingers[:, None]
-            first[i, figures[i].joints.driven] = targets[i, 0]
-            instants.append(known)
-
-        last = [len(schedule.times) for schedule in schedules]
-
-        _assign(self._settle, np.array([schedule.settle for schedule in schedules]))
-        _assign(self._last, np.array(last))
-        _assign(self._every, np.array([schedule.every for schedule in schedules]))
-        _assign(self._instants, np.array(instants))
-        _assign(self._times, times)
-        _assign(self._targets, targets)
         _assign(self._stiffness, np.stack([world.stiffness for world in figures]))
         _assign(self._damping, np.stack([world.damping for world in figures]))
         _assign(self._first, first)
@@ -214,7 +226,7 @@ class Worlds:
 
         for array in (
             self._step,
-            self._lag,
+            self._noted,
             self._lost,
             self._astray,
             self._broken,
@@ -222,30 +234,32 @@ class Worlds:
         ):
             array.zero_()
 
-        return last
+    def _load(self, blocks: Sequence[Block]) -> None:
+        """Load when the blocks begin and end, and their marks."""
+        marks = np.full(self._marks.shape, -1)
+        for i, block in enumerate(blocks):
+            marks[i, : len(block.marks)] = block.marks
+
+        padded = self._pad(blocks)
+        begins = [round(block.instants[0] / self.time_step) for block in padded]
+        _assign(self._marks, marks)
+        _assign(self._begin, np.array(begins))
+        _assign(self._last, np.array([len(block) for block in padded]))
+        self._step.zero_()
+        self._noted.zero_()
 
     def _step_once(self) -> None:
-        """Step all worlds once: note their states, release joints, mend those that diverged, drive, and step."""
+        """Step all worlds once: note their states, mend those that diverged, drive, and step."""
         data = self._data
         self._note()
-        released = [
-            self._step,
-            self._settle,
-            self._springs,
-            self._frictions,
-            self._model.jnt_stiffness,
-            self._model.dof_frictionloss,
-        ]
-        warp.launch(release, self._frictions.shape, released)
-
         mended = [self._astray, self._first, data.qpos, data.qvel, data.qacc_warmstart]
         warp.launch(mend, self.size.worlds, mended)
 
         driven = [
             self._step,
-            self._settle,
+            self._begin,
             self._broken,
-            self._dt,
+            self.time_step,
             self._ahead,
             self._instants,
             self._times,
@@ -257,7 +271,7 @@ class Worlds:
         ]
         warp.launch(drive, self._aim.shape, driven)
         mujoco_warp.step(self._model, data)
-        warp.launch(advance, 1, [self._step])
+        warp.launch(advance, self.size.worlds, [self._step, self._marks, self._noted])
 
     def _leave_out(self, _: Any, data: Any) -> None:
         """Drop contacts beyond a world's room, and note that it was crowded.
@@ -278,32 +292,26 @@ class Worlds:
         warp.launch(cut, 1, [data.naconmax, data.nacon])
 
     def _note(self) -> None:
-        """Record the state before a step, where one is asked for.
+        """Record the state before a step, where there is a mark.
 
         It is also called after the last step, whose end is a state, too.
         """
         data = self._data
         noted = [
             self._step,
-            self._settle,
             self._last,
-            self._every,
-            LAG_EVERY,
-            self._arm,
+            self._marks,
+            self._noted,
             data.qpos,
             data.qvel,
-            self._aim,
             data.overflow,
             self._crowded,
-            self._start,
-            self._end,
             self._film,
-            self._lag,
             self._lost,
             self._astray,
             self._broken,
         ]
-        warp.launch(note, self._start.shape, noted)
+        warp.launch(note, (self.size.worlds, self._film.shape[2]), noted)
 
 
 def _count_rows(compiled: Element, contacts: int) -> int:
