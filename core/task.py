@@ -39,6 +39,7 @@ class Task(ABC):
         variations: by name, what `draw` draws at random, and from which range.
         tool_kinds: that a tool for it may have, where its configuration names none.
         fixture: where a designed fixture may stand (`core.design.Fixture`); None: there can be none.
+        tool_in_place: whether the tool waits on site, so that it may start where nothing could have brought it.
         sources: what makes its `parts`, where there are several.
         builder: of its searches; None: `core.search.builder.SearchBuilder`.
         language: of the source that a model is shown.
@@ -61,6 +62,7 @@ class Task(ABC):
     variation: str = NONE
     tool_kinds: Sequence[str] = ()
     fixture: Region | None = None
+    tool_in_place: bool = False
     sources: Sequence[Any] = ()
     builder: ClassVar[type | None] = None
     language: ClassVar[str] = "python"

@@ -37,13 +37,14 @@ STOPPED_BY = {
 }
 
 
+BORN_BEHIND = "DislodgeCubeBornBehind"
+
+
 def candidates(name):
     """Read an attack as a model's answer, and make its task."""
-    document, task = (
-        json.loads((FOLDER / f"{name}.json").read_text()),
-        installed().create("task", name),
-    )
-    assert document["task"] == name
+    document = json.loads((FOLDER / f"{name}.json").read_text())
+    assert name.startswith(document["task"])
+    task = installed().create("task", document["task"])
     tools, plans = (
         installed().create("tool", "boxes", {"joints": True}),
         installed().create("action", "anchored"),
@@ -65,6 +66,7 @@ def test_every_recorded_attack_is_played():
     assert {file.stem for file in FOLDER.glob("*.json")} == {
         *STOPPED_BY,
         "DislodgeCube",
+        BORN_BEHIND,
         "StopCart",
         "TwoStations",
     }
@@ -180,3 +182,20 @@ def test_a_part_that_strikes_through_a_wall_pays_where_nobody_looks(
     (evaluation,) = evaluate_batch(task, engine, read, settings=settings)
     assert evaluation.reward == pytest.approx(reward, abs=0.02)
     assert reason in evaluation.reason
+
+
+@pytest.mark.slow
+@mujoco_first
+@pytest.mark.parametrize("in_place", [False, True])
+def test_a_tool_that_nothing_could_have_brought_is_rejected(
+    engine, in_place, monkeypatch
+):
+    """Its plate is behind the cube, in the closed end of the pipe; on site it would pay."""
+    task, read = candidates(BORN_BEHIND)
+    monkeypatch.setattr(task, "tool_in_place", in_place, raising=False)
+    (evaluation,) = evaluate_batch(task, simulator(engine), read)
+
+    assert evaluation.reward == (1.0 if in_place else 0.0)
+    if not in_place:
+        assert evaluation.status == "rejected"
+        assert "component 'plate' goes through 'cube'" in evaluation.reason

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
-from core.design import Tool
+from core.design import Fixture, Tool
 from core.designs.rules import Faults, describe_way
 from core.designs.tool_fields import find_fixture_faults
 from core.geometry import Pose
@@ -22,6 +22,7 @@ from core.robot.solids import (
     solids_of,
 )
 from core.scene import Scene
+from core.solids.escape import Trap, find_trap
 
 MAX_ARM_OVERLAP_M = 0.001  # at the start; the scene may not even be touched
 _CLEAR_M = 0.001  # from what it overlapped, by the way out
@@ -30,6 +31,8 @@ _TOUCH_M = 1e-5  # the accuracy of the home pose from inverse kinematics
 
 class SpawnRules:
     """Checks that a tool starts clear of the arm and of all bodies, in ``scene`` (None: the task's layout of ``seed``).
+
+    It must also have been possible to bring it there, past what stands in the scene, unless `Task.tool_in_place`.
 
     The arm is at the task's home pose and the fingers are open. A component may overlap what carries it: the links at
     the flange for rigid tools, the component's own finger for gripper tools.
@@ -55,7 +58,7 @@ class SpawnRules:
         self._arms: dict[bool, tuple[Obstacles, dict[str, Pose]]] = {}
 
     def check(self, tool: Tool) -> None:
-        """Refuse a tool that starts inside the arm, in contact with the scene, or inside its other half.
+        """Refuse a tool that starts inside the arm, in contact with the scene, inside its other half, or in a trap.
 
         Raises:
             DesignError: names all components that do, what they overlap, the depths and the ways out; of several tasks
@@ -66,20 +69,14 @@ class SpawnRules:
             with faults.collect(f"in {rules.task.name}, "):
                 rules.check(tool)
         if not self._parts:
-            faults += self._find_faults(tool)
+            # What starts inside something is told so, and not that it can't get out.
+            faults += [*self._find_faults(tool)] or [*self._find_traps(tool)]
         faults.refuse()
 
     def _find_faults(self, tool: Tool) -> Iterator[str]:
         """Say what each component overlaps at the start."""
         arm, frames = self._arm(tool.gripper)
-        places = tool.placed()
-        placed: list[_Placed] = []
-        for component in tool.components:
-            mount, pose = places[component.name]
-            there = frames[mount] @ pose
-
-            for solid in solids_of(component.name, component.shape, there):
-                placed.append(_Placed(solid, mount, frames[mount]))
+        placed = [*_place_tool(tool, frames)]
 
         if tool.fixture is not None:
             solids = [part.solid for part in placed]
@@ -99,6 +96,23 @@ class SpawnRules:
                 yield f"{start} {depth} the arm ({link}); {move}, or bend the tool around it"
             for body, depth, move in part.overlaps(self._scene.near(*near), -_TOUCH_M):
                 yield f"{start} {depth} {body!r} of the scene; {move}, or shorten or turn the tool"
+
+    def _find_traps(self, tool: Tool) -> Iterator[str]:
+        """Say what keeps a tool, or its fixture, from being brought to where it starts."""
+        if self.task.tool_in_place:
+            return
+
+        standing = self._scene
+        fixture = tool.fixture
+
+        if fixture is not None:
+            solids = [*_place_fixture(fixture)]
+            yield from _describe_trap("fixture", find_trap(solids, standing))
+            standing = Obstacles([*standing.solids, *solids])
+
+        _, frames = self._arm(tool.gripper)
+        held = [part.solid for part in _place_tool(tool, frames)]
+        yield from _describe_trap("tool", find_trap(held, standing))
 
     def _arm(self, gripper: bool) -> tuple[Obstacles, dict[str, Pose]]:
         """The solids of the arm at home, and the world poses of its links."""
@@ -132,3 +146,36 @@ class _Placed(NamedTuple):
                 if -gap > _TOUCH_M:
                     depth = f"{-gap * 1000:.1f} mm inside"
                 yield other.name, depth, f"move it by {describe_way(way, self.mount)}"
+
+
+def _place_tool(tool: Tool, frames: dict[str, Pose]) -> Iterator[_Placed]:
+    """Yield the solids of a tool's components, with the world poses of the links that bear them."""
+    places = tool.placed()
+
+    for component in tool.components:
+        mount, pose = places[component.name]
+        there = frames[mount] @ pose
+        for solid in solids_of(component.name, component.shape, there):
+            yield _Placed(solid, mount, frames[mount])
+
+
+def _place_fixture(fixture: Fixture) -> Iterator[Solid]:
+    """Yield the solids of a fixture's components in the world."""
+    places = fixture.parts.placed()
+
+    for component in fixture.parts.components:
+        _, pose = places[component.name]
+        yield from solids_of(component.name, component.shape, fixture.pose @ pose)
+
+
+def _describe_trap(what: str, trap: Trap | None) -> Iterator[str]:
+    """Say why a tool or a fixture can't have been brought to where it starts."""
+    if trap is None:
+        return
+
+    x, y, z = (round(float(value), 1) + 0.0 for value in trap.direction)
+    yield (
+        f"nothing could have brought the {what} to its start: even straight out along ({x:g}, {y:g}, {z:g}) component "
+        f"{trap.part!r} goes through {trap.body!r}, and no way around was found; start outside, and let the plan "
+        "bring it in"
+    )

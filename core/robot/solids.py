@@ -171,10 +171,12 @@ class Obstacles:
     def near(self, solid: Solid, margin: float) -> Iterator[Solid]:
         """Yield each solid that may be within ``margin`` metres of one, or farther."""
         center, half = solid.bounds()
+        yield from self.overlap(center, half + margin)
 
-        near = np.abs(self._centers - center) <= self._halves + half + margin
-        for i in np.flatnonzero(near.all(axis=1)):
-            yield self.solids[i]
+    def overlap(self, center: Array, half: Array) -> list[Solid]:
+        """Return the solids whose boxes overlap one, with its centre (3,) and half lengths (3,)."""
+        near = np.abs(self._centers - center) <= self._halves + half
+        return [self.solids[i] for i in np.flatnonzero(near.all(axis=1))]
 
 
 @lru_cache(maxsize=8)

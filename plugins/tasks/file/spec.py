@@ -470,6 +470,8 @@ class SceneSpec(_Spec):
     """What a tool may hang from, as `tool_kinds` of the configuration; empty: as there."""
     fixture: RegionSpec | None = None
     """Where a design may add a fixture, which no plan moves; if left out it can't."""
+    tool_in_place: bool = False
+    """Whether the tool waits on site, so that it may start where nothing could have brought it."""
     colors: dict[str, ColorName] = {}
     """Colours of bodies by name or pattern, such as ``"grain*"``."""
     bodies: Annotated[tuple[BodySpec, ...], Field(max_length=MAX_BODIES)] = ()

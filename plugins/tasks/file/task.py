@@ -56,6 +56,7 @@ class FileTask(Task):
             hold_s=spec.hold_s,
             tool_kinds=spec.tool_kinds,
             fixture=building.build_region(spec),
+            tool_in_place=spec.tool_in_place,
             variations=spec.variations,
             home=Pose.xyz_rpy(home.position, np.radians(home.rpy_deg)),
         )

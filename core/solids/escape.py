@@ -1,0 +1,260 @@
+"""Find out whether a rigid thing can be brought to where it starts, past what stands there.
+
+A way in is a way out, walked backward. Straight ways are tried first, in which each solid sweeps a convex hull. Only
+where all of them are blocked, a tree of poses grows from the start until a straight way leads on. The effort is
+bounded, so a very winding way may be missed; a straight one is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from itertools import product
+from typing import NamedTuple
+
+import coal
+import numpy as np
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from core.geometry import Array, Pose
+from core.robot.solids import Obstacles, Solid, contact, corners
+
+CLEAR_M = 2e-4
+"""How deep a way may go into what is in contact at the start, beyond that contact."""
+
+FAR_M = 1.0
+"""How far a straight way leads, from the last body that is near."""
+
+HUGE_M = 3.0
+"""A body of this size, such as a floor, is nothing that one gets out of."""
+
+MOST_POSES = 50
+"""How many poses the tree may have."""
+
+MOST_STEPS = 30
+"""Of a move in the tree."""
+
+_SHIFT_M = 0.15  # a move of the tree, at most
+_TURN_RAD = 0.8
+_LEAST_STEP_M = 5e-4
+
+
+class Trap(NamedTuple):
+    """What holds a thing where it starts: one of its parts, a body in its way, and a direction (3,) out."""
+
+    part: str
+    body: str
+    direction: Array
+
+
+@lru_cache(maxsize=1)
+def _directions() -> Array:
+    """The directions (17, 3) of straight ways: up first, then obliquely up, and level."""
+    steps = product((1.0, 0.0), (0.0, 1.0, -1.0), (0.0, 1.0, -1.0))
+    ways = [(x, y, up) for up, x, y in steps if (x, y, up) != (0.0, 0.0, 0.0)]
+    return np.array([np.divide(way, np.linalg.norm(way)) for way in ways])
+
+
+def find_trap(parts: Sequence[Solid], obstacles: Obstacles) -> Trap | None:
+    """Find what keeps a thing from being brought to where it is.
+
+    Args:
+        parts: its solids, in the world.
+        obstacles: what stands there, which does not give way.
+
+    Returns:
+        What is in the way along the direction in which least is; None: there is a way.
+    """
+    blocks = _try_straight_ways(parts, obstacles)
+    if blocks is None or _Tree(parts, obstacles).grows_out():
+        return None
+
+    return min(blocks, key=len)[0]
+
+
+def _try_straight_ways(
+    parts: Sequence[Solid], obstacles: Obstacles
+) -> list[list[Trap]] | None:
+    """Return what blocks each straight way; None: one of them is free."""
+    found = []
+
+    for direction in _directions():
+        blocking = list(_find_blocks(parts, obstacles, direction))
+        if not blocking:
+            return None
+        found.append(blocking)
+
+    return found
+
+
+def _find_blocks(
+    parts: Sequence[Solid], obstacles: Obstacles, direction: Array
+) -> Iterator[Trap]:
+    """Yield what parts meet on a straight way."""
+    way = _measure_way(parts, obstacles, direction) * direction
+
+    for part in parts:
+        middle, half = part.bounds()
+        near = obstacles.overlap(middle + way / 2, half + np.abs(way) / 2)
+        if not near:
+            continue
+
+        swept = _sweep(part, way)
+        for other in near:
+            gap, _, _ = contact(swept, other)
+            if -gap <= CLEAR_M:
+                continue
+            touching, _, _ = contact(part, other)
+            if -gap > max(-touching, 0.0) + CLEAR_M:
+                yield Trap(part.name, other.name, direction)
+
+
+def _measure_way(
+    parts: Sequence[Solid], obstacles: Obstacles, direction: Array
+) -> float:
+    """Measure how far parts have to go until they are beyond all bodies, metres."""
+    ends = []
+    for solid in obstacles.solids:
+        middle, half = solid.bounds()
+        if half.max() < HUGE_M / 2:
+            ends.append(float(middle @ direction + half @ np.abs(direction)))
+
+    begins = []
+    for part in parts:
+        middle, half = part.bounds()
+        begins.append(float(middle @ direction - half @ np.abs(direction)))
+
+    return min(max(0.0, max(ends, default=0.0) - min(begins)), 2.0) + FAR_M
+
+
+def _sweep(part: Solid, way: Array) -> Solid:
+    """Build the hull of a part and of itself at the end of a way (3,)."""
+    begin = part.pose.apply(corners(part.geometry))
+    ends = np.concatenate([begin, begin + way])
+    hull = ConvexHull(ends)
+    numbers = np.full(len(ends), -1)
+    numbers[hull.vertices] = np.arange(len(hull.vertices))
+
+    points = coal.StdVec_Vec3s()
+    points.extend(ends[hull.vertices])
+    faces = coal.StdVec_Triangle()
+    faces.extend(coal.Triangle(*face) for face in numbers[hull.simplices].tolist())
+
+    return replace(part, geometry=coal.Convex(points, faces), pose=Pose(), shape=None)
+
+
+class _Tree:
+    """Poses that a thing can get to from its start, found by moves that are drawn at random."""
+
+    def __init__(self, parts: Sequence[Solid], obstacles: Obstacles) -> None:
+        self.parts = parts
+        self.obstacles = obstacles
+        self.rng = np.random.default_rng(0)
+
+        places = [part.bounds() for part in parts]
+        self.middle = np.mean([middle for middle, _ in places], axis=0)
+        far = [np.linalg.norm(np.abs(m - self.middle) + half) for m, half in places]
+        self.reach = float(np.max(far))
+        self.depths = self._measure_depths()
+        self.blocking: dict[int, int] = {}  # the part by the direction
+
+    def grows_out(self) -> bool:
+        """Report whether a straight way leads out from one of the poses."""
+        poses = [Pose()]
+
+        while len(poses) < MOST_POSES:
+            start = poses[self.rng.integers(len(poses))]
+            reached = self._move(start)
+            poses.append(reached)
+
+            if reached is start:
+                continue
+            moved = [_carry(reached, part) for part in self.parts]
+            if self._leads_straight_out(moved):
+                return True
+
+        return False
+
+    def _leads_straight_out(self, moved: list[Solid]) -> bool:
+        """Report whether a straight way is free; the part that was in the way last is tried first."""
+        for number, direction in enumerate(_directions()):
+            last = self.blocking.get(number, 0)
+            ordered = [moved[last], *moved[:last], *moved[last + 1 :]]
+            block = next(_find_blocks(ordered, self.obstacles, direction), None)
+            if block is None:
+                return True
+
+            names = [part.name for part in moved]
+            self.blocking[number] = names.index(block.part)
+
+        return False
+
+    def _move(self, start: Pose) -> Pose:
+        """Move from a pose by a random shift and turn, as far as the way is free; return the pose there."""
+        shift = self.rng.normal(size=3)
+        shift *= self.rng.uniform(0, _SHIFT_M) / np.linalg.norm(shift)
+        turn = self.rng.normal(size=3)
+        turn *= self.rng.uniform(0, _TURN_RAD) / np.linalg.norm(turn)
+
+        kind = self.rng.integers(3)
+        if kind == 0:
+            turn *= 0.0
+        elif kind == 1:
+            shift *= 0.0
+
+        most = float(np.linalg.norm(shift) + self.reach * np.linalg.norm(turn))
+        share = 0.0
+        last = start
+        room = self._measure_room(start)
+
+        for _ in range(MOST_STEPS):
+            share = min(1.0, share + max(room, _LEAST_STEP_M) / max(most, 1e-9))
+            pose = self._between(start, share * shift, share * turn)
+            room = self._measure_room(pose)
+            if room < -CLEAR_M:
+                break
+
+            last = pose
+            if share == 1.0:
+                break
+
+        return last
+
+    def _between(self, start: Pose, shift: Array, turn: Array) -> Pose:
+        """Shift a pose, and turn it about the thing's middle, by a rotation vector (3,)."""
+        rotation = Rotation.from_rotvec(turn) * start.rotation
+        middle = start.apply(self.middle) + shift
+        return Pose.from_rotation(middle - rotation.apply(self.middle), rotation)
+
+    def _measure_room(self, pose: Pose) -> float:
+        """Measure the least gap to what is near, less the contact at the start, metres."""
+        least = _SHIFT_M
+
+        for number, part in enumerate(self.parts):
+            moved = _carry(pose, part)
+            middle, half = moved.bounds()
+            for other in self.obstacles.overlap(middle, half + least):
+                gap, _, _ = contact(moved, other)
+                allowed = self.depths.get((number, id(other)), 0.0)
+                least = min(least, gap + allowed)
+
+        return least
+
+    def _measure_depths(self) -> dict[tuple[int, int], float]:
+        """Measure how deep each part is in what it touches at the start."""
+        depths = {}
+
+        for number, part in enumerate(self.parts):
+            for other in self.obstacles.near(part, 0.0):
+                gap, _, _ = contact(part, other)
+                if gap < 0:
+                    depths[number, id(other)] = -gap
+
+        return depths
+
+
+def _carry(pose: Pose, part: Solid) -> Solid:
+    """Move a part with the thing that it belongs to."""
+    return replace(part, pose=pose @ part.pose)
