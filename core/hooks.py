@@ -179,7 +179,7 @@ class Events:
 
     @hookspec
     def finalist_tried(self, evaluation: Evaluation) -> None:
-        """A candidate that earns what the best one earns was tried once more (`Evaluation.final`)."""
+        """A candidate that earns what the best one earns was tried in a further layout (`Evaluation.finals`)."""
 
     @hookspec
     def run_finished(self, run: Run, result: Result) -> None:

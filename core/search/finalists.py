@@ -97,8 +97,8 @@ class Race:
         Args:
             runners: of those alike the first goes first.
             level: how many layouts.
-            best: what somebody else lost in all layouts.
-            reach: whoever may lose less than so much more than the best counts; then others join in their trials.
+            best: what another candidate lost in all layouts.
+            reach: candidates that lose less than so much more than the best count too; others then join in their trials.
 
         Returns:
             Whether anybody was tried. Else none that was not tried in all layouts can be the best.

@@ -89,7 +89,7 @@ Mishap = tuple[float, float, Class, str]  # from when to when, what, and where
 
 
 def observe(task: Task, attempt: Attempt, reward: float) -> Observation:
-    """Observe a rollout that came to its end; see `core.simulation.judging.Observer`."""
+    """Say how a rollout that came to its end went, and why it earned what it did."""
     case = _Case(task, attempt)
     motion = case.motion
     outcome = attempt.outcome
