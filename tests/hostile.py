@@ -163,7 +163,7 @@ TOOLS: dict[str, str | Callable[[], str]] = {
     + " ".join(f'a{i}="1"' for i in range(60_000))
     + "/>",
     "one attribute twice": '<link name="a" name="b"/>',
-    "CDATA": f"<![CDATA[{ROD}]]>",
+    "CDATA without end": f"<![CDATA[{ROD}",
     "comment without end": "<!--" + "-" * 500_000,
     "whitespace without end": " " * 999_999,
     "numbers of digits without end": sized("1" * 500_000),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -40,6 +41,7 @@ MAX_KNOTS = MAX_POSES // KNOT_POSES
 WAYPOINT = ("x", "y", "z", "roll", "pitch", "yaw", "gripper")
 """The numbers of a waypoint; the last one is for tools with the gripper."""
 
+_ROUNDED_RAD = 0.01  # half a turn is written as 3.14 or 3.15, too
 _METRES = (-MAX_REACH_M, MAX_REACH_M, "metres")
 _RADIANS = (-MAX_ANGLE_RAD, MAX_ANGLE_RAD, "radians (90 degrees are 1.5708)")
 _GRIP = (0.0, 1.0, "(0 is open, 1 is closed)")
@@ -126,6 +128,28 @@ def _check_length(poses: Array) -> None:
         raise DesignError(
             f"the way through the waypoints is {metres.sum():.0f} m and {radians.sum():.0f} rad long; at most "
             f"{MAX_KNOTS * KNOT_M:g} m or {MAX_KNOTS * KNOT_RAD:g} rad are allowed"
+        )
+
+
+def doubt_turns(turns: Array) -> Iterator[str]:
+    """Say where angles may have been meant in degrees: the first turn of more than half a turn to a waypoint.
+
+    Args:
+        turns: (N, 3) roll, pitch and yaw of waypoints as they are written, radians. What is within half a turn of 0, on
+            both sides, is a turn across the end of the range.
+    """
+    before = np.vstack([np.zeros((1, 3)), turns[:-1]])[: len(turns)]
+    is_wide = np.abs(turns - before) > math.pi
+    is_beyond = np.maximum(np.abs(turns), np.abs(before)) > math.pi + _ROUNDED_RAD
+
+    for number, axis in np.argwhere(is_wide & is_beyond)[:1].tolist():
+        angle = turns[number, axis]
+        turn = angle - before[number, axis]
+        short = math.remainder(turn, math.tau)
+        yield (
+            f"waypoint {number + 1}: its {WAYPOINT[3 + axis]} of {angle:g} is read as radians, a turn of "
+            f"{math.degrees(turn):.0f} degrees, for which the arm turns the short way, by {short:.3g} rad; if "
+            f"{angle:g} degrees were meant, write {math.radians(angle):.4g}"
         )
 
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -75,9 +74,18 @@ def read_designs(
         parents = _read_parents(design, elites)
         placed = replace(base, design=number, parents=parents)
         found = _read_design(design, placed, representation, task, actions, start)
-        candidates += islice(found, n_action)
+        candidates += _choose_plans([*found], n_action)
 
     return candidates
+
+
+def _choose_plans(found: list[Candidate], most: int | None) -> list[Candidate]:
+    """Choose at most so many of a design's plans, in order: of more, the sound ones go first."""
+    if most is None or len(found) <= most:
+        return found
+
+    sound_first = sorted(found, key=lambda candidate: candidate.problem is not None)
+    return sorted(sound_first[:most], key=lambda candidate: candidate.action)
 
 
 def list_designs(document: object) -> list[Any]:

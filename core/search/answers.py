@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
@@ -11,6 +12,11 @@ from core.designs.planning import NO_PLAN
 from core.designs.reading import list_designs, read_designs
 from core.designs.start import SpawnRules
 from core.interfaces import Brief, Reply, Request
+
+MAX_LOOKED_AT = 50
+"""The most designs of an answer that are read to choose among them."""
+
+_log = logging.getLogger(__name__)
 
 
 def read_candidates(
@@ -34,6 +40,40 @@ def read_candidates(
         actions=brief.actions,
         start=rules,
     )
+
+
+def choose_designs(
+    brief: Brief, designs: Sequence[Any], *, starts: bool
+) -> Sequence[Any]:
+    """Choose as many designs of an answer as its brief asks for: of more, those with a sound design go first.
+
+    What is left out is said in a line.
+
+    Args:
+        brief: of the request.
+        designs: of the answer, in its order.
+        starts: see `read_candidates`.
+    """
+    wanted = brief.n_tool
+    if len(designs) <= wanted:
+        return designs
+
+    sound = []
+    for number, design in enumerate(designs[:MAX_LOOKED_AT]):
+        found = read_candidates(brief, [design], starts=starts)
+        if any(candidate.problem is None for candidate in found):
+            sound.append(number)
+
+    broken = [number for number in range(len(designs)) if number not in sound]
+    chosen = sorted([*sound, *broken][:wanted])
+    _log.warning(
+        "an answer has %d designs for %d that were asked for: %d sound ones and %d that break a rule are left out",
+        len(designs),
+        wanted,
+        len({*sound} - {*chosen}),
+        len({*broken} - {*chosen}),
+    )
+    return [designs[number] for number in chosen]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,13 +101,14 @@ class Answer:
             DesignError: it holds no design.
         """
         brief = self.request.brief
-        # A reply may hold more than were asked for, which are not read.
-        designs = list_designs(document)[: brief.n_tool]
+        designs = list_designs(document)
         if self.candidates and mender is not None:
-            return mender.mend(self, designs)
+            return mender.mend(self, designs[: brief.n_tool])
 
-        found = read_candidates(brief, designs, starts=mender is not None)
-        return replace(self, designs=designs, candidates=found)
+        starts = mender is not None
+        chosen = choose_designs(brief, designs, starts=starts)
+        found = read_candidates(brief, chosen, starts=starts)
+        return replace(self, designs=chosen, candidates=found)
 
     def complete(self, problem: str) -> Answer:
         """Return it with a candidate that has a problem and stands for all, where there is none."""

@@ -78,6 +78,11 @@ class ActionPlan(ABC):
         """What its waypoints stand by, one for each; empty: all stand in the world."""
         return ()
 
+    @property
+    def turns(self) -> Array:
+        """Roll, pitch and yaw (N, 3) of its waypoints as they are written, radians; (0, 3): not as such."""
+        return np.empty((0, 3))
+
     @abstractmethod
     def resolve(self, seen: Seen) -> Waypoints:
         """Return the waypoints for one layout.
@@ -155,6 +160,10 @@ class Waypoints(ActionPlan):
         return (
             self.poses[:, 6] if self.poses.shape[1] == 7 else np.zeros(len(self.poses))
         )
+
+    @property
+    def turns(self) -> Array:
+        return self.poses[:, 3:6]
 
     def resolve(self, seen: Seen) -> Waypoints:
         return self

@@ -63,6 +63,8 @@ MAX_SPEED = 10.0
 MAX_SECONDS = 60.0
 
 _DIGITS = 5  # hundredths of a millimetre
+_UNKNOWN = "unexpected_keyword_argument"
+_BEYOND = ("less_than_equal", "greater_than_equal")
 _APART_M = 1e-3  # a direction needs two anchors that are farther apart
 
 Length = Annotated[
@@ -80,7 +82,7 @@ Name = Annotated[str, Strict(), Field(max_length=200)]
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
 class Step:
-    """One waypoint as written. A ``speed`` or ``seconds`` of 0 is none, and so is an empty ``until``.
+    """One waypoint as written. An empty ``until`` is none, and beside another tempo a ``speed`` or ``seconds`` of 0.
 
     Attributes:
         offset: (3,) metres from the anchor to the mount, along the axes.
@@ -262,6 +264,10 @@ class AnchoredPlan(ActionPlan):
             )
             for step in self.steps
         )
+
+    @property
+    def turns(self) -> Array:
+        return np.array([step.rpy for step in self.steps])
 
     def _tempo(self) -> Tempo | None:
         """Return what the steps say of time; None: nothing."""
@@ -499,6 +505,38 @@ _FAULTS: tuple[tuple[Callable[[Step], object], str], ...] = (
 )
 
 
+# Of a waypoint that says no other tempo.
+_STANDS_STILL = {
+    "speed": f"a speed of 0 never gets there; give {MIN_TEMPO:g} m/s or more, or leave 'speed' out for the usual one",
+    "seconds": f"a time of 0 is none; give {MIN_TEMPO:g} s or more, or leave 'seconds' out for the usual one",
+}
+
+
+def _describe_fault(error: ValidationError, where: str) -> str:
+    """Say what is wrong with a waypoint: a field that there is not, before what is missing; and how angles are written.
+
+    Args:
+        error: of its fields.
+        where: words for the waypoint.
+    """
+    faults = error.errors(include_url=False)
+    unknown = [fault for fault in faults if fault["type"] == _UNKNOWN]
+    first = (unknown or faults)[0]
+    place = ".".join(str(part) for part in first["loc"])
+
+    if unknown:
+        names = [known.name for known in fields(Step)]
+        return str(choices("field", place, names, where))
+
+    message = f"{where}: {place[:100]}: {first['msg']}"
+    if first["loc"][0] == "rpy" and first["type"] in _BEYOND:
+        message += (
+            f", not {first['input']:g}; angles are in radians (90 degrees are 1.5708)"
+        )
+
+    return message
+
+
 def _read_step(data: object, where: str, gripper: bool) -> Step:
     """Read a waypoint that a model wrote.
 
@@ -518,22 +556,12 @@ def _read_step(data: object, where: str, gripper: bool) -> Step:
     try:
         step = _STEPS.validate_python(data)
     except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        place = ".".join(str(part) for part in first["loc"])
-        if first["type"] == "unexpected_keyword_argument":
-            names = [known.name for known in fields(Step)]
-            raise DesignError(
-                str(
-                    choices(
-                        "field",
-                        place,
-                        names,
-                        where,
-                    )
-                )
-            ) from error
+        raise DesignError(_describe_fault(error, where)) from error
 
-        raise DesignError(f"{where}: {place[:100]}: {first['msg']}") from error
+    if not (step.speed or step.seconds):
+        for name, message in _STANDS_STILL.items():
+            if name in data:
+                raise DesignError(f"{where}: {message}")
 
     for is_broken, message in _FAULTS:
         if is_broken(step):
@@ -553,9 +581,13 @@ def _place(name: str, seen: Seen, where: str) -> Pose:
     Raises:
         DesignError: it is not there.
     """
-    if name == WORLD:
+    if name.lower() == WORLD:
         return Pose()
     if name not in seen.poses:
+        alike = [known for known in seen.poses if known.lower() == name.lower()]
+        if len(alike) == 1:
+            return seen.poses[alike[0]]
+
         raise DesignError(
             f"{where}: no anchor {shorten(name)}; possible: {', '.join((*seen.poses, WORLD))}"
         )

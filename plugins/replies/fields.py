@@ -12,7 +12,8 @@ from core.designs.replies import Fields
 from plugins.replies.assumptions import assume
 from plugins.replies.envelopes import PLANS, plain_name, says_degrees
 from plugins.replies.figures import figures_in
-from plugins.replies.mending import ELLIPSIS, mend_json
+from plugins.replies.fitting import ANSWERS, fit
+from plugins.replies.mending import ELLIPSIS
 from plugins.replies.saving import BLOCK
 
 ACTION_SETS = "action_sets"
@@ -28,13 +29,11 @@ _USUAL = (
     "fixture",
     "parents",
 )
-_ANSWERS = {
-    **dict.fromkeys(("true", "yes", "1"), True),
-    **dict.fromkeys(("false", "no", "none", "0"), False),
-}
+_LIST = {"type": "array"}
 _PLAN = PLANS | {
     *("plan", "action", "waypoints", "trajectory", "poses", "steps", "path", "motion")
 }
+_PARTS = {"boxes", "parts", "shapes", "links", "bodies", "elements", "pieces"}
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+")
 _EMPTY = {"string", "text", "xml", "code", "block", "content", "design"}
 _NUMBERED = re.compile(r"\D*(\d+)")
@@ -76,7 +75,8 @@ def read_fields(design: Fields, wanted: Mapping[str, Any]) -> Fields:
             _take(fields, name, key, value)
 
     for name in needed:
-        key = None if name in fields else _find_other(name, others)
+        is_list = wanted.get(name, {}).get("type") == "array"
+        key = None if name in fields else _find_other(name, others, is_list)
         if key is not None:
             _take(fields, name, key, others.pop(key))
 
@@ -85,11 +85,11 @@ def read_fields(design: Fields, wanted: Mapping[str, Any]) -> Fields:
         if is_text and BLOCK in others and "<" not in str(fields.get(name)):
             fields[name] = others[BLOCK]
         if name in fields:
-            fields[name] = _fit(fields[name], schema.get("type"))
+            fields[name] = fit(fields[name], schema, name)
 
     if "gripper" in fields:
         gripper = fields["gripper"]
-        fields["gripper"] = _ANSWERS.get(str(gripper).strip().lower(), gripper)
+        fields["gripper"] = ANSWERS.get(str(gripper).strip().lower(), gripper)
 
     return {**others, **fields}
 
@@ -101,11 +101,11 @@ def list_plans(value: object, schema: Mapping[str, Any]) -> object:
         value: what was written.
         schema: the JSON schema of one plan.
     """
-    value = _unwrap(_fit(value, "array"))
+    value = _unwrap(fit(value, _LIST))
     if not isinstance(value, list):
         return value
 
-    plans = [_unwrap(_fit(plan, "array")) for plan in value if plan != ELLIPSIS]
+    plans = [_unwrap(fit(plan, _LIST)) for plan in value if plan != ELLIPSIS]
     is_of_waypoints = schema.get("items", {}).get("type") in ("array", "object")
     if not (plans and is_of_waypoints):
         return plans
@@ -149,8 +149,13 @@ def _flatten(
             yield key, value
 
 
-def _find_other(name: str, others: Fields) -> Any:
+def _find_other(name: str, others: Fields, is_list: bool) -> Any:
     """Return the key of another field that can only mean ``name``; None: there is none.
+
+    Args:
+        name: of the field.
+        others: those that mean nothing else.
+        is_list: the field is a list of a tool's components.
 
     Raises:
         DesignError: a name is near, and may mean something else.
@@ -158,6 +163,8 @@ def _find_other(name: str, others: Fields) -> Any:
     same = [key for key in others if _is_part(key, name)]
     if name == ACTION_SETS:
         same = [key for key in others if plain_name(key) in _PLAN]
+    elif is_list and not same:
+        same = [key for key in others if plain_name(key) in _PARTS]
     if len(same) == 1:
         return same[0]
 
@@ -178,23 +185,8 @@ def _is_part(key: object, name: str) -> bool:
     return bool(words) and words <= {word.rstrip("s") for word in name.split("_")}
 
 
-def _fit(value: object, wanted: object) -> object:
-    """Make a text of a list of lines or of an object that holds it, and a list of a text that holds one."""
-    if wanted == "string":
-        lines = list(value.values()) if isinstance(value, dict) else value
-        if isinstance(lines, list) and all(isinstance(line, str) for line in lines):
-            return "\n".join(lines)
-    if wanted == "array" and isinstance(value, str) and value.lstrip().startswith("["):
-        try:
-            return mend_json(value)
-        except DesignError:
-            return value
-
-    return value
-
-
 def _unwrap(plan: object) -> object:
-    """Return the list in an object that is a plan, beside what only describes it, or that numbers its items."""
+    """Return the list in an object that is a plan, beside what only describes it, or that numbers or names some."""
     if not isinstance(plan, dict):
         return plan
 
@@ -208,7 +200,15 @@ def _unwrap(plan: object) -> object:
         for key, inner in plan.items()
         if plain_name(key) in _PLAN and isinstance(inner, list)
     ]
-    return lists[0] if len(lists) == 1 and _holds_more(lists[0]) else plan
+    if len(lists) == 1 and _holds_more(lists[0]):
+        return lists[0]
+
+    is_by_name = bool(plan) and all(map(_holds_more, plan.values()))
+    if is_by_name and not order:
+        assume("plans under their names are read in their order")
+        return list(plan.values())
+
+    return plan
 
 
 def _is_waypoint(value: object) -> bool:

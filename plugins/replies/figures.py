@@ -13,8 +13,36 @@ from plugins.replies.assumptions import assume
 LENGTHS = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 """How many of each unit are a metre."""
 
-ANGLES = {"rad": 1.0, "deg": math.degrees(1.0), "°": math.degrees(1.0)}
+ANGLES = {"rad": 1.0, "deg": math.degrees(1.0)}
 """How many of each unit are a radian."""
+
+TIMES = {"s": 1.0, "ms": 1000.0}
+"""How many of each unit are a second."""
+
+SPEEDS = {"m/s": 1.0, "cm/s": 100.0, "mm/s": 1000.0}
+"""How many of each unit are a metre in a second."""
+
+MASSES = {"kg": 1.0, "g": 1000.0}
+"""How many of each unit are a kilogram."""
+
+FORCES = {"n": 1.0}
+"""How many of each unit are a newton."""
+
+_UNITS = {name: name for name in (*LENGTHS, *ANGLES, *TIMES, *SPEEDS, *MASSES, *FORCES)}
+# Units as they are spelled out.
+_UNITS |= {
+    **dict.fromkeys(("metre", "metres", "meter", "meters"), "m"),
+    **dict.fromkeys(("centimetre", "centimetres", "centimeter", "centimeters"), "cm"),
+    **dict.fromkeys(("millimetre", "millimetres", "millimeter", "millimeters"), "mm"),
+    **dict.fromkeys(("radian", "radians"), "rad"),
+    **dict.fromkeys(("°", "degree", "degrees"), "deg"),
+    **dict.fromkeys(("sec", "second", "seconds"), "s"),
+    **dict.fromkeys(("msec", "millisecond", "milliseconds"), "ms"),
+    **dict.fromkeys(("mps", "meters/second", "metres/second"), "m/s"),
+    **dict.fromkeys(("gram", "grams"), "g"),
+    **dict.fromkeys(("kilogram", "kilograms"), "kg"),
+    **dict.fromkeys(("newton", "newtons"), "n"),
+}
 
 _LONGEST = 100  # characters
 _FIGURE = re.compile(r"-?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
@@ -22,7 +50,7 @@ _NUMBER = r"(?:\d++\.?\d*+|\.\d++)(?:e[-+]?\d{1,3}+)?+"
 _SUM = re.compile(
     rf"(?:[-+*/()\s]|{_NUMBER}(?!\w)|(?:math|np|numpy)\.|pi|radians|deg2rad|sqrt|float)++"
 )
-_UNIT = re.compile(r"(.*[\d.)])\s*(m|cm|mm|rad|deg|°)(?:(?<=g)rees?|(?<=d)ians?)?")
+_UNIT = re.compile(r"(.*(?:[\d.)]|pi))\s*([a-z°]+(?:/[a-z]+)?)")
 # Between two numbers: a unit behind them may be of both or of the last.
 _SIGN = re.compile(r"[\d.)i]\s*[-+]\s*[\d.(p]")
 # One number or two: a space stands before the sign, and none behind it.
@@ -47,22 +75,36 @@ def read_figure(text: str, units: Mapping[str, float]) -> float | None:
     if _UNEVEN.search(text):
         return None
 
-    text = text.strip().lower().replace("π", "pi")
-    unit = _UNIT.fullmatch(text)
-    if unit is None:
-        return _read_sum(text)
+    amount, unit = _split(text)
+    if not unit:
+        return _read_sum(amount)
 
-    value = None if _SIGN.search(unit[1]) else _read_sum(unit[1])
-    if value is None or unit[2] not in units:
+    value = None if _SIGN.search(amount) else _read_sum(amount)
+    if value is None or unit not in units:
         return None
 
-    assume(f"numbers with {unit[2]!r} are read in that unit")
-    return value / units[unit[2]]
+    assume(f"numbers with {unit!r} are read in that unit")
+    return value / units[unit]
+
+
+def find_unit(word: str) -> str | None:
+    """Return the unit that a word means, as the tables here name it; None: none."""
+    return _UNITS.get(word.lower())
 
 
 def has_unit(text: str) -> bool:
     """Report whether a text is a number with a unit."""
-    return _UNIT.fullmatch(text.strip().lower()) is not None
+    return _split(text)[1] != ""
+
+
+def _split(text: str) -> tuple[str, str]:
+    """Split a text into an amount and its unit; without one the unit is empty."""
+    text = text.strip().lower().replace("π", "pi")
+    found = _UNIT.fullmatch(text)
+    if found is None or found[2] not in _UNITS:
+        return text, ""
+
+    return found[1], _UNITS[found[2]]
 
 
 def is_uneven(text: str) -> bool:

@@ -10,6 +10,8 @@ from core.designs.replies import Fields, Reader
 from core.plugins import installed
 from plugins.replies.envelopes import find_designs
 from plugins.replies.fields import ACTION_SETS, list_plans, read_fields
+from plugins.replies.fitting import fit
+from plugins.replies.mending import ELLIPSIS
 from plugins.replies.saving import read_reply
 from plugins.replies.waypoints import read_waypoints
 
@@ -34,11 +36,10 @@ class LenientReader(Reader):
         self, value: object, schema: Mapping[str, Any], *, gripper: bool
     ) -> object:
         plans = list_plans(value, schema)
-        is_of_numbers = schema.get("items", {}).get("items") == {"type": "number"}
-        if not (isinstance(plans, list) and is_of_numbers):
+        if not isinstance(plans, list):
             return plans
 
-        return [_read_plan(plan, gripper) for plan in plans]
+        return [_read_plan(plan, schema, gripper) for plan in plans]
 
 
 def _name_action(plans: object) -> Fields:
@@ -62,9 +63,31 @@ def _name_action(plans: object) -> Fields:
     return {"action": names[0]} if len(names) == 1 else {}
 
 
-def _read_plan(plan: object, gripper: bool) -> object:
-    """Read a plan of poses; an error in its place says what is wrong."""
+def _read_plan(plan: object, schema: Mapping[str, Any], gripper: bool) -> object:
+    """Read a plan of poses, or of objects; an error in its place says what is wrong."""
+    items = schema.get("items", {})
     try:
-        return read_waypoints(plan, gripper=gripper)
+        if items.get("items") == {"type": "number"}:
+            return read_waypoints(plan, gripper=gripper)
+        if isinstance(plan, list) and items.get("type") == "object":
+            return [
+                _read_step(step, items, number) for number, step in enumerate(plan, 1)
+            ]
     except DesignError as error:
         return error
+
+    return plan
+
+
+def _read_step(step: object, schema: Mapping[str, Any], number: int) -> object:
+    """Read one waypoint of a plan of objects.
+
+    Raises:
+        DesignError: it is left out, or says something twice.
+    """
+    if step == ELLIPSIS:
+        raise DesignError(f"waypoint {number} is '...'; write out every waypoint")
+    try:
+        return fit(step, schema)
+    except DesignError as error:
+        raise DesignError(f"waypoint {number}: {error}") from error

@@ -10,6 +10,7 @@ from typing import Any
 from core.design import DesignError
 from core.designs.replies import EXPECTED, Unread
 from plugins.replies.assumptions import assume
+from plugins.replies.bodies import join_texts
 from plugins.replies.decoding import Malformed, decode
 from plugins.replies.envelopes import (
     NAMES,
@@ -36,6 +37,11 @@ MAX_BLOCKS = 3
 BLOCK = "```"
 """The key of a block of another language that stands beside a design, for the one text that it lacks."""
 
+_THOUGHT = re.compile(r"<(think(?:ing)?)>.*?</\1>", re.DOTALL)
+_PLACEHOLDER = re.compile(
+    r"\.{3}|…|<[^<>]*>|\{\{?[^{}]*\}?\}|string|str|text|name|(?:strategy|tool)_name",
+    re.IGNORECASE,
+)
 _FENCE = re.compile(r"```\w*[^\n]{0,100}\n(.*?)(?:\n[ \t]*```|\Z)", re.DOTALL)
 _LIST = re.compile(r"strategies\W{0,3}:\s*\[")
 _GAP = r"(?:\s++|//[^\n]{0,300}+|/\*.{0,300}?\*/|#[^\n]{0,300}+){0,20}+"
@@ -57,17 +63,31 @@ class _Found:
 def read_reply(text: str) -> dict[str, list[Any]]:
     """Find the designs in a model's reply, with or without text around them, as a designs document.
 
-    They are those of the last document that has some (`find_designs`); designs that stand alone are joined.
+    They are those of all documents that have some (`find_designs`): the last one's first, since it may correct the
+    others. Designs that stand alone are joined, and what only shows the form of an answer is left aside. The reply
+    may be the body of a server's answer.
     ``NaN`` and ``Infinity`` are read as strings. If the document is malformed, its designs are mended one by one,
     and an `Unread` replaces each that is cut off or can't be mended.
 
     Raises:
         DesignError: there is no design, or the document is malformed and has no sound one; gives line and column.
     """
+    said = _without_thoughts(text)
+    if said != text:
+        designs = _find_in(said)
+        if designs:
+            return {"strategies": _with_blocks(designs, said)}
+
     found, longest = _find_objects(text)
-    designs = _last_designs(found) or _read_otherwise(text)
+    designs = _join_documents(found) or _read_otherwise(text)
     if designs:
         return {"strategies": _with_blocks(designs, text)}
+
+    body = join_texts(item.value for item in found)
+    if "{" in body:
+        designs = _find_in(body)
+        if designs:
+            return {"strategies": _with_blocks(designs, body)}
 
     if longest is not None:
         raise longest
@@ -78,6 +98,18 @@ def read_reply(text: str) -> dict[str, list[Any]]:
 
     named = ", ".join(str(key)[:40] for key in islice(found[0].value, 5))
     raise DesignError(f"the reply has no designs (its JSON has {named}); {EXPECTED}")
+
+
+def _without_thoughts(text: str) -> str:
+    """Leave out what a model thought aloud, in tags, before its answer."""
+    thoughts = _THOUGHT.sub("", text)
+    return thoughts.rpartition("</think>")[2]
+
+
+def _find_in(text: str) -> list[Any]:
+    """Find the designs in a text; empty: none."""
+    found, _ = _find_objects(text)
+    return _join_documents(found) or _read_otherwise(text)
 
 
 def _find_objects(text: str) -> tuple[list[_Found], Malformed | None]:
@@ -152,25 +184,53 @@ def _unread(text: str, start: int, reason: str = "") -> Unread:
     return Unread(f"the design is cut off or malformed ({place}){reason}")
 
 
-def _last_designs(found: list[_Found]) -> list[Any]:
-    """Return the designs of the last document that has some; else those that stand alone, if one is sound.
+def _join_documents(found: list[_Found]) -> list[Any]:
+    """Join the designs of all documents, the last one's first, and of those that stand alone, if one is sound.
 
     What lies in a malformed one, such as a component, is a design only if it begins like one.
     """
+    documents: list[list[Any]] = []
     alone: list[Any] = []
-    for item in reversed(found):
+    for item in found:
         value = item.value
         is_broken = isinstance(value, Unread) and (
             item.key in NAMES or (item.key != "" and not item.is_inner)
         )
         if is_broken or is_design(value):
+            if not alone:
+                documents.append(alone)
             alone.append(value)
         elif designs := find_designs(value):
-            return designs
+            documents.append(designs)
 
-    is_any_sound = any(not isinstance(design, Unread) for design in alone)
-    alone.reverse()
-    return alone[:MAX_SAVED] if is_any_sound else []
+    if alone and all(isinstance(design, Unread) for design in alone):
+        documents = [document for document in documents if document is not alone]
+    if len(documents) > 1:
+        assume("designs of all documents of an answer are read, the last one's first")
+
+    joined: list[Any] = []
+    for document in (*documents[-1:], *documents[:-1]):
+        left = MAX_SAVED - len(joined)
+        joined += [item for item in document[:left] if item not in joined]
+
+    forms = [design for design in joined if _is_form(design)]
+    if len(forms) < len(joined):
+        joined = [design for design in joined if design not in forms]
+
+    return joined
+
+
+def _is_form(design: object) -> bool:
+    """Report whether a design only shows how one is written: its names are placeholders."""
+    if not isinstance(design, dict):
+        return False
+
+    names = [
+        str(value).strip()
+        for key, value in design.items()
+        if plain_name(key) in ("strategyname", "toolname")
+    ]
+    return bool(names) and all(map(_PLACEHOLDER.fullmatch, names))
 
 
 def _read_otherwise(text: str) -> list[Any]:

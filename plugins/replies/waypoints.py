@@ -10,21 +10,20 @@ from core.design import DesignError
 from core.designs.plan_rules import WAYPOINT
 from core.support.text import shorten
 from plugins.replies.assumptions import assume
-from plugins.replies.envelopes import plain_name
-from plugins.replies.figures import ANGLES, LENGTHS, read_figure
+from plugins.replies.figures import ANGLES, LENGTHS
+from plugins.replies.fitting import fit, read_number
 from plugins.replies.mending import ELLIPSIS
 
 _POSE = WAYPOINT[:6]
-_PLACE = WAYPOINT[:3]
-_TURN = WAYPOINT[3:6]
-_LISTS = {
-    **dict.fromkeys(("position", "pos", "xyz", "translation"), _PLACE),
-    **dict.fromkeys(("orientation", "rotation", "rot"), _TURN),
-    **dict.fromkeys(("rpy", "euler", "eulerangles"), _TURN),
-    **dict.fromkeys(("pose", "waypoint"), _POSE),
+_VECTOR = {
+    "type": "array",
+    "items": {"type": "number"},
+    "minItems": 3,
+    "maxItems": 3,
 }
-_COUNTS = ("step", "index", "id", "number", "waypoint")
-_DEGREES = re.compile(r"(?:in)?deg(?:rees)?$")
+_FIELDS = {"xyz": _VECTOR, "rpy": _VECTOR, "grip": {}}
+_SCHEMA = {"type": "object", "properties": _FIELDS}  # of a waypoint as an object
+_NAMES = {"xyz": ", ".join(_POSE[:3]), "rpy": ", ".join(_POSE[3:])}
 _WANTED = f"write a list of {', '.join(_POSE)}, angles in radians"
 _GRIPS = {"open": 0.0, "closed": 1.0, "close": 1.0, "false": 0.0, "true": 1.0}
 _BETWEEN = re.compile(r"[\s,;]+")
@@ -67,7 +66,9 @@ def _read_waypoint(waypoint: object, where: str) -> object:
 
 def _name_row(values: list[Any]) -> list[Any]:
     """Read the numbers of a waypoint in their order; more than there are names for stay as they are."""
-    row = list(map(_read_number, WAYPOINT, values))
+    row = [read_number(value, LENGTHS) for value in values[:3]]
+    row += [read_number(value, ANGLES) for value in values[3:6]]
+    row += [_read_grip(value) for value in values[6:7]]
     return row + values[len(row) :]
 
 
@@ -77,60 +78,35 @@ def _read_object(waypoint: dict[Any, Any], where: str) -> list[Any]:
     Raises:
         DesignError: a number is missing, unknown, given twice, or part of a quaternion.
     """
-    numbers = _name_numbers(waypoint, where)
-    if not set(_POSE) <= set(numbers):
-        missing = ", ".join(name for name in _POSE if name not in numbers)
-        raise DesignError(f"{where} has no {missing}; {_WANTED}")
+    try:
+        fields = fit(waypoint, _SCHEMA)
+    except DesignError as error:
+        raise DesignError(f"{where}: {error}; {_WANTED}") from error
 
-    return [numbers[name] for name in WAYPOINT if name in numbers]
-
-
-def _name_numbers(waypoint: dict[Any, Any], where: str) -> dict[str, Any]:
-    """Return the numbers of a waypoint by their names in `WAYPOINT`, angles in radians.
-
-    Raises:
-        DesignError: a name is unknown, or stands for a number that is there already, or a list has another length.
-    """
-    found: dict[str, Any] = {}
-    for key, value in waypoint.items():
-        name, *degrees = _DEGREES.split(plain_name(key))
-        names = _LISTS.get(name, ())
-
-        inner: dict[str, Any] = {}
-        if isinstance(value, dict) and names:
-            inner = _name_numbers(value, where)
-        elif isinstance(value, list) and len(value) == len(names):
-            inner = dict(zip(names, map(_read_number, names, value), strict=True))
-        elif name in WAYPOINT:
-            inner = {name: _read_number(name, value)}
-        elif not isinstance(value, str) and name not in _COUNTS:
+    for key, value in fields.items():
+        if key not in _FIELDS and not isinstance(value, str):
             raise DesignError(f"{where}: {shorten(str(key))} can't be read; {_WANTED}")
 
-        if degrees:
-            inner = {
-                name: _read_number(name, f"{angle} deg")
-                for name, angle in inner.items()
-            }
+    row = []
+    for name, parts in _NAMES.items():
+        if name not in fields:
+            raise DesignError(f"{where} has no {parts}; {_WANTED}")
 
-        again = [name for name in inner if name in found]
-        if again:
-            raise DesignError(f"{where}: {', '.join(again)} is given twice; {_WANTED}")
+        numbers = fields[name]
+        if not isinstance(numbers, list) or len(numbers) != 3:
+            raise DesignError(
+                f"{where}: its {parts} can't be read from {shorten(str(numbers))}; {_WANTED}"
+            )
 
-        found |= inner
+        row += numbers
 
-    return found
+    return [*row, _read_grip(fields["grip"])] if "grip" in fields else row
 
 
-def _read_number(name: str, value: object) -> object:
-    """Return the number of a waypoint that a text means, or for the gripper a word; anything else as it is."""
-    if name == WAYPOINT[6]:
-        value = _GRIPS.get(str(value).strip().lower(), value)
-    if not isinstance(value, str):
-        return value
-
-    units = ANGLES if name in _TURN else LENGTHS
-    number = read_figure(value, units)
-    return value if number is None else number
+def _read_grip(value: object) -> object:
+    """Return the number of the gripper that a word means; anything else as it is."""
+    value = _GRIPS.get(str(value).strip().lower(), value)
+    return read_number(value, {})
 
 
 def _without_gripper(rows: list[object]) -> list[object]:

@@ -20,10 +20,18 @@ import numpy as np
 
 from core.design import Component, DesignError, Tool, ToolJoint
 from core.designs.plan_rules import MAX_ANGLE_RAD
-from core.designs.rules import MAX_COMPONENTS, MAX_DENSITY, MIN_DENSITY, NAME
+from core.designs.rules import (
+    MAX_COMPONENTS,
+    MAX_DENSITY,
+    MAX_MOUNT_GAP_M,
+    MIN_DENSITY,
+    NAME,
+    mount_solids,
+)
 from core.geometry import Array, Color, Compound, Pose, Shape
 from core.interfaces import Brief, Robot
 from core.robot.description import assembled
+from core.robot.solids import closest, solids_of
 from core.support.text import kind, shorten
 from plugins.tools.mounting import first_box, instruct
 from plugins.tools.varying import VariedTools
@@ -175,7 +183,12 @@ class ComponentTools(VariedTools):
         for number, item in enumerate(items, start=1):
             where = f"{self.field}: component {number}"
             name = _read_name(item, where, read, reserved)
-            read[name] = self._read_component(name, item, read_shape, mounts)
+            component = self._read_component(name, item, read_shape, mounts)
+            if not component.parent:
+                parent = self._find_parent(component, read, mounts[0])
+                component = replace(component, parent=parent)
+
+            read[name] = component
 
         placed = {mount: Pose() for mount in mounts}
         parents = {name: component.parent for name, component in read.items()}
@@ -193,7 +206,7 @@ class ComponentTools(VariedTools):
         read_shape: ReadShape,
         mounts: tuple[str, ...],
     ) -> Component:
-        """Read a component, with its pose in the mount's frame.
+        """Read a component, with its pose in the mount's frame; its parent is empty where none is written.
 
         Args:
             name: of the component, which was read already.
@@ -208,7 +221,7 @@ class ComponentTools(VariedTools):
             known.add("joint")
 
         check_keys(item, known, where)
-        usual = mounts[0] if len(mounts) == 1 else None
+        usual = "" if len(mounts) == 1 else None
         parent = item.get("parent", usual)
 
         if not isinstance(parent, str):
@@ -232,6 +245,28 @@ class ComponentTools(VariedTools):
         joint = _read_joint(item.get("joint"), f"{where}: its joint", pose)
 
         return Component(name, parent, pose, shape, mass, color, joint)
+
+    def _find_parent(
+        self, component: Component, before: Mapping[str, Component], mount: str
+    ) -> str:
+        """Find what a component without a parent hangs from: the mount if it touches that, else what it is closest to.
+
+        Args:
+            component: with its pose in the mount's frame.
+            before: what stands before it in the list, likewise.
+            mount: the only one.
+        """
+        there = solids_of(component.name, component.shape, component.pose)
+        flange = mount_solids(Tool(), self.robot)[mount]
+        gap, _, _ = closest(there, flange)
+        if not before or gap <= MAX_MOUNT_GAP_M:
+            return mount
+
+        gaps = {}
+        for name, other in before.items():
+            gaps[name], _, _ = closest(there, solids_of(name, other.shape, other.pose))
+
+        return min(gaps, key=gaps.__getitem__)
 
     def dump(self, tool: Tool) -> dict[str, Any]:
         placed = tool.placed()

@@ -51,6 +51,11 @@ _MOVES: dict[str, Literal["hinge", "slider"]] = {
 }
 _NAME = re.compile(r"[A-Za-z0-9_.-]+")
 _ANGLE = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?")
+_CDATA = re.compile(r"<!\[CDATA\[(.*?)\]\]>", re.DOTALL)
+# Numbers with a comma and a space between them, or three with commas alone; else a comma may be a decimal point.
+_VECTOR = re.compile(
+    r"""\b(?:size|xyz|rpy|rgba)\s*=\s*(["'])(?:(?:[^"',]++,\s++)++[^"',]++|(?:[^"',\s]++,){2}[^"',\s]++)\1"""
+)
 _DECLARATION = re.compile(r"\A\s*<\?xml[^>]*\?>")
 # What an element may have several of.
 _MANY = ("link", "joint", "material", "collision", "visual")
@@ -193,11 +198,15 @@ def _parse(text: str) -> Element:
 
 
 def _unescape(text: str) -> str:
-    """Undo what was escaped once too often: ``&lt;link name=...`` and ``<link name=\\"...``."""
+    """Undo what was escaped once too often, or set apart: ``&lt;link name=...``, ``<link name=\\"...``, CDATA.
+
+    Commas between the numbers of a vector are left out, too.
+    """
     if "&lt;link" in text or "=&quot;" in text:
         text = html.unescape(text)
 
-    return text.replace('\\"', '"')
+    text = _CDATA.sub(r"\1", text).replace('\\"', '"')
+    return _VECTOR.sub(lambda found: found[0].replace(",", " "), text)
 
 
 def _check(

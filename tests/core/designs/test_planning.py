@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from core.design import DesignError
+from core.designs.plan_rules import doubt_turns
 from core.designs.planning import look, resolve
 from core.errors import UsageError
 from core.interfaces import ActionPlan, Perception, RolloutSettings, Tempo, Waypoints
@@ -125,3 +126,19 @@ def paced(**given):
 def test_a_tempo_that_costs_too_much_is_refused_before_it_is_planned(given, problem):
     with pytest.raises(DesignError, match=problem):
         resolve(paced(**given), TASK, 0, RolloutSettings())
+
+
+@pytest.mark.parametrize(
+    ("yaws", "said"),
+    [
+        ([0, 5.0, 5.0], "waypoint 2: its yaw of 5 is read as radians, a turn of 286"),
+        ([5.0], "if 5 degrees were meant, write 0.08727"),
+        ([0, 1.57, -1.57], None),
+        ([3.1, -3.1], None),  # across the end of the range
+        ([0, 2.0, 4.0, 6.0], None),  # step by step
+    ],
+)
+def test_a_turn_of_more_than_half_is_doubted_with_both_readings(yaws, said):
+    found = list(doubt_turns(np.array([[0.0, 0.0, yaw] for yaw in yaws])))
+    assert len(found) == (said is not None)
+    assert not found or said in found[0]

@@ -206,7 +206,7 @@ def test_missing_fields():
 def test_a_strategy_that_is_not_an_object():
     bad, good = read([], {**STRATEGY, "action_sets": [PLAN]})
     assert "the design is a list" in bad.problem
-    assert (good.problem, good.strategy) == (None, 1)
+    assert (good.problem, good.design) == (None, 1)
 
 
 @pytest.mark.parametrize(

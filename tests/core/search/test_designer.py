@@ -376,3 +376,17 @@ def test_a_failure_of_the_last_generation_is_drawn_too_with_elites_or_without():
             if isinstance(part, Text) and "Film strip of" in part.text
         ]
         assert labels[-1].startswith(f"Film strip of a failure, {names[-1]}: ")
+
+
+def test_a_sound_design_behind_broken_ones_is_taken(caplog):
+    broken = {"strategy_name": "broken", "tool_urdf": "<link/>", "action_sets": [PLAN]}
+    strategies = [broken, broken, *json.loads(document(2))["strategies"]]
+    answer = json.dumps({"strategies": strategies})
+    canned = Canned(lambda request: Reply(request.id, answer, "a can"))
+    budget = Budget(1, 2, 1, 0, 5, 0.6)
+
+    found = list(designer(canned, budget).design(0))
+
+    assert [candidate.design_name for candidate in found] == ["", ""]
+    assert [candidate.problem for candidate in found] == [None, None]
+    assert "0 sound ones and 2 that break a rule are left out" in caplog.text

@@ -198,6 +198,12 @@ def test_an_anchor_that_is_not_there(step, problem):
         plan(GOOD | step).resolve(SEEN)
 
 
+def test_an_anchor_is_found_whatever_its_case():
+    written = plan(GOOD | {"anchor": "Cube"}, GOOD | {"anchor": "World"})
+    wanted = plan(GOOD | {"anchor": "cube"}, GOOD)
+    assert written.resolve(SEEN) == wanted.resolve(SEEN)
+
+
 def test_a_designs_file_names_the_representation_and_reads_back():
     task = on_panda(BringCube())
     rules = SpawnRules(task, 0)

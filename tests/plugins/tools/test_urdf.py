@@ -357,7 +357,7 @@ def test_hostile_text_gets_a_reason(text, reason):
         ("1e9 1 1", "finite and at most"),
         ("1 1", "is '1 1'; expected 3 numbers"),
         ("1 1 1 1", "expected 3 numbers"),
-        ("1,1,1", "is '1,1,1'; expected 3 numbers"),
+        ("1,1", "is '1,1'; expected 3 numbers"),
         ("0x1 1 1", "expected 3 numbers"),
         ("1_0 1 1", "expected 3 numbers"),
         ("\N{FULLWIDTH DIGIT ONE} 1 1", "expected 3 numbers"),

@@ -72,7 +72,7 @@ def test_a_sound_tool_stays_and_so_do_its_sound_plans():
 
 
 def test_designs_beyond_those_asked_for_do_not_move_the_others():
-    more = {**SOUND, "tool_name": "not asked for"}
+    more = {**APART, "tool_name": "not asked for"}
     mended = {**SOUND, "tool_name": "mended"}
     vlm = answering(
         text_of(SOUND, SOUND, APART, more, more), text_of(SOUND, SOUND, mended)
