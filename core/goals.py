@@ -26,6 +26,7 @@ import numpy as np
 from core.errors import UsageError, choices, refuse
 from core.geometry import Array, Vector
 from core.scene import Scene
+from core.support.text import number_beside
 from core.values.joints import rotate, rotate_back
 from core.values.margins import Margin
 from core.values.spans import Span as Span
@@ -936,9 +937,8 @@ class Untouched(Limit):
             did = f"{_find_toucher(film, name)} touched {name}"
             if self.max_force_n:
                 force = film.force_n(name, "robot")
-                did = (
-                    f"{name} pressed with {force:.0f} N, {self.max_force_n:g} N allowed"
-                )
+                pressed = number_beside(float(force), self.max_force_n)
+                did = f"{name} pressed with {pressed} N, {self.max_force_n:g} N allowed"
 
             yield float(film.times[harmed.argmax()]), did
 

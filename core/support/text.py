@@ -13,6 +13,9 @@ _PLAIN = re.compile(
 )
 
 
+_MOST_DIGITS = 6  # of a value beside its limit: what is nearer is rounding
+
+
 def clean(text: str, longest: int, *, lines: bool = False) -> str:
     """Remove control characters and superfluous space from ``text``, and cut it to ``longest`` characters.
 
@@ -88,6 +91,21 @@ def number(value: float | None, digits: int) -> str:
         value = min(value, 1 - 10.0**-digits)
 
     return f"{value:.{digits}f}"
+
+
+def number_beside(value: float, limit: float, digits: int = 3) -> str:
+    """Write a value beside its limit: with so many digits, and more where it would read as the limit that it is not.
+
+    For example 15.02 beside 15 is ``15.02``, and 22.41 is ``22.4``.
+    """
+    written = f"{value:.{digits}g}"
+    while value != limit and float(written) == float(f"{limit:.{digits}g}"):
+        digits += 1
+        written = f"{value:.{digits}g}"
+        if digits > _MOST_DIGITS:
+            break
+
+    return written
 
 
 def by_reason(candidates: Iterable[tuple[str, str]]) -> list[str]:

@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from core.support.text import number_beside
+
 FAR_M = 0.02  # a clearance that counts as far
 
 
@@ -60,9 +62,9 @@ class Margin:
         )
 
     def __str__(self) -> str:
-        return f"{self.name} {self.value:.3g} {self.unit}, limit {self.limit:.3g} {self.unit}".replace(
-            " ,", ","
-        ).rstrip()
+        value = number_beside(self.value, self.limit)
+        text = f"{self.name} {value} {self.unit}, limit {self.limit:.3g} {self.unit}"
+        return text.replace(" ,", ",").rstrip()
 
 
 def least_first(margins: Iterable[Margin]) -> tuple[Margin, ...]:

@@ -15,13 +15,15 @@ from plugins.vlms.told.tables import phrase
 
 _WIDTH = 640  # pixels, of which ways are shares
 _HEIGHT = 480
-_UNIT = r"mm|cm|m/s|m|kg|g|N m|N|J|deg|degrees|rad"
+# A force is felt by the arm, and no number of a body.
+_UNIT = r"mm|cm|m/s|m|kg|g|N m|J|deg|degrees|rad"
 # A number with a unit, or a decimal that is neither a time nor a count; a list of them; names such as card_3 stay.
 _MEASURED = rf"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?= ?(?:{_UNIT})\b)"
 # A reward is no number of a body.
 _NUMBER = re.compile(
-    rf"(?<![\w.])(?<!reward of )(?:{_MEASURED}|[-+]?\d+\.\d+(?!\d| ?s\b))"
+    rf"(?<![\w.])(?<!reward of )(?:{_MEASURED}|[-+]?\d+\.\d+(?!\d| ?s\b| ?N\b(?! ?m)))"
 )
+_SAID = re.compile(rf"{_MEASURED} ?(?:{_UNIT})\b")
 _LIST = re.compile(r"[(\[]\s*[-+\d.e]+(?:\s*,\s*[-+\d.e]+)+\s*[)\]]")
 
 
@@ -32,17 +34,21 @@ class Hidden(Sight):
     Attributes:
         names: of bodies.
         camera: of the task.
+        said: measures that the prompt says itself, such as a limit of ``20 mm``, without their spaces.
     """
 
     numbers = False
     names: tuple[str, ...]
     camera: Camera
+    said: frozenset[str] = frozenset()
 
     @classmethod
     def for_layout(cls, task: Task, seed: int) -> Hidden:
         """Hide the numbers of a layout's bodies, seen by the task's camera."""
         names = tuple(body.name for body in task.scene(seed).bodies)
-        return cls(names, task.camera)
+        measures = _SAID.findall(task.in_words)
+        said = frozenset(measure.replace(" ", "") for measure in measures)
+        return cls(names, task.camera, said)
 
     def text(self, text: str) -> str:
         """Take the numbers out of a text that speaks of a body of the scene; seconds and counts stay.
@@ -52,7 +58,13 @@ class Hidden(Sight):
         """
         if not any(re.search(rf"\b{re.escape(name)}\b", text) for name in self.names):
             return text
-        return _NUMBER.sub("some", _LIST.sub("somewhere", text))
+        return _NUMBER.sub(self._hide, _LIST.sub("somewhere", text))
+
+    def _hide(self, found: re.Match[str]) -> str:
+        """Return what replaces a number: itself, where the prompt says the same."""
+        measure = _SAID.match(found.string, found.start())
+        is_said = measure is not None and measure[0].replace(" ", "") in self.said
+        return found[0] if is_said else "some"
 
     def way(self, moved: Moved) -> str:
         """Describe a body's way as shares of the picture's width and height.

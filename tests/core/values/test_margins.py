@@ -30,3 +30,9 @@ def test_the_least_comes_first_and_what_is_no_number_is_left_out():
     )
     assert least_first([far, none, near]) == (near, far)
     assert str(near) == "x 0.9 m, limit 1 m"
+
+
+def test_a_value_just_beyond_its_limit_does_not_read_as_the_limit():
+    assert str(Margin.at_most("force", 15.02, 15, "N")) == "force 15.02 N, limit 15 N"
+    assert str(Margin.at_most("force", 22.41, 15, "N")) == "force 22.4 N, limit 15 N"
+    assert str(Margin.at_most("force", 15, 15, "N")) == "force 15 N, limit 15 N"
