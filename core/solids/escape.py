@@ -67,6 +67,9 @@ def find_trap(parts: Sequence[Solid], obstacles: Obstacles) -> Trap | None:
     Returns:
         What is in the way along the direction in which least is; None: there is a way.
     """
+    if not parts:
+        return None
+
     blocks = _try_straight_ways(parts, obstacles)
     if blocks is None or _Tree(parts, obstacles).grows_out():
         return None
