@@ -13,19 +13,18 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from core.config.compose import load, task_part, tool_part
+from core.config.compose import load, task_part
 from core.config.schemas import PromptSettings
-from core.design import Candidate
-from core.designs.reading import load_designs, read_designs
+from core.designs.reading import load_designs
 from core.errors import UsageError
 from core.interfaces import Task
 from core.plugins import installed
+from core.search.retrying import build_fitness, read_candidates, try_all
 from core.simulation.checking import find_problems
 from core.support.cli import arguments, print_table, say, write_bytes
 from core.support.text import by_reason, clean, number
 from core.trial import Evaluation
 from plugins.trying.filming import film_best
-from plugins.trying.judging import build_fitness, try_all
 
 USAGE = (
     "usage: vlmgineer evaluate task=NAME designs=FILE [sim=NAME] [seed=N] [output=FILE.json] [film=true] "
@@ -47,7 +46,7 @@ def evaluate(cfg: DictConfig) -> list[Evaluation]:
     document = load_designs(Path(cfg.designs))
     fitness = build_fitness(cfg)
 
-    return try_all(cfg, _read_candidates(cfg, document), fitness)
+    return try_all(cfg, read_candidates(cfg, document), fitness)
 
 
 def check_all(cfg: DictConfig) -> Iterator[str]:
@@ -61,7 +60,7 @@ def check_all(cfg: DictConfig) -> Iterator[str]:
     conditions = build_fitness(cfg).conditions()
     document = load_designs(Path(cfg.designs))
 
-    for candidate in _read_candidates(cfg, document):
+    for candidate in read_candidates(cfg, document):
         found = [
             (f"layout {condition.layout}", problem)
             for condition in conditions
@@ -71,11 +70,6 @@ def check_all(cfg: DictConfig) -> Iterator[str]:
         lines = by_reason(found) if len(conditions) > 1 else alone
         problems = clean("; ".join(lines), MAX_REMARK) or "nothing found"
         yield f"design {candidate.design} plan {candidate.action}: {problems}"
-
-
-def _read_candidates(cfg: DictConfig, document: object) -> list[Candidate]:
-    """Read the candidates of a designs document, for the task and by the representation that are configured."""
-    return read_designs(document, tool_part(cfg).create(), task_part(cfg).create())
 
 
 def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:

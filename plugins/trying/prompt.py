@@ -21,9 +21,9 @@ from core.interfaces import VLM, Estimate, Picture, Request
 from core.plugins import event_hub, installed
 from core.search.assignment import Team
 from core.search.builder import build_designer, count_repairs
+from core.search.retrying import try_all
 from core.support.cli import arguments, say, write_bytes
 from core.trial import Evaluation, best_first
-from plugins.trying.judging import try_all
 
 USAGE = (
     "usage: vlmgineer prompt task=NAME [prompt=NAME] [tool=NAME] [designs=FILE] [vlm=NAME] [agent=N] "

@@ -11,15 +11,12 @@ from typing import NamedTuple
 
 from omegaconf import DictConfig, OmegaConf
 
-from core.config.compose import load, node, part, task_part, tool_part
+from core.config.compose import load
 from core.design import DesignError
-from core.designs.reading import read_designs
 from core.errors import UserError
-from core.interfaces import Evaluation, RolloutSettings
-from core.plugins import EXECUTOR
-from core.search.builder import build_fitness_in
+from core.interfaces import Evaluation
 from core.search.finalists import try_unseen
-from core.search.trials import Trials
+from core.search.retrying import build_fitness, open_trials, read_candidates
 from plugins.results.pages.formats import Table
 from plugins.results.pages.runs import short
 from plugins.results.report.entries import Entry, RunResult
@@ -82,18 +79,14 @@ def earned(entry: Entry, task: str, run: RunResult) -> float:
     """
     cfg = _configure(entry, task)
     cfg.seed = run.seed
-    representation = tool_part(cfg).create()
     document = {"strategies": [run.design]}
-    candidate, *_ = read_designs(
-        document, representation, task_part(cfg).create(), most=(1, 1)
-    )
+    candidate, *_ = read_candidates(cfg, document, most=(1, 1))
     if candidate.problem is not None:
         raise DesignError(candidate.problem)
 
-    settings = node(cfg.rollout, RolloutSettings)
-    fitness = build_fitness_in(task_part(cfg), cfg, settings)
-    with part(EXECUTOR, cfg.executor).create() as executor:
-        tried = try_unseen(candidate, fitness, Trials(executor))
+    fitness = build_fitness(cfg)
+    with open_trials(cfg) as trials:
+        tried = try_unseen(candidate, fitness, trials)
 
     effort = Evaluation(candidate, tried).effort
     tried_run = replace(run, rewards=fitness.rewards(tried), effort=effort)

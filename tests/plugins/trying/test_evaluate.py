@@ -99,7 +99,7 @@ def test_the_lag_is_shown_and_a_blocked_arm_is_named(evaluated):
         *lag(pressed),
         "ok",
     ]
-    assert f"strategy 0 plan 1: {pressed['observed']}" in lines
+    assert f"design 0 plan 1: {pressed['observed']}" in lines
 
 
 def lag(record):
@@ -110,7 +110,7 @@ def lag(record):
 def test_a_reason_is_one_line(evaluated):
     records, lines = evaluated
     assert len(records[2]["reason"]) > 40
-    assert f"strategy 0 plan 2: {records[2]['reason']}" in lines
+    assert f"design 0 plan 2: {records[2]['reason']}" in lines
 
 
 def test_a_terminal_is_shown_no_control_sequences(capsys):
@@ -172,16 +172,16 @@ def test_plans_are_checked_without_playing_them(tmp_path):
     assert (done.returncode, done.stderr, solved) == (
         0,
         "",
-        "strategy 0 plan 0: nothing found",
+        "design 0 plan 0: nothing found",
     )
-    assert low.startswith("strategy 0 plan 1: the arm misses the way to waypoint 1 by ")
-    assert far.startswith("strategy 0 plan 2: ")
+    assert low.startswith("design 0 plan 1: the arm misses the way to waypoint 1 by ")
+    assert far.startswith("design 0 plan 2: ")
     assert "waypoint 1" in far
     layouts = ["task.variation=wide", "fitness=layouts", "check=true"]
     done = python_m(
         tmp_path, "core", "evaluate", "task=BringCube", "designs=designs.json", *layouts
     )
     assert (
-        "strategy 0 plan 1: 5 times, first layout 0: the arm misses the way to waypoint 1 by "
+        "design 0 plan 1: 5 times, first layout 0: the arm misses the way to waypoint 1 by "
         in done.stdout
     )

@@ -1,19 +1,31 @@
-"""Try candidates as a configuration says, outside of a search."""
+"""Try saved designs again, as a configuration says, outside of a search: for all commands that take designs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from typing import Any
 
 from omegaconf import DictConfig
 
-from core.config.compose import check_seed, node, part, task_part
+from core.config.compose import check_seed, node, part, task_part, tool_part
 from core.design import Candidate
+from core.designs.reading import read_designs
 from core.interfaces import Fitness, RolloutSettings
 from core.plugins import EXECUTOR, SIMULATOR
 from core.search.builder import builder_for, check_starts
 from core.search.trials import Trials
 from core.trial import Evaluation
+
+
+def read_candidates(cfg: DictConfig, document: Any, **limits: Any) -> list[Candidate]:
+    """Read the candidates of a designs document, for the task and by the representation that are configured.
+
+    ``limits`` are those of `read_designs`.
+    """
+    representation = tool_part(cfg).create()
+    return read_designs(document, representation, task_part(cfg).create(), **limits)
 
 
 def build_fitness(cfg: DictConfig) -> Fitness:
@@ -34,10 +46,18 @@ def build_fitness(cfg: DictConfig) -> Fitness:
     return builder_for(task).build_fitness(cfg, settings)
 
 
+@contextmanager
+def open_trials(cfg: DictConfig) -> Iterator[Trials]:
+    """Start the configured executor, and hand out what schedules trials on it."""
+    with part(EXECUTOR, cfg.executor).create() as executor:
+        yield Trials(executor)
+
+
 def try_all(
     cfg: DictConfig, candidates: Iterable[Candidate], fitness: Fitness
 ) -> list[Evaluation]:
     """Try candidates with the configured executor, judged by ``fitness``; in the order of `Candidate.key`."""
-    with part(EXECUTOR, cfg.executor).create() as executor:
-        evaluations = list(Trials(executor).evaluate(candidates, fitness))
+    with open_trials(cfg) as trials:
+        evaluations = list(trials.evaluate(candidates, fitness))
+
     return sorted(evaluations, key=lambda evaluation: evaluation.candidate.key)
