@@ -98,7 +98,7 @@ class Race:
             runners: of those alike the first goes first.
             level: how many layouts.
             best: what another candidate lost in all layouts.
-            reach: candidates that lose less than so much more than the best count too; others then join in their trials.
+            reach: how much more than the best a candidate may lose and still count; then others join in its trials.
 
         Returns:
             Whether anybody was tried. Else none that was not tried in all layouts can be the best.

@@ -29,7 +29,6 @@ def prompt_values() -> Mapping[str, str]:
     return {
         "arm": "plugins.vlms.told.arm:arm_value",
         "urdf": "plugins.vlms.told.outline:urdf_value",
-        "executor": "plugins.vlms.told.excerpts:executor_value",
         "elites": "plugins.vlms.told.elites:elites_value",
         "critiques": "plugins.vlms.told.elites:critiques_value",
         "candidates": "plugins.vlms.told.feedback:candidates_value",

@@ -10,12 +10,8 @@ import textwrap
 from collections.abc import Callable
 from typing import Any
 
-from core.design import Tool
-from core.designs.prompt_values import RunFacts
-from core.interfaces import Brief, Task
-from core.robot.trajectory import plan_motion
+from core.interfaces import Task
 
-_DOCSTRING = re.compile(r'^ +""".*?"""\n', re.DOTALL | re.MULTILINE)
 _SECTION = re.compile(r"\n\n +(Args|Raises):.*?(?=\n? *\"\"\"\n)", re.DOTALL)
 _HIDDEN_ENTRIES = re.compile(
     r"^(description|camera|in_words|variations):.*?(?=^[^\s#]|\Z)",
@@ -92,11 +88,6 @@ def helpers(task: Task) -> str:
             heads.append(_take_head(function))
 
     return "\n\n".join(heads)
-
-
-def executor_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
-    """Return the code that executes waypoints, without its docstring, for templates: their ``executor``."""
-    return _DOCSTRING.sub("", inspect.getsource(plan_motion), count=1)
 
 
 def _take_head(function: Callable[..., Any]) -> str:

@@ -181,10 +181,7 @@ def test_contents_of_every_prompt(name):
     papers = words(
         PromptComposer(RunFacts(settings_of("paper"))).compose(brief, [PICTURE])
     )
-    code = papers.partition("```python\ndef plan_motion(")[2].partition("```")[0]
-    assert '"""' not in code
-    assert "return Motion(" in code
-    for source in ("class Body:", "def plan_motion(", "<joint name="):
+    for source in ("class Body:", "def execute(", "<joint name="):
         assert source in papers
         assert source not in text
     for noise in (
