@@ -1,0 +1,77 @@
+"""Say what became of candidates, at the level of ``prompt.told``: what prompts would say of elites, and no more."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from core.design import Tool
+from core.designs.prompt_values import RunFacts
+from core.designs.reading import dump_design
+from core.interfaces import Brief, Evaluation
+from core.plugins import installed
+from core.support.text import number
+
+_PLAN = "action_plan"
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What an agent is told of candidates.
+
+    Attributes:
+        facts: what prompts may say of the run.
+        brief: names the task, the layout and the representation.
+    """
+
+    facts: RunFacts
+    brief: Brief
+
+    def clean(self, text: str) -> str:
+        """Return a text without what this level does not say."""
+        brief = self.brief
+        return self.facts.level.sight(brief.task, brief.scene_seed).text(text)
+
+    def describe(self, evaluation: Evaluation) -> dict[str, Any]:
+        """Describe what came of a candidate, as JSON, without its design, which the agent has."""
+        entry = self.describe_whole(evaluation)
+        candidate = evaluation.candidate
+        if candidate.tool is None:
+            return entry
+
+        representation = self.brief.representation
+        design = dump_design(candidate, representation)
+        design |= representation.abridge(candidate.tool)
+        known = {*design, _PLAN}
+        return {key: value for key, value in entry.items() if key not in known}
+
+    def describe_whole(self, evaluation: Evaluation) -> dict[str, Any]:
+        """Describe a candidate as prompts describe an elite, as JSON, with why it earned nothing or was not played."""
+        candidate = evaluation.candidate
+        entry: dict[str, Any] = {
+            "id": candidate.id,
+            "reward": float(number(evaluation.reward, 4)),
+        }
+        if evaluation.status != "ok":
+            entry["status"] = evaluation.status
+        if evaluation.reason:
+            entry["reason"] = self.clean(evaluation.reason)
+        if candidate.tool is None:
+            return entry
+
+        compute = installed().factory("prompt_value", "elites")
+        brief = replace(self.brief, elites=(evaluation,))
+        (elite,) = json.loads(compute(brief, Tool(gripper=brief.gripper), self.facts))
+        return {**elite, **entry}
+
+    def line(self, evaluations: Sequence[Evaluation]) -> str:
+        """Write a line for each candidate, as prompts do for the last round."""
+        lines = []
+        for evaluation in evaluations:
+            reason = self.clean(evaluation.why_nothing)
+            what = f": {reason}" if reason else ""
+            name = f"{evaluation.candidate.id} {number(evaluation.reward, 3)}"
+            lines.append(f"- {name}{what}")
+        return "\n".join(lines)

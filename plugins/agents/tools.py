@@ -1,0 +1,353 @@
+"""Do what an agent's calls ask for, in the run's thread."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, cast
+
+from omegaconf import DictConfig, OmegaConf
+
+from core.config.compose import task_part
+from core.config.schemas import RunConfig
+from core.design import Candidate, DesignError, Tool
+from core.designs.reading import list_strategies
+from core.designs.replies import parse_reply
+from core.designs.schema import answer_schema
+from core.events import Result, Run
+from core.interfaces import Brief, Condition, Evaluation, Picture, Text, Trial
+from core.search.answers import read_candidates
+from core.search.builder import builder_for
+from core.simulation.checking import find_problems
+from core.support.templates import fill
+from core.support.text import by_reason
+from core.trial import best_first
+from plugins.agents.arguments import (
+    DESIGNS,
+    GUIDE,
+    KINDS,
+    Arguments,
+    BestDesigns,
+    CheckDesign,
+    DescribeTask,
+    Look,
+    TryDesign,
+    Watch,
+    read_arguments,
+    read_text,
+)
+from plugins.agents.bench import Answer, Later, Refused
+from plugins.agents.pictures import Viewer, draw_trial
+from plugins.agents.told import Told
+
+if TYPE_CHECKING:
+    from plugins.agents.strategy import AgentSearch
+
+_LISTED = 40  # candidates that have a line
+
+
+class Tools:
+    """The seven tools, and the documents, of a run's search.
+
+    Args:
+        search: what they work on.
+    """
+
+    def __init__(self, search: AgentSearch) -> None:
+        self._search = search
+        self._does: dict[str, Callable[[Any], Answer]] = {
+            "describe_task": self._describe_task,
+            "look": self._look,
+            "check_design": self._check_design,
+            "try_design": self._try_design,
+            "watch": self._watch,
+            "best_designs": self._best_designs,
+            "finish": self._finish,
+        }
+        assert self._does.keys() == KINDS.keys()
+
+    def do(self, name: str, arguments: Mapping[str, Any]) -> Answer:
+        """See `plugins.agents.bench.Desk`; the address of a document gives that."""
+        documents = {GUIDE: self.guide, DESIGNS: self.explain_designs}
+        if name in documents:
+            return [Text(documents[name]())]
+        return self._does[name](read_arguments(name, arguments))
+
+    # --- what is known of the run ---------------------------------------------------------------------------------
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        """The JSON schema of a designs document with one tool and one plan."""
+        return answer_schema(self._search.brief())
+
+    @property
+    def _run(self) -> Run:
+        run = self._search.agent.run
+        assert run is not None
+        return run
+
+    @property
+    def _result(self) -> Result | None:
+        return self._search.agent.result
+
+    @cached_property
+    def _viewer(self) -> Viewer:
+        asked = self._search.asked
+        drawn: Sequence[Picture] = ()
+        if not asked.prompts.facts.level.numbers:
+            drawn = asked.pictures.get(self._search.brief().gripper, ())
+        return Viewer(self._run, drawn)
+
+    @cached_property
+    def _told(self) -> Told:
+        return Told(self._search.asked.prompts.facts, self._search.brief())
+
+    @cached_property
+    def _conditions(self) -> Sequence[Condition]:
+        """The conditions in which a candidate is tried, as the run's configuration has them."""
+        schema = OmegaConf.structured(RunConfig)
+        cfg = cast(DictConfig, OmegaConf.merge(schema, self._run.config))
+        builder = builder_for(task_part(cfg))
+        return builder.build_fitness(cfg, self._run.settings).conditions()
+
+    # --- documents ------------------------------------------------------------------------------------------------
+
+    def guide(self) -> str:
+        """Say how to work at the bench."""
+        budget = self._search.asked.assignment.budget
+        return fill(
+            "plugins.agents",
+            "guide",
+            most_tools=budget.n_tool,
+            most_plans=budget.n_action,
+            layouts=sorted({condition.layout for condition in self._conditions}),
+            engines=sorted({condition.where.engine for condition in self._conditions}),
+            seed=self._run.seed,
+            unseen=not self._search.asked.prompts.facts.level.numbers,
+        )
+
+    def explain_designs(self) -> str:
+        """Say how designs and plans are written."""
+        brief = self._search.brief()
+        parts = (
+            "# Tools",
+            brief.representation.instructions(brief).strip(),
+            "# Plans",
+            brief.actions.instructions(brief).strip(),
+            "# The JSON schema of a designs document",
+            json.dumps(self.schema, ensure_ascii=False),
+        )
+        return "\n\n".join(parts)
+
+    def _state(self) -> str:
+        """Say where the run stands, and what is left."""
+        search = self._search
+        each = len(self._conditions)
+        return fill(
+            "plugins.agents",
+            "state",
+            tried=len(search.tried),
+            rollouts=search.rollouts,
+            each=each,
+            left=search.count_left(each),
+            best=next(iter(self._ranking()), None),
+            ended=self._result is not None,
+        )
+
+    def _ranking(self) -> list[Evaluation]:
+        return best_first(self._search.tried, self._search.tie)
+
+    # --- tools ------------------------------------------------------------------------------------------------------
+
+    def _describe_task(self, asked: DescribeTask) -> Answer:
+        gripper = None if asked.kind is None else asked.kind == "gripper"
+        kinds = self._search.asked.assignment.tool_kinds
+        if asked.kind is not None and asked.kind not in kinds:
+            raise Refused(f"describe_task: this task takes {' or '.join(kinds)} tools")
+
+        messages = self._search.compose(self._search.brief(gripper=gripper))
+        parts = [part for message in messages for part in message.parts]
+        return [Text(self.guide()), *parts, Text(self._state())]
+
+    def _look(self, asked: Look) -> Answer:
+        tool: Tool | None = None
+        if asked.designs is not None:
+            first = self._read(read_text(asked.designs))[0]
+            if first.tool is None:
+                raise Refused(f"look: {self._told.clean(first.problem or '')}")
+            tool = first.tool
+        picture = self._viewer.look(asked, tool)
+        return [Text(picture.caption), picture]
+
+    def _check_design(self, asked: CheckDesign) -> Answer:
+        lines = []
+        for candidate in self._read(read_text(asked.designs)):
+            found = self._find_problems(candidate) or "nothing found"
+            lines.append(f"- {_name(candidate)}: {found}")
+        return [Text("\n".join(lines))]
+
+    def _find_problems(self, candidate: Candidate) -> str:
+        """Say what is wrong with a candidate in the layouts of the search, on one line; empty: nothing was found."""
+        if candidate.problem is not None:
+            return self._told.clean(candidate.problem)
+
+        found = [
+            (f"layout {condition.layout}", self._told.clean(problem))
+            for condition in self._conditions
+            for problem in find_problems(condition, candidate)
+        ]
+        if len(self._conditions) == 1:
+            return "; ".join(dict.fromkeys(problem for _, problem in found))
+        return "; ".join(by_reason(found))
+
+    def _try_design(self, asked: TryDesign) -> Answer:
+        if self._result is not None:
+            raise Refused(
+                "try_design: the run has come to its end; nothing is tried any more"
+            )
+
+        text = read_text(asked.designs)
+        candidates = self._read(text)
+        faults = [
+            f"- {_name(candidate)}: {self._told.clean(candidate.problem)}"
+            for candidate in candidates
+            if candidate.problem is not None
+        ]
+        if faults:
+            listed = "\n".join(faults)
+            raise Refused(f"Nothing was tried, and nothing is counted:\n{listed}")
+
+        left = self._search.count_left(len(self._conditions))
+        if len(candidates) > left:
+            raise Refused(
+                f"Nothing was tried: these are {len(candidates)} candidates, and the budget holds {left} more. "
+                f"{self._state()}"
+            )
+        raise Later(text)
+
+    def _watch(self, asked: Watch) -> Answer:
+        evaluation = self._find(asked.candidate)
+        trial = self._choose_trial(evaluation, asked.layout)
+        strip = draw_trial(self._search.asked.artist, evaluation, trial)
+        return [Text(strip.caption), strip]
+
+    def _choose_trial(self, evaluation: Evaluation, layout: int | None) -> Trial:
+        played = [
+            t for t in evaluation.trials if t.status == "ok" and t.where.change is None
+        ]
+        if not played:
+            reason = self._told.clean(evaluation.reason)
+            raise Refused(f"watch: {evaluation.candidate.id} was not played: {reason}")
+        if layout is None:
+            return min(played, key=lambda trial: trial.reward)
+
+        for trial in played:
+            if trial.layout == layout:
+                return trial
+        layouts = ", ".join(str(trial.layout) for trial in played)
+        raise Refused(
+            f"watch: {evaluation.candidate.id} was played in the layouts {layouts}"
+        )
+
+    def _best_designs(self, asked: BestDesigns) -> Answer:
+        ranking = self._ranking()
+        whole = [self._told.describe_whole(e) for e in ranking[: asked.count]]
+        others = [*ranking[asked.count :], *self._unplayed()]
+        lines = [_dump(entry) for entry in whole]
+        if others:
+            lines.append(self._told.line(others[:_LISTED]))
+        if len(others) > _LISTED:
+            lines.append(f"- and {len(others) - _LISTED} others")
+        lines.append(self._state())
+        return [Text("\n\n".join(lines))]
+
+    def _unplayed(self) -> list[Evaluation]:
+        return [e for e in self._search.tried if e.status != "ok"]
+
+    def _finish(self, asked: Arguments) -> Answer:
+        if self._result is not None:
+            return self.describe_result()
+        if not self._ranking():
+            raise Refused("finish: no candidate was played yet; try one first")
+        raise Later(None)
+
+    # --- answers that the run makes -------------------------------------------------------------------------------
+
+    def describe(self, evaluations: Sequence[Evaluation]) -> Answer:
+        """Say what came of the candidates of a call."""
+        entries = [_dump(self._told.describe(evaluation)) for evaluation in evaluations]
+        return [Text("\n\n".join([*entries, self._state()]))]
+
+    def describe_result(self) -> Answer:
+        """Say what the run came to."""
+        result = self._result
+        assert result is not None
+        best = result.best
+        assert best is not None
+        unseen = {
+            engine: (sum(rewards) / len(rewards), min(rewards), len(rewards))
+            for engine, rewards in result.unseen.items()
+        }
+        text = fill(
+            "plugins.agents",
+            "result",
+            best=best,
+            held=result.held,
+            unseen=unseen,
+            stopped=result.stopped,
+            rollouts=result.rollouts,
+            folder=self._run.folder.resolve(),
+        )
+        return [Text(text)]
+
+    # --- reading ----------------------------------------------------------------------------------------------------
+
+    def _read(self, text: str) -> list[Candidate]:
+        """Read the candidates of a designs document, with the rule that each breaks, if any.
+
+        Raises:
+            Refused: it can't be read, or holds more than a call may.
+        """
+        brief = self._search.brief_reading()
+        try:
+            strategies = list_strategies(parse_reply(text))
+        except DesignError as error:
+            raise Refused(f"designs: {error}") from error
+
+        self._refuse_many(strategies, brief)
+        return read_candidates(brief, strategies, starts=True)
+
+    def _refuse_many(self, strategies: Sequence[Any], brief: Brief) -> None:
+        """Refuse a document of which a part would not be read."""
+        plans = [
+            len(strategy["action_sets"])
+            for strategy in strategies
+            if isinstance(strategy, dict)
+            and isinstance(strategy.get("action_sets"), list)
+        ]
+        if len(strategies) > brief.n_tool or max(plans, default=0) > brief.n_action:
+            raise Refused(
+                f"designs: a call holds at most {brief.n_tool} tools with {brief.n_action} plans each"
+            )
+
+    def _find(self, name: str) -> Evaluation:
+        """Return the evaluation of a candidate.
+
+        Raises:
+            Refused: none of this id was tried.
+        """
+        for evaluation in self._search.tried:
+            if evaluation.candidate.id == name:
+                return evaluation
+        raise Refused(
+            f"no candidate {name!r} was tried; best_designs lists those that were"
+        )
+
+
+def _name(candidate: Candidate) -> str:
+    return f"strategy {candidate.strategy + 1}, plan {candidate.action + 1}"
+
+
+def _dump(entry: Mapping[str, Any]) -> str:
+    return json.dumps(entry, ensure_ascii=False)
