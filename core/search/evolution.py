@@ -43,13 +43,10 @@ def evolve(
             clearly behind are not tried in all layouts of the search.
     """
     began = time.monotonic()
+    robot = robot or installed().default_robot
     fitness = race.fitness
-    candidates = CheckedCandidates(
-        strategy,
-        robot or installed().default_robot,
-        expect,
-        Allowance(budget.n_rollouts, len(fitness.conditions())),
-    )
+    allowance = Allowance(budget.n_rollouts, len(fitness.conditions()))
+    candidates = CheckedCandidates(strategy, robot, expect, allowance)
     tie = strategy.tie
     tried: list[Evaluation] = []
     generations: list[Generation] = []

@@ -43,21 +43,22 @@ class AgentSearch(EvolutionStrategy):
         self, designer: ModelDesigner, budget: Budget, tie: float = TIE
     ) -> None:
         super().__init__(designer, budget, tie)
-        self.asked = designer
-        if not isinstance(designer.vlm, Agent):
+        agent = getattr(designer, "vlm", None)
+        if not isinstance(agent, Agent):
             raise UsageError("evolution=agent needs vlm=agent; vlmgineer mcp sets both")
         if len(designer.assignment.task.parts) > 1:
             raise UsageError("evolution=agent works on one task, without several parts")
-        if designer.vlm.bench is None and not designer.stored:
+        if agent.bench is None and not designer.stored:
             raise UserError(ABSENT)
 
-        self.agent = designer.vlm
+        self.asked = designer
+        self.agent = agent
         self.tried: list[Evaluation] = []
         self._generation = 0
         self._tools = Tools(self)
-        self.agent.on_result = self._tell_result
-        if self.agent.bench is not None:
-            self.agent.bench.desk = self._tools
+        agent.on_result = self._tell_result
+        if agent.bench is not None:
+            agent.bench.desk = self._tools
 
     # --- what is left ---------------------------------------------------------------------------------------------
 

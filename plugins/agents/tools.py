@@ -5,20 +5,29 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, Protocol, cast
 
 from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import task_part
 from core.config.schemas import RunConfig
 from core.design import Candidate, DesignError, Tool
-from core.designs.reading import list_strategies
+from core.designs.reading import list_designs
 from core.designs.replies import parse_reply
 from core.designs.schema import answer_schema
 from core.events import Result, Run
-from core.interfaces import Brief, Condition, Evaluation, Picture, Text, Trial
+from core.interfaces import (
+    Brief,
+    Condition,
+    Evaluation,
+    Message,
+    Picture,
+    Text,
+    Trial,
+)
 from core.search.answers import read_candidates
 from core.search.builder import builder_for
+from core.search.designer import ModelDesigner
 from core.simulation.checking import find_problems
 from core.support.templates import fill
 from core.support.text import by_reason
@@ -38,13 +47,43 @@ from plugins.agents.arguments import (
     read_text,
 )
 from plugins.agents.bench import Answer, Later, Refused
+from plugins.agents.model import Agent
 from plugins.agents.pictures import Viewer, draw_trial
 from plugins.agents.told import Told
 
-if TYPE_CHECKING:
-    from plugins.agents.strategy import AgentSearch
-
 _LISTED = 40  # candidates that have a line
+
+
+class Driven(Protocol):
+    """A search that an agent drives, as its tools see it.
+
+    Attributes:
+        asked: what composes prompts and reads designs.
+        agent: has the run, and its result.
+        tried: the evaluations so far.
+        tie: the difference between rewards that counts as none.
+    """
+
+    asked: ModelDesigner
+    agent: Agent
+    tried: list[Evaluation]
+    tie: float
+
+    @property
+    def rollouts(self) -> int:
+        """The rollouts that the search took so far."""
+
+    def count_left(self, each: int) -> int:
+        """Count the candidates that may still be tried, of which one takes ``each`` rollouts."""
+
+    def brief(self, *, gripper: bool | None = None) -> Brief:
+        """Make the assignment that the agent is told."""
+
+    def brief_reading(self) -> Brief:
+        """Make the assignment by which designs are read."""
+
+    def compose(self, brief: Brief) -> tuple[Message, ...]:
+        """Compose what a prompt would hold."""
 
 
 class Tools:
@@ -54,7 +93,7 @@ class Tools:
         search: what they work on.
     """
 
-    def __init__(self, search: AgentSearch) -> None:
+    def __init__(self, search: Driven) -> None:
         self._search = search
         self._does: dict[str, Callable[[Any], Answer]] = {
             "describe_task": self._describe_task,
@@ -311,22 +350,21 @@ class Tools:
         """
         brief = self._search.brief_reading()
         try:
-            strategies = list_strategies(parse_reply(text))
+            designs = list_designs(parse_reply(text))
         except DesignError as error:
             raise Refused(f"designs: {error}") from error
 
-        self._refuse_many(strategies, brief)
-        return read_candidates(brief, strategies, starts=True)
+        self._refuse_many(designs, brief)
+        return read_candidates(brief, designs, starts=True)
 
-    def _refuse_many(self, strategies: Sequence[Any], brief: Brief) -> None:
+    def _refuse_many(self, designs: Sequence[Any], brief: Brief) -> None:
         """Refuse a document of which a part would not be read."""
         plans = [
-            len(strategy["action_sets"])
-            for strategy in strategies
-            if isinstance(strategy, dict)
-            and isinstance(strategy.get("action_sets"), list)
+            len(design["action_sets"])
+            for design in designs
+            if isinstance(design, dict) and isinstance(design.get("action_sets"), list)
         ]
-        if len(strategies) > brief.n_tool or max(plans, default=0) > brief.n_action:
+        if len(designs) > brief.n_tool or max(plans, default=0) > brief.n_action:
             raise Refused(
                 f"designs: a call holds at most {brief.n_tool} tools with {brief.n_action} plans each"
             )
@@ -346,7 +384,7 @@ class Tools:
 
 
 def _name(candidate: Candidate) -> str:
-    return f"strategy {candidate.strategy + 1}, plan {candidate.action + 1}"
+    return f"design {candidate.design + 1}, plan {candidate.action + 1}"
 
 
 def _dump(entry: Mapping[str, Any]) -> str:

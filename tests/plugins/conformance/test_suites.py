@@ -41,7 +41,11 @@ PARTS += [
     pytest.param("task", name, marks=pytest.mark.thorough) for name in TASKS[1:-1]
 ]
 PARTS += [("tool", name) for name in ready("tool")]
-PARTS += [("evolution", name) for name in installed().names("evolution")]
+PARTS += [
+    ("evolution", name)
+    for name in installed().names("evolution")
+    if name != "agent"  # which waits for one
+]
 PARTS += [
     ("fitness", "nominal"),
     pytest.param("fitness", "robust", marks=pytest.mark.slow),

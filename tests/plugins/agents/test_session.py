@@ -1,0 +1,267 @@
+"""Sessions of an agent with a run, by the protocol's own client."""
+
+import asyncio
+import json
+import os
+import re
+import signal
+import sqlite3
+import subprocess
+import sys
+
+import httpx2
+import pytest
+from mcp import Client
+from mcp.client.streamable_http import streamable_http_client
+from mcp.shared.exceptions import MCPError
+
+from core.store.reader import StoredRun
+from tests.plugins.agents.clients import (
+    ROOT,
+    SMALL,
+    converse,
+    pictures,
+    short,
+    solution,
+    text,
+)
+
+pytestmark = pytest.mark.slow
+
+PICTURES = (*SMALL, "prompt.told=pictures", "budget.n_rollouts=3", "folder=run")
+# A number of a body: with a unit of length, or a decimal that is no reward, no time and no share.
+BODY_NUMBER = re.compile(r"\d+(\.\d+)? ?(mm|cm|m|kg|N)\b")
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    """A session that was killed after its first trial, and the one that went on to the end; what each call gave."""
+    folder = tmp_path_factory.mktemp("session")
+    said = {}
+
+    async def begin(client):
+        said["tools"] = [tool.name for tool in (await client.list_tools()).tools]
+        said["prompt"] = await client.get_prompt("invent")
+        said["guide"] = await client.read_resource("vlmgineer://guide")
+        said["designs"] = await client.read_resource("vlmgineer://designs")
+        with pytest.raises(MCPError, match="no resource 'file:///etc/passwd'"):
+            await client.read_resource("file:///etc/passwd")
+        said["task"] = await client.call_tool("describe_task")
+        said["look"] = await client.call_tool("look", {"designs": solution()})
+        said["from"] = await client.call_tool(
+            "look", {"position": [1.2, 0.8, 0.9], "target": [0.5, 0, 0.1]}
+        )
+        said["check"] = await client.call_tool("check_design", {"designs": short()})
+        said["early"] = await client.call_tool("finish")
+        progress = []
+
+        async def note(done, total, message):
+            progress.append((done, message))
+
+        said["try"] = await client.call_tool(
+            "try_design", {"designs": short()}, progress_callback=note
+        )
+        said["progress"] = progress
+        os.kill(int((folder / "pid").read_text()), signal.SIGKILL)
+
+    converse(begin, folder, *PICTURES)
+    said["lost"] = (
+        sqlite3.connect(folder / "run" / "run.sqlite")
+        .execute("SELECT count(*) FROM trials")
+        .fetchall()
+    )
+
+    async def go_on(client):
+        said["again"] = await client.call_tool("best_designs")
+        said["watch"] = await client.call_tool("watch", {"candidate": "g0-a0-s0-p0"})
+        two = solution()
+        two["strategies"] = two["strategies"] * 3
+        said["beyond"] = await client.call_tool("try_design", {"designs": two})
+        faulty = solution()
+        faulty["strategies"][0]["tool_urdf"] = "<link name='a'/>"
+        said["faulty"] = await client.call_tool("try_design", {"designs": faulty})
+        best = solution()
+        best["strategies"][0]["parents"] = ["g0-a0-s0-p0"]
+        said["second"] = await client.call_tool("try_design", {"designs": best})
+        said["finish"] = await client.call_tool("finish")
+        said["after"] = await client.call_tool("try_design", {"designs": best})
+        said["finished"] = await client.call_tool("finish")
+        said["seen"] = await client.call_tool("watch", {"candidate": "g1-a0-s0-p0"})
+
+    converse(go_on, folder, *PICTURES)
+    return folder / "run", said
+
+
+def test_the_tools_are_those_of_the_page(session):
+    page = (ROOT / "docs" / "agents.md").read_text()
+    _, said = session
+    assert len(said["tools"]) == 7
+    assert all(f"`{name}`" in page for name in said["tools"])
+
+
+def test_the_task_is_described_as_a_prompt_would(session):
+    folder, said = session
+    told = text(said["task"])
+    assert "# The task: BringCube" in told
+    assert "3 candidates left" in told
+    assert len(pictures(said["task"])) == 6
+    stored = (folder / "requests" / "g0-a0.md").read_text()
+    assert "# The task: BringCube" in stored
+    assert '"strategies"' in said["designs"].contents[0].text
+    assert "try_design" in said["guide"].contents[0].text
+
+
+def test_what_is_seen_is_a_picture(session):
+    _, said = session
+    for name in ("look", "from", "watch", "seen"):
+        (picture,) = pictures(said[name])
+        assert picture.width >= 640
+        assert len(picture.getcolors(1_000_000)) > 100
+
+
+def test_at_pictures_no_tool_says_a_number_of_a_body(session):
+    _, said = session
+    for name in ("check", "try", "again", "second", "faulty"):
+        spoken = [line for line in text(said[name]).splitlines() if "cube" in line]
+        for line in spoken:
+            without_design = re.sub(
+                r'"components": \[.*?\]|"action_plan": \[\[.*?\]\]', "", line
+            )
+            assert not BODY_NUMBER.search(without_design), line
+    assert "comes no nearer than some mm to cube" in text(said["check"])
+
+
+def test_progress_is_reported_and_grows(session):
+    _, said = session
+    seconds = [done for done, _ in said["progress"]]
+    assert seconds == sorted(seconds)
+    assert all(message for _, message in said["progress"])
+
+
+def test_what_is_not_possible_is_refused_and_costs_nothing(session):
+    _, said = session
+    for name in ("early", "beyond", "faulty", "after"):
+        assert said[name].is_error, name
+    assert "try one first" in text(said["early"])
+    assert "3 candidates, and the budget holds 2 more" in text(said["beyond"])
+    assert "Nothing was tried" in text(said["faulty"])
+    assert "come to its end" in text(said["after"])
+
+
+def test_a_killed_session_goes_on_where_it_was(session):
+    _, said = session
+    assert said["lost"] == [(1,)]
+    assert "one candidate tried, one rollout taken" in text(said["again"])
+    assert json.loads(text(said["again"]).splitlines()[0])["id"] == "g0-a0-s0-p0"
+    assert "2 candidates tried, 2 rollouts taken" in text(said["second"])
+
+
+def test_it_is_a_run(session):
+    folder, said = session
+    stored = StoredRun(folder)
+    assert stored.config()["evolution"]["name"] == "agent"
+    evaluations = stored.evaluations(stored.trials())
+    assert [e.candidate for e in evaluations] == ["g0-a0-s0-p0", "g1-a0-s0-p0"]
+    assert stored.designs()[1, 0, 0].parents == ("g0-a0-s0-p0",)
+    result = json.loads((folder / "result.json").read_text())
+    assert result["best"]["candidate"] == "g1-a0-s0-p0"
+    assert result["stopped"] is None
+    assert (folder / "best" / "design.json").exists()
+    assert "The winner is g1-a0-s0-p0" in text(said["finish"])
+    assert text(said["finish"]) == text(said["finished"])
+
+
+def test_another_run_in_the_same_folder_is_refused(session):
+    folder, _ = session
+    words = [word for word in PICTURES if not word.startswith("budget")]
+    done = start(folder.parent, *words, "budget.n_rollouts=4")
+    out, err = done.communicate(timeout=300)
+    assert (done.returncode, out) == (2, b"")
+    assert b"holds a run with another budget" in err
+
+
+# --- a flood of nonsense ------------------------------------------------------------------------------------------
+
+
+def start(folder, *words, **how):
+    return subprocess.Popen(
+        [sys.executable, "-m", "core", "mcp", *words],
+        cwd=folder,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        **how,
+    )
+
+
+def test_nonsense_and_floods_are_answered_and_the_run_lives(tmp_path):
+    async def flood(client):
+        await client.call_tool("best_designs")
+        wrong = [
+            ("try_design", {"designs": value})
+            for value in (
+                None,
+                1,
+                "",
+                "{",
+                [],
+                {"strategies": "x"},
+                {"a": 1},
+                "[" * 5000,
+            )
+        ]
+        wrong += [("nonsense", {}), ("look", {"view": "behind"}), ("watch", {})]
+        for number in range(1000):
+            name, given = wrong[number % len(wrong)]
+            answer = await client.call_tool(name, given)
+            assert answer.is_error, (name, given)
+
+        calls = [client.call_tool("best_designs") for _ in range(10_000)]
+        answers = await asyncio.gather(*calls)
+        refused = sum(answer.is_error for answer in answers)
+        assert 0 < refused < 10_000
+        return await client.call_tool("best_designs")
+
+    answer = converse(flood, tmp_path, *SMALL, "folder=run")
+    assert "0 candidates tried, 0 rollouts taken" in text(answer)
+
+
+# --- over HTTP ----------------------------------------------------------------------------------------------------
+
+
+def test_one_client_with_the_token_is_let_in(tmp_path):
+    server = start(tmp_path, *SMALL, "folder=run", "port=0")
+    lines = [server.stderr.readline().decode() for _ in range(2)]
+    address = lines[0].strip()
+    token = lines[1].split()[-1]
+
+    def web(given):
+        patient = httpx2.Timeout(30, read=300)
+        headers = {"Authorization": f"Bearer {given}"}
+        return httpx2.AsyncClient(headers=headers, timeout=patient)
+
+    async def visit():
+        async with httpx2.AsyncClient() as stranger:
+            assert (await stranger.post(address, json={})).status_code == 401
+        async with web("wrong") as stranger:
+            assert (await stranger.post(address, json={})).status_code == 401
+
+        async with web(token) as first, web(token) as second:
+            async with Client(streamable_http_client(address, http_client=first)) as a:
+                assert not (await a.call_tool("best_designs")).is_error
+                with pytest.raises(BaseExceptionGroup):
+                    async with Client(
+                        streamable_http_client(address, http_client=second)
+                    ):
+                        pass
+                assert not (await a.call_tool("best_designs")).is_error
+            # The place is free again.
+            async with Client(streamable_http_client(address, http_client=second)) as b:
+                assert not (await b.call_tool("best_designs")).is_error
+
+    try:
+        asyncio.run(visit())
+    finally:
+        server.send_signal(signal.SIGINT)
+        _, err = server.communicate(timeout=300)
+    assert b"to go on: vlmgineer mcp resume=run" in err
