@@ -31,6 +31,7 @@ KEYS = (
     "film",
     "budget.n_iteration",
     "budget.n_rollouts",
+    "budget.final_s",
     "budget.stop_reward",
     "evolution.refine",
 )

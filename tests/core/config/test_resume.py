@@ -24,10 +24,12 @@ def test_what_has_no_effect_on_the_past_may_change(began):
         "budget.n_iteration=4",
         "film=false",
         "vlm.samples=3",
+        "budget.final_s=5",
     ]
     cfg = changed(began, words)
     assert (cfg.executor.workers, cfg.budget.n_iteration, cfg.film) == (3, 4, False)
     assert set(cfg.listener) == {"progress"}
+    assert cfg.budget.final_s == 5
     assert cfg.vlm.samples == 3
     assert changed(began, []) == OmegaConf.create(began)
 
