@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -12,7 +13,7 @@ import numpy as np
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
 from core.designs.statics import check_weight, corners
 from core.errors import UserError
-from core.geometry import Array, Pose
+from core.geometry import Array, Pose, Sphere
 from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins import describe_part, installed
 from core.plugins.blame import judge_design
@@ -29,6 +30,7 @@ from core.values.materials import PAPER, Material
 MAX_COMPONENTS = 100
 """The most components of a tool."""
 
+_POINT_M = 1e-6  # the radius of a mount that nothing can touch
 MIN_SIDE_M = 0.0005
 """The shortest side of a component's bounds."""
 
@@ -223,14 +225,19 @@ def mount_solids(tool: Tool, robot: Robot) -> dict[str, list[Solid]]:
 def check_contacts(tool: Tool, robot: Robot | None) -> Mapping[str, Array]:
     """Check that each component touches its parent; return the points (3,) where they do, in the mount's frame.
 
-    Without a robot the mount is nothing that could be touched.
+    Without a robot the mount is a point: a fixture is held where its components are nearest to it.
 
     Raises:
         DesignError: names all components that are too far from their parents, the gaps, and how to close them.
     """
     faults = Faults()
     placed = tool.placed()
-    solids = mount_solids(tool, robot) if robot else {}
+    if robot is None:
+        point = solids_of("mount", Sphere(_POINT_M), Pose())
+        solids = dict.fromkeys(tool.mounts, point)
+    else:
+        solids = mount_solids(tool, robot)
+
     points: dict[str, Array] = {}
 
     for component in tool.components:
@@ -247,7 +254,7 @@ def check_contacts(tool: Tool, robot: Robot | None) -> Mapping[str, Array]:
         most = MAX_GAP_M
         neighbour = f"parent {parent!r}"
         if parent in tool.mounts:
-            most = MAX_MOUNT_GAP_M
+            most = MAX_MOUNT_GAP_M if robot else math.inf
             neighbour = f"mount {parent!r}"
 
         if gap > most:

@@ -11,9 +11,11 @@ from core.interfaces import Condition, Material, Robot, Trial
 from core.robot.kinematics import arm_of
 from core.robot.trajectory import plan_task_motion
 from core.scene import Scene
+from core.solids.rollout_solids import thickness
 from core.solids.self_collision import DEEP_M
 from plugins.results.workshop.clearance import clearance
 from plugins.results.workshop.motion import sample
+from plugins.results.workshop.printing import Check
 from plugins.results.workshop.replay import (
     RECORD_HZ,
     PlayedMotion,
@@ -160,6 +162,21 @@ class Examination:
         )
 
 
+def _check_fixture(tool: Tool, min_wall_mm: float) -> list[Check]:
+    """Check how thin the components of a tool's fixture are, as walls of what is printed."""
+    if tool.fixture is None:
+        return []
+
+    checks = []
+    for part in tool.fixture.parts.parts:
+        wall = 1000 * thickness(part.shape)
+        text = f"thinnest {wall:.2f} mm, at least {min_wall_mm:g} mm"
+        name = f"walls, {part.component} of the fixture"
+        checks.append(Check(name, wall >= min_wall_mm, text))
+
+    return checks
+
+
 @lru_cache(maxsize=16)
 def _find_problem(
     tool: Tool,
@@ -174,6 +191,7 @@ def _find_problem(
         printer = Printer(list(plate_mm), min_wall_mm)
         printed = make_tool(tool, robot, material, printer, Fit())
         verdicts = [*printable(printed.parts), *printable((), printed.checks)]
+        verdicts += _check_fixture(tool, min_wall_mm)
 
     for verdict in verdicts:
         if verdict.passed is False and verdict.name != "weight":

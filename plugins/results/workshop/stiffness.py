@@ -138,26 +138,42 @@ class Beams:
 def check_stiffness(tool: Tool, robot: Robot, material: Material) -> None:
     """Check how far a tool bends under a load at its ends, and of a real material whether it breaks.
 
+    Its fixture is checked likewise, held at its mount's origin.
+
     Raises:
         DesignError: names the component, and says what would do.
     """
+    _check_beams(Beams(tool, check_contacts(tool, robot), material))
+
+    if tool.fixture is not None:
+        parts = tool.fixture.parts
+        beams = Beams(parts, check_contacts(parts, None), material)
+        _check_beams(beams, "fixture: ")
+
+
+def _check_beams(beams: Beams, whose: str = "") -> None:
+    """Check how far beams bend, and whether they break; ``whose`` stands before what is said.
+
+    Raises:
+        DesignError: see `check_stiffness`.
+    """
+    material = beams.material
     kind = f"of {material.name}"
     if material.density_kg_m3 is None:
         kind = "even of steel"
     most = material.strength_pa
-    beams = Beams(tool, check_contacts(tool, robot), material)
 
     for name, (bend, stress) in beams.bending().items():
         if bend > MAX_BEND_M_N:
             raise DesignError(
-                f"component {name!r} is not rigid: {kind}, 1 N would bend it by {1000 * bend:.3g} mm, from the "
+                f"{whose}component {name!r} is not rigid: {kind}, 1 N would bend it by {1000 * bend:.3g} mm, from the "
                 f"mount to its end; at most {1000 * MAX_BEND_M_N:g} mm are allowed: shorten or thicken what carries it"
             )
 
         load_pa = MAX_LOAD_N * stress
         if most is not None and load_pa > most:
             raise DesignError(
-                f"component {name!r} would break: {kind}, {MAX_LOAD_N:g} N at its end mean a stress of "
+                f"{whose}component {name!r} would break: {kind}, {MAX_LOAD_N:g} N at its end mean a stress of "
                 f"{load_pa / 1e6:.3g} MPa in it or in what carries it; at most {most / 1e6:g} MPa are "
                 "allowed: shorten or thicken both"
             )

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.design import DesignError
+from core.design import DesignError, Fixture
 from core.designs.rules import check_tool
+from core.geometry import Pose
 from core.values.materials import Material
 from plugins.results.workshop.stiffness import Beams
 from tests.core.designs.test_rules import box, rigid
@@ -70,3 +71,27 @@ def test_a_joint_in_one_point_with_the_parents_is_no_beam():
     assert Beams(rigid(plate, rod), joints, SOLID).bending()["rod"] == pytest.approx(
         alone
     )
+
+
+def fixture(length, thickness):
+    """A bar along y that is held in its middle, beside a sound tool."""
+    size = (thickness, length, thickness)
+    parts = rigid(box(at=(0.02, 0, 0), size=size, mass=0.001))
+    return replace(bar(0.05), fixture=Fixture(parts, Pose()))
+
+
+def test_a_fixture_bends_and_breaks_as_a_tool_does():
+    """Half of a bar of 0.3 m as a tool of 0.15 m; two wires of 0.5 mm carried 2 kg."""
+    lasting = replace(SOLID, strength_pa=None)
+    check_tool(fixture(0.3, 0.005), PANDA, lasting)
+    with pytest.raises(
+        DesignError, match="fixture: component 'a' is not rigid: of solid, 1 N would"
+    ):
+        check_tool(fixture(0.34, 0.005), PANDA, lasting)
+
+    check_tool(fixture(0.1, 0.005), PANDA, SOLID)
+    with pytest.raises(DesignError, match="fixture: component 'a' would break"):
+        check_tool(fixture(0.12, 0.005), PANDA, SOLID)
+
+    with pytest.raises(DesignError, match="fixture: .* is not rigid: even of steel"):
+        check_tool(fixture(0.39, 0.0005), PANDA)
