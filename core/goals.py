@@ -19,9 +19,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import KW_ONLY, dataclass
 from itertools import chain
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from core.errors import UsageError, choices, refuse
 from core.geometry import Array, Vector
@@ -31,7 +32,7 @@ from core.values.joints import rotate, rotate_back
 from core.values.margins import Margin
 from core.values.spans import Span as Span
 from core.values.states import State
-from core.values.traces import Flags, Trace
+from core.values.traces import TRACE_HZ, Flags, Trace
 
 Coordinate = float | Span | None
 Coordinates = tuple[Coordinate, Coordinate, Coordinate]
@@ -44,8 +45,10 @@ NEAR_M = 0.02  # observations call a body in place up to here, if the tolerance 
 NEAR_RAD = 0.1
 STILL_M_S = 0.02  # what is slower is at rest
 STILL_RAD_S = 0.2
+REST_S = 0.3  # what is slower for so long is at rest: it does not only turn back
 KEPT_M = 0.02  # a body to keep may move so far
-STRAYED = 5  # and where it moved so many times as far, nothing is earned
+KEPT_DEG = 10.0  # and turn so far
+STRAYED = 5  # and where it moved or turned so many times as far, nothing is earned
 NOTICED = 0.25  # of what it may move is worth a word
 DONE = 0.95  # a goal is fulfilled from this progress on, where instants are compared
 
@@ -95,6 +98,16 @@ class Evidence:
         """Report at which instants a body is held: 1, or 0.5 where the robot only touches it, (..., T)."""
         return np.maximum(self.film.held(body), self.film.contact(body, "robot") / 2)
 
+    def unrest(self, goal: Reach, body: str) -> Array:
+        """Measure how many times as fast as what is at rest a body was within `REST_S`, at each instant, (..., T)."""
+        values = goal.unrest(body, self.film.states)
+        count = round(REST_S * TRACE_HZ)
+        # Before the first instant it was as fast as there.
+        begin = np.repeat(values[..., :1], count, axis=-1)
+        longer = np.concatenate([begin, values], axis=-1)
+        windows = np.lib.stride_tricks.sliding_window_view(longer, count + 1, axis=-1)
+        return np.asarray(windows.max(axis=-1))
+
     def moved(self, body: str) -> Array:
         """Measure how far a body is from where it was at the start, m, (...)."""
         return _length(self.end.position(body) - self.start.position(body))
@@ -103,6 +116,37 @@ class Evidence:
         """Measure how far a body is from where it was at the start at each instant, m, (..., T)."""
         begin = self.start.position(body)[..., None, :]
         return _length(self.film.states.position(body) - begin)
+
+
+@dataclass(frozen=True)
+class Conduct:
+    """What a trace says of bodies at its instants, or at its end: are they held, let go, and at rest?
+
+    Attributes:
+        evidence: with the trace.
+        at_end: whether only its last instant counts, (...); else all do, (..., T).
+    """
+
+    evidence: Evidence
+    at_end: bool = False
+
+    def hold(self, body: str) -> Array:
+        """Report how far the robot holds a body, see `Evidence.hold`."""
+        return self._read(self.evidence.hold(body))
+
+    def let_go(self, body: str) -> Array:
+        """Report where neither the robot nor what it moves along touches a body: 1, else 0."""
+        return self._read(~self.evidence.film.linked(body)).astype(np.float64)
+
+    def unrest(self, goal: Reach, body: str, now: State) -> Array:
+        """Measure how many times as fast as what is at rest a body was lately, and is ``now``."""
+        speed = goal.unrest(body, now)
+        if self.evidence.trace is None:
+            return speed
+        return np.maximum(speed, self._read(self.evidence.unrest(goal, body)))
+
+    def _read(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        return values[..., -1] if self.at_end else values
 
 
 @dataclass(frozen=True)
@@ -209,11 +253,11 @@ class Reach(Goal):
     Attributes:
         bodies: their names.
         any: whether one of the bodies is enough.
-        enough: how many of them are, or below 1 which share of them; None: all are wanted.
+        enough: how many of them are, a whole number, or which share of them, up to 1.0; None: all are wanted.
         also: what else must hold of the same bodies at once; their names need not be repeated there.
-        rest: they must end at rest.
+        rest: they must end at rest, and have been so for `REST_S`, if there is a trace.
         held: the robot must carry them at the end: they touch it, and nothing that is fixed.
-        released: the robot must not touch them at the end.
+        released: the robot must not touch them at the end, nor anything that it touches through other bodies.
         by_s: how long the motion may take until the goal is fulfilled, s.
         ever: whether it is enough to fulfil it at some time; else it must be fulfilled at the end.
         after: the ``name``, or the number from 0, of a goal that must be fulfilled before this one is.
@@ -224,7 +268,7 @@ class Reach(Goal):
     bodies: tuple[str, ...] = ()
     _: KW_ONLY
     any: bool = False
-    enough: float | None = None
+    enough: int | float | None = None
     also: tuple[Reach, ...] = ()
     rest: bool = False
     held: bool = False
@@ -248,6 +292,9 @@ class Reach(Goal):
             {
                 "tolerances and ways must be 0 or more": least < 0,
                 "enough must be above 0": self.enough is not None and self.enough <= 0,
+                "enough must be a whole number of bodies, or a share of them up to 1.0": (
+                    isinstance(self.enough, float) and self.enough > 1
+                ),
                 "weight must be above 0": not 0 < self.weight < np.inf,
                 "by_s must be above 0": self.by_s is not None and not self.by_s > 0,
                 "kind must say what is to be reached, or rest, held or released": only_bodies,
@@ -302,30 +349,33 @@ class Reach(Goal):
     def needs_trace(self) -> bool:
         """Whether it asks for a time, or for what the robot touches."""
         in_time = self.by_s is not None or self.ever or self.after is not None
-        return self.held or self.released or in_time
+        return self.held or self.released or self.rest or in_time
 
     def all_measures(self, body: str, start: State) -> list[Measure]:
         """Return what its parts ask of a body."""
         return list(chain(*(part.measures(body, start) for part in self.parts)))
 
     def progress(
-        self, start: State, now: State, hold: Callable[[str], Array] | None = None
+        self, start: State, now: State, conduct: Conduct | None = None
     ) -> Array:
         """Compute how far it is fulfilled in states, 0..1, (...), whatever it asks of time.
 
-        ``hold`` says how far the robot holds a body; None: that does not count.
+        ``conduct`` says whether the robot holds a body, and how it moved lately; None: that does not count.
         """
         shares = []
 
         for body in self.subjects(now):
             reached = self._approach(body, start, now)
 
-            if self.rest:
+            if self.rest and conduct is None:
                 reached = reached / np.maximum(self.unrest(body, now), 1.0)
-            if self.held and hold is not None:
-                reached = reached * hold(body)
-            if self.released and hold is not None:
-                reached = reached * (1.0 - hold(body))
+            elif self.rest and conduct is not None:
+                speed = conduct.unrest(self, body, now)
+                reached = reached / np.maximum(speed, 1.0)
+            if self.held and conduct is not None:
+                reached = reached * conduct.hold(body)
+            if self.released and conduct is not None:
+                reached = reached * conduct.let_go(body)
 
             shares.append(reached)
 
@@ -344,9 +394,9 @@ class Reach(Goal):
             return 1
         if self.enough is None:
             return bodies
-        if self.enough < 1:
-            return math.ceil(self.enough * bodies)
-        return min(int(self.enough), bodies)
+        if isinstance(self.enough, float):
+            return math.ceil(round(self.enough * bodies, 9))
+        return min(self.enough, bodies)
 
     def _approach(self, body: str, start: State, now: State) -> Array:
         """Compute which share of a body's way from its start is done, 0..1, (...).
@@ -373,14 +423,11 @@ class Reach(Goal):
             ValueError: there is no trace.
         """
         start = evidence.start.each(lambda array: array[..., None, :, :])
-        return self.progress(start, evidence.film.states, evidence.hold)
+        return self.progress(start, evidence.film.states, Conduct(evidence))
 
     def share(self, evidence: Evidence) -> Array:
-
-        def hold(body: str) -> Array:
-            return evidence.hold(body)[..., -1]
-
-        reached = self.progress(evidence.start, evidence.end, hold)
+        conduct = Conduct(evidence, at_end=True)
+        reached = self.progress(evidence.start, evidence.end, conduct)
         if self.by_s is not None or self.ever:
             progress = self.progress_over_time(evidence)
             if self.by_s is not None:
@@ -450,7 +497,8 @@ class Reach(Goal):
         what = self.subject if len(bodies) == 1 else "bodies"
 
         if self.rest:
-            speeds = sorted(float(self.unrest(body, end)) for body in bodies)
+            conduct = Conduct(evidence, at_end=True)
+            speeds = sorted(float(conduct.unrest(self, b, end)) for b in bodies)
             fastest = speeds[self._count(len(speeds)) - 1]
             unit = "resting speeds"
             found.append(Margin.at_most(f"speed of {what}", fastest, 1.0, unit))
@@ -815,16 +863,24 @@ class Limit(Goal):
 class Kept(Limit):
     """Bodies to leave in place: ``keep`` has their names, as in ``Kept(("glass",), kept_m=0.01)``.
 
-    Beyond ``kept_m`` metres less is earned, and nothing where one moved five times as far. Its place at the end counts;
-    with ``throughout`` the farthest one.
+    Beyond ``kept_m`` metres or ``kept_deg`` degrees less is earned, and nothing where one moved or turned five times as
+    far. Its place and turn at the end count; with ``throughout`` the farthest ones. A ball's turn can't be seen, and of
+    what is round only that of its axis: ``balls`` and ``rounds`` have their names.
     """
 
     keep: tuple[str, ...]
     kept_m: float = KEPT_M
     throughout: bool = False
+    kept_deg: float = KEPT_DEG
+    balls: tuple[str, ...] = ()
+    rounds: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        refuse("a goal's ", {"kept_m must be above 0": not self.kept_m > 0})
+        problems = {
+            "kept_m must be above 0": not self.kept_m > 0,
+            "kept_deg must be above 0": not self.kept_deg > 0,
+        }
+        refuse("a goal's ", problems)
 
     @property
     def needs_trace(self) -> bool:
@@ -846,11 +902,40 @@ class Kept(Limit):
         """How far a body may move until nothing is earned, m."""
         return STRAYED * self.kept_m
 
+    def _turned(self, name: str, evidence: Evidence) -> Array:
+        """Measure how far a body was turned, degrees, (...)."""
+        turned = self._turns(name, evidence.start, evidence.end)
+
+        if self.throughout:
+            start = evidence.start.each(lambda array: array[..., None, :, :])
+            farthest = self._turns(name, start, evidence.film.states).max(axis=-1)
+            turned = np.maximum(turned, farthest)
+
+        return turned
+
+    def _turns(self, name: str, start: State, now: State) -> Array:
+        """Measure how far a body is turned from its start, degrees, (...)."""
+        begin = start.quaternion(name)
+        end = now.quaternion(name)
+        if name in self.balls or name in start.soft:
+            return np.zeros(now.positions.shape[:-2])
+
+        cosines = np.abs((begin * end).sum(axis=-1))
+        angles: Array = 2 * np.arccos(np.clip(cosines, 0.0, 1.0))
+        if name in self.rounds:
+            axis = np.array([0.0, 0.0, 1.0])
+            along = (rotate(begin, axis) * rotate(end, axis)).sum(axis=-1)
+            angles = np.arccos(np.clip(along, -1.0, 1.0))
+
+        return np.asarray(np.degrees(angles))
+
     def share(self, evidence: Evidence) -> Array:
         share = np.ones(())
         for name in self.keep:
-            left = self.lost_m - self._moved(name, evidence)
-            share = share * np.clip(left / (self.lost_m - self.kept_m), 0.0, 1.0)
+            moved = self._moved(name, evidence) / self.kept_m
+            turned = self._turned(name, evidence) / self.kept_deg
+            left = STRAYED - np.maximum(moved, turned)
+            share = share * np.clip(left / (STRAYED - 1), 0.0, 1.0)
 
         return share
 
@@ -858,7 +943,9 @@ class Kept(Limit):
         found = []
         for name in self.keep:
             moved = float(self._moved(name, evidence))
+            turned = float(self._turned(name, evidence))
             found.append(Margin.at_most(f"{name} moved", moved, self.kept_m, "m"))
+            found.append(Margin.at_most(f"{name} turned", turned, self.kept_deg, "deg"))
 
         return found
 
@@ -868,6 +955,12 @@ class Kept(Limit):
 
         for name in self.keep:
             moved = float(self._moved(name, evidence))
+            turned = float(self._turned(name, evidence))
+            if moved <= noticed and turned > self.kept_deg:
+                yield (
+                    float(film.times[-1]),
+                    f"{name} turned by {turned:.0f} degrees, and is to stay",
+                )
             if moved > noticed:
                 ways = evidence.ways(name)
                 begun = float(film.times[(ways > noticed).argmax()])

@@ -168,6 +168,23 @@ class Trace:
 
         It and the free bodies that touch it, directly or through others, touch the robot, and nothing that is fixed.
         """
+        fixed = self._never()
+        for name, within in self._group(body).items():
+            for place in self.states.places:
+                fixed |= within & self.contact(name, place)
+
+        return self.linked(body) & ~fixed
+
+    def linked(self, body: str) -> Flags:
+        """Report at which instants (..., T) a body touches the robot, directly or through other free bodies."""
+        robot = self._never()
+        for name, within in self._group(body).items():
+            robot |= within & self.contact(name, "robot")
+
+        return robot
+
+    def _group(self, body: str) -> dict[str, Flags]:
+        """Report when (..., T) each free body touches one, directly or through others; the one itself always does."""
         self._check(body)
         group = dict.fromkeys(self.states.names, self._never())
         group[body] = ~self._never()
@@ -177,16 +194,7 @@ class Trace:
             if kind == "body"
         ]
         _spread(group, between)
-
-        robot = self._never()
-        fixed = self._never()
-
-        for name, within in group.items():
-            robot |= within & self.contact(name, "robot")
-            for place in self.states.places:
-                fixed |= within & self.contact(name, place)
-
-        return robot & ~fixed
+        return group
 
     def __getitem__(self, index: int) -> Trace:
         """One world of many."""

@@ -115,7 +115,7 @@ class PastGlasses(Task):
             rest=True,
         ),
         Untouched(GLASSES),
-        Kept(GLASSES),
+        Kept(GLASSES, rounds=GLASSES),
     )
     variations = {
         "near": around("cupboard", FRONT, 0.03, 0.15),

@@ -296,9 +296,19 @@ def test_goals_that_ask_for_the_past_need_a_trace():
         ({}, 0, 1),
         ({"cube_tool_blade": [0]}, 0, 1),
         ({"cube_tool_blade": [1]}, 1, 0),
-        ({"cube_tool_blade": [1], "case_body_cube": [1]}, 0.5, 0.5),
+        ({"cube_tool_blade": [1], "case_body_cube": [1]}, 0.5, 0),
         ({"other_body_cube": [1]}, 0, 1),
         ({"other_arm_link": [1], "other_body_cube": [1]}, 1, 0),
+        # A tray on a fork leans on a wall: what lies on it is carried all the same.
+        (
+            {
+                "other_tool_fork": [1],
+                "other_body_cube": [1],
+                "case_body_other": [1],
+            },
+            0,
+            0,
+        ),
     ],
 )
 def test_held_is_borne_by_the_robot_alone_and_released_not_at_all(
@@ -328,10 +338,56 @@ def test_a_body_is_kept_at_the_end_or_throughout():
     assert reward((THERE, at_end), shifted(1), back) == 1
     assert reward((THERE, throughout), shifted(1), back) == pytest.approx(0.5)
     assert reward((THERE, throughout), shifted(1), film(START, shifted(1))) == 1
-    (margin,) = goals_margins(
+    margins = goals_margins(
         SimpleNamespace(goals=(throughout,), every=False), START, shifted(1), back
     )
-    assert margin.value == pytest.approx(0.06)
+    assert [margin.value for margin in margins] == pytest.approx([0.06, 0])
+
+
+def toppled(degrees):
+    half = np.radians(degrees) / 2
+    turn = [np.cos(half), np.sin(half), 0, 0]
+    quaternions = START.quaternions.copy()
+    quaternions[START.names.index("other")] = turn
+    return replace(shifted(1), quaternions=quaternions)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "share"), [(0, 1), (9, 1), (30, 0.5), (51, 0), (90, 0)]
+)
+def test_what_is_toppled_where_it_stands_is_not_kept(degrees, share):
+    kept = Kept(("other",))
+    assert reward((THERE, kept), toppled(degrees), None) == pytest.approx(share)
+
+    ball = replace(kept, balls=("other",))
+    assert reward((THERE, ball), toppled(degrees), None) == 1
+
+
+@pytest.mark.parametrize(
+    ("speeds", "share"),
+    [
+        ([0.0] * 12, 1),
+        # Too fast 0.28 s before the end, and 0.36 s before it.
+        ([0.0] * 4 + [0.04] + [0.0] * 7, 0.5),
+        ([0.0] * 2 + [0.04] + [0.0] * 9, 1),
+        # A pendulum at its turning point.
+        ([0.2] * 11 + [0.0], 0.1),
+    ],
+)
+def test_rest_holds_for_a_while_before_the_end(speeds, share):
+    end = shifted(1)
+    number = START.names.index("cube")
+    states = []
+
+    for speed in speeds:
+        velocities = np.zeros_like(START.linear_velocities)
+        velocities[number, 0] = speed
+        states.append(replace(end, linear_velocities=velocities))
+
+    goal = replace(THERE, rest=True)
+    assert goal.needs_trace
+    assert reward(goal, end, film(*states)) == pytest.approx(share)
+    assert reward(goal, end, None) == 1
 
 
 def test_in_time_and_at_some_time():
@@ -387,6 +443,7 @@ def test_margins_say_how_far_the_end_is_from_the_limits_of_goals():
     end = at(cube=(0.53, -0.3, 0.05), other=(0.7, -0.31, 0.05))
     assert margins(near, Kept(("other",)), end=end) == {
         "other moved": (0.01, 0.02, 0.5),
+        "other turned": (0.0, 10.0, 1.0),
         "cube off its place": (0.03, 0.04, 0.25),
     }
     assert margins(

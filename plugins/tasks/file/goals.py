@@ -57,7 +57,7 @@ KINDS: Mapping[str, type[Goal]] = {
 }
 """The kinds of goals, by the key that an entry of a file has them by."""
 
-FILLED = {"relative", "hollow", "also"}
+FILLED = {"relative", "hollow", "also", "balls", "rounds"}
 """Fields of kinds that no entry has: they are made of others."""
 
 ENDS = {"rest", "held", "released"}
@@ -132,7 +132,7 @@ def _read_keep(given: Mapping[str, Any]) -> Mapping[str, Any]:
         return given
 
     names = given.get("bodies")
-    others = given.keys() - {"bodies", "keep", "kept_m"}
+    others = given.keys() - {"bodies", "keep", "kept_m", "kept_deg"}
     if names is None or others:
         raise ValueError(
             "keep needs names here; to say that bodies stay all the time, write keep: [NAME, ...] and throughout: true"
@@ -245,12 +245,12 @@ def describe(goal: Goal) -> str:
         return _ask(goal)
 
     enough = goal.enough or 0
-    share = f"{100 * enough:g} %" if enough < 1 else f"{enough:g}"
+    share = f"{100 * enough:g} %" if isinstance(enough, float) else f"{enough:g}"
     when = {
         f"of these bodies {share} are enough": enough > 0,
         "must end at rest": goal.rest,
         "must end held by the robot, touching nothing fixed (half counts if it is only touched)": goal.held,
-        "must end released, touched by no part of the robot (half counts if touched, but not held)": goal.released,
+        "must end released, touched by no part of the robot, nor by what touches it": goal.released,
         f"by {goal.by_s or 0:g} s after the motion begins": goal.by_s is not None,
         "at any time, not at the end": goal.ever,
         f"after goal {goal.after}": goal.after is not None,

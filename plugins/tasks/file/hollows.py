@@ -19,7 +19,9 @@ _LEAST = 8  # cells along a side
 _WAYS = 8  # directions in which a wall must stand
 _PART = 0.2  # of the largest hollow: smaller ones, such as a handle's, are none
 _FLAT_M = 0.002  # a mark that is not higher is flat
-_COLUMN_M = 1.0  # how high above a flat mark counts as on it
+
+COLUMN_M = 0.1
+"""How high above a flat mark is still inside it, where nothing else is said."""
 
 Flags = npt.NDArray[np.bool_]
 
@@ -87,15 +89,15 @@ def find_hollow(body: Body) -> Hollow | None:
     return None
 
 
-def space_of(mark: Body) -> Hollow:
-    """Return the space that a mark's shape takes up; above a flat one, all that is over it."""
+def space_of(mark: Body, height: float) -> Hollow:
+    """Return the space that a mark's shape takes up; above a flat one, what is over it by up to ``height``, m."""
     (drawn,) = mark.visuals
     normals, offsets = _planes(drawn.shape, drawn.pose)
     middle, sides = drawn.shape.bounds
     low = middle - sides / 2
     high = middle + sides / 2
     if sides[2] < _FLAT_M:
-        upward = np.array([0.0, 0.0, _COLUMN_M])
+        upward = np.array([0.0, 0.0, height])
         offsets = offsets + np.maximum(normals @ upward, 0.0)
         high = high + upward
 

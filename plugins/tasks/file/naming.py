@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
 
+import numpy as np
+
 from core.errors import UsageError, choices
+from core.geometry import Capsule, Cylinder, Sphere
 from core.goals import (
     NAMED,
     Facing,
     Goal,
+    Kept,
     Reach,
     Turned,
     check_names,
@@ -20,7 +24,7 @@ from core.goals import (
 )
 from core.scene import Body, Scene, Soft
 from plugins.tasks.file.goals import join_entries
-from plugins.tasks.file.hollows import Hollow, find_hollow, space_of
+from plugins.tasks.file.hollows import COLUMN_M, Hollow, find_hollow, space_of
 from plugins.tasks.file.kinds import (
     Apart,
     Flattened,
@@ -65,10 +69,11 @@ def build_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> tuple[Goal, ...]:
         for reach in reaches(entry):
             names |= {number, reach.name or number}
 
+    heights = {mark.name: mark.height for mark in spec.marks}
     entries = []
     for number, entry in enumerate(spec.goals):
         try:
-            entries.append(tuple(_resolve(goal, scene) for goal in entry))
+            entries.append(tuple(_resolve(goal, scene, heights) for goal in entry))
             for reach in reaches(entry):
                 if reach.after is not None and reach.after not in names:
                     problem = choices("goal", str(reach.after), map(str, names))
@@ -79,8 +84,10 @@ def build_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> tuple[Goal, ...]:
     return join_entries(entries)
 
 
-def _resolve(goal: Goal, scene: Scene) -> Goal:
+def _resolve(goal: Goal, scene: Scene, heights: Mapping[str, float]) -> Goal:
     """Give a goal the bodies that its patterns fit, and what it needs to know of the scene.
+
+    ``heights`` says how high above each mark is still inside it, m.
 
     Raises:
         UsageError: it names what is not there, or asks what can't be.
@@ -88,7 +95,7 @@ def _resolve(goal: Goal, scene: Scene) -> Goal:
     """
     changes = dict[str, object]()
     if isinstance(goal, Throughout):
-        return Throughout(_resolve(goal.what, scene))  # type: ignore[arg-type]
+        return Throughout(_resolve(goal.what, scene, heights))  # type: ignore[arg-type]
 
     for field, what in NAMED.items():
         patterns = getattr(goal, field, None)
@@ -96,26 +103,46 @@ def _resolve(goal: Goal, scene: Scene) -> Goal:
             changes[field] = find_names(patterns, list_names(what, scene))
 
     if isinstance(goal, Reach):
-        changes["also"] = tuple(_resolve(part, scene) for part in goal.also)
+        changes["also"] = tuple(_resolve(part, scene, heights) for part in goal.also)
 
     found: Goal = replace(goal, **changes)  # type: ignore[type-var]
     check_names(found, scene)
+    if isinstance(found, Kept):
+        balls = [name for name in found.keep if _is_round(scene[name], ball=True)]
+        rounds = [name for name in found.keep if _is_round(scene[name])]
+        found = replace(found, balls=tuple(balls), rounds=tuple(rounds))
     if isinstance(found, Inside):
-        found = replace(found, hollow=_find_space(scene[found.inside]))
+        found = replace(found, hollow=_find_space(scene[found.inside], heights))
     if isinstance(found, Reach):
         _check_softness(found, scene)
 
     return found
 
 
-def _find_space(body: Body) -> Hollow:
+def _is_round(body: Body, *, ball: bool = False) -> bool:
+    """Report whether a body looks the same however it turns about its z; a ball: about any axis."""
+    for part in body.collisions:
+        offset = part.pose.position if ball else part.pose.position[:2]
+        turned = part.pose.rotation.apply([0.0, 0.0, 1.0])
+        if isinstance(part.shape, Sphere):
+            alike = True
+        else:
+            alike = not ball and isinstance(part.shape, Cylinder | Capsule)
+            alike = alike and abs(float(turned[2])) > 1 - 1e-9
+        if not alike or np.abs(offset).max() > 1e-9:
+            return False
+
+    return bool(body.collisions)
+
+
+def _find_space(body: Body, heights: Mapping[str, float]) -> Hollow:
     """Return the hollow of a body, or the space of a mark.
 
     Raises:
         UsageError: it has none.
     """
     if not body.collisions and not isinstance(body, Soft):
-        return space_of(body)
+        return space_of(body, heights.get(body.name, COLUMN_M))
 
     found = None
     if body.collisions:

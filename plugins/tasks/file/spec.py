@@ -37,6 +37,7 @@ from core.scene import Camera, Cloth, Color, Elastic, Joint, Rope
 from core.values.layouts import NONE
 from core.values.softs import MAX_NODES
 from plugins.tasks.file.goals import FILLED, KINDS, Entry, read_entry
+from plugins.tasks.file.hollows import COLUMN_M
 from plugins.tasks.file.imports import imported as limits
 from plugins.tasks.file.spans import Bound, Least
 from plugins.tasks.file.tree import Tree, Where
@@ -106,7 +107,7 @@ GOAL_TYPES: dict[str, Any] = {
     "angle_deg": Bound,
     "turned_deg": Bound,
     "change": Bound,
-    "enough": AboveZero,
+    "enough": Annotated[int | float, Field(gt=0)],
     "axis": Place,
     "points": Place,
     "to": Bound,
@@ -119,6 +120,7 @@ GOAL_TYPES: dict[str, Any] = {
     "max_height_m": AboveZero,
     "min_area_m2": AboveZero,
     "kept_m": AboveZero,
+    "kept_deg": AboveZero,
     "keep": tuple[str, ...] | Literal["throughout"],
 }
 """The types of fields of goals, where they are not those of the class."""
@@ -401,6 +403,8 @@ class MarkSpec(_Spec):
     position: Place
     rpy_deg: Turn = (0.0, 0.0, 0.0)
     radius: Length = 0.05
+    height: Length = COLUMN_M
+    """How high above a flat one is still inside it, m."""
     box: tuple[Length, Length, Length] | None = None
     cylinder: Annotated[Cylinder, _read_round(Cylinder)] | None = None
     sphere: SphereOrRadius | None = None

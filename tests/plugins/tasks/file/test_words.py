@@ -85,6 +85,10 @@ CASES = [
     ("{bodies: [cup], inside: zone}", {"cup": (0.3, 0.3, 0.12)}, 0),
     ("{bodies: [cup], inside: disc}", {"cup": (0.36, 0.36, 0.05)}, 1),
     ("{bodies: [cup], inside: disc}", {"cup": (0.38, 0.38, 0.05)}, 0),
+    ("{bodies: [cup], inside: disc}", {"cup": (0.36, 0.36, 0.09)}, 1),
+    ("{bodies: [cup], inside: disc}", {"cup": (0.36, 0.36, 0.12)}, 0),
+    ("{bodies: ['grain*'], inside: bottle, enough: 1.0}", FEW, 0.5),
+    ("{bodies: ['grain*'], inside: bottle, enough: 1}", FEW, 1),
 ]  # fmt: skip
 
 
