@@ -1,8 +1,8 @@
 """Find out whether a rigid thing can be brought to where it starts, past what stands there.
 
 A way in is a way out, walked backward. Straight ways are tried first, in which each solid sweeps a convex hull. Only
-where all of them are blocked, a tree of poses grows from the start until a straight way leads on. The effort is
-bounded, so a very winding way may be missed; a straight one is not.
+where all of them are blocked, the thing slides along the world's axes, one after another, and is turned and shifted at
+random, until a straight way leads on. The effort is bounded, so a very winding way may be missed; a straight one is not.
 """
 
 from __future__ import annotations
@@ -36,6 +36,14 @@ MOST_POSES = 50
 MOST_STEPS = 30
 """Of a move in the tree."""
 
+SLIDES = 2
+"""How many moves along the world's axes come before a straight way out."""
+
+_STOPS = 4  # of a slide
+_STOP_M = 0.06  # between two of them
+CELL_M = 0.01
+"""Two stops in one cell of this size count as one."""
+
 _SHIFT_M = 0.15  # a move of the tree, at most
 _TURN_RAD = 0.8
 _LEAST_STEP_M = 5e-4
@@ -57,6 +65,12 @@ def _directions() -> Array:
     return np.array([np.divide(way, np.linalg.norm(way)) for way in ways])
 
 
+@lru_cache(maxsize=1)
+def _axes() -> Array:
+    """The directions (6, 3) along the world's axes."""
+    return np.concatenate([np.eye(3), -np.eye(3)])
+
+
 def find_trap(parts: Sequence[Solid], obstacles: Obstacles) -> Trap | None:
     """Find what keeps a thing from being brought to where it is.
 
@@ -71,7 +85,11 @@ def find_trap(parts: Sequence[Solid], obstacles: Obstacles) -> Trap | None:
         return None
 
     blocks = _try_straight_ways(parts, obstacles)
-    if blocks is None or _Tree(parts, obstacles).grows_out():
+    if blocks is None:
+        return None
+
+    tree = _Tree(parts, obstacles)
+    if tree.slides_out() or tree.grows_out():
         return None
 
     return min(blocks, key=len)[0]
@@ -149,7 +167,7 @@ def _sweep(part: Solid, way: Array) -> Solid:
 
 
 class _Tree:
-    """Poses that a thing can get to from its start, found by moves that are drawn at random."""
+    """Poses that a thing can get to from its start, by slides along the axes, and by moves that are drawn at random."""
 
     def __init__(self, parts: Sequence[Solid], obstacles: Obstacles) -> None:
         self.parts = parts
@@ -163,6 +181,43 @@ class _Tree:
         self.depths = self._measure_depths()
         self.blocking: dict[int, int] = {}  # the part by the direction
 
+    def slides_out(self) -> bool:
+        """Report whether a straight way leads out after a few slides along the world's axes, as behind a hook."""
+        level = [Pose()]
+        known = {(0, 0, 0)}
+
+        for _ in range(SLIDES):
+            reached = []
+            for start, axis in product(level, _axes()):
+                for pose in self._slide(start, axis):
+                    place = tuple(np.round(pose.position / CELL_M).astype(int).tolist())
+                    if place in known:
+                        continue
+
+                    known.add(place)
+                    reached.append(pose)
+                    if self._leads_straight_out(self._carry_parts(pose)):
+                        return True
+
+            level = reached
+
+        return False
+
+    def _slide(self, start: Pose, axis: Array) -> Iterator[Pose]:
+        """Yield the stops of a way along an axis (3,), as far as it is free."""
+        for _ in range(_STOPS):
+            shift = _STOP_M * axis
+            reached = self._go(start, shift, np.zeros(3))
+            yield reached
+            if not np.allclose(reached.position, start.position + shift):
+                return
+
+            start = reached
+
+    def _carry_parts(self, pose: Pose) -> list[Solid]:
+        """Return the thing's parts as they are at a pose of it."""
+        return [_carry(pose, part) for part in self.parts]
+
     def grows_out(self) -> bool:
         """Report whether a straight way leads out from one of the poses."""
         poses = [Pose()]
@@ -174,8 +229,7 @@ class _Tree:
 
             if reached is start:
                 continue
-            moved = [_carry(reached, part) for part in self.parts]
-            if self._leads_straight_out(moved):
+            if self._leads_straight_out(self._carry_parts(reached)):
                 return True
 
         return False
@@ -207,6 +261,10 @@ class _Tree:
         elif kind == 1:
             shift *= 0.0
 
+        return self._go(start, shift, turn)
+
+    def _go(self, start: Pose, shift: Array, turn: Array) -> Pose:
+        """Go from a pose by a shift (3,) and a rotation vector (3,), as far as the way is free; return the pose there."""
         most = float(np.linalg.norm(shift) + self.reach * np.linalg.norm(turn))
         share = 0.0
         last = start

@@ -60,6 +60,12 @@ def roofed(open_below):
             True,
             id="beside",
         ),
+        pytest.param(
+            [*roofed(True), box("plug", (0.02, 0.06, 0.19), (-0.05, 0, 0.5))],
+            [((0.02, 0.05, 0.18), (0.05, 0, 0.5))],
+            True,
+            id="around",
+        ),
     ],
 )
 def test_what_is_enclosed_was_not_brought(obstacles, parts, free):
