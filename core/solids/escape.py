@@ -1,8 +1,8 @@
 """Find out whether a rigid thing can be brought to where it starts, past what stands there.
 
 A way in is a way out, walked backward. Straight ways are tried first, in which each solid sweeps a convex hull. Only
-where all of them are blocked, the thing slides along the world's axes, one after another, and is turned and shifted at
-random, until a straight way leads on. The effort is bounded, so a very winding way may be missed; a straight one is not.
+where all of them are blocked, the thing slides along the world's axes, and is then turned and shifted at random, until
+a straight way leads on. The effort is bounded, so a very winding way may be missed; a straight one is not.
 """
 
 from __future__ import annotations
@@ -264,7 +264,7 @@ class _Tree:
         return self._go(start, shift, turn)
 
     def _go(self, start: Pose, shift: Array, turn: Array) -> Pose:
-        """Go from a pose by a shift (3,) and a rotation vector (3,), as far as the way is free; return the pose there."""
+        """Go from a pose by a shift (3,) and a rotation vector (3,), as far as it is free; return the pose there."""
         most = float(np.linalg.norm(shift) + self.reach * np.linalg.norm(turn))
         share = 0.0
         last = start
