@@ -30,7 +30,7 @@ def answer_schema(brief: Brief) -> dict[str, Any]:
     design |= tool
     if brief.task.fixture and tool:
         pose = _list({"type": "number"}, 6, 6)
-        fixture = _object({"pose": pose, **tool})
+        fixture = object_schema({"pose": pose, **tool})
         design[FIXTURE] = {"anyOf": [{"type": "null"}, fixture]}
 
     if brief.n_action:
@@ -38,11 +38,11 @@ def answer_schema(brief: Brief) -> dict[str, Any]:
         design["action_description"] = _TEXT
         design["action_sets"] = _list(plan, brief.n_action, brief.n_action)
 
-    designs = _list(_object(design), brief.n_tool, brief.n_tool)
-    return _object({"scene_analysis": _TEXT, "strategies": designs})
+    designs = _list(object_schema(design), brief.n_tool, brief.n_tool)
+    return object_schema({"scene_analysis": _TEXT, "strategies": designs})
 
 
-def _object(properties: dict[str, Any]) -> dict[str, Any]:
+def object_schema(properties: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of an object that has all of these properties and no others."""
     return {
         "type": "object",

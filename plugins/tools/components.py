@@ -28,6 +28,7 @@ from core.designs.rules import (
     NAME,
     mount_solids,
 )
+from core.designs.schema import object_schema
 from core.geometry import Array, Color, Compound, Pose, Shape
 from core.interfaces import Brief, Robot
 from core.robot.description import assembled
@@ -108,7 +109,7 @@ class ComponentTools(VariedTools):
             if self.joints:
                 properties["joint"] = {"anyOf": [{"type": "null"}, _JOINT]}
 
-            items.append(_object(properties))
+            items.append(object_schema(properties))
 
         item = items[0]
         if len(items) > 1:
@@ -315,17 +316,7 @@ def _abridge(item: Mapping[str, Any]) -> dict[str, Any]:
     return short
 
 
-def _object(properties: dict[str, Any]) -> dict[str, Any]:
-    """Make the JSON schema of an object that has all of these properties and no others."""
-    return {
-        "type": "object",
-        "properties": properties,
-        "required": list(properties),
-        "additionalProperties": False,
-    }
-
-
-_JOINT = _object(
+_JOINT = object_schema(
     {
         "kind": TEXT | {"enum": ["hinge", "slider"]},
         "axis": TRIPLE,
