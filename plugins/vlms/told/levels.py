@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from core.interfaces import Evaluation, Image, Observation, Picture, Recording, Task
@@ -14,7 +15,7 @@ from plugins.vlms.told.bodies_table import bodies_table
 from plugins.vlms.told.excerpts import class_source, helpers, task_source
 from plugins.vlms.told.feedback import report
 from plugins.vlms.told.layout import layout_table
-from plugins.vlms.told.sight import Hidden
+from plugins.vlms.told.sight import Hidden, hide_numbers
 from plugins.vlms.told.strip import SIZE, draw_strip
 from plugins.vlms.told.views import calibrated_pictures
 
@@ -88,6 +89,17 @@ class Pictures(Told):
 
     def sight(self, task: Task, seed: int) -> Sight:
         return Hidden.for_layout(task, seed)
+
+    def strip(
+        self,
+        recording: Recording,
+        draw: Callable[..., Image],
+        seen: Observation | None,
+    ) -> Image:
+        """See `Level.strip`; what is written on it has no number of a body either."""
+        if seen is not None:
+            seen = replace(seen, what=hide_numbers(seen.what))
+        return super().strip(recording, draw, seen)
 
     def draw(
         self,

@@ -27,6 +27,11 @@ _SAID = re.compile(rf"{_MEASURED} ?(?:{_UNIT})\b")
 _LIST = re.compile(r"[(\[]\s*[-+\d.e]+(?:\s*,\s*[-+\d.e]+)+\s*[)\]]")
 
 
+def hide_numbers(text: str) -> str:
+    """Take the numbers of bodies out of a text; seconds and counts stay."""
+    return _NUMBER.sub("some", _LIST.sub("somewhere", text))
+
+
 @dataclass(frozen=True)
 class Hidden(Sight):
     """Feedback without numbers of the bodies with these ``names``; their ways are as a camera shows them.

@@ -7,6 +7,7 @@ import pytest
 
 from core.interfaces import Contact, Observation, Recording
 from core.scene import Camera, State
+from plugins.vlms.told.levels import Pictures
 from plugins.vlms.told.projection import project
 from plugins.vlms.told.strip import APART_S, FRAMES, SIZE, draw_strip, moments
 
@@ -77,6 +78,21 @@ def test_what_was_observed_comes_before_what_is_computed():
         "end",
     ]
     assert [instant for instant, _ in found][1] == 0.9
+
+
+def test_where_pictures_alone_tell_no_number_of_a_body_is_written_on_a_strip():
+    def draw(number, aim):
+        return np.zeros((SIZE[1], SIZE[0], 3), dtype=np.uint8)
+
+    def observed(what):
+        return Observation("forbidden", what, 2.4)
+
+    told = observed("board pressed with 17.2 N, 15 N allowed")
+    hidden = observed("board pressed with some N, some N allowed")
+    rollout = recorded(lifted)
+    drawn = Pictures().strip(rollout, draw, told)
+    assert np.array_equal(drawn, draw_strip(rollout, draw, hidden))
+    assert not np.array_equal(drawn, draw_strip(rollout, draw, told))
 
 
 def test_a_strip_of_a_rollout_in_which_nothing_moves_is_even():
