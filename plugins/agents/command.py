@@ -60,10 +60,10 @@ def main(words: list[str]) -> int | None:
         run_main(run_words)
         bench.serve()
     except KeyboardInterrupt:
-        hint = _hint(bench)
+        hints = _hints(bench)
         if streams is None:
-            raise KeyboardInterrupt(hint) from None
-        say(f"the agent has left{hint and '; '}{hint}", file=sys.stderr)
+            raise KeyboardInterrupt(*hints) from None
+        say("; ".join(["the agent has left", *hints]), file=sys.stderr)
     except BaseException as error:
         bench.end(clean(str(error), 1000) or "the run has ended")
         server.join(_FLUSH_S)
@@ -72,11 +72,11 @@ def main(words: list[str]) -> int | None:
     return 0
 
 
-def _hint(bench: Bench) -> str:
-    """Say how to go on with a run that has not come to its end; empty: it has, or did not begin."""
+def _hints(bench: Bench) -> list[str]:
+    """Say how to go on with a run that has not come to its end; none: it has, or did not begin."""
     if bench.folder is None or bench.has_ended:
-        return ""
-    return f"to go on: vlmgineer mcp resume={shlex.quote(str(bench.folder))}"
+        return []
+    return [f"to go on: vlmgineer mcp resume={shlex.quote(str(bench.folder))}"]
 
 
 # --- words --------------------------------------------------------------------------------------------------------
