@@ -32,6 +32,7 @@ from core.solids.record_rate import (
     subset,
 )
 from core.solids.rollout_solids import ROBOT
+from core.solids.soft_cuts import Cut, find_cuts
 from core.solids.tracks import (
     SAMPLE_HZ,
     Indices,
@@ -96,6 +97,7 @@ def findings(
     coarse = subset(unpressed, samples)
     tracks = follow(scene, robot, tool, coarse, detours(recording, samples))
     flung = _find_flung(scene, coarse, tracks)
+    cuts = [*find_cuts(scene, tracks, coarse.states)]
 
     pairs = neighbours(tracks, 0.0, scene.joined)
     depths = choose_depths(tracks.solids, pairs)
@@ -110,7 +112,17 @@ def findings(
         within = meetings.near[:, before]
         meetings = _Meetings(tracks, meetings.pairs, meetings.depths, within)
 
-    return [*meetings.find_passages(), *flung, *_find_overrun(tool, recording)]
+    return [
+        *meetings.find_passages(),
+        *(_describe_cut(cut) for cut in cuts),
+        *flung,
+        *_find_overrun(tool, recording),
+    ]
+
+
+def _describe_cut(cut: Cut) -> Finding:
+    depth = f"{1000 * cut.depth_m:.0f} mm deep inside the soft {cut.soft!r}"
+    return Finding(f"{cut.name!r} was {depth} at {cut.time_s:.2f} s", penetration=True)
 
 
 class _Meetings:

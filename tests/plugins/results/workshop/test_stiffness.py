@@ -93,5 +93,5 @@ def test_a_fixture_bends_and_breaks_as_a_tool_does():
     with pytest.raises(DesignError, match="fixture: component 'a' would break"):
         check_tool(fixture(0.12, 0.005), PANDA, SOLID)
 
-    with pytest.raises(DesignError, match="fixture: .* is not rigid: even of steel"):
+    with pytest.raises(DesignError, match=r"fixture: .* is not rigid: even of steel"):
         check_tool(fixture(0.39, 0.0005), PANDA)
