@@ -87,8 +87,8 @@ def test_where_pictures_alone_tell_no_number_of_a_body_is_written_on_a_strip():
     def observed(what):
         return Observation("forbidden", what, 2.4)
 
-    told = observed("board pressed with 17.2 N, 15 N allowed")
-    hidden = observed("board pressed with some N, some N allowed")
+    told = observed("cup moved by 17.2 mm, 15 mm allowed")
+    hidden = observed("cup moved by some mm, some mm allowed")
     rollout = recorded(lifted)
     drawn = Pictures().strip(rollout, draw, told)
     assert np.array_equal(drawn, draw_strip(rollout, draw, hidden))
