@@ -11,7 +11,7 @@ from core.config.compose import load
 from core.config.folders import new_folder, stamp, task_folder
 from core.events import Result
 from core.search.orchestration import run
-from core.store.database import writing
+from core.support.files import writing
 from core.support.text import hydra_word
 
 

@@ -19,9 +19,10 @@ from core.search.finalists import Race, choose_winner, rollouts_in
 from core.search.outcome import Announcer, print_best, report_end, resume_hint
 from core.search.setup import Search, build_search
 from core.search.trials import Trials
-from core.store.database import FILE, writing
+from core.store.database import FILE
 from core.store.recorder import RunStore
 from core.support.cli import say
+from core.support.files import writing
 from core.support.progress import busy
 
 

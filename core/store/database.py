@@ -1,4 +1,7 @@
-"""Open a run's SQLite file: one writer at a time, any number of readers, and one line for each failure."""
+"""Keep a run in an SQLite file: one writer at a time, any number of readers, and one line for each failure.
+
+No other module knows SQL, or that it is SQLite: they name tables (`core.store.rows.TABLES`) and the values of rows.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +9,15 @@ import itertools
 import json
 import sqlite3
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core.errors import UserError
-from core.store.rows import MAX_BYTES, check_row, damage
-from core.support.files import file_mark
+from core.store.rows import MAX_BYTES, Row, check_row, find_fault
+from core.support.files import file_mark, unwritable, writing
 from core.support.secrets import scrub
 from core.support.text import clean
 
@@ -31,6 +34,7 @@ _FILES = ("run.*", "result.json*", "scene.png", "recording*.rrd", "task.*")
 _FOLDERS = (".hydra", "requests", "replies", "best")
 
 _OUR_FAULTS = ("SQLITE_ERROR", "SQLITE_CONSTRAINT", "SQLITE_MISUSE")
+_ORDERS = {"evaluations": "generation, agent, design, plan"}  # others: as they came
 _PATIENCE_S = 10.0  # with another process that has the file open, as a SQLite shell
 _ASKED_S = 0.2  # to wait for a lock that another process holds for an instant
 _sound: set[object] = set()  # the states of files that this process has checked
@@ -40,23 +44,19 @@ _dump = partial(json.dumps, default=float)  # an engine's numbers may be numpy's
 
 
 @contextmanager
-def writing(folder: Path) -> Iterator[None]:
-    """Turn errors of the disk or of SQLite into one line that says why a run's folder can't be written.
+def _writing(folder: Path) -> Iterator[None]:
+    """Turn errors of the disk and of SQLite into one line that says why a run's folder can't be written.
 
     Raises:
-        UserError: the disk is full, the folder is read-only...
+        UserError: see `writing`.
     """
     try:
-        yield
-    except (OSError, sqlite3.DatabaseError) as error:
-        name = getattr(error, "sqlite_errorname", None)
-        is_our_fault = name is None or name.startswith(_OUR_FAULTS)
-        if isinstance(error, sqlite3.Error) and is_our_fault:
+        with writing(folder):
+            yield
+    except sqlite3.DatabaseError as error:
+        if getattr(error, "sqlite_errorname", "SQLITE_MISUSE").startswith(_OUR_FAULTS):
             raise
-        why = getattr(error, "strerror", None) or error
-        raise UserError(
-            f"{folder} can't be written: {why}; what is in it is kept"
-        ) from error
+        raise unwritable(folder, error) from error
 
 
 def refuse_links(folder: Path) -> None:
@@ -127,9 +127,31 @@ def _check(database: sqlite3.Connection, file: Path) -> None:
                 f"{file} was written by another version of this program; it is left as it is"
             )
 
-    found = damage(database)
-    if found is not None:
+    (found,) = database.execute("PRAGMA integrity_check(1)").fetchone()
+    if found != "ok":
         raise sqlite3.DatabaseError(found)
+
+    fault = find_fault(partial(_rows, database))
+    if fault is not None:
+        raise sqlite3.DatabaseError(fault)
+
+
+def _rows(database: sqlite3.Connection, table: str) -> Iterator[Row]:
+    """Yield the rows of a table in their order, each with its ``row_number``."""
+    order = _ORDERS.get(table, "rowid")
+    yield from database.execute(
+        f"SELECT rowid AS row_number, * FROM {table} ORDER BY {order}"  # noqa: S608
+    )
+
+
+def read_table(folder: Path, table: str) -> list[Row]:
+    """Return the rows of a table, in their order.
+
+    Raises:
+        UserError: see `reading`.
+    """
+    with reading(folder) as database:
+        return list(_rows(database, table))
 
 
 def _has_tables(database: sqlite3.Connection) -> bool:
@@ -152,7 +174,7 @@ class Database:
         self._using = threading.Lock()
         refuse_links(folder)
 
-        with writing(folder):
+        with _writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
             self._lock = _lock(folder / LOCK)
 
@@ -162,7 +184,7 @@ class Database:
                 with reading(folder):  # which checks it
                     pass
 
-            with writing(folder):
+            with _writing(folder):
                 self._connection = sqlite3.connect(
                     file,
                     timeout=_PATIENCE_S,
@@ -177,7 +199,7 @@ class Database:
 
     def begun(self) -> bool:
         """Say if a run has begun in it."""
-        return _has_tables(self._connection) and bool(self.rows("SELECT 1 FROM run"))
+        return _has_tables(self._connection) and bool(self.table("run"))
 
     def create(self) -> None:
         """Make the tables, unless they are there; within a `transaction`."""
@@ -195,7 +217,7 @@ class Database:
         Raises:
             UserError: it can't be written.
         """
-        with self._using, writing(self.folder):
+        with self._using, _writing(self.folder):
             level = "FULL" if paid else "NORMAL"
             self._connection.execute(f"PRAGMA synchronous={level}")
             self._connection.execute("BEGIN IMMEDIATE")
@@ -208,14 +230,45 @@ class Database:
                     self._connection.execute("ROLLBACK")
                 raise
 
-    def insert(self, table: str, *, verb: str = "INSERT", **values: Any) -> None:
-        """Insert a row, within a `transaction`; lists, tuples and mappings are written as JSON.
-
-        The ``verb`` REPLACE puts it in the place of one with the same key.
+    def add(self, table: str, **values: Any) -> None:
+        """Add a row, within a `transaction`; lists, tuples and mappings are written as JSON, and keys are left out.
 
         Raises:
             UserError: no reader would take it.
         """
+        self._write("INSERT", table, values)
+
+    def put(self, table: str, **values: Any) -> None:
+        """Add a row, in the place of one with the same key if there is one; see `add`."""
+        self._write("REPLACE", table, values)
+
+    def put_run(self, **values: Any) -> None:
+        """Write the one row of the run itself in place of the one that is there; see `add`."""
+        self._execute("DELETE FROM run")
+        self.add("run", **values)
+
+    def forget_reply(self, request: str, generation: int, agent: int) -> None:
+        """Delete a reply, and the rejections that came of it, within a `transaction`."""
+        self._execute("DELETE FROM replies WHERE request_id = ?", request)
+        self._execute(
+            "DELETE FROM evaluations WHERE generation = ? AND agent = ? AND status = 'rejected'",
+            generation,
+            agent,
+        )
+
+    def note_seconds(self, seconds: float) -> None:
+        """Note how long the last session has taken, within a `transaction`."""
+        self._execute(
+            "UPDATE sessions SET seconds = ? WHERE number = (SELECT max(number) FROM sessions)",
+            seconds,
+        )
+
+    def table(self, name: str) -> list[Row]:
+        """Return all rows of a table, in their order."""
+        with self._using, _writing(self.folder):
+            return list(_rows(self._connection, name))
+
+    def _write(self, verb: str, table: str, values: Mapping[str, Any]) -> None:
         row = {
             name: _dump(value) if isinstance(value, list | tuple | dict) else value
             for name, value in values.items()
@@ -227,18 +280,13 @@ class Database:
 
         columns = ", ".join(row)
         marks = ", ".join("?" * len(row))
-        statement = f"{verb} INTO {table} ({columns}) VALUES ({marks})"
-        self.execute(statement, *row.values())
+        self._execute(
+            f"{verb} INTO {table} ({columns}) VALUES ({marks})", *row.values()
+        )
 
-    def execute(self, statement: str, *values: Any) -> None:
-        """Change rows, within a `transaction`; keys are left out of the values."""
+    def _execute(self, statement: str, *values: Any) -> None:
         kept = [scrub(value) if isinstance(value, str) else value for value in values]
         self._connection.execute(statement, kept)
-
-    def rows(self, query: str) -> list[sqlite3.Row]:
-        """Return all rows of a query."""
-        with self._using, writing(self.folder):
-            return self._connection.execute(query).fetchall()
 
     def close(self) -> None:
         with self._using:

@@ -8,9 +8,8 @@ from pathlib import Path
 from core.designs.composer import as_markdown
 from core.errors import UserError
 from core.interfaces import Picture, Request, Task
-from core.store.database import writing
 from core.store.rows import MAX_BYTES
-from core.support.files import read_untrusted, write_whole
+from core.support.files import read_untrusted, write_whole, writing
 from core.support.secrets import scrub
 
 

@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+
 from core.design import Candidate
 from core.errors import UserError
 from core.interfaces import Reply, Request, Text
-from core.store.database import Database
 from core.store.reader import StoredRun
+from core.store.rows import StoredEvaluation, StoredRequest
 from core.trial import Trial, TrialKey
 from core.values.plans import digest
-
-# Replies and rollouts of later generations build on a failure as on a result: it stays then. So does a critique:
-# the generation's other requests were composed without it. A second look that a limit kept from being sent is sent.
-_AGAIN = """
-    SELECT id, generation, agent FROM requests LEFT JOIN replies ON request_id = id
-    WHERE (unanswered OR request_id IS NULL AND id LIKE '%-repair') AND id NOT LIKE '%-critic%' AND generation >= (
-        SELECT max(generation) FROM (
-            SELECT generation FROM requests JOIN replies ON request_id = id WHERE NOT unanswered
-            UNION ALL SELECT generation FROM evaluations WHERE status != 'rejected'
-            UNION ALL SELECT 0
-        )
-    )"""
 
 
 class StoredProgress:
@@ -37,13 +28,12 @@ class StoredProgress:
         numbers: of the rows of the trials.
     """
 
-    def __init__(self, database: Database, stored: StoredRun) -> None:
-        self._folder = database.folder
-        self.again: dict[str, tuple[int, int]] = {
-            row["id"]: (row["generation"], row["agent"])
-            for row in database.rows(_AGAIN)
-        }
+    def __init__(self, folder: Path, stored: StoredRun) -> None:
+        self._folder = folder
         requests = stored.requests()
+        rows = stored.trials()
+        evaluations = stored.evaluations(rows)
+        self.again = _find_again(requests, evaluations)
         self.requests = {request.id: request.digest for request in requests}
         self.replies: dict[str, Reply] = {}
         for request in requests:
@@ -52,10 +42,9 @@ class StoredProgress:
 
         agents = set(self.again.values())
         self.designs = set(stored.designs())
-        rows = stored.trials()
         self.candidates = {
             evaluation.candidate: (evaluation.status, evaluation.content)
-            for evaluation in stored.evaluations(rows)
+            for evaluation in evaluations
             if evaluation.status != "rejected"
             or evaluation.design_key[:2] not in agents
         }
@@ -82,6 +71,37 @@ class StoredProgress:
                 f"{candidate.id} reads differently now than when it was tried: the package or a plugin has changed "
                 f"since; a new run with vlm=replay vlm.run={self._folder} takes the replies that there are"
             )
+
+
+def _find_again(
+    requests: Sequence[StoredRequest], evaluations: Sequence[StoredEvaluation]
+) -> dict[str, tuple[int, int]]:
+    """Find the requests to ask again, with their generation and agent.
+
+    Replies and rollouts of later generations build on a failure as on a result: it stays then. So does a critique: the
+    generation's other requests were composed without it. A second look that a limit kept from being sent is sent.
+    """
+    answered = [
+        request.generation
+        for request in requests
+        if request.reply is not None and not request.reply.unanswered
+    ]
+    tried = [
+        evaluation.generation
+        for evaluation in evaluations
+        if evaluation.status != "rejected"
+    ]
+    latest = max([0, *answered, *tried])
+
+    again = {}
+    for request in requests:
+        reply = request.reply
+        unsent = reply is None and request.id.endswith("-repair")
+        lacks = unsent or (reply is not None and reply.unanswered)
+        if lacks and not request.critique and request.generation >= latest:
+            again[request.id] = (request.generation, request.agent)
+
+    return again
 
 
 def digest_request(request: Request) -> str:

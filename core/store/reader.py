@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from sqlite3 import Row
 from typing import Any, TypeVar
 
 from core.config.trust import as_stored
 from core.interfaces import Reply
-from core.store.database import FILE, reading
+from core.store.database import FILE, read_table
 from core.store.rows import (
     Key,
+    Row,
     RunFigures,
     StoredDesign,
     StoredEvaluation,
@@ -38,17 +39,17 @@ class StoredRun:
 
     Args:
         folder: of the run.
-        query: gives the rows of a query to the process that writes the store; None: the file is opened for each call.
+        read: gives the rows of a table to the process that writes the store; None: the file is opened for each call.
 
     Raises:
         UserError: the folder holds no store, or one that is damaged or that this version can't read; by each call.
     """
 
     def __init__(
-        self, folder: Path, query: Callable[[str], list[Row]] | None = None
+        self, folder: Path, read: Callable[[str], list[Row]] | None = None
     ) -> None:
         self._folder = folder
-        self._query = query or self._read
+        self._read = read or partial(read_table, folder)
 
     @property
     def exists(self) -> bool:
@@ -57,26 +58,25 @@ class StoredRun:
 
     def config(self) -> dict[str, Any]:
         """Return the configuration; empty: the run was killed before it wrote anything."""
-        for row in self._query("SELECT config FROM run"):
+        for row in self._read("run"):
             return as_stored(parsed(row["config"]), self._folder)
         return {}
 
     def result(self) -> RunFigures | None:
         """Return what the run came to; None: it has not ended."""
-        for row in self._query("SELECT result FROM run WHERE result IS NOT NULL"):
-            return validated(RunFigures, parsed(row["result"]))
+        for row in self._read("run"):
+            if row["result"] is not None:
+                return validated(RunFigures, parsed(row["result"]))
         return None
 
     def seconds(self) -> float:
         """Return the wall time of all sessions."""
-        ((total,),) = self._query("SELECT total(seconds) FROM sessions")
-        return float(total)
+        return sum((float(row["seconds"]) for row in self._read("sessions")), 0.0)
 
     def requests(self) -> list[StoredRequest]:
         """Return all requests, in the order of their replies; those without one come first."""
         replies = {
-            reply.request_id: reply
-            for reply in self._rows(StoredReply, "replies ORDER BY rowid")
+            reply.request_id: reply for reply in self._rows(StoredReply, "replies")
         }
         requests = [
             replace(request, reply=replies.get(request.id))
@@ -100,9 +100,9 @@ class StoredRun:
 
     def trials(self) -> list[StoredTrial]:
         """Return all trials, in the order in which they ended."""
-        rows = self._query("SELECT * FROM trials ORDER BY number")
         return [
-            StoredTrial(row["number"], row["content"], load_trial(row)) for row in rows
+            StoredTrial(row["number"], row["content"], load_trial(row))
+            for row in self._read("trials")
         ]
 
     def evaluations(
@@ -112,9 +112,8 @@ class StoredRun:
 
         ``tried`` are `trials`, where they were read already.
         """
-        order = "generation, agent, design, plan"
         # Before the trials: a run that goes on adds these first.
-        rows = [*self._rows(StoredEvaluation, f"evaluations ORDER BY {order}")]
+        rows = [*self._rows(StoredEvaluation, "evaluations")]
         known = self.trials() if tried is None else tried
         trials = {stored.number: stored.trial for stored in known}
         return [
@@ -127,9 +126,5 @@ class StoredRun:
         ]
 
     def _rows(self, schema: type[T], table: str) -> Iterable[T]:
-        for row in self._query(f"SELECT * FROM {table}"):  # noqa: S608
+        for row in self._read(table):
             yield validated(schema, dict(row))
-
-    def _read(self, query: str) -> list[Row]:
-        with reading(self._folder) as database:
-            return database.execute(query).fetchall()

@@ -17,11 +17,12 @@ from core.events import Result, Run
 from core.hooks import hookimpl
 from core.interfaces import Reply, Request
 from core.store import columns
-from core.store.database import FILE, SCHEMA_VERSION, Database, writing
+from core.store.database import FILE, SCHEMA_VERSION, Database
 from core.store.figures import report, versions
 from core.store.plain_files import keep_task, write_request, write_text
 from core.store.progress import StoredProgress, digest_request
 from core.store.reader import StoredRun
+from core.support.files import writing
 from core.trial import Evaluation, Trial, TrialKey
 
 _log = logging.getLogger(__name__)
@@ -56,11 +57,11 @@ class RunStore:
     def __init__(self, database: Database) -> None:
         self.folder = database.folder
         self.overrides: Sequence[str] = ()
-        stored = StoredRun(database.folder, database.rows)
+        stored = StoredRun(database.folder, database.table)
         self.config = stored.config()
         self.result = stored.result()
         self.seconds = stored.seconds()
-        self.past = StoredProgress(database, stored)
+        self.past = StoredProgress(database.folder, stored)
         self._database = database
         self._began = time.monotonic()
         self._open = True
@@ -114,8 +115,8 @@ class RunStore:
         database = self._database
         with database.transaction():
             for request, agent in self.past.again.items():
-                self._forget(request, *agent)
-            database.insert(
+                database.forget_reply(request, *agent)
+            database.add(
                 "sessions",
                 began=datetime.now(UTC).isoformat(timespec="seconds"),
                 seconds=0.0,
@@ -127,8 +128,7 @@ class RunStore:
 
     def _warn_of_changes(self, found: dict[str, str]) -> None:
         """Warn where the versions ``found`` are not those of the last session."""
-        last = "SELECT versions FROM sessions ORDER BY number DESC LIMIT 1"
-        for row in self._database.rows(last):
+        for row in self._database.table("sessions")[-1:]:
             before = json.loads(row["versions"])
             changed = {name for name, _ in before.items() ^ found.items()}
             if changed:
@@ -140,13 +140,6 @@ class RunStore:
                     "versions have changed since this run began (%s): it may come to something else",
                     ", ".join(changes),
                 )
-
-    def _forget(self, request: str, generation: int, agent: int) -> None:
-        """Delete a reply that is asked for again, and what came of it; within a transaction."""
-        execute = self._database.execute
-        execute("DELETE FROM replies WHERE request_id = ?", request)
-        rejected = "generation = ? AND agent = ? AND status = 'rejected'"
-        execute(f"DELETE FROM evaluations WHERE {rejected}", generation, agent)  # noqa: S608
 
     @hookimpl
     def request_composed(self, request: Request) -> None:
@@ -164,7 +157,7 @@ class RunStore:
             write_request(self.folder, request)
         with self._database.transaction():
             row = columns.request_row(request, composed)
-            self._database.insert("requests", verb="REPLACE", **row)
+            self._database.put("requests", **row)
 
     @hookimpl
     def reply_received(self, reply: Reply) -> None:
@@ -172,7 +165,7 @@ class RunStore:
             # A reply that arrives after an interrupted run has ended becomes a file only.
             if self._open and reply.request_id not in self.past.replies:
                 with self._database.transaction(paid=True):
-                    self._database.insert("replies", **vars(reply))
+                    self._database.add("replies", **vars(reply))
         finally:
             file = self.folder / "replies" / f"{reply.request_id}.txt"
             with writing(self.folder):
@@ -186,7 +179,7 @@ class RunStore:
         self.past.numbers[key] = number
         with self._recording() as database:
             row = columns.trial_row(content, trial)
-            database.insert("trials", number=number, **row)
+            database.add("trials", number=number, **row)
 
     @hookimpl
     def candidate_evaluated(self, evaluation: Evaluation) -> None:
@@ -198,15 +191,15 @@ class RunStore:
             if candidate.tool and self._run and key not in self.past.designs:
                 self.past.designs.add(key)  # once for all of its candidates
                 design = columns.design_row(candidate, self._run.representation)
-                database.insert("designs", **design)
+                database.add("designs", **design)
             row = columns.evaluation_row(evaluation, self.past.numbers)
-            database.insert("evaluations", **row)
+            database.add("evaluations", **row)
 
     @hookimpl
     def finalist_tried(self, evaluation: Evaluation) -> None:
         row = columns.evaluation_row(evaluation, self.past.numbers)
         with self._recording() as database:
-            database.insert("evaluations", verb="REPLACE", **row)
+            database.put("evaluations", **row)
 
     @hookimpl
     def run_finished(self, run: Run, result: Result) -> None:
@@ -220,10 +213,9 @@ class RunStore:
     @contextmanager
     def _recording(self) -> Iterator[Database]:
         """Write in one transaction, with the time that the session has taken so far."""
-        last = "UPDATE sessions SET seconds = ? WHERE number = (SELECT max(number) FROM sessions)"
         with self._database.transaction():
             yield self._database
-            self._database.execute(last, time.monotonic() - self._began)
+            self._database.note_seconds(time.monotonic() - self._began)
 
     @hookimpl
     def run_ended(self) -> None:
@@ -260,5 +252,4 @@ def _put_run(
         except ValueError as error:
             raise UserError(f"{key}: a number in it is not finite") from error
 
-    database.execute("DELETE FROM run")
-    database.insert("run", schema_version=SCHEMA_VERSION, config=config, result=result)
+    database.put_run(schema_version=SCHEMA_VERSION, config=config, result=result)

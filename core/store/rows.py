@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Annotated, Any, Literal, NotRequired, TypeVar, cast
@@ -390,8 +390,8 @@ TABLES: dict[str, Callable[[Any], object]] = {
 """How a row of each table is read."""
 
 
-def check_row(table: str, row: Row) -> None:
-    """Check that readers take a row of a table.
+def check_row(table: str, row: Row) -> Any:
+    """Check that readers take a row of a table, and return what they get.
 
     Raises:
         ValueError: they don't; one line.
@@ -403,38 +403,32 @@ def check_row(table: str, row: Row) -> None:
             raise ValueError(
                 f"{name}: has {len(value):,} characters, of at most {most:,}"
             )
-    TABLES[table](columns)
+    return TABLES[table](columns)
 
 
-_ORPHANS = (
-    "SELECT candidate FROM evaluations LEFT JOIN designs USING (generation, agent, design)"
-    " WHERE status = 'ok' AND written IS NULL"
-)
-_LOST_TRIALS = (
-    "SELECT candidate, value FROM evaluations,"
-    " (SELECT '$.trials' AS list UNION SELECT '$.finals'), json_each(details, list)"
-    " WHERE value NOT IN (SELECT number FROM trials)"
-)
+def find_fault(read: Callable[[str], Iterable[Row]]) -> str | None:
+    """Say what is wrong with the rows of a store; None: nothing.
 
-
-def damage(database: sqlite3.Connection) -> str | None:
-    """Say what is wrong with a store; None: nothing.
-
-    Raises:
-        sqlite3.Error: it can't be read.
+    Args:
+        read: returns the rows of a table, each with its ``row_number``.
     """
-    (found,) = database.execute("PRAGMA integrity_check(1)").fetchone()
-    if found != "ok":
-        return str(found)
-    for table in TABLES:
-        for row in database.execute(f"SELECT rowid AS row_number, * FROM {table}"):  # noqa: S608
+    found: dict[str, list[Any]] = {table: [] for table in TABLES}
+    for table, values in found.items():
+        for row in read(table):
             try:
-                check_row(table, row)
+                values.append(check_row(table, row))
             except ValueError as error:
                 return f"row {row['row_number']} of {table}: {error}"
 
-    for (candidate,) in database.execute(_ORPHANS):
-        return f"evaluations: {candidate} has no row in designs"
-    for candidate, number in database.execute(_LOST_TRIALS):
-        return f"evaluations: trial {number} of {candidate} has no row in trials"
+    designs = {design.key for design in found["designs"]}
+    numbers = {row["number"] for row in read("trials")}
+    for evaluation in found["evaluations"]:
+        if evaluation.status == "ok" and evaluation.design_key not in designs:
+            return f"evaluations: {evaluation.candidate} has no row in designs"
+
+        details = evaluation.details
+        for number in (*details.trials, *details.finals):
+            if number not in numbers:
+                return f"evaluations: trial {number} of {evaluation.candidate} has no row in trials"
+
     return None

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import secrets
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from core.errors import UserError
@@ -66,6 +68,24 @@ def write_whole(file: Path, data: bytes, *, shared: bool = False) -> None:
     except OSError:
         part.unlink(missing_ok=True)
         raise
+
+
+def unwritable(folder: Path, why: object) -> UserError:
+    """Make the error of a folder that can't be written."""
+    return UserError(f"{folder} can't be written: {why}; what is in it is kept")
+
+
+@contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Turn errors of the disk into one line that says why a folder can't be written.
+
+    Raises:
+        UserError: the disk is full, the folder is read-only...
+    """
+    try:
+        yield
+    except OSError as error:
+        raise unwritable(folder, error.strerror or error) from error
 
 
 def read_untrusted(file: Path, most: int) -> bytes:

@@ -16,9 +16,9 @@ from core.events import INTERRUPTED
 from core.interfaces import ActionPlan, Evaluation
 from core.plugins import TASK, installed
 from core.search.orchestration import run as search
-from core.store.database import writing
 from core.store.reader import StoredRun
 from core.store.recorder import RunStore
+from core.support.files import writing
 from core.values.plans import digest
 from plugins.results.artifacts import save_design
 from plugins.results.chosen import stored_evaluations

@@ -14,9 +14,9 @@ from omegaconf import MISSING, DictConfig
 
 from core.config.compose import check_seed, node, task_part, task_parts, tool_part
 from core.errors import UsageError, UserError
-from core.store.database import writing
 from core.store.reader import StoredRun
 from core.support.cli import print_table, say
+from core.support.files import writing
 from core.values.efforts import PERTURBED, Held
 from plugins.results.chosen import DesignsConfig, chosen_evaluations, config_for
 from plugins.results.folders import folders_and_overrides

@@ -69,11 +69,11 @@ def test_reading_neither_waits_for_a_writer_nor_stops_it(tmp_path):
     writer = Database(tmp_path)
     with writer.transaction():
         writer.create()
-        writer.insert("replies", **vars(Reply("g0-a0", "", "m")))
+        writer.add("replies", **vars(Reply("g0-a0", "", "m")))
     query = "SELECT request_id FROM replies"
     with reading(tmp_path) as database:
         with writer.transaction():
-            writer.insert("replies", **vars(Reply("g0-a1", "", "m")))
+            writer.add("replies", **vars(Reply("g0-a1", "", "m")))
             assert [row[0] for row in database.execute(query)] == ["g0-a0"]
         assert [row[0] for row in database.execute(query)] == ["g0-a0", "g0-a1"]
     writer.close()
