@@ -72,6 +72,7 @@ MAX_SPRUNG_M_S = 13.0
 MAX_SPRINGS_J = 2.0  # of all bought springs of a tool
 _PRINTED_M3 = 20e-6  # of material, from which the springs of a tool are made
 MAX_PIN_M = 0.01  # from a hinge's axis to each of its two sides: an eye around a pin
+MAX_INSIDE_M = 0.001  # what moves in what bears it, where the two are apart at rest
 _STEP_M = 0.005  # between places in which the two sides of a joint must touch
 _FEWEST_STEPS = 9
 _MOST_STEPS = 201
@@ -128,7 +129,7 @@ def check_joints(tool: Tool, robot: Robot, material: Material) -> None:
     solids = {name: mounts.get(name, []) for name in tool.borne_on}
 
     for part in tool.parts:
-        solid = Solid(part.component, solid_geometry(part.shape), part.pose)
+        solid = Solid(part.component, solid_geometry(part.shape), part.pose, part.shape)
         solids[part.bearer].append(solid)
 
     levers = measure_levers(tool).tolist()
@@ -136,6 +137,7 @@ def check_joints(tool: Tool, robot: Robot, material: Material) -> None:
         if bearer.joint.kind == "hinge":
             _check_pin(bearer, solids)
         _check_touch(bearer, solids, lever)
+        _check_through(bearer, solids, lever)
 
 
 def _check_springs(tool: Tool, most: float) -> None:
@@ -298,6 +300,66 @@ def _check_touch(
                 f"component {bearer.name!r} leaves what bears it, {bearer.parent!r}, where its joint is at "
                 f"{value:.3g} {LIMITS[joint.kind].unit}: shorten the range, or add a rail that goes on touching"
             )
+
+
+def _check_through(
+    bearer: Bearer, solids: Mapping[str, Sequence[Solid]], lever: float
+) -> None:
+    """Refuse a range in which what moves gets into what bears it: engines let the two pass through each other.
+
+    Solids that touch at rest are the joint itself, and may. What bears the tool has no shape of
+    ours, and is left to the other rules. The arguments are as those of `_check_touch`.
+    """
+    joint = bearer.joint
+    bearing = [s for s in solids[bearer.parent] if s.shape is not None]
+    begin = min(max(0.0, joint.lower), joint.upper)
+
+    for still, moving in itertools.product(bearing, solids[bearer.name]):
+        for end in (joint.lower, joint.upper):
+            value = _find_inside(bearer, (still, moving), (begin, end), lever)
+            if value is not None:
+                raise DesignError(
+                    f"component {moving.name!r} goes through {still.name!r} of its own tool, where the joint of "
+                    f"{bearer.name!r} is at {value:.3g} {LIMITS[joint.kind].unit}: end the range before"
+                )
+
+
+def _find_inside(
+    bearer: Bearer,
+    pair: tuple[Solid, Solid],
+    span: tuple[float, float],
+    lever: float,
+) -> float | None:
+    """Find the first value of a joint at which two solids that were apart are in each other; None: there is none.
+
+    Args:
+        bearer: the joint.
+        pair: what bears it, and what it moves.
+        span: from which value to which.
+        lever: how far what moves goes for each unit, metres, at most.
+    """
+    still, moving = pair
+    value, end = span
+    onward = math.copysign(1.0, end - value)
+    gap = _measure_gap(bearer, still, moving, value)
+
+    if gap <= MAX_GAP_M:
+        return None
+
+    while (end - value) * onward > 0:
+        value += onward * max(gap, MAX_INSIDE_M / 2) / lever
+        value = min(value, end) if onward > 0 else max(value, end)
+        gap = _measure_gap(bearer, still, moving, value)
+        if gap < -MAX_INSIDE_M:
+            return value
+
+    return None
+
+
+def _measure_gap(bearer: Bearer, still: Solid, moving: Solid, value: float) -> float:
+    """Measure the gap between two solids where a joint is at a value, metres; below 0 how deep they are."""
+    place = bearer.pose @ _move(bearer.joint, value)
+    return signed_distance(still, replace(moving, pose=place @ moving.pose))
 
 
 def _move(joint: ToolJoint, value: float) -> Pose:

@@ -168,6 +168,29 @@ def test_what_moves_goes_on_touching_what_bears_it(joint, where):
 
 
 @pytest.mark.parametrize(
+    ("reach", "refused"),
+    [(0.0, False), (0.09, False), (0.099, False), (0.103, True), (0.2, True)],
+)
+def test_what_swings_stays_clear_of_the_plate_that_shields_it(reach, refused):
+    """The block of 0.2 m slides up the post, and a plate on the post is 0.1 m above its upper side."""
+    slides = heavy(ToolJoint("slider", (0, 0, 1), -0.04, max(reach, 0.01)))
+    post, block = slides.components
+    plate = Component(
+        "plate", "post", Pose.xyz_rpy((0.06, 0, 0.171)), Box((0.1, 0.2, 0.002)), 0.05
+    )
+    at = block.pose.position - [0, 0, 0.03]
+    lower = replace(block, pose=Pose(at))
+    tool = replace(slides, components=(post, plate, lower))
+    try:
+        check_joints(tool, PANDA, PAPER)
+        fault = ""
+    except DesignError as error:
+        fault = str(error)
+
+    assert ("goes through" in fault) == refused, fault
+
+
+@pytest.mark.parametrize(
     ("placed", "fault"),
     [
         ({"origin": (0, 0, 0.3)}, "passes 'block' at 200 mm"),
