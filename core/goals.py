@@ -19,10 +19,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import KW_ONLY, dataclass
 from itertools import chain
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from core.errors import UsageError, choices, refuse
 from core.geometry import Array, Vector
@@ -136,7 +135,8 @@ class Conduct:
 
     def let_go(self, body: str) -> Array:
         """Report where neither the robot nor what it moves along touches a body: 1, else 0."""
-        return self._read(~self.evidence.film.linked(body)).astype(np.float64)
+        let_go = ~self.evidence.film.linked(body)
+        return self._read(let_go.astype(np.float64))
 
     def unrest(self, goal: Reach, body: str, now: State) -> Array:
         """Measure how many times as fast as what is at rest a body was lately, and is ``now``."""
@@ -145,7 +145,7 @@ class Conduct:
             return speed
         return np.maximum(speed, self._read(self.evidence.unrest(goal, body)))
 
-    def _read(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    def _read(self, values: Array) -> Array:
         return values[..., -1] if self.at_end else values
 
 

@@ -233,8 +233,8 @@ def check_contacts(tool: Tool, robot: Robot | None) -> Mapping[str, Array]:
     faults = Faults()
     placed = tool.placed()
     if robot is None:
-        point = solids_of("mount", Sphere(_POINT_M), Pose())
-        solids = dict.fromkeys(tool.mounts, point)
+        mount_point = solids_of("mount", Sphere(_POINT_M), Pose())
+        solids = dict.fromkeys(tool.mounts, mount_point)
     else:
         solids = mount_solids(tool, robot)
 
