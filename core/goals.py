@@ -242,6 +242,11 @@ class Goal(ABC):
         """Whether its share depends on what happened before the end, or on what touched."""
         return False
 
+    @property
+    def needs_peaks(self) -> bool:
+        """Whether it limits a force, so that each step of the engine has to be recorded."""
+        return False
+
 
 @dataclass(frozen=True)
 class Reach(Goal):
@@ -969,13 +974,17 @@ class Kept(Limit):
 
 @dataclass(frozen=True)
 class Untouched(Limit):
-    """Bodies that the robot must not touch, or with ``max_force_n`` above 0, not press harder, N.
+    """Bodies that the robot must not touch, or with ``max_force_n`` above 0, not press harder at any instant, N.
+
+    The peak over the engine's steps counts, so that a blow does; with ``mean`` what a slow scale reads, the mean over
+    an instant of the trace.
 
     An egg that bears 5 N: ``Untouched(("egg",), max_force_n=5.0)``.
     """
 
     untouched: tuple[str, ...]
     max_force_n: float = 0.0
+    mean: bool = False
 
     def __post_init__(self) -> None:
         refuse("a goal's ", {"max_force_n must be 0 or more": self.max_force_n < 0})
@@ -985,10 +994,21 @@ class Untouched(Limit):
         """It does: what touched is in the trace."""
         return True
 
+    @property
+    def needs_peaks(self) -> bool:
+        """Whether it limits the peak of a force."""
+        return self.max_force_n > 0 and not self.mean
+
+    def _forces(self, name: str, film: Trace) -> Array:
+        """Measure how hard the robot presses a body at each instant, N, (..., T)."""
+        if self.mean:
+            return film.forces_n(name, "robot")
+        return film.peaks_n(name, "robot")
+
     def _harmed(self, name: str, film: Trace) -> Flags:
         """Report at which instants (..., T) the robot does to a body what it must not."""
         if self.max_force_n:
-            return film.forces_n(name, "robot") > self.max_force_n
+            return self._forces(name, film) > self.max_force_n
         return film.contact(name, "robot")
 
     def share(self, evidence: Evidence) -> Array:
@@ -1007,7 +1027,7 @@ class Untouched(Limit):
 
         for name in self.untouched:
             if self.max_force_n and trace.forces is not None:
-                force = float(trace.force_n(name, "robot"))
+                force = float(self._forces(name, trace).max())
                 what = f"force on {name}"
                 found.append(Margin.at_most(what, force, self.max_force_n, "N"))
             elif not self.max_force_n and name in trace.clearances:
@@ -1029,7 +1049,7 @@ class Untouched(Limit):
 
             did = f"{_find_toucher(film, name)} touched {name}"
             if self.max_force_n:
-                force = film.force_n(name, "robot")
+                force = self._forces(name, film).max()
                 pressed = number_beside(float(force), self.max_force_n)
                 did = f"{name} pressed with {pressed} N, {self.max_force_n:g} N allowed"
 

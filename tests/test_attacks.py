@@ -208,6 +208,7 @@ IN_SCENES = {
     "SweepAll": 0.3,
     "HoldUp": 0.0,
     "LiftSponge": 0.0,
+    "MoveEgg": 0.0,
 }
 
 
@@ -219,13 +220,33 @@ def test_words_of_scene_files_have_no_loopholes(name, engine):
     if name == "LiftSponge" and engine != "mujoco":
         pytest.skip("this engine has no soft bodies")
 
+    task, document = read_scene(name)
+    reward = play_scene(task, document, engine)
+    assert reward <= IN_SCENES[name]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet", "sapien"])
+def test_an_egg_that_is_pushed_gently_is_not_struck(engine):
+    """At 0.05 m/s it is pressed with up to 2 N (0.6 to 1.9), at 1 m/s with 10 to 27 N, and on the mean 0.3 to 1.9 N."""
+    task, document = read_scene("MoveEgg")
+    (plan,) = document["strategies"][0]["action_sets"]
+    plan[-1] = {"offset": [0.55, 0.09, 0.27], "speed": 0.05, "wait": 0.5}
+    assert play_scene(task, document, engine) > 0.85
+
+
+def read_scene(name):
+    """Make the task of an attack on a scene file, and read its document."""
     folder = FOLDER / "scenes"
     settings = {"file": str(folder / f"{name}.yaml")}
     task = installed().create("task", "file", settings)
-    document = json.loads((folder / f"{name}.json").read_text())
+    return task, json.loads((folder / f"{name}.json").read_text())
+
+
+def play_scene(task, document, engine):
     tools = installed().create("tool", "boxes", {"joints": True})
     plans = installed().create("action", "anchored")
     read = read_designs(document, tools, task, actions=plans)
 
     (evaluation,) = evaluate_batch(task, simulator(engine), read)
-    assert evaluation.reward <= IN_SCENES[name]
+    return evaluation.reward

@@ -235,7 +235,10 @@ def _prepare_job(stage: Stage, attempt: Attempt) -> None:
         job = replace(job, record_hz=hz, forces=bool(stage.scene.softs))
 
     if stage.task.reads_trace:
-        job = replace(job, record_hz=job.record_hz or TRACE_HZ, forces=True)
+        hz = job.record_hz or TRACE_HZ
+        if any(goal.needs_peaks for goal in stage.task.goals):
+            hz = MAX_HZ
+        job = replace(job, record_hz=hz, forces=True)
 
     check_support(stage.simulator, stage.task.name, attempt.scene, job)
     attempt.job = job

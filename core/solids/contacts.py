@@ -20,7 +20,7 @@ from core.interfaces import Recording, Robot
 from core.robot.kinematics import link_frames
 from core.scene import Scene, State, Trace
 from core.solids.near_pairs import Flags, may_meet, neighbours
-from core.solids.record_rate import coarse_samples, subset
+from core.solids.record_rate import coarse_samples, largest_since, subset
 from core.solids.rollout_solids import ROBOT
 from core.solids.tracks import Indices, Pair, Track, Tracks, follow, lengths
 from core.values.traces import TRACE_HZ
@@ -57,6 +57,7 @@ class Contacts:
         depths: the largest penetration of each two, metres.
         approaches: how near the robot came to each body that it never touched.
         touch_m: how far from its mount's origin the tool first touched a body that can move; None: it touched none.
+        peaks: the largest force of each two things since the sample before, as often as there is a recording (T,), N.
     """
 
     taken: Recording
@@ -64,6 +65,7 @@ class Contacts:
     depths: dict[Key, float]
     approaches: dict[str, Approach]
     touch_m: float | None
+    peaks: dict[tuple[str, str], Array]
 
     def with_robot(self, body: str) -> Flags:
         """Report when the arm or the tool touches a body.
@@ -113,7 +115,12 @@ def find_contacts(
         tool: what it holds.
         recording: of the rollout.
     """
-    taken = subset(recording, coarse_samples(recording))
+    samples = coarse_samples(recording)
+    taken = subset(recording, samples)
+    peaks = {
+        pair: largest_since(values, samples)
+        for pair, values in recording.forces.items()
+    }
     tracks = follow(scene, robot, tool, taken)
     touches = list(_find_touches(scene, tool, tracks, taken))
 
@@ -144,6 +151,7 @@ def find_contacts(
         depths,
         nearest(robots, others),
         _measure_first_touch(robot, tool, taken, by_tool),
+        peaks,
     )
 
 
@@ -358,6 +366,7 @@ def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
     shape = len(worlds), len(instants)
     touching: dict[Key, Flags] = defaultdict(lambda: np.zeros(shape, dtype=bool))
     forces: dict[tuple[str, str], Array] = defaultdict(lambda: np.zeros(shape))
+    peaks: dict[tuple[str, str], Array] = defaultdict(lambda: np.zeros(shape))
     bodies = {body.name for body in scene.bodies}
     films = []
 
@@ -373,6 +382,8 @@ def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
             by_robot = presser not in bodies
             force = clock.read(values, early=by_robot)
             forces[presser, body][number] = force
+            largest = world.peaks[presser, body]
+            peaks[presser, body][number] = clock.read(largest, early=by_robot)
 
             if by_robot and not world.with_robot(body).any():
                 kind = "tool" if presser == "tool" else "arm"
@@ -390,6 +401,7 @@ def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
         dict(touching),
         dict(forces) if measured else None,
         clearances,
+        dict(peaks) if measured else None,
     )
 
 

@@ -141,6 +141,16 @@ def subset(recording: Recording, samples: Indices) -> Recording:
     )
 
 
+def largest_since(values: Array, samples: Indices) -> Array:
+    """Find the largest of values (T,) since the sample before, at each of some samples (S,)."""
+    largest = values[samples].copy()
+    if len(samples) > 1:
+        behind = np.maximum.reduceat(values[1 : samples[-1] + 1], samples[:-1])
+        largest[1:] = np.maximum(largest[1:], behind)
+
+    return largest
+
+
 def _average(times: Array, values: Array, samples: Indices) -> Array:
     """Average values over the time since the sample before.
 

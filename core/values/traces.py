@@ -40,6 +40,8 @@ class Trace:
             was not measured.
         forces: the mean of two things' normal force since the instant before, N, (..., T), see `Recording.forces`;
             None: nothing measured forces.
+        peaks: the largest of these forces since the instant before, over the recording's own steps, N, (..., T); None:
+            as ``forces``. Where a goal limits a force, the recording has each step of the engine.
     """
 
     times: Array
@@ -47,6 +49,7 @@ class Trace:
     touching: Mapping[tuple[str, str, str], Flags] = field(default_factory=dict)
     forces: Mapping[tuple[str, str], Array] | None = None
     clearances: Mapping[str, Array] = field(default_factory=dict)
+    peaks: Mapping[tuple[str, str], Array] | None = None
 
     @classmethod
     def of(cls, *states: State, **given: Any) -> Trace:
@@ -129,6 +132,19 @@ class Trace:
 
         return found
 
+    def peaks_n(self, body: str, by: str | None = None) -> Array:
+        """Find the largest normal force between a body and one other thing since the instant before, N, (..., T).
+
+        A blow lasts a few milliseconds: its mean over an instant of the trace is a tenth of its peak.
+
+        Raises:
+            ValueError: nothing measured forces.
+        """
+        if self.peaks is None:
+            return self.forces_n(body, by)
+
+        return replace(self, forces=self.peaks).forces_n(body, by)
+
     def passed_on(self, body: str, by: str) -> Array:
         """Bound what ``robot`` or ``tool`` presses a body with through free bodies, N, (..., T).
 
@@ -207,6 +223,7 @@ class Trace:
             states=self.states[index],
             touching=world(self.touching),
             forces=None if self.forces is None else world(self.forces),
+            peaks=None if self.peaks is None else world(self.peaks),
             clearances=world(self.clearances),
         )
 

@@ -97,7 +97,7 @@ class SweepCards(Task):
             by_s=BY_S,
         ),
         Untouched(("vase",)),
-        Untouched(("board",), max_force_n=PRESS_N),
+        Untouched(("board",), max_force_n=PRESS_N, mean=True),
         Kept(("vase",), kept_m=NUDGED_M),
     )
     variations = {

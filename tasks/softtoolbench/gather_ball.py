@@ -63,7 +63,7 @@ class GatherBall(Task):
             tolerance=NEAR,
             rest=True,
         ),
-        Untouched(("ball",), max_force_n=SQUEEZE_N),
+        Untouched(("ball",), max_force_n=SQUEEZE_N, mean=True),
     )
     variations = {
         "near": around("corner", (0.7, 0.0), 0.03, 0.15),

@@ -52,7 +52,7 @@ class SpreadSlab(Task):
         "cover 1.25 times the area that it covered then, as seen from above. It springs back if let go. Nothing is "
         "earned if it is pressed with more than 30 N, or if hand, fingers or arm touch it."
     )
-    goals = (Untouched(("slab",), max_force_n=PRESS_N),)
+    goals = (Untouched(("slab",), max_force_n=PRESS_N, mean=True),)
     variations = {
         "near": around("slab", (0.5, 0.0), 0.03, 0.3),
         "wide": {

@@ -57,7 +57,7 @@ KINDS: Mapping[str, type[Goal]] = {
 }
 """The kinds of goals, by the key that an entry of a file has them by."""
 
-FILLED = {"relative", "hollow", "also", "balls", "rounds"}
+FILLED = {"relative", "hollow", "also", "balls", "rounds", "mean"}
 """Fields of kinds that no entry has: they are made of others."""
 
 ENDS = {"rest", "held", "released"}
