@@ -252,6 +252,8 @@ class StoredReply(Reply):
     prompt_tokens: Count | None = None
     completion_tokens: Count | None = None
     cost_usd: Amount | None = None
+    cached_tokens: Count | None = None
+    saved_usd: Number | None = None
 
 
 @dataclass(frozen=True)

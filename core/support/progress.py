@@ -25,6 +25,7 @@ class Step:
 
 
 _steps = list[Step]()
+_notes = dict[str, str]()
 
 
 @contextmanager
@@ -36,6 +37,19 @@ def busy(what: str) -> Iterator[Step]:
         yield step
     finally:
         _steps.remove(step)
+
+
+def note(name: str, text: str) -> None:
+    """Say beside what is being done what else goes on, such as an answer that arrives.
+
+    Args:
+        name: of what says it; its last note counts.
+        text: a few words; empty: nothing goes on any more.
+    """
+    if text:
+        _notes[name] = text
+    else:
+        _notes.pop(name, None)
 
 
 def show_progress(say: Callable[[str], None]) -> None:
@@ -57,6 +71,7 @@ def _watch(say: Callable[[str], None]) -> None:
                 due = now + wait_s
             worked = now
             if now >= due:
-                say(f"{step.what} ...")
+                said = [step.what, *_notes.copy().values()]
+                say(f"{'  '.join(said)} ...")
                 wait_s *= 2
                 due = now + wait_s

@@ -44,7 +44,9 @@ class Message:
 class Reply:
     """The answer to a request: the raw text, or ``error``. Token counts and cost are None where they are unknown.
 
-    ``unanswered``: the call failed for a reason that may pass, and nothing was paid. A resumed run asks again.
+    ``cached_tokens`` of the prompt were kept by the provider from an earlier request, and cost less; ``saved_usd`` is
+    what that saved, below 0 where keeping them cost more. ``unanswered``: the call failed for a reason that may pass,
+    and nothing was paid. A resumed run asks again.
     """
 
     request_id: str
@@ -55,6 +57,8 @@ class Reply:
     completion_tokens: int | None = None
     cost_usd: float | None = None
     unanswered: bool = False
+    cached_tokens: int | None = None
+    saved_usd: float | None = None
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,8 @@ class Estimate:
     """An estimate of a request's size and cost, made without calling a model.
 
     It has the tokens of the messages, the US dollars for each token of prompt and answer (None: unknown), and the
-    sources of these figures.
+    sources of these figures. ``shared_tokens`` of them begin all requests of a run: a provider that keeps them asks
+    ``usd_per_kept_token`` for the first time, and then ``usd_per_cached_token`` (None: it keeps nothing).
     """
 
     prompt_tokens: int
@@ -70,6 +75,9 @@ class Estimate:
     usd_per_prompt_token: float | None = None
     usd_per_completion_token: float | None = None
     priced_by: str | None = None
+    shared_tokens: int = 0
+    usd_per_cached_token: float | None = None
+    usd_per_kept_token: float | None = None
 
 
 class Spending:
@@ -135,13 +143,15 @@ def checked(reply: Reply) -> Reply:
         prompt_tokens=_known(reply.prompt_tokens, int, MOST),
         completion_tokens=_known(reply.completion_tokens, int, MOST),
         cost_usd=_known(reply.cost_usd, int | float, MOST_USD),
+        cached_tokens=_known(reply.cached_tokens, int, MOST),
+        saved_usd=_known(reply.saved_usd, int | float, MOST_USD, least=-MOST_USD),
         unanswered=reply.unanswered is True and failed,
     )
 
 
-def _known(value: Any, wanted: Any, most: float) -> Any:
-    """Return a number of a kind, from 0 on and below ``most``; None: it is something else."""
+def _known(value: Any, wanted: Any, most: float, least: float = 0.0) -> Any:
+    """Return a number of a kind, from ``least`` on and below ``most``; None: it is something else."""
     is_number = isinstance(value, wanted) and not isinstance(value, bool)
-    if is_number and 0 <= value < most:
+    if is_number and least <= value < most:
         return value
     return None

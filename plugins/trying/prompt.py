@@ -142,6 +142,31 @@ def _json(value: object) -> bytes:
     return (json.dumps(value, indent=2, ensure_ascii=False) + "\n").encode()
 
 
+def _describe_run(cfg: DictConfig, estimate: Estimate) -> str:
+    """Say what the prompts of a whole run cost, with and without a provider that keeps what they share; empty: unknown.
+
+    Prompts of later generations count as long as this one; the first request of each generation finds nothing kept.
+    """
+    paid = estimate.usd_per_prompt_token
+    cached = estimate.usd_per_cached_token
+    kept = estimate.usd_per_kept_token
+    if paid is None or cached is None or kept is None:
+        return ""
+
+    generations = cfg.budget.n_iteration + 1
+    requests = generations * cfg.budget.n_agent
+    shared = estimate.shared_tokens
+    rest = estimate.prompt_tokens - shared
+    full = requests * estimate.prompt_tokens * paid
+    later = requests - generations
+    cheap = generations * shared * kept + later * shared * cached
+    cheap += requests * rest * paid
+    return (
+        f"a run has {requests} requests, whose prompts cost {full:.2f} USD; {cheap:.2f} USD where the provider keeps "
+        f"the {shared} tokens that they share"
+    )
+
+
 def _count_requests(
     cfg: DictConfig, request: Request, follow_ups: Sequence[Request]
 ) -> int:
@@ -186,6 +211,9 @@ def main(words: list[str]) -> None:
     say(f"{estimate.prompt_tokens} tokens for {model} ({estimate.counted_by})")
     if follow_ups:
         say(_describe_generation(cfg, request, follow_ups, estimate))
+
+    elif described := _describe_run(cfg, estimate):
+        say(described)
 
     repairs = count_repairs(cfg, installed().factory("vlm", cfg.vlm.name))
     if repairs:

@@ -336,6 +336,10 @@ def _spent(replies: Sequence[Reply]) -> str:
     if costs:
         line += f", {sum(costs):.2f} USD"
 
+    saved = [reply.saved_usd for reply in replies if reply.saved_usd is not None]
+    if saved:
+        line += f" (the provider's cache saved {sum(saved):.2f})"
+
     return line
 
 

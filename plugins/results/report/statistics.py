@@ -94,6 +94,8 @@ class RunCost(NamedTuple):
     prompt_tokens: int | None
     completion_tokens: int | None
     cost_usd: float | None
+    cached_tokens: int | None
+    saved_usd: float | None
 
     @classmethod
     def total(cls, requests: Sequence[StoredRequest]) -> RunCost:
@@ -108,6 +110,8 @@ class RunCost(NamedTuple):
                 sum, [reply.completion_tokens for reply in replies]
             ),
             cost_usd=over_known(sum, [reply.cost_usd for reply in replies]),
+            cached_tokens=over_known(sum, [reply.cached_tokens for reply in replies]),
+            saved_usd=over_known(sum, [reply.saved_usd for reply in replies]),
         )
 
 

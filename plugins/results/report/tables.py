@@ -265,7 +265,7 @@ def _answers_by_model(
 
 @_table(
     "task|method|runs:0|rollouts per run:0|wall time per run (s):0|requests per run:1"
-    "|failed requests:0|prompt tokens:0|completion tokens:0|cost (USD):2"
+    "|failed requests:0|prompt tokens:0|of these cached:0|completion tokens:0|cost (USD):2|saved by caching (USD):2"
 )
 def costs(results: Results) -> Rows:
     """Time, tokens and dollars that runs took."""
@@ -282,8 +282,10 @@ def costs(results: Results) -> Rows:
             fmean([cost.requests for cost in spent]),
             sum(cost.errors for cost in spent),
             over_known(sum, [cost.prompt_tokens for cost in spent]),
+            over_known(sum, [cost.cached_tokens for cost in spent]),
             over_known(sum, [cost.completion_tokens for cost in spent]),
             over_known(sum, [cost.cost_usd for cost in spent]),
+            over_known(sum, [cost.saved_usd for cost in spent]),
         )
 
 
