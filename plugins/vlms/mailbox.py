@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import json
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -17,12 +15,13 @@ from core.designs.replies import parse_reply
 from core.errors import UserError, check_positive
 from core.events import Generation, Run
 from core.hooks import hookimpl
-from core.interfaces import VLM, Evaluation, Picture, Reply, Request
+from core.interfaces import VLM, Evaluation, Reply, Request
 from core.plugins import installed
 from core.search.answers import read_candidates
 from core.support.cli import say
-from core.support.files import FileMark, file_mark, read_untrusted, write_whole
+from core.support.files import FileMark, file_mark, read_untrusted
 from core.support.text import number
+from plugins.vlms.letters import NOW, write_file, write_letter
 from plugins.vlms.second_look import list_faults
 from plugins.vlms.told.feedback import describe
 
@@ -47,9 +46,6 @@ _ACCEPT_HELP = (
     "here.\n"
 )
 
-
-NOW = "\n# What is wanted\n"
-"""The heading in a prompt above which all requests of a run are alike."""
 
 _ANSWER = (
     f"Write the answer to the file `{REPLIES[0]}` beside this one. `schema.json` has its JSON schema, and `problem.md` "
@@ -117,7 +113,7 @@ class Mailbox(VLM):
                 lines = [
                     f"- {e.candidate.id}: {describe(e, sight)}" for e in evaluations
                 ]
-                _write(file, "\n".join([_RESULTS_HEAD, *lines, ""]).encode())
+                write_file(file, "\n".join([_RESULTS_HEAD, *lines, ""]).encode())
                 best = number(max(e.reward for e in evaluations), 3)
                 _say(f"the best of {file.parent.name} earned {best}; {file} says more")
 
@@ -200,16 +196,7 @@ class Letter:
                     f"{self.folder} has a reply to a different request; move it away, or change vlm.folder"
                 )
 
-            self.folder.mkdir(parents=True, exist_ok=True)
-            self._post_pictures()
-
-            if not self.request.critique:
-                schema = self.request.schema
-                lines = json.dumps(schema, indent=1, ensure_ascii=False)
-                _write(self.folder / "schema.json", f"{lines}\n".encode())
-
-            # last, so that the other files are there when it is
-            _write(prompt, text.encode())
+            write_letter(self.folder, self.request, text)
         except OSError as error:
             raise UserError(
                 f"the mailbox {self.folder} can't be used: {error}"
@@ -231,13 +218,6 @@ class Letter:
                 return known + text.removeprefix(rules) + _ANSWER
 
         return text + _ANSWER
-
-    def _post_pictures(self) -> None:
-        """Write the pictures that the request's messages name."""
-        for message in self.request.messages:
-            for part in message.parts:
-                if isinstance(part, Picture):
-                    _write(self.folder / f"{part.name}.png", part.png)
 
     def look(self) -> str | None:
         """Look for a usable reply; empty: the person skipped the request; None: there is no reply yet."""
@@ -312,7 +292,7 @@ class Letter:
             return
 
         listed = "".join(f"- {problem}\n" for problem in problems)
-        _write(file, f"{heading}\n\n{listed}\n{ending}".encode())
+        write_file(file, f"{heading}\n\n{listed}\n{ending}".encode())
 
 
 def judge(request: Request, text: str) -> tuple[bool, list[str]]:
@@ -335,19 +315,6 @@ def judge(request: Request, text: str) -> tuple[bool, list[str]]:
     candidates = read_candidates(request.brief, designs, starts=True)
     is_usable = any(candidate.problem is None for candidate in candidates)
     return is_usable, list_faults(candidates)
-
-
-def _write(file: Path, data: bytes) -> None:
-    """Write a file whole, in a folder that is no link.
-
-    Args:
-        file: which is replaced if it is there.
-        data: all of it.
-    """
-    if file.parent.is_symlink():
-        raise OSError(errno.ELOOP, f"it is a link to {file.parent.readlink()}")
-
-    write_whole(file, data)
 
 
 def _load(file: Path) -> str:
@@ -380,7 +347,7 @@ def _holds(file: Path, text: str) -> bool:
 def _read_rules(file: Path) -> str:
     """Read a prompt up to what is wanted in its round alone; empty: it says no such thing."""
     try:
-        rules, now, _ = _load(file).partition(NOW)
+        rules, now, _ = _load(file).partition(f"\n{NOW}")
     except DesignError:
         return ""
 
