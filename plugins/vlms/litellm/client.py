@@ -2,33 +2,40 @@
 
 from __future__ import annotations
 
-import base64
 import importlib
-import importlib.metadata
-import json
 import logging
-import math
 import os
 import threading
-import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
-from types import ModuleType
 from typing import Any
 
 import httpx
 
 from core.errors import UsageError, UserError
-from core.interfaces import Estimate, Message, Picture, Reply, Request, Text
-from core.support.secrets import is_secret_name
+from core.interfaces import Reply, Request
 from core.support.text import clean, kind
 from core.values.messages import checked
-from plugins.vlms.litellm.failures import explain
-from plugins.vlms.litellm.transport import OPENAI, BadAnswer, calling, transport
+from plugins.vlms.litellm.answers import find_text
+from plugins.vlms.litellm.failures import explain, find_words, refuses
+from plugins.vlms.litellm.hearing import Hearing
+from plugins.vlms.litellm.loading import load
+from plugins.vlms.litellm.manner import Form, Manner, weaken
+from plugins.vlms.litellm.messages import explain_schema, render, without_pictures
+from plugins.vlms.litellm.prices import count_cached, find_prices, saved
+from plugins.vlms.litellm.room import explain_room, is_too_long
+from plugins.vlms.litellm.settings import CallSettings
+from plugins.vlms.litellm.transport import (
+    OPENAI,
+    Answer,
+    BadAnswer,
+    Call,
+    OtherForm,
+    Unreadable,
+    calling,
+)
 
 _log = logging.getLogger(__name__)
-
-PIXELS_PER_TOKEN = 750  # https://docs.claude.com/en/docs/vision
 
 # Servers on the user's machines: they enforce a schema with any model, and their answers have no price.
 _LOCAL = ("ollama", "ollama_chat", "hosted_vllm", "lm_studio", "llamafile")
@@ -49,132 +56,28 @@ _UNUSUAL = {
     "meta_llama": "LLAMA_API_KEY",
 }
 
-# Read by LiteLLM when it is imported: its tables come from the package, not from the network, and no .env file is read.
-_AT_IMPORT = {
-    "LITELLM_LOCAL_MODEL_COST_MAP": "True",
-    "LITELLM_LOCAL_ANTHROPIC_BETA_HEADERS": "True",
-    "LITELLM_MODE": "PRODUCTION",
-    "LITELLM_DISABLE_REDACT_SECRETS": "true",  # ours scrubs more, and takes no minutes for a long error
-}
-
-
-def load() -> ModuleType:
-    """Import LiteLLM, which takes seconds, and keep it from printing and from fetching anything but answers."""
-    os.environ.update(_AT_IMPORT)
-
-    for name, value in os.environ.items():
-        # a file's last line break, which no header can hold
-        if is_secret_name(name) and value != value.strip():
-            os.environ[name] = value.strip()
-
-    try:
-        litellm = importlib.import_module("litellm")
-    except ModuleNotFoundError as error:
-        raise UserError(
-            "a model behind an API needs LiteLLM: pip install 'litellm>=1.106'"
-        ) from error
-
-    litellm.__dict__.update(
-        suppress_debug_info=True, telemetry=False, disable_hf_tokenizer_download=True
-    )
-    if litellm.client_session is None:
-        _guard(litellm)
-
-    # these quote the answer
-    warnings.filterwarnings("ignore", "Pydantic serializer", UserWarning)
-    for logger in ("LiteLLM", "LiteLLM Router", "LiteLLM Proxy"):
-        logging.getLogger(logger).setLevel(logging.CRITICAL + 1)
-
-    return litellm
-
-
-def _guard(litellm: ModuleType) -> None:
-    """Send all requests of LiteLLM's clients through our transport."""
-    handlers = importlib.import_module("litellm.llms.custom_httpx.http_handler")
-    guarded = transport(
-        verify=handlers.get_ssl_configuration(), cert=os.getenv("SSL_CERTIFICATE")
-    )
-    client = httpx.Client(transport=guarded)
-    litellm.__dict__.update(client_session=client, sync_transport=guarded)
-
-
-def estimate(request: Request, model: str) -> Estimate:
-    """Count tokens: texts with LiteLLM's counter, pictures by their pixels; prices are from LiteLLM's list.
-
-    Args:
-        request: which is not sent.
-        model: in LiteLLM's notation.
-    """
-    litellm = load()
-    texts = []
-    tokens = 0
-
-    for message in explained(request):
-        pictures = [part for part in message.parts if isinstance(part, Picture)]
-        parts = tuple(part for part in message.parts if isinstance(part, Text))
-        tokens += sum(map(_picture_tokens, pictures))
-        texts.append(replace(message, parts=parts))
-
-    tokens += litellm.token_counter(model=model, messages=render(texts))
-
-    counter = "litellm.token_counter"
-    price = _price(litellm, model)
-    if price is None:
-        return Estimate(tokens, counter)
-
-    version = importlib.metadata.version("litellm")
-    return Estimate(tokens, counter, *price, f"price list of LiteLLM {version}")
-
-
-def _picture_tokens(picture: Picture) -> int:
-    """Count the tokens of a PNG picture as Claude does, a token for 750 pixels; other providers count otherwise."""
-    header = picture.png[:24]
-    width = int.from_bytes(header[16:20], "big")
-    height = int.from_bytes(header[20:24], "big")
-    return math.ceil(width * height / PIXELS_PER_TOKEN)
-
-
-def _price(litellm: ModuleType, model: str) -> tuple[float, float] | None:
-    """US dollars per token in and out; None: unknown.
-
-    Args:
-        litellm: the module.
-        model: in LiteLLM's notation.
-    """
-    try:
-        info = litellm.get_model_info(model)
-    except Exception:  # a model that is not in the list; the class of the error varies
-        return None
-
-    prompt = info.get("input_cost_per_token")
-    completion = info.get("output_cost_per_token")
-    if not (prompt and completion):
-        return None
-
-    return float(prompt), float(completion)
-
 
 class Client:
     """Calls ``model``; see `LanguageModel` for the settings.
+
+    Attributes:
+        model: in LiteLLM's notation.
+        prices: of its tokens; None: they are unknown.
+        sees: it takes pictures, as far as is known before it is asked.
 
     Raises:
         UserError: LiteLLM does not know the provider, refuses the model, or finds no API key; or the address is none.
     """
 
     def __init__(
-        self,
-        model: str,
-        api_base: str | None,
-        timeout_s: float,
-        max_output_tokens: int | None,
+        self, model: str, api_base: str | None, settings: CallSettings
     ) -> None:
         """Find the provider, its key, and what it accepts.
 
         Args:
             model: in LiteLLM's notation.
             api_base: address of the server; None: the provider's own.
-            timeout_s: after which a call is abandoned.
-            max_output_tokens: of an answer; None: the provider's maximum.
+            settings: of each call.
         """
         self._litellm = load()
         self._server = None if api_base is None else _server(api_base)
@@ -189,39 +92,77 @@ class Client:
             ) from error
 
         self.model = model
-        self._settings: dict[str, Any] = {
-            "timeout": timeout_s + 1.0,
+        self._settings = settings
+        settings.check_options()
+        self._fixed: dict[str, Any] = {
+            "timeout": settings.timeout_s + 1.0,
             "num_retries": 0,
             "max_retries": 0,
         }
-        if max_output_tokens is not None:
-            self._settings["max_tokens"] = max_output_tokens
         if api_base is not None:
-            self._settings["api_base"] = api_base
+            self._fixed["api_base"] = api_base
         if key is None:
             self._find_key(api_base)
 
-        self._price = None
+        self.prices = None
         if self._provider not in _LOCAL:
-            self._price = _price(self._litellm, model)
+            self.prices = find_prices(self._litellm, model)
 
-        self.priced = self._price is not None
-        self._schema_lock = threading.Lock()
-        schemas = self._provider in _LOCAL or self._litellm.supports_response_schema(
-            model=model
+        self._is_claude = self._provider == "anthropic" or "claude" in self._bare
+        # Local servers use a schema as a grammar alone; of other models nobody knows.
+        is_known = self._litellm.supports_response_schema(model=model)
+        self._shows_schema = is_known and self._provider not in _LOCAL
+        self._manner_lock = threading.Lock()
+        self._manner = self._find_manner()
+        self.sees = self._manner.pictures
+
+    def _find_manner(self) -> Manner:
+        """Find how to ask, by what LiteLLM knows of the model, and say what is left out."""
+        model = self.model
+        is_own = self._server is not None  # whose model LiteLLM may not know
+        schemas = (
+            self._shows_schema
+            or self._provider in _LOCAL
+            or (is_own and self._accepts(response_format={"type": "json_object"}))
         )
-        self._accepted = {
-            "temperature": self._accepts(temperature=0.7),
-            "seed": self._accepts(seed=1),
-            "response_format": bool(schemas),
-        }
-        left_out = [name for name, accepted in self._accepted.items() if not accepted]
+        thinking = self._settings.thinking is None or is_own
+        thinking = thinking or self._accepts(reasoning_effort="low")
+        manner = Manner(
+            form="json_schema" if schemas else "text",
+            seed=self._accepts(seed=1),
+            temperature=self._accepts(temperature=0.7),
+            thinking=thinking,
+            pictures=is_own or self._has_eyes(),
+            marks=self._is_claude
+            and self._litellm.utils.supports_prompt_caching(model=model),
+        )
+
+        left_out = [
+            name for name in ("temperature", "seed") if not getattr(manner, name)
+        ]
+        if manner.form == "text":
+            left_out.append("JSON schema (the prompt's text holds it)")
+        if self._settings.thinking is not None and not manner.thinking:
+            left_out.append("vlm.thinking")
+        if not manner.pictures:
+            left_out.append("pictures (the prompt's text says so)")
 
         if left_out:
-            names = ", no ".join(left_out).replace(
-                "response_format", "JSON schema (the prompt's text holds it)"
-            )
+            names = ", no ".join(left_out)
             _log.warning("%s accepts no %s: left out of its requests", model, names)
+
+        return manner
+
+    def _has_eyes(self) -> bool:
+        """Say if a model takes pictures; one that LiteLLM does not know may."""
+        try:
+            self._litellm.get_model_info(self.model)
+        except (
+            Exception
+        ):  # a model that is not in the list; the class of the error varies
+            return True
+
+        return bool(self._litellm.supports_vision(model=self.model))
 
     def _find_key(self, api_base: str | None) -> None:
         """Look for an API key in the environment; a server at an address of one's own may need none.
@@ -240,7 +181,7 @@ class Client:
             )
 
         # clients refuse to call without a key, local servers ignore it
-        self._settings["api_key"] = "none"
+        self._fixed["api_key"] = "none"
 
     def spent(self, request: Request, reply: Reply) -> tuple[int, float]:
         """Return tokens and US dollars of a call, as the reply reports them, or counted; 0 dollars without a price.
@@ -252,7 +193,7 @@ class Client:
         count = self._litellm.token_counter
         prompt = reply.prompt_tokens
         if prompt is None:
-            messages = render(explained(request))
+            messages = render(explain_schema(request))
             prompt = int(count(model=self.model, messages=messages))
 
         completion = reply.completion_tokens
@@ -261,8 +202,9 @@ class Client:
 
         cost = reply.cost_usd
         if cost is None:
-            per_prompt_token, per_completion_token = self._price or (0.0, 0.0)
-            cost = prompt * per_prompt_token + completion * per_completion_token
+            cost = 0.0
+            if self.prices is not None:
+                cost = prompt * self.prices.prompt + completion * self.prices.answer
 
         return prompt + completion, cost
 
@@ -321,90 +263,192 @@ class Client:
 
         return True
 
-    def ask(self, request: Request) -> tuple[Reply, str]:
+    def ask(self, request: Request, hearing: Hearing) -> tuple[Reply, str]:
         """Make one call; return the reply, and why the model stopped ("stop", "length", "content_filter"...).
 
-        A schema that the provider refuses is in the prompt's text from then on.
+        What the server refuses by name is left out, or said in a weaker way, from then on.
+
+        Args:
+            request: that is sent.
+            hearing: which hears the answer.
 
         Raises:
             Exception: any error of LiteLLM's.
         """
-        with_schema = self._accepted["response_format"]
+        while True:
+            manner = self._manner
+            try:
+                return self._call(request, manner, hearing)
+            except Exception as error:
+                if hearing.chunks or not self._weaken(manner, error):
+                    raise
 
+    def _weaken(self, manner: Manner, error: Exception) -> bool:
+        """Ask in a weaker manner from now on, if a server's words name what it refuses; False: they name nothing.
+
+        Args:
+            manner: of the request that was refused.
+            error: of the call.
+        """
+        words = find_words(error)
+        if not refuses(error) or is_too_long(words):
+            return False
+
+        with self._manner_lock:
+            weaker = weaken(manner, words)
+            if weaker is None:
+                return False
+
+            if self._manner is manner:  # no other request was refused meanwhile
+                self._manner = weaker[0]
+                said = clean(explain(error), 200)
+                _log.warning("%s takes %s (it says: %s)", self.model, weaker[1], said)
+
+        return True
+
+    def _call(
+        self, request: Request, manner: Manner, hearing: Hearing
+    ) -> tuple[Reply, str]:
+        """Make a call in a certain manner."""
+        settings = self._settings_for(request, manner)
+
+        form = settings.get("response_format", {}).get("type")
+        sees_schema = self._shows_schema and form == "json_schema"
+        messages = request.messages if sees_schema else explain_schema(request)
+        if not manner.pictures:
+            messages = without_pictures(messages)
+
+        rendered = render(messages, manner.marks)
+        call = Call(self._provider, self._server, manner.stream, hearing.life)
+        kept: Answer | None = None
         try:
-            return self._call(request, with_schema)
-        except self._litellm.BadRequestError as error:
-            words = ("schema", "response_format", "output_format", "too many states")
-            if not (with_schema and any(word in str(error).lower() for word in words)):
-                raise
+            response = self._complete(rendered, settings, call, hearing)
+        except OtherForm as other:
+            kept = other.answer
 
-        with self._schema_lock:
-            if self._accepted["response_format"]:
-                self._accepted["response_format"] = False
-                _log.warning(
-                    "%s refused the JSON schema of the answer: from now on in the prompt's text",
-                    self.model,
-                )
+        if kept is not None:
+            again = replace(call, streams=kept.streamed, kept=kept)
+            response = self._complete(rendered, settings, again, hearing)
 
-        return self._call(request, False)
+        return self._read(request, response, hearing)
 
-    def _call(self, request: Request, with_schema: bool) -> tuple[Reply, str]:
-        """Make a call, with the schema as a setting of it, or as text."""
-        settings = dict(self._settings)
-        if self._accepted["temperature"]:
-            is_claude = self._provider == "anthropic" or "claude" in self._bare
-            settings["temperature"] = min(
-                request.temperature, 1.0 if is_claude else 2.0
-            )
+    def _settings_for(self, request: Request, manner: Manner) -> dict[str, Any]:
+        """Return what LiteLLM is given for a request beside its messages."""
+        settings = dict(self._fixed)
+        temperature = self._settings.temperature
+        if temperature is None:
+            temperature = request.temperature
 
-        if self._accepted["seed"]:
+        thinks = self._settings.thinking not in (None, "none")
+        if manner.temperature and not (self._is_claude and thinks):
+            most = 1.0 if self._is_claude else 2.0
+            settings["temperature"] = min(temperature, most)
+        if manner.seed:
             settings["seed"] = request.brief.seed
+        if self._settings.max_output_tokens is not None and manner.length:
+            settings[manner.length] = self._settings.max_output_tokens
+        if not request.critique and manner.form != "text":
+            settings["response_format"] = self._write_form(manner.form, request)
+        if self._settings.thinking is not None and manner.thinking:
+            settings["reasoning_effort"] = self._settings.thinking
 
-        with_schema &= not request.critique
-        if with_schema:
+        options = self._settings.options or {}
+        allowed = [*options]
+        if self._server is not None and "reasoning_effort" in settings:
+            allowed.append("reasoning_effort")
+        if allowed:
+            settings["allowed_openai_params"] = allowed
+
+        if manner.stream and manner.usage:
+            settings["stream_options"] = {"include_usage": True}
+
+        return settings | dict(options)
+
+    def _write_form(self, form: Form, request: Request) -> dict[str, Any]:
+        """Write the setting that holds an answer to its form."""
+        if form == "json_schema":
             schema = {"name": "designs", "schema": request.schema, "strict": True}
-            settings["response_format"] = {"type": "json_schema", "json_schema": schema}
+            return {"type": "json_schema", "json_schema": schema}
 
-        # local servers use the schema as a grammar alone: the model does not see it
-        sees_schema = with_schema and self._provider not in _LOCAL
-        messages = render(request.messages if sees_schema else explained(request))
-        response = self._complete(messages, settings)
-        choice = response.choices[0] if response.choices else None
-        message = getattr(choice, "message", None)
-        text = getattr(message, "content", None) or ""
+        if not self._shows_schema:
+            # which some servers make a grammar of, and the others leave alone
+            return {"type": "json_object", "schema": request.schema}
 
-        if not isinstance(text, str):
-            raise BadAnswer(f"the answer's text is {kind(text)}")
-
-        refusal = _refusal(message)
-        usage = getattr(response, "usage", None)
-        reply = Reply(
-            request.id,
-            text,
-            str(response.model or self.model),
-            prompt_tokens=getattr(usage, "prompt_tokens", None) or None,
-            completion_tokens=getattr(usage, "completion_tokens", None) or None,
-            cost_usd=self._cost(response),
-            error=f"the model refuses: {refusal}" if refusal and not text else None,
-        )
-        finish = str(getattr(choice, "finish_reason", None) or "none given")
-        return checked(reply), clean(finish, 40)
+        return {"type": "json_object"}
 
     def _complete(
         self,
         messages: list[dict[str, Any]],
         settings: Mapping[str, Any],
+        call: Call,
+        hearing: Hearing,
     ) -> Any:
-        """Call LiteLLM.
+        """Call LiteLLM, and return the whole answer.
 
         Args:
             messages: in LiteLLM's form.
             settings: of this call.
+            call: that passes our transport.
+            hearing: which hears a stream.
         """
-        with calling(self._provider, self._server):
-            return self._litellm.completion(
-                model=self.model, messages=messages, drop_params=True, **settings
+        streamed = call.streams
+        with calling(call):
+            answer = self._litellm.completion(
+                model=self.model,
+                messages=messages,
+                drop_params=True,
+                stream=streamed,
+                **settings,
             )
+            return hearing.gather(self._litellm, answer) if streamed else answer
+
+    def salvage(self, request: Request, hearing: Hearing) -> Reply | None:
+        """Return what came of an answer that broke off; None: nothing did.
+
+        Args:
+            request: that was sent.
+            hearing: which heard the answer.
+        """
+        if not hearing.characters:
+            return None
+
+        reply, _ = self._read(request, hearing.build(self._litellm), hearing)
+        return reply if reply.text.strip() else None
+
+    def _read(
+        self, request: Request, response: Any, hearing: Hearing
+    ) -> tuple[Reply, str]:
+        """Read a whole answer; return it as a reply, and why the model stopped."""
+        choices = getattr(response, "choices", None)
+        choice = choices[0] if choices else None
+        message = getattr(choice, "message", None)
+        text = getattr(message, "content", None) or ""
+
+        if not isinstance(text, str):
+            raise BadAnswer(f"the answer's text is {kind(text)}")
+        if message is not None and hearing.chunks:
+            text = find_text(message.model_dump())
+
+        refusal = _refusal(message)
+        is_reported = not hearing.chunks or hearing.reports_tokens()
+        usage = getattr(response, "usage", None) if is_reported else None
+        cached, kept = count_cached(usage)
+        is_saving = self.prices is not None and (cached or kept)
+        reply = Reply(
+            request.id,
+            text,
+            str(getattr(response, "model", None) or self.model),
+            prompt_tokens=getattr(usage, "prompt_tokens", None) or None,
+            completion_tokens=getattr(usage, "completion_tokens", None) or None,
+            cached_tokens=cached,
+            cost_usd=self._cost(response),
+            saved_usd=saved(self.prices, cached or 0, kept)
+            if self.prices is not None and is_saving
+            else None,
+            error=f"the model refuses: {refusal}" if refusal and not text else None,
+        )
+        finish = str(getattr(choice, "finish_reason", None) or "none given")
+        return checked(reply), clean(finish, 40)
 
     def _cost(self, response: Any) -> float | None:
         """US dollars, by LiteLLM's price list, which has 0 for an unknown price; None: unknown."""
@@ -419,6 +463,34 @@ class Client:
         # a model that is not in the list; the class of the error varies
         except Exception:
             return None
+
+    def explain(self, request: Request, error: Exception) -> str:
+        """Say in one line why a call failed, and what helps.
+
+        Args:
+            request: that was sent.
+            error: of the call.
+        """
+        words = find_words(error)
+        if is_too_long(words):
+            messages = render(explain_schema(request))
+            counted = self._litellm.token_counter(model=self.model, messages=messages)
+            limit = self._settings.max_output_tokens
+            return explain_room(words, int(counted), limit)
+
+        return explain(error) + self._hint(error)
+
+    def _hint(self, error: Exception) -> str:
+        """Return what may be wrong with an address that answers, but not as a model's server; empty: nothing."""
+        status = getattr(error, "status_code", 0)
+        lost = isinstance(error, Unreadable) or status in (404, 405)
+        server = self._server
+        if server is None or not lost or self._provider.startswith("ollama"):
+            return ""
+        if "/v1" in server.path:
+            return ""
+
+        return "; vlm.api_base has no /v1 at its end, which most servers want: http://HOST:PORT/v1"
 
 
 def _server(address: str) -> httpx.URL:
@@ -446,37 +518,3 @@ def _refusal(message: object) -> str:
     others = getattr(message, "provider_specific_fields", None) or {}
     words = getattr(message, "refusal", None) or others.get("refusal")
     return words if isinstance(words, str) else ""
-
-
-def explained(request: Request) -> tuple[Message, ...]:
-    """The messages of a request, with the schema as text at the end, if it has one."""
-    if request.critique:
-        return request.messages
-
-    schema = json.dumps(request.schema, ensure_ascii=False, separators=(",", ":"))
-    text = Text(f"JSON schema of the answer:\n```json\n{schema}\n```\n")
-    *before, last = request.messages
-    return (*before, replace(last, parts=(*last.parts, text)))
-
-
-def render(messages: Sequence[Message]) -> list[dict[str, Any]]:
-    """Messages in LiteLLM's form: one text if there is no picture, otherwise parts; pictures are data URLs."""
-    return [
-        {"role": message.role, "content": _content(message)} for message in messages
-    ]
-
-
-def _content(message: Message) -> str | list[dict[str, Any]]:
-    """Write a message's parts; a message without pictures is one text."""
-    parts: list[dict[str, Any]] = []
-    for part in message.parts:
-        if isinstance(part, Picture):
-            url = "data:image/png;base64," + base64.b64encode(part.png).decode()
-            parts.append({"type": "image_url", "image_url": {"url": url}})
-        else:
-            parts.append({"type": "text", "text": part.text})
-
-    if any(part["type"] != "text" for part in parts):
-        return parts
-
-    return "".join(part["text"] for part in parts)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import re
+import time
 from collections.abc import Callable
 from concurrent.futures import Future, wait
 from datetime import UTC, datetime
@@ -13,7 +14,9 @@ from typing import TypeVar
 from core.support.secrets import scrub
 from core.support.text import clean
 from core.support.threads import run_in_thread
-from plugins.vlms.litellm.transport import BadAnswer, Unanswered
+from plugins.vlms.litellm.manner import says_no
+from plugins.vlms.litellm.room import is_too_long
+from plugins.vlms.litellm.transport import LONGEST, BadAnswer, Life, Unanswered
 
 T = TypeVar("T")
 
@@ -31,13 +34,14 @@ class TimedOut(Exception):
     """A call exceeded its time limit."""
 
 
-def within(seconds: float, call: Callable[[], T]) -> T:
-    """Run ``call`` in a thread, and abandon the thread when it takes longer.
+def within(seconds: float, life: Life, call: Callable[[], T]) -> T:
+    """Run ``call`` in a thread, and abandon the thread when its server is silent for longer.
 
-    A client's own time-out restarts with each byte that a server sends; this one does not.
+    A client's own time-out restarts with each byte that a server sends; this one does not with blanks.
 
     Args:
-        seconds: for the whole call.
+        seconds: of silence.
+        life: when the server last gave a sign of life, and when the call has to end.
         call: made in another thread.
 
     Raises:
@@ -51,10 +55,17 @@ def within(seconds: float, call: Callable[[], T]) -> T:
             future.set_exception(error)
 
     run_in_thread(lambda: future.set_result(call()), ended, "call")
-    if not wait([future], seconds).done:
-        raise TimedOut(f"no answer within {seconds:g} s")
-
-    return future.result()
+    while True:
+        now = time.monotonic()
+        silent_until = life.at + seconds
+        if now >= life.end:
+            raise TimedOut(
+                f"the answer takes too long: {LONGEST} times vlm.timeout_s={seconds:g}"
+            )
+        if now >= silent_until:
+            raise TimedOut(f"no answer within {seconds:g} s")
+        if wait([future], min(silent_until, life.end) - now).done:
+            return future.result()
 
 
 def pause(error: Exception, tries: int) -> float | None:
@@ -66,6 +77,8 @@ def pause(error: Exception, tries: int) -> float | None:
     """
     status = _status(error)
     if not isinstance(error, TimedOut) and status not in (408, 429) and status < 500:
+        return None
+    if refuses(error) or is_too_long(find_words(error)):
         return None
     if "insufficient_quota" in str(error):
         return None
@@ -87,10 +100,30 @@ def unanswered(error: Exception) -> bool:
     if isinstance(error, BadAnswer):
         return isinstance(error, Unanswered)
 
+    if is_too_long(find_words(error)):
+        return True  # the server may have a larger context then
+
     status = _status(error)
     passing = status in (401, 402, 403, 404, 407, 408, 429)
     account = _ACCOUNT.search(str(error)) is not None
     return not 400 <= status < 500 or passing or account
+
+
+def refuses(error: Exception) -> bool:
+    """Say if a server refuses the request itself, whatever the status: another try would fail too."""
+    if isinstance(error, BadAnswer | TimedOut):
+        return False
+
+    status = _status(error)
+    if 400 <= status < 500:
+        return status not in (401, 402, 403, 404, 407, 408, 429)
+
+    return status >= 500 and says_no(find_words(error))
+
+
+def find_words(error: Exception) -> str:
+    """Return what an error says, as long as it is read."""
+    return " ".join(str(error).split())[:LONGEST_READ]
 
 
 def _status(error: Exception) -> int:
@@ -125,8 +158,7 @@ def _retry_after(error: Exception) -> float | None:
 
 def explain(error: Exception) -> str:
     """Say in one line what went wrong, without keys."""
-    line = " ".join(str(error).split())[:LONGEST_READ]
-    text = line.partition("Traceback (most recent call last)")[0]
+    text = find_words(error).partition("Traceback (most recent call last)")[0]
     text = text.replace("litellm.", "")
     if not isinstance(error, TimedOut | BadAnswer):
         name = f"{type(error).__name__}: "

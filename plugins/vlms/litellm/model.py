@@ -3,26 +3,34 @@
 from __future__ import annotations
 
 import logging
-import queue
 import threading
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
+from core.design import DesignError
+from core.designs.reading import list_designs
+from core.designs.replies import parse_reply
 from core.errors import LimitReached, UsageError, UserError, check_positive
 from core.hooks import hookimpl
 from core.interfaces import VLM, Estimate, Reply, Request, Spending
-from core.support.threads import run_in_thread
-from plugins.vlms.litellm.client import Client, estimate
-from plugins.vlms.litellm.failures import explain, pause, unanswered, within
+from plugins.vlms.calls import Arrivals, Calls
+from plugins.vlms.letters import split_news
+from plugins.vlms.litellm.client import Client
+from plugins.vlms.litellm.failures import pause, unanswered, within
+from plugins.vlms.litellm.hearing import Hearing
+from plugins.vlms.litellm.prices import estimate
+from plugins.vlms.litellm.settings import CallSettings
+from plugins.vlms.litellm.transport import LONGEST
 
 _log = logging.getLogger(__name__)
 
+KEPT_S = 240.0  # so long providers keep a prompt's beginning at least; Anthropic says 5 minutes
+
 _LIMITS = (
     "concurrency",
-    "timeout_s",
     "requests_per_minute",
-    "max_output_tokens",
     "max_cost_usd",
     "max_tokens_total",
 )
@@ -38,9 +46,13 @@ class LanguageModel(VLM):
         api_base: address of the server; None: the provider's own.
         concurrency: calls that may wait for an answer at the same time.
         requests_per_minute: calls that may begin in a minute, evenly spaced; None: no limit.
-        timeout_s: a call that takes longer is abandoned.
+        timeout_s: a call is abandoned when its server is silent for so long, or after ten times as long.
         retries: how often a call is repeated after a rate limit, a server error, a network error or a time-out.
         max_output_tokens: of an answer, thinking included; None: the provider's maximum.
+        thinking: how much the model thinks before it answers, ``none``, ``low``, ``medium`` or ``high``; None: as the
+            provider has it.
+        temperature: of all calls; None: each agent's own, as ``sampling`` says.
+        options: what LiteLLM passes on beside all this, by name; they are stored with the run.
         max_cost_usd: no further call is made once calls have cost this much; None: no limit.
         max_tokens_total: no further call is made once prompts and answers together have this many tokens; None: no
             limit.
@@ -59,6 +71,9 @@ class LanguageModel(VLM):
     timeout_s: float = 600.0
     retries: int = 4
     max_output_tokens: int | None = None
+    thinking: str | None = None
+    temperature: float | None = None
+    options: dict[str, Any] | None = None
     max_cost_usd: float | None = None
     max_tokens_total: int | None = None
 
@@ -74,9 +89,18 @@ class LanguageModel(VLM):
         if self.retries < 0:
             raise UsageError(f"vlm.retries must be at least 0, got {self.retries}")
 
-        self._client = Client(
-            self.model, self.api_base, self.timeout_s, self.max_output_tokens
+        settings = CallSettings(
+            timeout_s=self.timeout_s,
+            max_output_tokens=self.max_output_tokens,
+            thinking=self.thinking,
+            temperature=self.temperature,
+            options=self.options,
         )
+        self._client = Client(self.model, self.api_base, settings)
+        self.sees = self._client.sees
+        self._arrivals = Arrivals(self.model)
+        self._kept_at: float | None = None  # when an answer last began, monotonic
+        self._calls = Calls(self.model, self.concurrency, self._answer, self._failed)
         self._limits: list[Spending] = []
         self.share(Spending(self.max_cost_usd, self.max_tokens_total))
         self._pace = Pace(self.requests_per_minute)
@@ -92,7 +116,7 @@ class LanguageModel(VLM):
         Raises:
             UserError: a limit of cost, where LiteLLM knows no price.
         """
-        if limits.max_cost_usd is not None and not self._client.priced:
+        if limits.max_cost_usd is not None and self._client.prices is None:
             raise UserError(
                 f"vlm.max_cost_usd can't be applied: LiteLLM's price list has no price for {self.model}; "
                 "use vlm.max_tokens_total"
@@ -119,54 +143,26 @@ class LanguageModel(VLM):
             limits.add(tokens, cost_usd)
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
-        """See `VLM.complete`. When the caller closes the iterator, calls that have not begun are dropped.
+        """See `VLM.complete`, and `Calls.replies`.
 
-        When a limit is reached, calls that are under way are completed.
+        Where a provider keeps the beginning of prompts that it has seen, the first request goes ahead of the others.
         """
-        waiting: queue.SimpleQueue[Request] = queue.SimpleQueue()
-        for request in requests:
-            waiting.put(request)
+        leads = self._leads(requests)
+        for reply in self._calls.replies(requests, first=leads):
+            self._answered.add(reply.request_id)
+            yield reply
 
-        results: queue.SimpleQueue[Reply | Exception] = queue.SimpleQueue()
-        stop = threading.Event()
+    def _leads(self, requests: Sequence[Request]) -> bool:
+        """Say if the first request goes ahead, so that the provider keeps what the others share with it."""
+        prices = self._client.prices
+        if prices is None or not prices.caches or not requests:
+            return False
 
-        def work() -> None:
-            while not stop.is_set():
-                try:
-                    request = waiting.get_nowait()
-                except queue.Empty:
-                    return
-                try:
-                    results.put(self._answer(request, stop))
-                except LimitReached as limit:
-                    results.put(limit)
-                except Exception as error:
-                    results.put(self._failed(request, error))
-
-        def ended(error: Exception | None) -> None:
-            if error is not None:
-                results.put(error)
-
-        limits: list[LimitReached] = []
-        try:
-            for number in range(min(self.concurrency, len(requests))):
-                run_in_thread(work, ended, f"{self.model} {number}")
-            for _ in requests:
-                result = results.get()
-                if isinstance(result, LimitReached):
-                    limits.append(result)
-                elif isinstance(result, Exception):
-                    raise result
-                else:
-                    self._answered.add(result.request_id)
-                    yield result
-        finally:
-            stop.set()
-
-        if limits:
-            raise LimitReached(
-                f"{limits[0]}; {len(limits)} of {len(requests)} requests are left without a reply"
-            )
+        shared, _ = split_news(requests[0].messages)
+        is_kept = (
+            self._kept_at is not None and time.monotonic() < self._kept_at + KEPT_S
+        )
+        return bool(shared) and not is_kept
 
     def _answer(self, request: Request, stop: threading.Event) -> Reply:
         """Call the model until a call succeeds or the retries are used up.
@@ -179,29 +175,84 @@ class LanguageModel(VLM):
             LimitReached: a limit of cost or tokens is reached.
         """
         tries = 0
-        while True:
-            self._pace.wait(stop)
-            if stop.is_set():
-                return Reply(request.id, "", self.model, error="interrupted")
+        try:
+            while True:
+                self._pace.wait(stop)
+                if stop.is_set():
+                    return Reply(request.id, "", self.model, error="interrupted")
 
-            self._check_limits()
-            tries += 1
+                self._check_limits()
+                tries += 1
+                reply = self._try(request, tries, stop)
+                if reply is not None:
+                    return reply
+        finally:
+            self._arrivals.end(request.id)
 
-            try:
-                reply, finish = within(
-                    self.timeout_s, lambda: self._client.ask(request)
-                )
-            # any error of a server or of LiteLLM costs this reply only
-            except Exception as error:
-                wait_s = pause(error, tries)
-                if tries > self.retries or wait_s is None:
-                    after = f" (after {tries} tries)" if tries > 1 else ""
-                    return self._failed(request, error, after)
+    def _try(self, request: Request, tries: int, stop: threading.Event) -> Reply | None:
+        """Call the model once; None: it is to be called again, after a wait.
 
-                stop.wait(wait_s)
-            else:
-                self._spend(request, reply)
-                return self._explain_empty(reply, finish)
+        Args:
+            request: that is sent.
+            tries: calls so far, with this one.
+            stop: see `_answer`.
+        """
+        hearing = Hearing(
+            LONGEST * self.timeout_s, lambda count: self._hear(request, count)
+        )
+        try:
+            reply, finish = within(
+                self.timeout_s, hearing.life, lambda: self._client.ask(request, hearing)
+            )
+        # any error of a server or of LiteLLM costs this reply only
+        except Exception as error:
+            kept = self._keep(request, hearing, error)
+            if kept is not None:
+                return kept
+
+            wait_s = pause(error, tries)
+            if tries > self.retries or wait_s is None:
+                after = f" (after {tries} tries)" if tries > 1 else ""
+                return self._failed(request, error, after)
+
+            stop.wait(wait_s)
+            return None
+
+        self._spend(request, reply)
+        return self._explain_empty(reply, finish)
+
+    def _hear(self, request: Request, characters: int) -> None:
+        """Note that more of an answer has arrived."""
+        self._kept_at = time.monotonic()
+        self._calls.lead()
+        self._arrivals.hear(request.id, characters)
+
+    def _keep(
+        self, request: Request, hearing: Hearing, error: Exception
+    ) -> Reply | None:
+        """Return what came of an answer that broke off, if it is of use; what came of it counts towards the limits.
+
+        Args:
+            request: that was sent.
+            hearing: which heard the answer.
+            error: that ended it.
+        """
+        reply = self._client.salvage(request, hearing)
+        if reply is None:
+            return None
+
+        self._spend(request, reply)
+        if not _holds_designs(request, reply.text):
+            return None
+
+        _log.warning(
+            "%s: the reply to %s broke off after %s characters, which are kept: %s",
+            self.model,
+            request.id,
+            f"{len(reply.text):,}",
+            self._client.explain(request, error),
+        )
+        return reply
 
     def _check_limits(self) -> None:
         """Raise LimitReached if one is."""
@@ -216,7 +267,7 @@ class LanguageModel(VLM):
             request.id,
             "",
             self.model,
-            error=explain(error) + after,
+            error=self._client.explain(request, error) + after,
             unanswered=unanswered(error),
         )
 
@@ -241,6 +292,17 @@ class LanguageModel(VLM):
             error = f"the reply is empty (finish reason: {finish})"
 
         return replace(reply, error=error)
+
+
+def _holds_designs(request: Request, text: str) -> bool:
+    """Say if a text that may have broken off holds something to try; a critique needs no more than words."""
+    if request.critique:
+        return bool(text.strip())
+
+    try:
+        return bool(list_designs(parse_reply(text)))
+    except DesignError:
+        return False
 
 
 @dataclass(eq=False)

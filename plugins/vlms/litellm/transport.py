@@ -1,5 +1,8 @@
 """Send HTTP requests for LiteLLM: those of a call alone, to the server that the user named, and OpenAI's key to no
 other provider. No redirect is followed, and an answer is bounded while it arrives.
+
+LiteLLM reads an answer in the form that it asked for, as a stream or whole. A server may answer in the other form: then
+the answer is kept, and LiteLLM is called once more in the form of the answer, which it gets without another request.
 """
 
 from __future__ import annotations
@@ -9,15 +12,25 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import httpx
 
 from core.support.secrets import is_secret_name, remember
-from plugins.vlms.litellm.answers import unwrap
+from plugins.vlms.litellm.answers import (
+    is_stream,
+    unwrap,
+    unwrap_error,
+    unwrap_event,
+)
 
 MAX_BYTES = 2**25  # of an answer, unpacked
+_SNIFFED = 64  # bytes at an answer's beginning by which a stream is known
+_STREAMS = ("text/event-stream", "application/x-ndjson", "amazon.eventstream")
 LONGEST_ERROR = 10_000  # bytes
+LONGEST = 10  # times the longest silence, that a call may take though its server lives
 
 SHORTEST_KEY = 16  # of a provider; what is shorter may be a part of any header
 
@@ -25,19 +38,73 @@ OPENAI = ("openai", "text-completion-openai")
 """Providers that OPENAI_API_KEY is for, at any address."""
 
 
-class _Sender(threading.local):
-    """The call that a thread is making: ``provider`` is empty where it makes none.
+class Life:
+    """When a server last gave a sign of life, on the monotonic clock: bytes of an answer that are not all blank.
 
-    ``server`` is the address that the user named, None: the provider's own. ``answered``: an answer came that tells of
-    no error.
+    ``end``: a call that lasts longer is given up, even if the server lives.
     """
 
-    provider = ""
-    server: httpx.URL | None = None
-    answered = False
+    def __init__(self, longest_s: float) -> None:
+        self.at = time.monotonic()
+        self.end = self.at + longest_s
+
+    def show(self) -> None:
+        """Note a sign of life."""
+        self.at = time.monotonic()
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A whole answer; ``streamed``: it has the form of a stream."""
+
+    status: int
+    headers: list[tuple[str, str]]
+    content: bytes
+    streamed: bool
+
+    def respond(self, request: httpx.Request) -> httpx.Response:
+        """Make what LiteLLM's clients read."""
+        return httpx.Response(
+            self.status, headers=self.headers, content=self.content, request=request
+        )
+
+
+@dataclass(eq=False)
+class Call:
+    """A call that a thread is making.
+
+    Attributes:
+        provider: in LiteLLM's words.
+        server: the address that the user named; None: the provider's own.
+        streams: LiteLLM asks for a stream.
+        life: where signs of life are noted.
+        kept: an answer to be given without a request.
+        answered: an answer came that tells of no error.
+    """
+
+    provider: str
+    server: httpx.URL | None
+    streams: bool
+    life: Life
+    kept: Answer | None = None
+    answered: bool = False
+
+
+class _Sender(threading.local):
+    """The call that a thread is making; None: none."""
+
+    call: Call | None = None
 
 
 _sender = _Sender()
+
+
+class OtherForm(Exception):
+    """An answer came whole where a stream was asked for, or as a stream where it was not."""
+
+    def __init__(self, answer: Answer) -> None:
+        super().__init__("the answer has another form than the one asked for")
+        self.answer = answer
 
 
 class BadAnswer(Exception):
@@ -55,27 +122,37 @@ class Unreadable(Unanswered):
 
 
 @contextmanager
-def calling(provider: str, server: httpx.URL | None) -> Iterator[None]:
+def calling(call: Call) -> Iterator[None]:
     """Let the requests of a call pass while this thread makes it.
 
     Raises:
         BadAnswer: of an answer that is not read, whatever LiteLLM makes of it.
+        OtherForm: the answer has the form that was not asked for.
     """
-    _sender.provider = provider
-    _sender.server = server
-    _sender.answered = False
+    _sender.call = call
     try:
         yield
     except Exception as error:
-        cause: BaseException | None = error
-        while cause is not None and not isinstance(cause, BadAnswer):
-            cause = cause.__cause__ or cause.__context__
-        if cause is None and _sender.answered:
+        cause = _find_cause(error)
+        if cause is None and call.answered:
             why = f"{type(error).__name__}: {error}"
             cause = Unreadable(f"the answer can't be read: {why}")
         raise cause or error from None
     finally:
-        _sender.provider = ""
+        _sender.call = None
+
+
+def _find_cause(error: Exception) -> Exception | None:
+    """Find what this module raised behind an error of LiteLLM's; None: nothing."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, BadAnswer | OtherForm):
+            return cause
+
+        original = getattr(cause, "original_exception", None)
+        cause = original or cause.__cause__ or cause.__context__
+
+    return None
 
 
 def transport(**settings: Any) -> httpx.BaseTransport:
@@ -101,55 +178,145 @@ class _Transport(httpx.BaseTransport):
 
         Raises:
             BadAnswer: the answer is a redirect or too large; or the request would go where the user did not send it.
+            OtherForm: the answer has the form that was not asked for.
         """
-        _sender.answered = False
-        _check_server(request.url)
-        _keep_openai(request)
+        call = _sender.call
+        if call is None:
+            raise Unanswered(
+                f"LiteLLM asks {request.url.host} without a call; that is not sent"
+            )
+
+        call.answered = False
+        if call.kept is not None:
+            call.answered = call.kept.status < 400
+            return call.kept.respond(request)
+
+        _check_server(request.url, call)
+        _keep_openai(request, call)
 
         for name, value in request.headers.items():
             if is_secret_name(name):
                 remember(value)
 
-        seconds = request.extensions.get("timeout", {}).get("read")
-        deadline = None if seconds is None else time.monotonic() + seconds
         answer = self._client.send(request, stream=True)
+        parts = _read(answer, call.life, request)
         try:
-            content = _read(answer, deadline)
+            streamed, parts = _is_streamed(answer, parts)
+        except BaseException:
+            answer.close()
+            raise
+
+        headers = _keep_headers(answer)
+        if streamed and call.streams and answer.is_success:
+            call.answered = True
+            stream = _Stream(answer, parts)
+            return httpx.Response(
+                answer.status_code, headers=headers, stream=stream, request=request
+            )
+
+        try:
+            content = b"".join(parts)
         finally:
             answer.close()
 
-        status = answer.status_code
-        if status == httpx.codes.OK:
-            status, content = unwrap(content)
-
-        _sender.answered = status < 400
-        if answer.is_error:
-            content = content[:LONGEST_ERROR]  # LiteLLM searches errors for many words
-
-        hop = ("content-encoding", "content-length", "transfer-encoding")
-        headers = [
-            (name, value)
-            for name, value in answer.headers.multi_items()
-            if name not in hop
-        ]
-        return httpx.Response(status, headers=headers, content=content, request=request)
+        return _whole(call, answer, headers, content, streamed).respond(request)
 
 
-def _check_server(target: httpx.URL) -> None:
-    """Check that a request belongs to a call, and goes to the server that the user named.
+def _whole(
+    call: Call,
+    answer: httpx.Response,
+    headers: list[tuple[str, str]],
+    content: bytes,
+    streamed: bool,
+) -> Answer:
+    """Bring an answer that was read to its end into the form that LiteLLM reads.
+
+    Args:
+        call: that it answers.
+        answer: as the server sent it.
+        headers: of it, that are kept.
+        content: all of it, unpacked.
+        streamed: it has the form of a stream.
+
+    Raises:
+        OtherForm: it has the form that was not asked for.
+    """
+    status = answer.status_code
+    if status == httpx.codes.OK and not streamed:
+        status, content = unwrap(content)
+    elif status >= 400:
+        content = unwrap_error(content)
+
+    call.answered = status < 400
+    if status >= 400:
+        content = content[:LONGEST_ERROR]  # LiteLLM searches errors for many words
+
+    whole = Answer(status, headers, content, streamed)
+    if call.answered and streamed != call.streams:
+        raise OtherForm(whole)
+
+    return whole
+
+
+class _Stream(httpx.SyncByteStream):
+    """The bytes of an answer as they arrive, with each event in the form that LiteLLM reads."""
+
+    def __init__(self, answer: httpx.Response, parts: Iterator[bytes]) -> None:
+        self._answer = answer
+        self._parts = parts
+
+    def __iter__(self) -> Iterator[bytes]:
+        rest = b""
+        for part in self._parts:
+            *lines, rest = (rest + part).split(b"\n")
+            for line in lines:
+                yield unwrap_event(line) + b"\n"
+
+        if rest:
+            yield unwrap_event(rest)
+
+    def close(self) -> None:
+        self._answer.close()
+
+
+def _keep_headers(answer: httpx.Response) -> list[tuple[str, str]]:
+    """Return an answer's headers, without those of the way that it came."""
+    hop = ("content-encoding", "content-length", "transfer-encoding")
+    return [
+        (name, value) for name, value in answer.headers.multi_items() if name not in hop
+    ]
+
+
+def _is_streamed(
+    answer: httpx.Response, parts: Iterator[bytes]
+) -> tuple[bool, Iterator[bytes]]:
+    """Say if an answer has the form of a stream, by its type or its beginning; return all its parts too."""
+    kind = answer.headers.get("content-type", "")
+    if any(name in kind for name in _STREAMS):
+        return True, parts
+
+    beginning = b""
+    for part in parts:
+        beginning += part
+        if len(beginning.strip()) >= _SNIFFED:
+            break
+
+    return is_stream(beginning), chain([beginning], parts)
+
+
+def _check_server(target: httpx.URL, call: Call) -> None:
+    """Check that a request goes to the server that the user named.
 
     LiteLLM looks models up at addresses of its own, and some of its providers know no other address than their maker's.
 
     Raises:
         Unanswered: it does not.
     """
-    if not _sender.provider:
-        raise Unanswered(f"LiteLLM asks {target.host} without a call; that is not sent")
-    named = _sender.server
+    named = call.server
     if named is None or _origin(target) == _origin(named):
         return
     raise Unanswered(
-        f"LiteLLM would send requests of {_sender.provider} to {target.host}, not to {named.host}: they are not sent; "
+        f"LiteLLM would send requests of {call.provider} to {target.host}, not to {named.host}: they are not sent; "
         "for a server of your own write vlm.model=openai/NAME, for the provider's leave out vlm.api_base"
     )
 
@@ -159,14 +326,14 @@ def _origin(url: httpx.URL) -> tuple[str, int]:
     return url.host, url.port or ports.get(url.scheme, 0)
 
 
-def _keep_openai(request: httpx.Request) -> None:
+def _keep_openai(request: httpx.Request, call: Call) -> None:
     """Take what is OpenAI's out of requests to others, since LiteLLM puts it into all that lack something of their own.
 
     Raises:
         Unanswered: it is the key, or the request is another provider's and would go to OpenAI.
     """
     host = request.url.host
-    is_openai = _sender.provider in OPENAI
+    is_openai = call.provider in OPENAI
     if is_openai and f".{host}".endswith(".openai.com"):
         return
 
@@ -175,15 +342,16 @@ def _keep_openai(request: httpx.Request) -> None:
     # LiteLLM's default for servers of one's own
     if host == "api.openai.com" and not is_openai:
         raise Unanswered(
-            f"requests of {_sender.provider} would go to {host}; set vlm.api_base"
+            f"requests of {call.provider} would go to {host}; set vlm.api_base"
         )
 
     key = os.environ.get("OPENAI_API_KEY")
-    if is_openai or not key or key in _own_keys():
+    if is_openai or not key or key in _own_keys(call.provider):
         return
     if any(_holds(value, key) for value in request.headers.values()):
         raise Unanswered(
-            f"OPENAI_API_KEY would go to {host}; set {_prefix()}_API_KEY, the variable of {_sender.provider}"
+            f"OPENAI_API_KEY would go to {host}; set {_prefix(call.provider)}_API_KEY, "
+            f"the variable of {call.provider}"
         )
 
 
@@ -192,17 +360,17 @@ def _holds(value: str, key: str) -> bool:
     return key in value if len(key) >= SHORTEST_KEY else key in value.split()
 
 
-def _own_keys() -> list[str]:
+def _own_keys(provider: str) -> list[str]:
     """Return the keys in the provider's own variables; one may be equal to OpenAI's, such as ``EMPTY``."""
     return [
         value
         for name, value in os.environ.items()
-        if is_secret_name(name) and name.startswith(_prefix())
+        if is_secret_name(name) and name.startswith(_prefix(provider))
     ]
 
 
-def _prefix() -> str:
-    return _sender.provider.upper().replace("-", "_")
+def _prefix(provider: str) -> str:
+    return provider.upper().replace("-", "_")
 
 
 def _refuse_redirect(answer: httpx.Response) -> None:
@@ -227,25 +395,34 @@ def _refuse_redirect(answer: httpx.Response) -> None:
     )
 
 
-def _read(answer: httpx.Response, deadline: float | None) -> bytes:
-    """Read a whole answer within the limits of size and time.
+def _read(
+    answer: httpx.Response, life: Life, request: httpx.Request
+) -> Iterator[bytes]:
+    """Yield the parts of an answer as they arrive, within the limits of size and time.
 
     Args:
         answer: of which nothing is read yet.
-        deadline: on the monotonic clock; None: no limit.
+        life: where signs of life are noted; blanks are none.
+        request: whose time limit is the longest silence.
 
     Raises:
-        BadAnswer: it is too large.
+        BadAnswer: the answer is too large.
+        httpx.ReadTimeout: the server is silent for too long.
     """
-    content = bytearray()
+    silence_s = request.extensions.get("timeout", {}).get("read")
+    size = 0
     for part in answer.iter_bytes():
-        content += part
-        if len(content) > MAX_BYTES:
+        size += len(part)
+        if size > MAX_BYTES:
             raise BadAnswer(
                 f"the answer is larger than {MAX_BYTES >> 20} MiB; the rest is not read"
             )
 
-        if deadline is not None and time.monotonic() > deadline:
-            raise httpx.ReadTimeout("the answer takes too long", request=answer.request)
+        if part.strip():
+            life.show()
 
-    return bytes(content)
+        is_late = silence_s is not None and time.monotonic() > life.at + silence_s
+        if is_late or time.monotonic() > life.end:
+            raise httpx.ReadTimeout("the answer takes too long", request=request)
+
+        yield part

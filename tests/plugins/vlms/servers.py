@@ -21,6 +21,7 @@ from core.interfaces import Brief, Message, Picture, Request, Text
 LONGEST_BODY = 10_000_000
 PATHS = {
     ":generateContent": "google",
+    ":streamGenerateContent": "google",
     "/v1/messages": "anthropic",
     "/api/chat": "ollama",
     "/chat/completions": "openai",
@@ -197,7 +198,11 @@ def _read(handler: BaseHTTPRequestHandler) -> Call:
     assert length <= LONGEST_BODY
     body = json.loads(handler.rfile.read(length))
     headers = {name.lower(): value for name, value in handler.headers.items()}
-    protocol = next(name for end, name in PATHS.items() if handler.path.endswith(end))
+    protocol = next(
+        name
+        for end, name in PATHS.items()
+        if handler.path.partition("?")[0].endswith(end)
+    )
     messages = body.get("contents") or body["messages"]
     user = [message for message in messages if message["role"] == "user"]
     system = [message for message in messages if message["role"] == "system"]

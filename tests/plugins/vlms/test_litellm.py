@@ -19,8 +19,8 @@ from core.errors import UsageError, UserError
 from core.interfaces import Picture, Text
 from core.plugins import installed
 from plugins.vlms import LITELLM
-from plugins.vlms.litellm.client import estimate
 from plugins.vlms.litellm.model import LanguageModel
+from plugins.vlms.litellm.prices import estimate
 from tests.commands import python_m
 from tests.plugins.vlms.asking import (
     KEYS,
@@ -94,13 +94,15 @@ def test_the_request_arrives_in_the_protocols_form(protocol):
         assert 0.001 < reply.cost_usd < 0.01
 
 
-def test_unknown_price_is_not_zero_and_unknown_model_gets_no_schema():
+def test_unknown_price_is_not_zero_and_unknown_model_gets_the_schema_twice():
+    """As a setting, which its server may know, and in the text, which the model sees."""
     with serving(lambda call: Say()) as server:
         (reply,) = LanguageModel("openai/my-own", server.url + "/v1").complete(
             [request(0)]
         )
     assert reply.cost_usd is None
-    assert "response_format" not in server.calls[0].body
+    sent = server.calls[0].body["response_format"]
+    assert sent["json_schema"]["schema"] == SCHEMA
     assert json.dumps(SCHEMA, separators=(",", ":")) in "".join(server.calls[0].texts)
 
 
@@ -384,7 +386,7 @@ def test_a_thread_that_ends_is_not_waited_for(agents, monkeypatch):
     def fail(*_):
         raise UnicodeEncodeError("utf-8", "\udcff", 0, 1, "surrogates not allowed")
 
-    monkeypatch.setattr("plugins.vlms.litellm.model.explain", fail)
+    monkeypatch.setattr("plugins.vlms.litellm.client.explain", fail)
     model = LanguageModel(
         "ollama_chat/m", "http://127.0.0.1:9", concurrency=2, retries=0
     )

@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from core.errors import UsageError, UserError
-from plugins.vlms.litellm.client import load
+from plugins.vlms.litellm.loading import load
 from plugins.vlms.litellm.model import LanguageModel
 from plugins.vlms.litellm.transport import OPENAI
 from tests.plugins.vlms.asking import KEYS, ask

@@ -1,0 +1,94 @@
+"""Write messages in LiteLLM's form."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from core.interfaces import Message, Picture, Request, Text
+from plugins.vlms.letters import begins_news
+
+_MARK = {
+    "type": "ephemeral"
+}  # Anthropic's; LiteLLM passes it on to all that serve its models
+_UNSEEN = (
+    "(Here is a picture, `{name}`, that you are not shown: this model takes none.)\n\n"
+)
+
+
+def explain_schema(request: Request) -> tuple[Message, ...]:
+    """Return the messages of a request, with the schema as text at the end, if it has one."""
+    if request.critique:
+        return request.messages
+
+    schema = json.dumps(request.schema, ensure_ascii=False, separators=(",", ":"))
+    text = Text(f"JSON schema of the answer:\n```json\n{schema}\n```\n")
+    *before, last = request.messages
+    return (*before, replace(last, parts=(*last.parts, text)))
+
+
+def without_pictures(messages: Sequence[Message]) -> tuple[Message, ...]:
+    """Return messages with a line of text in the place of each picture."""
+    written = []
+    for message in messages:
+        parts = []
+        for part in message.parts:
+            is_picture = isinstance(part, Picture)
+            parts.append(Text(_UNSEEN.format(name=part.name)) if is_picture else part)
+
+        written.append(replace(message, parts=tuple(parts)))
+
+    return tuple(written)
+
+
+def render(messages: Sequence[Message], marks: bool = False) -> list[dict[str, Any]]:
+    """Write messages in LiteLLM's form: one text if there is no picture, otherwise parts; pictures are data URLs.
+
+    Args:
+        messages: of a request.
+        marks: mark the end of what all requests of a run share.
+    """
+    rendered: list[dict[str, Any]] = []
+    for message in messages:
+        parts = _write_parts(message)
+        if marks and mark_shared(message, parts):
+            marks = False  # of one request, the first message that has news
+        elif all(part["type"] == "text" for part in parts):
+            text = "".join(part["text"] for part in parts)
+            rendered.append({"role": message.role, "content": text})
+            continue
+
+        rendered.append({"role": message.role, "content": parts})
+
+    return rendered
+
+
+def mark_shared(message: Message, parts: list[dict[str, Any]]) -> bool:
+    """Mark the last part before a message's news; False: it has none, or begins with them.
+
+    Args:
+        message: of a request.
+        parts: the message's, in LiteLLM's form.
+    """
+    for index, part in enumerate(message.parts):
+        if begins_news(part) and index:
+            parts[index - 1]["cache_control"] = _MARK
+            return True
+
+    return False
+
+
+def _write_parts(message: Message) -> list[dict[str, Any]]:
+    """Write the parts of a message in LiteLLM's form."""
+    parts: list[dict[str, Any]] = []
+    for part in message.parts:
+        if isinstance(part, Picture):
+            url = "data:image/png;base64," + base64.b64encode(part.png).decode()
+            parts.append({"type": "image_url", "image_url": {"url": url}})
+        else:
+            parts.append({"type": "text", "text": part.text})
+
+    return parts

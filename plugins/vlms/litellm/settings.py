@@ -1,0 +1,95 @@
+"""What a user sets for each call of a model."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from core.errors import UsageError, check_positive, choices
+from core.support.secrets import holds_secret, is_secret_name
+
+THINKING = ("none", "low", "medium", "high")
+
+# What the program sets itself, by the setting that says it.
+_OWN = {
+    "model": "vlm.model",
+    "base_url": "vlm.api_base",
+    "api_base": "vlm.api_base",
+    "timeout": "vlm.timeout_s",
+    "max_retries": "vlm.retries",
+    "num_retries": "vlm.retries",
+    "max_tokens": "vlm.max_output_tokens",
+    "max_completion_tokens": "vlm.max_output_tokens",
+    "temperature": "vlm.temperature",
+    "reasoning_effort": "vlm.thinking",
+    "thinking": "vlm.thinking",
+    "seed": "seed",
+    "messages": "prompt",
+    "response_format": "budget",
+}
+# What would send requests elsewhere, or have answers that are none of designs.
+_REFUSED = {
+    *("callbacks", "functions", "logger_fn", "n", "organization", "stream", "tools"),
+    *("tool_choice", "stream_options", "drop_params"),
+}
+
+
+@dataclass(frozen=True)
+class CallSettings:
+    """What a user sets for each call; see `plugins.vlms.litellm.model.LanguageModel`.
+
+    Raises:
+        UsageError: a setting can't be used.
+    """
+
+    timeout_s: float
+    max_output_tokens: int | None = None
+    thinking: str | None = None
+    temperature: float | None = None
+    options: Mapping[str, Any] | None = None
+
+    def __post_init__(self) -> None:
+        check_positive("vlm.", timeout_s=self.timeout_s)
+        check_positive("vlm.", max_output_tokens=self.max_output_tokens)
+        if self.thinking not in (None, *THINKING):
+            raise choices("thinking", self.thinking, THINKING, "vlm.thinking")
+
+        temperature = self.temperature
+        if temperature is not None and not 0.0 <= temperature <= 2.0:
+            raise UsageError(f"vlm.temperature={temperature:g} must be between 0 and 2")
+
+    def check_options(self) -> None:
+        """Check ``vlm.options``: nothing of the program's own, nothing of LiteLLM's own, and no secrets.
+
+        Raises:
+            UsageError: one is.
+        """
+        owned = importlib.import_module("litellm.types.utils").is_litellm_owned_kwarg
+        for name in self.options or {}:
+            if name in _OWN:
+                raise UsageError(
+                    f"vlm.options.{name} is set by the program: change {_OWN[name]}"
+                )
+
+            if name in _REFUSED or owned(name):
+                raise UsageError(
+                    f"vlm.options.{name} is none that LiteLLM passes on to a model; leave it out"
+                )
+
+        for name, value in _walk(self.options or {}):
+            if is_secret_name(name) or holds_secret(json.dumps(value, default=str)):
+                raise UsageError(
+                    f"vlm.options: {name} looks like a secret, and options are stored with the run; keys come from the "
+                    "environment"
+                )
+
+
+def _walk(options: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Yield all names in options, at any depth, and their values."""
+    for name, value in options.items():
+        yield str(name), value
+        if isinstance(value, Mapping):
+            yield from _walk(value)
