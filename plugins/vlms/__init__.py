@@ -20,6 +20,7 @@ def vlms() -> Mapping[str, str]:
         **{name: f"plugins.vlms.litellm.model:{cls}" for name, cls in LITELLM.items()},
         "replay": "plugins.vlms.replay:PastReplies",
         "mailbox": "plugins.vlms.mailbox:Mailbox",
+        "command": "plugins.vlms.command:Command",
         "ensemble": "plugins.vlms.ensemble.model:Ensemble",
     }
 
