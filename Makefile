@@ -1,7 +1,7 @@
-# The four commands of a contributor. `make setup` comes first.
+# The commands of a contributor. `make setup` comes first.
 PYTHON = .venv/bin/python
 
-.PHONY: setup check test site
+.PHONY: setup check test site real-model
 
 setup:
 	python3.11 -m venv .venv
@@ -17,3 +17,7 @@ test:
 
 site:
 	NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build -q
+
+# Real servers with a real, small model. The first time takes half an hour: llama.cpp is built, and kept in a cache.
+real-model:
+	$(PYTHON) -m pytest -n 0 -s -m real tests/real_models

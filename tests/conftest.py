@@ -45,11 +45,12 @@ def lacks_pybullet(error: BaseException) -> bool:
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave out what is marked ``thorough``, unless ``-m`` names it."""
-    if "thorough" not in config.option.markexpr:
-        rare = [item for item in items if item.get_closest_marker("thorough")]
-        items[:] = [item for item in items if not item.get_closest_marker("thorough")]
-        config.hook.pytest_deselected(items=rare)
+    """Leave out what is marked ``thorough`` or ``real``, unless ``-m`` names it."""
+    for mark in ("thorough", "real"):
+        if mark not in config.option.markexpr:
+            rare = [item for item in items if item.get_closest_marker(mark)]
+            items[:] = [item for item in items if not item.get_closest_marker(mark)]
+            config.hook.pytest_deselected(items=rare)
 
 
 @pytest.hookimpl(optionalhook=True)
