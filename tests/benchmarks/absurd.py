@@ -262,6 +262,7 @@ class Watched(Simulator):
 
     def __init__(self, simulator: Simulator) -> None:
         self.simulator = simulator
+        self.supports = simulator.supports
         self.jobs: Sequence[Rollout] = ()
         self.outcomes: list[Outcome] = []
 

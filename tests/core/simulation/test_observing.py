@@ -11,7 +11,7 @@ import pytest
 from core.config.compose import load, part
 from core.designs.reading import load_designs, read_designs
 from core.goals import Away, JointAt, Placed, Turned, Untouched
-from core.interfaces import Outcome, Recording, RolloutSettings
+from core.interfaces import Ability, Outcome, Recording, RolloutSettings
 from core.plugins import installed
 from core.scene import Body, Box, Joint, Pose, Scene, State, table
 from core.store.columns import trial_row
@@ -289,6 +289,8 @@ class Drawer(BringCube):
 
 
 class Told(Faulty):
+    supports = frozenset(Ability)
+
     def __init__(self, opened, tilt):
         self.opened, self.tilt = opened, tilt
 
