@@ -13,7 +13,7 @@ import numpy as np
 from core.design import Candidate, Component, Tool
 from core.geometry import Box, Pose
 from core.goals import Away
-from core.interfaces import Outcome, RolloutSettings, Simulator, Task
+from core.interfaces import Ability, Outcome, RolloutSettings, Simulator, Task
 from core.scene import Body, Scene, State
 from tests import playing
 from tests.panda import PANDA
@@ -55,6 +55,8 @@ class Crowded(Slide):
 
 
 class Faulty(Simulator):
+    supports = frozenset({Ability.FORCES})
+
     def rollout(self, task, jobs):
         return [self.one(task, job) for job in jobs]
 

@@ -196,6 +196,7 @@ def test_each_kind_of_block_is_looked_at():
         for name, found in languages.items()
     }
     assert {name: found for name, found in rest.items() if found} == {
+        "agents.md": {"json": 3},
         "designs.md": {"json": 5},
         "paper.md": {"bibtex": 2, "yaml": 1},
         "from_photograph.md": {"yaml": 1},
@@ -209,6 +210,17 @@ def test_each_kind_of_block_is_looked_at():
         "strategy_tutorial.md": {"python": 2, "yaml": 1},
         "writing_a_scene.md": {"python": 5, "py": 5},  # the last are parts of a class
     }
+
+
+def test_configurations_of_agents_programs_start_this_command():
+    """Those with a command; the other names an address."""
+    (desk, editor, remote) = map(json.loads, blocks(ROOT / "docs/agents.md", "json"))
+    for servers in (desk["mcpServers"], editor["servers"]):
+        server = servers["vlmgineer"]
+        assert server["command"].endswith("vlmgineer")
+        assert server["args"][0] == "mcp"
+
+    assert remote["mcpServers"]["vlmgineer"]["url"].endswith("/mcp")
 
 
 @pytest.mark.thorough

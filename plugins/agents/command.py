@@ -184,7 +184,7 @@ def _start_server(
         from plugins.agents import server
     except ImportError as error:
         raise UserError(
-            f"vlmgineer mcp needs the package mcp: pip install 'vlmgineer[mcp]' ({error})"
+            f"vlmgineer mcp needs the package mcp: pip install 'mcp>=2.3,<3' ({error})"
         ) from error
 
     logging.getLogger("mcp").setLevel(logging.ERROR)  # a flood of nonsense is no news

@@ -202,7 +202,7 @@ def test_a_tool_that_breaks_a_rule_is_not_mounted(tmp_path):
         ),
         (
             {"designs": DESIGNS / "BringCube.json", "strategy": 7},
-            r"BringCube.json has \d strategies; there is no",
+            r"BringCube.json has \d designs; there is no",
         ),
         ({"words": ["sim=pybulet"]}, r"no sim 'pybulet' \(did you mean 'pybullet'\?\)"),
     ],

@@ -234,5 +234,5 @@ def test_what_it_lacks_names_the_engine_that_has_it(warped):
         (hung, job),
         (Bodies(), replace(job, forces=True)),
     ):
-        with pytest.raises(UserError, match=r"use sim=mujoco$"):
+        with pytest.raises(UserError, match=r"use sim=mujoco( or |$)"):
             warped.rollout(task, [wanted])

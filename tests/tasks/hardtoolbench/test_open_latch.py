@@ -59,7 +59,7 @@ def test_what_costs(case, most):
 
 
 def test_margins_of_the_glass_and_of_the_door():
-    glass, door = TASK.margins(
+    glass, turned, door = TASK.margins(
         START, ended(OPEN + 0.1, shift=np.array([0.005, 0.0, 0.0]))
     )
     assert (glass.name, glass.limit, round(glass.margin, 6)) == (
@@ -67,10 +67,11 @@ def test_margins_of_the_glass_and_of_the_door():
         0.01,
         0.5,
     )
+    assert (turned.name, turned.margin) == ("glass turned", 1.0)
     assert (door.name, door.limit, door.value) == (
         "door",
         OPEN,
         pytest.approx(OPEN + 0.1),
     )
     assert 0 < door.margin < 1
-    assert TASK.margins(START, ended(OPEN - 0.1))[1].margin < 0
+    assert TASK.margins(START, ended(OPEN - 0.1))[2].margin < 0

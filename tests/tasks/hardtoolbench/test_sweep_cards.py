@@ -58,8 +58,9 @@ def test_the_board_bears_a_touch_but_no_pressure_and_the_vase_not_even_a_touch()
 
 def test_margins_of_the_vase_and_of_the_board():
     margins = TASK.margins(START, *ended(CARDS, press=5.0, vase=0.005, gap=0.01))
-    vase, board, moved = (round(margin.margin, 6) for margin in margins)
+    vase, board, moved, turned = (round(margin.margin, 6) for margin in margins)
     assert (vase, board, moved) == (0.5, round(1 - 5.0 / PRESS_N, 6), 0.5)
+    assert turned == 1.0
     assert TASK.margins(START, *ended(CARDS, touched=["vase"]))[0].margin == -1
 
 
