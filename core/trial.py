@@ -20,6 +20,7 @@ from core.values.efforts import Effort, Held, holds
 from core.values.jobs import RolloutSettings
 from core.values.margins import Margin
 from core.values.observations import Observation
+from core.values.torques import TorqueShare, find_hardest
 
 TIE = 0.005
 """The default of ``evolution.tie``, see `ranked`."""
@@ -160,6 +161,8 @@ class Trial:
         outcome: what became of the goal's bodies, and of which; empty: not observed.
         observation: what was observed of the rollout; None: nothing.
         figures: what `Condition.examiner` measured, by name.
+        torques: the greatest share of its torque limit that each joint of the arm used, by name; empty: the engine does
+            not say.
     """
 
     where: Where
@@ -180,6 +183,7 @@ class Trial:
     outcome: str = ""
     observation: Observation | None = None
     figures: dict[str, float] = field(default_factory=dict)
+    torques: dict[str, float] = field(default_factory=dict)
 
     @property
     def task(self) -> str:
@@ -335,6 +339,13 @@ class Evaluation:
     def tasks(self) -> tuple[str, ...]:
         """The names of the tasks in which it was tried."""
         return tuple(dict.fromkeys(trial.task for trial in self.trials))
+
+    @property
+    def hardest(self) -> TorqueShare | None:
+        """The joint that used most of its torque in one of its trials; None: the engine does not say."""
+        found = [find_hardest(trial.torques) for trial in self.trials]
+        known = [share for share in found if share is not None]
+        return max(known, key=lambda share: share.share, default=None)
 
     @property
     def least_margin(self) -> Margin | None:

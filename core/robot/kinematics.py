@@ -271,6 +271,20 @@ class Arm:
         self.home: Array = np.array(robot.home)
         self.jump_rad = _JUMP_RAD if len(self.home) <= len(_EYE) else math.inf
 
+    def share_torques(self, torques: Array | None) -> dict[str, float]:
+        """Return what share of its limit each joint's torque is, of (J,) N m; without those that have no limit."""
+        if torques is None:
+            return {}
+
+        shares = {}
+        for name, torque, limit in zip(
+            self.robot.arm_joints, torques, self.effort_limits, strict=True
+        ):
+            if 0 < limit < math.inf:
+                shares[name] = round(float(torque / limit), 4)
+
+        return shares
+
     def forward(self, joints: Array) -> Pose:
         """Compute the pose of the tool mount in the world."""
         self._move(np.asarray(joints, dtype=np.float64))

@@ -13,6 +13,7 @@ from core.goals import goals_shares
 from core.interfaces import Task
 from core.plugins import describe_part
 from core.plugins.blame import PluginError
+from core.robot.kinematics import arm_of
 from core.scene import Scene, State, Trace
 from core.simulation.attempt import Attempt, Stage
 from core.simulation.observing import observe
@@ -152,6 +153,7 @@ def _make_trial(
         ),
         margins=margins_of(task, *world, reward),
         goals=goals_shares(task, *world),
+        torques=arm_of(task.robot).share_torques(outcome.torques),
     )
     if not 0.0 <= reward <= 1.0:
         reason = f"task {task.name}: the reward {reward} is not in [0, 1]"

@@ -118,6 +118,7 @@ class Player:
         self.done = 0
         self.error: str | None = None
         self._ahead = ahead
+        self._torques: Array | None = None
         self._notes: dict[int, Any] = {}  # by the number of steps that are done
 
     @property
@@ -137,7 +138,8 @@ class Player:
             now: a note of the world after `World.launch`.
         """
         self._notes[0] = first
-        self._keep(self.settling(), settled)
+        block = self.settling()
+        self._keep(block, settled, len(block))
         self.done = self.schedule.settle
         self._notes[self.done] = now
 
@@ -182,17 +184,32 @@ class Player:
             self.done = block.begin + count
             job = replace(self.schedule.job, trajectory=changed)
             self.schedule = Schedule(job, self.schedule.time_step)
-            return block.until(count) if count < len(block) else None
+            if count < len(block):
+                return block.until(count)
+
+            self.add_torques(passed)
+            return None
 
         self._keep(block, passed, len(block))
+        self.add_torques(passed)
         self.done = block.end
         return None
 
-    def _keep(self, block: Block, passed: Passed, count: int | None = None) -> None:
-        """Keep the notes of a block, or of so many of its steps."""
+    def add_torques(self, passed: Passed) -> None:
+        """Take the greatest torques of steps of the motion that did happen."""
+        if passed.torques is None:
+            return
+
+        known = self._torques
+        if known is None:
+            known = passed.torques
+        self._torques = np.maximum(known, passed.torques)
+
+    def _keep(self, block: Block, passed: Passed, count: int) -> None:
+        """Keep the notes of so many of a block's steps."""
         self.error = self.error or passed.error
         for mark, note in zip(block.marks, passed.notes, strict=True):
-            if count is None or mark <= count:
+            if mark <= count:
                 self._notes[block.begin + mark] = note
 
     def conclude(self, worlds: Worlds, number: int) -> Outcome:
@@ -226,6 +243,7 @@ class Player:
             schedule.measure_lag(reached),
             recording=recording,
             felt=guards.felt if guards else (),
+            torques=self._torques,
         )
 
     def _read_state(self, worlds: Worlds, number: int, done: int) -> State:
@@ -352,10 +370,12 @@ def play_together(worlds: Worlds, jobs: Sequence[Rollout]) -> list[Outcome]:
         for player, block, passed in zip(players, blocks, advanced, strict=True):
             shorter = player.take(block, passed)
             if shorter is not None:
-                redone.append(shorter)
+                redone.append((player, shorter))
 
         if redone:
             worlds.restore()
-            worlds.advance(redone)
+            again = worlds.advance([shorter for _, shorter in redone])
+            for (player, _), passed in zip(redone, again, strict=True):
+                player.add_torques(passed)
 
     return [player.conclude(worlds, number) for number, player in enumerate(players)]

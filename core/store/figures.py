@@ -64,6 +64,7 @@ def best_figures(result: Result) -> Best | None:
         candidate=best.candidate.id,
         margin=best.least_margin,
         reason=best.why_nothing,
+        torque=best.hardest,
     )
 
 

@@ -34,6 +34,7 @@ from core.trial import (
 )
 from core.values.efforts import Effort
 from core.values.margins import Margin
+from core.values.torques import TorqueShare
 
 MAX_BYTES = 100_000_000  # of a text
 LONGEST = 2_000_000  # characters of a column
@@ -97,7 +98,7 @@ class Best:
     """The best candidate of a run.
 
     ``distance_m`` is None where it is not known, as of plans that were joined; ``margin`` is the least; ``reason`` says
-    why it earns nothing.
+    why it earns nothing; ``torque`` is that of the joint that used most of its own.
     """
 
     reward: Reward
@@ -106,6 +107,7 @@ class Best:
     candidate: Id
     margin: Margin | None = None
     reason: str = ""
+    torque: TorqueShare | None = None
 
 
 @dataclass(frozen=True)

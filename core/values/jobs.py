@@ -82,6 +82,7 @@ class Ability(StrEnum):
     LAUNCHED_BODIES = "launched bodies"
     SOFT_BODIES = "soft bodies"
     FORCES = "forces of contacts"
+    TORQUES = "torques of motors"  # no job needs them: without, trials do not say them
 
 
 @dataclass(unsafe_hash=True)
@@ -219,7 +220,8 @@ class Outcome:
     """The result of a rollout: the states of its world after settling and at the end.
 
     ``tracking_error_rad`` is the largest lag of an arm joint behind its target. ``error`` says why the rollout failed;
-    then the states are None. ``felt``: how guards ended.
+    then the states are None. ``felt``: how guards ended. ``torques`` (J,): the greatest that the arm's motors applied in
+    a step of the motion, N m; None: the engine does not say.
     """
 
     start: State | None
@@ -229,6 +231,7 @@ class Outcome:
     recording: Recording | None = None
     warnings: tuple[str, ...] = ()
     felt: tuple[Felt, ...] = ()
+    torques: Array | None = None
 
 
 class Targets:
@@ -360,11 +363,13 @@ class Passed(NamedTuple):
     Attributes:
         notes: one for each of the block's marks, see `World.note`.
         readings: one for each of the block's readings.
+        torques: the greatest that each motor of the arm applied in a step (J,), N m; None: the engine does not say.
         error: why the world broke on the way; then the rest means nothing.
     """
 
     notes: Sequence[Any] = ()
     readings: Sequence[Reading] = ()
+    torques: Array | None = None
     error: str | None = None
 
 
@@ -372,16 +377,18 @@ class World(ABC):
     """An engine's world with a scene and the robot, which `core.simulation.playback` plays a job in.
 
     An engine says how its world steps, and how joints and bodies stand: `step`, `joints` and `state`. It says more if
-    it can do more (`launch`, `pushes`, `contact_forces`), or faster (`note` with `read`, `settle`, `advance`, and
-    `save` with `restore`). What it can't do it leaves out of `Simulator.supports`.
+    it can do more (`launch`, `pushes`, `contact_forces`, `note_torques`), or faster (`note` with `read`, `settle`,
+    `advance`, and `save` with `restore`). What it can't do it leaves out of `Simulator.supports`.
 
     Attributes:
         time_step: seconds.
         rewinds: whether it has `save` and `restore`. Then several readings of guards are played in one block.
+        tells_torques: whether it has `note_torques`.
     """
 
     time_step: float
     rewinds: bool = False
+    tells_torques: bool = False
 
     @abstractmethod
     def step(
@@ -416,12 +423,15 @@ class World(ABC):
         """Take the steps of a block, with notes at its marks, and readings."""
         notes = []
         readings = []
+        torques: list[Any] = []
         orders = block.orders
         done = 0
 
         for end in sorted({*block.marks, *block.readings, len(block)}):
             for order in orders[done:end]:
                 self.step(*order)
+                if self.tells_torques:
+                    torques.append(self.note_torques())
 
             done = end
             if end in block.marks:
@@ -429,7 +439,11 @@ class World(ABC):
             if end in block.readings:
                 readings.append(Reading(self.joints()[0], *self.pushes()))
 
-        return Passed(notes, readings)
+        greatest = None
+        if torques:
+            greatest = np.abs(self.read_torques(torques)).max(axis=0)
+
+        return Passed(notes, readings, greatest)
 
     def save(self) -> None:
         """Remember how the world is now."""
@@ -456,6 +470,18 @@ class World(ABC):
         It is asked for after a job with `Rollout.forces`.
         """
         raise NotImplementedError("this engine does not measure the forces of contacts")
+
+    def note_torques(self) -> Any:
+        """Take a snapshot of what the arm's motors applied in the last step; it is taken after each step.
+
+        They are whole torques: what bears the arm's own weight and turns the motors' inertia is in them. By default it
+        is the torques (J,), N m; what is faster to get is decoded by `read_torques`.
+        """
+        raise NotImplementedError("this engine does not say what motors apply")
+
+    def read_torques(self, notes: Sequence[Any]) -> Array:
+        """Decode snapshots of S steps: torques (S, J), N m."""
+        return np.array(notes)
 
     def pushes(self) -> tuple[Array, Array]:
         """Return what pushed the links beyond the arm's last joint in the last step; plans with guards need it.

@@ -25,6 +25,7 @@ from plugins.conformance import (
     listener,
     mechanisms,
     output,
+    playing,
     robot,
     robots,
     shapes,
@@ -51,7 +52,16 @@ def _checks(*modules: ModuleType) -> tuple[Check, ...]:
 
 SUITES = {
     "sim": _checks(
-        output, robot, free_bodies, shapes, joints, mechanisms, impacts, guards, softs
+        output,
+        playing,
+        robot,
+        free_bodies,
+        shapes,
+        joints,
+        mechanisms,
+        impacts,
+        guards,
+        softs,
     ),
     "task": _checks(task, idle),
     "robot": _checks(robots),

@@ -28,6 +28,7 @@ class FreshWorld(World):
     """
 
     impulses: Impulses | None = None
+    tells_torques = True
 
     @abstractmethod
     def snapshot(self) -> Any:

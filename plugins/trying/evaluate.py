@@ -83,6 +83,8 @@ def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
     }
     level = installed().factory("level", PromptSettings.told)()
 
+    hardest = evaluation.hardest
+
     return {
         "design": evaluation.candidate.design,
         "plan": evaluation.candidate.action,
@@ -91,6 +93,8 @@ def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
         "status": evaluation.status,
         "reason": evaluation.reason,
         **misses,
+        "torque_share": None if hardest is None else hardest.share,
+        "torque_joint": None if hardest is None else hardest.joint,
         "warnings": list(evaluation.warnings),
         **level.report(evaluation, task),
     }
@@ -141,7 +145,8 @@ def show(records: Sequence[Mapping[str, Any]]) -> None:
 
     That is why one was rejected or earned nothing, warnings, and the rewards in each engine where there are several.
     """
-    numbers = ("design", "plan", "reward", "distance m", "IK miss mm", "lag rad")
+    misses = ("IK miss mm", "lag rad", "torque %")
+    numbers = ("design", "plan", "reward", "distance m", *misses)
     print_table((*numbers, "status"), [_row(entry) for entry in records], numbers)
 
     for entry in records:
@@ -160,7 +165,7 @@ def show(records: Sequence[Mapping[str, Any]]) -> None:
 
 
 def _row(entry: Mapping[str, Any]) -> tuple[str, ...]:
-    """Make the row of an entry; the misses are in mm and rad."""
+    """Make the row of an entry; the misses are in mm and rad, the torque in % of the hardest joint's limit."""
     return (
         str(entry["design"]),
         str(entry["plan"]),
@@ -168,6 +173,7 @@ def _row(entry: Mapping[str, Any]) -> tuple[str, ...]:
         _format(entry["distance_m"], ".2f"),
         _format(entry["ik_error_m"], ".0f", 1000),
         _format(entry["tracking_error_rad"], ".3f"),
+        _format(entry["torque_share"], ".0f", 100),
         entry["status"],
     )
 

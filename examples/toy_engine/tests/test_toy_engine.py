@@ -15,6 +15,8 @@ CONTRACT = {
     "check_recordings",
     "check_arm_follows_its_trajectory",
     "check_states_are_those_of_frames",
+    "check_scene_of_the_job_is_played",
+    "check_fast_ways_are_what_steps_give",
 }
 CHECKS = [check for check in SUITES["sim"] if check.__name__ in CONTRACT]
 

@@ -218,6 +218,9 @@ def _remarks(result: Result, best: Evaluation) -> Iterator[str]:
     if least is not None and least.name != "reward":
         yield f"least margin of the best {number(least.margin, 2)}: {least}"
 
+    if best.hardest is not None:
+        yield f"most torque of the best: {best.hardest}"
+
     if result.held.layouts:
         yield f"the best {result.held.words()}"
 

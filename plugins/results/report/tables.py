@@ -291,7 +291,7 @@ def costs(results: Results) -> Rows:
 
 @_table(
     "task|method|seed:0|best reward:3|unseen layouts, mean:3|chance of failure below:3|perturbed:3"
-    "|least margin:2|distance (m):2|generation:0|candidate|rollouts:0|wall time (s):0|folder|recordings"
+    "|least margin:2|torque share:2|distance (m):2|generation:0|candidate|rollouts:0|wall time (s):0|folder|recordings"
 )
 def runs(results: Results) -> Rows:
     """All runs that are counted."""
@@ -308,6 +308,7 @@ def runs(results: Results) -> Rows:
                 getattr(run.figures.held, "fails_below", None),
                 getattr(run.figures.perturbed, "fails_below", None),
                 getattr(best.margin, "margin", None),
+                getattr(best.torque, "share", None),
                 best.distance_m,
                 best.generation,
                 best.candidate,

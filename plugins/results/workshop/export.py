@@ -84,6 +84,7 @@ class Export:
             "rewards_mounted": dict(self.mounted),
             "problems": {engine: list(replay.problems) for engine, replay in replays},
             "joints": self.limits,
+            "torques": {engine: dict(replay.torques) for engine, replay in replays},
             "nearest": [row._asdict() for row in self.nearest if row.metres < NEAR_M],
             "payload": self.payload,
         }

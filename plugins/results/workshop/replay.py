@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from core.design import Tool
 from core.errors import UserError
 from core.interfaces import Condition, Recording, Rollout
+from core.robot.kinematics import arm_of
 from core.scene import Scene, State
 from core.solids.contacts import Contacts, find_contacts, make_trace
 from core.solids.penetration import findings
 from core.support.text import number
 from core.task import reward_of
+from core.values.torques import TorqueShare, find_hardest
 from plugins.results.workshop.motion import Sampled
 
 RECORD_HZ = 100.0
@@ -33,12 +35,19 @@ class PlayedMotion:
         recording: of the rollout, with forces.
         contacts: what touched what.
         problems: what passed through something, in words.
+        torques: the greatest share of its torque limit that each joint used, by name; empty: the engine does not say.
     """
 
     reward: float
     recording: Recording
     contacts: Contacts
     problems: tuple[str, ...]
+    torques: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def hardest(self) -> TorqueShare | None:
+        """The joint that used most of its torque."""
+        return find_hardest(self.torques)
 
     @property
     def earned(self) -> str:
@@ -115,4 +124,11 @@ def play_motion(
     if problems:
         reward = 0.0
 
-    return PlayedMotion(reward, recording, contacts, problems)
+    torques = arm_of(task.robot).share_torques(outcome.torques)
+    return PlayedMotion(
+        reward,
+        recording,
+        contacts,
+        problems,
+        torques,
+    )

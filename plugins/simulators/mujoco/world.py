@@ -18,6 +18,7 @@ from plugins.simulators.mujoco.contacts import is_discrete
 from plugins.simulators.mujoco.engine import mujoco, rollout, warnings_caught
 from plugins.simulators.mujoco.forces import Feeler, Measured, Meter
 from plugins.simulators.mujoco.joints import Joints
+from plugins.simulators.mujoco.motors import Motors
 from plugins.simulators.mujoco.moving import Moving
 from plugins.simulators.mujoco.shapes import Element
 
@@ -78,10 +79,12 @@ class World(interfaces.World):
         self._data = mujoco.MjData(model)
         self._saved = mujoco.MjData(model)
         self._feeler = Feeler(model)
+        self._motors = Motors(model, self._joints.arm)
         self._tick = max(1, round(FEEL_S / self.time_step))
         # The discrete integrator takes a servo's force at the step's end, so servos get the target there. With the
         # other one the force is that at the step's beginning.
-        self._discrete = is_discrete(model.opt)
+        discrete = is_discrete(model.opt)
+        self._targeted = slice(1, None) if discrete else slice(None, -1)
 
         self._settled: _Settled | None = None
         self._held = np.empty(0)
@@ -182,14 +185,17 @@ class World(interfaces.World):
             mujoco.FatalError: MuJoCo refuses to go on.
             FloatingPointError: the world diverged.
         """
+        first = self._read_state()
         if not block.readings:
             states = self._run(block)
-            return Passed(self._take_notes(block, states))
+            torques = self._find_torques(block, first, states)
+            return Passed(self._take_notes(block, states), torques=torques)
 
         sensed = np.empty((len(block), self._model.nsensordata))
         with self._feeler.on():
             states = self._run(block, sensed)
 
+        torques = self._find_torques(block, first, states)
         qpos, _ = self._split(states)
         readings = []
         for end in block.readings:
@@ -197,7 +203,7 @@ class World(interfaces.World):
             pushes = self._feeler.pushes(sensed[end - self._tick : end])
             readings.append(Reading(arm[0], *pushes))
 
-        return Passed(self._take_notes(block, states), readings)
+        return Passed(self._take_notes(block, states), readings, torques)
 
     def save(self) -> None:
         mujoco.mj_copyData(self._saved, self._model, self._data)
@@ -219,6 +225,22 @@ class World(interfaces.World):
     ) -> tuple[Mapping[tuple[str, str], Array], Pushes | None]:
         assert self._meter is not None
         return self._meter.mean_forces(np.array([note.done for note in notes]))
+
+    def _find_torques(self, block: Block, first: Array, states: Array) -> Array | None:
+        """Find the greatest torque of each of the arm's motors in a block (J,); None: it has no steps.
+
+        Args:
+            block: that was played.
+            first: the state before it (X,).
+            states: those after each step (S, X).
+        """
+        if not len(block):
+            return None
+
+        qpos, qvel = self._split(np.concatenate([first[None], states]))
+        at = self._targeted
+        torques = self._motors.compute(qpos, qvel, block.arm[at], block.speeds)
+        return np.abs(torques).max(axis=0)
 
     def _take_notes(self, block: Block, states: Array) -> list[_Note]:
         """Make the notes of a block that has just been played, from the states after its steps (S, X)."""
@@ -328,7 +350,7 @@ class World(interfaces.World):
             instants: of the motion, of which the drives' targets are (S + 1,), seconds.
         """
         aims = self._moving.aim(instants)
-        at = slice(1, None) if self._discrete else slice(None, -1)
+        at = self._targeted
         driven = len(self._joints.driven)
         controls = np.empty((len(speeds), driven + len(self._moving.drives), 2))
         self._joints.command(

@@ -64,6 +64,7 @@ class ArticulatedArm:
         self._springs: list[tuple[int, ToolJoint]] = []  # once the motion begins
 
         arm = self._joints[: self._arm]
+        self._driven_arm = arm
         self._forces = [client.getJointInfo(self.number, joint)[10] for joint in arm]
         if self._fingers and robot.gripper is not None:
             self._forces += [robot.gripper.force_n] * self._fingers
@@ -175,6 +176,11 @@ class ArticulatedArm:
             self._client.setJointMotorControl2(
                 self.number, number, p.TORQUE_CONTROL, force=torque
             )
+
+    def note_torques(self) -> tuple[float, ...]:
+        """Read what the arm's motors applied in the last step, N m."""
+        states = p.getJointStates(self.number, self._driven_arm, self._client.number)
+        return tuple([state[3] for state in states])
 
     def snapshot(self) -> tuple[float, ...]:
         """Read the positions of the joints, the tool's behind the others.

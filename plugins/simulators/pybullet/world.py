@@ -142,6 +142,9 @@ class World(FreshWorld):
 
             self.client.resetBaseVelocity(number, linear.tolist(), body.spin)
 
+    def note_torques(self) -> tuple[float, ...]:
+        return self._arm.note_torques()
+
     def pushes(self) -> tuple[Array, Array]:
         return pushes(self.client, self._arm.number, self._arm.beyond)
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from core.design import Tool, ToolJoint
 from core.geometry import Array
@@ -36,6 +38,10 @@ _COUPLING = {"stiffness": 1e6, "damping": 1e3}
 _GRIP = 4
 _HELD = 1e6  # of the spring and the damper that hold a joint of the tool
 _STICKS = 1e3  # N m s/rad or N s/m, of dry friction up to its limit
+
+
+TorqueNote = tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]
+"""What joints pass on to their links (L, 6), and the joints' accelerations (N,)."""
 
 
 def surfaces_of(robot: Robot, tool: Tool) -> set[Surface]:
@@ -76,6 +82,10 @@ class ArticulatedArm:
         active = self._articulation.active_joints
         numbers = {joint.name: number for number, joint in enumerate(active)}
         self._numbers = [numbers[name] for name in robot.joints(tool.gripper)]
+        self._links = [
+            active[number].child_link.index for number in self._numbers[: self._arm]
+        ]
+        self._inertia = np.array(robot.motor_inertia)
         self._setters = [active[number].set_drive_target for number in self._numbers]
         self._orders = [math.nan] * len(self._numbers)
 
@@ -153,6 +163,22 @@ class ArticulatedArm:
             self._forces[number] = spring - joint.damping * speeds[number]
 
         self._articulation.qf = self._forces
+
+    def note_torques(self) -> TorqueNote:
+        """Take what each joint passes on to its link, and the joints' accelerations, in the last step."""
+        articulation = self._articulation
+        return articulation.link_incoming_joint_forces, articulation.qacc
+
+    def read_torques(self, notes: Sequence[TorqueNote]) -> Array:
+        """Compute what the arm's motors applied in S steps (S, J), N m.
+
+        Of what a joint passes on, the torque about its axis comes fourth. The motor turns its own inertia as well.
+        """
+        forces, accelerations = zip(*notes, strict=True)
+        passed = np.array(forces, dtype=np.float64)[:, self._links, 3]
+        turned = np.array(accelerations, dtype=np.float64)
+        torques: Array = passed + self._inertia * turned[:, self._numbers[: self._arm]]
+        return torques
 
     def joints(self) -> tuple[Array, Array]:
         """Read the joint positions: arm (J,) and fingers with the tool's joints (F + K,)."""

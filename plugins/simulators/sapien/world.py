@@ -18,7 +18,7 @@ from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.forces import Forces, pushes
 from plugins.simulators.sapien.joints import Joints
 from plugins.simulators.sapien.physx_bodies import UNKNOWN_PACK, Bodies, Weighed
-from plugins.simulators.sapien.robot import ArticulatedArm, surfaces_of
+from plugins.simulators.sapien.robot import ArticulatedArm, TorqueNote, surfaces_of
 from plugins.simulators.sapien.shapes import Setup
 from plugins.simulators.sapien.surfaces import Surfaces
 
@@ -101,6 +101,12 @@ class World(FreshWorld):
         self._bodies.end_step()
         if self.impulses:
             self.impulses.add_step()
+
+    def note_torques(self) -> TorqueNote:
+        return self._robot.note_torques()
+
+    def read_torques(self, notes: Sequence[TorqueNote]) -> Array:
+        return self._robot.read_torques(notes)
 
     def pushes(self) -> tuple[Array, Array]:
         return pushes(self._system, self._beyond)

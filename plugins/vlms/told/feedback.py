@@ -15,6 +15,7 @@ from core.interfaces import Brief, Contact, Evaluation, Observation, Task, Trial
 from core.support.text import by_reason, clean, number, short_numbers
 from core.trial import best_first, summarise_rewards
 from core.values.observations import Sight
+from core.values.torques import find_hardest
 from plugins.vlms.telling import last_generation, outcome_of
 from plugins.vlms.told.tables import phrase
 
@@ -334,12 +335,19 @@ def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
         "contacts": _touches(seen, sight),
         "missed": phrase("observed", "miss", seen),
         "lag": phrase("observed", "lag", seen),
+        "torque": _torque(trial),
     }
 
     if sight.numbers:
         described |= _places(seen)
 
     return {key: value for key, value in described.items() if value}
+
+
+def _torque(trial: Trial) -> str:
+    """Name the joint that came near its torque limit; empty: none did."""
+    hardest = find_hardest(trial.torques)
+    return str(hardest) if hardest is not None and hardest.is_high else ""
 
 
 def _margins(trial: Trial, seen: Observation, sight: Sight) -> list[str]:

@@ -71,6 +71,73 @@ def test_targets_are_those_at_the_end_of_a_step_with_the_speeds_that_lead_there(
     assert fingers[-1] == 0
 
 
+class Straining(Exact):
+    """Its motors apply as many newton metres as steps are done."""
+
+    tells_torques = True
+
+    def note_torques(self):
+        return np.full(7, -len(self.orders), dtype=float)
+
+
+def test_the_greatest_torques_are_those_of_the_steps_of_the_motion():
+    assert play(Straining(), job()).torques.tolist() == [80.0] * 7
+    assert play(Exact(), job()).torques is None
+
+
+class Rewinding(Straining):
+    """Goes back to how often it was stepped."""
+
+    rewinds = True
+
+    def save(self):
+        self.saved = list(self.orders)
+
+    def restore(self):
+        self.orders = self.saved
+
+    def pushes(self):
+        return np.zeros((0, 3)), np.zeros((0, 3))
+
+
+class Stops:
+    """A guard that ends the motion at its third reading."""
+
+    since = 0.095
+    felt = ()
+
+    def begin(self):
+        self.readings = []
+        return job().trajectory
+
+    def feel(self, time, arm, points, forces):
+        self.readings.append((time, arm[0]))
+        if len(self.readings) != 3:
+            return None
+
+        self.since = np.inf
+        arm = np.tile(arm, (2, 1))
+        return JointTrajectory(np.array([0.0, time]), arm, np.zeros(2))
+
+
+@pytest.mark.parametrize("world", [Straining, Rewinding])
+def test_what_was_played_ahead_of_a_guard_did_not_happen(world):
+    """Steps after the reading at which it ends are taken back, with their torques and notes."""
+
+    class Feeling(world):
+        pushes = Rewinding.pushes
+
+    made = Feeling()
+    guards = Stops()
+    outcome = play(made, job(guards=guards, record_hz=25))
+    assert [time for time, _ in guards.readings] == pytest.approx([0.1, 0.11, 0.12])
+    # 0.1 s of settling, 0.12 s of the motion, 0.2 s of holding.
+    assert len(made.orders) == 42
+    assert outcome.torques.tolist() == [42.0] * 7
+    assert outcome.recording.times[-1] == pytest.approx(0.32)
+    np.testing.assert_allclose(outcome.recording.arm[-1], guards.readings[-1][1])
+
+
 def test_the_largest_lag_is_reported():
     assert play(Exact(lag=0.03), job()).tracking_error_rad == pytest.approx(0.03)
 

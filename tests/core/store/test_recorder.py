@@ -191,6 +191,7 @@ def test_result_and_generations(opened):
             "candidate": "g0-a0-s0-p0",
             "margin": None,
             "reason": "",
+            "torque": None,
         },
         "unseen": None,
         "effort": None,

@@ -136,6 +136,13 @@ def test_the_least_margin_of_the_best(capsys):
     assert "least margin" not in summary(capsys, [0.6], trials=[{"margins": reward}])
 
 
+def test_the_joint_that_used_most_of_its_torque(capsys):
+    trials = [{"torques": {"elbow": 0.4}}, {"torques": {"elbow": 0.3, "wrist": 0.52}}]
+    said = summary(capsys, [0.5], trials=trials)
+    assert "most torque of the best: wrist used 52 % of its torque\n" in said
+    assert "most torque" not in summary(capsys, [0.5], trials=[{}])
+
+
 def test_each_goal_of_several_has_its_score(capsys):
     trials = [
         {"goals": (("door", door), ("can (goal 1)", 0.0))} for door in (0.25, 0.75)

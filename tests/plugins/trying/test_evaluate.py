@@ -91,6 +91,8 @@ def test_the_lag_is_shown_and_a_blocked_arm_is_named(evaluated):
     assert free["warnings"] == []
     assert "; lag 0." in pressed["observed"]
     assert "lag rad" in lines[0]
+    assert "torque %" in lines[0]
+    assert pressed["torque_joint"].startswith("panda_joint")
     assert lines[2].split() == [
         "0",
         "1",
@@ -103,7 +105,8 @@ def test_the_lag_is_shown_and_a_blocked_arm_is_named(evaluated):
 
 
 def lag(record):
-    return [f"{record['tracking_error_rad']:.3f}"]
+    torque = f"{100 * record['torque_share']:.0f}"
+    return [f"{record['tracking_error_rad']:.3f}", torque]
 
 
 @pytest.mark.slow
@@ -117,7 +120,9 @@ def test_a_terminal_is_shown_no_control_sequences(capsys):
     """A plugin's error may hold what a model wrote."""
     reason = "\x1b]0;owned\x07\x1b[2J[bold]no[/bold] \u202egnp\x00\nnext"
     figures = dict.fromkeys(("design", "plan", "reward"), 0)
-    unknown = dict.fromkeys(("distance_m", "ik_error_m", "tracking_error_rad"))
+    unknown = dict.fromkeys(
+        ("distance_m", "ik_error_m", "tracking_error_rad", "torque_share")
+    )
     show([figures | unknown | {"status": "failed", "reason": reason, "warnings": []}])
     shown = capsys.readouterr().out
     assert "[bold]no" in shown  # as it stands, not as markup

@@ -273,7 +273,7 @@ def test_what_a_model_named_is_no_markup(made):
     assert not re.findall(r"<(?:img|a|strong|table)\b", html)
     assert (html.count("<h1>"), html.count("alert(1)"), html.count("<code>")) == (
         1,
-        2,
+        3,
         8,
     )
     assert "\x1b" not in text

@@ -1,0 +1,79 @@
+"""Compute what the arm's motors apply, from what a world did."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from core.geometry import Array
+from plugins.simulators.mujoco.contacts import is_discrete
+from plugins.simulators.mujoco.engine import mujoco
+from plugins.simulators.mujoco.shapes import Element
+
+# Steps between two instants at which gravity's share is computed; it is linear in between.
+_EVERY = 20
+
+
+class Motors:
+    """The arm's servos, and what compensates gravity; both are the motors'.
+
+    MuJoCo's own number of a servo's force is that before the step. What acts is what its integrator makes of it: with
+    the discrete one the force at the step's end, else one that depends on the speed there.
+
+    Args:
+        model: of the world; the arm's joints are its first.
+        count: how many they are.
+    """
+
+    def __init__(self, model: Element, count: int) -> None:
+        self._model = model
+        self._count = count
+        self._data = mujoco.MjData(model)
+        joints = model.actuator_trnid[:count, 0]
+        self._positions = model.jnt_qposadr[joints]
+        self._speeds = model.jnt_dofadr[joints]
+        self._stiffness = -model.actuator_biasprm[:count, 1]
+        self._damping = -model.actuator_biasprm[:count, 2]
+        limited = model.jnt_actfrclimited[joints].astype(bool)
+        self._most = np.where(limited, model.jnt_actfrcrange[joints, 1], np.inf)
+        self._discrete = is_discrete(model.opt)
+
+    def compute(self, qpos: Array, qvel: Array, targets: Array, speeds: Array) -> Array:
+        """Compute the torques of S steps (S, J), N m.
+
+        Args:
+            qpos: positions before the first step, and after each (S + 1, Q).
+            qvel: speeds, as well (S + 1, V).
+            targets: that the servos got (S, J).
+            speeds: of the targets (S, J).
+        """
+        at = slice(1, None) if self._discrete else slice(None, -1)
+        reached = qpos[at][:, self._positions]
+        springs = self._stiffness * (targets - reached)
+        dampers = self._damping * (speeds - qvel[1:, self._speeds])
+        torques = springs + dampers + self._bear(qpos[1:])
+
+        clipped: Array = np.clip(torques, -self._most, self._most)
+        return clipped
+
+    def _bear(self, qpos: Array) -> Array:
+        """Compute what bears the weight of the arm and its tool (S, J), at positions (S, Q)."""
+        numbers = np.arange(len(qpos))
+        known = np.unique(np.append(numbers[::_EVERY], numbers[-1]))
+        found = np.array([self._compensate(qpos[number]) for number in known])
+        joints = [np.interp(numbers, known, joint) for joint in found.T]
+
+        return np.stack(joints, axis=-1)
+
+    def _compensate(self, qpos: Array) -> Array:
+        """Compute what compensates gravity (J,) at positions (Q,)."""
+        model = self._model
+        data = self._data
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        if model.nflex:
+            mujoco.mj_flex(model, data)
+
+        mujoco.mj_passive(model, data)
+        torques: Array = data.qfrc_gravcomp[self._speeds].copy()
+        return torques
