@@ -34,10 +34,12 @@ def without_pictures(messages: Sequence[Message]) -> tuple[Message, ...]:
     """Return messages with a line of text in the place of each picture."""
     written = []
     for message in messages:
-        parts = []
+        parts: list[Text | Picture] = []
         for part in message.parts:
-            is_picture = isinstance(part, Picture)
-            parts.append(Text(_UNSEEN.format(name=part.name)) if is_picture else part)
+            if isinstance(part, Picture):
+                parts.append(Text(_UNSEEN.format(name=part.name)))
+            else:
+                parts.append(part)
 
         written.append(replace(message, parts=tuple(parts)))
 
