@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -58,6 +57,111 @@ def running_sums(values: Array) -> Array:
     return np.append(0.0, np.cumsum(values))
 
 
+# Single rotations, in plain numbers. SciPy's `Rotation` is made for many at once, and takes ten times as long for one.
+# Every step rounds as SciPy's does, so that results are equal to the bit.
+
+Quaternion = tuple[float, float, float, float]  # w, x, y and z
+_LOCKED_RAD = 1e-7  # nearer to a pitch of 90 degrees roll and yaw are one
+
+
+def _normalise(w: float, x: float, y: float, z: float) -> Quaternion:
+    """Make a quaternion's length 1."""
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    return w / length, x / length, y / length, z / length
+
+
+def _multiply(first: Quaternion, second: Quaternion) -> Quaternion:
+    """Multiply two quaternions: the second turn comes first."""
+    w, x, y, z = first
+    v, a, b, c = second
+
+    return (
+        w * v - x * a - y * b - z * c,
+        w * a + v * x + (y * c - z * b),
+        w * b + v * y + (z * a - x * c),
+        w * c + v * z + (x * b - y * a),
+    )
+
+
+def _turn_by_rpy(roll: float, pitch: float, yaw: float) -> Array:
+    """Make a quaternion (4,) of fixed-axis roll, pitch and yaw, radians.
+
+    Raises:
+        ValueError: an angle is not finite.
+    """
+    if not math.isfinite(roll + pitch + yaw):
+        raise ValueError("expected finite numbers")
+
+    about_x = (math.cos(roll / 2), math.sin(roll / 2), 0.0, 0.0)
+    about_y = (math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0)
+    about_z = (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
+
+    return np.array(_multiply(about_z, _multiply(about_y, about_x)))
+
+
+def _rpy_of(w: float, x: float, y: float, z: float) -> Array:
+    """Find the fixed-axis roll, pitch and yaw (3,) of a unit quaternion, radians; see `Pose.rpy`.
+
+    The method is that of E. Bernardes and S. Viollet, "Quaternion to Euler angles conversion", PLoS ONE 17(11), 2022.
+    """
+    a = w - y
+    b = x + z
+    c = y + w
+    d = z - x
+
+    # `math.hypot` rounds otherwise than the C library's.
+    double_tilt = 2 * math.atan2(np.hypot(c, d), np.hypot(a, b))
+    half_sum = math.atan2(b, a)
+    half_difference = math.atan2(d, c)
+
+    if double_tilt <= _LOCKED_RAD:
+        roll = 2 * half_sum
+        yaw = 0.0
+    elif abs(double_tilt - math.pi) <= _LOCKED_RAD:
+        roll = -2 * half_difference
+        yaw = 0.0
+    else:
+        roll = half_sum - half_difference
+        yaw = half_sum + half_difference
+
+    angles = (roll, double_tilt - math.pi / 2, yaw)
+    return np.array([_wrap_once(angle) for angle in angles])
+
+
+def _wrap_once(angle: float) -> float:
+    """Bring an angle of less than a turn and a half to -pi to pi."""
+    if angle < -math.pi:
+        return angle + 2 * math.pi
+    if angle > math.pi:
+        return angle - 2 * math.pi
+    return angle
+
+
+def _turn_matrix(w: float, x: float, y: float, z: float) -> Array:
+    """Make the matrix (3, 3) of a unit quaternion; it is read-only."""
+    xx = x * x
+    yy = y * y
+    zz = z * z
+    ww = w * w
+
+    xy = x * y
+    xz = x * z
+    yz = y * z
+    xw = x * w
+    yw = y * w
+    zw = z * w
+
+    matrix = np.array(
+        [
+            [xx - yy - zz + ww, 2 * (xy - zw), 2 * (xz + yw)],
+            [2 * (xy + zw), -xx + yy - zz + ww, 2 * (yz - xw)],
+            [2 * (xz - yw), 2 * (yz + xw), -xx - yy + zz + ww],
+        ]
+    )
+    matrix.setflags(write=False)
+    return matrix
+
+
 @dataclass(frozen=True, eq=False)
 class Pose:
     """Where one frame is in another. Poses are compared and hashed by their numbers.
@@ -77,7 +181,7 @@ class Pose:
 
     def __post_init__(self) -> None:
         quaternion = np.array(self.quaternion, dtype=np.float64)
-        length = np.linalg.norm(quaternion)
+        length = math.sqrt(np.vdot(quaternion, quaternion))
         if length < 1e-9:
             raise ValueError("a quaternion of length zero is no orientation")
 
@@ -92,9 +196,8 @@ class Pose:
             xyz: the position, metres.
             rpy: fixed-axis roll, pitch, yaw, radians.
         """
-        from scipy.spatial.transform import Rotation
-
-        return cls.from_rotation(xyz, Rotation.from_euler("xyz", np.asarray(rpy)))
+        roll, pitch, yaw = map(float, rpy)
+        return cls(np.asarray(xyz), _turn_by_rpy(roll, pitch, yaw))
 
     @classmethod
     def from_rotation(cls, position: Vector, rotation: Rotation) -> Pose:
@@ -115,41 +218,49 @@ class Pose:
 
         return Rotation.from_quat(self.quaternion, scalar_first=True)
 
+    @cached_property
+    def _unit(self) -> Quaternion:
+        """The orientation (w, x, y, z), as `rotation` has it."""
+        return _normalise(*self.quaternion.tolist())
+
+    @cached_property
+    def rotation_matrix(self) -> Array:
+        """The orientation as a matrix (3, 3), read-only."""
+        return _turn_matrix(*self._unit)
+
     def __getstate__(self) -> dict[str, Array]:
-        # Not the cached rotation.
+        # Not what is cached.
         return {"position": self.position, "quaternion": self.quaternion}
 
     @property
     def rpy(self) -> Array:
         """Fixed-axis roll, pitch, yaw (3,). At a pitch of 90 degrees they are not unique; there yaw is 0."""
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Gimbal lock")
-            return self.rotation.as_euler("xyz")
+        return _rpy_of(*self._unit)
 
     @property
     def matrix(self) -> Array:
         """The homogeneous (4, 4) matrix."""
         matrix = np.eye(4)
-        matrix[:3, :3] = self.rotation.as_matrix()
+        matrix[:3, :3] = self.rotation_matrix
         matrix[:3, 3] = self.position
 
         return matrix
 
     def __matmul__(self, other: Pose) -> Pose:
         """Compose poses: ``a @ b`` is the pose of b's frame where a is given, if b is given in a's frame."""
-        return Pose.from_rotation(
-            self.apply(other.position), self.rotation * other.rotation
-        )
+        turned = _normalise(*_multiply(self._unit, other._unit))
+        return Pose(self.apply(other.position), np.array(turned))
 
     def inverse(self) -> Pose:
         """The pose of the frame that this one is given in, in this frame."""
-        back = self.rotation.inv()
-        return Pose.from_rotation(-(back.as_matrix() @ self.position), back)
+        w, x, y, z = self._unit
+        back = (w, -x, -y, -z)
+        return Pose(-(_turn_matrix(*back) @ self.position), np.array(back))
 
     def apply(self, points: npt.ArrayLike) -> Array:
         """Transform points (..., 3) from this pose's frame to the frame that the pose is given in."""
         points = np.asarray(points, dtype=np.float64)
-        return points @ self.rotation.as_matrix().T + self.position
+        return points @ self.rotation_matrix.T + self.position
 
     def __eq__(self, other: object) -> bool:
         return (

@@ -109,7 +109,7 @@ def tool_parts(tool: Tool) -> Iterator[tuple[RobotLink, RobotJoint]]:
 def weigh(shape: Shape | Compound, mass: float, pose: Pose) -> Weight:
     """Compute the inertia of a solid at a pose, in the axes of the frame that the pose is given in."""
     center, tensor = mass_properties(shape, mass)
-    turn = pose.rotation.as_matrix()
+    turn = pose.rotation_matrix
 
     return mass, pose.apply(center), turn @ tensor @ turn.T
 

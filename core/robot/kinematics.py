@@ -156,7 +156,7 @@ def link_frames(
 
     return {
         name: place(
-            rotations[joint], positions[joint], pose.rotation.as_matrix(), pose.position
+            rotations[joint], positions[joint], pose.rotation_matrix, pose.position
         )
         for name, (joint, pose) in model.links.items()
     }
@@ -314,7 +314,7 @@ class Arm:
     def inverse(self, pose: Pose, seed: Array) -> Solution:
         """Find joints near ``seed`` that bring the end-effector closest to ``pose``, within the limits (`follow`)."""
         joints, errors = self.follow(
-            pose.position[None], pose.rotation.as_matrix()[None], seed
+            pose.position[None], pose.rotation_matrix[None], seed
         )
         return Solution(joints[0], float(errors[0, 0]), float(errors[0, 1]))
 

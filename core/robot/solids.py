@@ -57,12 +57,12 @@ class Solid:
 
     @property
     def transform(self) -> Any:
-        return coal.Transform3s(self.pose.rotation.as_matrix(), self.pose.position)
+        return coal.Transform3s(self.pose.rotation_matrix, self.pose.position)
 
     def bounds(self) -> tuple[Array, Array]:
         """Compute the centre (3,) and half lengths (3,) of the bounding box along the frame's axes."""
         middle, half = bounding_box(self.geometry)
-        return self.pose.apply(middle), np.abs(self.pose.rotation.as_matrix()) @ half
+        return self.pose.apply(middle), np.abs(self.pose.rotation_matrix) @ half
 
 
 def _hull(mesh: trimesh.Trimesh) -> Any:

@@ -49,7 +49,7 @@ class Solids:
         self.owners = np.array([solid.owner for solid in solids], dtype=str)
         self.frames = np.array([solid.frame for solid in solids], dtype=int)
         self.moving = np.flatnonzero(self.frames != WORLD)
-        rotations = [solid.pose.rotation.as_matrix() for solid in solids]
+        rotations = [solid.pose.rotation_matrix for solid in solids]
         self.rotations = np.reshape(rotations, (-1, 3, 3))
         self.positions = np.reshape([solid.pose.position for solid in solids], (-1, 3))
 

@@ -99,7 +99,7 @@ class SolidPairs:
         self._geometry = pin.GeometryModel()
 
         for number, solid in enumerate(solids):
-            place = pin.SE3(solid.pose.rotation.as_matrix(), solid.pose.position)
+            place = pin.SE3(solid.pose.rotation_matrix, solid.pose.position)
             self._geometry.addGeometryObject(
                 pin.GeometryObject(str(number), solid.frame, place, solid.geometry)
             )

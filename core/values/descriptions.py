@@ -109,7 +109,7 @@ class Inertial:
         pose = Origin(self.center, self.rpy).pose
         if link is not None:
             pose = link @ pose
-        axes = pose.rotation.as_matrix()
+        axes = pose.rotation_matrix
         return self.mass, pose.position, axes @ self.tensor @ axes.T
 
 

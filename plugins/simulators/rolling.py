@@ -13,7 +13,7 @@ def rollers(body: Body) -> tuple[Capsule | Cylinder, ...]:
 
     found: list[Capsule | Cylinder] = []
     for part in body.collisions:
-        turn = (body.pose @ part.pose).rotation.as_matrix()
+        turn = (body.pose @ part.pose).rotation_matrix
         lies = abs(turn[2, 2]) < 0.5
         shape = part.shape
         if not isinstance(shape, Capsule | Cylinder):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Sphere, mass_properties
 from tests.shapes import bowl, prism
@@ -55,6 +56,36 @@ def test_there_and_back_by_roll_pitch_yaw(xyz, rpy):
     pose = Pose.xyz_rpy(xyz, rpy)
     difference = np.subtract(pose.rpy, rpy)
     np.testing.assert_allclose(np.angle(np.exp(1j * difference)), 0, atol=1e-9)
+
+
+ANGLES = (0.0, -0.0, 1e-9, np.pi / 2, -np.pi / 2, np.pi, 1.5708, 3.1416)
+
+
+def draw_pose(rng):
+    """Draw a pose, and SciPy's rotation of it; every third angle is a special one."""
+    special = rng.choice(ANGLES, 3)
+    rpy = np.where(rng.random(3) < 1 / 3, special, rng.normal(0, 2, 3))
+    pose = Pose.xyz_rpy(rng.normal(size=3), rpy)
+    known = Rotation.from_euler("xyz", rpy).as_quat(scalar_first=True)
+    assert (pose.quaternion == known / np.linalg.norm(known)).all()
+
+    return pose, Rotation.from_quat(pose.quaternion, scalar_first=True)
+
+
+@pytest.mark.filterwarnings("ignore:Gimbal lock")
+def test_poses_turn_as_scipys_rotations_do_to_the_last_bit():
+    rng = np.random.default_rng(0)
+
+    for _ in range(300):
+        pose, rotation = draw_pose(rng)
+        other, others_rotation = draw_pose(rng)
+        both = (rotation * others_rotation).as_quat(scalar_first=True)
+        back = rotation.inv().as_quat(scalar_first=True)
+
+        assert (pose.rotation_matrix == rotation.as_matrix()).all()
+        assert (pose.rpy == rotation.as_euler("xyz")).all()
+        assert ((pose @ other).quaternion == both / np.linalg.norm(both)).all()
+        assert (pose.inverse().quaternion == back / np.linalg.norm(back)).all()
 
 
 def test_quaternions_are_scalar_first_and_of_length_one():

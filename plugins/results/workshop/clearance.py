@@ -170,7 +170,7 @@ def payload(robot: Robot, tool: Tool) -> dict[str, Any]:
     for component in tool.components:
         mount, pose = placed[component.name]
         in_link = robot.mount @ mounts[mount] @ pose
-        turn = in_link.rotation.as_matrix()
+        turn = in_link.rotation_matrix
         center, inertia = mass_properties(component.shape, component.mass)
         turned = turn @ inertia @ turn.T
         parts.append((component.mass, in_link.apply(center), turned))

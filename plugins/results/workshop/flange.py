@@ -301,7 +301,7 @@ def _find_weak(link: ToolLink, cut: Sequence[Placed]) -> str | None:
         bounds = np.array(lost.bounding_box())
         middle = (bounds[:3] + bounds[3:]) / 2
 
-        for axis in pose.rotation.as_matrix().T:
+        for axis in pose.rotation_matrix.T:
             area = _section(component, middle, axis)
             if area > 0 and 1 - _section(lost, middle, axis) / area < LEFT:
                 return name

@@ -116,7 +116,7 @@ class Beams:
         """
         start = self.joints[name]
         shape = self._shapes[name]
-        along = np.abs((stop - start) @ self._poses[name].rotation.as_matrix())
+        along = np.abs((stop - start) @ self._poses[name].rotation_matrix)
 
         size = shape.bounds[1]
         thin, wide = sorted(np.delete(size, along.argmax()))

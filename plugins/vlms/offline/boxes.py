@@ -47,7 +47,7 @@ class Boxes:
 
         for pose, size in placed:
             centers.append(pose.position)
-            axes.append(pose.rotation.as_matrix())
+            axes.append(pose.rotation_matrix)
             halves.append(np.asarray(size) / 2)
 
         return cls(

@@ -140,7 +140,7 @@ class _Rays:
         Returns:
             Depths along the rays, (U, V, N) each; inf and -inf where a ray misses a box.
         """
-        back = self.turn.rotation.as_matrix().T
+        back = self.turn.rotation_matrix.T
         axes = np.einsum("ij,njk->nik", back, boxes.axes)
 
         centers = boxes.centers @ back.T

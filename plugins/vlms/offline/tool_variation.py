@@ -185,7 +185,7 @@ def _resize(
 
     # The end that meets the parent stays where it is.
     pose = component.pose
-    way = pose.rotation.as_matrix()[:, axis]
+    way = pose.rotation_matrix[:, axis]
     toward = np.sign(pose.position @ way) or 1.0
     shift = toward * (way * (sides[axis] - before[axis]) / 2)
     moved = Pose(pose.position + shift, pose.quaternion)

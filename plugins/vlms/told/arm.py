@@ -156,7 +156,7 @@ def _describe_links(robot: Robot, gripper: bool, home: Pose) -> str:
 
 def _describe_finger(finger: Finger) -> str:
     """Describe a finger for templates."""
-    axes = finger.pose.rotation.as_matrix().T.tolist()
+    axes = finger.pose.rotation_matrix.T.tolist()
     depth = -finger.place(finger.tip)[2]
     return phrase("arm", "finger", finger, axes, depth, short_numbers)
 
