@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from core.design import Tool
-from core.geometry import Array, Pose
+from core.geometry import Array, Pose, step_lengths
 from core.interfaces import Anchor, Brief, Waypoints
 from core.robot.kinematics import Arm, arm_of
 from core.robot.trajectory import plan_motion
@@ -28,6 +28,7 @@ BREAKS_RULES = 1000.0
 """The fault of a design that is refused."""
 
 _MISS_M = 0.005  # error of inverse kinematics that is not a fault
+_PER_METRE = 100.0  # faults for a metre of missed reach
 _HOPELESS_M = 0.1  # of an error; the waypoints after it are not looked at
 _STEP_M = 0.04  # between collision checks
 _CONTACT_M = 0.001  # a smaller overlap is only a contact
@@ -79,6 +80,7 @@ class FaultCounter:
         tool: Tool,
         plan: SampledPlan,
         subgoals: Sequence[Subgoal],
+        enough: float = np.inf,
     ) -> float:
         """Count the faults of a plan; 0: it has none.
 
@@ -88,9 +90,13 @@ class FaultCounter:
             tool: what carries the plan out.
             plan: in the first layout.
             subgoals: what it is for; their bodies and containers may be touched where the plan says so.
+            enough: above 0. Counting ends where the plan has as many; then the result is at least this.
         """
         moved = _names_moved(subgoals)
-        fault = self._count_in(self._layouts[0], tool, plan, plan.rows, moved)
+        here = self._layouts[0]
+        fault = self._count_in(
+            here, tool, plan, plan.rows, moved, enough - self.several
+        )
         if fault > 0.0:
             return fault + self.several
 
@@ -109,6 +115,7 @@ class FaultCounter:
         plan: SampledPlan,
         rows: Array,
         moved: set[str],
+        enough: float = np.inf,
     ) -> float:
         """Count faults in one layout.
 
@@ -118,18 +125,24 @@ class FaultCounter:
             plan: as it was sampled.
             rows: its waypoints in this layout.
             moved: the names of bodies that the head may touch where the plan says so.
+            enough: where counting ends.
         """
         boxes = tool_boxes(tool)
         if tool.gripper:
             boxes = Boxes.concatenate([boxes, HAND])
 
+        # The cheapest first: inverse kinematics takes longer.
         hits = _count_collisions(layout, boxes, rows, plan.touching, moved)
+        if hits > 0 and hits >= enough:
+            return hits
 
         robot = self._brief.task.robot
         arm = arm_of(robot)
-        miss = reach_error(rows, arm)
+        hopeless = max(_MISS_M, (enough - hits) / _PER_METRE)
+        miss = reach_error(rows, arm, hopeless)
         if miss > _MISS_M:
-            return hits + 100.0 * miss
+            fault = hits + _PER_METRE * miss
+            return max(fault, enough) if miss > hopeless else fault
 
         home = self._layouts[0].analysis.model.home
         motion = plan_motion(Waypoints(rows), home, arm)
@@ -149,20 +162,22 @@ def _names_moved(subgoals: Sequence[Subgoal]) -> set[str]:
     return names
 
 
-def reach_error(rows: Array, arm: Arm) -> float:
+def reach_error(rows: Array, arm: Arm, hopeless: float = np.inf) -> float:
     """Compute the worst error of inverse kinematics over the waypoints, in metres plus 0.2 times radians.
 
     Args:
         rows: waypoints, (N, 6) or (N, 7).
         arm: which goes from one to the next from its home.
+        hopeless: the waypoints after a larger error than this are not looked at.
     """
+    hopeless = min(hopeless, _HOPELESS_M)
     joints = arm.home
     worst = 0.0
     for row in rows:
         solution = arm.inverse(Pose.xyz_rpy(row[:3], row[3:6]), joints)
         joints = solution.joints
         worst = max(worst, solution.error_m + 0.2 * solution.error_rad)
-        if worst > _HOPELESS_M:
+        if worst > hopeless:
             break
 
     return worst
@@ -194,19 +209,33 @@ def _count_collisions(
 
     start = np.concatenate([model.home.position, model.home.rpy])
     way = np.vstack([start, rows[:, :6]])
+    positions, rotations, numbers = _sample_way(way)
+    boxes = tool.moved_to(positions, rotations)
+    count = count_overlaps(boxes, other_boxes, margin=-_CONTACT_M)
+
+    forbidden = ~np.array(touching, dtype=bool)[numbers]
+    apart = tool.moved_to(positions[forbidden], rotations[forbidden])
+    return count + count_overlaps(apart, body_boxes, margin=-_CONTACT_M)
+
+
+def _sample_way(way: Array) -> tuple[Array, Array, Array]:
+    """Sample the straight ways between poses at both ends, and at least every `_STEP_M`.
+
+    Args:
+        way: N + 1 poses as x, y, z, roll, pitch and yaw.
+
+    Returns:
+        Positions (K, 3), rotations (K, 3, 3), and the number of the way that each is on (K,).
+    """
+    steps = np.diff(way[:, :3], axis=0)
+    counts = np.maximum(2, np.ceil(step_lengths(way[:, :3]) / _STEP_M).astype(int) + 1)
+    numbers = np.repeat(np.arange(len(steps)), counts)
+    shares = np.concatenate([np.linspace(0.0, 1.0, count) for count in counts])
+    share = shares[:, None]
+    positions = way[numbers, :3] + share * steps[numbers]
+
     turns = Rotation.from_euler("xyz", way[:, 3:6])
-    count = 0
+    between = (turns[:-1].inv() * turns[1:]).as_rotvec()
+    turned = turns[numbers] * Rotation.from_rotvec(between[numbers] * share)
 
-    for i, touch in enumerate(touching):
-        step = way[i + 1, :3] - way[i, :3]
-        places = max(2, int(np.ceil(np.linalg.norm(step) / _STEP_M)) + 1)
-        shares = np.linspace(0.0, 1.0, places)
-        positions = way[i, :3] + shares[:, None] * step
-        rotations = Slerp([0.0, 1.0], turns[i : i + 2])(shares).as_matrix()
-
-        boxes = tool.moved_to(positions, rotations)
-        count += count_overlaps(boxes, other_boxes, margin=-_CONTACT_M)
-        if not touch:
-            count += count_overlaps(boxes, body_boxes, margin=-_CONTACT_M)
-
-    return count
+    return positions, turned.as_matrix(), numbers

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
-from core.geometry import Pose
+from core.geometry import Array, Pose
 from plugins.vlms.offline.chance import add_error, draw_head_turn
 from plugins.vlms.offline.faults import FaultCounter
 from plugins.vlms.offline.heads import Head
@@ -19,6 +20,19 @@ from plugins.vlms.offline.subgoals import Subgoal
 _PLACES = 40  # end-effector positions that are compared,
 _MORE = 2  # times as many where a tool must do in several layouts
 _HAND_M = 0.068  # the hand's height
+_EXCESS = (
+    20.0  # what a metre outside the workspace costs, in metres beside the mount's axis
+)
+_DOUBT = (
+    0.15  # the most that a place costs by chance, so that it is not always the same one
+)
+
+HeadWay = tuple[Array, Array]  # positions (N, 3) and turns (N, 3, 3) along a path
+
+
+def _read_way(rows: Array) -> HeadWay:
+    """Read positions and turns from waypoints, (N, 6) or (N, 7)."""
+    return rows[:, :3], Rotation.from_euler("xyz", rows[:, 3:6]).as_matrix()
 
 
 @dataclass(frozen=True)
@@ -86,18 +100,14 @@ class HeadPlacer:
         # The head's positions (N, 3) and turns (N, 3, 3) along the path, in each layout.
         rows = path.to_rows(Pose(), self.gripper)
         elsewhere = self.faults.resolve_elsewhere(rows, path.anchors)
-        motions = []
-
-        for waypoints in (rows, *elsewhere):
-            turns = Rotation.from_euler("xyz", waypoints[:, 3:6]).as_matrix()
-            motions.append((waypoints[:, :3], turns))
+        ways = [*map(_read_way, (rows, *elsewhere))]
 
         ahead = 0.0
         if workspace.base[:2].any():
             ahead = workspace.direction(self.model.home.position)
 
-        best = Pose()
-        least_cost = np.inf
+        places = []
+        extra_costs = []
 
         for _ in range(_PLACES * (_MORE if self.faults.several else 1)):
             angle = ahead + rng.uniform(-0.9, 0.9)
@@ -109,16 +119,42 @@ class HeadPlacer:
                 way = np.array([np.cos(angle), np.sin(angle)])
                 x, y = workspace.base[:2] + radius * way
 
-            mount = Pose.xyz_rpy((x, y, height), (0.0, 0.0, yaw))
-            pose = mount.inverse() @ start
-            back = pose.inverse().position
-            excess = sum(workspace.excess(p + turns @ back) for p, turns in motions)
-            cost = 20.0 * excess + np.hypot(*pose.position[:2]) + rng.uniform(0.0, 0.15)
-            if cost < least_cost:
-                best = pose
-                least_cost = cost
+            places.append((x, y, height))
+            extra_costs.append(rng.uniform(0.0, _DOUBT))
 
-        return best
+        costs = self._cost(np.array(places), start, ways)
+        best = int(np.argmin(costs + extra_costs))
+        mount = Pose.xyz_rpy(places[best], (0.0, 0.0, yaw))
+        return mount.inverse() @ start
+
+    def _cost(
+        self,
+        places: Array,
+        start: Pose,
+        ways: Sequence[HeadWay],
+    ) -> Array:
+        """Judge places of the end-effector at the path's start.
+
+        Args:
+            places: (P, 3) in the world, metres.
+            start: the head's pose there.
+            ways: of the head, in each layout.
+
+        Returns:
+            Costs (P,): how far the head is from the mount's axis in metres, and `_EXCESS` for each metre that the
+            end-effector leaves the workspace by.
+        """
+        apart = start.position - places
+        # The end-effector in the frame of the head, and how far the head is from its axis.
+        back = -apart @ start.rotation_matrix
+        aside = np.hypot(*apart[:, :2].T)
+
+        excess = np.zeros(len(places))
+        for positions, turns in ways:
+            points = positions + np.einsum("nij,pj->pni", turns, back)
+            excess += self.model.workspace.excess(points)
+
+        return _EXCESS * excess + aside
 
     def _draw_yaw(self, path: HeadPath, head: Head) -> float:
         """Draw how the end-effector is turned about z at the path's start, radians.

@@ -106,7 +106,7 @@ class Sampler:
         """
         tries = int(self.rng.integers(2, _TOOL_TRIES + 1))
         drawer = DesignDrawer(self.brief, self.rng)
-        return _least_faulty(lambda: self._invent_once(drawer), tries)
+        return _least_faulty(lambda least: self._invent_once(drawer, least), tries)
 
     def use(self, tool: Tool, find_head: FindHead) -> SampledPlan:
         """Sample a plan for a tool; ``find_head`` returns its head for a subgoal.
@@ -115,7 +115,9 @@ class Sampler:
             tool: for which a plan is sampled.
             find_head: is asked once for each sample.
         """
-        return _least_faulty(lambda: self._use_once(tool, find_head), _PLAN_TRIES)
+        return _least_faulty(
+            lambda least: self._use_once(tool, find_head, least), _PLAN_TRIES
+        )
 
     def use_any(self, tool: Tool) -> SampledPlan:
         """Sample a plan for a tool of any origin, whose lowest boxes are taken for its head."""
@@ -126,7 +128,7 @@ class Sampler:
         least = np.inf
         for _ in range(_PLAN_TRIES):
             _, fault = self._use_once(
-                tool, lambda subgoal: guess_head(tool, subgoal, self.rng)
+                tool, lambda subgoal: guess_head(tool, subgoal, self.rng), least
             )
             least = min(least, fault)
             if least == 0.0:
@@ -134,15 +136,19 @@ class Sampler:
 
         return least
 
-    def _use_once(self, tool: Tool, find_head: FindHead) -> tuple[SampledPlan, float]:
-        """Sample a plan for a tool, and count its faults."""
+    def _use_once(
+        self, tool: Tool, find_head: FindHead, enough: float
+    ) -> tuple[SampledPlan, float]:
+        """Sample a plan for a tool, and count its faults, up to ``enough``."""
         subgoals = self._draw_subgoals()
         placed = find_head(subgoals[0])
         path = self._make_path(subgoals, placed.head)
-        return self._make_plan(tool, placed.pose, path, subgoals)
+        return self._make_plan(tool, placed.pose, path, subgoals, enough)
 
-    def _invent_once(self, drawer: DesignDrawer) -> tuple[FreshDesign, float]:
-        """Sample a tool and a plan, and count their faults."""
+    def _invent_once(
+        self, drawer: DesignDrawer, enough: float
+    ) -> tuple[FreshDesign, float]:
+        """Sample a tool and a plan, and count their faults, up to ``enough``."""
         subgoals = self._draw_subgoals()
         largest = max(subgoals, key=lambda subgoal: len(subgoal.solids))
         head = drawer.draw_head(largest)
@@ -153,8 +159,8 @@ class Sampler:
             pose = self._placer.place(path, head, largest)
 
         tool = drawer.build(head, pose, path, largest)
-        plan, fault = self._make_plan(tool, pose, path, subgoals)
-        if not self.accepts(tool):
+        plan, fault = self._make_plan(tool, pose, path, subgoals, enough)
+        if fault < enough and not self.accepts(tool):
             fault += BREAKS_RULES
         return FreshDesign(tool, PlacedHead(head, pose), plan), fault
 
@@ -192,6 +198,7 @@ class Sampler:
         pose: Pose,
         path: HeadPath,
         subgoals: Sequence[Subgoal],
+        enough: float,
     ) -> tuple[SampledPlan, float]:
         """Make the plan that moves the head along the path, and count its faults; for a high path it may rise before.
 
@@ -200,11 +207,12 @@ class Sampler:
             pose: of the head in the frame of the tool mount.
             path: of the head.
             subgoals: what the path is for.
+            enough: see `FaultCounter.count`.
         """
         text = "; then ".join(dict.fromkeys(path.texts))
         rows = path.to_rows(pose, tool.gripper)
         plan = SampledPlan(rows, text, path.anchors, path.touching)
-        fault = self._faults.count(tool, plan, subgoals)
+        fault = self._faults.count(tool, plan, subgoals, enough)
         does_here = fault <= self._faults.several  # in the first layout
 
         if does_here or not works_above_home(path, self.model):
@@ -213,7 +221,7 @@ class Sampler:
         best = plan
 
         for longer in self._rise_before(plan, path):
-            other = self._faults.count(tool, longer, subgoals)
+            other = self._faults.count(tool, longer, subgoals, min(fault, enough))
             if other < fault:
                 best = longer
                 fault = other
@@ -253,18 +261,19 @@ class Sampler:
         return plans
 
 
-def _least_faulty(make: Callable[[], tuple[A, float]], tries: int) -> A:
+def _least_faulty(make: Callable[[float], tuple[A, float]], tries: int) -> A:
     """Return the first result without fault, or the least faulty of ``tries``; more while none keeps the rules.
 
     Args:
-        make: makes a sample, and says how faulty it is.
+        make: makes a sample, and says how faulty it is. It gets the least fault so far: a sample that has as many
+            loses, so its other faults need no count.
         tries: samples, at most, unless all of them break rules.
     """
-    best, least = make()
+    best, least = make(np.inf)
     for count in range(1, _MOST_TRIES):
         if least == 0.0 or (count >= tries and least < BREAKS_RULES):
             break
-        other, fault = make()
+        other, fault = make(least)
         if fault < least:
             best = other
             least = fault

@@ -46,21 +46,22 @@ class Workspace:
         x, y = self.from_axis(point)
         return float(np.arctan2(y, x))
 
-    def excess(self, points: Array) -> float:
-        """Measure how far points (N, 3) of the end-effector are outside at most, metres.
+    def excess(self, points: Array) -> Array:
+        """Measure how far points (..., N, 3) of the end-effector are outside at most: (...), metres.
 
         It is the sum of what is too far out, too near, too low and too far from the shoulder, of the worst point.
         """
-        ground = np.hypot(*self.from_axis(points).T)
-        stretch = np.linalg.norm(points - self.shoulder, axis=1)
+        level = self.from_axis(points)
+        ground = np.hypot(level[..., 0], level[..., 1])
+        stretch = np.linalg.norm(points - self.shoulder, axis=-1)
 
         excess = np.maximum(0.0, ground - self.outer)
         excess = excess + np.maximum(0.0, self.inner - ground)
-        too_low = np.maximum(0.0, _LOWEST_M - points[:, 2])
+        too_low = np.maximum(0.0, _LOWEST_M - points[..., 2])
         too_far = np.maximum(0.0, stretch - self.stretch)
         excess += too_low + too_far
 
-        return float(excess.max())
+        return np.asarray(excess.max(axis=-1))
 
 
 @lru_cache(maxsize=8)
