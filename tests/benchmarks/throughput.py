@@ -180,27 +180,39 @@ def summary(found: dict[str, Any]) -> str:
 
 
 class Clock:
-    """Seconds inside functions, by name. A function inside another is counted in both."""
+    """Seconds inside functions, by name. A function inside another is counted in both.
 
-    def __init__(self) -> None:
+    Args:
+        now: tells the time, seconds.
+    """
+
+    def __init__(self, now: Callable[[], float] = time.perf_counter) -> None:
         self.seconds: dict[str, float] = {}
         self.steps = 0
+        self._now = now
+        self._replaced: list[tuple[Any, str, Any]] = []
 
     def around(self, holder: Any, name: str, label: str) -> None:
         """Replace a function by a timed one."""
         inner: Callable[..., Any] = getattr(holder, name)
         self.seconds.setdefault(label, 0.0)
+        self._replaced.append((holder, name, inner))
 
         @functools.wraps(inner)
         def timed(*args: Any, **named: Any) -> Any:
-            began = time.perf_counter()
+            began = self._now()
             try:
                 return inner(*args, **named)
             finally:
-                self.seconds[label] += time.perf_counter() - began
+                self.seconds[label] += self._now() - began
                 self.steps += label == "step"
 
         setattr(holder, name, timed)
+
+    def remove(self) -> None:
+        """Put the functions back."""
+        for holder, name, inner in reversed(self._replaced):
+            setattr(holder, name, inner)
 
 
 _clocks: list[Clock] = []  # the process's
