@@ -160,13 +160,19 @@ def closest(
 
 
 class Obstacles:
-    """Fixed solids in one frame; bounding boxes quickly select those that can be near."""
+    """N fixed solids in one frame; bounding boxes quickly select those that can be near.
+
+    Attributes:
+        solids: in one frame.
+        centers: (N, 3) of their bounding boxes along the frame's axes, metres.
+        halves: (N, 3) half of the boxes' extents, metres.
+    """
 
     def __init__(self, solids: Iterable[Solid]) -> None:
         self.solids = tuple(solids)
         bounds = np.array([solid.bounds() for solid in self.solids]).reshape(-1, 2, 3)
-        self._centers = bounds[:, 0]
-        self._halves = bounds[:, 1]
+        self.centers = bounds[:, 0]
+        self.halves = bounds[:, 1]
 
     def near(self, solid: Solid, margin: float) -> Iterator[Solid]:
         """Yield each solid that may be within ``margin`` metres of one, or farther."""
@@ -175,7 +181,7 @@ class Obstacles:
 
     def overlap(self, center: Array, half: Array) -> list[Solid]:
         """Return the solids whose boxes overlap one, with its centre (3,) and half lengths (3,)."""
-        near = np.abs(self._centers - center) <= self._halves + half
+        near = np.abs(self.centers - center) <= self.halves + half
         return [self.solids[i] for i in np.flatnonzero(near.all(axis=1))]
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import product
 from typing import NamedTuple
 
@@ -84,30 +84,12 @@ def find_trap(parts: Sequence[Solid], obstacles: Obstacles) -> Trap | None:
     if not parts:
         return None
 
-    blocks = _try_straight_ways(parts, obstacles)
-    if blocks is None:
-        return None
-
     tree = _Tree(parts, obstacles)
-    if tree.slides_out() or tree.grows_out():
+    if tree.leads_straight_out(parts) or tree.slides_out() or tree.grows_out():
         return None
 
+    blocks = [[*_find_blocks(parts, obstacles, way)] for way in _directions()]
     return min(blocks, key=len)[0]
-
-
-def _try_straight_ways(
-    parts: Sequence[Solid], obstacles: Obstacles
-) -> list[list[Trap]] | None:
-    """Return what blocks each straight way; None: one of them is free."""
-    found = []
-
-    for direction in _directions():
-        blocking = list(_find_blocks(parts, obstacles, direction))
-        if not blocking:
-            return None
-        found.append(blocking)
-
-    return found
 
 
 def _find_blocks(
@@ -137,8 +119,7 @@ def _measure_way(
 ) -> float:
     """Measure how far parts have to go until they are beyond all bodies, metres."""
     ends = []
-    for solid in obstacles.solids:
-        middle, half = solid.bounds()
+    for middle, half in zip(obstacles.centers, obstacles.halves, strict=True):
         if half.max() < HUGE_M / 2:
             ends.append(float(middle @ direction + half @ np.abs(direction)))
 
@@ -178,7 +159,6 @@ class _Tree:
         self.middle = np.mean([middle for middle, _ in places], axis=0)
         far = [np.linalg.norm(np.abs(m - self.middle) + half) for m, half in places]
         self.reach = float(np.max(far))
-        self.depths = self._measure_depths()
         self.blocking: dict[int, int] = {}  # the part by the direction
 
     def slides_out(self) -> bool:
@@ -196,7 +176,7 @@ class _Tree:
 
                     known.add(place)
                     reached.append(pose)
-                    if self._leads_straight_out(self._carry_parts(pose)):
+                    if self.leads_straight_out(self._carry_parts(pose)):
                         return True
 
             level = reached
@@ -229,12 +209,12 @@ class _Tree:
 
             if reached is start:
                 continue
-            if self._leads_straight_out(self._carry_parts(reached)):
+            if self.leads_straight_out(self._carry_parts(reached)):
                 return True
 
         return False
 
-    def _leads_straight_out(self, moved: list[Solid]) -> bool:
+    def leads_straight_out(self, moved: Sequence[Solid]) -> bool:
         """Report whether a straight way is free; the part that was in the way last is tried first."""
         for number, direction in enumerate(_directions()):
             last = self.blocking.get(number, 0)
@@ -303,7 +283,8 @@ class _Tree:
 
         return least
 
-    def _measure_depths(self) -> dict[tuple[int, int], float]:
+    @cached_property
+    def depths(self) -> dict[tuple[int, int], float]:
         """Measure how deep each part is in what it touches at the start."""
         depths = {}
 
