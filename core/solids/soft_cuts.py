@@ -111,8 +111,8 @@ def _measure_deepest(soft: Soft, nodes: Array, points: Array) -> float:
     apart = points[:, None] - corners[whole, 0]
     shares = np.einsum("eij,pej->pei", np.linalg.inv(edges[whole]), apart)
     last = 1 - shares.sum(axis=2, keepdims=True)
-    inside = (np.concatenate([shares, last], axis=2) >= -_EDGE).all(axis=2)
-    inner = points[inside.any(axis=1)]
+    within = np.concatenate([shares, last], axis=2) >= -_EDGE
+    inner = points[np.any(np.all(within, axis=2), axis=1)]
 
     if not len(inner):
         return 0.0

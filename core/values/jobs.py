@@ -220,8 +220,8 @@ class Outcome:
     """The result of a rollout: the states of its world after settling and at the end.
 
     ``tracking_error_rad`` is the largest lag of an arm joint behind its target. ``error`` says why the rollout failed;
-    then the states are None. ``felt``: how guards ended. ``torques`` (J,): the greatest that the arm's motors applied in
-    a step of the motion, N m; None: the engine does not say.
+    then the states are None. ``felt``: how guards ended. ``torques`` (J,): the greatest that the arm's motors applied
+    in a step of the motion, N m; None: the engine does not say.
     """
 
     start: State | None

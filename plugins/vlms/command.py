@@ -118,8 +118,8 @@ class Command(VLM):
         words = _fill(self._words, folder)
         feeds = not any(_FILE in word for word in self._words)
         given = prompt.encode() if feeds else b""
-        program = Program(words, folder, self._environment, given)
-        program.hear = lambda size: self._arrivals.hear(request.id, size)
+        hear = partial(self._arrivals.hear, request.id)
+        program = Program(words, folder, self._environment, given, hear)
         try:
             ended = program.run(self._timeout_s, stop)
         finally:
@@ -196,6 +196,7 @@ class Program:
         folder: where it works.
         environment: all of its variables.
         given: its standard input.
+        hear: is called with the number of bytes of output so far.
         output: what it printed so far.
         words: the last that it said on standard error.
     """
@@ -204,14 +205,12 @@ class Program:
     folder: Path
     environment: dict[str, str]
     given: bytes
+    hear: Callable[[int], object]
 
     def __post_init__(self) -> None:
         self.output = bytearray()
         self.words = bytearray()
         self._full = False
-
-    def hear(self, size: int) -> None:
-        """Is called with the number of bytes of output so far."""
 
     def run(self, timeout_s: float, stop: threading.Event) -> str | None:
         """Run it to its end; return why it failed, None: it did not.

@@ -240,7 +240,8 @@ class World(interfaces.World):
         qpos, qvel = self._split(np.concatenate([first[None], states]))
         at = self._targeted
         torques = self._motors.compute(qpos, qvel, block.arm[at], block.speeds)
-        return np.abs(torques).max(axis=0)
+        greatest: Array = np.abs(torques).max(axis=0)
+        return greatest
 
     def _take_notes(self, block: Block, states: Array) -> list[_Note]:
         """Make the notes of a block that has just been played, from the states after its steps (S, X)."""

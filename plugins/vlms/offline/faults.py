@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from core.design import Tool
@@ -218,7 +219,7 @@ def _count_collisions(
     return count + count_overlaps(apart, body_boxes, margin=-_CONTACT_M)
 
 
-def _sample_way(way: Array) -> tuple[Array, Array, Array]:
+def _sample_way(way: Array) -> tuple[Array, Array, npt.NDArray[np.int64]]:
     """Sample the straight ways between poses at both ends, and at least every `_STEP_M`.
 
     Args:
@@ -229,7 +230,7 @@ def _sample_way(way: Array) -> tuple[Array, Array, Array]:
     """
     steps = np.diff(way[:, :3], axis=0)
     counts = np.maximum(2, np.ceil(step_lengths(way[:, :3]) / _STEP_M).astype(int) + 1)
-    numbers = np.repeat(np.arange(len(steps)), counts)
+    numbers = np.repeat(np.arange(len(steps), dtype=np.int64), counts)
     shares = np.concatenate([np.linspace(0.0, 1.0, count) for count in counts])
     share = shares[:, None]
     positions = way[numbers, :3] + share * steps[numbers]

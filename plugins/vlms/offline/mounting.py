@@ -154,7 +154,8 @@ class HeadPlacer:
             points = positions + np.einsum("nij,pj->pni", turns, back)
             excess += self.model.workspace.excess(points)
 
-        return _EXCESS * excess + aside
+        costs: Array = _EXCESS * excess + aside
+        return costs
 
     def _draw_yaw(self, path: HeadPath, head: Head) -> float:
         """Draw how the end-effector is turned about z at the path's start, radians.
