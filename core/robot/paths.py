@@ -124,6 +124,10 @@ def join_knots(knots: Array, arm: Arm) -> JointPath:
     s = np.linspace(0.0, 1.0, count)
     path = make_interp_spline(s, knots, min(3, count - 1))
 
+    # A spline stays among its control points: most need no closer look.
+    if (path.c >= arm.lower).all() and (path.c <= arm.upper).all():
+        return path
+
     joints = path(np.linspace(0.0, 1.0, 8 * count))
     below = joints < arm.lower - _ROUNDING_RAD
     above = joints > arm.upper + _ROUNDING_RAD
