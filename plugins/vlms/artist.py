@@ -15,8 +15,12 @@ from core.interfaces import Picture, Simulator, Task
 from core.search.assignment import Assignment
 from core.search.designer import Artist, ScenePictures
 from core.simulation.pictures import SIZE, filmed, png, report_missing
-from core.trial import Evaluation
+from core.support.text import clean
+from core.trial import Evaluation, Score
 from plugins.vlms.telling import last_generation, most_telling
+from plugins.vlms.told.causes import failing_trials
+
+_CAUSE = 100  # characters of a caption
 
 
 def shown_in(task: Task, evaluation: Evaluation) -> tuple[Task, Evaluation]:
@@ -100,7 +104,7 @@ class EngineArtist(Artist):
     ) -> dict[str, Picture]:
         """Draw the best elite, and the most instructive failure of the last generation, for ``prompt.feedback=full``.
 
-        A strip that can't be drawn is left out.
+        Where the best elite fails in a further layout, it is drawn there, too. A strip that can't be drawn is left out.
         """
         if self.prompts.facts.settings.feedback != "full":
             return {}
@@ -116,7 +120,33 @@ class EngineArtist(Artist):
                 caption = f"Film strip of {which}, {name}: six instants of its motion, in reading order:"
                 strips[name] = replace(strip, caption=caption)
 
+        for elite in best:
+            strips |= self._draw_failing(elite)
+
         return strips
+
+    def _draw_failing(self, elite: Evaluation) -> dict[str, Picture]:
+        """Draw an elite in the further layout where it earns least, if it fails in any, by its id and the layout."""
+        failed = failing_trials(elite)
+        if not failed:
+            return {}
+
+        trial = failed[0]
+        score = Score(trial.reward)
+        strip = self.draw_strip(Evaluation(elite.candidate, (trial,), score))
+        if strip is None:
+            return {}
+
+        name = f"{elite.candidate.id}-layout{trial.layout}"
+        facts = self.prompts.facts
+        sight = facts.level.sight(self.assignment.task, self.assignment.seed)
+        cause = sight.text(clean(trial.cause, _CAUSE))
+        why = f" ({cause})" if cause else ""
+        caption = (
+            f"Film strip of the elite {elite.candidate.id} in layout {trial.layout}, where it fails{why}: six instants "
+            "of its motion, in reading order:"
+        )
+        return {name: replace(strip, name=f"strip_{name}", caption=caption)}
 
     def draw_scene(self, task: Task) -> ScenePictures:
         """Make the pictures of the scene that the prompt's settings ask for: drawn and photographed.

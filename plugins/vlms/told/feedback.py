@@ -17,6 +17,7 @@ from core.trial import best_first, summarise_rewards
 from core.values.observations import Sight
 from core.values.torques import find_hardest
 from plugins.vlms.telling import last_generation, outcome_of
+from plugins.vlms.told.causes import cause_lines
 from plugins.vlms.told.tables import phrase
 
 WHOLE = 2
@@ -288,22 +289,23 @@ def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
     if len(places) == 1:
         (text,) = places
         everywhere = f"{text} in all {len(evaluation.trials)} trials"
-        return [everywhere, *_finals_lines(evaluation)]
+        return [everywhere, *_finals_lines(evaluation, sight)]
 
     lines = [f"{text} in {', '.join(names)}" for text, names in places.items()]
     if len(lines) > _OUTCOMES:
         lines[_OUTCOMES:] = [f"{len(lines) - _OUTCOMES} others"]
 
-    return [*lines, *_finals_lines(evaluation)]
+    return [*lines, *_finals_lines(evaluation, sight)]
 
 
-def _finals_lines(evaluation: Evaluation) -> list[str]:
-    """Say in how many further layouts a candidate holds, if it was tried in any."""
+def _finals_lines(evaluation: Evaluation, sight: Sight) -> list[str]:
+    """Say in how many further layouts a candidate holds, if it was tried in any, and why it fails in the others."""
     counted = evaluation.finals.count_held()
     if not counted.layouts:
         return []
 
-    return [f"holds in {counted.held} of {counted.layouts} further layouts"]
+    held = f"holds in {counted.held} of {counted.layouts} further layouts"
+    return [held, *cause_lines(evaluation, sight)]
 
 
 def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:

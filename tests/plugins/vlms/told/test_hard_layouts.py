@@ -5,9 +5,11 @@ from dataclasses import replace
 from core.config.schemas import PromptSettings
 from core.designs.composer import PromptComposer
 from core.designs.prompt_values import RunFacts
-from core.interfaces import Trial
+from core.interfaces import Observation, Trial
 from core.plugins import PluginPart
 from core.trial import Tally, Where
+from core.values.observations import Sight
+from plugins.vlms.told.causes import cause_lines
 from plugins.vlms.told.hard_layouts import find_hard_layouts
 from tests.core.designs.test_composer import make_brief, make_elite
 
@@ -57,3 +59,39 @@ def test_the_prompt_says_first_where_all_fail_with_the_numbers_that_are_alike_th
 def test_of_others_that_were_tried_is_learnt_too_and_nothing_where_one_holds():
     assert "fail in layout 5." in prompt(elite(0, [5]), tried=(elite(1, [5]),))
     assert "fail in" not in prompt(elite(0, [5]), tried=(elite(1, [6]),))
+
+
+def seen_off(trial, x):
+    seen = Observation("missed", "cube", left=("cube",), errors={"cube": (x, None, 0)})
+    return replace(trial, observation=seen)
+
+
+def test_an_elite_is_told_why_it_fails_how_often_and_which_way():
+    failing = elite(0, [3, 8], range(24))
+    for layout, x in ((3, 0.01), (8, 0.03)):
+        (trial,) = failing.finals.trials[layout]
+        failing.finals.trials[layout] = (seen_off(trial, x),)
+
+    text = prompt(failing)
+    assert "holds in 22 of 24 further layouts" in text
+    assert (
+        "in 2 of the 2 where it fails: missed cube, on the mean off by (0.02, -, 0), "
+        "10 to 30 mm away (layouts 3, 8)"
+    ) in text
+
+
+def test_causes_that_differ_in_numbers_count_together_the_commonest_first():
+    failing = elite(0, [1, 2, 5], range(24))
+    causes = {
+        1: "missed cube",
+        2: "forbidden: board pressed with 21 N, 15 N allowed",
+        5: "forbidden: board pressed with 15.2 N, 15 N allowed",
+    }
+    for layout, cause in causes.items():
+        (trial,) = failing.finals.trials[layout]
+        failing.finals.trials[layout] = (replace(trial, outcome=cause),)
+
+    first, second = cause_lines(failing, Sight())
+    assert first.startswith("in 2 of the 3 where it fails: forbidden: board pressed")
+    assert first.endswith("(layouts 2, 5)")
+    assert second == "in 1 of the 3 where it fails: missed cube (layout 1)"

@@ -1,0 +1,88 @@
+"""Say why a design fails in further layouts: the commonest causes, and which way and how far bodies missed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from core.interfaces import Evaluation, Trial
+from core.support.text import clean, number
+from core.values.efforts import holds
+from core.values.observations import Offset, Sight
+from plugins.vlms.told.tables import phrase
+
+_CAUSES = 3  # of an elite
+_LAYOUTS = 4  # that are named for a cause
+_LONGEST = 100  # characters of a cause
+_FREE: Offset = (None, None, None)
+_DIGITS = re.compile(r"\d+(?:\.\d+)?")
+
+
+def cause_lines(evaluation: Evaluation, sight: Sight) -> list[str]:
+    """Say why a candidate fails in further layouts: a line for each of the commonest causes.
+
+    Args:
+        evaluation: of a candidate that was tried in some.
+        sight: what may be said of bodies.
+    """
+    failed = failing_trials(evaluation)
+    groups: dict[str, list[Trial]] = {}
+    for trial in failed:
+        groups.setdefault(_DIGITS.sub("#", _cause_of(trial)), []).append(trial)
+
+    commonest = sorted(groups.values(), key=len, reverse=True)
+    lines = [_describe(group, len(failed), sight) for group in commonest[:_CAUSES]]
+    left = sum(len(group) for group in commonest[_CAUSES:])
+    return [*lines, f"other causes in {left} of them"] if left else lines
+
+
+def failing_trials(evaluation: Evaluation) -> list[Trial]:
+    """Return a candidate's trials in the further layouts where it does not hold, of each its worst, the worst first."""
+    worst = [
+        min(trials, key=lambda trial: trial.reward)
+        for trials in evaluation.finals.trials.values()
+    ]
+    failed = [trial for trial in worst if not holds(trial.reward)]
+    return sorted(failed, key=lambda trial: (trial.reward, trial.layout))
+
+
+def _cause_of(trial: Trial) -> str:
+    """Name the cause for which a trial earns less."""
+    return clean(trial.cause, _LONGEST) or f"reward {number(trial.reward, 2)}"
+
+
+def _describe(group: Sequence[Trial], count: int, sight: Sight) -> str:
+    """Say a cause, in how many of so many layouts, and how far bodies missed there."""
+    layouts = sorted(trial.layout for trial in group)
+    seeds = ", ".join(map(str, layouts[:_LAYOUTS]))
+    if len(layouts) > _LAYOUTS:
+        seeds += ", ..."
+
+    offsets = [offset for trial in group for offset in _list_offsets(trial)]
+    missed = ()
+    if offsets:
+        ways = np.array(offsets, dtype=float)  # None becomes nan
+        free = np.isnan(ways).all(axis=0)
+        mean = np.nanmean(np.where(free, 0.0, ways), axis=0)
+        way = tuple(
+            None if is_free else float(share)
+            for is_free, share in zip(free, mean, strict=True)
+        )
+        lengths = np.sqrt(np.nansum(ways**2, axis=1))
+        missed = (way, float(lengths.min()), float(lengths.max()))
+
+    cause = sight.text(_cause_of(group[0]))
+    where = (len(group), count, seeds)
+    return phrase("observed", "cause", cause, *where, missed, sight.numbers)
+
+
+def _list_offsets(trial: Trial) -> list[Offset]:
+    """List how far the goal's bodies that are not in place ended off it, along the axes of their goals."""
+    seen = trial.observation
+    if seen is None:
+        return []
+
+    found = [seen.errors.get(name, _FREE) for name in seen.left]
+    return [offset for offset in found if offset != _FREE]
