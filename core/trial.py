@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from typing import Any, Literal, NamedTuple, Protocol, TypeVar
 
 import numpy as np
+from scipy.special import betaincinv
 
 from core.design import Candidate, Tool
 from core.scene import Scene
@@ -24,6 +26,9 @@ from core.values.torques import TorqueShare, find_hardest
 
 TIE = 0.005
 """The default of ``evolution.tie``, see `ranked`."""
+
+CONFIDENCE = 0.95
+"""How sure it is that a design earns `Evaluation.assured`."""
 
 NOTHING = 0.0005
 """A reward below it is shown as 0.000, and has its cause said as one of 0 has."""
@@ -242,11 +247,41 @@ class Tally:
     @property
     def loss(self) -> float:
         """What it lost in all layouts, in the engine where that is most."""
+        return self.loss_in(self.losses)
+
+    def loss_in(self, numbers: Iterable[int]) -> float:
+        """What it lost in the layouts of these numbers, in the engine where that is most."""
         by_engine: dict[str, float] = {}
-        for losses in self.losses.values():
-            for engine, lost in losses.items():
+        for number in numbers:
+            for engine, lost in self.losses[number].items():
                 by_engine[engine] = by_engine.get(engine, 0.0) + lost
+
         return max(by_engine.values(), default=0.0)
+
+    @classmethod
+    def of_trials(cls, trials: Iterable[Trial], tie: float = TIE) -> Tally:
+        """Tally trials in further layouts, as they are stored: each layout by its mean reward in an engine.
+
+        Args:
+            trials: of one candidate.
+            tie: rewards that miss 1 by no more lose nothing.
+        """
+        groups: dict[tuple[int, int | None], list[Trial]] = {}
+        for trial in trials:
+            place = (trial.layout, trial.where.change)
+            groups.setdefault(place, []).append(trial)
+
+        tally = cls()
+        for number, group in enumerate(groups.values()):
+            losses = {}
+            for engine, rewards in rewards_by_engine(group).items():
+                lost = 1.0 - float(np.mean(rewards))
+                losses[engine] = lost if lost > tie else 0.0
+
+            tally.trials[number] = tuple(group)
+            tally.losses[number] = losses
+
+        return tally
 
     def count_held(self, first: int = 0) -> Held:
         """Count the layouts from a number on in which it held, in each engine."""
@@ -384,10 +419,30 @@ class Evaluation:
         return len({(trial.layout, trial.where.change) for trial in self.trials})
 
     @property
-    def expected_loss(self) -> float:
-        """What it is expected to miss of a reward of 1 in another layout, by Laplace's rule of succession."""
-        lost = self.layouts * (1 - self.reward) + self.finals.loss
-        return (lost + 1) / (self.layouts + self.finals.count + 2)
+    def mean(self) -> float:
+        """What it earned on the mean over all layouts that it was tried in, in the search and further ones."""
+        count = self.layouts + self.finals.count
+        return 1 - self._lost / count if count else self.reward
+
+    @property
+    def assured(self) -> float:
+        """What it earns in another layout at least, by what it earned in all that it was tried in.
+
+        The lower end of the one-sided 95 % interval of a share: C. Clopper and E. Pearson, "The use of confidence or
+        fiducial limits", Biometrika 26 (1934). So little that is known counts for little: 3 layouts of 3 assure less
+        than 10 of 13.
+        """
+        count = self.layouts + self.finals.count
+        kept = count - self._lost
+        if kept <= 0:
+            return 0.0
+
+        return float(betaincinv(kept, self._lost + 1, 1 - CONFIDENCE))
+
+    @property
+    def _lost(self) -> float:
+        """What it missed of a reward of 1 in all layouts."""
+        return self.layouts * (1 - self.reward) + self.finals.loss
 
     def in_task(self, task: str) -> Evaluation:
         """Return what the candidate earned in one of its tasks, as the evaluation of its plan for that task alone."""
@@ -467,17 +522,31 @@ def ranked(
 def best_first(evaluations: Iterable[Evaluation], tie: float = TIE) -> list[Evaluation]:
     """Sort the evaluations with status ``ok``, the best first (`ranked`), at last by `Candidate.key`.
 
-    Where some were tried in further layouts, what each is expected to earn in another one counts as its reward.
+    Where some were tried in further layouts, what each earns in another one at least counts (`Evaluation.assured`).
+    Those alike have mean rewards within the tie, too.
     """
     tried = [evaluation for evaluation in evaluations if evaluation.status == "ok"]
     tried.sort(key=lambda evaluation: evaluation.candidate.key)
     raced = any(evaluation.finals.count for evaluation in tried)
 
-    def figures(evaluation: Evaluation) -> tuple[float, float]:
-        reward = 1 - evaluation.expected_loss if raced else evaluation.reward
-        return reward, evaluation.distance_m
+    if not raced:
+        return ranked(tried, lambda e: (e.reward, e.distance_m), tie)
 
-    return ranked(tried, figures, tie)
+    groups: list[list[Evaluation]] = []
+    for evaluation in sorted(tried, key=lambda e: (-e.assured, -e.mean)):
+        if groups and _are_alike(groups[-1][0], evaluation, tie):
+            groups[-1].append(evaluation)
+        else:
+            groups.append([evaluation])
+
+    alike_first = [ranked(group, lambda e: (0.0, e.distance_m)) for group in groups]
+    return list(chain.from_iterable(alike_first))
+
+
+def _are_alike(best: Evaluation, other: Evaluation, tie: float) -> bool:
+    """Report whether another one assures and earns as much as the best."""
+    least = best.assured - other.assured
+    return least <= tie and abs(best.mean - other.mean) <= tie
 
 
 def best_tools(ranking: Iterable[Evaluation]) -> list[Evaluation]:

@@ -10,7 +10,8 @@ of another could change that. It is the bound of A* (P. Hart, N. Nilsson and B. 
 heuristic determination of minimum cost paths", 1968). A few layouts are hard for nearly all designs, so most candidates
 are out after a handful of trials.
 
-Where the budget ends the race, the candidate with the least expected loss is the best (`Evaluation.expected_loss`).
+Where the budget ends the race, the two that are assured most (`Evaluation.assured`) are tried side by side in layouts
+that were picked for neither, and that decides. Layouts that were picked because others lost there say less of a design.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from core.design import Candidate
 from core.events import Result
 from core.interfaces import Fitness
 from core.search.trials import Trials, make_score
+from core.support.progress import busy
 from core.trial import Condition, Evaluation, Trial, best_first
 from core.values.efforts import Held
 
@@ -32,9 +34,11 @@ SEARCH_WIDTH = 16  # in the search, where many candidates are alike
 # is left.
 FIRST = 64
 MOST = 240  # layouts that candidates are compared in at most, and then the winner alone
-# Shares of the budget: at most for the choice, and at least for perturbed layouts.
+# Shares of the budget: at most for the race and for the whole choice, and at least for perturbed layouts.
 RACED = 0.7
+CHOSEN = 0.8
 PERTURBED = 0.1
+_BUSY = "trying the best in more layouts"
 # How long trials take is counted, so that a winner does not depend on the machine.
 PER_S = 8  # rollouts of rigid bodies in a second, on two cores
 SOFT_PER_S = 1  # of soft ones
@@ -74,6 +78,7 @@ class Race:
 
     def __post_init__(self) -> None:
         self._drawn: list[Sequence[Condition]] = []
+        self._say: Callable[[int], None] = lambda spent: None
 
     def draw(self, count: int) -> int:
         """Draw layouts until there are ``count``; return how many of these there are."""
@@ -157,6 +162,8 @@ class Race:
             self.note(runner, numbers, tried[runner.candidate])
             self.tell(runner)
 
+        self._say(self.spent)
+
     def note(
         self, runner: Evaluation, numbers: Sequence[int], trials: tuple[Trial, ...]
     ) -> None:
@@ -196,6 +203,46 @@ class Race:
             if self.spent <= began + rollouts / 2:
                 further = self.draw(min(2 * level, most))
 
+    def decide(self, alike: Sequence[Evaluation], limit: float) -> Evaluation:
+        """Choose the winner: who is proven best, else of the leading two who earns more where both are tried.
+
+        Args:
+            alike: tried in some layouts, or not.
+            limit: no more are tried once so many rollouts are `spent`.
+        """
+        proven = self._find_proven(alike)
+        if proven:
+            return best_first(proven, self.tie)[0]
+
+        ranking = best_first(alike, self.tie)
+        if len(ranking) == 1:
+            return ranking[0]
+
+        pair = ranking[:2]
+        first = len(self._drawn)
+        last = self.draw(first + MOST)
+        step = self.width // 2
+
+        for number in range(first, last, step):
+            if self.spent >= limit:
+                break
+            self._try_in(pair, range(number, min(number + step, last)))
+
+        return _pick_of_two(*pair, self.tie)
+
+    def _find_proven(self, alike: Sequence[Evaluation]) -> list[Evaluation]:
+        """Return those that were tried in as many layouts as any, and lost no more than anyone: none can be better."""
+        most = max(runner.finals.count for runner in alike)
+        least = min(runner.finals.loss for runner in alike)
+        if most < FIRST:
+            return []
+
+        return [
+            runner
+            for runner in alike
+            if runner.finals.count == most and runner.finals.loss <= least
+        ]
+
     def hold(self, winner: Evaluation, limit: float) -> Held:
         """Try the winner alone in layouts that had no part in the choice, and say in how many it held.
 
@@ -224,12 +271,20 @@ class Race:
         if not (rollouts and alike and self.draw(1)):
             return replace(result, winner=result.ranking[0])
 
-        end = self.spent + rollouts
-        if len(alike) > 1:
-            self.compare(alike, RACED * rollouts, MOST)
+        began = self.spent
+        end = began + rollouts
 
-        winner = pick(alike, self.tie)
-        held = self.hold(winner, end - PERTURBED * rollouts)
+        with busy(_BUSY) as step:
+
+            def say(spent: int) -> None:
+                step.what = f"{_BUSY}: {spent - began} of {rollouts} rollouts"
+
+            self._say = say
+            if len(alike) > 1:
+                self.compare(alike, RACED * rollouts, MOST)
+
+            winner = self.decide(alike, began + CHOSEN * rollouts)
+            held = self.hold(winner, end - PERTURBED * rollouts)
 
         finals = {
             evaluation.candidate.id: self.fitness.rewards(evaluation.finals.in_order())
@@ -240,18 +295,33 @@ class Race:
         layouts = map(self.fitness.perturbed, self.fitness.finals())
         runner = Evaluation(winner.candidate)
         perturbed = Race(layouts, self.fitness, self.trials, self.tie)
-        perturbed.hold(runner, end - self.spent)
+        with busy(f"{_BUSY}, with tool and bodies perturbed"):
+            perturbed.hold(runner, end - self.spent)
 
         return replace(
             result, winner=winner, finals=finals, held=held, perturbed=runner.finals
         )
 
 
-def pick(ranking: Sequence[Evaluation], tie: float) -> Evaluation:
-    """Pick who is expected to lose least; of those alike that were tried as much, who has the shortest way."""
-    best = min(ranking, key=lambda evaluation: evaluation.expected_loss)
-    as_known = [e for e in ranking if e.finals.count >= best.finals.count]
-    return best_first(as_known, tie)[0]
+def _pick_of_two(leader: Evaluation, other: Evaluation, tie: float) -> Evaluation:
+    """Pick who lost less in the layouts that both were tried in; of those alike the leader.
+
+    Args:
+        leader: the first of the two in the ranking.
+        other: the second.
+        tie: the difference of mean rewards that counts as none.
+    """
+    common = sorted(leader.finals.losses.keys() & other.finals.losses.keys())
+    if not common:
+        return leader
+
+    lost = leader.finals.loss_in(common) - other.finals.loss_in(common)
+    if lost > tie * len(common):
+        return other
+
+    is_alike = abs(lost) <= tie * len(common)
+    shorter = other.distance_m < leader.distance_m
+    return other if is_alike and shorter else leader
 
 
 def _find_alike(ranking: Sequence[Evaluation], tie: float) -> list[Evaluation]:

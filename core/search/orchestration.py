@@ -23,7 +23,6 @@ from core.store.database import FILE
 from core.store.recorder import RunStore
 from core.support.cli import say
 from core.support.files import writing
-from core.support.progress import busy
 
 
 def run_and_print(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> None:
@@ -107,8 +106,7 @@ def run_search(search: Search, store: RunStore) -> Result:
             rollouts_in(search.fitness, run.budget.elite_s),
         )
         if result.best is not None and result.stopped != INTERRUPTED:
-            with busy("trying the best in more layouts"):
-                result = choose_winner(result, race, run.budget.final_s)
+            result = choose_winner(result, race, run.budget.final_s)
 
     result = replace(result, wall_time_s=store.seconds + result.wall_time_s)
     with writing(run.folder):

@@ -28,6 +28,7 @@ from core.trial import (
     Evaluation,
     Score,
     Status,
+    Tally,
     Trial,
     Where,
     count_rollouts,
@@ -359,7 +360,8 @@ class StoredEvaluation:
 
     def of(self, candidate: Candidate) -> Evaluation:
         """Return it as the evaluation of a candidate that was read again."""
-        return Evaluation(candidate, self.trials, self.score)
+        finals = Tally.of_trials(self.finals)
+        return Evaluation(candidate, self.trials, self.score, finals)
 
 
 @dataclass(frozen=True)

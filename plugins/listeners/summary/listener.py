@@ -263,11 +263,11 @@ def _tied(result: Result, best: Evaluation) -> Iterator[str]:
     """
     if len(result.finals) > 1:
         tried = f"{len(result.finals)} candidates were tried in more layouts"
-        yield f"{tried}; {best.candidate.id} held best"
+        yield f"{tried}; {best.candidate.id} held best{_count_held(best)}"
         return
 
     if best.finals.count:
-        yield f"{best.candidate.id} held best in more layouts"
+        yield f"{best.candidate.id} held best in more layouts{_count_held(best)}"
         return
 
     highest = max(result.ranking, key=lambda tried: tried.reward, default=best)
@@ -276,6 +276,12 @@ def _tied(result: Result, best: Evaluation) -> Iterator[str]:
         earned = f"{highest.candidate.id} earned {reward}"
         first = "the shortest distance goes first"
         yield f"{earned}; rewards within evolution.tie of it count as equal, and {first}"
+
+
+def _count_held(best: Evaluation) -> str:
+    """Say in how many layouts of the choice the best held."""
+    counted = best.finals.count_held()
+    return f": {counted.held} of {counted.layouts}"
 
 
 def _goals(result: Result, best: Evaluation) -> Iterator[str]:

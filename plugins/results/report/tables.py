@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import wraps
 from statistics import fmean
 
+from core.design import Candidate
+from core.designs.planning import NO_PLAN
 from core.store.rows import Key, StoredDesign, StoredEvaluation, StoredRequest
-from core.trial import ranked
+from core.trial import best_first
 from plugins.results.pages.best_tool import size
 from plugins.results.pages.formats import Cell, CellLink, Table
 from plugins.results.pages.runs import FinishedRun
@@ -187,13 +189,25 @@ def lineage(results: Results) -> Rows:
     for generation in range(len(run.figures.generations)):
         rows = [row for row in tried if row.design_key[0] == generation]
         best: dict[Key, StoredEvaluation] = {}
-        for row in ranked(rows, lambda e: (e.reward, e.distance_m), run.figures.tie):
+        for row in _rank(rows, run.figures.tie):
             best.setdefault(row.design_key, row)
 
         for row in list(best.values())[:shown]:
             design = designs[row.design_key]
             parents = ", ".join(sorted(design.parents)) or "–"
             yield generation, row.candidate, row.reward, parents, _words(design)
+
+
+def _rank(rows: Sequence[StoredEvaluation], tie: float) -> list[StoredEvaluation]:
+    """Sort evaluations as the run ranked them, the best first."""
+    by_key: dict[tuple[int, ...], StoredEvaluation] = {}
+    evaluations = []
+    for row in rows:
+        candidate = Candidate(None, NO_PLAN, *row.design_key, action=row.number)
+        by_key[candidate.key] = row
+        evaluations.append(row.of(candidate))
+
+    return [by_key[found.candidate.key] for found in best_first(evaluations, tie)]
 
 
 def _words(design: StoredDesign) -> str:

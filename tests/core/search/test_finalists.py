@@ -27,7 +27,7 @@ from core.search.finalists import (
 from core.search.orchestration import resume, run
 from core.search.trials import Trials
 from core.store.reader import StoredRun
-from core.trial import TIE, best_first, rewards_by_engine, worst_mean
+from core.trial import TIE, Tally, best_first, rewards_by_engine, worst_mean
 from core.values.efforts import Held
 from core.values.margins import Margin
 from plugins.conformance.evaluations import tried_once
@@ -364,3 +364,48 @@ def test_the_order_in_which_trials_end_decides_nothing(seed):
     expected = race(*designs, rollouts=300)
     assert choice.winner.candidate.id == expected.winner.candidate.id
     assert (choice.finals, choice.held) == (expected.finals, expected.held)
+
+
+def tally(held, count):
+    """What came of a candidate in so many further layouts, of which it held in some."""
+    losses = {number: {"a": float(number >= held)} for number in range(count)}
+    return Tally({}, losses)
+
+
+def ranks(*designs):
+    """Rank designs of a reward in the search, and of further layouts held and tried; return their numbers."""
+    tried = []
+    for number, (reward, held, count) in enumerate(designs):
+        candidate = Candidate(None, np.full((1, 6), float(number)), 0, number)
+        found = tried_once(candidate, "ok", reward, 0.5)
+        tried.append(replace(found, finals=tally(held, count)))
+    return [evaluation.candidate.agent for evaluation in best_first(tried)]
+
+
+def test_what_is_known_of_more_layouts_counts_for_more():
+    assert ranks((0.985, 0, 0), (1.0, 7, 10)) == [1, 0]
+    assert ranks((1.0, 2, 8), (1.0, 21, 24)) == [1, 0]
+    assert ranks((1.0, 3, 3), (1.0, 60, 64)) == [1, 0]
+    assert ranks((1.0, 64, 64), (1.0, 63, 64)) == [0, 1]
+
+
+def test_of_the_leading_two_layouts_decide_that_neither_was_tried_in():
+    fails_later = (1.0, 0.4, fails_in(*range(20, 400, 2), of=400))
+    holds_later = (1.0, 0.5, fails_in(of=400))
+    leader, other = result(fails_later, holds_later).ranking
+    runners = finals()
+    runners.draw(20)
+    leader = replace(leader, finals=tally(19, 20))
+    other = replace(other, finals=tally(7, 8))
+    assert best_first([leader, other])[0] is leader
+
+    assert runners.decide([leader, other], limit=64) is other
+    assert runners.spent == 64
+
+
+def test_the_finals_keep_to_their_budget():
+    designs = [(1.0, 0.5 + n / 100, fails_in(n, n + 9, n + 30)) for n in range(12)]
+    for rollouts in (100, 480):
+        runners = finals()
+        runners.choose(result(*designs), rollouts)
+        assert runners.spent <= rollouts + 4 * WIDTH
