@@ -10,7 +10,7 @@ from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
 
 # Steps between two instants at which gravity's share is computed; it is linear in between.
-_EVERY = 20
+_EVERY = 40
 
 
 class Motors:

@@ -247,7 +247,8 @@ class World(interfaces.World):
         """Make the notes of a block that has just been played, from the states after its steps (S, X)."""
         self._done = block.end
         self._moved += len(block)
-        return [_Note(states[mark - 1], block.begin + mark) for mark in block.marks]
+        marks = np.array(block.marks, dtype=int)
+        return [*map(_Note, states[marks - 1], (block.begin + marks).tolist())]
 
     def _read_state(self) -> Array:
         """Read MuJoCo's state (X,)."""
