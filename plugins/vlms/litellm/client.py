@@ -27,9 +27,9 @@ from plugins.vlms.litellm.room import explain_room, is_too_long
 from plugins.vlms.litellm.settings import CallSettings
 from plugins.vlms.litellm.transport import (
     OPENAI,
-    Answer,
     BadAnswer,
     Call,
+    EmptyStream,
     OtherForm,
     Unreadable,
     calling,
@@ -320,14 +320,18 @@ class Client:
 
         rendered = render(messages, manner.marks)
         call = Call(self._provider, self._server, manner.stream, hearing.life)
-        kept: Answer | None = None
+        again: Call | None = None
         try:
             response = self._complete(rendered, settings, call, hearing)
         except OtherForm as other:
             kept = other.answer
-
-        if kept is not None:
             again = replace(call, streams=kept.streamed, kept=kept)
+        except EmptyStream:
+            again = replace(call, streams=False)
+
+        if again is not None:
+            if not again.streams:
+                settings.pop("stream_options", None)
             response = self._complete(rendered, settings, again, hearing)
 
         return self._read(request, response, hearing)

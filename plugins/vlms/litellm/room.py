@@ -53,4 +53,4 @@ def explain_room(words: str, counted: int, limit: int | None) -> str:
             break
 
     more = "" if limit is None else f", or lower vlm.max_output_tokens={limit}"
-    return f"the prompt is too long: {asked} tokens, and the server holds {room}; {_SHORTER}{more}"
+    return f"the request is too long: {asked} tokens, and the server holds {room}; {_SHORTER}{more}"

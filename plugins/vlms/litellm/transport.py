@@ -90,6 +90,10 @@ class Call:
     answered: bool = False
 
 
+class EmptyStream(Exception):
+    """A stream came without a byte: some servers fail so, and say why where they are asked for a whole answer."""
+
+
 class _Sender(threading.local):
     """The call that a thread is making; None: none."""
 
@@ -146,7 +150,7 @@ def _find_cause(error: Exception) -> Exception | None:
     """Find what this module raised behind an error of LiteLLM's; None: nothing."""
     cause: BaseException | None = error
     while cause is not None:
-        if isinstance(cause, BadAnswer | OtherForm):
+        if isinstance(cause, BadAnswer | OtherForm | EmptyStream):
             return cause
 
         original = getattr(cause, "original_exception", None)
@@ -179,6 +183,7 @@ class _Transport(httpx.BaseTransport):
         Raises:
             BadAnswer: the answer is a redirect or too large; or the request would go where the user did not send it.
             OtherForm: the answer has the form that was not asked for.
+            EmptyStream: a stream ends before it begins.
         """
         call = _sender.call
         if call is None:
@@ -209,7 +214,12 @@ class _Transport(httpx.BaseTransport):
         headers = _keep_headers(answer)
         if streamed and call.streams and answer.is_success:
             call.answered = True
-            stream = _Stream(answer, parts)
+            first = next(parts, None)
+            if first is None:
+                answer.close()
+                raise EmptyStream("the server sent an empty stream")
+
+            stream = _Stream(answer, chain([first], parts))
             return httpx.Response(
                 answer.status_code, headers=headers, stream=stream, request=request
             )

@@ -150,6 +150,18 @@ def test_a_context_that_is_too_small_is_named_with_both_numbers(words, asked, ro
     assert len(server.calls) == 1
 
 
+def test_an_empty_stream_is_asked_for_whole_which_says_why():
+    """As llama-cpp-python answers where the prompt is longer than its context."""
+    empty = Send("", type="text/event-stream")
+    words = "Requested tokens (4692) exceed context window of 1024"
+    with serving(
+        lambda call: empty if call.body.get("stream") else refused(words)
+    ) as server:
+        reply = ask(server, "openai")[0]
+    assert "4692 tokens, and the server holds 1024" in reply.error
+    assert len(server.calls) == 2
+
+
 def test_an_address_without_its_last_part_gets_a_hint():
     lost = Send('{"error": "Unexpected endpoint or method. (POST /chat/completions)"}')
     with serving(in_turn(lost)) as server:
