@@ -29,11 +29,10 @@ from core.errors import UsageError, choices
 from core.interfaces import Executor, RolloutSettings
 from core.plugins import PluginPart
 from core.search.trials import Chunk
-from core.simulation import attempt, judging
+from core.simulation import attempt, engines, judging
 from core.simulation.play import play
 from core.support.cli import arguments, command
 from core.trial import Condition, Trial
-from plugins.simulators import fresh
 from tests.benchmarks import measuring
 
 USAGE = (
@@ -237,9 +236,7 @@ def _started(condition: Condition) -> Clock:
         simulator = condition.sim.shared()
         clock.around(type(task), "reward", "reward")
         clock.around(type(simulator), "rollout", "simulator")
-        own = sys.modules[type(simulator).__module__]
-        player = fresh if isinstance(simulator, fresh.FreshWorlds) else own.World  # type: ignore[attr-defined]
-        clock.around(player, "play", "playing")
+        clock.around(engines, "play", "playing")
         _clocks.append(clock)
     return _clocks[0]
 
