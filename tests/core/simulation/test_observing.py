@@ -78,7 +78,8 @@ HARD = {  # reference solutions that are shifted, m, and what is said first
     ("PourGrains", (-0.04, 0, 0)): (
         "dropped grain_",
         "stuck at crucible",
-    ),  # it falls in one engine, and is pressed on in another
+        "missed; grain_",
+    ),  # a pile: what falls first differs between engines, and between processors
     ("HangRing", (-0.04, 0, 0)): "never touched",
 }
 
