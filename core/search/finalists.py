@@ -218,7 +218,7 @@ class Race:
         if len(ranking) == 1:
             return ranking[0]
 
-        pair = ranking[:2]
+        leader, other = ranking[:2]
         first = len(self._drawn)
         last = self.draw(first + MOST)
         step = self.width // 2
@@ -226,9 +226,9 @@ class Race:
         for number in range(first, last, step):
             if self.spent >= limit:
                 break
-            self._try_in(pair, range(number, min(number + step, last)))
+            self._try_in([leader, other], range(number, min(number + step, last)))
 
-        return _pick_of_two(*pair, self.tie)
+        return _pick_of_two(leader, other, self.tie)
 
     def _find_proven(self, alike: Sequence[Evaluation]) -> list[Evaluation]:
         """Return those that were tried in as many layouts as any, and lost no more than anyone: none can be better."""

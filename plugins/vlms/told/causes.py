@@ -61,21 +61,23 @@ def _describe(group: Sequence[Trial], count: int, sight: Sight) -> str:
         seeds += ", ..."
 
     offsets = [offset for trial in group for offset in _list_offsets(trial)]
-    missed = ()
-    if offsets:
-        ways = np.array(offsets, dtype=float)  # None becomes nan
-        free = np.isnan(ways).all(axis=0)
-        mean = np.nanmean(np.where(free, 0.0, ways), axis=0)
-        way = tuple(
-            None if is_free else float(share)
-            for is_free, share in zip(free, mean, strict=True)
-        )
-        lengths = np.sqrt(np.nansum(ways**2, axis=1))
-        missed = (way, float(lengths.min()), float(lengths.max()))
+    missed = _summarize(offsets) if offsets else ()
 
     cause = sight.text(_cause_of(group[0]))
     where = (len(group), count, seeds)
     return phrase("observed", "cause", cause, *where, missed, sight.numbers)
+
+
+def _summarize(offsets: Sequence[Offset]) -> tuple[Offset, float, float]:
+    """Return the mean offset, and the least and the most distance; an axis that no goal asks for is None in all."""
+    ways = np.array(offsets, dtype=float)  # None becomes nan
+    is_free = np.isnan(ways).all(axis=0)
+    x, y, z = (
+        None if free else float(np.nanmean(way))
+        for free, way in zip(is_free, ways.T, strict=True)
+    )
+    lengths = np.sqrt(np.nansum(ways**2, axis=1))
+    return (x, y, z), float(lengths.min()), float(lengths.max())
 
 
 def _list_offsets(trial: Trial) -> list[Offset]:
