@@ -13,7 +13,6 @@ from itertools import chain
 from typing import Any, Literal, NamedTuple, Protocol, TypeVar
 
 import numpy as np
-from scipy.special import betaincinv
 
 from core.design import Candidate, Tool
 from core.scene import Scene
@@ -432,6 +431,8 @@ class Evaluation:
         fiducial limits", Biometrika 26 (1934). So little that is known counts for little: 3 layouts of 3 assure less
         than 10 of 13.
         """
+        from scipy.special import betaincinv  # lists of parts import this file
+
         count = self.layouts + self.finals.count
         kept = count - self._lost
         if kept <= 0:

@@ -236,6 +236,7 @@ def test_the_result(tiny):
         "generation",
         "candidate",
         "reason",
+        "torque",
     }
     assert 0 <= result["best"]["reward"] <= 1
     assert result["best"]["distance_m"] >= 0

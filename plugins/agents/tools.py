@@ -111,6 +111,11 @@ class Tools:
         documents = {GUIDE: self.guide, DESIGNS: self.explain_designs}
         if name in documents:
             return [Text(documents[name]())]
+
+        if name not in self._does:
+            raise Refused(
+                f"there is no tool '{name}'; there are {', '.join(self._does)}"
+            )
         return self._does[name](read_arguments(name, arguments))
 
     # --- what is known of the run ---------------------------------------------------------------------------------

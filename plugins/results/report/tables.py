@@ -224,7 +224,7 @@ def _words(design: StoredDesign) -> str:
 
 @_table(
     "task|method|model|asked for|replies:0|of them failed:0|prompt tokens:0|completion tokens:0|cost (USD):4"
-    "|candidates:0|could be tried (%):1|best reward:3|mean reward:3"
+    "|cached tokens:0|saved by caching (USD):4|candidates:0|could be tried (%):1|best reward:3|mean reward:3"
 )
 def models(results: Results) -> Rows:
     """What each model was asked, what that cost and earned; where a method has several, or a critic."""

@@ -29,7 +29,7 @@ def test_a_run_is_read_as_values(tmp_path):
         (1, 0, 1): ("g0-a0-s0-p0",),
     }
     assert [len(e.plan) for e in store.evaluations()] == [2] * 4
-    assert RunCost.total(store.requests()) == (2, 2, 0, 200, 20, 0.5)
+    assert RunCost.total(store.requests()) == (2, 2, 0, 200, 20, 0.5, None, None)
 
 
 def test_requests_come_with_their_replies_and_those_without_one_too(tmp_path):
@@ -50,7 +50,7 @@ def test_requests_come_with_their_replies_and_those_without_one_too(tmp_path):
         "{}",
     )
     assert store.answers() == [(answered, answered.reply)]
-    assert RunCost.total([unanswered]) == (1, 0, 0, None, None, None)
+    assert RunCost.total([unanswered]) == (1, 0, 0, None, None, None, None, None)
 
 
 def test_a_trial_that_candidates_share_counts_once(tmp_path):
