@@ -7,7 +7,7 @@ alike. What can't be fitted stays as it is: its representation refuses it, and s
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from PIL import ImageColor
@@ -73,7 +73,8 @@ def fit(value: object, schema: Schema, name: str = "", depth: int = MAX_DEPTH) -
         return value
 
     if wanted == "object" and "properties" in schema:
-        return _fit_object(value, schema["properties"], depth)
+        required = schema.get("required", ())
+        return _fit_object(value, schema["properties"], required, depth)
     if wanted == "array":
         return _fit_list(value, schema, name, depth)
     if wanted in ("number", "integer"):
@@ -276,8 +277,19 @@ def _lower(key: object) -> object:
 # --- objects ----------------------------------------------------------------------------------------------------
 
 
-def _fit_object(value: object, properties: Mapping[str, Any], depth: int) -> Any:
+def _fit_object(
+    value: object,
+    properties: Mapping[str, Any],
+    required: Collection[str],
+    depth: int,
+) -> Any:
     """Fit an object: its fields by their names, without what is null or only describes it.
+
+    Args:
+        value: what a model wrote.
+        properties: the schemas of its fields, by name.
+        required: the fields that may not be left out.
+        depth: how deep objects may still lie.
 
     Raises:
         DesignError: a field is given twice, with different values.
@@ -326,7 +338,8 @@ def _fit_object(value: object, properties: Mapping[str, Any], depth: int) -> Any
         found[name] = read_vector(inner, spelling_of(name), whole=whole)
 
     _name_sides(found, others, properties)
-    _name_parent(found, properties)
+    if "parent" in properties and "parent" not in required:
+        _leave_out_mount(found)
 
     return {**found, **others}
 
@@ -463,7 +476,7 @@ def _name_sides(found: Fields, others: Fields, properties: Mapping[str, Any]) ->
         found["length"] = read_number(height, spelling_of("length").units)
 
 
-def _name_parent(found: Fields, properties: Mapping[str, Any]) -> None:
+def _leave_out_mount(found: Fields) -> None:
     """Leave out a parent that only means the mount."""
-    if "parent" in properties and plain_name(found.get("parent", "")) in _MOUNTS:
+    if plain_name(found.get("parent", "")) in _MOUNTS:
         found.pop("parent", None)
