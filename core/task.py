@@ -210,7 +210,7 @@ class Level(ABC):
 
         Args:
             recording: the `core.interfaces.Recording` of the rollout.
-            draw: draws one of its samples (`core.simulation.pictures.Film`).
+            draw: draws one of its samples (`core.simulation.pictures.Film.draw`).
             seen: the `core.interfaces.Observation` of the rollout; None: nobody observed it.
 
         Raises:

@@ -257,7 +257,7 @@ def strips(names: list[str]) -> None:
         task = installed().create("task", name, variation="wide")
         candidate = solutions.anchored(name, "pla")
         film = filmed(task, simulator, candidate, UNSEEN, settings, SIZE)
-        Image.fromarray(draw_strip(*film)).quantize(128).save(
+        Image.fromarray(draw_strip(film.recording, film.draw)).quantize(128).save(
             IMAGES / f"{name}.png", optimize=True
         )
         print(name, flush=True)

@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 import io
+import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from PIL import Image as Pillow
 
-from core.design import Candidate
+from core.design import Candidate, Tool
 from core.interfaces import Image, Recording, RolloutSettings, Simulator, Task
-from core.scene import Camera
+from core.scene import Camera, State
 from core.simulation.attempt import prepare
+from core.simulation.closing import choose_closing, fly
 from core.support.cli import say
 from core.support.text import clean
 
 SIZE = 640, 480  # pixels of the scene's picture
+SMALL = 160, 120  # of the pictures by which a film's end is chosen
 FILM_HZ = 10
-
-Film = tuple[Recording, Callable[..., Image]]
-"""What was played, and a function that draws one of its samples; ``aim`` makes another camera of the task's."""
+MOST = 60  # pictures of a motion
+CLOSING_S = 0.8  # the camera's way to the end of a film
+STAY_MS = 1500  # how long the end is shown
 
 
 def png(picture: Image) -> bytes:
@@ -37,21 +42,102 @@ def report_missing(what: str, error: BaseException) -> None:
     say(f"no {what}: {clean(str(error), 300) or type(error).__name__}", file=sys.stderr)
 
 
+@dataclass(frozen=True, eq=False)
+class Film:
+    """A rollout that was recorded, and what draws it.
+
+    Attributes:
+        task: which was tried.
+        simulator: draws it.
+        tool: of the candidate.
+        seed: of the layout.
+        recording: of the rollout, at `FILM_HZ`.
+        size: of the pictures, width and height, pixels.
+    """
+
+    task: Task
+    simulator: Simulator
+    tool: Tool | None
+    seed: int
+    recording: Recording
+    size: tuple[int, int] = SIZE
+
+    def draw(self, index: int, aim: Callable[[Camera], Camera] | None = None) -> Image:
+        """Draw a sample of the recording; ``aim`` makes another camera of the task's.
+
+        Raises:
+            NoPicture: nothing here can draw.
+        """
+        state = self.recording.states[index]
+        return self._see(index, aim and aim(self.task.camera), state, self.size)
+
+    def _see(
+        self, index: int, camera: Camera | None, state: State, size: tuple[int, int]
+    ) -> Image:
+        return self.simulator.render(
+            self.task,
+            camera=camera,
+            seed=self.seed,
+            tool=self.tool,
+            arm=self.recording.arm[index],
+            fingers=self.recording.fingers[index],
+            state=state,
+            width=size[0],
+            height=size[1],
+        )
+
+    def frames(self) -> Iterator[tuple[Image, int]]:
+        """Draw the motion, then fly to the goals and the bodies that they are about, and stay there.
+
+        A long motion has fewer pictures in a second, so that there are about `MOST` at most.
+
+        Yields:
+            Pictures, and for how long each is shown, ms.
+        """
+        count = len(self.recording.times)
+        every = math.ceil(count / MOST)
+        shown_ms = 1000 * every // FILM_HZ
+        for number in range((count - 1) % every, count, every):
+            yield self.draw(number), shown_ms
+
+        closing = self.find_closing()
+        if closing is None:
+            return
+
+        last = count - 1
+        steps = max(round(CLOSING_S * FILM_HZ / every), 1)
+        for step in range(1, steps + 1):
+            aim = partial(fly, after=closing, share=step / steps)
+            stay_ms = shown_ms if step < steps else STAY_MS
+            yield self.draw(last, aim), stay_ms
+
+    def find_closing(self) -> Camera | None:
+        """Find the camera of the film's end (`core.simulation.closing.choose_closing`)."""
+        last = len(self.recording.times) - 1
+        scene = self.task.scene(self.seed).furnished(self.tool)
+        end = self.recording.states[last]
+
+        def draw(camera: Camera, state: State) -> Image:
+            return self._see(last, camera, state, SMALL)
+
+        return choose_closing(self.task, scene, end, draw)
+
+
 def save_film(film: Film, file: Path) -> None:
-    """Write an animated GIF in real time."""
-    recording, draw = film
-    frames = []
+    """Write an animated GIF in real time, which ends close to the goal."""
+    pictures = []
+    shown_ms = []
+    for drawn, milliseconds in film.frames():
+        picture = Pillow.fromarray(drawn)
+        pictures.append(picture.quantize(96, dither=Pillow.Dither.NONE))
+        shown_ms.append(milliseconds)
 
-    for number in range(len(recording.times)):
-        picture = Pillow.fromarray(draw(number))
-        frames.append(picture.quantize(96, dither=Pillow.Dither.NONE))
-
-    first, *others = frames
+    first, *others = pictures
     first.save(
         file,
         save_all=True,
         append_images=others,
-        duration=1000 // FILM_HZ,
+        duration=shown_ms,
         loop=0,
         optimize=True,
     )
@@ -63,7 +149,7 @@ def filmed(
     candidate: Candidate,
     seed: int,
     settings: RolloutSettings,
-    size: tuple[int, int] = (400, 300),
+    size: tuple[int, int] = SIZE,
 ) -> Film:
     """Play a candidate again; ``size`` is the pictures' width and height, pixels.
 
@@ -78,20 +164,7 @@ def filmed(
     if recording is None:
         raise ValueError(f"candidate {candidate.id} can't be filmed: {outcome.error}")
 
-    def draw(index: int, aim: Callable[[Camera], Camera] | None = None) -> Image:
-        return simulator.render(
-            task,
-            camera=aim and aim(task.camera),
-            seed=seed,
-            tool=candidate.tool,
-            arm=recording.arm[index],
-            fingers=recording.fingers[index],
-            state=recording.states[index],
-            width=size[0],
-            height=size[1],
-        )
-
-    return recording, draw
+    return Film(task, simulator, candidate.tool, seed, recording, size)
 
 
 def describe_camera(camera: Camera, size: tuple[int, int]) -> str:

@@ -85,10 +85,10 @@ class EngineArtist(Artist):
         rollout = self.prompts.facts.rollout
 
         try:
-            recording, draw = filmed(
+            film = filmed(
                 task, self._player, candidate, layout, rollout, level.frame_size
             )
-            strip = level.strip(recording, draw, seen)
+            strip = level.strip(film.recording, film.draw, seen)
         except OSError:  # the machine fails: a request without the picture would be paid for all the same
             raise
         except RAISED as error:  # else it costs the picture, never the run

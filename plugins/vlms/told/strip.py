@@ -48,7 +48,7 @@ def draw_strip(
 
     Args:
         recording: of the rollout.
-        draw: draws one of its samples, of `SIZE` (`core.simulation.pictures.Film`).
+        draw: draws one of its samples, of `SIZE` (`core.simulation.pictures.Film.draw`).
         seen: what was observed of the rollout, if it was.
 
     Returns:

@@ -1,5 +1,6 @@
 import io
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,10 +9,19 @@ from PIL import Image
 from core.design import Candidate, Tool
 from core.interfaces import RolloutSettings
 from core.plugins import Offer, installed
-from core.scene import table
+from core.scene import Body, Box, Camera, table
 from core.search.experiment import Experiment
 from core.search.orchestration import resume, run
-from core.simulation.pictures import FILM_HZ, filmed, png, save_film
+from core.simulation.closing import fly
+from core.simulation.pictures import (
+    CLOSING_S,
+    FILM_HZ,
+    SMALL,
+    STAY_MS,
+    filmed,
+    png,
+    save_film,
+)
 from plugins.conformance.scenery import cube, stick
 from plugins.conformance.worlds import Bodies
 from tests import toys
@@ -30,21 +40,67 @@ def test_a_film_shows_the_motion_and_lasts_as_long(tmp_path):
     )
     short = RolloutSettings(segment_s=0.3, settle_s=0.1, hold_s=0.2)
     candidate = Candidate(Tool(), np.array([[0.5, 0, 0.45, 0, 0, 0.0]]))
-    save_film(filmed(task, engine, candidate, 0, short), tmp_path / "film.gif")
+    save_film(filmed(task, engine, candidate, 0, short, SMALL), tmp_path / "film.gif")
     film = Image.open(tmp_path / "film.gif")
     durations, frames = [], []
     for frame in range(film.n_frames):
         film.seek(frame)
         durations.append(film.info["duration"])
         frames.append(np.asarray(film.convert("RGB")).astype(int))
-    # The last frame stays for its own time.
-    assert sum(durations) / 1000 == pytest.approx(0.6 + 0.2, abs=0.2)
-    assert 0 < film.n_frames <= 0.8 * FILM_HZ + 2
-    at_home = engine.render(task, tool=Tool(), width=400, height=300)
+    # The last frame stays for its own time, and before it the camera flies to the cube.
+    lasts = 0.6 + 0.2 + CLOSING_S + STAY_MS / 1000
+    assert sum(durations) / 1000 == pytest.approx(lasts, abs=0.3)
+    assert 0 < film.n_frames <= (0.8 + CLOSING_S) * FILM_HZ + 3
+    at_home = engine.render(task, tool=Tool(), width=SMALL[0], height=SMALL[1])
     # Of 255; a film has 96 colours.
     differ = [(np.abs(frame - at_home).max(axis=-1) > 30).mean() for frame in frames]
+    moved = film.n_frames - round(CLOSING_S * FILM_HZ) - 1
     assert differ[0] < 0.002
-    assert differ[-1] > 0.005  # the hand has moved
+    assert 0.002 < differ[moved] < 0.2  # the hand has moved
+    assert differ[-1] > 0.3  # it is another view
+
+
+def count_red(picture):
+    red = picture[..., 0] > 120
+    return int((red & (picture[..., 1] < 80) & (picture[..., 2] < 80)).sum())
+
+
+def test_a_film_ends_where_the_body_of_the_goal_is_not_hidden():
+    """A wall stands between the task's camera and the cube."""
+    task = installed().create("task", "BringCube")
+    engine = installed().create("sim", "pybullet")
+    place = task.scene(0).state().position("cube")
+    away = np.array(task.camera.position) - place
+    middle = place + 0.12 * away / np.linalg.norm(away) * (1, 1, 0)
+    gray = (0.5, 0.5, 0.5, 1.0)
+    wall = Body.of("wall", Box((0.15, 0.15, 0.5)), tuple(middle), mass=0.0, color=gray)
+
+    class Hidden(type(task)):
+        def scene(self, seed):
+            whole = super().scene(seed)
+            return replace(whole, bodies=(*whole.bodies, wall))
+
+    hidden = Hidden()
+    hidden.robot = task.robot
+    short = RolloutSettings(segment_s=0.1, settle_s=0.1, hold_s=0.1)
+    candidate = Candidate(Tool(), np.array([[0.5, 0, 0.45, 0, 0, 0.0]]))
+    film = filmed(hidden, engine, candidate, 0, short, SMALL)
+    closing = film.find_closing()
+
+    assert count_red(film.draw(0)) < 10
+    assert count_red(film.draw(0, lambda _: closing)) > 100
+
+
+def test_the_camera_goes_the_shorter_way_around_and_ends_where_it_should():
+    before = Camera((1.0, 0.1, 1.0), (0.0, 0.0, 0.0), 60.0)
+    after = Camera((-1.0, 0.1, 0.5), (0.2, 0.1, 0.0), 40.0)
+    on_the_way = fly(before, after, 0.5)
+    assert on_the_way.position[1] > 0.5
+    assert on_the_way.fov_deg == pytest.approx(50.0)
+    for share, camera in ((0.0, before), (1.0, after)):
+        there = fly(before, after, share)
+        assert there.position == pytest.approx(camera.position)
+        assert there.target == pytest.approx(camera.target)
 
 
 @pytest.mark.slow

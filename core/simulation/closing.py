@@ -1,0 +1,198 @@
+"""Choose the camera with which a film ends: close to what the task wants, from where that is not hidden."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from core.geometry import Array
+from core.goals import Away, reaches
+from core.interfaces import Image, Task
+from core.scene import Body, Camera, Scene, State
+
+STANDS_DEG = ((0, 38), (-45, 38), (45, 38), (0, 65), (-100, 38), (100, 38))
+"""How far cameras stand around the goal from the task's own, and how high they look down on it, degrees."""
+
+FOV_DEG = 40.0
+ROOM = 1.5  # of what is looked at, how much the picture shows
+LEAST_M = 0.2  # half the side of what is looked at, at least
+MOST_M = 0.5  # and at most
+LARGE_M = 1.2  # what is larger, as a table, sets no picture
+PREFERENCE = (
+    0.003  # of what is seen, how much less a camera counts by degree of its turn
+)
+DIFFERENT = 12  # of 255: a pixel that differs by more shows the body
+AWAY_M = -50.0  # along z, where bodies are moved to find out where they are seen
+
+Look = Callable[[Camera, State], Image]
+"""Draws the end of a film in another state, in a small picture."""
+
+
+def choose_closing(task: Task, scene: Scene, end: State, draw: Look) -> Camera | None:
+    """Choose the camera in which most of the bodies of the goals is seen at the end, and which turned least for it.
+
+    Where a body is seen shows by what is different without it, so that every engine's own pictures decide.
+
+    Args:
+        task: whose goals say what is looked at.
+        scene: the layout, with the bodies at their start.
+        end: of the rollout, one world.
+        draw: the end of the rollout.
+
+    Returns:
+        A camera; None: the task has no goal with a body.
+    """
+    bodies = _list_bodies(task, scene)
+    if not bodies:
+        return None
+
+    corners = np.concatenate([*_points(task, scene, end, bodies)])
+    middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+    half = float(np.clip(np.ptp(corners, axis=0).max() / 2, LEAST_M, MOST_M))
+    without = _take_away(end, bodies)
+
+    best = None
+    most = -1.0
+    for turn_deg, height_deg in STANDS_DEG:
+        camera = _stand(task.camera, middle, half, turn_deg, height_deg)
+        seen = draw(camera, end).astype(int)
+        behind = draw(camera, without).astype(int)
+        count = int((np.abs(seen - behind).max(axis=-1) > DIFFERENT).sum())
+        worth = count * (1 - PREFERENCE * abs(turn_deg))
+        if worth > most:
+            most = worth
+            best = camera
+
+    return best
+
+
+def fly(before: Camera, after: Camera, share: float) -> Camera:
+    """Return the camera on the way around from one to another; ``share`` of the way is done, 0 to 1."""
+    eased = share * share * (3 - 2 * share)
+    target = _mix(np.array(before.target), np.array(after.target), eased)
+    first = _Stand.of(before)
+    last = _Stand.of(after)
+    # The shorter way around.
+    around = (last.around - first.around + np.pi) % (2 * np.pi) - np.pi
+
+    place = _Stand(
+        first.around + eased * around,
+        _mix(first.height, last.height, eased),
+        _mix(first.metres, last.metres, eased),
+    ).place(target)
+
+    return Camera(
+        tuple(place.tolist()),
+        tuple(target.tolist()),
+        _mix(before.fov_deg, after.fov_deg, eased),
+    )
+
+
+@dataclass(frozen=True)
+class _Stand:
+    """Where a camera stands, as seen from its target.
+
+    Attributes:
+        around: angle about the vertical, rad.
+        height: angle above the horizontal, rad.
+        metres: how far away.
+    """
+
+    around: float
+    height: float
+    metres: float
+
+    @classmethod
+    def of(cls, camera: Camera) -> _Stand:
+        x, y, z = np.subtract(camera.position, camera.target).tolist()
+        metres = float(np.linalg.norm((x, y, z)))
+        return cls(float(np.arctan2(y, x)), float(np.arcsin(z / metres)), metres)
+
+    def place(self, target: Array) -> Array:
+        """Return the camera's position (3,)."""
+        level = np.cos(self.height)
+        way = (level * np.cos(self.around), level * np.sin(self.around))
+        return target + self.metres * np.array((*way, np.sin(self.height)))
+
+
+def _mix(before: Any, after: Any, share: float) -> Any:
+    return before + share * (after - before)
+
+
+def _stand(
+    camera: Camera, middle: Array, half: float, turn_deg: float, height_deg: float
+) -> Camera:
+    """Make a camera that shows a cube of the half side ``half``, m, around a point, turned from another camera."""
+    metres = ROOM * half / np.tan(np.radians(FOV_DEG) / 2)
+    around = _Stand.of(camera).around + np.radians(turn_deg)
+    place = _Stand(around, float(np.radians(height_deg)), metres).place(middle)
+    return Camera(tuple(place.tolist()), tuple(middle.tolist()), FOV_DEG)
+
+
+def _list_bodies(task: Task, scene: Scene) -> list[str]:
+    """Name the bodies of the goals that can move."""
+    start = scene.state()
+    names = dict[str, None]()
+    for goal in reaches(task.goals):
+        names |= dict.fromkeys(goal.subjects(start))
+
+    return [name for name in names if name in start.names]
+
+
+def _points(
+    task: Task, scene: Scene, end: State, names: Sequence[str]
+) -> Iterator[Array]:
+    """Yield points (N, 3) of what is to be seen: bodies at the end, where the goals want them, and what these name."""
+    start = scene.state()
+    bodies = {body.name: body for body in scene.bodies}
+    boxes = {}
+    for name in names:
+        boxes[name] = _box(bodies[name])
+        yield end.pose(name).apply(boxes[name])
+
+    for goal in reaches(task.goals):
+        other = bodies.get(getattr(goal, "at", None) or "")
+        if other is not None:
+            corners = other.pose.apply(_box(other))
+            if np.ptp(corners, axis=0).max() < LARGE_M:
+                yield corners
+
+        for name in goal.subjects(start):
+            if name not in boxes:
+                continue
+            if isinstance(goal, Away):
+                yield start.pose(name).apply(boxes[name])
+            place = goal.place_of(name, start)
+            if place is not None:
+                known = np.where(np.isnan(place), end.position(name), place)
+                yield known[None]
+
+
+def _box(body: Body) -> Array:
+    """Return the corners (8, 3) of a body's bounding box in its own frame."""
+    points = []
+    for part in body.visuals or body.collisions:
+        middle, sides = part.shape.bounds
+        signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, 8).T
+        points.append(part.pose.apply(middle + signs * sides))
+
+    corners = np.concatenate(points)
+    low = corners.min(axis=0)
+    high = corners.max(axis=0)
+    return np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, 8).T
+
+
+def _take_away(state: State, names: Sequence[str]) -> State:
+    """Return a state in which bodies are far below all others."""
+    positions = state.positions.copy()
+    numbers = [state.names.index(name) for name in names]
+    positions[numbers, 2] += AWAY_M
+    soft = {
+        name: nodes + np.array((0.0, 0.0, AWAY_M)) if name in names else nodes
+        for name, nodes in state.soft.items()
+    }
+
+    return replace(state, positions=positions, soft=soft)
