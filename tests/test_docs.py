@@ -48,6 +48,7 @@ SMALL = [
     "budget.n_tool=1",
     "budget.n_action=2",
     "budget.n_iteration=0",
+    "budget.final_s=2",
     "film=false",
 ]
 
