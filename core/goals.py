@@ -300,6 +300,9 @@ class Reach(Goal):
                 "enough must be a whole number of bodies, or a share of them up to 1.0": (
                     isinstance(self.enough, float) and self.enough > 1
                 ),
+                "any and enough both say how many; leave one of them out": (
+                    self.any and self.enough is not None
+                ),
                 "weight must be above 0": not 0 < self.weight < np.inf,
                 "by_s must be above 0": self.by_s is not None and not self.by_s > 0,
                 "kind must say what is to be reached, or rest, held or released": only_bodies,

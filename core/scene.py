@@ -85,6 +85,8 @@ class Body:
     # Of its origin when the robot's motion begins, m/s and rad/s along the world's axes; until then it rests.
     velocity: Vector = (0.0, 0.0, 0.0)
     spin: Vector = (0.0, 0.0, 0.0)
+    # Of a mark: the body that takes it along; what is seen of it is among the visuals of that body.
+    carrier: str | None = None
 
     def __post_init__(self) -> None:
         rigid = not isinstance(self, Soft)
@@ -96,6 +98,7 @@ class Body:
             "a body that can move needs collision parts": (
                 self.mass > 0 and rigid and not self.collisions
             ),
+            "only a mark has a carrier": self.carrier is not None and self.mass > 0,
             "a velocity needs finite numbers, and a mass above 0": (
                 not np.isfinite(speeds).all() or (self.fixed and self.launched)
             ),
@@ -347,8 +350,23 @@ class Scene:
 
     @property
     def places(self) -> dict[str, Pose]:
-        """The poses of fixed bodies and marks, by name."""
-        return {body.name: body.pose for body in self.bodies if body.fixed}
+        """The poses of fixed bodies, and of marks that stay, by name."""
+        return {
+            body.name: body.pose
+            for body in self.bodies
+            if body.fixed and body.carrier is None
+        }
+
+    @property
+    def carried(self) -> dict[str, tuple[str, Pose]]:
+        """The body that takes each other mark along, and the mark's pose in its frame, by the mark's name."""
+        found = {}
+        for mark in self.bodies:
+            if mark.carrier is not None:
+                frame = self[mark.carrier].pose.inverse()
+                found[mark.name] = (mark.carrier, frame @ mark.pose)
+
+        return found
 
     def furnished(self, tool: Tool | None) -> Scene:
         """Return the scene with the fixture of a tool's design; the same where there is none."""
@@ -358,7 +376,12 @@ class Scene:
 
     def complete(self, state: State) -> State:
         """Add the places of fixed bodies and marks, and the joints, to a state of free bodies, as rewards get it."""
-        return replace(state, places=self.places, joints=self.placed_joints)
+        return replace(
+            state,
+            places=self.places,
+            joints=self.placed_joints,
+            carried=self.carried,
+        )
 
 
 @lru_cache(maxsize=64)  # engines prepare a scene once, while it is the same object

@@ -10,7 +10,14 @@ import numpy as np
 
 from core.errors import unknown
 from core.geometry import Array, Pose, step_lengths
-from core.values.joints import JointState, PlacedJoint, Placement, rotate_back
+from core.values.joints import (
+    JointState,
+    PlacedJoint,
+    Placement,
+    multiply,
+    rotate,
+    rotate_back,
+)
 
 Value = TypeVar("Value")
 
@@ -30,6 +37,7 @@ class State:
         angular_velocities: (..., B, 3) in world axes, rad/s.
         places: the poses of fixed bodies and marks by name; empty in what engines return, and rewards have them.
         joints: the scene's joints by name; likewise.
+        carried: of each mark that moves along with a body, that body, and the mark's pose in its frame; likewise.
         soft: the nodes (..., N, 3) of each soft body by name. Its position is its centre of mass, and it never turns.
     """
 
@@ -40,16 +48,23 @@ class State:
     angular_velocities: Array
     places: Mapping[str, Pose] = field(default_factory=dict, kw_only=True)
     joints: Mapping[str, PlacedJoint] = field(default_factory=dict, kw_only=True)
+    carried: Mapping[str, tuple[str, Pose]] = field(default_factory=dict, kw_only=True)
     soft: Mapping[str, Array] = field(default_factory=dict, kw_only=True)
 
     def position(self, name: str, node: int | None = None) -> Array:
         """The position of one body or mark, or of one node of a soft body, (..., 3)."""
         if node is not None:
             return self.nodes(name)[..., node, :]
+        if name in self.carried:
+            body, pose = self.carried[name]
+            return self.position(body) + rotate(self.quaternion(body), pose.position)
         return self._pick(self.positions, name, "position")
 
     def quaternion(self, name: str) -> Array:
         """The quaternion of one body or mark, (..., 4)."""
+        if name in self.carried:
+            body, pose = self.carried[name]
+            return multiply(self.quaternion(body), pose.quaternion)
         return self._pick(self.quaternions, name, "quaternion")
 
     def linear_velocity(self, name: str) -> Array:
@@ -68,6 +83,17 @@ class State:
         """Where a body is and how it moves; None: the world, which is at rest."""
         if name is None:
             return Placement.at_rest(Pose())
+        if name in self.carried:
+            body, _ = self.carried[name]
+            place = self.position(name)
+            bearer = self.placement(body)
+            way = place - bearer.position
+            return Placement(
+                place,
+                self.quaternion(name),
+                bearer.linear + np.cross(bearer.angular, way),
+                bearer.angular,
+            )
         if name in self.places:
             return Placement.at_rest(self.places[name])
 
@@ -168,6 +194,7 @@ class State:
             *map(how, arrays),
             places=first.places,
             joints=first.joints,
+            carried=first.carried,
             soft={
                 name: how([state.soft[name] for state in states]) for name in first.soft
             },
@@ -197,7 +224,7 @@ class State:
     def _number(self, name: str) -> int:
         """Look a free body up."""
         if name not in self.names:
-            known = (*self.names, *self.places)
+            known = (*self.names, *self.places, *self.carried)
             raise unknown("body", name, "that moves in the state", known)
 
         return self.names.index(name)

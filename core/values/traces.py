@@ -245,7 +245,7 @@ class Trace:
     @property
     def _bodies(self) -> tuple[str, ...]:
         """The names of all bodies and marks."""
-        return (*self.states.names, *self.states.places)
+        return (*self.states.names, *self.states.places, *self.states.carried)
 
 
 def _spread(values: dict[str, npt.NDArray[Any]], links: Iterable[Link]) -> None:

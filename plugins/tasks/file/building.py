@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from core.errors import UserError, choices
+from core.errors import UsageError, UserError, choices
 from core.geometry import Array, Pose
-from core.scene import FIXTURE, Body, Color, Region, Scene, table
+from core.scene import FIXTURE, Body, Color, Region, Scene, Soft, table
 from core.values.joints import Placement
 from plugins.tasks.file.body_building import (
     build_body,
@@ -21,7 +21,13 @@ from plugins.tasks.file.body_building import (
 )
 from plugins.tasks.file.named_files import Files
 from plugins.tasks.file.naming import find_names
-from plugins.tasks.file.spec import MAX_COPIES, RepeatSpec, SceneSpec, rgba
+from plugins.tasks.file.spec import (
+    MAX_COPIES,
+    MarkSpec,
+    RepeatSpec,
+    SceneSpec,
+    rgba,
+)
 from plugins.tasks.file.tree import Tree, Where
 
 
@@ -58,9 +64,7 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
     for number, mark in enumerate(spec.marks):
         if mark.at is not None:
             with _located(tree, ("marks", number)):
-                placed = build_mark(mark)
-                frame = _frame(mark.at, (*marks, *bodies))
-                marks.append(replace(placed, pose=frame @ placed.pose))
+                marks.append(_place_mark(mark, marks, bodies))
 
     taken = [body.name for body in around]
     if spec.fixture is not None:
@@ -73,6 +77,8 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
 
     with _located(tree, ("colors",)):
         bodies = list(_paint(bodies, spec.colors))
+
+    bodies = [_draw_carried(body, spec.marks, marks) for body in bodies]
 
     try:
         scene = Scene((*around, *marks, *bodies), tuple(joints), spec.gravity)
@@ -106,6 +112,46 @@ def _repeat(body: Body, repeat: RepeatSpec | None) -> list[Body]:
         replace(body, name=f"{body.name}_{number}", pose=body.pose @ pose)
         for number, pose in enumerate(place_copies(repeat, body))
     ]
+
+
+def _place_mark(spec: MarkSpec, marks: Sequence[Body], bodies: Sequence[Body]) -> Body:
+    """Build a mark that is placed at something: with what can move it goes along, and that draws it.
+
+    Raises:
+        UsageError: there is nothing of that name, or it is soft.
+    """
+    mark = build_mark(spec)
+    frame = _frame(spec.at, (*marks, *bodies))
+    mark = replace(mark, pose=frame @ mark.pose)
+
+    named = {body.name: body for body in (*marks, *bodies)}
+    bearer = named[str(spec.at)]
+    if isinstance(bearer, Soft):
+        raise UsageError(
+            f"{bearer.name!r} is soft, and has no frame that a mark could move with; leave at out, and write where the "
+            "mark is in the world"
+        )
+
+    carrier = bearer.carrier
+    if not bearer.fixed:
+        carrier = bearer.name
+    if carrier is None:
+        return mark
+
+    return replace(mark, visuals=(), carrier=carrier)
+
+
+def _draw_carried(body: Body, specs: Sequence[MarkSpec], marks: Sequence[Body]) -> Body:
+    """Let a body draw the marks that it takes along."""
+    carried = {mark.name: mark for mark in marks if mark.carrier == body.name}
+    visuals = list(body.visuals)
+    for spec in specs:
+        if spec.name in carried:
+            place = body.pose.inverse() @ carried[spec.name].pose
+            for geom in build_mark(spec).visuals:
+                visuals.append(replace(geom, pose=place @ geom.pose))
+
+    return replace(body, visuals=tuple(visuals)) if carried else body
 
 
 def _paint(bodies: Sequence[Body], colors: Mapping[str, str]) -> Iterator[Body]:
@@ -182,6 +228,9 @@ def with_starts(scene: Scene, starts: Mapping[str, float]) -> Scene:
     for joint in scene.joints:
         start = starts.get(joint.name, joint.start)
         joints.append(replace(joint, start=start))
+
+    for mark, (carrier, offset) in scene.carried.items():
+        poses[mark] = poses[carrier] @ offset
 
     bodies = [replace(body, pose=poses[body.name]) for body in scene.bodies]
     return replace(scene, bodies=tuple(bodies), joints=tuple(joints))

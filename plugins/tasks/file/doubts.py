@@ -2,27 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from core.geometry import Array
+from core.geometry import Array, Pose, Vector
+from core.goals import Goal, Placed, Reach, reaches
 from core.robot.solids import body_solids
 from core.scene import Body, Camera, Scene, Soft, State
 from core.values.doubts import find_doubt
 
 SEEN = 0.9  # of half a picture's height: what is farther from its middle is hardly seen
 FALLS_M = 0.002  # more than engines need to settle what rests
+FAR_M = 1.6  # beyond the reach of the longest arms, 1.3 m, with a tool of 0.3 m
 
 Box = tuple[Array, Array]
 
 
 def find_doubts(scene: Scene) -> Iterator[str]:
     """Yield a line for each thing that is seldom meant."""
+    upright = _turn_upright(scene.gravity)
     boxes = {}
+    below = {}
     for body in scene.bodies:
         if body.collisions or isinstance(body, Soft):
             boxes[body.name] = bound(body)
+            turned = replace(body, pose=upright @ body.pose)
+            below[body.name] = bound(turned)
 
     hanging = {joint.body for joint in scene.joints}
     hanging |= {soft.name for soft in scene.softs if soft.pinned}
@@ -38,16 +46,74 @@ def find_doubts(scene: Scene) -> Iterator[str]:
         volume = sum(geom.shape.volume for geom in body.collisions)
         if volume > 0:
             yield from find_doubt(where, "density", body.mass / volume)
-        if body.name in hanging or any(body.velocity):
+        if body.name in hanging or any(body.velocity) or not any(scene.gravity):
             continue
 
-        gap = _gap_below(body.name, boxes)
+        gap = _gap_below(body.name, below)
         if gap > FALLS_M:
             under = f"it falls by {1000 * gap:.3g} mm"
             if np.isinf(gap):
-                under = "nothing is below it"
+                under = "nothing stops it where gravity draws it"
 
             yield f"body {body.name} begins in the air: {under}; a position is that of its middle"
+
+
+def _turn_upright(gravity: Vector) -> Pose:
+    """Return the turn after which a scene's gravity points down."""
+    if not any(gravity):
+        return Pose()
+
+    turn, _ = Rotation.align_vectors([[0.0, 0.0, -1.0]], [gravity])
+    return Pose.from_rotation((0.0, 0.0, 0.0), turn)
+
+
+def find_idle_goals(scene: Scene, goals: Sequence[Goal], every: bool) -> Iterator[str]:
+    """Yield a line for each goal that asks for less, or for more, than is seldom meant."""
+    state = scene.state()
+    wanted = reaches(goals)
+    weights = sum(goal.weight for goal in wanted)
+
+    for number, goal in enumerate(goals):
+        if not isinstance(goal, Reach):
+            continue
+
+        where = goal.label(number)
+        met = not goal.held and bool(goal.progress(state, state) >= 1.0)
+        if met and goal.after is None:
+            share = goal.weight / weights if every else 1.0
+            yield f"{where} is met at the start: doing nothing earns {share:.2g}"
+
+        if type(goal.enough) is int and goal.enough == 1 < len(goal.bodies):
+            yield (
+                f"{where} has enough: 1, which is one body of {len(goal.bodies)}; for all of them leave it out"
+            )
+
+        yield from _doubt_places(goal, where, scene, state)
+
+
+def _doubt_places(goal: Reach, where: str, scene: Scene, state: State) -> Iterator[str]:
+    """Yield a line where a place is out of reach, or stays while the body moves that it is given by."""
+    for body in goal.subjects(state):
+        place = goal.place_of(body, state)
+        if place is None:
+            continue
+
+        known = np.where(np.isnan(place), 0.0, place)
+        way = float(np.hypot(*known[:2]))
+        if way > FAR_M:
+            yield f"{where} is {way:.3g} m from the robot: few arms bring a body so far"
+            break
+
+    bearer = getattr(goal, "at", None)
+    if not isinstance(goal, Placed) or bearer is None or bearer in goal.bodies:
+        return
+
+    moves = not scene[bearer].fixed or scene[bearer].carrier is not None
+    if moves:
+        yield (
+            f"{where} is given at {bearer} where that begins, and stays there when it moves; a mark with a shape at "
+            f"{bearer} moves along, for inside: MARK"
+        )
 
 
 def find_unseen(camera: Camera, state: State, names: Iterable[str]) -> list[str]:

@@ -65,6 +65,9 @@ ENDS = {"rest", "held", "released"}
 
 THROUGHOUT = "throughout"
 
+TOLERANCE = 0.01
+"""How far off a bare number still is there, m or rad, where an entry has no ``tolerance``."""
+
 Entry = tuple[Goal, ...]
 Given = Mapping[str, Any]
 
@@ -81,6 +84,7 @@ def read_entry(given: Given) -> Entry:
     reaching = any(issubclass(kind, Reach) for kind in kinds.values())
     if not reaching and ENDS & given.keys():
         kinds = {"bodies": Reach, **kinds}
+        reaching = True
     if not kinds or len(WAYS.keys() & kinds.keys()) > 1:
         raise ValueError(
             "a goal needs either place or away (the distance from the start), or places, inside, or joint and to, not "
@@ -182,7 +186,7 @@ TAKES: Mapping[str, set[str]] = {
 
 def _make(key: str, kind: type[Goal], given: Given) -> Goal:
     """Make a goal of what its kind takes."""
-    filled = dict(given)
+    filled = {"tolerance": TOLERANCE, **given}
     if key in FILLS:
         filled |= FILLS[key](given[key], given)
 

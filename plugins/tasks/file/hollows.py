@@ -60,12 +60,21 @@ class Hollow:
         return np.asarray(self.low + self.step * lowest.mean(axis=0))
 
 
-def find_hollow(body: Body) -> Hollow | None:
+def find_hollow(body: Body, around: Sequence[Body] = ()) -> Hollow | None:
     """Find where walls of a body stand all around, and nothing else is; None: nowhere.
 
     It may be open toward one side, as a cup, a niche and a tube are; a channel is no hollow.
+
+    Args:
+        body: with its collision parts.
+        around: what is a wall, too, where it is fixed: the table closes a goal that stands on it.
     """
     parts = [_planes(part.shape, part.pose) for part in body.collisions]
+    for other in around:
+        if other.fixed and other.name != body.name:
+            frame = body.pose.inverse() @ other.pose
+            parts += [_planes(p.shape, frame @ p.pose) for p in other.collisions]
+
     low, high = bound(replace(body, pose=Pose()))
     sides = high - low
 

@@ -23,8 +23,9 @@ from core.goals import (
     reaches,
 )
 from core.scene import Body, Scene, Soft
+from plugins.tasks.file.body_building import build_mark
 from plugins.tasks.file.goals import join_entries
-from plugins.tasks.file.hollows import COLUMN_M, Hollow, find_hollow, space_of
+from plugins.tasks.file.hollows import Hollow, find_hollow, space_of
 from plugins.tasks.file.kinds import (
     Apart,
     Flattened,
@@ -33,10 +34,11 @@ from plugins.tasks.file.kinds import (
     Throughout,
     TurnedBy,
 )
-from plugins.tasks.file.spec import SceneSpec
+from plugins.tasks.file.spec import MarkSpec, SceneSpec
 from plugins.tasks.file.tree import Tree
 
 _GLOB = re.compile(r"[*?\[]")
+_IS = ("is", "are")
 
 
 def find_names(patterns: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
@@ -69,11 +71,11 @@ def build_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> tuple[Goal, ...]:
         for reach in reaches(entry):
             names |= {number, reach.name or number}
 
-    heights = {mark.name: mark.height for mark in spec.marks}
+    marks = {mark.name: mark for mark in spec.marks}
     entries = []
     for number, entry in enumerate(spec.goals):
         try:
-            entries.append(tuple(_resolve(goal, scene, heights) for goal in entry))
+            entries.append(tuple(_resolve(goal, scene, marks) for goal in entry))
             for reach in reaches(entry):
                 if reach.after is not None and reach.after not in names:
                     problem = choices("goal", str(reach.after), map(str, names))
@@ -81,13 +83,21 @@ def build_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> tuple[Goal, ...]:
         except (UsageError, ValueError) as error:
             raise tree.error(("goals", number), str(error)) from None
 
-    return join_entries(entries)
+    goals = join_entries(entries)
+    if not reaches(goals):
+        raise tree.error(
+            ("goals",),
+            "they only say what must not happen (keep, untouched, throughout), so nothing can be earned; add what is "
+            "to be reached, such as {bodies: [cup], raised: 0.1}",
+        )
+
+    return goals
 
 
-def _resolve(goal: Goal, scene: Scene, heights: Mapping[str, float]) -> Goal:
+def _resolve(goal: Goal, scene: Scene, marks: Mapping[str, MarkSpec]) -> Goal:
     """Give a goal the bodies that its patterns fit, and what it needs to know of the scene.
 
-    ``heights`` says how high above each mark is still inside it, m.
+    ``marks`` are those of the file, by name.
 
     Raises:
         UsageError: it names what is not there, or asks what can't be.
@@ -95,7 +105,10 @@ def _resolve(goal: Goal, scene: Scene, heights: Mapping[str, float]) -> Goal:
     """
     changes = dict[str, object]()
     if isinstance(goal, Throughout):
-        return Throughout(_resolve(goal.what, scene, heights))  # type: ignore[arg-type]
+        lasting = _resolve(goal.what, scene, marks)
+        assert isinstance(lasting, Reach)
+        _check_throughout(lasting, scene)
+        return Throughout(lasting)
 
     for field, what in NAMED.items():
         patterns = getattr(goal, field, None)
@@ -103,7 +116,7 @@ def _resolve(goal: Goal, scene: Scene, heights: Mapping[str, float]) -> Goal:
             changes[field] = find_names(patterns, list_names(what, scene))
 
     if isinstance(goal, Reach):
-        changes["also"] = tuple(_resolve(part, scene, heights) for part in goal.also)
+        changes["also"] = tuple(_resolve(part, scene, marks) for part in goal.also)
 
     found: Goal = replace(goal, **changes)  # type: ignore[type-var]
     check_names(found, scene)
@@ -112,11 +125,40 @@ def _resolve(goal: Goal, scene: Scene, heights: Mapping[str, float]) -> Goal:
         rounds = [name for name in found.keep if _is_round(scene[name])]
         found = replace(found, balls=tuple(balls), rounds=tuple(rounds))
     if isinstance(found, Inside):
-        found = replace(found, hollow=_find_space(scene[found.inside], heights))
+        found = replace(found, hollow=_find_space(scene, found.inside, marks))
     if isinstance(found, Reach):
         _check_softness(found, scene)
+        _check_enough(found)
 
     return found
+
+
+def _check_enough(goal: Reach) -> None:
+    """Refuse a goal that wants more bodies than it has.
+
+    Raises:
+        UsageError: says how many there are.
+    """
+    if isinstance(goal.enough, int) and goal.enough > len(goal.bodies) > 0:
+        raise UsageError(
+            f"enough: {goal.enough} is a number of bodies, and these are {len(goal.bodies)}; for a share of them write "
+            "it with a point, such as 0.8, and for all of them leave it out"
+        )
+
+
+def _check_throughout(what: Reach, scene: Scene) -> None:
+    """Refuse what must hold throughout, and does not at the start, so that nothing could ever be earned.
+
+    Raises:
+        UsageError: says what was probably meant.
+    """
+    start = scene.state()
+    unmet = what.held or bool(what.progress(start, start) < 1.0)
+    if unmet:
+        raise UsageError(
+            f"throughout means from the start on, and at the start {what.subject} {_IS[len(what.bodies) > 1]} not so: "
+            "nothing could be earned; leave throughout out, and it must hold at the end (with held: true, in hand)"
+        )
 
 
 def _is_round(body: Body, *, ball: bool = False) -> bool:
@@ -135,18 +177,21 @@ def _is_round(body: Body, *, ball: bool = False) -> bool:
     return bool(body.collisions)
 
 
-def _find_space(body: Body, heights: Mapping[str, float]) -> Hollow:
+def _find_space(scene: Scene, name: str, marks: Mapping[str, MarkSpec]) -> Hollow:
     """Return the hollow of a body, or the space of a mark.
+
+    What a body lacks of walls may be what it stands at, such as the table under it.
 
     Raises:
         UsageError: it has none.
     """
-    if not body.collisions and not isinstance(body, Soft):
-        return space_of(body, heights.get(body.name, COLUMN_M))
+    body = scene[name]
+    if name in marks:
+        return space_of(build_mark(marks[name]), marks[name].height)
 
     found = None
     if body.collisions:
-        found = find_hollow(body)
+        found = find_hollow(body) or find_hollow(body, scene.bodies)
     if found is None:
         raise UsageError(
             f"{body.name!r} has no hollow with walls all around; give marks one with a shape, such as {{name: inner, "

@@ -67,7 +67,11 @@ class FileTask(Task):
         vars(self).update(goals=wanted)
         self._look_at(spec)
         self._check_variations()
-        for doubt in doubts.find_doubts(self._scene):
+        found = [
+            *doubts.find_doubts(self._scene),
+            *doubts.find_idle_goals(self._scene, self.goals, self.every),
+        ]
+        for doubt in found:
             warn_once(f"{file}: {doubt}")
 
     def _look_at(self, spec: schema.SceneSpec) -> None:

@@ -27,6 +27,8 @@ Placed = tuple[Shape, Pose]
 class Vessel:
     """A round wall along z, centred on its frame; a floor, a square handle toward x and a neck, where they are above 0.
 
+    With a ``bottom`` the wall slopes, as that of a bowl or a funnel does.
+
     Attributes:
         radius: outside, m.
         length: along z, m.
@@ -35,6 +37,7 @@ class Vessel:
         handle: how far the handle stands out, m.
         neck: the neck's radius outside, m.
         neck_length: of the neck, m; below it is a shoulder, half as high as it is wide.
+        bottom: the radius outside at the lower end, m; 0: as ``radius``.
 
     Raises:
         ValueError: nothing is left inside.
@@ -47,10 +50,14 @@ class Vessel:
     handle: float = 0.0
     neck: float = 0.0
     neck_length: float = 0.0
+    bottom: float = 0.0
 
     def __post_init__(self) -> None:
         problems = {
             "the wall must be thinner than the radius": self.wall >= self.radius,
+            "the wall must be thinner than the radius at the bottom": (
+                0 < self.bottom <= self.wall
+            ),
             "the floor must be thinner than the length": self.floor >= self.length,
             "the neck must be wider than the wall, and narrower than the body": (
                 self.neck > 0 and not self.wall < self.neck <= self.radius
@@ -72,13 +79,16 @@ class Vessel:
 
     def parts(self) -> Iterator[Placed]:
         """Yield its convex parts."""
-        yield from self._wall(self.floor, self._top, self.radius, self.radius)
+        lowest = self.bottom or self.radius
+        share = self.floor / self._top
+        floor_radius = lowest + share * (self.radius - lowest)
+        yield from self._wall(self.floor, self._top, floor_radius, self.radius)
         if self.neck:
             bottom = self.length - self.neck_length
             yield from self._wall(self._top, bottom, self.radius, self.neck)
             yield from self._wall(bottom, self.length, self.neck, self.neck)
         if self.floor:
-            disc = Cylinder(self.radius, self.floor)
+            disc = Cylinder(lowest, self.floor)
             yield disc, _shift(0.0, (self.floor - self.length) / 2)
         if self.handle:
             yield from self._handle()

@@ -3,7 +3,7 @@
 import pytest
 
 from plugins.new.packages import write_scene
-from plugins.tasks.file.doubts import find_doubts
+from plugins.tasks.file.doubts import find_doubts, find_idle_goals
 from tests.plugins.tasks.file.test_task import task_of
 
 BODY = "\n  - {name: tin, cylinder: {radius: 0.03, length: 0.1}, position: [0.7, 0.2, 0.05], mass: 0.2}"
@@ -53,6 +53,56 @@ def test_soft_bodies_in_the_air(tmp_path, text):
     assert (
         doubts(tmp_path, text, cloth.replace("position", "pinned: [0], position")) == []
     )
+
+
+def said_of_goals(tmp_path, text, goal):
+    task = task_of(
+        tmp_path, text.partition("\ngoals:")[0] + f"\ngoals:\n  - {goal}\n", "none"
+    )
+    return list(find_idle_goals(task.scene(0), task.goals, task.every))
+
+
+UP = """name: Up
+description: Everything floats upward here. A bar rests under the ceiling.
+table: false
+gravity: [0, 0, 9.81]
+bodies:
+  - {name: ceiling, box: [2, 2, 0.02], position: [0.5, 0, 1.01], fixed: true}
+  - {name: bar, box: [0.02, 0.4, 0.02], position: [0.5, 0, 0.99], mass: 0.1}
+goals:
+  - {bodies: [bar], place: [null, null, "< 0.7"], held: true}
+"""
+
+
+def test_in_the_air_is_looked_for_where_gravity_draws(tmp_path):
+    assert list(find_doubts(task_of(tmp_path, UP, "none").scene(0))) == []
+    for change, said in (
+        (("0.99]", "0.9]"), ["it falls by 90 mm"]),
+        (("0, 9.81]", "0, -9.81]"), ["it falls by 1.6e+03 mm"]),
+        (("[0, 0, 9.81]", "[9.81, 0, 0]"), ["nothing stops it where gravity draws it"]),
+        (("[0, 0, 9.81]", "[0, 0, 0]"), []),
+    ):
+        found = find_doubts(task_of(tmp_path, UP.replace(*change), "none").scene(0))
+        assert [line.split(": ")[1].split(";")[0] for line in found] == said
+
+
+@pytest.mark.parametrize(
+    ("goal", "said"),
+    [
+        ("{bodies: [block], raised: 0.1}", ""),
+        ("{bodies: [block], raised: '> -0.1'}", "is met at the start: doing nothing earns 1"),
+        ("{bodies: [block], raised: '> -0.1', held: true}", ""),
+        ("{bodies: [block], place: [2.6, 0, null]}", "is 2.6 m from the robot: few arms"),
+        ("{bodies: [block, tin], raised: 0.1, enough: 1}", "has enough: 1, which is one body of 2;"),
+        ("{bodies: [block], place: [0, 0, 0.2], at: tin}", "is given at tin where that begins, and stays there"),
+    ],
+)  # fmt: skip
+def test_goals_that_are_seldom_meant(tmp_path, text, goal, said):
+    lines = said_of_goals(
+        tmp_path, text.replace("\nbodies:", f"\nbodies:{BODY}", 1), goal
+    )
+    assert len(lines) == bool(said)
+    assert said in "".join(lines)
 
 
 def test_they_are_said_once_for_a_file(tmp_path, text, caplog):

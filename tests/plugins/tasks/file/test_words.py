@@ -51,7 +51,7 @@ CASES = [
     ("{bodies: [cup], place: [[0.6, 0.7], null, null]}", {"cup": (0.65, 0, 0)}, 1),
     ("{bodies: [cup], place: [[0.6, 0.7], null, null]}", {"cup": (0.9, 0, 0)}, 0),
     ("{bodies: [cup], place: [[0.6, null], 0.1, null]}", {"cup": (0.9, 0.1, 0)}, 1),
-    ("{bodies: [cup], place: [[0.6, null], 0.1, null]}", {"cup": (0.9, 0, 0)}, 0.5),
+    ("{bodies: [cup], place: [[0.6, null], 0.1, null]}", {"cup": (0.9, 0, 0)}, 10 / 19),
     ("{bodies: [cup], at: post, place: ['> 0.3', null, 0]}", {"cup": (9, 0.25, 0.05)}, 1),
     ("{bodies: [cup, peg_0], at: disc, tolerance: 0.01, places: [[0, 0, 0], [0, 0, 1]]}", STACKED, 1),
     ("{bodies: [cup], raised: 0.1}", {"cup": (0.5, 0, 0.15)}, 1),
@@ -77,6 +77,12 @@ CASES = [
     ("{bodies: ['grain*'], inside: bottle}", FEW, 0.5),
     ("{bodies: ['grain*'], inside: bottle, enough: 0.5}", FEW, 1),
     ("{bodies: ['grain*'], inside: bottle, enough: 16}", FEW, 0.75),
+    ("{bodies: [cup], place: [0.6, 0.1, null]}", {"cup": (0.609, 0.1, 0)}, 1),
+    ("{bodies: [cup], moved: ['> 0.1', 0, null]}", {"cup": (0.7, 0.009, 0)}, 1),
+    ("{bodies: [peg_0], inside: over}", {"cup": (0.5, 0.5, 0), "peg_0": (0.55, 0.5, 0)}, 1),
+    ("{bodies: [peg_0], inside: over}", {"cup": (0.5, 0.5, 0, 0, 0, 90), "peg_0": (0.55, 0.5, 0)}, 0),
+    ("{bodies: [brick_0], inside: arch}", {"brick_0": (0.9, 0.6, 0.03)}, 1),
+    ("{bodies: [brick_0], inside: arch}", {"brick_0": (0.82, 0.6, 0.03)}, 0),
     ("{bodies: ['grain*'], inside: bottle, any: true}", FEW, 1),
     ("{bodies: ['grain*'], inside: cup}", {"cup": (0.9, 0, 0.05)}, 0),
     ("{bodies: [brick_0], inside: niche}", {"brick_0": (0.75, -0.3, 0.02)}, 1),
@@ -148,8 +154,14 @@ MISTAKES = [
     (GOAL, "{bodies: [cup], apart: 0.1}", "apart needs two bodies"),
     (GOAL, "{joint: runner, to: 0.1, change: 0.1}", "a joint has to"),
     (GOAL, "{bodies: [cup], enough: 0, away: 0.1}", "enough: must be greater than 0"),
+    (GOAL, "{bodies: [cup, peg_0], enough: 3, away: 0.1}", "enough: 3 is a number of bodies, and these are 2"),
+    (GOAL, "{bodies: [cup, peg_0], enough: 1, any: true, away: 0.1}", "any and enough both say how many"),
+    (GOAL, "{bodies: [cup], raised: 0.1, throughout: true}", "throughout means from the start on, and at"),
+    (GOAL, "{bodies: [cup], held: true, throughout: true}", "from the start on"),
+    (GOAL, "{bodies: [cup], axis: [0, 0, 1], throughout: true}", "goals: they only say what must not happen"),
+    (GOAL, "{keep: [cup]}", "nothing can be earned; add what is to be reached"),
     ("heap: 24", "heap: 240", "repeat.heap: must be less than or equal to 200"),
-    ("heap: 24", "heap: 180", "a scene can have 200 bodies, not 203"),
+    ("heap: 24", "heap: 180", "a scene can have 200 bodies, not 204"),
     ("heap: 24", "ring: 3, heap: 2", "needs one of grid, ring, heap"),
     ("{ring: 6, radius: 0.05}", "{ring: 6}", "a ring and a heap need a radius"),
     ("size: [4, 3], ", "", "a wall needs a size"),
@@ -163,3 +175,20 @@ MISTAKES = [
 def test_what_can_not_be_is_refused(read, old, new, why):
     with pytest.raises(UserError, match=why):
         read(GOAL, WORDS.replace(old, new))
+
+
+def test_a_mark_has_no_place_at_what_is_soft(read):
+    cloth = "{size: [0.1, 0.1]}, elastic: {density: 300, young: 1.0e5}"
+    rag = f"  - {{name: rag, cloth: {cloth}, position: [1, 0, 0.1]}}\njoints:"
+    text = WORDS.replace("at: cup, box", "at: rag, box").replace("joints:", rag)
+    with pytest.raises(UserError, match="'rag' is soft, and has no frame that a mark"):
+        read(GOAL, text)
+
+
+def test_a_mark_goes_along_with_what_it_is_at(read):
+    task = read(GOAL)
+    start = task.scene(0).state()
+    end = ended(start, {"cup": (0.7, 0.1, 0.2, 0, 0, 90)})
+    assert end.position("over") == pytest.approx(end.position("cup"))
+    assert end.quaternion("over") == pytest.approx(end.quaternion("cup"))
+    assert task.scene(0)["over"].visuals == ()  # the cup draws it
