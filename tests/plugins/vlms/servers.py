@@ -80,13 +80,17 @@ class Say:
 
 @dataclass(frozen=True)
 class Send:
-    """Answer with exactly this body; ``repeat``: so many times one after another, until the client hangs up."""
+    """Answer with exactly this body; ``repeat``: so many times one after another, until the client hangs up.
+
+    ``missing``: so many bytes are announced, and never sent: the connection breaks off.
+    """
 
     body: str | bytes
     status: int = 200
     headers: tuple[tuple[str, str], ...] = ()
     type: str = "application/json"
     repeat: int = 1
+    missing: int = 0
 
 
 @dataclass(frozen=True)
@@ -261,12 +265,15 @@ def _act(
     body = act.body.encode() if isinstance(act.body, str) else act.body
     handler.send_response(act.status)
     handler.send_header("Content-Type", act.type)
-    handler.send_header("Content-Length", str(len(body) * act.repeat))
+    length = len(body) * act.repeat + act.missing
+    handler.send_header("Content-Length", str(length))
     for name, value in act.headers:
         handler.send_header(name, value)
     handler.end_headers()
     for _ in range(act.repeat):
         handler.wfile.write(body)
+    if act.missing:
+        handler.close_connection = True
 
 
 def document(say: Say, call: Call) -> dict[str, Any]:
