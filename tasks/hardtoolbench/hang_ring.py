@@ -140,7 +140,7 @@ class HangRing(Task):
         return Scene((*bodies, ring(hanging, inner, draw("ring.mass", 0.2))))
 
     def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
-        """Up to 0.15 on the way to the second peg, 0.6 with the peg through the ring's hole, 1 if let go and at rest;
+        """Up to 0.12 on the way to the second peg, 0.6 with the peg through the ring's hole, 1 if let go and at rest;
         nothing for a ring touched by hand or arm, or one that fell."""
         assert trace is not None
         root = end.position("peg_b")
@@ -162,7 +162,7 @@ class HangRing(Task):
             middle[..., 2]
             > np.minimum(root[..., 2], start.position("peg_a")[..., 2]) - 0.08
         )
-        partial = 0.15 * progress(left, whole) * up
+        partial = 0.12 * progress(left, whole) * up
 
         swings = speed(end, "ring") > SWINGS
         hangs = np.where(trace.touching_at_end("ring", "robot") | swings, 0.6, 1.0)
