@@ -84,7 +84,7 @@ class Depths(NamedTuple):
         least: the least of what counts.
         cut: from here on beyond the shortest way out, it is a cut.
         far: from here on, the first is beyond the far side of a wall or of the thinner one: no blow goes so deep.
-        patience: seconds for which it may be beyond the far side.
+        patience: seconds for which it may be beyond the far side, or inside before it comes out beside where it got in.
     """
 
     thick: Any
@@ -187,6 +187,7 @@ class Encounter:
         reached: the largest depth since then, metres.
         cut: when and how the first cut into the second, from where it may come out on the other side.
         since: when it got in, seconds.
+        until: when it was last found to be inside, seconds.
         stuck: since when it is too deep, seconds.
         beyond: since when it is beyond the far side, seconds.
     """
@@ -199,6 +200,7 @@ class Encounter:
         self.reached = 0.0
         self.cut: Passage | None = None
         self.since = 0.0
+        self.until = 0.0
         self.stuck: float | None = None
         self.beyond: float | None = None
 
@@ -219,6 +221,7 @@ class Encounter:
             if self.reached < self.depths.limit:
                 self.since = now
             self.reached = max(self.reached, look.depth)
+            self.until = now
 
         return self._find_stuck(look, instant, now)
 
@@ -236,12 +239,19 @@ class Encounter:
                     self.cut = Passage(now, f"cut into {{}} at {now:.2f} s")
 
     def _has_left(self, look: Look) -> bool:
-        """Report whether the first, which only touches now, came out on another side than where it went in."""
+        """Report whether the first, which only touches now, came out on another side than where it went in.
+
+        Of two bodies, an edge that meets an edge in an engine's step may be pushed out beside it, as it slips off.
+        """
         if self.entry is None or self.reached < self.depths.through:
             return False
 
         _, entry = turned_with(self.entry, look)
-        return bool(look.out @ entry < 0.5)
+        agreement = float(look.out @ entry)
+        if agreement < -0.5:
+            return True
+
+        return agreement < 0.5 and self.until - self.since >= self.depths.patience
 
     def _find_stuck(self, look: Look, instant: Instant, now: float) -> Passage | None:
         """Find out at a sample whether the first has been too deep, or beyond the far side, for too long."""
