@@ -67,6 +67,17 @@ def _turn_upright(gravity: Vector) -> Pose:
     return Pose.from_rotation((0.0, 0.0, 0.0), turn)
 
 
+def find_foot(scene: Scene, body: Body) -> float:
+    """Measure how far the frame of a body is above its lowest point as gravity draws, m."""
+    if not body.collisions and not isinstance(body, Soft):
+        return 0.0
+
+    turned = replace(body, pose=_turn_upright(scene.gravity) @ body.pose)
+    low, _ = bound(turned)
+    middle = turned.center if isinstance(turned, Soft) else turned.pose.position
+    return float(middle[2] - low[2])
+
+
 def find_idle_goals(scene: Scene, goals: Sequence[Goal], every: bool) -> Iterator[str]:
     """Yield a line for each goal that asks for less, or for more, than is seldom meant."""
     state = scene.state()

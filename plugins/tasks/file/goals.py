@@ -57,7 +57,16 @@ KINDS: Mapping[str, type[Goal]] = {
 }
 """The kinds of goals, by the key that an entry of a file has them by."""
 
-FILLED = {"relative", "hollow", "also", "balls", "rounds", "mean"}
+FILLED = {
+    "relative",
+    "hollow",
+    "feet",
+    "down",
+    "also",
+    "balls",
+    "rounds",
+    "mean",
+}
 """Fields of kinds that no entry has: they are made of others."""
 
 ENDS = {"rest", "held", "released"}

@@ -18,6 +18,7 @@ _CELLS = 16_000  # of the grid that a body is looked at by
 _LEAST = 8  # cells along a side
 _WAYS = 8  # directions in which a wall must stand
 _PART = 0.2  # of the largest hollow: smaller ones, such as a handle's, are none
+_STEP_M = 0.001  # of the way down to where a body rests
 _FLAT_M = 0.002  # a mark that is not higher is flat
 
 COLUMN_M = 0.1
@@ -58,6 +59,25 @@ class Hollow:
         deepest = np.argwhere(self.rooms > self.rooms.max() - self.step.min() / 2)
         lowest = deepest[deepest[:, 2] == deepest[:, 2].min()]
         return np.asarray(self.low + self.step * lowest.mean(axis=0))
+
+    def rest(self, down: Array, foot: float) -> Array:
+        """Find where a body's frame (3,) is that rests below the middle; in free fall it is the middle.
+
+        Args:
+            down: where gravity draws, (3,) in its frame; zeros: nowhere.
+            foot: how far the body's frame is above its lowest point, m.
+        """
+        length = float(np.linalg.norm(down))
+        if length < 1e-9:
+            return self.middle
+
+        longest = float(np.linalg.norm(self.step * self.rooms.shape))
+        ways = np.arange(0.0, longest, _STEP_M)
+        points = self.middle + ways[:, None] * down / length
+        outside = self.room(points) <= 0
+        ground = float(ways[outside.argmax()]) if outside.any() else 0.0
+        # A body that is taller than the room below the middle stands up into it.
+        return np.asarray(self.middle + (ground - foot) * down / length)
 
 
 def find_hollow(body: Body, around: Sequence[Body] = ()) -> Hollow | None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from core.geometry import Array
+from core.geometry import Array, Vector
 from core.goals import SLIP_DEG, SLIP_M, Evidence, Limit, Measure, Reach, Span
-from core.values.joints import inverse, multiply, rotate
+from core.values.joints import inverse, multiply, rotate, rotate_back
 from core.values.margins import Margin
 from core.values.states import State
 from plugins.tasks.file.hollows import Hollow
@@ -112,10 +112,14 @@ class Inside(Reach):
     Attributes:
         inside: the name of the body or mark.
         hollow: the space, in its frame; it moves with it.
+        feet: by body, how far its frame is above its lowest point at the start, m.
+        down: where gravity draws, (3,) in the world.
     """
 
     inside: str
     hollow: Hollow = field(default_factory=Hollow, repr=False, compare=False)
+    feet: Mapping[str, float] = field(default_factory=dict, repr=False, compare=False)
+    down: Vector = field(default=(0.0, 0.0, -1.0), repr=False, compare=False)
 
     @property
     def at(self) -> str:
@@ -134,8 +138,13 @@ class Inside(Reach):
         yield Measure(name, room, 0.0, SLIP_M, "m", at_least=True, whole=True)
 
     def place_of(self, body: str, start: State) -> Array:
-        turned = rotate(start.quaternion(self.inside), self.hollow.middle)
-        return start.position(self.inside) + turned
+        """Return where a body's frame is when it rests in the hollow, below its middle as gravity draws."""
+        frame = start.quaternion(self.inside)
+        local = rotate_back(frame, np.array(self.down))
+        # Worlds of one layout have it alike.
+        down = local.reshape(-1, 3)[0]
+        place = self.hollow.rest(down, self.feet.get(body, 0.0))
+        return start.position(self.inside) + rotate(frame, place)
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from core.goals import (
 )
 from core.scene import Body, Scene, Soft
 from plugins.tasks.file.body_building import build_mark
+from plugins.tasks.file.doubts import find_foot
 from plugins.tasks.file.goals import join_entries
 from plugins.tasks.file.hollows import Hollow, find_hollow, space_of
 from plugins.tasks.file.kinds import (
@@ -125,7 +126,12 @@ def _resolve(goal: Goal, scene: Scene, marks: Mapping[str, MarkSpec]) -> Goal:
         rounds = [name for name in found.keep if _is_round(scene[name])]
         found = replace(found, balls=tuple(balls), rounds=tuple(rounds))
     if isinstance(found, Inside):
-        found = replace(found, hollow=_find_space(scene, found.inside, marks))
+        found = replace(
+            found,
+            hollow=_find_space(scene, found.inside, marks),
+            feet={name: find_foot(scene, scene[name]) for name in found.bodies},
+            down=scene.gravity,
+        )
     if isinstance(found, Reach):
         _check_softness(found, scene)
         _check_enough(found)

@@ -120,7 +120,7 @@ def push(
     )
 
     leaves = rng.random() < 0.4 or len(subgoal.solids) > 1 or subgoal.alone
-    if not leaves:
+    if not (leaves or subgoal.is_released):
         return text
 
     # A face backs off first, so that it does not drag the bodies up; walls rise straight around them.
@@ -358,6 +358,8 @@ def clamp(
         down = goal + min(lift, subgoal.shift[2] + 0.003) * UP
         path.move(down, yaw, 0.2, grip=1.0)
         path.go(yaw, down, touch=True)
+        if subgoal.is_released:
+            path.go(yaw, down + _draw_rise(subgoal, low, rng), touch=True)
 
     verb = "drags" if drags else "carries"
     distance = np.linalg.norm(subgoal.shift)

@@ -137,6 +137,11 @@ class Subgoal:
         return self.goal.reference if self.goal is not None else None
 
     @property
+    def is_released(self) -> bool:
+        """Whether the goal wants the bodies let go, so that the head has to leave them."""
+        return self.goal is not None and self.goal.released
+
+    @property
     def rises(self) -> bool:
         """Whether the bodies have to be lifted."""
         return bool(self.shift[2] > 0.03)

@@ -22,6 +22,7 @@ class Target:
     Attributes:
         any: whether one of the bodies is enough.
         held: whether they must end in hand.
+        released: whether they must end touched by nothing of the robot.
         place: of each body's frame, m; None: anywhere.
         away: how far each is to get from its start, m.
         axis: an axis of the bodies' frames that is to end along ``points``, within ``tolerance_deg`` degrees.
@@ -32,6 +33,7 @@ class Target:
     bodies: tuple[str, ...]
     any: bool = False
     held: bool = False
+    released: bool = False
     place: Place | None = None
     away: float | None = None
     axis: Vector | None = None
@@ -69,7 +71,7 @@ def find_targets(goal: Reach, scene: Scene) -> list[Target]:
             wanted["tolerance_deg"] = part.tolerance_deg
 
     return [
-        Target(tuple(bodies), goal.any, goal.held, place, **wanted)  # type: ignore[arg-type]
+        Target(tuple(bodies), goal.any, goal.held, goal.released, place, **wanted)  # type: ignore[arg-type]
         for place, bodies in groups.items()
     ]
 

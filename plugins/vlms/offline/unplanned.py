@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.goals import Away, Facing, Placed, Reach, Turned, limits, reaches
+from core.goals import Away, Facing, Reach, Turned, limits, reaches
 from core.interfaces import Task
-from core.scene import Scene
+from core.scene import Scene, State
 from plugins.vlms.offline.subgoals import turn_to_goal
 from plugins.vlms.offline.targets import Target, find_targets
 
@@ -43,24 +43,44 @@ def find_unplanned(task: Task, seed: int) -> list[str]:
         "a time limit": any(goal.by_s is not None for goal in reached),
         "what a soft body does as it gives way": bool(scene.softs),
         "what an axis is to point at": any(isinstance(p, Facing) for p in parts),
-        "a height, an area or a node": any(map(_says_no_place, parts)),
+        "the place of a node": any(getattr(p, "node", None) is not None for p in parts),
         "a limit of force": any(forces),
         "a second goal, where one is a joint's or a turn (each tool is made for one)": several
         and is_guided,
         "anything but its first free body, as the task has no goals": not targets,
     }
 
-    return [name for name, holds in cases.items() if holds]
+    named = [name for name, holds in cases.items() if holds]
+    state = scene.state()
+    for goal in reached:
+        named += _name_measures(goal, state)
+
+    return list(dict.fromkeys(named))
+
+
+def _name_measures(goal: Reach, state: State) -> list[str]:
+    """Name what a goal measures of its first body where no plan is made for it, such as ``angle of cup``.
+
+    Args:
+        goal: with its parts.
+        state: at the start.
+    """
+    first = goal.subjects(state)[:1]
+    unplanned = [part for part in goal.parts if _says_no_place(part)]
+    return [
+        measure.name
+        for body in first
+        for part in unplanned
+        for measure in part.measures(body, state)
+    ]
 
 
 def _says_no_place(part: Reach) -> bool:
-    """Report whether a part of a goal says neither a place nor a way nor a turn, or the place of a node.
+    """Report whether a part of a goal says neither a place nor a way nor a turn.
 
     Args:
         part: of a goal; it may say other things, such as a time.
     """
-    if isinstance(part, Placed):
-        return part.node is not None
     if isinstance(part, Turned):
         return part.angle_deg is not None
     if type(part) is Reach or isinstance(part, Away | Facing):

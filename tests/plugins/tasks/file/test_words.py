@@ -192,3 +192,25 @@ def test_a_mark_goes_along_with_what_it_is_at(read):
     assert end.position("over") == pytest.approx(end.position("cup"))
     assert end.quaternion("over") == pytest.approx(end.quaternion("cup"))
     assert task.scene(0)["over"].visuals == ()  # the cup draws it
+
+
+@pytest.mark.parametrize(
+    ("space", "body", "rests_at"),
+    [
+        ("bottle", "peg_0", (0.6, 0.3, 0.035)),  # on its floor, 0.01 m thick
+        ("arch", "brick_0", (0.895, 0.6, 0.01)),  # on the table
+        ("zone", "brick_0", (0.3, 0.3, 0.01)),
+        ("over", "peg_0", (0.5, 0, 0.065)),  # it stands in what is thinner than it
+    ],
+)
+def test_what_is_to_be_inside_is_aimed_at_where_it_rests(read, space, body, rests_at):
+    task = read(f"{{bodies: [{body}], inside: {space}}}")
+    place = task.goals[0].place_of(body, task.scene(0).state())
+    assert place == pytest.approx(rests_at, abs=0.005)
+
+
+def test_where_gravity_draws_upward_it_rests_at_the_top(read):
+    text = WORDS.replace("[0, 0, -3.7]", "[0, 0, 3.7]")
+    task = read("{bodies: [brick_0], inside: niche}", text)
+    place = task.goals[0].place_of("brick_0", task.scene(0).state())
+    assert place == pytest.approx((0.795, -0.3, 0.18), abs=0.006)

@@ -14,7 +14,7 @@ from core.designs.reading import read_designs
 from core.designs.replies import parse_reply
 from core.designs.schema import answer_schema
 from core.geometry import Box, Cylinder
-from core.goals import Facing, JointAt, Placed, Turned
+from core.goals import Facing, JointAt, Placed, Span, Turned
 from core.interfaces import Brief, Material, Request, Task, Waypoints
 from core.plugins import installed
 from core.robot.trajectory import plan_motion
@@ -352,3 +352,8 @@ def test_what_no_plan_is_made_for_is_named():
         goals = (Facing(("cube",), facing="table"),)
 
     assert find_unplanned(Aimed(), 0) == ["what an axis is to point at"]
+
+    class Steep(CubeTask):
+        goals = (Turned(("cube",), angle_deg=Span(low=60)),)
+
+    assert find_unplanned(Steep(), 0) == ["angle of cube"]
