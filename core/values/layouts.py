@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from core.geometry import Pose, Triple, Vector
 
 Ranges = Mapping[str, tuple[float, float]]
 """The lowest and the highest value of each number that is drawn, by a name such as ``cube.x``."""
+
+Sets = Mapping[str, Sequence[float]]
+"""Values of numbers that are drawn together: those of one place belong to one layout."""
 
 NONE = "none"  # the variation in which nothing is drawn: the paper's layouts
 
@@ -22,9 +25,16 @@ class Draw:
 
     ranges: Ranges
     seed: int
+    sets: Sets = field(default_factory=dict)
 
     def __call__(self, name: str, nominal: float) -> float:
-        """Return a number, uniform in its range. It depends on the seed and its name alone."""
+        """Return a number, uniform in its range. It depends on the seed and its name alone.
+
+        Of a number that is drawn with others, the value of the seed's set; after the last set comes the first.
+        """
+        if name in self.sets:
+            values = self.sets[name]
+            return values[self.seed % len(values)]
         if name not in self.ranges:
             return nominal
         rng = np.random.default_rng([self.seed, zlib.crc32(name.encode())])

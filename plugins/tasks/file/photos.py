@@ -12,7 +12,7 @@ from core.scene import Camera
 from core.simulation.pictures import describe_camera
 from core.support.sandbox import isolated
 from plugins.tasks.file.imports.solids import read_inside
-from plugins.tasks.file.pixels import as_png
+from plugins.tasks.file.pixels import as_png, find_fov
 
 MAX_MB = 30
 LIMIT_S = 60
@@ -26,10 +26,20 @@ def read_photograph(
     Raises:
         UserError: it is not in the folder, too large, or no picture.
     """
+    return read_with_fov(folder, file, camera, name)[0]
+
+
+def read_with_fov(
+    folder: Path, file: str, camera: Camera | None, name: str
+) -> tuple[Picture, float | None]:
+    """Read a photograph (`read_photograph`), and the vertical field of view that it says it has, degrees."""
     data = read_inside(folder / file, folder, "photograph", MAX_MB)
     png = isolated(as_png, f"photograph {folder / file}", data, limit_s=LIMIT_S)
     with Image.open(io.BytesIO(png)) as sent:  # made by this program
         known = "where its camera stood is not known"
         if camera:
             known = describe_camera(camera, sent.size)
-    return Picture(png, name, f"{name}: a photograph of the real bench; {known}")
+
+    digits = isolated(find_fov, f"photograph {folder / file}", data, limit_s=LIMIT_S)
+    caption = f"{name}: a photograph of the real bench; {known}"
+    return Picture(png, name, caption), float(digits) if digits else None

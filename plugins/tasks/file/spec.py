@@ -50,6 +50,7 @@ MAX_COPIES = 200  # of all bodies together, too
 MAX_IMPORTS = 20
 MAX_GOALS = 50
 MAX_RANGES = 200
+MAX_SETS = 256
 MAX_VARIATIONS = 20
 MAX_PHOTOS = 8
 # Keys of rigid bodies alone, and of soft ones.
@@ -89,7 +90,9 @@ Rates = tuple[Rate, Rate, Rate]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_-]{0,59}$")]
 FileName = Annotated[str, Field(min_length=1, max_length=200)]
 Fov = Annotated[float, Field(ge=1, le=170)]
-Range = tuple[float, float]
+Range = Annotated[tuple[float, ...], Field(min_length=2, max_length=MAX_SETS)]
+"""The lowest and the highest; or three or more values, one for a layout, drawn together with those of other numbers."""
+
 Count = Annotated[int, Field(ge=1, le=MAX_COPIES)]
 Friction = Annotated[float, Field(ge=0, le=limits.MAX_FRICTION)]
 Path = Annotated[tuple[Place, ...], Field(min_length=2, max_length=MAX_NODES)]
@@ -231,9 +234,19 @@ def _perspective(camera: Camera | None) -> Camera | None:
 
 
 def _named(variations: dict[str, Any]) -> dict[str, Any]:
-    """Refuse a variation whose name stands for none."""
+    """Refuse a variation whose name stands for none, or whose numbers have unlike many values."""
     if NONE in variations:
         raise ValueError(f"the variation {NONE!r} draws nothing; give it another name")
+
+    for name, ranges in variations.items():
+        counts = {path: len(values) for path, values in ranges.items()}
+        sets = {path: count for path, count in counts.items() if count > 2}
+        if len(set(sets.values())) > 1:
+            fewest = min(sets, key=sets.__getitem__)
+            raise ValueError(
+                f"in the variation {name!r}, {fewest} has {sets[fewest]} values, and others have "
+                f"{max(sets.values())}; what is drawn together needs as many values each"
+            )
 
     return variations
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from typing import Any
@@ -16,7 +16,7 @@ from core.goals import goals_reward, reaches
 from core.interfaces import Picture, Task
 from core.scene import Scene, State, Trace
 from core.support.cli import expand
-from core.values.layouts import NONE
+from core.values.layouts import NONE, Draw, Ranges, Sets
 from plugins.tasks.file import building, doubts, goals, naming, photos, tree
 from plugins.tasks.file import spec as schema
 from plugins.tasks.file.named_files import Files, warn_once
@@ -57,10 +57,16 @@ class FileTask(Task):
             tool_kinds=spec.tool_kinds,
             fixture=building.build_region(spec),
             tool_in_place=spec.tool_in_place,
-            variations=spec.variations,
+            variations={
+                name: _bound_sets(given) for name, given in spec.variations.items()
+            },
             home=Pose.xyz_rpy(home.position, np.radians(home.rpy_deg)),
         )
         self._photographs = spec.pictures
+        self._sets: dict[str, Sets] = {
+            name: {path: values for path, values in given.items() if len(values) > 2}
+            for name, given in spec.variations.items()
+        }
         super().__init__(variation)
         self._scene = building.build_scene(self._tree, spec, self._files)
         wanted = naming.build_goals(self._tree, spec, self._scene)
@@ -110,6 +116,11 @@ class FileTask(Task):
             for n, photo in given
         ]
 
+    def draw(self, seed: int) -> Draw:
+        """See `core.interfaces.Task.draw`."""
+        sets = self._sets.get(self.variation, {})
+        return Draw(self.ranges, seed, sets)
+
     def scene(self, seed: int) -> Scene:
         if self.variation == NONE:
             return self._scene
@@ -154,9 +165,15 @@ class FileTask(Task):
                 if problem:
                     raise self._tree.error(("variations", name, path), problem)
 
+            sets = self._sets[name]
             for end in (0, 1):
-                numbers = [(path, span[end]) for path, span in ranges.items()]
+                numbers = [
+                    (path, ranges[path][end]) for path in ranges if path not in sets
+                ]
                 self._check_numbers(name, numbers)
+
+            for values in zip(*sets.values(), strict=True):
+                self._check_numbers(name, list(zip(sets, values, strict=True)))
 
     def _find_problem(self, path: str, low: float, high: float) -> str:
         """Say what is wrong with a range by itself; empty: nothing."""
@@ -224,3 +241,15 @@ class FileTask(Task):
 
     def source(self) -> str:
         return self._text
+
+
+def _bound_sets(given: Mapping[str, Sequence[float]]) -> Ranges:
+    """Return the range of each number; two values are one."""
+    ranges = dict[str, tuple[float, float]]()
+    for path, values in given.items():
+        if len(values) == 2:
+            ranges[path] = (values[0], values[1])
+        else:
+            ranges[path] = (min(values), max(values))
+
+    return ranges

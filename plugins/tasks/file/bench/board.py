@@ -12,9 +12,10 @@ from PIL import Image, ImageDraw
 
 from core.errors import UsageError
 from core.geometry import Array, Pose
+from core.simulation.pictures import describe_camera
 from core.support.cli import expand, say, write_bytes
 from plugins.tasks.file.bench.photographs import Photograph
-from plugins.tasks.file.bench.views import find_view, load_opencv
+from plugins.tasks.file.bench.views import Landmarks, load_opencv
 
 COUNTS = (3, 4)  # markers across and along the sheet
 MARKER_M = 0.05
@@ -22,6 +23,7 @@ GAP_M = 0.012
 SHEET_M = np.array([0.21, 0.297])  # A4
 _EXTENT_M: Array = np.array(COUNTS) * (MARKER_M + GAP_M) - GAP_M  # of all markers
 _DOTS_PER_M = 300 / 0.0254
+CORNER_PX = 1.0  # how well a marker's corner is found, with the print's errors
 _LEAST_MARKERS = 2
 _WORDS = f"up: forward from the robot, at yaw 0   -   print at 100 %: each marker is {1000 * MARKER_M:.0f} mm wide"
 
@@ -59,7 +61,9 @@ def print_board(name: str) -> None:
 
 
 def find_by_board(
-    photographs: Sequence[Photograph], place: Sequence[float], fov_deg: float
+    photographs: Sequence[Photograph],
+    place: Sequence[float],
+    fov_deg: float | None = None,
 ) -> list[Photograph]:
     """Find the cameras of photographs by the board, whose middle is at x, y and turned by yaw, m and degrees.
 
@@ -83,23 +87,39 @@ def find_by_board(
 
     found = list[Photograph]()
     for photograph in photographs:
-        view = photograph.view
         pixels = np.asarray(Image.open(io.BytesIO(photograph.picture.png)).convert("L"))
         corners, names, _ = detector.detectMarkers(pixels)
-        if view is None and len(corners) < _LEAST_MARKERS:
-            say(f"{photograph.picture.name}: the board is not seen in it")
-        elif view is None:
-            points, seen = board.matchImagePoints(corners, names)
-            # On the sheet x is to the right and y down, from the first marker's corner.
-            right, down = (points.reshape(-1, 3)[:, :2] - _EXTENT_M / 2).T
-            world = frame.apply(np.stack([-down, -right, 0 * right], axis=1))
-            # OpenCV counts from the middle of the first pixel.
-            middles = seen.reshape(-1, 2) + 0.5
-            view = find_view(world, middles, photograph.size, fov_deg)
+        if len(corners) < _LEAST_MARKERS:
+            say(
+                f"{photograph.picture.name}: the board is not found in it ({len(corners)} markers; {_LEAST_MARKERS} "
+                "are needed); lay it flat where nothing hides it, go nearer, and avoid glare"
+            )
+            found.append(photograph)
+            continue
 
-        found.append(replace(photograph, view=view))
+        points, seen = board.matchImagePoints(corners, names)
+        # On the sheet x is to the right and y down, from the first marker's corner.
+        right, down = (points.reshape(-1, 3)[:, :2] - _EXTENT_M / 2).T
+        world = frame.apply(np.stack([-down, -right, 0 * right], axis=1))
+        # OpenCV counts from the middle of the first pixel.
+        middles = seen.reshape(-1, 2) + 0.5
+        landmarks = Landmarks(world, middles, CORNER_PX, len(corners))
+        if photograph.view is None:
+            by_board = photograph.find(landmarks, fov_deg)
+            found.append(_describe(by_board))
+        else:
+            found.append(replace(photograph, landmarks=landmarks))
 
     return found
+
+
+def _describe(photograph: Photograph) -> Photograph:
+    """Say in a photograph's caption where the board tells that it was taken."""
+    view = photograph.view
+    assert view is not None
+    head = photograph.picture.caption.partition(";")[0]
+    caption = f"{head}; {describe_camera(view.camera, view.size)} (by the printed board in it)"
+    return replace(photograph, picture=replace(photograph.picture, caption=caption))
 
 
 def _board() -> Any:

@@ -12,11 +12,10 @@ from core.goals import Kept, Reach, reaches
 from core.interfaces import Robot
 from core.robot.kinematics import Arm, arm_of
 from core.scene import Scene, State
-from plugins.tasks.file.bench.fitting import find_gaps
+from plugins.tasks.file.bench.contacts import OVERLAP_M, find_gaps
 from plugins.tasks.file.doubts import bound, find_doubts
 from plugins.tasks.file.task import FileTask
 
-OVERLAP_M = 0.001
 TOOL_M = 0.8  # the longest tool that most arms can wield
 SURROUNDINGS = ("table", "floor")
 WAY_M = 0.25  # what is farther from all ways is met by no tool

@@ -16,20 +16,18 @@ from core.interfaces import Message, Robot, Text
 from core.support.templates import fill
 from core.support.text import clean
 from plugins.tasks.file.bench.asking import Asker
-from plugins.tasks.file.bench.checks import find_faults, find_overlaps, measure_reach
+from plugins.tasks.file.bench.checks import find_faults, measure_reach
 from plugins.tasks.file.bench.fitting import Fit, fit_seen
 from plugins.tasks.file.bench.marks import Numbers
 from plugins.tasks.file.bench.photographs import Photograph
-from plugins.tasks.file.bench.replies import LONGEST, Beside, Sighting, read_reply
-from plugins.tasks.file.bench.views import LEAST_PLACES, View, find_view
+from plugins.tasks.file.bench.replies import LONGEST, Beside, read_reply
+from plugins.tasks.file.bench.views import LEAST_PLACES, Landmarks
 from plugins.tasks.file.spec import list_mistakes
 from plugins.tasks.file.task import FileTask
 from plugins.tasks.file.tree import Tree
 
 PACKAGE = "plugins.tasks.file.bench"
-LAYOUTS = 16  # of the variation, in which no bodies may overlap
-HALVINGS = 6
-VARYING = ("position.x", "position.y", "rpy_deg.yaw")
+PLACES_PX = 8.0  # how well a model points at a place, and a person measures it
 _SEEN = re.compile(r"^  seen:.*\n(?:    .*\n)*", re.MULTILINE)
 
 
@@ -42,7 +40,7 @@ class Draft:
         photographs: of the bench; views that are found are added to them.
         known: what the person told: numbers by what they are of, and places in the world (x, y, z) by their names.
         robot: that stands there.
-        fov_deg: of photographs whose camera is found.
+        fov_deg: of photographs whose camera is found; None: not given.
         text: of the file, with fitted numbers.
         beside: what was said beside it.
         fit: the errors of what was seen.
@@ -53,7 +51,7 @@ class Draft:
     photographs: list[Photograph]
     known: Mapping[str, Any]
     robot: Robot
-    fov_deg: float
+    fov_deg: float | None
     text: str = ""
     beside: Beside = field(default_factory=Beside)
     fit: Fit = field(default_factory=Fit)
@@ -138,7 +136,9 @@ class Draft:
                     self.faults.append(f"{name} is told as {value:g}; {mend}")
 
             if not self.faults:
-                self.fit = fit_seen(self.read(), numbers, self._pair_views())
+                self._find_views()
+                seen = self.beside.sightings
+                self.fit = fit_seen(self.read(), numbers, self.photographs, seen)
                 self.text = numbers.write(self.fit.values)
                 self.faults = [*find_faults(self.read()), *self.fit.misses]
         except UserError as error:
@@ -156,56 +156,59 @@ class Draft:
         return task
 
     def vary(self) -> None:
-        """Write a variation ``seen`` into the file: places and turns within the errors of what was seen.
+        """Write a variation ``seen`` into the file: the benches that fit what was seen.
 
-        Ranges are halved until no bodies overlap in the first layouts. Heights stay: what rests would fall. Ranges of a
-        file that is changed go along with their numbers.
+        Those of a file that is changed go along with their numbers.
         """
         tree = Tree(self.file, self.text)
         numbers = Numbers(tree, self.text)
-        before = tree.data.get("variations", {}).get("seen", {})
-        errors = {path: (high - low) / 2 for path, (low, high) in before.items()}
-        errors |= self.fit.errors
+        benches = dict[str, list[float]]()
+        for path, before in tree.data.get("variations", {}).get("seen", {}).items():
+            if numbers.marks.get(path) == "seen" or path not in numbers.marks:
+                benches[path] = [numbers.values[path] + v - before[0] for v in before]
+
+        if self.fit.benches:
+            benches = self.fit.benches
+        if not benches:
+            return
+
         head = "variations:\n"
         bare = _SEEN.sub("", self.text)
         if head not in bare:
             bare += head
 
-        for halving in range(HALVINGS):
-            ranges = dict[str, list[float]]()
-            for path, error in errors.items():
-                seen = path.endswith(VARYING) and numbers.marks.get(path) == "seen"
-                if seen and "parts" not in path:
-                    value = numbers.values[path]
-                    wide = error / 2**halving
-                    ranges[path] = [round(value - wide, 4), round(value + wide, 4)]
+        block = fill(PACKAGE, "variation", benches=benches)
+        self.text = bare.replace(head, head + block, 1)
 
-            if not ranges:
-                return
+    @property
+    def fitted(self) -> list[Photograph]:
+        """The photographs, with their cameras as they were fitted."""
+        return [
+            replace(photograph, view=self.fit.views.get(number, photograph.view))
+            for number, photograph in enumerate(self.photographs)
+        ]
 
-            block = fill(PACKAGE, "variation", ranges=ranges)
-            self.text = bare.replace(head, head + block, 1)
-            task = self.read(variation="seen")
-            if not any(any(find_overlaps(task.scene(n))) for n in range(LAYOUTS)):
-                return
-
-    def _pair_views(self) -> list[tuple[Sighting, View]]:
-        """Pair sightings with the views that they are in, and find views by known places, where enough are seen.
+    def _find_views(self) -> None:
+        """Find views by known places, where enough are seen.
 
         Raises:
             UserError: no camera sees the places so.
         """
-        seen = list[tuple[Sighting, View]]()
         for number, photograph in enumerate(self.photographs):
             here = [s for s in self.beside.sightings if s.photo == number + 1]
             placed = [s for s in here if isinstance(self.known.get(s.body), tuple)]
-            view = photograph.view
-            if view is None and len(placed) >= LEAST_PLACES:
-                world = np.array([self.known[sighting.body] for sighting in placed])
-                pixels = np.array([sighting.pixels[:2] for sighting in placed])
-                view = find_view(world, pixels, photograph.size, self.fov_deg)
-                self.photographs[number] = replace(photograph, view=view)
-            if view is not None:
-                seen += [(sighting, view) for sighting in here]
+            is_measured = photograph.view is not None and not photograph.found
+            if not placed or (photograph.landmarks and photograph.landmarks.markers):
+                continue
 
-        return seen
+            world = np.array([self.known[sighting.body] for sighting in placed])
+            pixels = np.array([sighting.pixels[:2] for sighting in placed])
+            landmarks = Landmarks(world, pixels, PLACES_PX)
+            if is_measured:
+                found = replace(photograph, landmarks=landmarks)
+            elif len(placed) >= LEAST_PLACES:
+                found = photograph.find(landmarks, self.fov_deg)
+            else:
+                continue
+
+            self.photographs[number] = found

@@ -1,144 +1,325 @@
-"""Fit the numbers of a scene file that were seen to where they were seen, with their errors."""
+"""Fit the numbers of a scene file that were seen, and the cameras that saw them, all at once; say how sure they are."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from core.geometry import Array
-from core.robot.solids import body_solids, closest
+from core.errors import UserError
+from core.geometry import Array, Shape
 from core.scene import Scene
+from plugins.tasks.file.bench.cameras import Bundle
+from plugins.tasks.file.bench.contacts import (
+    OVERLAP_M,
+    TOUCHES_M,
+    find_gaps,
+    measure_shapes,
+    pair_shapes,
+)
 from plugins.tasks.file.bench.marks import Numbers
+from plugins.tasks.file.bench.photographs import Photograph
 from plugins.tasks.file.bench.replies import Sighting
 from plugins.tasks.file.bench.views import View
 from plugins.tasks.file.task import FileTask
 
-PIXEL_PX = 6.0  # how well a model points
-PLACE_M = 0.1  # how well it says a place, one standard deviation
+PIXEL_PX = 6.0  # how well a model points, one standard deviation
+LEAST_PX = 1.5  # nobody points better
+PLACE_M = 0.1  # how well it says a place
 TURN_DEG = 20.0
 SIZE_SHARE = 0.4
-CAMERA_M = 0.006  # what the pose of a camera adds to the error of a place
-TOUCHES_M = 0.003
-APART_M = 0.0003  # what touches may come apart
+APART_M = 0.0001  # what touches may come apart
 OFF_PX = 25.0  # what is missed by more is a fault
+BENCHES = 64  # that fit what was seen
+_TRIED = 4  # times as many are drawn: some overlap
 _FAR = 2.0  # standard deviations that a number may be off
-_CALLS = 40
+_FAR_CAMERA = 6.0
+_STEP = 1e-3  # of a standard deviation, of slopes
+_CALLS = 60
+_ENOUGH = 1e-3
+_POINTED = 4.0  # sightings that `PIXEL_PX` counts as
+_TOUCHED = 3  # steps by which what touches is brought together again
 
 
 @dataclass
 class Fit:
-    """What was fitted: numbers by their paths, their errors, m or degrees, and a line for each sighting far off."""
+    """What was fitted.
+
+    Attributes:
+        values: numbers by their paths, m or degrees.
+        benches: up to `BENCHES` values of each, all of which fit what was seen; those of one place belong together. The
+            first are ``values``.
+        views: of photographs by their numbers, from 0, as they were fitted.
+        moves: how many standard deviations, at most, each camera is from where it was measured.
+        off_px: by how much what was seen in each photograph is missed, root mean square, pixels.
+        misses: a line for each sighting far off.
+    """
 
     values: dict[str, float] = field(default_factory=dict)
-    errors: dict[str, float] = field(default_factory=dict)
+    benches: dict[str, list[float]] = field(default_factory=dict)
+    views: dict[int, View] = field(default_factory=dict)
+    moves: dict[int, float] = field(default_factory=dict)
+    off_px: dict[int, float] = field(default_factory=dict)
     misses: list[str] = field(default_factory=list)
 
 
 def fit_seen(
-    task: FileTask, numbers: Numbers, seen: Sequence[tuple[Sighting, View]]
+    task: FileTask,
+    numbers: Numbers,
+    photographs: Sequence[Photograph],
+    sightings: Sequence[Sighting],
 ) -> Fit:
-    """Fit places, turns and sizes that are marked as seen, all at once.
+    """Fit places, turns and sizes that are marked as seen, and the cameras, all at once (bundle adjustment).
 
-    What touches something goes on touching it. What was not sighted stays.
+    What was measured of a camera, and what the model says of a number, are priors. What touches something goes on
+    touching it. What was not sighted stays.
     """
-    scene = task.scene(0)
-    names = {body.name for body in scene.bodies}
-    seen = [pair for pair in seen if pair[0].body in names]
-    sighted = {sighting.body for sighting, _ in seen}
-    near = {name for pair in find_gaps(scene, sighted) for name in pair}
-    # What overlaps by more is a mistake, and not held.
-    found = find_gaps(scene, sighted | near).items()
-    gaps = {pair: gap for pair, gap in found if gap > -TOUCHES_M}
-    unknowns = _find_unknowns(numbers, sighted, near - sighted)
+    problem = _Problem(task, numbers, photographs, sightings)
     fit = Fit()
-    if not unknowns:
+    if not problem.unknowns:
         return fit
 
-    def move(shifted: Array) -> dict[str, float]:
-        values = dict[str, float]()
-        for unknown, by in zip(unknowns, shifted.tolist(), strict=True):
-            for path, spread in unknown.items():
-                values[path] = numbers.values[path] + spread * (by - 1)
-
-        return values
-
-    def miss(shifted: Array) -> Array:
-        scene = task.with_numbers(move(shifted))
-        off = np.concatenate([off_px(scene, *pair) for pair in seen]) / PIXEL_PX
-        # What is far off counts less: a point that was taken for another one.
-        softened = off / np.sqrt(1 + np.abs(off) / 4)
-        apart = [(measure_gap(scene, *pair) - gaps[pair]) / APART_M for pair in gaps]
-        return np.concatenate([softened, apart, shifted - 1])
-
-    # Steps of differences are shares of a number, so that it may not be 0.
-    start = np.ones(len(unknowns))
-    around = (1 - _FAR, 1 + _FAR)
-    solution = least_squares(
-        miss, start, diff_step=1e-3 * start, bounds=around, max_nfev=_CALLS
-    )
-    slopes: Array = np.asarray(solution.jac)
-    errors = 2 * np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
-    fit.values = move(solution.x)
-    for unknown, error in zip(unknowns, errors.tolist(), strict=True):
-        path, spread = next(iter(unknown.items()))
-        fit.errors[path] = spread * error + CAMERA_M
+    best, slopes = _solve(problem, np.zeros(problem.size))
+    # How well somebody points shows in what is left.
+    problem.pixel_px = _estimate_error(problem, best, slopes)
+    best, slopes = _solve(problem, best)
+    count = len(problem.unknowns)
+    fit.values = problem.name(best[:count])
+    fit.benches = _draw_benches(problem, best, slopes)
 
     scene = task.with_numbers(fit.values)
-    for sighting, view in seen:
-        off = off_px(scene, sighting, view)
-        if np.abs(off).max() > OFF_PX:
-            fit.misses.append(
-                f"{sighting.body}, seen at {list(sighting.pixels)} in photo{sighting.photo}, would be {np.round(off)} "
-                "pixels from there; correct the pixels, the point, or its place and size; leave out what is hidden"
-            )
+    views = problem.bundle.move(best[count:])
+    fit.moves = problem.bundle.measure_moves(best[count:])
+    for number, view in views.items():
+        here = [s for s in problem.seen if s.photo == number + 1]
+        fit.views[number] = view
+        offs = [measure_off(place_points(scene, s), s, view) for s in here]
+        square = np.mean(np.concatenate([*offs, np.zeros(1)]) ** 2)
+        fit.off_px[number] = float(np.sqrt(square))
+        fit.misses += [
+            _describe_miss(sighting, off)
+            for sighting, off in zip(here, offs, strict=True)
+            if np.abs(off).max() > OFF_PX
+        ]
 
     return fit
 
 
-def off_px(scene: Scene, sighting: Sighting, view: View) -> Array:
-    """Compute by how many pixels a scene misses a sighting: (2,) of a point, (4,) of a box; 0 where that is hidden."""
+class _Problem:
+    """What is fitted, in standard deviations of what was known: first the scene's numbers, then the cameras'.
+
+    Attributes:
+        unknowns: of the scene: numbers that change together, and the standard deviation of each.
+        seen: sightings of bodies of the scene, in photographs whose camera is known.
+        bundle: the cameras.
+        pixel_px: how well a sighting points, one standard deviation.
+        size: how many unknowns there are in all.
+        seen_values: how many numbers of pixels were sighted.
+    """
+
+    def __init__(
+        self,
+        task: FileTask,
+        numbers: Numbers,
+        photographs: Sequence[Photograph],
+        sightings: Sequence[Sighting],
+    ) -> None:
+        scene = task.scene(0)
+        names = {body.name for body in scene.bodies}
+        known = {n for n, photograph in enumerate(photographs, 1) if photograph.view}
+        self.bundle = Bundle(photographs)
+        self.pixel_px = PIXEL_PX
+        self.seen = [s for s in sightings if s.body in names and s.photo in known]
+        sighted = {sighting.body for sighting in self.seen}
+        near = {name for pair in find_gaps(scene, sighted) for name in pair}
+        self.unknowns = _find_unknowns(numbers, sighted, near - sighted)
+        self.seen_values = sum(len(sighting.pixels) for sighting in self.seen)
+        self.size = len(self.unknowns) + self.bundle.size
+        self._task = task
+        self._numbers = numbers
+
+        pairs = list(pair_shapes(scene, sighted | near))
+        gaps = np.array(measure_shapes(scene, pairs))
+        self._pairs = pairs
+        # What overlaps by more is a mistake, and not held; what is apart may not overlap.
+        self._touching = np.abs(gaps) < TOUCHES_M
+        self._gaps = np.where(self._touching, gaps, 0.0)
+        self._look = lru_cache(maxsize=4)(self._measure)
+
+    def name(self, shifted: Array) -> dict[str, float]:
+        """Return the scene's numbers by their paths."""
+        values = dict[str, float]()
+        for unknown, by in zip(self.unknowns, shifted.tolist(), strict=True):
+            for path, spread in unknown.items():
+                values[path] = self._numbers.values[path] + spread * by
+
+        return values
+
+    def read_gaps(self, shifted: Array) -> Array:
+        """Measure by how much what touches has come apart, or what is apart overlaps, m."""
+        return self._look(shifted[: len(self.unknowns)].tobytes())[1]
+
+    def miss(self, shifted: Array) -> Array:
+        """Compute all that is to be small: what is seen elsewhere, comes apart, or differs from what is known.
+
+        Returns:
+            The sightings' values first, then those of `read_gaps`, as standard deviations.
+        """
+        count = len(self.unknowns)
+        points, apart = self._look(shifted[:count].tobytes())
+        views = self.bundle.move(shifted[count:])
+        off = self._miss_sightings(points, views) / self.pixel_px
+        # What is far off counts less: a point that was taken for another one.
+        softened = off / np.sqrt(1 + np.abs(off) / 4)
+        landmarks = self.bundle.miss(views, shifted[count:])
+        return np.concatenate([softened, apart / APART_M, landmarks, shifted])
+
+    def slope(self, shifted: Array) -> Array:
+        """Compute the slopes of `miss`, by differences: a scene is built for its own numbers only."""
+        before = self.miss(shifted)
+        steps = _STEP * np.eye(self.size)
+        columns = [(self.miss(shifted + step) - before) / _STEP for step in steps]
+        return np.stack(columns, axis=1)
+
+    def select_gaps(self, slopes: Array) -> Array:
+        """Take from the slopes of `miss` those of `read_gaps` over the scene's numbers."""
+        last = self.seen_values + len(self._pairs)
+        rows: Array = slopes[self.seen_values : last, : len(self.unknowns)]
+        return APART_M * rows
+
+    def _miss_sightings(
+        self, points: Sequence[Array], views: Mapping[int, View]
+    ) -> Array:
+        off = [np.zeros(0)]
+        for number, view in views.items():
+            here = [n for n, s in enumerate(self.seen) if s.photo == number + 1]
+            if here:
+                drawn = view.project(np.concatenate([points[n] for n in here]))
+                ends = np.cumsum([len(points[n]) for n in here])
+                parts = np.split(drawn, ends[:-1])
+                for index, pixels in zip(here, parts, strict=True):
+                    off.append(subtract_pixels(pixels, self.seen[index]))
+
+        return np.concatenate(off)
+
+    def _measure(self, shifted: bytes) -> tuple[list[Array], Array]:
+        scene = self._task.with_numbers(self.name(np.frombuffer(shifted)))
+        gaps = np.array(measure_shapes(scene, self._pairs)) - self._gaps
+        points = [place_points(scene, sighting) for sighting in self.seen]
+        return points, np.where(self._touching, gaps, np.minimum(gaps, 0.0))
+
+
+def _solve(problem: _Problem, start: Array) -> tuple[Array, Array]:
+    """Find what fits best, and the slopes of `_Problem.miss` there."""
+    most = np.full(problem.size, _FAR_CAMERA)
+    most[: len(problem.unknowns)] = _FAR
+    solution = least_squares(
+        problem.miss,
+        start,
+        problem.slope,
+        bounds=(-most, most),
+        ftol=_ENOUGH,
+        xtol=_ENOUGH,
+        max_nfev=_CALLS,
+    )
+    return solution.x, np.asarray(solution.jac)
+
+
+def _estimate_error(problem: _Problem, best: Array, slopes: Array) -> float:
+    """Estimate how well sightings point, pixels, from what they are missed by; few of them say little."""
+    left = np.trace(np.linalg.inv(slopes.T @ slopes))
+    missed = problem.miss(best)[: problem.seen_values]
+    # Unknowns that sightings decide make what they are missed by smaller.
+    free = max(len(missed) - (problem.size - left), 0.0)
+    square = _POINTED * PIXEL_PX**2 + np.sum((problem.pixel_px * missed) ** 2)
+    return max(float(np.sqrt(square / (_POINTED + free))), LEAST_PX)
+
+
+def _draw_benches(
+    problem: _Problem, best: Array, slopes: Array
+) -> dict[str, list[float]]:
+    """Draw benches from what fits, linearised about the best one; those in which bodies overlap are none.
+
+    What touches is brought together again: a turn lifts it by a second order.
+    """
+    count = len(problem.unknowns)
+    precision = np.linalg.cholesky(slopes.T @ slopes)
+    back = np.linalg.pinv(problem.select_gaps(slopes))
+    rng = np.random.default_rng(0)
+    benches = {path: [value] for path, value in problem.name(best[:count]).items()}
+    drawn = 1
+    for _ in range(_TRIED * BENCHES):
+        shifted = best + np.linalg.solve(precision.T, rng.standard_normal(problem.size))
+        try:
+            apart = problem.read_gaps(shifted)
+            for _ in range(_TOUCHED):
+                if np.abs(apart).max(initial=0.0) > APART_M:
+                    shifted[:count] -= back @ apart
+                    apart = problem.read_gaps(shifted)
+        except UserError:  # a size below zero
+            continue
+
+        if np.abs(apart).max(initial=0.0) > OVERLAP_M:
+            continue
+
+        for path, value in problem.name(shifted[:count]).items():
+            benches[path].append(value)
+
+        drawn += 1
+        if drawn == BENCHES:
+            break
+
+    return benches
+
+
+def _describe_miss(sighting: Sighting, off: Array) -> str:
+    return (
+        f"{sighting.body}, seen at {list(sighting.pixels)} in photo{sighting.photo}, would be {np.round(off)} "
+        "pixels from there; correct the pixels, the point, or its place and size; leave out what is hidden"
+    )
+
+
+def place_points(scene: Scene, sighting: Sighting) -> Array:
+    """Return what was sighted, in the world: one point (1, 3), or all corners (N, 3) of a body in a box."""
     body = scene[sighting.body]
     geoms = body.collisions or body.visuals
     frame = body.pose
-    local = [geom.pose.apply(geom.shape.to_trimesh().vertices) for geom in geoms]
-    corners = np.concatenate(local)
-    if sighting.part is not None:
+    if len(sighting.pixels) == 4 or sighting.part is None:
+        corners = np.concatenate([g.pose.apply(_find_corners(g.shape)) for g in geoms])
+    else:
         geom = geoms[sighting.part % len(geoms)]
         frame = frame @ geom.pose
-        corners = geom.shape.to_trimesh().vertices
+        corners = _find_corners(geom.shape)
 
-    low = corners.min(axis=0)
-    high = corners.max(axis=0)
-    point = (low + high) / 2 + np.array(sighting.point) * (high - low) / 2
-    drawn = view.project(frame.apply([point]))[0]
+    if len(sighting.pixels) == 2:
+        low = corners.min(axis=0)
+        high = corners.max(axis=0)
+        point = (low + high) / 2 + np.array(sighting.point) * (high - low) / 2
+        corners = point[None]
+
+    return frame.apply(corners)
+
+
+def measure_off(points: Array, sighting: Sighting, view: View) -> Array:
+    """Compute by how many pixels points miss a sighting: (2,) of one, (4,) of a box; 0 where that is hidden."""
+    return subtract_pixels(view.project(points), sighting)
+
+
+def subtract_pixels(drawn: Array, sighting: Sighting) -> Array:
+    """Compute by how many pixels a sighting is missed by what is drawn: (N, 2) pixels of its points."""
     if len(sighting.pixels) == 4:
-        pixels = view.project(frame.apply(corners))
-        drawn = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
+        drawn = np.concatenate([drawn.min(axis=0), drawn.max(axis=0)])
 
-    off: Array = drawn - np.array(sighting.pixels, dtype=np.float64)
+    off: Array = drawn.ravel() - np.array(sighting.pixels, dtype=np.float64)
     return np.where(np.isnan(off), 0.0, off)
 
 
-def find_gaps(scene: Scene, names: set[str]) -> dict[tuple[str, str], float]:
-    """Find the pairs of bodies that touch, of which one has such a name, and the gaps between them, m."""
-    found = dict[tuple[str, str], float]()
-    solid = [body.name for body in scene.bodies if body.collisions]
-    for number, name in enumerate(solid):
-        for other in solid[:number]:
-            if names & {name, other}:
-                gap = measure_gap(scene, other, name)
-                if gap < TOUCHES_M:
-                    found[other, name] = gap
-
-    return found
-
-
-def measure_gap(scene: Scene, name: str, other: str) -> float:
-    """Measure the signed distance of two bodies, m."""
-    return closest(tuple(body_solids(scene[name])), tuple(body_solids(scene[other])))[0]
+@lru_cache(maxsize=512)
+def _find_corners(shape: Shape) -> Array:
+    return np.asarray(shape.to_trimesh().vertices)
 
 
 def _find_unknowns(

@@ -57,7 +57,7 @@ class Numbers:
         text = self._text
         for path in sorted(values, key=lambda path: -self._spans[path][0]):
             begin, end = self._spans[path]
-            text = f"{text[:begin]}{round(values[path], 4) + 0.0:g}{text[end:]}"
+            text = f"{text[:begin]}{round(values[path], 5) + 0.0:.8g}{text[end:]}"
 
         return text
 

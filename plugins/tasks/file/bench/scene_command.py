@@ -22,13 +22,16 @@ from core.support.text import clean
 from plugins.tasks.file.bench.asking import open_asker
 from plugins.tasks.file.bench.board import find_by_board, print_board
 from plugins.tasks.file.bench.drafts import PACKAGE, Draft
+from plugins.tasks.file.bench.findings import describe_fit
 from plugins.tasks.file.bench.page import draw_page
 from plugins.tasks.file.bench.photographs import read_photographs
 from plugins.tasks.file.bench.replies import LONGEST
+from plugins.tasks.file.bench.views import CameraError
 
 USAGE = (
     'usage: vlmgineer scene ["SENTENCE"] [FILE.yaml] [pictures=[a.jpg,b.jpg]] [cameras=[{position: [x,y,z], target: '
-    "[x,y,z], fov_deg: 52}]] [board=[x,y,yaw_deg]] [known={mug.height: 0.095, table_corner: [1.35,0.5,0]}] [vlm=NAME] "
+    "[x,y,z], fov_deg: 52}]] [camera_error={place_m: 0.01, turn_deg: 1, fov_deg: 1}] [board=[x,y,yaw_deg]] "
+    "[known={mug.height: 0.095, table_corner: [1.35,0.5,0]}] [vlm=NAME] "
     "[tries=3] [output=FILE.yaml], or print_board=board.pdf"
 )
 _KNOWN = TypeAdapter(dict[str, float | tuple[float, float, float]])
@@ -44,16 +47,19 @@ class SceneFileConfig(RunConfig):
         cameras: where they were taken from, in their order; ``position``, ``target`` and vertical ``fov_deg``.
         board: where the middle of the printed board lies on the table, x and y, m, and its yaw, degrees.
         print_board: write the board to this file, PDF or PNG, and nothing else.
-        fov_deg: of photographs whose camera is found, vertical, degrees.
+        camera_error: how far off that may be, one standard deviation: ``place_m``, ``turn_deg``, ``fov_deg``, ``bend``
+            (of the lens), ``board_m`` and ``board_deg``.
+        fov_deg: of photographs whose camera is found, vertical, degrees; not given: what their EXIF says, or 53.
         tries: how often a model may answer.
         output: the file to write.
     """
 
     pictures: list[str] = field(default_factory=list)
     cameras: list[dict[str, Any]] = field(default_factory=list)
+    camera_error: dict[str, float] = field(default_factory=dict)
     board: list[float] = field(default_factory=list)
     print_board: str = ""
-    fov_deg: float = 53.0
+    fov_deg: float | None = None
     tries: int = 3
     output: str = "my_scene.yaml"
 
@@ -80,7 +86,9 @@ def main(words: list[str]) -> None:
     if not given and len(sentence.split()) < 2:
         raise UsageError(f"say what is to be done, in a sentence; {USAGE}")
 
-    photographs = read_photographs(cfg.pictures, OmegaConf.to_container(cfg.cameras))
+    cameras = OmegaConf.to_container(cfg.cameras)
+    error = _read_error(OmegaConf.to_container(cfg.camera_error))
+    photographs = read_photographs(cfg.pictures, cameras, error)
     if cfg.board:
         photographs = find_by_board(photographs, list(cfg.board), cfg.fov_deg)
 
@@ -113,6 +121,16 @@ def main(words: list[str]) -> None:
         say(*[line for line in changes if line[0] in "+-"])
 
 
+def _read_error(given: Any) -> CameraError:
+    try:
+        return CameraError.model_validate(given)
+    except ValidationError as error:
+        raise UsageError(
+            f"can't read camera_error={clean(str(given), LONGEST)}; it is how far cameras may be off, such as "
+            "camera_error={place_m: 0.01, turn_deg: 1, fov_deg: 1}"
+        ) from error
+
+
 def _read_known(word: str) -> dict[str, Any]:
     """Read what a person knows, by any names; Hydra would take a name with a point apart."""
     text = word.removeprefix("known=") or "{}"
@@ -141,9 +159,10 @@ def _write(cfg: DictConfig, draft: Draft) -> None:
     words = [*task.reward_in_words(), *unsaid]
     simulator = part(SIMULATOR, cfg.sim).create()
     sightings = draft.beside.sightings
-    page = draw_page(task, draft.photographs, sightings, simulator, words)
+    page = draw_page(task, draft.fitted, sightings, simulator, words)
     write_bytes(output.with_suffix(".html"), page.encode())
     say(
         *words,
+        *describe_fit(draft.photographs, draft.fit),
         *fill(PACKAGE, "done", file=cfg.output, task=task, draft=draft).splitlines(),
     )
