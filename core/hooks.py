@@ -134,6 +134,10 @@ class Configs(Protocol):
         """Write what one takes from a run: called with its `Result`, its `Run` and its strategy at the end."""
 
     @hookspec
+    def remarks(self) -> Factories:
+        """Say something of a run's best for its last line, in a few words: called with `Run` and best `Candidate`."""
+
+    @hookspec
     def config_path(self) -> str:
         """Name the package that holds the plugin's Hydra configs, ``"pkg://my_package.conf"``.
 

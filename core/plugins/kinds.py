@@ -130,6 +130,7 @@ HOOKS = {
     "critics": "critic",
     "menders": "mender",
     "exports": "export",
+    "remarks": "remark",
 }
 """What each hook of `core.hooks` offers."""
 

@@ -48,3 +48,8 @@ def tool_rules() -> Factories:
 @hookimpl
 def exports() -> Factories:
     return {"best": "plugins.results.best:save_best"}
+
+
+@hookimpl
+def remarks() -> Factories:
+    return {"printable": "plugins.results.workshop.remark:say_printable"}

@@ -63,9 +63,11 @@ class SummaryListener:
         """Print it after other listeners, whose files it names."""
         # Engines are imported with it, which would slow down a list of settings.
         from plugins.listeners.summary.elsewhere import try_elsewhere
+        from plugins.listeners.summary.in_short import tell_in_short
 
         best = result.best
         lines = [_spent(self._replies)]
+        elsewhere: list[str] = []
 
         if best is None:
             first = next((e.reason for e in result.evaluations), "no candidate came")
@@ -78,7 +80,8 @@ class SummaryListener:
                 *lines,
             ]
             lines += _remarks(result, best)
-            lines += try_elsewhere(run, result, self.second)
+            elsewhere = [*try_elsewhere(run, result, self.second)]
+            lines += elsewhere
 
         say(*lines, *_next_steps(run, result), file=sys.stderr)
         if best is not None:
@@ -86,6 +89,7 @@ class SummaryListener:
             _print_tools(result, self.top)
 
         say(*_unseen_failures(run, result), *_failures(result), file=sys.stderr)
+        say(*tell_in_short(run, result, elsewhere), file=sys.stderr)
 
 
 def _causes(run: Run, best: Evaluation) -> Iterator[str]:

@@ -63,9 +63,7 @@ class Examination:
             return None
 
         robot = condition.task.shared().robot
-        return _find_problem(
-            tool, robot, self.material, self.plate_mm, self.min_wall_mm
-        )
+        return find_problem(tool, robot, self.material, self.plate_mm, self.min_wall_mm)
 
     def examine(
         self, condition: Condition, candidate: Candidate, trial: Trial
@@ -178,7 +176,7 @@ def _check_fixture(tool: Tool, min_wall_mm: float) -> list[Check]:
 
 
 @lru_cache(maxsize=16)
-def _find_problem(
+def find_problem(
     tool: Tool,
     robot: Robot,
     material: Material,

@@ -59,7 +59,16 @@ def summary(capsys, *rewards, replies=(), name="hook", trials=({},), **settings)
     config = {"listener": {"rerun": {}}, **chosen}
     task = installed().create("task", "BringCube")
     run = Run(
-        Path("runs/it's here/x=1"), config, parts, "m", task, None, None, 3, None, None
+        Path("runs/it's here/x=1"),
+        config,
+        parts,
+        "m",
+        task,
+        installed().create("tool", "urdf"),
+        None,
+        3,
+        None,
+        None,
     )
     events.hook.run_finished(run=run, result=Result(tuple(generations), 1.0))
     return capsys.readouterr().err
@@ -309,3 +318,17 @@ def test_the_reward_above_is_that_of_the_command(kind, tmp_path, monkeypatch, ca
     (tried,) = json.loads(Path("rewards.json").read_text())
     assert tried["reward"] == result.best.reward
     assert tried["distance_m"] == result.best.distance_m
+
+
+def test_the_last_line_says_in_short_what_was_found(capsys):
+    short = summary(capsys, [0.995]).splitlines()[-1]
+    assert short.startswith(
+        "in short: hook of 10 g does what is wanted, to bring cube to its place"
+    )
+    assert ": 0.995; printable in pla: yes" in short
+
+    half = summary(capsys, [0.4]).splitlines()[-1]
+    assert "hook of 10 g does in part what is wanted" in half
+    nothing = summary(capsys, [0.0]).splitlines()[-1]
+    assert "hook of 10 g does not do what is wanted" in nothing
+    assert "in short" not in summary(capsys, [None])
