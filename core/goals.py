@@ -390,13 +390,13 @@ class Reach(Goal):
         if not shares:
             raise ValueError("a goal to reach needs bodies")
 
-        best = self._count(len(shares))
+        best = self.count_enough(len(shares))
         counted = np.array(shares)
         if best < len(shares):
             counted = np.sort(shares, axis=0)[-best:]
         return np.asarray(np.mean(counted, axis=0))
 
-    def _count(self, bodies: int) -> int:
+    def count_enough(self, bodies: int) -> int:
         """Return how many of so many bodies are enough."""
         if self.any:
             return 1
@@ -500,14 +500,14 @@ class Reach(Goal):
             best_first = sorted(margins, key=lambda margin: -margin.margin)
 
             if best_first:
-                found.append(best_first[self._count(len(best_first)) - 1])
+                found.append(best_first[self.count_enough(len(best_first)) - 1])
 
         what = self.subject if len(bodies) == 1 else "bodies"
 
         if self.rest:
             conduct = Conduct(evidence, at_end=True)
             speeds = sorted(float(conduct.unrest(self, b, end)) for b in bodies)
-            fastest = speeds[self._count(len(speeds)) - 1]
+            fastest = speeds[self.count_enough(len(speeds)) - 1]
             unit = "resting speeds"
             found.append(Margin.at_most(f"speed of {what}", fastest, 1.0, unit))
 

@@ -36,11 +36,12 @@ from core.values.jobs import (
     Block as Block,
     Feel as Feel,
     Felt as Felt,
-    Guards as Guards,
+    Looked as Looked,
     Outcome as Outcome,
     Passed as Passed,
     Perception as Perception,
     Pushes as Pushes,
+    Reactions as Reactions,
     Reading as Reading,
     Recording as Recording,
     RolloutSettings as RolloutSettings,
@@ -69,6 +70,9 @@ from core.values.plans import (
     PlannedMotion as PlannedMotion,
     Anchor as Anchor,
     Guard as Guard,
+    Judge as Judge,
+    Look as Look,
+    Sighted as Sighted,
     Seen as Seen,
     Tempo as Tempo,
     Waypoints as Waypoints,
@@ -95,7 +99,7 @@ class Rollout:
     It spawns the ``scene`` (None: the task's layout of ``seed``), and the robot with ``tool`` at the trajectory's first
     targets. It lets ``settle_s`` pass, notes the start state, plays the trajectory, holds the last targets for
     ``hold_s``, and notes the end state. With ``record_hz`` > 0 all of it is recorded at that rate, and with ``forces``
-    contact forces too. A ``guards`` change the trajectory on the way. What not every engine can do is an `Ability`.
+    contact forces too. ``reactions`` change the trajectory on the way. What not every engine can do is an `Ability`.
     """
 
     tool: Tool
@@ -105,7 +109,7 @@ class Rollout:
     hold_s: float = 1.0
     record_hz: float = 0.0
     forces: bool = False
-    guards: Guards | None = None
+    reactions: Reactions | None = None
     scene: Scene | None = None
 
 
@@ -278,9 +282,13 @@ class ToolRepresentation(Variable[Tool], ABC):
 
 
 class ActionRepresentation(Variable[ActionPlan], ABC):
-    """How a model writes an action plan, and how that is read; with ``guards`` designers may write plans that feel."""
+    """How a model writes an action plan, and how that is read.
+
+    With ``guards`` designers may write plans that feel, with ``looks`` plans that look again.
+    """
 
     guards: bool = False
+    looks: bool = False
 
     @abstractmethod
     def instructions(self, brief: Brief) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -10,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from core.design import DesignError
 from core.designs.plan_rules import check_plan, check_tempo
+from core.designs.sighting import SceneJudge
 from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import (
@@ -18,6 +20,7 @@ from core.interfaces import (
     Perception,
     RolloutSettings,
     Seen,
+    Sighted,
     Task,
     Waypoints,
 )
@@ -90,21 +93,43 @@ def look(
     The noise is normal, of each coordinate in the plane of the table and of the yaw; it depends on ``seed`` alone.
     ``scene`` is the layout, if it is there already.
     """
-    bodies = (scene or task.scene(seed)).bodies
+    scene = scene or task.scene(seed)
+    poses = {body.name: body.pose for body in scene.bodies}
+    seen = blur(poses, seed, perception)
+
+    return Seen(seen, judge=SceneJudge(task, scene, seen))
+
+
+def blur(
+    poses: Mapping[str, Pose],
+    seed: int,
+    perception: Perception,
+    number: int = 0,
+    nearness: Mapping[str, float] | None = None,
+) -> dict[str, Pose]:
+    """Add noise to what is seen.
+
+    Args:
+        poses: of bodies and marks, by name.
+        seed: of the layout. With ``number``, and the order of the bodies, it alone decides what is drawn.
+        perception: how much noise there is.
+        number: of the look; 0 is what is seen before the motion.
+        nearness: by which share of the usual distance each is seen, which is that of its noise; None: the usual one.
+    """
     if perception.position == perception.yaw == 0:
-        return Seen({body.name: body.pose for body in bodies})
+        return dict(poses)
 
-    draws = np.random.default_rng([seed, _NOISE]).standard_normal((len(bodies), 3))
-    poses = {}
+    key = [seed, _NOISE, number] if number else [seed, _NOISE]
+    draws = np.random.default_rng(key).standard_normal((len(poses), 3))
+    seen = {}
 
-    for body, (x, y, yaw) in zip(bodies, draws.tolist(), strict=True):
-        turn = Rotation.from_rotvec([0.0, 0.0, yaw * perception.yaw])
-        shift = perception.position * np.array([x, y, 0.0])
-        poses[body.name] = Pose.from_rotation(
-            body.pose.position + shift, turn * body.pose.rotation
-        )
+    for (name, pose), (x, y, yaw) in zip(poses.items(), draws.tolist(), strict=True):
+        share = 1.0 if nearness is None else nearness[name]
+        turn = Rotation.from_rotvec([0.0, 0.0, share * yaw * perception.yaw])
+        shift = share * perception.position * np.array([x, y, 0.0])
+        seen[name] = Pose.from_rotation(pose.position + shift, turn * pose.rotation)
 
-    return Seen(poses)
+    return seen
 
 
 def resolve(
@@ -114,8 +139,11 @@ def resolve(
     settings: RolloutSettings,
     scene: Scene | None = None,
     felt: tuple[Pose | None, ...] = (),
+    looks: tuple[Sighted, ...] = (),
 ) -> Waypoints:
-    """Return a plan's waypoints in the layout of ``seed``; ``scene``: see `look`, ``felt``: see `Seen`.
+    """Return a plan's waypoints in the layout of ``seed``.
+
+    ``scene``: see `look`; ``felt`` and ``looks``: see `Seen`.
 
     Raises:
         DesignError: the plan needs something that is not there, or its waypoints break a rule.
@@ -129,7 +157,7 @@ def resolve(
         seen = look(task, seed, settings.perception, scene)
         # Where the plan means those poses to be that the arm reached.
         meant = [pose and Pose(pose.position - rise, pose.quaternion) for pose in felt]
-        seen = replace(seen, felt=tuple(meant))
+        seen = replace(seen, felt=tuple(meant), looks=looks)
         waypoints = call_part(plan, "resolve", Waypoints, seen)
         check_plan(waypoints.poses, gripper=waypoints.poses.shape[-1] == 7)
 

@@ -12,10 +12,10 @@ from core.designs.planning import call_part, resolve
 from core.designs.start import SpawnRules
 from core.interfaces import (
     Begin,
-    Guards,
     Motion,
     Outcome,
     PlannedMotion,
+    Reactions,
     Rollout,
     RolloutSettings,
     Simulator,
@@ -25,6 +25,7 @@ from core.interfaces import (
 from core.robot.trajectory import plan_task_motion
 from core.scene import Scene
 from core.simulation.engines import check_support
+from core.simulation.looking import Lookout
 from core.solids.contacts import Contacts
 from core.solids.penetration import Finding
 from core.solids.record_rate import MAX_HZ
@@ -62,13 +63,19 @@ def prepare(
         scene = task.scene(seed)
     scene = scene.furnished(tool)
 
+    most_s = plan.most_seconds(settings.perception.look_s)
+    if most_s > settings.max_motion_s:
+        raise DesignError(
+            f"with all its loops the plan may ask for {most_s:.4g} s; at most {settings.max_motion_s:g} s are allowed"
+        )
+
     waypoints = resolve(plan, task, seed, settings, scene)
     plan_motion = _motion if isinstance(task, Hashable) else plan_task_motion
     motion = plan_motion(waypoints, task, settings)
-    guards = None
+    reactions = None
 
-    if waypoints.guards:
-        check = partial(check_motion, task, tool, scene, settings)
+    if waypoints.guards or waypoints.looks:
+        lookout = Lookout(task, scene, tool, seed, settings)
         planned = PlannedMotion(
             waypoints,
             motion,
@@ -76,10 +83,12 @@ def prepare(
             seed,
             settings,
             resolve=partial(resolve, plan, task, seed, settings, scene),
+            perceive=lookout.look,
+            report=lookout.report,
             go_on=partial(_plan_on, task, settings),
-            check=check,
+            check=partial(check_motion, task, tool, scene, settings),
         )
-        guards = call_part(plan, "make_guards", Guards, planned)
+        reactions = call_part(plan, "make_reactions", Reactions, planned)
 
     job = Rollout(
         tool,
@@ -88,7 +97,7 @@ def prepare(
         settings.settle_s,
         max(settings.hold_s, task.hold_s),
         record_hz,
-        guards=guards,
+        reactions=reactions,
         scene=scene,
     )
     return motion, job
@@ -127,6 +136,8 @@ class Stage:
         return SpawnRules(self.task, self.condition.layout, self.scene)
 
 
+_MOST_HIDDEN = 3  # looks whose hidden bodies are warned of
+
 stage_of = lru_cache(maxsize=64)(Stage)  # a process makes a condition's scene once
 
 
@@ -142,7 +153,7 @@ class Attempt:
         warnings: what is to be said of it so far.
         findings: what was unphysical.
         contacts: those of its recording; None: they are not needed, or there is no recording of finite states.
-        problem: why its motion, as guards changed it, is refused.
+        problem: why its motion, as guards and looks changed it, is refused.
         trial: what came of it; None: it is still on its way.
     """
 
@@ -230,7 +241,7 @@ def _prepare_job(stage: Stage, attempt: Attempt) -> None:
     attempt.job = job
     hz = check_motion(stage.task, job.tool, attempt.scene, settings, job.trajectory)
     if hz > 0:
-        if job.tool.bearers or job.guards:  # what they will do is not known yet
+        if job.tool.bearers or job.reactions:  # what they will do is not known yet
             hz = MAX_HZ
         job = replace(job, record_hz=hz, forces=bool(stage.scene.softs))
 
@@ -256,15 +267,18 @@ def _find_start_fault(stage: Stage, tool: Tool) -> str | None:
     return None
 
 
-def follow_guards(stage: Stage, attempt: Attempt) -> None:
-    """Take the motion as it was played, and check what guards changed."""
-    guards = attempt.job.guards
-    if guards is None or guards.motion is attempt.motion:
+def follow_reactions(stage: Stage, attempt: Attempt) -> None:
+    """Take the motion as it was played, and check what guards and looks changed."""
+    reactions = attempt.job.reactions
+    if reactions is None or reactions.motion is attempt.motion:
         return
 
-    attempt.motion = guards.motion
-    if guards.problem:
-        attempt.warnings += (guards.problem,)
+    attempt.motion = reactions.motion
+    if reactions.problem:
+        attempt.warnings += (reactions.problem,)
+
+    hidden = [looked for looked in reactions.looked if looked.hidden]
+    attempt.warnings += tuple(map(str, hidden[:_MOST_HIDDEN]))
 
     try:
         _check_self_collision(stage, attempt)

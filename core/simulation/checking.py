@@ -47,7 +47,7 @@ def find_problems(condition: Condition, candidate: Candidate) -> list[str]:
 def _find_untouched(stage: Stage, planned: Attempt) -> Iterator[str]:
     """Say how near the robot would come to what can move, if as planned it touches none of it.
 
-    Where bodies move by themselves, or guards change the motion, that is not known before it is played.
+    Where bodies move by themselves, or guards and looks change the motion, that is not known before it is played.
 
     Args:
         stage: the condition.
@@ -57,7 +57,7 @@ def _find_untouched(stage: Stage, planned: Attempt) -> Iterator[str]:
     scene = planned.scene
     movable = {body.name for body in scene.bodies if not body.fixed}
     driven = any(joint.drive for joint in scene.joints)
-    if driven or job.guards or any(body.launched for body in scene.bodies):
+    if driven or job.reactions or any(body.launched for body in scene.bodies):
         return
 
     duration = job.trajectory.duration

@@ -17,13 +17,16 @@ from core.scene import Scene
 from core.simulation.playback import play
 
 # Another plan or tool does without them, so they are the candidate's fault, not the setting's.
-_OF_DESIGNS = (Ability.GUARDS, Ability.TOOL_JOINTS)
+_OF_DESIGNS = (Ability.GUARDS, Ability.LOOKS, Ability.TOOL_JOINTS)
 
 
 def list_needs(scene: Scene, job: Rollout) -> Iterator[tuple[Ability, Sequence[str]]]:
     """Yield what a job in a scene needs that not every engine has, with the names of what needs it."""
-    if job.guards is not None:
+    if job.reactions is not None and job.reactions.feels:
         yield Ability.GUARDS, ()
+
+    if job.reactions is not None and job.reactions.looks:
+        yield Ability.LOOKS, ()
 
     if job.tool.bearers:
         yield Ability.TOOL_JOINTS, [bearer.name for bearer in job.tool.bearers]

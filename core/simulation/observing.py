@@ -133,6 +133,7 @@ def observe(task: Task, attempt: Attempt, reward: float) -> Observation:
         lag_s=round(float(taken.times[case.lags.argmax()]), 2),
         arrivals=_round_all(motion.arrivals, 2),
         felt=tuple(map(str, outcome.felt)),
+        looked=tuple(map(str, outcome.looked)),
         instants=_round_all(taken.times[samples], 2),
         paths=paths,
     )

@@ -13,7 +13,7 @@ from core.errors import RAISED, UserError
 from core.interfaces import Outcome, Rollout
 from core.plugins import describe_part
 from core.plugins.blame import PluginError, describe_failure
-from core.simulation.attempt import Stage, follow_guards, plan_attempt, stage_of
+from core.simulation.attempt import Stage, follow_reactions, plan_attempt, stage_of
 from core.simulation.judging import judge_attempts
 from core.support.text import shorten
 from core.trial import Condition, Trial
@@ -47,7 +47,7 @@ def _play(stage: Stage, candidates: Sequence[Candidate]) -> list[Trial]:
 
     for attempt, outcome in zip(planned, outcomes, strict=True):
         attempt.outcome = outcome
-        follow_guards(stage, attempt)
+        follow_reactions(stage, attempt)
 
     judge_attempts(stage, planned)
 

@@ -7,6 +7,7 @@ takes notes of its world on the way. One that steps a world at a time is a `Worl
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -17,6 +18,7 @@ import numpy as np
 from core.geometry import Array
 from core.interfaces import (
     Block,
+    JointTrajectory,
     Outcome,
     Passed,
     Pushes,
@@ -30,6 +32,7 @@ from core.scene import State
 from core.values.jobs import FEEL_S
 
 LAG_EVERY = 10  # steps between two measurements of the arm's lag
+_SAME_S = 1e-9  # between instants that are the same but for rounding
 _AHEAD = 8  # readings of guards that are played in a block where the world rewinds
 
 
@@ -73,6 +76,10 @@ class Schedule:
         self.tick = max(1, round(FEEL_S / time_step))
         self.targets = Targets(job.trajectory, self.instants, time_step)
 
+    def find_step(self, instant: float) -> int:
+        """Return how many steps are done at an instant of the motion, seconds; at the end of the job all are."""
+        return bisect_left(self.instants, instant - _SAME_S, self.settle, self.count)
+
     def block(self, begin: int, end: int, readings: Sequence[int] = ()) -> Block:
         """Make the block of the steps from one to another, with its marks.
 
@@ -108,7 +115,7 @@ class Player:
         ahead: how many readings of guards are played at once, beside the next one.
 
     Attributes:
-        schedule: as guards have changed it so far.
+        schedule: as guards and looks have changed it so far.
         done: how many steps are done.
         error: why the world broke, if it did.
     """
@@ -149,14 +156,17 @@ class Player:
         if self.error is not None:
             return schedule.block(self.done, self.done)
 
-        guards = schedule.job.guards
-        if guards is None:
+        reactions = schedule.job.reactions
+        if reactions is None:
             return schedule.block(self.done, schedule.count)
 
+        left = schedule.find_step(reactions.looks_at) - self.done
+        if reactions.since == math.inf:
+            return schedule.block(self.done, self.done + left)
+
         # The steps up to the next reading.
-        quiet = bisect_left(schedule.ends, guards.since, self.done) - self.done
+        quiet = bisect_left(schedule.ends, reactions.since, self.done) - self.done
         due = (quiet // schedule.tick + 1) * schedule.tick
-        left = schedule.count - self.done
         count = min(left, due + self._ahead * schedule.tick)
         readings = range(due, count + 1, schedule.tick)
 
@@ -169,21 +179,20 @@ class Player:
             The first steps of the block, if a guard changed the motion after them: the others did not happen. None:
             all of them did.
         """
-        guards = self.schedule.job.guards
+        reactions = self.schedule.job.reactions
 
         for count, reading in zip(block.readings, passed.readings, strict=True):
             now = float(self.schedule.ends[block.begin + count - 1])
-            if guards is None or now < guards.since:
+            if reactions is None or now < reactions.since:
                 continue
 
-            changed = guards.feel(now, *reading)
+            changed = reactions.feel(now, *reading)
             if changed is None:
                 continue
 
             self._keep(block, passed, count)
             self.done = block.begin + count
-            job = replace(self.schedule.job, trajectory=changed)
-            self.schedule = Schedule(job, self.schedule.time_step)
+            self._change(changed)
             if count < len(block):
                 return block.until(count)
 
@@ -194,6 +203,37 @@ class Player:
         self.add_torques(passed)
         self.done = block.end
         return None
+
+    def _change(self, trajectory: JointTrajectory) -> None:
+        """Go on with another motion, which is the same up to now."""
+        job = replace(self.schedule.job, trajectory=trajectory)
+        self.schedule = Schedule(job, self.schedule.time_step)
+
+    def look(self, worlds: Worlds, number: int) -> bool:
+        """Let the plan look at its world, if it is time to.
+
+        Args:
+            worlds: one of them is that of the job, as it is after the steps that are done.
+            number: of that world.
+
+        Returns:
+            Whether it looked.
+        """
+        reactions = self.schedule.job.reactions
+        if reactions is None or self.error is not None:
+            return False
+        if self.schedule.find_step(reactions.looks_at) != self.done:
+            return False
+        if reactions.looks_at == math.inf:
+            return False
+
+        now = float(self.schedule.instants[self.done])
+        arm, fingers, states = worlds.read(number, [worlds.note()[number]])
+        changed = reactions.look(now, arm[0], fingers[0], states[0])
+        if changed is not None:
+            self._change(changed)
+
+        return True
 
     def add_torques(self, passed: Passed) -> None:
         """Take the greatest torques of steps of the motion that did happen."""
@@ -236,13 +276,14 @@ class Player:
         if self.is_filmed:
             recording = self._develop(worlds, number)
 
-        guards = schedule.job.guards
+        reactions = schedule.job.reactions
         return Outcome(
             start,
             end,
             schedule.measure_lag(reached),
             recording=recording,
-            felt=guards.felt if guards else (),
+            felt=reactions.felt if reactions else (),
+            looked=reactions.looked if reactions else (),
             torques=self._torques,
         )
 
@@ -325,8 +366,8 @@ def play(world: World, job: Rollout) -> Outcome:
         world: with the scene, and with the robot at the first targets.
         job: what is played.
     """
-    if job.guards is not None:
-        job = replace(job, trajectory=job.guards.begin())
+    if job.reactions is not None:
+        job = replace(job, trajectory=job.reactions.begin())
 
     refused = refuse_targets(job)
     if refused is not None:
@@ -341,7 +382,7 @@ def play_together(worlds: Worlds, jobs: Sequence[Rollout]) -> list[Outcome]:
 
     Args:
         worlds: with the scenes, and with the robots at the first targets.
-        jobs: with finite targets; guards have begun.
+        jobs: with finite targets; their reactions have begun.
     """
     ahead = _AHEAD if worlds.rewinds else 0
     players = [Player(job, worlds.time_step, ahead) for job in jobs]
@@ -358,6 +399,10 @@ def play_together(worlds: Worlds, jobs: Sequence[Rollout]) -> list[Outcome]:
         player.begin(first, passed, now)
 
     while True:
+        for number, player in enumerate(players):
+            while player.look(worlds, number):
+                pass
+
         blocks = [player.next_block() for player in players]
         if not any(len(block) for block in blocks):
             break

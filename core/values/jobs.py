@@ -34,17 +34,69 @@ class Felt(NamedTuple):
         return f"waypoint {self.waypoint}: {what} {self.at_s:.2f} s, with {self.force_n:.1f} N at the flange"
 
 
+class Looked(NamedTuple):
+    """What a look of a plan found out: its number (from 1), when (s), and after which waypoint (0: before the first).
+
+    ``where`` says in which part of the plan it was, such as a round of a loop. ``hidden`` are the bodies that the
+    camera could not see, which are taken to be where they were seen before. ``left`` says of each goal which of its
+    bodies were seen out of place.
+    """
+
+    number: int
+    at_s: float
+    waypoint: int
+    where: str = ""
+    hidden: tuple[str, ...] = ()
+    left: tuple[tuple[str, tuple[str, ...]], ...] = ()
+
+    def __str__(self) -> str:
+        text = f"look {self.number} at {self.at_s:.2f} s"
+        if self.where:
+            text += f", {self.where}"
+
+        parts = [f"{goal}: {_say_left(names)}" for goal, names in self.left]
+        if self.hidden:
+            parts.append(f"hidden from the camera: {', '.join(self.hidden)}")
+
+        return f"{text}: {'; '.join(parts)}" if parts else text
+
+
+def _say_left(names: Sequence[str]) -> str:
+    """Say which bodies of a goal are not in place."""
+    if not names:
+        return "all in place"
+
+    listed = ", ".join(names[:_LISTED])
+    if len(names) > _LISTED:
+        listed += f" and {len(names) - _LISTED} more"
+
+    return f"{listed} not in place"
+
+
+_LISTED = 4  # bodies that a look names
+
+
 @runtime_checkable
-class Guards(Protocol):
-    """What feels while a motion is played, and changes it; a plan makes it (`ActionPlan.make_guards`).
+class Reactions(Protocol):
+    """What feels and looks while a motion is played, and changes it; a plan makes it (`ActionPlan.make_reactions`).
 
     Attributes:
         felt: how guards ended so far.
+        looked: what looks found out so far.
         problem: why the rest could not be planned; the motion ended there.
     """
 
     felt: tuple[Felt, ...]
+    looked: tuple[Looked, ...]
     problem: str | None
+
+    @property
+    def feels(self) -> bool:
+        """Whether any part of the plan has guards, so that the engine must say what pushes the arm."""
+
+    @property
+    def looks(self) -> bool:
+        """Whether the plan looks again while it is carried out."""
 
     @property
     def motion(self) -> Motion:
@@ -53,6 +105,10 @@ class Guards(Protocol):
     @property
     def since(self) -> float:
         """From when on the arm feels for the next guard, seconds of the motion; inf: there is none left."""
+
+    @property
+    def looks_at(self) -> float:
+        """When the scene is looked at next, seconds of the motion; inf: not before another guard, or never again."""
 
     def begin(self) -> JointTrajectory:
         """Begin anew, and return the motion in which no guard fires."""
@@ -69,6 +125,14 @@ class Guards(Protocol):
         Returns the motion to go on with, the same up to ``time``; None: as before.
         """
 
+    def look(
+        self, time: float, arm: Array, fingers: Array, state: State
+    ) -> JointTrajectory | None:
+        """Take what a camera could see at ``looks_at``: joints (J,), fingers (F + K,), and the free bodies' state.
+
+        Returns the motion to go on with, the same up to ``time``; None: as before.
+        """
+
 
 FEEL_S = 0.01  # between two readings
 
@@ -77,6 +141,7 @@ class Ability(StrEnum):
     """What a job may need, and not every engine can do; an engine lists its own (`Simulator.supports`)."""
 
     GUARDS = "guards ('until') in a plan"
+    LOOKS = "looks in a plan"
     TOOL_JOINTS = "joints in a tool"
     JOINTS = "joints in a scene"
     LAUNCHED_BODIES = "launched bodies"
@@ -89,16 +154,31 @@ class Ability(StrEnum):
 class Perception:
     """The noise of what plans see: standard deviations of x and y, metres, and of the yaw, radians.
 
-    ``height``: the most by which all heights of a layout are wrong for a plan, metres. They are wrong by the same.
+    Attributes:
+        position: of x and y, each.
+        yaw: of the turn about the vertical.
+        height: the most by which all heights of a layout are wrong for a plan, metres. They are wrong by the same.
+        look_s: how long the arm stays where a plan looks again, seconds: to take a picture and find the bodies in it.
+        camera: where the camera is when a plan looks again: ``fixed``, the task's, or in the ``hand``, from where what
+            is near is seen better.
     """
 
     position: float = 0.0
     yaw: float = 0.0
     height: float = 0.0
+    look_s: float = 0.5
+    camera: str = "fixed"
 
     def __post_init__(self) -> None:
-        for name, noise in vars(self).items():
-            _check_range(f"perception.{name}", noise, 1)
+        for name in ("position", "yaw", "height"):
+            _check_range(f"perception.{name}", getattr(self, name), 1)
+
+        _check_range("perception.look_s", self.look_s, 10, " seconds")
+        if self.camera not in CAMERAS:
+            raise choices("rollout.perception.camera", self.camera, CAMERAS)
+
+
+CAMERAS = ("fixed", "hand")
 
 
 def _check_range(
@@ -220,8 +300,8 @@ class Outcome:
     """The result of a rollout: the states of its world after settling and at the end.
 
     ``tracking_error_rad`` is the largest lag of an arm joint behind its target. ``error`` says why the rollout failed;
-    then the states are None. ``felt``: how guards ended. ``torques`` (J,): the greatest that the arm's motors applied
-    in a step of the motion, N m; None: the engine does not say.
+    then the states are None. ``felt``: how guards ended. ``looked``: what looks found out. ``torques`` (J,): the
+    greatest that the arm's motors applied in a step of the motion, N m; None: the engine does not say.
     """
 
     start: State | None
@@ -231,6 +311,7 @@ class Outcome:
     recording: Recording | None = None
     warnings: tuple[str, ...] = ()
     felt: tuple[Felt, ...] = ()
+    looked: tuple[Looked, ...] = ()
     torques: Array | None = None
 
 

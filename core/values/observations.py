@@ -96,6 +96,7 @@ class Observation:
         lag_rad: the largest lag of a joint, and ``lag_s``: when.
         arrivals: when each waypoint is reached.
         felt: how each guard of the plan ended, in words.
+        looked: what each look of the plan found out, in words.
         instants: of the places in ``paths``.
         paths: the places of some bodies that moved: first those of ``left``, then the goal's others.
     """
@@ -116,5 +117,6 @@ class Observation:
     lag_s: float = 0.0
     arrivals: tuple[float, ...] = ()
     felt: tuple[str, ...] = ()
+    looked: tuple[str, ...] = ()
     instants: tuple[float, ...] = ()
     paths: Mapping[str, tuple[Point, ...]] = field(default_factory=dict)

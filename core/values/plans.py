@@ -8,27 +8,73 @@ from __future__ import annotations
 import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, is_dataclass
-from typing import Any, ClassVar, Literal
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
 
 from core.geometry import Array, Pose
-from core.values.jobs import Guards, RolloutSettings
+from core.values.jobs import Looked, Reactions, RolloutSettings
 from core.values.motions import Begin, JointTrajectory, Motion
 from core.values.robots import Robot
+from core.values.states import State
+
+
+@dataclass(frozen=True)
+class Sighted:
+    """What was seen of the scene at one instant.
+
+    Attributes:
+        poses: of bodies and marks in the world, by name.
+        at_s: when, seconds of the motion.
+        known_s: when the plan can use it.
+        taken_s: of bodies that were hidden, when they were seen last; for the others it is ``at_s``.
+    """
+
+    poses: Mapping[str, Pose]
+    at_s: float = 0.0
+    known_s: float = 0.0
+    taken_s: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def hidden(self) -> tuple[str, ...]:
+        """The bodies that were not seen, and are taken to be where they were before."""
+        return tuple(self.taken_s)
+
+
+class Judge(Protocol):
+    """What a plan may ask of what is seen; it is about one layout of a task."""
+
+    def names(self, goal: int | str) -> tuple[str, ...]:
+        """Return the bodies of one of the task's goals, by its number (from 0) or name.
+
+        Raises:
+            core.design.DesignError: there is no such goal to reach.
+        """
+
+    def left(self, goal: int | str, poses: Mapping[str, Pose]) -> tuple[str, ...]:
+        """Return those of a goal's bodies that are not where it wants them; none: it is reached."""
+
+    def box(self, body: str) -> tuple[Array, Array]:
+        """Return the middle (3,) and half lengths (3,) of the box around a body, in its frame, metres."""
 
 
 @dataclass(frozen=True)
 class Seen:
     """What a plan knows of a layout: the poses of bodies and marks in the world before the motion, by name.
 
-    ``felt`` has, for each of the plan's guards that ended so far, where the mount was then; None: it never fired, and
-    the mount is at the guard's waypoint.
+    Attributes:
+        poses: before the motion.
+        felt: for each of the plan's guards that ended so far, where the mount was then; None: it never fired, and the
+            mount is at the guard's waypoint.
+        looks: what was seen by each look of the plan so far.
+        judge: answers what plans ask of what is seen.
     """
 
     poses: Mapping[str, Pose]
     felt: tuple[Pose | None, ...] = ()
+    looks: tuple[Sighted, ...] = ()
+    judge: Judge | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True)
@@ -64,10 +110,18 @@ class Guard:
     otherwise: Literal["go_on", "end"] = "go_on"
 
 
+class Look(NamedTuple):
+    """A look of a plan: after how many of its waypoints, and in which part of the plan, in words."""
+
+    after: int
+    where: str = ""
+
+
 class ActionPlan(ABC):
     """A motion as a function of what is seen of the layout. It is picklable, a frozen dataclass, and never changed.
 
-    A plan whose waypoints have guards makes what feels, too, and is resolved again each time a guard ends.
+    A plan with guards or looks makes what feels and looks, too, and is resolved again each time a guard ends, and after
+    each look.
     """
 
     # The name of the representation that reads it, as in ``action=NAME``.
@@ -83,17 +137,26 @@ class ActionPlan(ABC):
         """Roll, pitch and yaw (N, 3) of its waypoints as they are written, radians; (0, 3): not as such."""
         return np.empty((0, 3))
 
+    def most_seconds(self, look_s: float) -> float:
+        """Return the most seconds that it may ask for with all its loops, of looks that last so long each.
+
+        By default 0: what it asks for is known from its waypoints.
+        """
+        return 0.0
+
     @abstractmethod
     def resolve(self, seen: Seen) -> Waypoints:
-        """Return the waypoints for one layout.
+        """Return the waypoints for one layout, as far as they are known: up to the next look that is not taken yet.
 
         Raises:
             core.design.DesignError: it needs something that is not there; says what, and in which waypoint.
         """
 
-    def make_guards(self, planned: PlannedMotion) -> Guards:
-        """Make what feels while a motion with guards is played; for plans whose waypoints have some."""
-        raise NotImplementedError("its waypoints have guards, and nothing feels them")
+    def make_reactions(self, planned: PlannedMotion) -> Reactions:
+        """Make what feels and looks while a motion is played; for plans whose waypoints have guards or looks."""
+        raise NotImplementedError(
+            "its waypoints have guards or looks, and nothing feels or looks"
+        )
 
     @abstractmethod
     def dump(self) -> list[Any]:
@@ -137,13 +200,15 @@ class Waypoints(ActionPlan):
     """Literal waypoints: the plan that looks at nothing.
 
     ``poses`` are (N, 6): x, y, z, roll, pitch, yaw of the mount's frame in the world; or (N, 7) with the gripper, 0
-    open to 1 closed. Without a ``tempo`` the arm rests at each. ``guards`` has one for each, or none at all.
+    open to 1 closed. Without a ``tempo`` the arm rests at each. ``guards`` has one for each, or none at all. ``looks``
+    are those that were taken, and the next one, which ends the waypoints.
     """
 
     action: ClassVar[str] = "waypoints"
     poses: Array
     tempo: Tempo | None = None
     guards: tuple[Guard | None, ...] = ()
+    looks: tuple[Look, ...] = ()
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -175,14 +240,14 @@ class Waypoints(ActionPlan):
     def content(self) -> object:
         return (
             content_of(self)
-            if self.tempo is not None or self.guards
+            if self.tempo is not None or self.guards or self.looks
             else content_of(self.poses)
         )
 
 
 @dataclass(frozen=True, eq=False)
 class PlannedMotion:
-    """A motion with guards as it is planned before anything is felt, and what plans the rest of it on the way.
+    """A motion with guards or looks as it is planned before it is played, and what plans the rest of it on the way.
 
     Attributes:
         waypoints: what the plan means in this layout.
@@ -190,8 +255,11 @@ class PlannedMotion:
         robot: what moves.
         layout: its seed.
         settings: how the plan is executed.
-        resolve: returns what the plan means once some guards have ended; see `Seen.felt`. It raises a
-            `core.design.DesignError` where the plan means nothing then.
+        resolve: returns what the plan means once some guards have ended and some looks were taken; see `Seen`. It
+            raises a `core.design.DesignError` where the plan means nothing then.
+        perceive: looks at the scene. It gets when, the joints (J,), the fingers (F + K,), the free bodies' state, and
+            what was seen before: an entry for each look.
+        report: says what a look found out, of which number from 1, and after how many waypoints.
         go_on: plans the motion through waypoints from where the arm stopped. It raises a `DesignError` where no tempo
             keeps the arm's limits.
         check: raises a `DesignError` for a motion that can't be played on with, and when it would begin, seconds.
@@ -202,7 +270,9 @@ class PlannedMotion:
     robot: Robot
     layout: int
     settings: RolloutSettings
-    resolve: Callable[[tuple[Pose | None, ...]], Waypoints]
+    resolve: Callable[[tuple[Pose | None, ...], tuple[Sighted, ...]], Waypoints]
+    perceive: Callable[[float, Array, Array, State, tuple[Sighted, ...]], Sighted]
+    report: Callable[[Look, tuple[Sighted, ...]], Looked]
     go_on: Callable[[Waypoints, Begin], Motion]
     check: Callable[[JointTrajectory, float], object]
 
@@ -215,7 +285,7 @@ def digest(content: object) -> str:
 def content_of(value: object) -> object:
     """Write a value as nested tuples. Fields with their default are left out, so that a new field changes no hash."""
     if is_dataclass(value):
-        named = [(field, getattr(value, field.name)) for field in fields(value)]
+        named = [(item, getattr(value, item.name)) for item in fields(value)]
         given = [
             (f.name, content_of(v))
             for f, v in named

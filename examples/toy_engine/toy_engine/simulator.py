@@ -7,7 +7,7 @@ from typing_extensions import Unpack
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.geometry import Array, Pose
-from core.interfaces import Image, Robot, Rollout, Task, View, World
+from core.interfaces import Ability, Image, Robot, Rollout, Task, View, World
 from core.robot.kinematics import arm_of
 from core.scene import Scene, State
 from core.simulation.engines import SteppingSimulator
@@ -22,7 +22,8 @@ class ToySimulator(SteppingSimulator):
     """Bodies are points with a radius, which never fall or turn.
 
     `core.simulation.playback` settles, moves, holds and records: an engine that steps one world at a time needs only a
-    world with three methods. It supports nothing more, so that jobs with guards, joints or forces are refused.
+    world with three methods. Plans may look again, which needs nothing more. Jobs with guards, joints or forces are
+    refused.
 
     Args:
         time_step: seconds.
@@ -30,6 +31,7 @@ class ToySimulator(SteppingSimulator):
     """
 
     drawn_by = "numpy"
+    supports = frozenset({Ability.LOOKS})
 
     def __init__(self, time_step: float = 0.02, radius: float = 0.04) -> None:
         self.time_step = time_step

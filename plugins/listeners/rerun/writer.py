@@ -324,7 +324,7 @@ def replay(
     if outcome.recording is None:
         raise ValueError(outcome.error or "no recording came back")
 
-    if job.guards is not None:
-        motion = job.guards.motion  # as it was played
+    if job.reactions is not None:
+        motion = job.reactions.motion  # as it was played
 
     return motion, outcome, outcome.recording

@@ -334,6 +334,7 @@ def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
         "moved": _moves(seen, sight),
         "arrivals_s": list(seen.arrivals),
         "guards": list(seen.felt),
+        "looks": [sight.text(text) for text in seen.looked],
         "contacts": _touches(seen, sight),
         "missed": phrase("observed", "miss", seen),
         "lag": phrase("observed", "lag", seen),

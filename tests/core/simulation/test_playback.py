@@ -104,7 +104,9 @@ class Stops:
     """A guard that ends the motion at its third reading."""
 
     since = 0.095
+    looks_at = np.inf
     felt = ()
+    looked = ()
 
     def begin(self):
         self.readings = []
@@ -129,7 +131,7 @@ def test_what_was_played_ahead_of_a_guard_did_not_happen(world):
 
     made = Feeling()
     guards = Stops()
-    outcome = play(made, job(guards=guards, record_hz=25))
+    outcome = play(made, job(reactions=guards, record_hz=25))
     assert [time for time, _ in guards.readings] == pytest.approx([0.1, 0.11, 0.12])
     # 0.1 s of settling, 0.12 s of the motion, 0.2 s of holding.
     assert len(made.orders) == 42

@@ -54,7 +54,7 @@ def play(*steps, engine="mujoco", seed=0, **settings):
     (outcome,) = simulator(engine).rollout(task, [job])
     assert outcome.error is None
     return SimpleNamespace(
-        outcome=outcome, guards=job.guards, motion=motion, job=job, task=task
+        outcome=outcome, guards=job.reactions, motion=motion, job=job, task=task
     )
 
 
@@ -98,7 +98,7 @@ def test_a_motion_is_the_same_each_time_that_it_is_played(engine):
 
 def test_arrivals_and_distance_are_those_of_what_was_played():
     played = play(ABOVE, DOWN, UP)
-    motion, planned = played.guards.motion, played.motion
+    motion, planned = played.reactions.motion, played.motion
     assert motion.arrivals[0] == planned.arrivals[0]
     assert (motion.arrivals[1:] < planned.arrivals[1:]).all()
     assert motion.trajectory.duration == motion.arrivals[-1]
@@ -140,7 +140,7 @@ def test_the_evaluation_is_of_the_motion_as_it_was_played():
     )
     played = play(ABOVE, DOWN, UP)
     assert evaluation.distance_m == pytest.approx(
-        played.guards.motion.distance_m, abs=1e-3
+        played.reactions.motion.distance_m, abs=1e-3
     )
     assert evaluation.observation.felt[0].startswith("waypoint 2: touch at ")
     assert len(evaluation.observation.arrivals) == 3
@@ -154,7 +154,7 @@ def test_an_engine_that_plays_no_guards_says_so():
 
 def test_guards_need_a_plan_that_makes_what_feels():
     literal = Waypoints(np.array([[0.5, 0, 0.45, 0, 0, 0]]), guards=(Guard("touch"),))
-    with pytest.raises(DesignError, match=r"make_guards raised .* nothing feels"):
+    with pytest.raises(DesignError, match=r"make_reactions raised .* nothing feels"):
         prepare(Block(), Candidate(TOOL, literal), 0, RolloutSettings())
 
 
@@ -162,8 +162,8 @@ def test_what_would_take_too_long_after_a_guard_ends_the_motion_there():
     """The block is 0.1 m higher than the plan takes it to be: a way of nothing becomes one of 25 s."""
     far = {"anchor": "block", "offset": [0, 0, 0.2], "speed": 0.004}
     played = play(ABOVE, DEEP, HERE, far, max_motion_s=20)
-    assert "at most 20 s" in played.guards.problem
-    assert len(played.guards.motion.arrivals) == 2
+    assert "at most 20 s" in played.reactions.problem
+    assert len(played.reactions.motion.arrivals) == 2
     assert played.outcome.recording.times[-1] < 10
 
 
@@ -183,8 +183,8 @@ def test_what_would_be_too_much_work_after_a_guard_ends_the_motion_there(monkeyp
     stage = Stage(condition(task, simulator("mujoco")))
     attempt = plan_attempt(stage, striking)
     simulator("mujoco").rollout(task, [attempt.job])
-    assert "1 parts would be looked at" in attempt.job.guards.problem
-    assert len(attempt.job.guards.motion.arrivals) == 2
+    assert "1 parts would be looked at" in attempt.job.reactions.problem
+    assert len(attempt.job.reactions.motion.arrivals) == 2
 
 
 def test_what_guards_may_change_is_looked_at_in_each_step():
@@ -221,7 +221,7 @@ def test_the_rest_follows_without_a_pause_where_a_guard_before_it_never_fires(
     )
     assert [felt.fired for felt in played.outcome.felt] == ["touch", ""]
     assert planned == [2, 2]  # each way once
-    motion = played.guards.motion
+    motion = played.reactions.motion
     assert len(motion.arrivals) == len(motion.misses) == len(motion.plan) == 6
     assert motion.trajectory.duration == motion.arrivals[-1]
     np.testing.assert_allclose(mount(played), motion.plan[-1, :3], atol=0.005)
@@ -235,7 +235,7 @@ def test_nothing_is_felt_for_without_guards_and_after_the_last():
 
 def test_the_force_is_that_on_the_tool_less_what_was_felt_when_the_way_began():
     played = play(ABOVE, DOWN, feel=Feel(noise=0.0))
-    guards, begin = played.guards, played.motion.arrivals[0]
+    guards, begin = played.reactions, played.motion.arrivals[0]
     joints, _ = guards.begin().sample(np.array([begin]))
     points, held, more = (
         HOME.position - [[0.0, 0.0, 0.2]],

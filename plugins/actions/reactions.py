@@ -1,6 +1,7 @@
-"""Play motions that feel: where a guard fires the arm stops, and the way to the next guard is planned from there.
+"""Play motions that feel and look: where a guard fires the arm stops, and what comes next is planned from there.
 
-The whole motion is planned at first, as if no guard fired, so that a plan can be refused before it is tried.
+The motion up to the first look is planned at first, as if no guard fired, so that a plan can be refused before it is
+tried. After a look the way to the next one is planned, from where the arm is.
 
 A guard reads what an arm with torque sensors reports: the force at its flange, estimated from its joints' torques. The
 engine gives the contact forces. The arm's Jacobian makes joint torques of them, and each torque gets the sensor's
@@ -22,12 +23,15 @@ from core.interfaces import (
     Felt,
     Guard,
     JointTrajectory,
+    Looked,
     Motion,
     PlannedMotion,
+    Sighted,
     Tempo,
     Waypoints,
 )
 from core.robot.kinematics import Arm, arm_of
+from core.scene import State
 from core.values.jobs import FEEL_S
 
 _NOISE = 9  # keeps these random numbers apart from others of the same seed
@@ -37,32 +41,44 @@ _LONGER = 1.2  # times as long, while stopping needs more acceleration than a jo
 _STILL_M = 1e-6  # the mount moves by less between two readings: no direction
 
 
-class PlannedGuards:
-    """The guards of one candidate's plan in one layout, see `core.interfaces.Guards`.
+class PlannedReactions:
+    """The guards and looks of one candidate's plan in one layout, see `core.interfaces.Reactions`.
 
-    An engine calls `begin`, then `feel` with each reading once the motion is at ``since``.
+    The playback calls `begin`, then `feel` with each reading once the motion is at ``since``, and `look` when it is at
+    ``looks_at``.
+
+    Args:
+        planned: the motion up to the first look, as it is planned as if no guard fired.
+        feels: whether any part of the plan has guards.
+        looks: whether it looks again.
 
     Attributes:
         motion: as it is planned now; after a rollout, as it was played.
         felt: how its guards ended so far.
+        looked: what its looks found out so far.
         problem: why the rest could not be planned; the motion ended there.
         since: when the way to the next guard begins, seconds; infinity: there is none.
+        looks_at: when the next look is taken, seconds; infinity: there is none, or a guard comes first.
     """
 
-    def __init__(self, planned: PlannedMotion) -> None:
-        """Take the motion as it is planned as if no guard fired."""
+    def __init__(self, planned: PlannedMotion, *, feels: bool, looks: bool) -> None:
+        self.feels = feels
+        self.looks = looks
         self._planned = planned
         self._settings = planned.settings
         self._arm = arm_of(planned.robot)
         self.begin()
 
     def begin(self) -> JointTrajectory:
-        """See `core.interfaces.Guards`."""
+        """See `core.interfaces.Reactions`."""
         self._waypoints = self._planned.waypoints
         motion = self._planned.motion
         self.motion = motion
         self.felt: tuple[Felt, ...] = ()
+        self.looked: tuple[Looked, ...] = ()
         self.problem: str | None = None
+        self._sightings: tuple[Sighted, ...] = ()
+        self._ended = False
         self._poses: tuple[Pose | None, ...] = ()
         self._random = np.random.default_rng([self._planned.layout, _NOISE])
         self._find_next(0)
@@ -83,16 +99,59 @@ class PlannedGuards:
         guards = self._waypoints.guards[: len(arrivals)]
         self._sensed: list[Array] = []
         self.since = math.inf
+        self.looks_at = math.inf
         self._until = math.inf
 
         guarded = [k for k in range(after, len(guards)) if guards[k] is not None]
         self._number = min(guarded, default=None)
         if self._number is None:
+            if self._is_look_next:
+                self.looks_at = self.motion.trajectory.duration
             return
 
         leaves = np.append(0.0, arrivals + self._tempo.waits[: len(arrivals)])
         self.since = float(leaves[self._number])
         self._until = float(leaves[self._number + 1])
+
+    @property
+    def _is_look_next(self) -> bool:
+        """Whether the plan looks where the motion, as it is planned now, ends."""
+        is_whole = len(self.motion.arrivals) == len(self._waypoints)
+        waits = len(self._waypoints.looks) > len(self._sightings)
+        return is_whole and waits and not self._ended and self.problem is None
+
+    def look(
+        self, time: float, arm: Array, fingers: Array, state: State
+    ) -> JointTrajectory:
+        """Look at the scene, see `core.interfaces.Reactions`, and plan on by what is seen."""
+        before = self._sightings
+        seen = self._planned.perceive(time, arm, fingers, state, before)
+        self._sightings = (*before, seen)
+        asked = self._waypoints.looks[len(before)]
+        report = self._planned.report(asked, self._sightings)
+        self.looked = (*self.looked, report)
+
+        stay = self._stay(time, arm)
+        arrivals = self.motion.arrivals
+        rest = self._plan_rest(stay, len(arrivals))
+        self.motion = self._join_motions(stay, arrivals, rest)
+        self._find_next(len(arrivals))
+
+        return self.motion.trajectory
+
+    def _stay(self, time: float, arm: Array) -> JointTrajectory:
+        """Stay where the arm is while it is looked: where it is driven to, unless something holds it back."""
+        trajectory = self.motion.trajectory
+        look_s = self._settings.perception.look_s
+        lag = float(np.abs(trajectory.arm[-1] - arm).max())
+
+        if lag > self._settings.feel.stall:
+            stop = _bring_to_rest(
+                trajectory, time, arm, self._arm, self._settings.speed
+            )
+            return stop.held(max(time + look_s - stop.duration, FEEL_S))
+
+        return trajectory.held(max(time + look_s - trajectory.duration, FEEL_S))
 
     def feel(
         self,
@@ -101,7 +160,7 @@ class PlannedGuards:
         points: Array,
         forces: Array,
     ) -> JointTrajectory | None:
-        """Take a reading, see `core.interfaces.Guards`.
+        """Take a reading, see `core.interfaces.Reactions`.
 
         The steps stand in docs/physics_explained.md.
         """
@@ -201,7 +260,9 @@ class PlannedGuards:
         )
         wait_s = self._tempo.waits[number]
 
-        if arm is not None and wait_s > 0:
+        if arm is None:
+            self._ended = True
+        elif wait_s > 0:
             stop = stop.held(wait_s)
 
         arrivals = np.append(before.arrivals[:number], stop.duration)
@@ -268,11 +329,12 @@ class PlannedGuards:
         )
 
     def _plan_rest(self, stop: JointTrajectory, count: int) -> Motion | None:
-        """Plan what comes after the first ``count`` waypoints until the next guard, from where the arm stopped.
+        """Plan what comes after the first ``count`` waypoints until the next guard or look, from where the arm stopped.
 
         None: nothing comes, or it means nothing, takes too long or is too much work: the ``problem``.
         """
-        if count == len(self._waypoints):
+        known = not self.looks or len(self._waypoints.looks) > len(self._sightings)
+        if known and count == len(self._waypoints):
             return None
 
         opening = self._arm.robot.opening_m
@@ -280,15 +342,25 @@ class PlannedGuards:
         begin = Begin(stop.arm[-1], grip)
 
         try:
-            self._waypoints = self._planned.resolve(self._poses)
+            self._waypoints = self._planned.resolve(self._poses, self._sightings)
+            if count == len(self._waypoints):
+                self._planned.check(stop, 0.0)
+                return None
+
             rest = self._choose_rest(count)
             motion = self._planned.go_on(rest, begin)
             self._planned.check(motion.trajectory, stop.duration)
         except DesignError as error:
-            self.problem = f"after the guard of waypoint {count}: {error}"
+            self.problem = f"{self._describe_last(count)}: {error}"
             return None
 
         return motion
+
+    def _describe_last(self, count: int) -> str:
+        """Say what was known last, when the first ``count`` waypoints were reached."""
+        if self.looked and self.looked[-1].waypoint == count:
+            return f"after look {len(self.looked)}"
+        return f"after the guard of waypoint {count}"
 
     def _choose_rest(self, count: int) -> Waypoints:
         """Choose the waypoints after the first ``count``, up to the next one with a guard, and their tempo."""

@@ -1,0 +1,341 @@
+"""Define the waypoints of anchored plans: what one says, where it stands in a layout, and how it is read.
+
+Nothing in it is computed by the model's text: there are no expressions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import fields, replace
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import ConfigDict, Field, Strict, TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass
+
+from core.design import DesignError
+from core.designs.plan_rules import MAX_ANGLE_RAD, MAX_REACH_M, MIN_TEMPO
+from core.errors import choices
+from core.geometry import Array, Pose
+from core.interfaces import Guard, Seen
+from core.support.text import kind, shorten
+
+WORLD = "world"
+"""The anchor of what stands in the world's frame."""
+
+HERE = "here"
+"""The anchor where the last guard ended."""
+
+IT = "it"
+"""In a block for each of some bodies, the one that its turn has come."""
+
+RESERVED = frozenset({WORLD, HERE, IT})
+"""Names that are no body's or mark's."""
+
+MAX_NEWTONS = 200.0
+"""The largest force that a guard may wait for."""
+
+MAX_CORRECTED = 50
+"""The most bodies that a touch may correct."""
+
+MAX_BEYOND_M = 0.2
+"""How far a waypoint may lie beyond the place where contact is expected."""
+
+# The arm's limits are lower, and slow the motion.
+MAX_SPEED = 10.0
+MAX_SECONDS = 60.0
+
+_UNKNOWN = "unexpected_keyword_argument"
+_BEYOND = ("less_than_equal", "greater_than_equal")
+_APART_M = 1e-3  # a direction needs two anchors that are farther apart
+
+Length = Annotated[
+    float, Strict(), Field(ge=-MAX_REACH_M, le=MAX_REACH_M, allow_inf_nan=False)
+]
+Angle = Annotated[
+    float, Strict(), Field(ge=-MAX_ANGLE_RAD, le=MAX_ANGLE_RAD, allow_inf_nan=False)
+]
+Seconds = Annotated[float, Strict(), Field(ge=0, le=MAX_SECONDS, allow_inf_nan=False)]
+Speed = Annotated[float, Strict(), Field(ge=0, le=MAX_SPEED, allow_inf_nan=False)]
+Share = Annotated[float, Strict(), Field(ge=0, le=1, allow_inf_nan=False)]
+Newtons = Annotated[float, Strict(), Field(ge=0, le=MAX_NEWTONS, allow_inf_nan=False)]
+Name = Annotated[str, Strict(), Field(max_length=200)]
+
+
+@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+class Step:
+    """One waypoint as written. An empty ``until`` is none, and beside another tempo a ``speed`` or ``seconds`` of 0.
+
+    Attributes:
+        offset: (3,) metres from the anchor to the mount, along the axes.
+        rpy: (3,) the mount's orientation in the axes, radians.
+        anchor: the name of a body or mark, ``world``, or ``here``: the mount when the last guard ended.
+        axes: those of the world, or those of the anchor.
+        toward: the name of a second anchor: the axes are the world's, turned about z until x points there.
+        share: how far the origin lies on the way to ``toward``; then the axes may be the anchor's.
+        speed: of the end-effector on the way there, m/s.
+        seconds: the time of the way there.
+        through: pass it without a stop.
+        wait: seconds to stay there.
+        grip: 0 open to 1 closed, for tools with the gripper.
+        until: with ``newtons`` and ``otherwise`` the guard of the way there, see `core.interfaces.Guard`.
+        corrects: bodies and marks that are then taken to be shifted, along the way there, as the touch was.
+        beyond: how far the waypoint lies beyond the place where contact is expected, metres.
+        meet: the anchor moves, and is where it will be when the waypoint is reached, as two looks saw it move.
+    """
+
+    offset: tuple[Length, Length, Length]
+    rpy: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
+    anchor: Name = WORLD
+    axes: Literal["world", "anchor"] = "world"
+    toward: Name = ""
+    share: Share = 0.0
+    speed: Speed = 0.0
+    seconds: Seconds = 0.0
+    through: Annotated[bool, Strict()] = False
+    wait: Seconds = 0.0
+    grip: Share = 0.0
+    until: Literal["", "touch", "force", "stall"] = ""
+    newtons: Newtons = 0.0
+    otherwise: Literal["go_on", "end"] = "go_on"
+    corrects: Annotated[tuple[Name, ...], Field(max_length=MAX_CORRECTED)] = ()
+    beyond: Annotated[
+        float, Strict(), Field(ge=0, le=MAX_BEYOND_M, allow_inf_nan=False)
+    ] = 0.0
+    meet: Annotated[bool, Strict()] = False
+
+    def frame(self, seen: Seen, where: str) -> Pose:
+        """Return the frame of the offset in the world.
+
+        Args:
+            seen: where bodies and marks are.
+            where: words for the waypoint, for an error.
+
+        Raises:
+            DesignError: an anchor is not there, or gives no direction.
+        """
+        anchor = place_anchor(self.anchor, seen, where)
+        if not self.toward:
+            return anchor if self.axes == "anchor" else Pose(anchor.position)
+
+        way = place_anchor(self.toward, seen, where).position - anchor.position
+        origin = anchor.position + self.share * way
+
+        if self.axes == "anchor":
+            return Pose(origin, anchor.quaternion)
+        if math.hypot(way[0], way[1]) < _APART_M:
+            raise DesignError(
+                f"{where}: {self.toward!r} is not beside {self.anchor!r}, so that there is no direction"
+            )
+
+        return Pose.xyz_rpy(origin, (0.0, 0.0, math.atan2(way[1], way[0])))
+
+    def corrected(
+        self, seen: Seen, way: Array, missed: Array, where: str
+    ) -> dict[str, Pose]:
+        """Return where the bodies in ``corrects`` are, as the arm ended at ``missed`` (3,) from the waypoint.
+
+        Args:
+            seen: where bodies and marks were taken to be.
+            way: (3,) leads there from the waypoint before, metres.
+            missed: (3,) from the waypoint to where the arm ended, metres.
+            where: words for the waypoint, for an error.
+
+        Raises:
+            DesignError: a name is not there, or there is no way.
+        """
+        length = float(np.linalg.norm(way))
+        if length < _APART_M:
+            raise DesignError(
+                f"{where}: 'corrects' needs a way there, and the waypoint before is at the same place"
+            )
+
+        shift = (missed @ way / length + self.beyond) * way / length
+        poses = {}
+        for name in self.corrects:
+            place = place_anchor(name, seen, where)
+            poses[name] = Pose(place.position + shift, place.quaternion)
+
+        return poses
+
+    @property
+    def guard(self) -> Guard | None:
+        """The guard of the way there; None: there is none."""
+        if not self.until:
+            return None
+
+        return Guard(self.until, self.newtons, self.otherwise)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What it names."""
+        return tuple(filter(None, (self.anchor, self.toward, *self.corrects)))
+
+    def bound(self, name: str) -> Step:
+        """Return the waypoint for a body whose turn it is: `IT`."""
+        if IT not in self.names:
+            return self
+
+        return replace(
+            self,
+            anchor=name if self.anchor == IT else self.anchor,
+            toward=name if self.toward == IT else self.toward,
+            corrects=tuple(name if n == IT else n for n in self.corrects),
+        )
+
+    def dump(self) -> dict[str, Any]:
+        """Return what was written, without what has its default."""
+        written: dict[str, Any] = _STEPS.dump_python(
+            self, mode="json", exclude_defaults=True
+        )
+        return written
+
+
+GUARD_FIELDS = ("until", "newtons", "otherwise", "corrects", "beyond")
+_STEPS = TypeAdapter(Step)
+# Of the schema, which takes longer to make than a tool takes to be read.
+PROPERTIES = _STEPS.json_schema()["properties"]
+
+
+# What must not hold of a step, each with the words for the model.
+_FAULTS: tuple[tuple[Callable[[Step], object], str], ...] = (
+    (
+        lambda step: step.speed and step.seconds,
+        "give speed or seconds, not both",
+    ),
+    (
+        lambda step: step.through and step.wait,
+        "a waypoint that is passed through has no wait; leave one of them out",
+    ),
+    (
+        lambda step: step.through and step.until,
+        "a waypoint that is passed through has no guard; leave one of them out",
+    ),
+    (
+        lambda step: (step.until == "force") != (step.newtons > 0),
+        "until 'force' needs 'newtons' above 0, and nothing else has them",
+    ),
+    (
+        lambda step: step.otherwise != "go_on" and not step.until,
+        "'otherwise' is for a guard; give 'until', too",
+    ),
+    (
+        lambda step: step.corrects and not step.until,
+        "'corrects' is for a guard; give 'until', too",
+    ),
+    (
+        lambda step: step.beyond and not step.corrects,
+        "'beyond' is for what a guard corrects; give 'corrects', too",
+    ),
+    (
+        lambda step: {WORLD, HERE} & {*step.corrects},
+        f"'corrects' is for bodies and marks, not for '{WORLD}' or '{HERE}'",
+    ),
+    (
+        lambda step: step.toward and step.axes == "anchor" and not step.share,
+        "toward turns the world's axes; leave 'axes' out, or give a share of the way",
+    ),
+    (
+        lambda step: step.meet and not step.seconds,
+        "'meet' needs the 'seconds' of the way there, after which the anchor is met",
+    ),
+    (
+        lambda step: step.meet and step.anchor in (WORLD, HERE),
+        f"'meet' is for bodies that move, not for '{WORLD}' or '{HERE}'",
+    ),
+    (
+        lambda step: step.share and not step.toward,
+        "a share is one of the way to a second anchor; name it in 'toward'",
+    ),
+)
+
+
+# Of a waypoint that says no other tempo.
+_STANDS_STILL = {
+    "speed": f"a speed of 0 never gets there; give {MIN_TEMPO:g} m/s or more, or leave 'speed' out for the usual one",
+    "seconds": f"a time of 0 is none; give {MIN_TEMPO:g} s or more, or leave 'seconds' out for the usual one",
+}
+
+
+def _describe_fault(error: ValidationError, where: str) -> str:
+    """Say what is wrong with a waypoint: a field that there is not, before what is missing; and how angles are written.
+
+    Args:
+        error: of its fields.
+        where: words for the waypoint.
+    """
+    faults = error.errors(include_url=False)
+    unknown = [fault for fault in faults if fault["type"] == _UNKNOWN]
+    first = (unknown or faults)[0]
+    place = ".".join(str(part) for part in first["loc"])
+
+    if unknown:
+        names = [known.name for known in fields(Step)]
+        return str(choices("field", place, names, where))
+
+    message = f"{where}: {place[:100]}: {first['msg']}"
+    if first["loc"][0] == "rpy" and first["type"] in _BEYOND:
+        message += (
+            f", not {first['input']:g}; angles are in radians (90 degrees are 1.5708)"
+        )
+
+    return message
+
+
+def read_step(data: object, where: str, gripper: bool) -> Step:
+    """Read a waypoint that a model wrote.
+
+    Args:
+        data: what was written.
+        where: words for the waypoint, for an error.
+        gripper: whether the tool hangs from the fingers.
+
+    Raises:
+        DesignError: names the field and its fault.
+    """
+    if not isinstance(data, dict):
+        raise DesignError(f"{where} must be an object with an offset, not {kind(data)}")
+    if "grip" in data and not gripper:
+        raise DesignError(f"{where}: 'grip' needs a tool on the gripper; leave it out")
+
+    try:
+        step = _STEPS.validate_python(data)
+    except ValidationError as error:
+        raise DesignError(_describe_fault(error, where)) from error
+
+    if not (step.speed or step.seconds):
+        for name, message in _STANDS_STILL.items():
+            if name in data:
+                raise DesignError(f"{where}: {message}")
+
+    for is_broken, message in _FAULTS:
+        if is_broken(step):
+            raise DesignError(f"{where}: {message}")
+
+    return step
+
+
+def place_anchor(name: str, seen: Seen, where: str) -> Pose:
+    """Return the pose of an anchor.
+
+    Args:
+        name: of a body or mark, ``world`` or ``here``.
+        seen: where bodies and marks are.
+        where: words for the waypoint, for an error.
+
+    Raises:
+        DesignError: it is not there.
+    """
+    if name.lower() == WORLD:
+        return Pose()
+    if name not in seen.poses:
+        alike = [known for known in seen.poses if known.lower() == name.lower()]
+        if len(alike) == 1:
+            return seen.poses[alike[0]]
+
+        raise DesignError(
+            f"{where}: no anchor {shorten(name)}; possible: {', '.join((*seen.poses, WORLD))}"
+        )
+
+    return seen.poses[name]

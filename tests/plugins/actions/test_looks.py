@@ -1,0 +1,277 @@
+"""Plans that look again, decide and repeat: from their text to the motion that was played."""
+
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from core.design import Candidate, DesignError, Tool
+from core.geometry import Box, Pose
+from core.goals import Placed
+from core.interfaces import Perception, RolloutSettings, Seen, Sighted
+from core.scene import Body
+from core.simulation.attempt import Stage, plan_attempt, prepare
+from plugins.actions.anchored import AnchoredActions, AnchoredPlan
+from plugins.actions.blocks import Cost
+from plugins.conformance.scenery import GREY, box, stick
+from plugins.conformance.worlds import HOME, Bodies, arm
+from tests.engines import every_simulator, simulator
+from tests.faults import Faulty
+from tests.playing import condition
+
+CUBES = {"cube_1": (0.5, 0.2), "cube_2": (0.55, -0.2)}
+MARK = Body.mark("mark", (0.6, 0.0, 0.0), 0.05, GREY)
+FLOOR = Body.of("floor", Box((2, 2, 0.1)), (0.0, 0.0, -0.05), mass=0.0, color=GREY)
+TOOL = stick(0.2)
+LOOK = {"look": True}
+HIGH = {"offset": [0.45, 0.0, 0.5]}
+OVER = {"anchor": "cube_1", "offset": [0.0, 0.0, 0.35]}
+
+
+def cube(name, x, y, **more):
+    shape = Box((0.04, 0.04, 0.04))
+    made = Body.of(name, shape, (x, y, 0.02), mass=0.1, color=GREY)
+    return replace(made, **more)
+
+
+class Cubes(Bodies):
+    """Two cubes, and a mark to which both are to get."""
+
+    home = HOME
+    goals = (Placed(tuple(CUBES), place=(0.0, 0.0, 0.02), at="mark"),)
+
+    def __init__(self, **more):
+        cubes = [cube(name, *place, **more) for name, place in CUBES.items()]
+        super().__init__(*cubes, MARK, FLOOR)
+
+
+def read(*steps) -> AnchoredPlan:
+    return AnchoredActions().parse(list(steps), gripper=False)
+
+
+def play(*steps, engine="mujoco", task=None, seed=0, tool=TOOL, **settings):
+    task = task or Cubes()
+    candidate = Candidate(tool, read(*steps), 0, 0, 0, 0)
+    settings = RolloutSettings(**settings)
+    motion, job = prepare(task, candidate, seed, settings, record_hz=100.0)
+    (outcome,) = simulator(engine).rollout(task, [job])
+    assert outcome.error is None
+    return SimpleNamespace(outcome=outcome, job=job, motion=motion, task=task)
+
+
+def seen(*looks):
+    """What is seen of cubes at places (x, y): before the motion, and by looks a second apart."""
+    first, *later = [
+        {name: Pose(np.array([*place, 0.02])) for name, place in look.items()}
+        for look in (CUBES, *looks)
+    ]
+    sighted = [Sighted(poses, k, k + 0.5) for k, poses in enumerate(later, start=1)]
+    return Seen(first, looks=tuple(sighted))
+
+
+def places(waypoints):
+    return np.round(waypoints.poses[:, :2], 6).tolist()
+
+
+def test_a_plan_is_resolved_up_to_the_next_look_that_is_not_taken():
+    plan = read(OVER, LOOK, OVER, LOOK, OVER)
+    assert places(plan.resolve(seen())) == [[0.5, 0.2]]
+    waypoints = plan.resolve(seen({"cube_1": (0.6, 0.1), "cube_2": (0.5, 0.0)}))
+    assert places(waypoints) == [[0.5, 0.2], [0.6, 0.1]]
+    assert [look.after for look in waypoints.looks] == [1, 2]
+
+
+def test_a_look_before_the_first_waypoint_is_what_every_plan_begins_with():
+    assert places(read(LOOK, OVER).resolve(seen())) == [[0.5, 0.2]]
+
+
+LOOP = {
+    "repeat": [LOOK, OVER],
+    "until_seen": {"body": "cube_1", "at": "cube_2", "within": 0.1},
+    "at_most": 3,
+}
+
+
+def test_a_loop_ends_where_its_condition_is_seen_to_hold():
+    plan = read(HIGH, LOOP, HIGH)
+    apart = {"cube_1": (0.6, 0.1), "cube_2": (0.5, -0.1)}
+    near = {"cube_1": (0.6, 0.1), "cube_2": (0.55, 0.1)}
+    waypoints = plan.resolve(seen(apart, near))
+    assert places(waypoints) == [[0.45, 0], [0.6, 0.1], [0.45, 0]]
+    assert [look.where for look in waypoints.looks] == ["round 1", "round 2"]
+    assert len(plan.resolve(seen(apart, apart, apart))) == 5  # three rounds
+
+
+def test_the_bodies_of_a_block_are_those_that_are_left_the_nearest_first():
+    block = {
+        "each": "cube*",
+        "do": [{"anchor": "it", "offset": [0, 0, 0.3]}],
+        "until_seen": {"body": "it", "at": "cube_2", "within": 0.01},
+    }
+    assert places(read(HIGH, block).resolve(seen())) == [[0.45, 0], [0.5, 0.2]]
+    far = {**block, "until_seen": {"body": "it", "above": 1.0}}
+    south = {"offset": [0.5, -0.1, 0.4]}
+    assert places(read(south, far).resolve(seen()))[1:] == [[0.55, -0.2], [0.5, 0.2]]
+
+
+def test_one_of_two_blocks_is_chosen():
+    choice = {
+        "choose": {"body": "cube*", "above": 0.1, "enough": 1},
+        "then": [OVER],
+        "otherwise": [HIGH],
+    }
+    assert places(read(choice).resolve(seen())) == [[0.45, 0]]
+    lower = {**choice, "choose": {"body": "cube*", "above": 0.01}}
+    assert places(read(lower).resolve(seen())) == [[0.5, 0.2]]
+
+
+def test_what_moves_is_met_where_it_will_be():
+    meet = {**OVER, "meet": True, "seconds": 1.0}
+    moved = {"cube_1": (0.5, 0.1), "cube_2": (0.5, -0.1)}
+    # 0.1 m in the first second; looked at after 1 s, known at 1.5 s, met at 2.5 s.
+    waypoints = read(HIGH, LOOK, meet).resolve(seen(moved))
+    np.testing.assert_allclose(waypoints.poses[-1, :2], [0.5, -0.05])
+    slow = read(HIGH, LOOK, HIGH, meet)
+    with pytest.raises(DesignError, match="needs 'seconds' of each way since the last"):
+        slow.resolve(seen(moved))
+
+
+@pytest.mark.parametrize(
+    ("steps", "said"),
+    [
+        ([{"look": False}], 'write {"look": true}'),
+        ([HIGH, {"look": True, "wait": 1}], "step 2"),
+        ([{"repeat": [OVER], "until_seen": {"goal": 0}, "at_most": 2}], "needs a"),
+        ([{"repeat": [LOOK], "until_seen": {"goal": 0}}], "'at_most' must be a whole"),
+        ([{**LOOP, "at_most": 9}], "from 1 to 8, not 9"),
+        ([{**LOOP, "at_most": True}], "from 1 to 8, not True"),
+        ([{**LOOP, "until_seen": "goal"}], "must be an object"),
+        ([{**LOOP, "until_seen": {}}], "give a goal, or a body"),
+        ([{**LOOP, "until_seen": {"goal": 0, "above": 1.0}}], "leave the rest out"),
+        ([{**LOOP, "until_seen": {"body": "cube_1"}}], "say one of at, inside and"),
+        ([{**LOOP, "until_seen": {"body": "cube_1", "at": "mark"}}], "needs 'within'"),
+        ([{**LOOP, "until_seen": {"boddy": "cube_1"}}], "did you mean 'body'"),
+        ([{**LOOP, "repeat": [LOOK, {**LOOP, "repeat": [LOOK, LOOP]}]}], "at most 2"),
+        ([{"each": 3, "do": [OVER], "until_seen": {"goal": 0}}], "must be a name"),
+        ([{"each": "cube*", "do": [], "until_seen": {"goal": 0}}], "between 1 and"),
+        ([{"anchor": "it", "offset": [0, 0, 0.3]}], "there is none around it"),
+        ([LOOP | {"choose": {"goal": 0}}], "give one of repeat and choose, not both"),
+        ([{**OVER, "meet": True}], "'meet' needs the 'seconds'"),
+        ([{**OVER, "meet": True, "seconds": 1.0}], "'meet' needs a look before"),
+        ([{"repeat": 3, "until_seen": {"goal": 0}, "at_most": 1}], "a list of steps"),
+    ],
+)
+def test_what_means_nothing_is_refused_with_the_words_to_write(steps, said):
+    with pytest.raises(DesignError, match=re.escape(said)):
+        read(*steps)
+
+
+def nested(count):
+    inner = {**LOOP, "repeat": [LOOK, *[OVER] * count], "at_most": 8}
+    return {**LOOP, "repeat": [LOOK, inner], "at_most": 8}
+
+
+def test_what_a_plan_can_come_to_is_known_from_its_tree():
+    assert read(HIGH, LOOP, HIGH).cost == Cost(waypoints=5, looks=3)
+    with pytest.raises(DesignError, match=r"come to 512 waypoints; at most 200"):
+        read(nested(8))
+    with pytest.raises(DesignError, match=r"come to 72 looks; at most 40"):
+        read(nested(1))
+
+
+@pytest.mark.parametrize(
+    ("condition", "said"),
+    [
+        ({"goal": 3}, "no goal 3 to reach; possible: 0"),
+        ({"goal": "lid"}, "no goal 'lid' to reach"),
+        ({"body": "bottle*", "above": 0.1}, "no body 'bottle*'; possible: cube_1"),
+        ({"body": "cube_1", "inside": "box"}, "no anchor 'box'"),
+    ],
+)
+def test_conditions_about_what_is_not_there_reject_the_plan_before_it_is_played(
+    condition, said
+):
+    steps = [HIGH, LOOK, HIGH, {"choose": condition, "then": [HIGH]}]
+    with pytest.raises(DesignError, match=re.escape(said)):
+        play(*steps)
+
+
+def test_a_plan_is_written_as_it_is_read():
+    plan = read(HIGH, LOOP, {"each": "cube*", "do": [OVER], "until_seen": {"goal": 0}})
+    assert AnchoredActions().parse(plan.dump(), gripper=False) == plan
+    actions = AnchoredActions()
+    numbers = actions.parameters(plan)
+    assert actions.with_parameters(plan, numbers.values) == plan
+
+
+PUSH = [
+    {"anchor": "cube_1", "offset": [0.0, 0.08, 0.35]},
+    {"anchor": "cube_1", "offset": [0.0, 0.08, 0.20]},
+    {"anchor": "cube_1", "offset": [0.0, -0.05, 0.20]},
+    {"anchor": "cube_1", "offset": [0.0, -0.05, 0.45]},
+]
+
+
+@every_simulator
+def test_what_follows_a_look_stands_where_the_body_is_then(engine):
+    played = play(*PUSH, LOOK, OVER, engine=engine)
+    (looked,) = played.outcome.looked
+    assert looked.waypoint == 4
+    assert not looked.hidden
+    end = played.outcome.end.position("cube_1")
+    assert end[1] < 0.17  # it was pushed
+    mount = arm().positions(played.outcome.recording.arm[-1:])[0]
+    np.testing.assert_allclose(mount[:2], end[:2], atol=0.004)
+    (again,) = simulator(engine).rollout(played.task, [played.job])
+    assert again.looked == played.outcome.looked
+    np.testing.assert_array_equal(again.recording.arm, played.outcome.recording.arm)
+
+
+def test_a_look_takes_its_time_and_sees_with_noise_of_its_own():
+    settings = {"perception": Perception(position=0.01, look_s=0.8)}
+    played = play(OVER, LOOK, OVER, LOOK, OVER, **settings)
+    first, second = played.outcome.looked
+    assert second.at_s > first.at_s + 0.8
+    poses = played.job.reactions.motion.plan[:, :2]
+    offs = poses - CUBES["cube_1"]
+    assert len({tuple(off) for off in np.round(offs, 6)}) == 3
+    assert np.abs(offs).max() < 0.04
+    again = play(OVER, LOOK, HIGH, LOOK, OVER, **settings)
+    # It depends on the layout and the look alone, not on the candidate.
+    np.testing.assert_allclose(
+        again.job.reactions.motion.plan[2, :2], poses[2], atol=1e-4
+    )
+
+
+def test_what_the_tool_hides_keeps_its_last_place():
+    plate = box("plate", (0.4, 0.4, 0.02), (0.0, 0.0, -0.1), mass=0.01)
+    camera = SimpleNamespace(position=(0.5, 0.2, 1.5), target=(0.5, 0.2, 0.0))
+    task = Cubes()
+    task.camera = camera
+    played = play(OVER, LOOK, OVER, task=task, tool=Tool((plate,)))
+    (looked,) = played.outcome.looked
+    assert "cube_1" in looked.hidden
+    assert "hidden from the camera: " in str(looked)
+
+
+def test_a_plan_that_would_take_too_long_ends_on_its_way():
+    forever = {**LOOP, "repeat": [LOOK, OVER, HIGH], "at_most": 8}
+    played = play(HIGH, forever, max_motion_s=6.0)
+    problem = played.job.reactions.problem
+    assert "after look" in problem
+    assert "more than 6 s" in problem
+    assert played.job.reactions.motion.trajectory.duration <= 6.5
+
+
+def test_seconds_that_a_loop_may_ask_for_are_refused_before_it_is_played():
+    slow = {**LOOP, "repeat": [LOOK, {**OVER, "seconds": 30.0}], "at_most": 8}
+    with pytest.raises(DesignError, match=r"may ask for 24\d s.* at most 120 s"):
+        play(HIGH, slow)
+
+
+def test_an_engine_that_does_not_let_plans_look_says_so():
+    where = condition(Cubes(), Faulty())
+    attempt = plan_attempt(Stage(where), Candidate(TOOL, read(HIGH, LOOK), 0, 0, 0, 0))
+    assert "does not support looks in a plan" in attempt.trial.reason
