@@ -54,7 +54,7 @@ def play(*steps, engine="mujoco", seed=0, **settings):
     (outcome,) = simulator(engine).rollout(task, [job])
     assert outcome.error is None
     return SimpleNamespace(
-        outcome=outcome, guards=job.reactions, motion=motion, job=job, task=task
+        outcome=outcome, reactions=job.reactions, motion=motion, job=job, task=task
     )
 
 
@@ -229,8 +229,8 @@ def test_the_rest_follows_without_a_pause_where_a_guard_before_it_never_fires(
 
 
 def test_nothing_is_felt_for_without_guards_and_after_the_last():
-    assert prepare(Block(), candidate(ABOVE), 0, RolloutSettings())[1].guards is None
-    assert play(ABOVE, DOWN, UP).guards.since == math.inf
+    assert prepare(Block(), candidate(ABOVE), 0, RolloutSettings())[1].reactions is None
+    assert play(ABOVE, DOWN, UP).reactions.since == math.inf
 
 
 def test_the_force_is_that_on_the_tool_less_what_was_felt_when_the_way_began():
