@@ -137,6 +137,10 @@ class ActionPlan(ABC):
         """Roll, pitch and yaw (N, 3) of its waypoints as they are written, radians; (0, 3): not as such."""
         return np.empty((0, 3))
 
+    def outline(self) -> list[str]:
+        """Describe its blocks in lines, and the most that it can come to; none: all is known before it is played."""
+        return []
+
     def most_seconds(self, look_s: float) -> float:
         """Return the most seconds that it may ask for with all its loops, of looks that last so long each.
 

@@ -45,6 +45,7 @@ from plugins.actions.blocks import (
     dump_items,
     list_items,
     list_waypoints,
+    outline,
 )
 from plugins.actions.reactions import PlannedReactions
 from plugins.actions.steps import (
@@ -103,6 +104,14 @@ class AnchoredPlan(ActionPlan):
     def cost(self) -> Cost:
         """The most that it can come to."""
         return Cost.of(self.steps)
+
+    def outline(self) -> list[str]:
+        if not self.looks:
+            return []
+        return [
+            *outline(self.steps),
+            f"at most {self.cost}; what follows a look is not checked before it is played",
+        ]
 
     def most_seconds(self, look_s: float) -> float:
         if not self.looks:

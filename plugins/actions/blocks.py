@@ -75,6 +75,18 @@ class Sighting:
         said = [bool(self.at), bool(self.inside), self.above is not None]
         return sum(said)
 
+    def __str__(self) -> str:
+        if self.goal is not None:
+            return f"goal {self.goal}"
+
+        enough = f"{self.enough} of " if self.enough else ""
+        if self.above is not None:
+            return f"{enough}{self.body} above {self.above:g} m"
+        if self.inside:
+            return f"{enough}{self.body} inside {self.inside}"
+
+        return f"{enough}{self.body} within {self.within:g} m of {self.at}"
+
     def dump(self) -> dict[str, Any]:
         written: dict[str, Any] = _SIGHTINGS.dump_python(
             self, mode="json", exclude_defaults=True
@@ -229,6 +241,14 @@ class Cost:
         """Return the most of two of which one is done."""
         return Cost(*map(max, self.figures, other.figures))
 
+    def __str__(self) -> str:
+        counted = [
+            count_words(self.waypoints, "waypoint"),
+            count_words(self.looks, "look"),
+            count_words(self.guards, "guard"),
+        ]
+        return ", ".join(counted)
+
     @property
     def figures(self) -> tuple[Any, ...]:
         return self.waypoints, self.looks, self.guards, self.seconds
@@ -249,6 +269,42 @@ def _cost_of(item: Item) -> Cost:
             return Cost.of(item.then).or_else(Cost.of(item.otherwise))
         case _:
             return Cost.of(item.steps).times(item.at_most)
+
+
+def outline(items: Sequence[Item], indent: str = "") -> list[str]:
+    """Describe steps in lines, those within a block farther to the right."""
+    lines = []
+    waypoints = 0
+
+    for item in [*items, None]:
+        if isinstance(item, Step):
+            waypoints += 1
+            continue
+        if waypoints:
+            lines.append(f"{indent}{count_words(waypoints, 'waypoint')}")
+            waypoints = 0
+
+        match item:
+            case LookStep():
+                lines.append(f"{indent}look")
+            case Choose():
+                lines.append(f"{indent}if {item.if_seen} is seen:")
+                lines += outline(item.then, f"{indent}  ")
+                if item.otherwise:
+                    lines.append(f"{indent}otherwise:")
+                    lines += outline(item.otherwise, f"{indent}  ")
+            case Repeat():
+                most = f"at most {count_words(item.at_most, 'time')}"
+                lines.append(f"{indent}until {item.until_seen} is seen, {most}:")
+                lines += outline(item.steps, f"{indent}  ")
+            case Each():
+                most = f"at most {item.at_most}"
+                lines.append(
+                    f"{indent}for each of {item.pattern} until {item.until_seen} is seen, {most}:"
+                )
+                lines += outline(item.steps, f"{indent}  ")
+
+    return lines
 
 
 def match_names(pattern: str, names: Iterator[str] | Sequence[str]) -> list[str]:
@@ -465,6 +521,11 @@ _KINDS = {
     "choose": _Kind(("then", "otherwise"), Reader.read_choose),
     "each": _Kind(("do", "until_seen", "at_most"), Reader.read_each),
 }
+
+
+def count_words(count: int, noun: str) -> str:
+    """Write a number with its noun."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def _find_kinds(data: object) -> list[str]:

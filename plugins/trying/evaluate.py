@@ -52,7 +52,8 @@ def evaluate(cfg: DictConfig) -> list[Evaluation]:
 def check_all(cfg: DictConfig) -> Iterator[str]:
     """Yield what is wrong with the plans in ``cfg.designs`` before they are played, a line for each.
 
-    Of several layouts the line says in how many of them, and in which one first.
+    Of several layouts the line says in how many of them, and in which one first. Below it stand the blocks of a plan
+    that looks again.
 
     Raises:
         UserError: see `evaluate`.
@@ -70,6 +71,8 @@ def check_all(cfg: DictConfig) -> Iterator[str]:
         lines = by_reason(found) if len(conditions) > 1 else alone
         problems = clean("; ".join(lines), MAX_REMARK) or "nothing found"
         yield f"design {candidate.design} plan {candidate.action}: {problems}"
+        for line in candidate.plan.outline():
+            yield f"  {line}"
 
 
 def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:

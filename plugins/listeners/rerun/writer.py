@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from core.design import Candidate, Tool
 from core.events import Generation, Run
 from core.geometry import Array
-from core.interfaces import Felt, Motion, Outcome, Recording
+from core.interfaces import Felt, Looked, Motion, Outcome, Recording
 from core.robot.kinematics import arm_of, link_frames
 from core.scene import Soft, State
 from core.simulation.attempt import prepare
@@ -133,7 +133,7 @@ class Writer:
 
         self._show_words(generation, design_text(evaluation))
         self._mount(candidate.tool)
-        self._show_way(motion, outcome.felt, recording)
+        self._show_way(motion, outcome, recording)
         times = recording.times - recording.times[0] + self._clock
         instants = [
             rr.TimeColumn("sim_time", duration=times),
@@ -214,10 +214,8 @@ class Writer:
 
         self._mounted = set(shown)
 
-    def _show_way(
-        self, motion: Motion, felt: Sequence[Felt], recording: Recording
-    ) -> None:
-        """Show where the end-effector goes, its waypoints, and where guards ended."""
+    def _show_way(self, motion: Motion, outcome: Outcome, recording: Recording) -> None:
+        """Show where the end-effector goes, its waypoints, where guards ended, and where a plan looked."""
         arm = arm_of(self._robot)
         way = [arm.positions(recording.arm)]
         strip = rr.LineStrips3D(way, colors=_PATH_COLOR, radii=0.002)
@@ -226,11 +224,23 @@ class Writer:
         points = rr.Points3D(waypoints, colors=_PATH_COLOR, radii=0.008)
         self._log(("world", "waypoints"), points)
 
-        ended = np.array([motion.arrivals[guard.waypoint - 1] for guard in felt])
-        joints, _ = motion.trajectory.sample(ended)
-        labels = [str(guard) for guard in felt]
-        guards = rr.Points3D(arm.positions(joints), labels=labels, radii=0.01)
-        self._log(("world", "guards"), guards)
+        ended = [motion.arrivals[guard.waypoint - 1] for guard in outcome.felt]
+        self._mark("guards", motion, ended, outcome.felt)
+        looked = [look.at_s for look in outcome.looked]
+        self._mark("looks", motion, looked, outcome.looked)
+
+    def _mark(
+        self,
+        name: str,
+        motion: Motion,
+        instants: Sequence[float],
+        what: Sequence[Felt | Looked],
+    ) -> None:
+        """Mark where the end-effector was at instants, and what happened there."""
+        joints, _ = motion.trajectory.sample(np.array(instants))
+        places = arm_of(self._robot).positions(joints)
+        labels = [str(happened) for happened in what]
+        self._log(("world", name), rr.Points3D(places, labels=labels, radii=0.01))
 
     def _move_robot(
         self, instants: Sequence[Any], tool: Tool, recording: Recording

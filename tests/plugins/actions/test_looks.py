@@ -275,3 +275,18 @@ def test_an_engine_that_does_not_let_plans_look_says_so():
     where = condition(Cubes(), Faulty())
     attempt = plan_attempt(Stage(where), Candidate(TOOL, read(HIGH, LOOK), 0, 0, 0, 0))
     assert "does not support looks in a plan" in attempt.trial.reason
+
+
+def test_a_plan_is_outlined_with_the_most_that_it_can_come_to():
+    assert read(HIGH).outline() == []
+    block = {"each": "cube*", "do": [OVER, LOOK], "until_seen": {"goal": 0}}
+    assert read(HIGH, HIGH, LOOP, block).outline() == [
+        "2 waypoints",
+        "until cube_1 within 0.1 m of cube_2 is seen, at most 3 times:",
+        "  look",
+        "  1 waypoint",
+        "for each of cube* until goal 0 is seen, at most 8:",
+        "  1 waypoint",
+        "  look",
+        "at most 13 waypoints, 11 looks, 0 guards; what follows a look is not checked before it is played",
+    ]
