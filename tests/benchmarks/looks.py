@@ -1,8 +1,8 @@
 """What do looks earn? ``python -m tests.benchmarks.looks [tasks=NAME,...] [sims=NAME,...] [layouts=N] [noise=M,...]``.
 
-Each task's reference plan is played once as it is, and once in a loop: after it the tool rises, the plan looks, and goes
-through all of it again until the task's first goal is seen to be reached, ``rounds`` times at most. It prints the mean and
-the worst reward of both, and the processor time of a rollout.
+Each task's reference plan is played once as it is, and once in a loop: after it the tool rises, the plan looks, and
+goes through all of it again until the task's first goal is seen to be reached, ``rounds`` times at most. It prints the
+mean and the worst reward of both, and the processor time of a rollout.
 """
 
 from __future__ import annotations
