@@ -112,6 +112,7 @@ def test_the_commands_that_are_run_are_in_the_docs():
 )
 def test_command(line, tmp_path):
     (tmp_path / "tests").symlink_to(ROOT / "tests")
+    (tmp_path / "docs").symlink_to(ROOT / "docs")
     (tmp_path / "tasks").mkdir()
     (tmp_path / "tasks" / "scenes").symlink_to(ROOT / "tasks" / "scenes")
     words = after_python(line)[1:]
@@ -204,6 +205,7 @@ def test_each_kind_of_block_is_looked_at():
         "plans.md": {"json": 3},
         "plugins.md": {"python": 3, "toml": 1},
         "layouts.md": {"json": 1},
+        "models.md": {"json": 1},
         "python.md": {"python": 2},
         "scene_files.md": {"yaml": 10},
         "scene_types.md": {"py": 1},

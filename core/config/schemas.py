@@ -45,6 +45,7 @@ class PromptSettings:
             to a language model, and never with ``budget=paper``.
         critic: how many candidates of a generation the model is shown again, with pictures, one in each request; what
             fails in them by its words stands in the next generation's prompts.
+        lessons: folders with a ``lessons.json``, of runs or written by hand; what fits the task stands in the prompts.
         system: the templates of the system message; empty: no system message.
         initial: the templates of a first sampling; empty: no first sampling, elites come from elsewhere.
         evolution: the templates of a request that shows elites.
@@ -62,6 +63,7 @@ class PromptSettings:
     generation_characters: int = 1_200
     repair: int | None = None
     critic: int = 0
+    lessons: list[str] = field(default_factory=list)
     system: list[str] = field(default_factory=PARTS["system"].copy)
     initial: list[str] = field(default_factory=PARTS["initial"].copy)
     evolution: list[str] = field(default_factory=PARTS["evolution"].copy)

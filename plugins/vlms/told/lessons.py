@@ -1,0 +1,174 @@
+"""Choose what was learnt elsewhere for a prompt: the lessons of other runs, or of people, that fit a task.
+
+A folder holds ``lessons.json``, which is anybody's to edit::
+
+    {"task": "OneBook", "told": "source", "lessons": [
+      {"says": "A toe that ends below the middle of a book tips it over.", "seen": ["g0-a1-s2-p0"],
+       "for": "pulling what stands upright", "sure": "seen twice"}]}
+
+``seen`` are candidates' ids, ``for`` says for which kind of task it counts, ``sure`` how sure it is. But for ``says``
+all may be left out. ``told`` is the run's ``prompt.told``: what one run was told is not passed on to one that is not.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from core.design import Tool
+from core.designs.prompt_values import RunFacts
+from core.errors import UserError
+from core.interfaces import Brief, Task
+from core.support.files import read_text
+from core.support.text import clean
+
+FILE = "lessons.json"
+MOST_WORDS = 400  # of all lessons in a prompt
+LONGEST = 400  # letters of a sentence
+MOST = 200  # lessons that are read of a file
+
+_WORD = re.compile(r"[a-z]{4,}")
+_COMMON = frozenset(("arms", "robot", "table", "task", "that", "this", "tool", "with"))
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """A sentence that was learnt, and where.
+
+    Attributes:
+        says: the sentence.
+        kind: for which kind of task; empty: nobody said.
+        seen: the ids of candidates by which it was seen.
+        sure: how sure it is, in words.
+        task: of the run; empty: unknown.
+        told: the level at which that run was told of its scene; empty: unknown.
+    """
+
+    says: str
+    kind: str = ""
+    seen: tuple[str, ...] = ()
+    sure: str = ""
+    task: str = ""
+    told: str = ""
+
+    @property
+    def shown(self) -> dict[str, Any]:
+        """What a prompt shows of it."""
+        entry = {"says": self.says, "for": self.kind, "sure": self.sure}
+        return {key: value for key, value in entry.items() if value}
+
+
+def lessons_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
+    """Write the lessons that fit a task as JSON for templates, their ``lessons``; empty: there are none.
+
+    Args:
+        brief: with the task.
+        mounted: the tool on the arm, which this says nothing of.
+        facts: of the run: the folders, and the level at which bodies are described.
+
+    Raises:
+        UserError: a folder holds no lessons, or they can't be read.
+    """
+    folders = facts.settings.lessons
+    if not folders:
+        return ""
+
+    found = [lesson for folder in folders for lesson in read_lessons(Path(folder))]
+    level = facts.settings.told
+    allowed = [
+        lesson
+        for lesson in found
+        if facts.level.numbers or lesson.told == level or not _tells(lesson)
+    ]
+    chosen = choose_lessons(allowed, brief.task)
+    if not chosen:
+        return ""
+    lines = [json.dumps(lesson.shown, ensure_ascii=False) for lesson in chosen]
+    return "[\n" + ",\n".join(lines) + "\n]"
+
+
+def _tells(lesson: Lesson) -> bool:
+    """Report whether a lesson has a number, which a run without numbers must not learn in this way."""
+    return bool(re.search(r"\d", f"{lesson.says} {lesson.kind}"))
+
+
+def read_lessons(folder: Path) -> list[Lesson]:
+    """Read the lessons of a folder.
+
+    Raises:
+        UserError: there are none, or a lesson says nothing; says in which file.
+    """
+    file = folder / FILE
+    text = read_text(file, f"prompt.lessons: {file}")
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"prompt.lessons: {file} is no JSON: {error}") from error
+
+    if not isinstance(document, dict) or not isinstance(document.get("lessons"), list):
+        raise UserError(
+            f'prompt.lessons: {file} must hold {{"lessons": [{{"says": "..."}}, ...]}}'
+        )
+
+    return [*_read_entries(document, file)]
+
+
+def _read_entries(document: dict[str, Any], file: Path) -> Iterator[Lesson]:
+    for number, entry in enumerate(document["lessons"][:MOST]):
+        says = entry.get("says") if isinstance(entry, dict) else entry
+        if not isinstance(says, str) or not says.strip():
+            raise UserError(
+                f'prompt.lessons: {file}: lesson {number} says nothing; write {{"says": "..."}}'
+            )
+
+        fields = entry if isinstance(entry, dict) else {}
+        seen = fields.get("seen")
+        yield Lesson(
+            _words(says),
+            _words(fields.get("for")),
+            tuple(map(str, seen)) if isinstance(seen, list) else (),
+            _words(fields.get("sure")),
+            _words(document.get("task")),
+            _words(document.get("told")),
+        )
+
+
+def _words(value: object) -> str:
+    """Return a text on one line, without what would end the block in which it stands; of anything else nothing."""
+    if not isinstance(value, str):
+        return ""
+    return clean(value, LONGEST).replace("```", "'''")
+
+
+def choose_lessons(lessons: list[Lesson], task: Task) -> list[Lesson]:
+    """Choose the lessons that share most words with a task's description and goals, `MOST_WORDS` at most.
+
+    One that shares none is left out, unless nobody said what it is for. Those that are alike are shown once.
+    """
+    wanted = _keys(f"{task.name} {task.description} {task.in_words} {task.goals!r}")
+    ranked = []
+    for lesson in dict.fromkeys(lessons):
+        shared = len(_keys(f"{lesson.says} {lesson.kind} {lesson.task}") & wanted)
+        if shared or not lesson.kind:
+            ranked.append((shared, lesson))
+    ranked.sort(key=lambda pair: -pair[0])
+
+    chosen = []
+    left = MOST_WORDS
+    for _, lesson in ranked:
+        count = len(" ".join(lesson.shown.values()).split())
+        if count <= left:
+            chosen.append(lesson)
+            left -= count
+
+    return chosen
+
+
+def _keys(text: str) -> set[str]:
+    """Return the words of a text that say what it is about, without the endings of plurals."""
+    spread = re.sub(r"([a-z])([A-Z])", r"\1 \2", text).replace("_", " ").lower()
+    return {word.rstrip("s") for word in _WORD.findall(spread) if word not in _COMMON}
