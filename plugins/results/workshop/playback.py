@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
+import numpy as np
 from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import engines, node
+from core.design import Tool
 from core.designs.planning import resolve
 from core.errors import UserError
-from core.interfaces import Condition, Evaluation, RolloutSettings, Task
+from core.geometry import Array
+from core.interfaces import Condition, Evaluation, Motion, RolloutSettings, Task
 from core.plugins import PluginPart
 from core.robot.trajectory import plan_task_motion
+from core.scene import Scene
 from core.simulation.play import play
 from core.support.text import number
 from plugins.results.workshop.export import Export
+from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.printing import Check
 from plugins.results.workshop.replay import PlayedMotion, play_in_all
 from plugins.results.workshop.settings import Fit
@@ -25,6 +31,9 @@ from plugins.results.workshop.ways import close_ways, sample_before, sample_move
 
 SAME_REWARD = 0.02
 LEAST_REWARD = 1e-3
+SAME_TIME = 1e-3  # of a motion's, that counts as none
+OFF_RAD = 1e-4  # by which a real arm's joints are off
+OFF_TRIES = 3
 
 
 def make_export(
@@ -68,7 +77,12 @@ def make_export(
     rewards = _rewards(replays)
     searched = {name: _earned(where, best) for name, where in conditions.items()}
     several = "" if candidate.plan is chosen.candidate.plan else f" of {task.name}"
-    checks = [compare_rewards(f"motion{several}", "as exported", rewards, searched)]
+    check = compare_rewards(f"motion{several}", "as exported", rewards, searched)
+    if check.passed is False:
+        lost = find_loss(conditions, scene, candidate.tool, planned, searched, motion)
+        check = check._replace(found=f"{check.found}; {lost}")
+
+    checks = [check]
     checks += _check_guards(waypoints.guards)
     mounted: dict[str, float] = {}
     held = candidate.tool
@@ -101,6 +115,49 @@ def make_export(
 
 def _rewards(replays: Mapping[str, PlayedMotion]) -> dict[str, float]:
     return {name: replay.reward for name, replay in replays.items()}
+
+
+def find_loss(
+    conditions: Mapping[str, Condition],
+    scene: Scene,
+    tool: Tool,
+    planned: Motion,
+    searched: Mapping[str, float],
+    motion: Sampled,
+) -> str:
+    """Say which step loses what a motion earned in the search: the engine, luck, its time, or its smoothed path.
+
+    The motion is played as it was searched; then with all joints off by as little as a real arm is.
+    """
+
+    def play_off(off: Array) -> dict[str, float]:
+        course = planned.trajectory
+        moved = replace(course, arm=course.arm + off)
+        return _rewards(play_in_all(conditions, scene, tool, moved))
+
+    joints = planned.trajectory.arm.shape[1]
+    same = play_off(np.zeros(joints))
+    lost = [name for name in same if same[name] < searched[name] - SAME_REWARD]
+    if lost:
+        rows = _list_rewards([same[name] for name in lost])
+        return f"played as it was searched it earns {rows} too: the run was played with other settings"
+
+    rng = np.random.default_rng(0)
+    signs = rng.choice((-1.0, 1.0), (OFF_TRIES, joints))
+    tried = [min(play_off(OFF_RAD * sign).values()) for sign in signs]
+    if min(tried) < min(searched.values()) - SAME_REWARD:
+        return (
+            f"the export does not lose it, it was luck: played as it was searched, with joints off by "
+            f"{1000 * OFF_RAD:g} mrad, it earns {_list_rewards(tried)}"
+        )
+    if motion.slower > 1 + SAME_TIME:
+        return f"its time loses it: an arm's limits make it {motion.slower:.3f} times as long"
+
+    return "its path loses it: corners are rounded for a real arm; move more slowly where it touches"
+
+
+def _list_rewards(rewards: Sequence[float]) -> str:
+    return ", ".join(number(reward, 3) for reward in rewards)
 
 
 def _check_guards(guards: Sequence[object]) -> list[Check]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from core.design import Tool
 from core.errors import UserError
-from core.interfaces import Condition, Recording, Rollout
+from core.interfaces import Condition, JointTrajectory, Recording, Rollout
 from core.robot.kinematics import arm_of
 from core.scene import Scene, State
 from core.solids.contacts import Contacts, find_contacts, make_trace
@@ -69,7 +69,10 @@ class PlayedMotion:
 
 
 def play_in_all(
-    conditions: Mapping[str, Condition], scene: Scene, tool: Tool, motion: Sampled
+    conditions: Mapping[str, Condition],
+    scene: Scene,
+    tool: Tool,
+    motion: Sampled | JointTrajectory,
 ) -> dict[str, PlayedMotion]:
     """Play a motion in several engines; see `play_motion`."""
     return {
@@ -79,7 +82,10 @@ def play_in_all(
 
 
 def play_motion(
-    condition: Condition, scene: Scene, tool: Tool, motion: Sampled
+    condition: Condition,
+    scene: Scene,
+    tool: Tool,
+    motion: Sampled | JointTrajectory,
 ) -> PlayedMotion:
     """Play a motion from its first sample, with forces.
 
@@ -87,16 +93,17 @@ def play_motion(
         condition: the task and the engine; its settings say how long things settle and hold.
         scene: of the condition, made once for all engines.
         tool: what the arm holds.
-        motion: as it is exported.
+        motion: as it is exported, or as it was searched.
 
     Raises:
         Unplayable: the rollout fails.
     """
     task = condition.task.shared()
     settings = condition.settings
+    course = motion.trajectory if isinstance(motion, Sampled) else motion
     job = Rollout(
         tool,
-        motion.trajectory,
+        course,
         condition.layout,
         settings.settle_s,
         hold_s=max(settings.hold_s, task.hold_s),
