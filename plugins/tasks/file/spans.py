@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 from pydantic import GetPydanticSchema, WithJsonSchema
@@ -12,8 +13,15 @@ from pydantic_core import core_schema
 from core.goals import Span
 
 LARGEST = 1e4
+MAX_SETS = 256  # values of a number, one for a layout
 _BOUND = re.compile(r"\s*([<>])=?\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*")
 _FORMS = 'must be a number, "> 0.3", "< 0.3", or [0.2, 0.4] (the lowest and the highest, null: no limit)'
+
+_OFF = re.compile(r"\s*\+-\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*")
+_RANGES = (
+    "must be a list, such as [0.1, 0.2] (the lowest and the highest), "
+    'or "+-0.01", how far it may be off'
+)
 
 
 def read_span(given: Any) -> Span | float | None:
@@ -58,6 +66,24 @@ def read_least(given: Any) -> Span | None:
     return found
 
 
+def read_range(given: Any) -> tuple[float, ...] | float:
+    """Read what a number may vary by: a range, the values of layouts, or how far it may be off.
+
+    Raises:
+        ValueError: it is neither.
+    """
+    if isinstance(given, str):
+        found = _OFF.fullmatch(given)
+        if found and _read_number(found[1]) > 0:
+            return _read_number(found[1])
+
+    several = isinstance(given, list | tuple) and 2 <= len(given) <= MAX_SETS
+    if several and all(map(_is_number, given)):
+        return tuple(map(float, given))
+
+    raise ValueError(_RANGES)
+
+
 def _read_number(text: str) -> float:
     try:
         return float(text)
@@ -70,10 +96,9 @@ def _is_number(given: Any) -> bool:
     return is_number and abs(given) <= LARGEST
 
 
-def _read_with(read: Any) -> Any:
-    """Make a field's type of a function that reads it."""
-    kinds = ["number", "string", "array", "null"]
-    schema = {"type": kinds, "description": _FORMS}
+def _read_with(read: Any, forms: str, kinds: Sequence[str]) -> Any:
+    """Make a field's type of a function that reads it; ``forms`` says what it may be, ``kinds`` as JSON has it."""
+    schema = {"type": [*kinds], "description": forms}
 
     def build(_source: Any, _handler: Any) -> core_schema.CoreSchema:
         return core_schema.no_info_plain_validator_function(read)
@@ -81,5 +106,7 @@ def _read_with(read: Any) -> Any:
     return Annotated[Any, GetPydanticSchema(build), WithJsonSchema(schema)]
 
 
-Bound = _read_with(read_span)
-Least = _read_with(read_least)
+_SPANS = ("number", "string", "array", "null")
+Bound = _read_with(read_span, _FORMS, _SPANS)
+Least = _read_with(read_least, _FORMS, _SPANS)
+Varied = _read_with(read_range, _RANGES, ("string", "array"))

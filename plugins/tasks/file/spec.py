@@ -39,7 +39,7 @@ from core.values.softs import MAX_NODES
 from plugins.tasks.file.goals import FILLED, KINDS, Entry, read_entry
 from plugins.tasks.file.hollows import COLUMN_M
 from plugins.tasks.file.imports import imported as limits
-from plugins.tasks.file.spans import Bound, Least
+from plugins.tasks.file.spans import Bound, Least, Varied
 from plugins.tasks.file.tree import Tree, Where
 from plugins.tasks.file.vessels import Vessel
 
@@ -50,7 +50,6 @@ MAX_COPIES = 200  # of all bodies together, too
 MAX_IMPORTS = 20
 MAX_GOALS = 50
 MAX_RANGES = 200
-MAX_SETS = 256
 MAX_VARIATIONS = 20
 MAX_PHOTOS = 8
 # Keys of rigid bodies alone, and of soft ones.
@@ -90,7 +89,7 @@ Rates = tuple[Rate, Rate, Rate]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_-]{0,59}$")]
 FileName = Annotated[str, Field(min_length=1, max_length=200)]
 Fov = Annotated[float, Field(ge=1, le=170)]
-Range = Annotated[tuple[float, ...], Field(min_length=2, max_length=MAX_SETS)]
+Range = tuple[float, ...]
 """The lowest and the highest; or three or more values, one for a layout, drawn together with those of other numbers."""
 
 Count = Annotated[int, Field(ge=1, le=MAX_COPIES)]
@@ -239,8 +238,8 @@ def _named(variations: dict[str, Any]) -> dict[str, Any]:
         raise ValueError(f"the variation {NONE!r} draws nothing; give it another name")
 
     for name, ranges in variations.items():
-        counts = {path: len(values) for path, values in ranges.items()}
-        sets = {path: count for path, count in counts.items() if count > 2}
+        lists = {path: v for path, v in ranges.items() if isinstance(v, tuple)}
+        sets = {path: len(v) for path, v in lists.items() if len(v) > 2}
         if len(set(sets.values())) > 1:
             fewest = min(sets, key=sets.__getitem__)
             raise ValueError(
@@ -491,7 +490,7 @@ class SceneSpec(_Spec):
     """Whether the tool waits on site, so that it may start where nothing could have brought it."""
     colors: dict[str, ColorName] = {}
     """Colours of bodies by name or pattern, such as ``"grain*"``."""
-    bodies: Annotated[tuple[BodySpec, ...], Field(max_length=MAX_BODIES)] = ()
+    bodies: Annotated[tuple[BodySpec, ...], Field(max_length=MAX_COPIES)] = ()
     imports: Annotated[tuple[ImportSpec, ...], Field(max_length=MAX_IMPORTS)] = ()
     marks: Annotated[tuple[MarkSpec, ...], Field(max_length=MAX_BODIES)] = ()
     joints: Annotated[
@@ -516,7 +515,7 @@ class SceneSpec(_Spec):
     variations: Annotated[
         dict[
             Name,
-            Annotated[dict[str, Range], Field(min_length=1, max_length=MAX_RANGES)],
+            Annotated[dict[str, Varied], Field(min_length=1, max_length=MAX_RANGES)],
         ],
         Field(max_length=MAX_VARIATIONS),
         AfterValidator(_named),

@@ -17,13 +17,17 @@ from core.interfaces import Picture, Task
 from core.scene import Scene, State, Trace
 from core.support.cli import expand
 from core.values.layouts import NONE, Draw, Ranges, Sets
-from plugins.tasks.file import building, doubts, goals, naming, photos, tree
+from plugins.tasks.file import building, copies, doubts, goals, naming, photos, tree
 from plugins.tasks.file import spec as schema
 from plugins.tasks.file.named_files import Files, warn_once
 
 BACK = 1.25  # times as far: how a camera moves back that sees too little
 FARTHEST_M = 10.0
 VARYING = ("bodies", "imports", "marks", "joints")
+NO_NUMBER = (
+    "there is no such number; a range needs a number that is written in the file, such as bodies.cup.position.x, or of "
+    "copies, bodies.ball_3.mass or bodies.ball_*.mass"
+)
 
 
 class FileTask(Task):
@@ -45,6 +49,7 @@ class FileTask(Task):
         self._files = Files(path.absolute().parent)
         spec = schema.read_spec(self._tree, self._tree.data)
         home = spec.home
+        varied = self._read_variations(spec)
         # Attributes of the object hide those of the class.
         vars(self).update(
             name=spec.name,
@@ -57,15 +62,13 @@ class FileTask(Task):
             tool_kinds=spec.tool_kinds,
             fixture=building.build_region(spec),
             tool_in_place=spec.tool_in_place,
-            variations={
-                name: _bound_sets(given) for name, given in spec.variations.items()
-            },
+            variations={name: _bound_sets(given) for name, given in varied.items()},
             home=Pose.xyz_rpy(home.position, np.radians(home.rpy_deg)),
         )
         self._photographs = spec.pictures
         self._sets: dict[str, Sets] = {
             name: {path: values for path, values in given.items() if len(values) > 2}
-            for name, given in spec.variations.items()
+            for name, given in varied.items()
         }
         super().__init__(variation)
         self._scene = building.build_scene(self._tree, spec, self._files)
@@ -79,6 +82,32 @@ class FileTask(Task):
         ]
         for doubt in found:
             warn_once(f"{file}: {doubt}")
+
+    def _read_variations(self, spec: schema.SceneSpec) -> dict[str, copies.Values]:
+        """Read the variations: what each path stands for, and its range.
+
+        Raises:
+            UserError: a path leads to no number.
+        """
+        found = {}
+        for name, given in spec.variations.items():
+            for path in given:
+                problem = _find_stranger(path)
+                if problem:
+                    raise self._tree.error(("variations", name, path), problem)
+
+            ranges = copies.Values()
+            for path, wanted in given.items():
+                try:
+                    one = {path: wanted}
+                    ranges |= copies.read_ranges(self._tree.data, one, self._files)
+                except (LookupError, TypeError, ValueError):
+                    where = ("variations", name, path)
+                    raise self._tree.error(where, NO_NUMBER) from None
+
+            found[name] = ranges
+
+        return found
 
     def _look_at(self, spec: schema.SceneSpec) -> None:
         """Move the camera back until it sees the goals' bodies; where the file gives one, say which it does not see."""
@@ -134,7 +163,7 @@ class FileTask(Task):
         Raises:
             UserError: they can't be.
         """
-        data = deepcopy(self._tree.data)
+        data = copies.unfold(deepcopy(self._tree.data), numbers, self._files)
         starts = dict[str, float]()
         for path, number in numbers.items():
             holder, key = tree.follow(data, path)
@@ -177,23 +206,15 @@ class FileTask(Task):
 
     def _find_problem(self, path: str, low: float, high: float) -> str:
         """Say what is wrong with a range by itself; empty: nothing."""
-        if path.partition(".")[0] not in VARYING:
-            hint = "such as bodies.cup.mass"
-            if path.startswith("goals"):
-                hint = "to vary a goal, put it `at` a mark"
-
-            return f"only numbers of {', '.join(VARYING)} can vary; {hint}"
-
         if low > high:
             return (
                 f"its range is from {low:g} to {high:g}; write the lower number first"
             )
 
         try:
-            tree.follow(self._tree.data, path)
+            tree.follow(copies.unfold(self._tree.data, [path], self._files), path)
         except (LookupError, TypeError, ValueError):
-            hint = "a range needs a number that is written in the file, such as bodies.cup.position.x"
-            return f"there is no such number; {hint}"
+            return NO_NUMBER
 
         return ""
 
@@ -253,3 +274,15 @@ def _bound_sets(given: Mapping[str, Sequence[float]]) -> Ranges:
             ranges[path] = (min(values), max(values))
 
     return ranges
+
+
+def _find_stranger(path: str) -> str:
+    """Say what is wrong with a path by its first word; empty: nothing."""
+    if path.partition(".")[0] in VARYING:
+        return ""
+
+    hint = "such as bodies.cup.mass"
+    if path.startswith("goals"):
+        hint = "to vary a goal, put it `at` a mark"
+
+    return f"only numbers of {', '.join(VARYING)} can vary; {hint}"

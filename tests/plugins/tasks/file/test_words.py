@@ -214,3 +214,49 @@ def test_where_gravity_draws_upward_it_rests_at_the_top(read):
     task = read("{bodies: [brick_0], inside: niche}", text)
     place = task.goals[0].place_of("brick_0", task.scene(0).state())
     assert place == pytest.approx((0.795, -0.3, 0.18), abs=0.006)
+
+
+VARIED = """
+variations:
+  wide: {RANGES}
+"""
+
+
+def varied(tmp_path, ranges):
+    file = tmp_path / "varied.yaml"
+    file.write_text(WORDS + VARIED.replace("RANGES", ranges))
+    return FileTask(str(file), "wide")
+
+
+def test_copies_differ_by_what_is_drawn_for_each(tmp_path):
+    whole = FileTask(str(Path(__file__).parent / "words.yaml")).scene(0)
+    ranges = (
+        '"bodies.brick_*.position.x": "+-0.004", bodies.grain_3.mass: [0.003, 0.004]'
+    )
+    task = varied(tmp_path, ranges)
+    scene = task.scene(1)
+    shifts = [
+        scene[name].pose.position - whole[name].pose.position
+        for name in (f"brick_{number}" for number in range(12))
+    ]
+    assert np.ptp(shifts, axis=0) == pytest.approx([0.006, 0, 0], abs=0.002)
+    assert np.abs(shifts).max() <= 0.004
+    assert 0.003 <= scene["grain_3"].mass <= 0.004
+    assert scene["grain_4"].mass == whole["grain_4"].mass
+    for name in ("grain_17", "peg_4"):
+        assert scene[name].pose.position == pytest.approx(whole[name].pose.position)
+
+
+@pytest.mark.parametrize(
+    ("ranges", "why"),
+    [
+        ("bodies.brick_12.mass: [1, 2]", "there is no such number; .*bodies.ball_3.mass"),
+        ('"bodies.stone_*.mass": [1, 2]', "there is no such number"),
+        ('"bodies.brick_*.mass": -0.1', "how far it may be off"),
+        ('"bodies.brick_*.mass": "+-0.02"', "can't be"),
+        ('"goals*.tolerance": "+-0.1"', "only numbers of bodies"),
+    ],
+)  # fmt: skip
+def test_copies_that_can_not_differ_so_are_refused(tmp_path, ranges, why):
+    with pytest.raises(UserError, match=why):
+        varied(tmp_path, ranges)

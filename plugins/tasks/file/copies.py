@@ -1,0 +1,112 @@
+"""Name the copies of a repeated body in variations, each with numbers of its own."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from fnmatch import fnmatchcase
+from typing import Any
+
+import numpy as np
+
+from plugins.tasks.file.body_building import build_body, place_copies, read_pose
+from plugins.tasks.file.named_files import Files
+from plugins.tasks.file.spec import BodySpec, Range
+from plugins.tasks.file.tree import follow
+
+_GLOB = re.compile(r"[*?\[]")
+_COPY = re.compile(r"(.+)_[0-9]+")
+
+Values = dict[str, Range]
+"""By path, the lowest and the highest, or the values of layouts."""
+
+
+def unfold(data: dict[str, Any], paths: Iterable[str], files: Files) -> dict[str, Any]:
+    """Write out the copies of those repeated bodies of ``data`` that paths name, such as ``bodies.ball_3.mass``.
+
+    Args:
+        data: of the whole file, read and sound.
+        paths: to numbers.
+        files: of the scene's folder.
+    Returns:
+        The same data where no path names a copy.
+    """
+    named = set[str]()
+    for path in paths:
+        first, _, rest = path.partition(".")
+        copy = _COPY.fullmatch(rest.partition(".")[0])
+        if first == "bodies" and copy:
+            named.add(copy[1])
+
+    bodies = list[Any]()
+    for body in data.get("bodies", ()):
+        if body["name"] in named and "repeat" in body:
+            bodies += _write_copies(body, files)
+        else:
+            bodies.append(body)
+
+    return {**data, "bodies": bodies}
+
+
+def _write_copies(body: dict[str, Any], files: Files) -> Iterator[dict[str, Any]]:
+    """Yield the copies of a repeated body, each as a body of the file."""
+    spec = BodySpec.model_validate_json(json.dumps(body))
+    assert spec.repeat is not None
+    first = read_pose(spec)
+    alike = {key: value for key, value in body.items() if key != "repeat"}
+
+    for number, offset in enumerate(place_copies(spec.repeat, build_body(spec, files))):
+        pose = first @ offset
+        yield {
+            **alike,
+            "name": f"{spec.name}_{number}",
+            "position": pose.position.round(9).tolist(),
+            "rpy_deg": np.degrees(pose.rpy).round(9).tolist(),
+        }
+
+
+def read_ranges(
+    data: dict[str, Any], given: Mapping[str, Range | float], files: Files
+) -> Values:
+    """Read a variation: a pattern such as ``bodies.ball_*.mass`` stands for all bodies that fit it.
+
+    Args:
+        data: of the whole file, read and sound.
+        given: by path, a range, or by how much the number may be off what the file says.
+        files: of the scene's folder.
+    Raises:
+        LookupError: a pattern fits no body, or there is no such number.
+        ValueError: likewise.
+    """
+    patterns = [path for path in given if _GLOB.search(path)]
+    repeated = [body["name"] for body in data.get("bodies", ()) if "repeat" in body]
+    copies = [f"bodies.{name}_0" for name in repeated] if patterns else []
+    whole = unfold(data, [*given, *copies], files)
+
+    ranges = Values()
+    for path, wanted in given.items():
+        for single in _find_paths(whole, path):
+            if isinstance(wanted, tuple):
+                ranges[single] = wanted
+                continue
+
+            holder, key = follow(whole, single)
+            ranges[single] = (holder[key] - wanted, holder[key] + wanted)
+
+    return ranges
+
+
+def _find_paths(data: dict[str, Any], path: str) -> list[str]:
+    """List the paths that a path with a pattern stands for; itself, where it has none."""
+    if not _GLOB.search(path):
+        return [path]
+
+    kind, _, rest = path.partition(".")
+    pattern, _, below = rest.partition(".")
+    names = [entry.get("name", "") for entry in data.get(kind, ())]
+    fitting = [name for name in names if fnmatchcase(name, pattern)]
+    if not fitting:
+        raise KeyError(path)
+
+    return [f"{kind}.{name}.{below}" for name in fitting]
