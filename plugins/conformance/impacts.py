@@ -30,6 +30,10 @@ _LIGHTER = 0.1  # of the speed after a blow: all engines are within 5 %. Without
 _TORQUE = 12.0  # Nm, the last joint's limit
 _LINK = 0.01  # kg m^2 of the last link about the last joint, with a bar of 5 g
 
+_BLOW_HZ = 400.0  # in every engine a step or two
+_BLOW_S = 0.02  # no blow lasts as long
+_IMPULSE = 0.01  # of the momentum that a blow gives
+
 _ICE = make_body("ice", Box((4.0, 4.0, 0.1)), (1.0, 0.0, -0.05), friction=0.0)
 
 
@@ -134,3 +138,30 @@ def check_forces_are_those_that_press(simulator: Simulator) -> None:
         above + GRAVITY,
         0.1 * below,
     )
+
+
+def check_a_blow_gives_its_impulse_and_its_peak(simulator: Simulator) -> None:
+    """An egg on ice is struck at 1.6 m/s: forces over the blow add up to its momentum, and are not smeared.
+
+    On the mean over the 40 ms of a trace the force would be 2 N.
+    """
+    mass = 0.05
+    size = 0.04
+    place = (0.5 + 0.8, 0.005 + size / 2, size / 2)
+    egg = make_body("egg", Box((size, size, size)), place, mass=mass, friction=0.0)
+    job = replace(_swing_bar(2.0, 0.35), record_hz=_BLOW_HZ, forces=True)
+    recording = film(run(simulator, (_ICE, egg), job))
+
+    expect(recording.forces, "it is said to measure forces of contacts, and gave none")
+    force = recording.forces["tool", "egg"]
+    impulse = float(force[1:] @ np.diff(recording.times))
+    momentum = mass * float(np.linalg.norm(recording.states.linear_velocity("egg")[-1]))
+    near(
+        "the impulse of a blow on an egg of 50 g, N s",
+        impulse,
+        momentum,
+        _IMPULSE * momentum,
+    )
+
+    least = momentum / _BLOW_S
+    between("the peak of the force of this blow, N", float(force.max()), least, 1000)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from core.interfaces import Simulator
@@ -65,3 +66,37 @@ def test_a_wrist_without_its_motors_inertia_is_found(engine):
         impacts.check_blow_of_the_wrist_has_its_motor_behind_it(
             Otherwise(engine, robot=light)
         )
+
+
+class Measured(Simulator):
+    """Changes the forces that an engine measured."""
+
+    def __init__(self, engine, change):
+        self.engine = simulator(engine)
+        self.supports = self.engine.supports
+        self.change = change
+
+    def rollout(self, task, jobs):
+        (outcome,) = self.engine.rollout(task, jobs)
+        recording = outcome.recording
+        forces = {pair: self.change(f) for pair, f in recording.forces.items()}
+        return [replace(outcome, recording=replace(recording, forces=forces))]
+
+    def render(self, task, views):
+        raise NotImplementedError
+
+
+def smear(force):
+    """Return means over 40 ms, as a trace holds them, with the same sum."""
+    return np.mean([np.roll(force, -number) for number in range(16)], axis=0)
+
+
+@pytest.mark.parametrize("engine", SIMULATORS)
+@pytest.mark.parametrize(
+    ("change", "wrong"), [(smear, "the peak"), (lambda force: force / 2, "the impulse")]
+)
+def test_forces_of_a_blow_that_are_smeared_or_too_small_are_found(
+    engine, change, wrong
+):
+    with pytest.raises(AssertionError, match=wrong):
+        impacts.check_a_blow_gives_its_impulse_and_its_peak(Measured(engine, change))
