@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from omegaconf import OmegaConf
 
 from core.config.compose import load, part
-from core.design import Candidate, Component, Tool
+from core.design import Candidate, Component, Fixture, Tool
 from core.designs.composer import as_markdown
 from core.designs.reading import read_designs
 from core.errors import UserError
@@ -152,3 +153,17 @@ def test_the_prompt_names_the_constraints():
     paper = fitness(material=vars(Material())).instructions()
     assert paper.startswith("What counts is the reward of one rollout.")
     assert "Strength" not in paper
+
+
+@pytest.mark.parametrize(("wall_mm", "found"), [(1.0, False), (1.5, True)])
+def test_a_fixtures_walls_are_as_thick_as_a_printer_makes_them(scoop, wall_mm, found):
+    """A wall of 1.2 mm stands as a fixture beside a tool that can be printed."""
+    wall = Component("wall", "tool_mount", Pose(), Box((0.05, 0.0012, 0.03)))
+    fixture = Fixture(Tool((wall,)), Pose.xyz_rpy((0.5, 0.3, 0.015)))
+    tool = replace(scoop.tool, fixture=fixture)
+    candidate = replace(scoop, tool=tool)
+
+    where = next(iter(fitness(min_wall_mm=wall_mm, plate_mm=PLATE).conditions()))
+    said = where.examiner.refuse(MOVE_BALL, candidate) or ""
+    named = "walls, wall of the fixture: thinnest 1.20 mm, at least 1.5 mm"
+    assert (named in said) == found
