@@ -64,6 +64,7 @@ class Draft:
             UserError: the model has questions, or gave no answer.
         """
         before = self._read_numbers()
+        pictures = self._read_pictures()
         told = fill(
             PACKAGE,
             "ask",
@@ -74,8 +75,8 @@ class Draft:
             photographs=self.photographs,
             schema=json.dumps(FileTask.json_schema(), separators=(",", ":")),
         )
-        pictures = [photograph.picture for photograph in self.photographs]
-        messages = [Message("user", (Text(told), *pictures))]
+        sent = [photograph.picture for photograph in self.photographs]
+        messages = [Message("user", (Text(told), *sent))]
         for _ in range(tries):
             reply = asker.ask(messages)
             try:
@@ -90,6 +91,11 @@ class Draft:
                     )
 
                 strays = list(self._find_strays(before, sentence))
+                if self._read_pictures() != pictures:
+                    strays.append(
+                        "pictures are the person's to name; leave that key as it was, or out"
+                    )
+
                 self.examine()
                 self.faults += strays
 
@@ -118,6 +124,9 @@ class Draft:
                     f"{path} was {old} and is {new}, which the sentence does not ask for; leave it as it was, or mark "
                     "it # told where it has to change too"
                 )
+
+    def _read_pictures(self) -> Any:
+        return Tree(self.file, self.text or "{}").data.get("pictures")
 
     def _read_numbers(self) -> Numbers:
         return Numbers(Tree(self.file, self.text or "{}"), self.text)
