@@ -68,11 +68,12 @@ def measure(
     """Play a candidate in unseen layouts, and say what it earns."""
     settings = RolloutSettings(perception=Perception(position=noise))
     part = PluginPart(TASK.name, task, (("variation", "wide"),))
-    begun = time.process_time()
+    engine = engines([sim])[sim]
     rewards = []
+    begun = time.process_time()
 
     for seed in range(FIRST, FIRST + layouts):
-        where = Condition(part, engines([sim])[sim], seed, settings, engine=sim)
+        where = Condition(part, engine, seed, settings, engine=sim)
         (trial,) = play(where, [candidate])
         rewards.append(trial.reward)
 
