@@ -20,15 +20,18 @@ if TYPE_CHECKING:
 def _run_job(cfg: DictConfig) -> UserError | BrokenPipeError | None:
     """Run one job of Hydra's; return why it failed: raised, it would be printed by Hydra with lines of its own."""
     from hydra.core.hydra_config import HydraConfig
+    from hydra.types import RunMode
     from omegaconf.errors import OmegaConfBaseException
 
     from core.config.compose import check_keys, explain
-    from core.search.orchestration import run_and_print
+    from core.search.orchestration import run_and_print, run_job
 
-    folder = Path(HydraConfig.get().runtime.output_dir)
+    hydra = HydraConfig.get()
+    folder = Path(hydra.runtime.output_dir)
+    start = run_job if hydra.mode is RunMode.MULTIRUN else run_and_print
     try:
         check_keys(cfg)
-        run_and_print(cfg, folder)
+        start(cfg, folder)
     except (UserError, BrokenPipeError) as error:
         return error
     except OmegaConfBaseException as error:  # an unknown key, or one without a value

@@ -16,7 +16,7 @@ from omegaconf import OmegaConf
 
 from core.errors import UsageError, UserError
 from core.plugins import installed
-from core.search.orchestration import resume, run
+from core.search.orchestration import resume, run, run_job
 from core.store.database import FILE, LOCK
 from core.trial import Where
 from tests import toys
@@ -423,6 +423,21 @@ def test_a_run_that_has_come_to_its_end_says_so(toy, tmp_path, capsys):
             str(folder / "best"),
         ]
     assert (tables(folder), toy.lines("asked")) == (before, asked)
+
+
+def test_a_job_of_a_sweep_goes_on_where_it_was_begun(toy, tmp_path, whole, capsys):
+    folder = tmp_path / "run"
+    begin(toy, folder, vlm_limit=6)
+    run_job(toys.config(toy.file), folder)
+    assert f"{folder} goes on: " in capsys.readouterr().err
+    assert len(toy.lines("asked")) == 8
+    assert_same_run(folder, whole)
+
+    run_job(toys.config(toy.file), folder)
+    assert "holds a run that has come to its end" in capsys.readouterr().out
+    with pytest.raises(UserError, match=r"holds a run with another budget.n_agent;"):
+        run_job(toys.config(toy.file, "budget.n_agent=3"), folder)
+    assert len(toy.lines("asked")) == 8
 
 
 def test_more_generations_can_be_asked_for(toy, tmp_path):

@@ -6,9 +6,11 @@ the settings of its model, and how long it goes on.
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, cast
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -72,6 +74,54 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
     except (HydraException, OmegaConfBaseException) as error:
         raise explain(error, "config") from error
 
+    _refuse_less(before, after)
+
+    return after
+
+
+def refuse_other_run(stored: dict[str, Any], asked: DictConfig, folder: Path) -> None:
+    """Check that a stored run's configuration differs from ``asked`` in nothing but what may change.
+
+    Raises:
+        UserError: it differs in more, or less is asked for than there was; names the setting.
+    """
+    words = json.dumps(OmegaConf.to_container(asked, resolve=True))
+    before = _fixed(stored)
+    after = _fixed(json.loads(words))
+
+    for key in sorted(before.keys() | after.keys()):
+        if before.get(key) != after.get(key):
+            raise UserError(
+                f"{folder} holds a run with another {key}; choose another folder, or give the words with which "
+                f"it began. To go on with this run alone: resume={folder}"
+            )
+
+    _refuse_less(OmegaConf.create(stored), asked)
+
+
+def _fixed(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings that can't change in a run that goes on, by their whole names."""
+    found: dict[str, Any] = {}
+    for kind, settings in config.items():
+        below = settings if isinstance(settings, Mapping) else {"": settings}
+        for name, value in below.items():
+            key = f"{kind}.{name}".rstrip(".")
+            if kind not in GROUPS and not _may_change(key):
+                found[key] = value
+
+    return found
+
+
+def _may_change(key: str) -> bool:
+    return key in KEYS or (key.startswith(PARTS) and key != "vlm.name")
+
+
+def _refuse_less(before: DictConfig, after: DictConfig) -> None:
+    """Check that a run that goes on is not asked for less than it may have done already.
+
+    Raises:
+        UsageError: a setting that can only be raised is less.
+    """
     for key in ("budget.n_iteration", "evolution.refine"):
         least = OmegaConf.select(before, key, default=0)
         if OmegaConf.select(after, key, default=0) < least:
@@ -92,8 +142,6 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
             "budget.n_iteration of a run with evolution.refine can't change: refinement comes last"
         )
 
-    return after
-
 
 def _apply(config: DictConfig, override: Override) -> None:
     """Apply an override to a configuration.
@@ -107,8 +155,7 @@ def _apply(config: DictConfig, override: Override) -> None:
     line = override.input_line or ""
     if override.is_sweep_override():
         raise UsageError(f"{line}: one run goes on, with one value for each setting")
-    free = key in KEYS or (key.startswith(PARTS) and key != "vlm.name")
-    if override.is_delete() or not (free or key in GROUPS):
+    if override.is_delete() or not (_may_change(key) or key in GROUPS):
         possible = ", ".join([*GROUPS, "vlm.*", *KEYS])
         raise UsageError(
             f"{line}: a run goes on as it began; what may change: {possible}"

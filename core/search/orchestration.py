@@ -9,7 +9,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from core.config.resume import changed, refuse_stored_receivers
+from core.config.resume import changed, refuse_other_run, refuse_stored_receivers
 from core.errors import RAISED, UserError, fault
 from core.events import INTERRUPTED, Result
 from core.plugins import installed
@@ -33,6 +33,26 @@ def run_and_print(cfg: DictConfig, folder: Path, store: RunStore | None = None) 
         KeyboardInterrupt: the run was interrupted.
     """
     report_end(run(cfg, folder, store, [Announcer()]), folder)
+
+
+def run_job(cfg: DictConfig, folder: Path) -> None:
+    """Do what `run_and_print` does for a job of a sweep, and go on with it where it was begun before.
+
+    So a sweep may be started again, by its user or by a cluster that ended a job early.
+
+    Raises:
+        UserError: see `run`; or the folder holds a run of other settings.
+    """
+    store = RunStore.open(folder)
+    if store is None:
+        run_and_print(cfg, folder)
+        return
+
+    try:
+        refuse_other_run(store.config, cfg, folder)
+        _go_on(store, folder, cfg)
+    finally:
+        store.run_ended()
 
 
 def run(
@@ -129,25 +149,35 @@ def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
         raise UserError(f"{folder} holds no run that has begun; {hint}")
 
     try:
-        _go_on(store, folder, overrides)
+        cfg = changed(store.config, overrides)
+        if not _has_ended(store, cfg):
+            refuse_stored_receivers(store.config, overrides)
+            store.overrides = overrides
+        _go_on(store, folder, cfg)
     finally:
         store.run_ended()
 
 
-def _go_on(store: RunStore, folder: Path, overrides: Sequence[str]) -> None:
-    """Go on with a run whose store is open."""
-    cfg = changed(store.config, overrides)
+def _has_ended(store: RunStore, cfg: DictConfig) -> bool:
+    """Report whether a stored run has come to its end, and ``cfg`` asks for no more."""
     more = any(cfg[key] != store.config[key] for key in ("budget", "evolution"))
-    ended = store.result
-    if ended is not None and ended.stopped is None and not more:
+    ended = store.result is not None and store.result.stopped is None
+    return ended and not more
+
+
+def _go_on(store: RunStore, folder: Path, cfg: DictConfig) -> None:
+    """Go on with a run whose store is open, or print again what it came to.
+
+    Raises:
+        UserError: see `run_and_print`.
+    """
+    if store.result is not None and _has_ended(store, cfg):
         say(f"{folder} holds a run that has come to its end")
-        if ended.best is None:
+        if store.result.best is None:
             raise UserError("no candidate could be tried")
-        print_best(ended.best, folder)
+        print_best(store.result.best, folder)
         return
 
-    refuse_stored_receivers(store.config, overrides)
-    store.overrides = overrides
     past = store.past
     there = f"{len(past.replies)} replies and {len(past.candidates)} evaluated candidates are there"
     if past.again:

@@ -6,7 +6,7 @@ import pytest
 from omegaconf import OmegaConf
 
 from core.config.compose import load
-from core.config.resume import changed, refuse_stored_receivers
+from core.config.resume import changed, refuse_other_run, refuse_stored_receivers
 from core.errors import UsageError, UserError
 
 pytestmark = pytest.mark.slow
@@ -32,6 +32,26 @@ def test_what_has_no_effect_on_the_past_may_change(began):
     assert cfg.budget.final_s == 5
     assert cfg.vlm.samples == 3
     assert changed(began, []) == OmegaConf.create(began)
+
+
+@pytest.mark.parametrize(
+    ("word", "reason"),
+    [
+        ("seed=6", "another seed; choose another folder"),
+        ("sim=mujoco", "another sim.name; choose another folder"),
+        ("vlm=replay", "another vlm.name; choose another folder"),
+        ("budget.k_top=9", "another budget.k_top; choose another folder"),
+        ("budget.n_iteration=1", "can only be raised; it is 2"),
+    ],
+)
+def test_a_run_of_other_settings_does_not_go_on(tmp_path, word, reason):
+    stored = load("config", ["budget.n_iteration=2"])
+    began = OmegaConf.to_container(stored, resolve=True)
+    free = ["executor.workers=3", "listener=[progress]", "film=false", "+vlm.samples=3"]
+    words = ["budget.n_iteration=2", *free]
+    refuse_other_run(began, load("config", words), tmp_path)
+    with pytest.raises(UserError, match=reason):
+        refuse_other_run(began, load("config", [*words, word]), tmp_path)
 
 
 @pytest.mark.parametrize(
