@@ -1,7 +1,7 @@
 # The commands of a contributor. `make setup` comes first.
 PYTHON = .venv/bin/python
 
-.PHONY: setup check test site real-model
+.PHONY: setup check test site real-model cluster
 
 setup:
 	python3.11 -m venv .venv
@@ -21,3 +21,7 @@ site:
 # Real servers with a real, small model. The first time takes half an hour: llama.cpp is built, and kept in a cache.
 real-model:
 	$(PYTHON) -m pytest -n 0 -s -m real tests/real_models
+
+# Slurm with two nodes on this machine. As root it installs Slurm and Munge from Debian's packages.
+cluster:
+	$(PYTHON) -m pytest -n 0 -s -m cluster tests/cluster

@@ -45,8 +45,8 @@ def lacks_pybullet(error: BaseException) -> bool:
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave out what is marked ``thorough`` or ``real``, unless ``-m`` names it."""
-    for mark in ("thorough", "real"):
+    """Leave out what is marked ``thorough``, ``real`` or ``cluster``, unless ``-m`` names it."""
+    for mark in ("thorough", "real", "cluster"):
         if mark not in config.option.markexpr:
             rare = [item for item in items if item.get_closest_marker(mark)]
             items[:] = [item for item in items if not item.get_closest_marker(mark)]
