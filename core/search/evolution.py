@@ -69,7 +69,6 @@ def evolve(
     try:
         while strategy.has_generation(len(generations), budget):
             events.hook.generation_started(index=len(generations))
-            candidates.allowance.settle(tried)
             evaluate(candidates)
             if candidates.limit is not None:
                 break
@@ -77,6 +76,7 @@ def evolve(
             if elites:
                 race.compare(best_first(tried, tie), elites, FIRST)
             generation = make_generation()
+            candidates.allowance.settle(generation.evaluations)
             strategy.tell(generation.evaluations)
             generations.append(generation)
             events.hook.generation_finished(generation=generation)
@@ -106,18 +106,19 @@ class Allowance:
         most: in the whole search; None: there is no limit.
         each: rollouts that a candidate may take.
         taken: so far.
+        played: of these in the generations that have ended.
     """
 
     most: int | None
     each: int
     taken: int = 0
+    played: int = 0
 
-    def settle(self, tried: Iterable[Evaluation]) -> None:
-        """Count what was really played for the candidates so far."""
-        self.taken = sum(
-            count_rollouts(evaluation.candidate.id, evaluation.trials)
-            for evaluation in tried
-        )
+    def settle(self, generation: Iterable[Evaluation]) -> None:
+        """Count what was really played for the candidates of a generation that has ended."""
+        for evaluation in generation:
+            self.played += count_rollouts(evaluation.candidate.id, evaluation.trials)
+        self.taken = self.played
 
     def take(self) -> None:
         """Count a candidate.
