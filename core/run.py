@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from core.errors import UsageError, UserError
-from core.support.cli import command, read_path
+from core.support.cli import command, read_path, say
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
@@ -79,11 +79,15 @@ def _hydra(given: list[str]) -> None:
         words.append(f"hydra.sweep.dir={folder}")
 
     failures: list[UserError | BrokenPipeError] = []
+    here = os.getpid()
 
     def job(cfg: DictConfig) -> None:
         failure = _run_job(cfg)
-        if failure is not None:
-            failures.append(failure)
+        if failure is None:
+            return
+        failures.append(failure)
+        if os.getpid() != here:  # a launcher's process, whose list nobody reads
+            say(f"error: {failure}", file=sys.stderr)
 
     sys.argv[1:] = words  # where Hydra reads them
     # Hydra raises its errors then, and `explain` makes one line of them.
