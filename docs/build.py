@@ -1,11 +1,11 @@
 """Make the contents of the pages: ``python docs/build.py pictures``, ``scene``, ``diagrams``, ``notebook``, ``strips``,
-``tempo``.
+``tempo``, ``gallery``.
 
 Pictures: a still and a film of the reference solution for each task, and a sheet of all stills. Scene: the pictures of
 ``docs/writing_a_scene.md``, from the task in its code. Diagrams: those of ``docs/diagrams.py``. Notebook: runs
 ``docs/example.ipynb`` and keeps the outputs of its cells. Strips: a picture for each task of HardToolBench and
 SoftToolBench, six instants of the reference solution. Tempo: peak speeds in a strike and a throw, for
-``docs/plans.md``.
+``docs/plans.md``. Gallery: figures and pictures of ``docs/gallery.md``.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from core.robot.kinematics import arm_of
 from core.robot.trajectory import plan_task_motion
 from core.scene import Body, Box, Camera, Geom, Mesh, Pose, Scene
 from core.simulation.pictures import filmed, save_film
+from docs import gallery
 from docs.diagrams import DRAWINGS
 from plugins.fitness.layouts import UNSEEN
 from plugins.vlms.told.strip import SIZE, draw_strip
@@ -267,9 +268,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
         "what",
-        choices=["pictures", "scene", "diagrams", "notebook", "strips", "tempo"],
+        choices=[
+            "pictures",
+            "scene",
+            "diagrams",
+            "notebook",
+            "strips",
+            "tempo",
+            "gallery",
+        ],
     )
     parser.add_argument("--tasks", nargs="*")
+    parser.add_argument("--designers", nargs="*", help="of the gallery")
     given = parser.parse_args()
     if given.what == "pictures":
         pictures(given.tasks or tasks_of("robotoolbench"))
@@ -280,6 +290,9 @@ def main() -> None:
     elif given.what == "diagrams":
         for name, draw in DRAWINGS.items():
             (DOCS / "images" / f"{name}.svg").write_text(draw(), encoding="utf-8")
+    elif given.what == "gallery":
+        tasks = given.tasks or tasks_of("robotoolbench")
+        gallery.build(tasks, given.designers or [*gallery.DESIGNERS])
     elif given.what == "tempo":
         tempo(DOCS / "images" / "tempo.png")
     else:

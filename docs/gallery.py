@@ -1,0 +1,355 @@
+"""Play the designs of ``docs/gallery`` again, draw them, and write their page: ``python docs/build.py gallery``.
+
+There is a folder of designs files for each designer, a file for each task. ``figures.json`` keeps what they earned, and
+pictures go to ``docs/images/gallery``. Nothing there is made by hand.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Sequence
+from copy import copy
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image as Pillow
+from PIL import ImageDraw, ImageSequence
+
+from core.config.compose import load, node, part, task_part, tool_part
+from core.design import Candidate, Tool
+from core.designs.reading import load_designs, read_designs
+from core.interfaces import Condition, Image, RolloutSettings
+from core.plugins import SIMULATOR
+from core.scene import Camera, Scene, floor
+from core.simulation.pictures import Film, filmed
+from core.simulation.play import play
+from core.support.text import number
+from plugins.results.pages.drawing import as_held
+from plugins.results.pages.page import in_viewer, render
+from plugins.results.workshop.examination import PROBLEM, Examination
+from plugins.results.workshop.settings import Printer
+from plugins.results.workshop.verdicts import SAFETY
+
+DOCS = Path(__file__).parent
+DESIGNS = DOCS / "gallery"
+PICTURES = DOCS / "images" / "gallery"
+PAGE = DOCS / "gallery.md"
+FIGURES = DESIGNS / "figures.json"
+TOOLS = DESIGNS / "tools.html"
+
+BEGIN = "<!-- gallery: python docs/build.py gallery -->\n"
+END = "<!-- end of gallery -->\n"
+
+DESIGNERS = {"model": "urdf", "embedded": "urdf", "gripper": "none"}
+"""Who designed, by folder, and in which form tools are written there."""
+
+TITLES = {
+    "model": "the model",
+    "embedded": "embedded designer",
+    "gripper": "bare gripper",
+}
+ENGINES = {"mujoco": "MuJoCo", "pybullet": "PyBullet", "sapien": "SAPIEN"}
+DRAWS = "mujoco"
+MATERIAL = "pla"
+
+SMALL = (320, 240)  # pixels of a still
+STRIP = (
+    "BringCube",
+    "OneBook",
+    "HighObject",
+    "TurkeyLegs",
+    "GatherSpheres",
+    "ElevatePlate",
+)
+FRAME = (240, 180)  # pixels of each of the strip's films
+STRIP_FRAMES = 36
+STRIP_MS = 150  # how long each of them is shown
+FROM = (0.75, -0.85, 0.5)  # whence a tool is drawn
+ROOM = 1.6  # of its size, how much the picture shows
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """A design for a task, with what plays it.
+
+    Attributes:
+        task: its name.
+        designer: one of `DESIGNERS`.
+    """
+
+    task: str
+    designer: str
+
+    @property
+    def file(self) -> Path:
+        return DESIGNS / self.designer / f"{self.task}.json"
+
+    def config(self, *words: str) -> Any:
+        """Compose the settings with which ``vlmgineer evaluate`` tries it."""
+        tool = DESIGNERS[self.designer]
+        return load("evaluate", [f"task={self.task}", f"tool={tool}", *words])
+
+    def read(self, *words: str) -> Candidate:
+        """Read its first plan."""
+        config = self.config(*words)
+        task = task_part(config).create()
+        form = tool_part(config).create()
+        return read_designs(load_designs(self.file), form, task)[0]
+
+    def condition(self, engine: str) -> Condition:
+        """Return where it is tried: the task's layout 0, in an engine."""
+        config = self.config(f"sim={engine}")
+        settings = node(config.rollout, RolloutSettings)
+        engine_part = part(SIMULATOR, config.sim)
+        return Condition(task_part(config), engine_part, config.seed, settings)
+
+
+def entries(task: str, designers: Sequence[str] = tuple(DESIGNERS)) -> list[Entry]:
+    """List the designs for a task that are there."""
+    found = [Entry(task, designer) for designer in designers]
+    return [entry for entry in found if entry.file.exists()]
+
+
+def measure(entry: Entry) -> dict[str, Any]:
+    """Play a design in each engine, and weigh and check its tool as a printer would make it."""
+    candidate = entry.read()
+    rewards = {}
+    for engine in ENGINES:
+        (trial,) = play(entry.condition(engine), [candidate])
+        rewards[engine] = round(trial.reward, 4)
+
+    figures: dict[str, Any] = {
+        "tool": candidate.tool.name if candidate.tool else "",
+        "says": candidate.design_description,
+        "rewards": rewards,
+    }
+    printed = entry.read(f"material={MATERIAL}")
+    if printed.tool is not None and printed.tool.components:
+        material = tool_part(entry.config(f"material={MATERIAL}")).create().material
+        printer = Printer()
+        workshop = Examination(
+            material,
+            tuple(printer.plate_mm),
+            printer.min_wall_mm,
+            SAFETY,
+            0.0,
+            plays=False,
+        )
+        problem = workshop.refuse(entry.condition(DRAWS), printed)
+        figures["mass_g"] = round(1000 * printed.tool.mass, 1)
+        figures["problem"] = (problem or "").removeprefix(PROBLEM)
+
+    return figures
+
+
+def play_film(entry: Entry) -> Film:
+    """Play a design again, and record it."""
+    condition = entry.condition(DRAWS)
+    task = condition.task.shared()
+    engine = condition.sim.shared()
+    return filmed(task, engine, entry.read(), condition.layout, condition.settings)
+
+
+def save_webp(frames: Sequence[tuple[Image, int]], file: Path, quality: int) -> None:
+    """Write pictures as a WebP file, which moves if there are several; each with how long it is shown, ms."""
+    first, *others = [Pillow.fromarray(picture) for picture, _ in frames]
+    moving: dict[str, Any] = {}
+    if others:
+        durations = [milliseconds for _, milliseconds in frames]
+        moving = {
+            "save_all": True,
+            "append_images": others,
+            "duration": durations,
+            "loop": 0,
+            "kmax": 1000,
+        }
+    first.save(file, quality=quality, method=4, **moving)
+
+
+def draw_tool(film: Film) -> Image:
+    """Draw a tool as the arm holds it at home, without the scene."""
+    task = film.task
+    tool = film.tool
+    assert tool is not None
+
+    shown = copy(task)
+    shown.scene = _show_floor  # type: ignore[method-assign]
+
+    solids = [solid for _, solid in as_held(tool, task.robot)]
+    corners = np.concatenate([solid.bounds for solid in solids])
+    low = np.minimum(corners.min(axis=0), -0.05)
+    high = np.maximum(corners.max(axis=0), 0.05)
+    middle = task.home.position + (low + high) / 2
+    away = ROOM * float(np.linalg.norm(high - low)) / 2 / np.tan(np.radians(20.0))
+    way = np.array(FROM) / np.linalg.norm(FROM)
+    place = middle + away * way
+
+    camera = Camera(tuple(place.tolist()), tuple(middle.tolist()), 40.0)
+    return film.simulator.render(
+        shown, tool=tool, camera=camera, width=SMALL[0], height=SMALL[1]
+    )
+
+
+def _show_floor(seed: int) -> Scene:
+    return Scene((floor(),))
+
+
+def draw(entry: Entry) -> None:
+    """Draw a design's tool, and of the model's the film; of the bare gripper nothing."""
+    if entry.designer == "gripper":
+        return
+
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    film = play_film(entry)
+    name = f"{entry.task}_{entry.designer}"
+    save_webp([(draw_tool(film), 0)], PICTURES / f"{name}.webp", 80)
+    if entry.designer == "model":
+        save_webp([*film.frames()], PICTURES / f"{entry.task}.webp", 45)
+
+
+def save_strip() -> None:
+    """Write the films of six tasks side by side; each is shown from its start to its end in the same time."""
+    rows = [[*_sample(PICTURES / f"{task}.webp", task)] for task in STRIP]
+    frames = [np.hstack(pictures) for pictures in zip(*rows, strict=True)]
+    shown = [(frame, STRIP_MS) for frame in frames]
+    shown[-1] = (frames[-1], 2500)
+    save_webp(shown, PICTURES / "strip.webp", 45)
+
+
+def _sample(file: Path, title: str) -> Iterator[Image]:
+    """Yield pictures of a film at even distances in time, small, with a title."""
+    with Pillow.open(file) as film:
+        ends_ms = []
+        frames = []
+        for picture in ImageSequence.Iterator(film):
+            frames.append(
+                picture.convert("RGB").resize(FRAME, Pillow.Resampling.LANCZOS)
+            )
+            ends_ms.append(film.info["duration"])
+
+    # The end is shown for long: here only until all others have come to theirs.
+    times = np.cumsum([*ends_ms[:-1], 200])
+    for instant in np.linspace(0, times[-1] - 1, STRIP_FRAMES):
+        picture = frames[int(np.searchsorted(times, instant, side="right"))].copy()
+        pen = ImageDraw.Draw(picture)
+        pen.text((6, 4), title, fill=(40, 40, 40), font_size=15)
+        yield np.asarray(picture)
+
+
+def save_viewer(tasks: Sequence[str]) -> None:
+    """Write a page on which the model's tools can be turned."""
+    shown = []
+    for task in tasks:
+        entry = Entry(task, "model")
+        tool = entry.read().tool
+        assert isinstance(tool, Tool)
+        robot = tool_part(entry.config()).create().robot
+        shown.append(in_viewer(tool, robot, f"{task}: {tool.name}", "to be turned"))
+
+    TOOLS.write_text(
+        render("tools.html.j2", DESIGNS, shown, title="Tools of the gallery"),
+        encoding="utf-8",
+    )
+
+
+def page_part(figures: dict[str, Any]) -> str:
+    """Write the part of the page that is made of the figures."""
+    return "\n".join(_section(task, figures[task]) for task in sorted(figures))
+
+
+def _section(task: str, figures: dict[str, Any]) -> str:
+    model = figures["model"]
+    designers = [name for name in DESIGNERS if name in figures]
+    head = " | ".join(TITLES[name] for name in designers)
+    lines = [
+        f"## {task}",
+        "",
+        f"*{_one_line(model['says'])}*",
+        "",
+        f"![{task}: the arm uses the model's tool, then the camera goes close](images/gallery/{task}.webp)",
+        "",
+        f"| | {head} |",
+        "|---" * (len(designers) + 1) + "|",
+    ]
+    pictures = [_picture(task, name) for name in designers]
+    lines.append(f"| | {' | '.join(pictures)} |")
+    for engine, title in ENGINES.items():
+        rewards = [_reward(figures[name], engine) for name in designers]
+        lines.append(f"| {title} | {' | '.join(rewards)} |")
+
+    masses = [_mass(figures[name]) for name in designers]
+    lines.append(f"| mass in PLA | {' | '.join(masses)} |")
+    prints = [_prints(figures[name]) for name in designers]
+    lines.append(f"| a printer makes it | {' | '.join(prints)} |")
+
+    return "\n".join([*lines, ""])
+
+
+def _reward(figures: dict[str, Any], engine: str) -> str:
+    """Write a reward; one that nobody measured is a dash."""
+    reward = figures["rewards"].get(engine)
+    return "–" if reward is None else number(reward, 3)
+
+
+def _picture(task: str, designer: str) -> str:
+    """Show a tool, where there is one."""
+    if not (PICTURES / f"{task}_{designer}.webp").exists():
+        return "–"
+    return f"![the tool of {TITLES[designer]}](images/gallery/{task}_{designer}.webp)"
+
+
+def _one_line(text: str) -> str:
+    return re.sub(r"\s+", " ", text).replace("|", "/").replace("*", "")
+
+
+def _mass(figures: dict[str, Any]) -> str:
+    return f"{figures['mass_g']:.0f} g" if "mass_g" in figures else "–"
+
+
+def _prints(figures: dict[str, Any]) -> str:
+    """Say whether a printer makes a tool, or which check fails first."""
+    if "problem" not in figures:
+        return "–"
+    problem = figures["problem"]
+    if not problem:
+        return "yes"
+    return f"no: {_one_line(problem).partition(':')[0]}"
+
+
+def split_page(text: str) -> tuple[str, str, str]:
+    """Split the page into what stands before its generated part, that part, and what stands after it."""
+    before, _, rest = text.partition(BEGIN)
+    middle, _, after = rest.partition(END)
+    return before, middle, after
+
+
+def write_page() -> None:
+    """Write the page's generated part anew."""
+    figures = json.loads(FIGURES.read_text("utf-8"))
+    before, _, after = split_page(PAGE.read_text("utf-8"))
+    made = page_part(figures)
+    PAGE.write_text(f"{before}{BEGIN}\n{made}\n{END}{after}", encoding="utf-8")
+
+
+def build(tasks: Sequence[str], designers: Sequence[str]) -> None:
+    """Play, draw and write what the gallery shows of some tasks and designers."""
+    figures: dict[str, Any] = {}
+    if FIGURES.exists():
+        figures = json.loads(FIGURES.read_text("utf-8"))
+
+    for task in tasks:
+        for entry in entries(task, designers):
+            measured = measure(entry)
+            figures.setdefault(task, {})[entry.designer] = measured
+            text = json.dumps(figures, indent=1, sort_keys=True, ensure_ascii=False)
+            FIGURES.write_text(text + "\n", encoding="utf-8")
+            draw(entry)
+            print(task, entry.designer, measured["rewards"], flush=True)
+
+    if all((PICTURES / f"{task}.webp").exists() for task in STRIP):
+        save_strip()
+    save_viewer(sorted(figures))
+    write_page()
