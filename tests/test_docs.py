@@ -205,6 +205,7 @@ def test_each_kind_of_block_is_looked_at():
         "plans.md": {"json": 3},
         "plugins.md": {"python": 3, "toml": 1},
         "layouts.md": {"json": 1},
+        "looks.md": {"json": 1},
         "models.md": {"json": 1},
         "python.md": {"python": 2},
         "scene_files.md": {"yaml": 10},
