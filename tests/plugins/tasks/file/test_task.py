@@ -85,7 +85,8 @@ def test_the_json_schema_fits_what_is_read(scaffold):
     schema = installed().factory("task", "file").json_schema()
     validator = jsonschema.Draft202012Validator(schema)
     validator.check_schema(schema)
-    page = (ROOT / "docs/scene_files.md").read_text()
+    pages = [ROOT / f"docs/{name}.md" for name in ("scene_files", "scene_keys")]
+    page = "".join(page.read_text() for page in pages)
     keys = {*schema["properties"], *schema["$defs"]["Goal"]["properties"]}
     assert {key for key in keys if f"`{key}" not in page} == set()
     for kind in schema["$defs"].values():
