@@ -78,7 +78,7 @@ def read_range(given: Any) -> tuple[float, ...] | float:
             return _read_number(found[1])
 
     several = isinstance(given, list | tuple) and 2 <= len(given) <= MAX_SETS
-    if several and all(map(_is_number, given)):
+    if several and all(map(_is_finite, given)):
         return tuple(map(float, given))
 
     raise ValueError(_RANGES)
@@ -91,9 +91,14 @@ def _read_number(text: str) -> float:
         raise ValueError(_FORMS) from None
 
 
-def _is_number(given: Any) -> bool:
+def _is_finite(given: Any) -> bool:
+    """Report whether it is a number; what a body's field may be at most is asked of its layouts."""
     is_number = isinstance(given, int | float) and not isinstance(given, bool)
-    return is_number and abs(given) <= LARGEST
+    return is_number and math.isfinite(given)
+
+
+def _is_number(given: Any) -> bool:
+    return _is_finite(given) and abs(given) <= LARGEST
 
 
 def _read_with(read: Any, forms: str, kinds: Sequence[str]) -> Any:

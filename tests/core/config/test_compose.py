@@ -121,7 +121,13 @@ def test_a_protocol_sets_what_it_fixes_and_the_command_line_goes_first(command):
         5,
         0.2,
     )
-    assert config.rollout.perception == {"position": 0.002, "yaw": 0.01, "height": 0.0}
+    assert config.rollout.perception == {
+        "position": 0.002,
+        "yaw": 0.01,
+        "height": 0.0,
+        "look_s": 0.5,
+        "camera": "fixed",
+    }
     for key in config.protocol.fixed:
         assert OmegaConf.select(config, key) is not None, key
     tracks = {
