@@ -10,7 +10,8 @@ Other spellings that have one meaning are read, too (`core.designs.replies.Reade
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import inspect
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ from core.designs.tool_fields import (
 )
 from core.errors import UserError
 from core.interfaces import ActionRepresentation, Task, ToolRepresentation, Waypoints
+from core.plugins import installed
 from core.support.files import read_text
 from core.support.text import kind
 
@@ -98,6 +100,55 @@ def list_designs(document: object) -> list[Any]:
     if not found:
         raise DesignError(f"the document has no designs; {EXPECTED}")
     return found
+
+
+def find_representations(
+    document: object, representation: ToolRepresentation
+) -> list[str]:
+    """Find the tool representations that a document is written for, where no design has a field of the given one.
+
+    Args:
+        document: of designs.
+        representation: that is to read them.
+
+    Returns:
+        Their names; empty: a design has a field of ``representation``, or it asks for none.
+    """
+    wanted = _get_schema(representation)
+    designs = [item for item in list_designs(document) if isinstance(item, dict)]
+    if not wanted or any(_has_field(design, wanted) for design in designs):
+        return []
+
+    found = []
+    for name in installed().names("tool"):
+        factory = installed().factory("tool", name)
+        parameters = inspect.signature(factory).parameters.values()
+        if any(parameter.default is parameter.empty for parameter in parameters):
+            continue
+
+        schema = _get_schema(factory())
+        if any(not schema.keys().isdisjoint(design) for design in designs):
+            found.append(name)
+
+    return found
+
+
+def _has_field(design: Fields, schema: Mapping[str, Any]) -> bool:
+    """Report whether a design has a field of a schema, by any spelling of its name."""
+    try:
+        return not schema.keys().isdisjoint(reader().read_fields(design, schema))
+    except DesignError:  # a name has two meanings
+        return True
+
+
+def _get_schema(representation: ToolRepresentation) -> dict[str, Any]:
+    """Return the fields of a tool representation; empty: it has none, or fails, which its designs then say."""
+    try:
+        schema: dict[str, Any] = call_part(representation, "schema", dict)
+    except DesignError:
+        return {}
+
+    return schema
 
 
 def load_designs(path: Path) -> object:

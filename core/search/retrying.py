@@ -11,7 +11,8 @@ from omegaconf import DictConfig
 
 from core.config.compose import check_seed, node, part, task_part, tool_part
 from core.design import Candidate
-from core.designs.reading import read_designs
+from core.designs.reading import find_representations, read_designs
+from core.errors import UsageError
 from core.interfaces import Fitness, RolloutSettings
 from core.plugins import EXECUTOR, SIMULATOR
 from core.search.builder import builder_for, check_starts
@@ -23,8 +24,18 @@ def read_candidates(cfg: DictConfig, document: Any, **limits: Any) -> list[Candi
     """Read the candidates of a designs document, for the task and by the representation that are configured.
 
     ``limits`` are those of `read_designs`.
+
+    Raises:
+        UsageError: all designs are written for another representation; names it.
     """
     representation = tool_part(cfg).create()
+    others = find_representations(document, representation)
+    if others:
+        fits = " or ".join(f"tool={name}" for name in others)
+        raise UsageError(
+            f"the designs are not written for tool={cfg.tool.name}; say {fits}"
+        )
+
     return read_designs(document, representation, task_part(cfg).create(), **limits)
 
 

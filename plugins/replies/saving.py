@@ -31,6 +31,8 @@ MAX_TRIED = 20_000_000
 
 MENDED = "malformed JSON, or YAML, is read where its numbers are certain"
 
+UNCLOSED = "a malformed list of designs is read design by design"
+
 MAX_BLOCKS = 3
 """The most fenced blocks of a reply that are read in other ways."""
 
@@ -123,6 +125,7 @@ def _find_objects(text: str) -> tuple[list[_Found], Malformed | None]:
     # Each failure counts all lines before it; this many take a second or two.
     failures = 100 + 1_000_000_000 // max(1, len(text))
     tried = 0
+    is_list_broken = False
     while failures > 0 and tried < MAX_TRIED:
         start = text.find("{", end)
         if start < 0:
@@ -143,6 +146,7 @@ def _find_objects(text: str) -> tuple[list[_Found], Malformed | None]:
             left -= end - start
             if isinstance(value, dict):
                 assume(MENDED)
+            is_list_broken = is_list_broken or value is None
 
         if isinstance(value, Unread):
             broken_end = max(broken_end, end)
@@ -152,6 +156,11 @@ def _find_objects(text: str) -> tuple[list[_Found], Malformed | None]:
         key = _KEY.match(text, start)
         found.append(_Found(value, plain_name(key[1]) if key else "", is_inner))
 
+    is_list_whole = any(
+        isinstance(item.value, dict) and "strategies" in item.value for item in found
+    )
+    if is_list_broken and not is_list_whole:
+        assume(UNCLOSED)
     if longest is not None and _CUT.search(text, len(text) - 100):
         found.append(_Found(_unread(text, end), "strategyname", False))
 

@@ -16,7 +16,7 @@ from omegaconf import DictConfig, OmegaConf
 from core.config.compose import load, task_part
 from core.config.schemas import PromptSettings
 from core.designs.reading import load_designs
-from core.errors import UsageError
+from core.errors import UsageError, UserError
 from core.interfaces import Task
 from core.plugins import installed
 from core.search.retrying import build_fitness, read_candidates, try_all
@@ -112,7 +112,7 @@ def main(words: list[str]) -> None:
     """Try the designs that the command line names, and print what they earned; or with ``check`` what is wrong.
 
     Raises:
-        UserError: no designs are given, or see `evaluate`.
+        UserError: no designs are given, all are rejected, or see `evaluate`.
     """
     cfg = load("evaluate", arguments(USAGE, words))
     if OmegaConf.is_missing(cfg, "designs"):
@@ -139,6 +139,11 @@ def main(words: list[str]) -> None:
         write_bytes(Path(cfg.output), (json.dumps(records, indent=2) + "\n").encode())
 
     show(records)
+    if all(evaluation.status == "rejected" for evaluation in evaluations):
+        raise UserError(
+            f"none of {len(evaluations)} plans was tried: all are rejected, for the reasons above"
+        )
+
     if cfg.film:
         film_best(cfg, evaluations, task)
 

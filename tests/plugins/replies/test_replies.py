@@ -10,6 +10,7 @@ from core.designs.reading import load_designs, read_designs
 from core.designs.replies import parse_reply
 from core.errors import UserError
 from plugins.replies import saving
+from plugins.replies.assumptions import assume
 from plugins.replies.saving import MAX_SAVED
 from tests.core.designs.test_reading import PLAN, STRATEGY, TASK, Rod
 
@@ -45,6 +46,16 @@ def test_a_reply_that_names_no_action_is_read_by_its_form():
     document = {"strategies": [{**STRATEGY, "action_sets": [steps]}]}
     (candidate,) = read_designs(document, Rod(), TASK)
     assert (candidate.problem, candidate.plan.action) == (None, "anchored")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("]}]}", "]}}"), ("]}]}", "]}]"), ("", "I {{ think: ")]
+)
+def test_a_list_of_designs_that_was_mended_is_said_to_be(old, new, caplog):
+    assume.cache_clear()
+    text = TEXT[: -len(old)] + new if old else new + TEXT
+    assert parse_reply(text)["strategies"] == DOCUMENT["strategies"]
+    assert (saving.UNCLOSED in caplog.text) == bool(old)
 
 
 def test_a_reply_without_a_document():

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from core.errors import UsageError, UserError
 from plugins.trying.evaluate import main, show
 from tests.commands import python_m
 
@@ -114,6 +115,27 @@ def test_a_reason_is_one_line(evaluated):
     records, lines = evaluated
     assert len(records[2]["reason"]) > 40
     assert f"design 0 plan 2: {records[2]['reason']}" in lines
+
+
+def test_a_file_for_another_representation_names_it(tmp_path):
+    design = {"tool_components": [], "action_sets": [[[0.5, 0, 0.5, 0, 0, 0]]]}
+    file = tmp_path / "boxes.json"
+    file.write_text(json.dumps({"strategies": [design]}))
+    words = ["task=BringCube", f"designs={file}", "check=true"]
+    with pytest.raises(UsageError, match="not written for tool=urdf; say tool=boxes"):
+        main(words)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("inline")
+def test_where_all_designs_are_rejected_the_command_fails(tmp_path, capsys):
+    design = {"tool_urdf": "<link/>", "action_sets": [[[0.5, 0, 0.5, 0, 0, 0]]]}
+    file = tmp_path / "rejected.json"
+    file.write_text(json.dumps({"strategies": [design]}))
+    with pytest.raises(UserError, match="none of 1 plans was tried: all are rejected"):
+        main(["task=BringCube", "sim=mujoco", f"designs={file}"])
+
+    assert "design 0 plan 0: " in capsys.readouterr().out
 
 
 def test_a_terminal_is_shown_no_control_sequences(capsys):

@@ -27,6 +27,8 @@ CORNER_PX = 1.0  # how well a marker's corner is found, with the print's errors
 _LEAST_MARKERS = 2
 _WORDS = f"up: forward from the robot, at yaw 0   -   print at 100 %: each marker is {1000 * MARKER_M:.0f} mm wide"
 
+_YAW = "at yaw 0 its edge with the words is away from the robot (toward x), at yaw 90 to the left (toward y)"
+
 
 def print_board(name: str) -> None:
     """Write the sheet, PDF or PNG in its true size.
@@ -56,7 +58,7 @@ def print_board(name: str) -> None:
     write_bytes(file, stream.getvalue())
     say(
         f"{name} is written: print it at 100 %, lay it flat on the table where all photographs show it, measure where "
-        "its middle lies, and give board=[x,y,yaw_deg]"
+        f"its middle lies, and give board=[x,y,yaw_deg]; {_YAW}"
     )
 
 
@@ -74,10 +76,11 @@ def find_by_board(
     """
     if len(place) != 3:
         raise UsageError(
-            "the board's place is x, y and yaw, such as board=[0.4,-0.3,0]; m and degrees"
+            f"the board's place is x, y and yaw, such as board=[0.4,-0.3,0]; m and degrees; {_YAW}"
         )
 
     x, y, yaw_deg = place
+    say(f"board: middle at ({x:g}, {y:g}), yaw {yaw_deg:g} degrees; {_YAW}")
     frame = Pose.xyz_rpy((x, y, 0.0), (0.0, 0.0, np.radians(yaw_deg)))
     cv2 = load_opencv()
     board = _board()

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from core.errors import NoPicture
-from core.geometry import Array
+from core.geometry import Array, Pose
 from core.interfaces import Simulator, Task
 from core.simulation.pictures import png, report_missing
 from plugins.tasks.file.bench.checks import SURROUNDINGS
@@ -24,6 +24,7 @@ PLANS = {
     "elevation: x to the right, z up": [0, 2],
 }
 _MM = 1000
+_TURNED_DEG = 0.5  # from where it is said
 
 
 def draw_page(
@@ -35,11 +36,18 @@ def draw_page(
 ) -> str:
     """Draw the page, HTML without anything from elsewhere; what can't be drawn here is said."""
     bodies = dict[str, Array]()
+    middles = dict[str, Array]()
+    measures = dict[str, str]()
     for body in task.scene(0).bodies:
         if body.name not in SURROUNDINGS:
             geoms = body.collisions or body.visuals
             local = [g.pose.apply(g.shape.to_trimesh().vertices) for g in geoms]
-            bodies[body.name] = body.pose.apply(np.concatenate(local))
+            corners = np.concatenate(local)
+            low = corners.min(axis=0)
+            high = corners.max(axis=0)
+            bodies[body.name] = body.pose.apply(corners)
+            middles[body.name] = body.pose.apply((low + high) / 2)
+            measures[body.name] = _describe_measures(high - low, body.pose)
 
     panels = list[Mapping[str, Any]]()
     for number, photograph in enumerate(photographs, 1):
@@ -68,16 +76,32 @@ def draw_page(
 
     plans = dict[str, Any]()
     for title, pair in PLANS.items():
-        flat = {
-            name: corners[:, pair] * [_MM, -_MM] for name, corners in bodies.items()
-        }
-        plans[title] = {name: _outline(corners) for name, corners in flat.items()}
+        drawn_bodies = []
+        for name, corners in bodies.items():
+            outline = _outline(corners[:, pair] * [_MM, -_MM])
+            x, y = middles[name][pair] * _MM
+            label = f"{name}: {measures[name]} at ({x:.0f}, {y:.0f})"
+            drawn_bodies.append({"outline": outline, "label": label})
+
+        plans[title] = drawn_bodies
 
     file = (
         importlib.resources.files("plugins.tasks.file.bench") / "templates/page.html.j2"
     )
     template = jinja2.Environment(autoescape=True).from_string(file.read_text("utf-8"))
     return template.render(panels=panels, plans=plans, words=words, name=task.name)
+
+
+def _describe_measures(size: Array, pose: Pose) -> str:
+    """Say how large a body is along its own axes, m, and how far it is turned."""
+    words = " x ".join(f"{length:.0f}" for length in size * _MM)
+    roll, pitch, yaw = np.degrees(pose.rpy)
+    if max(abs(roll), abs(pitch)) > _TURNED_DEG:
+        return f"{words} mm, turned by rpy {roll:.0f}, {pitch:.0f}, {yaw:.0f} deg,"
+    if abs(yaw) > _TURNED_DEG:
+        return f"{words} mm, turned by {yaw:.0f} deg,"
+
+    return f"{words} mm"
 
 
 def _outline(corners: Array) -> list[list[float]]:

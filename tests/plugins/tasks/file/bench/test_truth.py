@@ -99,7 +99,7 @@ def test_a_point_that_was_guessed_is_a_fault(tmp_path):
     assert [fault.split(", seen")[0] for fault in draft.faults] == ["pot", "pot"]
 
 
-def test_a_camera_is_found_by_the_printed_board(tmp_path):
+def test_a_camera_is_found_by_the_printed_board(tmp_path, capsys):
     cv2 = pytest.importorskip("cv2")
     main([f"print_board={tmp_path}/board.png"])
     sheet = cv2.resize(cv2.imread(f"{tmp_path}/board.png"), (210, 297), interpolation=3)
@@ -111,6 +111,7 @@ def test_a_camera_is_found_by_the_printed_board(tmp_path):
     cv2.imwrite(f"{tmp_path}/photo.png", cv2.warpPerspective(sheet, warp, SIZE))
     photographs = read_photographs([f"{tmp_path}/photo.png"], [])
     (found,) = find_by_board(photographs, (0.5, -0.2, 90), 52.0)
+    assert "at yaw 0 its edge with the words is away" in capsys.readouterr().out
     off = np.array(found.view.camera.position) - CAMERA.camera.position
     assert np.linalg.norm(off) < 0.015
     assert found.view.roll == pytest.approx(CAMERA.roll, abs=0.01)
