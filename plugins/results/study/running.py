@@ -19,7 +19,12 @@ from core.support.files import read_text
 from core.support.text import clean, hydra_word, number
 from plugins.results.pages.runs import AnyRun, FinishedRun, is_held
 from plugins.results.study.estimate import Need
-from plugins.results.study.study_files import StudyRun, harmless, is_done, read_state
+from plugins.results.study.study_files import (
+    StudyRun,
+    is_done,
+    list_repeated,
+    read_state,
+)
 
 LOOK_S = 0.5  # between two looks at a run of another process
 MOST_FAILURES = 3  # one after the other, until no further run starts
@@ -102,7 +107,7 @@ class Runner:
         """Start a run or go on with it, and wait for its end; return the exit status."""
         words = [*run.words, f"hydra.run.dir={hydra_word(str(run.folder))}"]
         if state is not None:
-            words = [f"resume={run.folder}", *harmless(run.words)]
+            words = [f"resume={run.folder}", *list_repeated(run.words)]
 
         run.folder.parent.mkdir(parents=True, exist_ok=True)
 

@@ -14,7 +14,8 @@ from omegaconf import DictConfig
 
 from core.config.compose import load
 from core.errors import UsageError, UserError, choices
-from core.support.cli import arguments, say, write_bytes
+from core.support.cli import arguments, say
+from core.support.files import write_whole, writing
 from core.support.progress import busy
 from plugins.results.report.report_command import report, show
 from plugins.results.study.estimate import (
@@ -29,6 +30,7 @@ from plugins.results.study.study_files import (
     Method,
     Selection,
     find_study,
+    name_task,
     read_study,
 )
 
@@ -80,7 +82,7 @@ def main(words: list[str]) -> None:
     name, cfg, others = _read_words(words)
     selection = _select(cfg, find_study(name), others)
     study = selection.study
-    tasks = _choose("task", cfg.tasks, {Path(task).stem: task for task in study.tasks})
+    tasks = _choose("task", cfg.tasks, {name_task(task): task for task in study.tasks})
     methods = _choose("method", cfg.methods, {m.name: m for m in study.methods})
 
     model = load("config", selection.plan(methods[:1], tasks[:1], 1)[0].words)
@@ -93,7 +95,7 @@ def main(words: list[str]) -> None:
         share = f"executor.workers={max(1, cores() // jobs)}"
         selection = replace(selection, words=(*others, share))
 
-    selection.check_record(methods)
+    selection.check_record(methods, tasks)
     runs = selection.plan(methods, tasks, cfg.seeds or study.seeds)
     with busy("estimating what the runs take"):
         outlook = look_ahead(runs, jobs)
@@ -103,7 +105,11 @@ def main(words: list[str]) -> None:
     failures: list[str] = []
     if outlook.needs:
         _ask(cfg, outlook)
-        write_bytes(selection.folder / RECORD, selection.record().encode())
+        record = selection.record(methods, tasks)
+        with writing(selection.folder):
+            selection.folder.mkdir(parents=True, exist_ok=True)
+            write_whole(selection.folder / RECORD, record.encode(), shared=True)
+
         try:
             runner = Runner(outlook.needs, jobs, shlex.split(cfg.launch))
             failures = runner.run_all()

@@ -2,27 +2,39 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from importlib.resources import files
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pydantic
 import yaml
 
 from core.errors import UsageError, UserError, choices
-from core.support.cli import expand, path_exists
-from core.support.files import read_text
-from core.support.text import hydra_word
+from core.support.cli import expand, path_exists, say
+from core.support.files import read_text, read_untrusted
+from core.support.text import clean, hydra_word
 from plugins.results.pages.runs import AnyRun, FinishedRun, LeftOutRun, read_run
+
+P = TypeVar("P", bound=pydantic.BaseModel)
 
 RECORD = "study.yaml"
 """What the folder of a study says of it, for reports and for who goes on with it."""
 
-HARMLESS = ("executor", "listener", "film", "vlm.")
-"""What the words begin with that may change while a study is under way: no result depends on it."""
+AGAIN = ("executor", "listener", "film", "vlm.")
+"""What the words begin with that are said again when a run goes on."""
+
+DECISIVE = ("vlm.model=", "vlm.run=", "vlm.max_output_tokens=")
+"""Of these, what results depend on."""
+
+MOST_BYTES = 1_000_000  # of a study file or a record, which others may have written
+_DEEPEST = 30  # lists and objects within each other
+_MOST_REFERENCES = 100  # to what is named by ``&``, each of which is read again
+_RESERVED = ("report",)  # folders beside those of methods
 
 _STUDIES = Path(__file__).with_name("studies")
 _PROMPTS = Path(str(files("prompts")))
@@ -36,14 +48,14 @@ class Method(_Part):
     """One of the methods that are compared.
 
     Attributes:
-        name: in reports and in the names of folders: letters, digits, and ``_.-``.
+        name: in reports and in the names of folders: letters, digits, and within it ``_.-``.
         settings: words of ``core.run`` by which it differs; the place holders are those of `Study`.
         budgets: more of them, by the budget's name.
         tasks: on which it is run; None: on all.
         language: it means nothing to a model that reads no words.
     """
 
-    name: str = pydantic.Field(pattern=r"^[\w.-]+$")
+    name: str = pydantic.Field(pattern=r"^\w[\w.-]*$", max_length=100)
     settings: tuple[str, ...] = ()
     budgets: dict[str, tuple[str, ...]] = {}
     tasks: tuple[str, ...] | None = None
@@ -95,6 +107,19 @@ class Study(_Part):
     published: tuple[Published, ...] = ()
 
     @pydantic.model_validator(mode="after")
+    def _names_are_folders(self) -> Study:
+        methods = [method.name for method in self.methods]
+        tasks = [name_task(task) for task in self.tasks]
+        for kind, names in (("methods", methods), ("tasks", tasks)):
+            for name in names:
+                if names.count(name) > 1:
+                    raise ValueError(f"two {kind} have the name {name!r}; rename one")
+                if name in ("", ".", "..", *_RESERVED):
+                    raise ValueError(f"{kind}: {name!r} can't name a folder of runs")
+
+        return self
+
+    @pydantic.model_validator(mode="after")
     def _budgets_are_known(self) -> Study:
         for method in self.methods:
             unknown = {*method.budgets} - {*self.budgets}
@@ -102,6 +127,22 @@ class Study(_Part):
                 raise ValueError(f"{method.name}: no budget {unknown.pop()!r}")
 
         return self
+
+
+class Record(_Part):
+    """What the folder of a study says of the runs in it.
+
+    Attributes:
+        budget: the last one that was chosen.
+        words: of the runs of each method.
+        tasks: of each task the words of its own, and what its scene file held.
+        study: the study.
+    """
+
+    budget: str
+    words: dict[str, tuple[str, ...]]
+    tasks: dict[str, tuple[str, ...]] = {}
+    study: Study
 
 
 @dataclass(frozen=True)
@@ -150,18 +191,34 @@ def find_study(word: str) -> Path:
     raise choices("study", word, own, "the studies, nor a file of that name")
 
 
-def find_record(folders: Iterable[Path]) -> Study | None:
-    """Return the study of the first folder that holds one; None: none does.
+def name_task(task: str) -> str:
+    """Return the name of a task of a study, by which its folders are called."""
+    return Path(task).stem
 
-    Raises:
-        UserError: its record can't be read.
-    """
+
+def find_record(folders: Iterable[Path]) -> Study | None:
+    """Return the study of the first folder that holds one; None: none does. A line says what can't be read."""
     for folder in folders:
-        file = folder / RECORD
-        if file.is_file():
-            return _parse(_read_yaml(file).get("study"), file)
+        record = read_record(folder / RECORD)
+        if record is not None:
+            return record.study
 
     return None
+
+
+def read_record(file: Path) -> Record | None:
+    """Read the record of a study; None: there is none, or it can't be read, as a line says."""
+    if not file.exists():
+        return None
+
+    try:
+        return _parse(Record, _read_yaml(file), file)
+    except UserError as error:
+        say(
+            f"warning: {error}; it is left out: which words its runs were made with is not known",
+            file=sys.stderr,
+        )
+        return None
 
 
 def read_study(file: Path) -> Study:
@@ -170,24 +227,52 @@ def read_study(file: Path) -> Study:
     Raises:
         UserError: it can't be read, or is no study; says where.
     """
-    return _parse(_read_yaml(file), file)
+    return _parse(Study, _read_yaml(file), file)
 
 
-def _parse(read: Any, file: Path) -> Study:
+def _parse(model: type[P], read: Any, file: Path) -> P:
     try:
-        return Study.model_validate(read)
+        return model.model_validate(read)
     except pydantic.ValidationError as error:
         first = error.errors()[0]
-        place = ".".join(map(str, first["loc"]))
-        raise UserError(f"{file}: {place or 'study'}: {first['msg']}") from error
+        place = clean(".".join(map(str, first["loc"])), 200)
+        reason = clean(first["msg"], 300)
+        raise UserError(f"{file}: {place or 'study'}: {reason}") from error
 
 
 def _read_yaml(file: Path) -> Any:
+    """Read a file that others may have written, as plain data.
+
+    Raises:
+        UserError: it is too large or too deep, no UTF-8, or no YAML.
+    """
     try:
-        return yaml.safe_load(read_text(file, str(file)))
-    except yaml.YAMLError as error:
-        reason = " ".join(str(error).split())
+        text = read_untrusted(file, MOST_BYTES).decode("utf-8-sig")
+        _check_depth(text, file)
+        return yaml.safe_load(text)
+    except UnicodeDecodeError as error:
+        raise UserError(f"{file} is not UTF-8 text; save it as UTF-8") from error
+    except (yaml.YAMLError, ValueError) as error:  # such as a date that is none
+        reason = clean(" ".join(str(error).split()), 300)
         raise UserError(f"{file} is no YAML: {reason}") from error
+
+
+def _check_depth(text: str, file: Path) -> None:
+    """Refuse what has very many lists and objects within each other, or uses a name for many others.
+
+    Raises:
+        UserError: it does.
+    """
+    depth = 0
+    references = 0
+    event: Any
+    for event in yaml.parse(text, yaml.SafeLoader):
+        depth += isinstance(event, yaml.CollectionStartEvent)
+        depth -= isinstance(event, yaml.CollectionEndEvent)
+        references += isinstance(event, yaml.AliasEvent)
+        if depth > _DEEPEST or references > _MOST_REFERENCES:
+            line = event.start_mark.line + 1
+            raise UserError(f"{file}, line {line}: this is too deep for a study")
 
 
 @dataclass(frozen=True)
@@ -232,7 +317,7 @@ class Selection:
         )
 
     def _run(self, method: Method, task: str, seed: int) -> StudyRun:
-        name = Path(task).stem
+        name = name_task(task)
         inside = f"{method.name}/{name}/seed{seed}"
         chosen = [f"task={task}"]
         if task.endswith((".yaml", ".yml")):
@@ -252,34 +337,70 @@ class Selection:
         filled = tuple(_fill(word, values) for word in words)
         return StudyRun(method.name, name, seed, self.folder / inside, filled)
 
-    def record(self) -> str:
-        """Write down the study, with the words of each method, for the folder of the results."""
-        words = {method.name: self.settings_of(method) for method in self.study.methods}
-        record = {
-            "budget": self.budget,
-            "words": words,
-            "study": self.study.model_dump(mode="json"),
-        }
-        return yaml.safe_dump(record, sort_keys=False, allow_unicode=True, width=120)
+    def record(self, methods: Iterable[Method], tasks: Iterable[str]) -> str:
+        """Write down the study and the words of its runs, for the folder of the results.
 
-    def check_record(self, methods: Iterable[Method]) -> None:
-        """Check that the runs that are there were made with the same words.
+        Of methods and tasks that are not chosen, what was written before stays.
+        """
+        before = read_record(self.folder / RECORD)
+        words = dict(before.words) if before else {}
+        described = dict(before.tasks) if before else {}
+        words |= {method.name: tuple(self.settings_of(method)) for method in methods}
+        described |= {name_task(task): self._describe_task(task) for task in tasks}
+        record = Record(
+            budget=self.budget, words=words, tasks=described, study=self.study
+        )
+        dumped = record.model_dump(mode="json")
+        return yaml.safe_dump(dumped, sort_keys=False, allow_unicode=True, width=120)
+
+    def check_record(self, methods: Iterable[Method], tasks: Iterable[str]) -> None:
+        """Check that the runs that are there were made with the same words, of the same scene files.
 
         Raises:
-            UsageError: they were not.
+            UsageError: they were not, or a scene file can't be read.
         """
-        file = self.folder / RECORD
-        before = _read_yaml(file)["words"] if file.exists() else {}
-        there = [m for m in methods if (self.folder / m.name).exists()]
-        for method in there:
-            stored = _matter(before.get(method.name, ()))
-            different = {*stored} ^ {*_matter(self.settings_of(method))}
-            if different:
-                words = " ".join(sorted(different))
-                raise UsageError(
-                    f"{self.folder} holds runs of {method.name} that differ in: {words}; name another folder with "
-                    "folder=FOLDER, or say what was said before"
-                )
+        before = read_record(self.folder / RECORD)
+        if before is None:
+            return
+
+        for method in methods:
+            if (self.folder / method.name).exists():
+                stored = before.words.get(method.name, ())
+                self._compare(method.name, stored, self.settings_of(method))
+
+        for task in tasks:
+            name = name_task(task)
+            if name in before.tasks and any(self.folder.glob(f"*/{name}")):
+                self._compare(name, before.tasks[name], self._describe_task(task))
+
+    def _compare(self, name: str, stored: Iterable[str], now: Iterable[str]) -> None:
+        """Refuse to go on with runs of a method or a task whose words have changed.
+
+        Raises:
+            UsageError: they have.
+        """
+        different = {*_matter(stored)} ^ {*_matter(now)}
+        if different:
+            words = clean(" ".join(sorted(different)), 1000)
+            raise UsageError(
+                f"{self.folder} holds runs of {name} that differ in: {words}; name another folder with "
+                "folder=FOLDER, or say what was said before"
+            )
+
+    def _describe_task(self, task: str) -> tuple[str, ...]:
+        """List the words of a task's own, and a word for what its scene file holds.
+
+        Raises:
+            UserError: the file can't be read.
+        """
+        words = list(self.study.by_task.get(name_task(task), ()))
+        if task.endswith((".yaml", ".yml")):
+            scene = read_text(self.file.parent / task, f"scene file {task}")
+            words.append(
+                f"the scene file's checksum {sha256(scene.encode()).hexdigest()[:16]}"
+            )
+
+        return tuple(words)
 
 
 def merge(*groups: Iterable[str]) -> list[str]:
@@ -293,13 +414,18 @@ def merge(*groups: Iterable[str]) -> list[str]:
     return list(last.values())
 
 
-def harmless(words: Iterable[str]) -> list[str]:
-    """Return the words that may change, or be said again, when a run goes on."""
-    return [word for word in words if word.startswith(HARMLESS)]
+def list_repeated(words: Iterable[str]) -> list[str]:
+    """Return the words that are said again when a run goes on."""
+    return [word for word in words if word.startswith(AGAIN)]
 
 
 def _matter(words: Iterable[str]) -> list[str]:
-    return [word for word in words if not word.startswith(HARMLESS)]
+    """Return the words that results depend on."""
+    return [
+        word
+        for word in words
+        if word.startswith(DECISIVE) or not word.startswith(AGAIN)
+    ]
 
 
 def _fill(word: str, values: dict[str, str]) -> str:

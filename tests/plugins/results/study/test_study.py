@@ -24,6 +24,7 @@ from plugins.results.study.study_files import (
     RECORD,
     Selection,
     StudyRun,
+    find_record,
     find_study,
     read_study,
 )
@@ -109,6 +110,11 @@ def test_the_paper_with_a_language_model_says_what_it_costs(
         ("small.yaml sim=mojoco", {}, "did you mean 'mujoco'?"),
         ("small.yaml", {"seeds": 0}, "small.yaml: seeds: Input should be greater"),
         ("small.yaml", {"methods": [{"name": "a b"}]}, "methods.0.name: "),
+        ("small.yaml", {"methods": [{"name": ".."}]}, "methods.0.name: "),
+        ("small.yaml", {"methods": [{"name": "report"}]}, "can't name a folder"),
+        ("small.yaml", {"methods": 2 * [{"name": "a"}]}, "two methods have the name"),
+        ("small.yaml", {"tasks": ["a.yaml", "b/a.yaml"]}, "two tasks have the name"),
+        ("small.yaml", {"tasks": [".."]}, "tasks: '..' can't name a folder"),
         ("small.yaml", {"author": "me"}, "small.yaml: author: Extra inputs"),
         ("", {}, "no study is named; usage: "),
     ],
@@ -144,6 +150,66 @@ def test_what_is_there_is_not_run_again(tmp_path, monkeypatch, capsys):
         main([file, "tasks=BringCube", "folder=done", "sim=sapien"])
 
 
+SCENE_TASKS = {"tasks": ["BringCube", "own.yaml"]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words", "scene", "said"),
+    [
+        ({}, ["vlm.model=b"], "one", "first that differ in: vlm.model=a vlm.model=b"),
+        ({}, ["vlm.model=a", "vlm.run=b"], "one", "first that differ in: vlm.run=b"),
+        ({}, ["vlm.model=a"], "two", "own that differ in: the scene file's checksum"),
+        ({"by_task": {"own": ["seed=3"]}}, ["vlm.model=a"], "one", "own that differ"),
+        ({}, ["vlm.model=a", "vlm.retries=1", "film=true"], "one", ""),
+    ],
+)
+def test_another_model_or_scene_is_another_run(tmp_path, changes, words, scene, said):
+    (tmp_path / "own.yaml").write_text("one")
+    file = Path(write(tmp_path, **SCENE_TASKS))
+    folder = tmp_path / "done"
+    before = Selection(read_study(file), file, folder, "tiny", ("vlm.model=a",))
+    (folder / "first/own").mkdir(parents=True)
+    methods = before.study.methods
+    (folder / RECORD).write_text(before.record(methods, before.study.tasks))
+
+    (tmp_path / "own.yaml").write_text(scene)
+    study = read_study(Path(write(tmp_path, **SCENE_TASKS, **changes)))
+    now = Selection(study, file, folder, "tiny", tuple(words))
+    if said:
+        with pytest.raises(UserError, match=re.escape(said)):
+            now.check_record(methods, study.tasks)
+    else:
+        now.check_record(methods, study.tasks)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "budget: tiny\nwords:\n  fir",
+        "[1, 2]",
+        "words: 3",
+        "study: {about: 2024-13-45}",
+        "[" * 10_000,
+        "\0",
+        "budget: tiny\nwords: {first: 3}\nstudy: null\n",
+    ],
+)
+def test_a_record_that_cannot_be_read_stops_nothing(tmp_path, capsys, text):
+    file = Path(write(tmp_path))
+    folder = tmp_path / "done"
+    (folder / "first").mkdir(parents=True)
+    (folder / RECORD).write_text(text)
+    selection = Selection(read_study(file), file, folder, "tiny")
+    selection.check_record(selection.study.methods, selection.study.tasks)
+    assert f"warning: {folder / RECORD}" in capsys.readouterr().err
+    assert find_record([folder]) is None
+
+    again = selection.record(selection.study.methods, selection.study.tasks)
+    (folder / RECORD).write_text(again)
+    assert find_record([folder]) == selection.study
+
+
 def test_what_is_left_of_a_run_is_estimated(tmp_path):
     words = ("task=BringCube", "budget.n_agent=1")
     begun = write_run(tmp_path / "begun", *words, rewards=[[0.3, 0.6]], finish=False)
@@ -160,7 +226,9 @@ def test_published_figures_stand_beside_those_of_the_runs(tmp_path):
     write_run(tmp_path / "c", "name=rlbench", rewards=[[0.5]])
     file = find_study("paper")
     selection = Selection(read_study(file), file, tmp_path, "quick")
-    (tmp_path / RECORD).write_text(selection.record())
+    (tmp_path / RECORD).write_text(
+        selection.record(selection.study.methods, ["ElevatePlate"])
+    )
 
     # One that never began has nothing but Hydra's notes.
     never = tmp_path / "d" / ".hydra" / "config.yaml"
