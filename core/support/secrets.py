@@ -20,8 +20,17 @@ _NAME = re.compile(
     r"|CREDENTIALS?(_|$)|BEARER(_|$)|AUTHORIZATION(_|$)|WEBHOOK|COOKIE|(^|_)AUTH$|(^|_)SIG(NATURE)?$"
 )
 # Before the host: a password, or a token alone.
-_BEFORE_HOST = re.compile(r"://(?:[^/\s:@]*:)?([^/\s@]+)@")
-_IN_QUERY = re.compile(r"[?&]([\w.-]+)=([^&\s#]+)")
+_BEFORE_HOST = re.compile(r":[/\\]{2}(?:[^/\s:@]*:)?([^/\s@]+)@")
+# A password with a slash in it; what begins with a port is none, nor is what begins in brackets.
+_WITH_SLASH = re.compile(
+    r":[/\\]{2}(?!\[)[^\s:@/?#\\]*:(?!\d{0,5}(?:[/?#\\,]|$))([^\s@]+)@"
+)
+# Before a host that is a name with a point, or has a port or a path; addresses of mail are none.
+_WITHOUT_SCHEME = re.compile(
+    r"(?<![^\s=,\[\"'/])(?<!://)(?!mailto:)\w[^\s:@/\\]*:(?![/\\]{2}|\d{0,5}(?:[/?#\\,]|$))([^\s@]+)@"
+    r"(?:localhost\b|[\w-]+(?:\.[\w-]+)+|[\w-]+(?=/|:\d{1,5}(?!\w)))"
+)
+_IN_QUERY = re.compile(r"[?&;#]([\w.-]+)=([^&\s#;]+)")
 
 # What requests carried lately, such as a session's token.
 _sent: deque[str] = deque(maxlen=50)
@@ -89,9 +98,11 @@ def _environment() -> Iterator[str]:
 
 def _in_addresses(text: str) -> Iterator[str]:
     """Yield passwords, tokens and signatures in the addresses of a text."""
-    if "://" not in text:
-        return
-    yield from _BEFORE_HOST.findall(text)
+    if "@" in text:
+        yield from _BEFORE_HOST.findall(text)
+        yield from _WITH_SLASH.findall(text)
+        yield from _WITHOUT_SCHEME.findall(text)
+
     for name, value in _IN_QUERY.findall(text):
         if is_secret_name(name):
             yield value

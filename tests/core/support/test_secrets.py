@@ -122,6 +122,49 @@ def test_what_was_sent_is_a_secret():
     assert not holds_secret("https://host/v1?sv=2024&design=abc#me@home")
 
 
+@pytest.mark.parametrize(
+    "address",
+    [
+        "http://host/v1#api_key=abc",
+        "http://host/v1#a=1&access_token=abc",
+        "http://host/v1;password=abc",
+        "http://host/v1?a=1;sig=abc",
+        "me:word@host.example/v1",
+        "me:word@host:8000",
+        "me:word@localhost",
+        "//me:word@host/v1",
+        "vlm.api_base=me:word@host/v1",
+        "http://me:wo/rd@host/v1",
+        "http://me:wo\\rd@host/v1",
+        "http://me:wo#rd@host/v1",
+        "http:\\\\me:word@host/v1",
+        "http://:word/more@host/v1",
+    ],
+)
+def test_keys_in_any_place_of_an_address_are_found(address):
+    assert holds_secret(address)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "http://host:8000/v1/models@latest",
+        "http://host.example:8000/a@b.example",
+        "[http://a:80/x,http://b:80/y@z]",
+        "http://[::1]:8000/v1/@x",
+        "http://host/v1#part-2",
+        "http://host/v1;v=1#top",
+        "docker run image:tag@sha256:0123456789abcdef",
+        "git@github.com:owner/name.git",
+        "mailto:me@host.example",
+        "at 10:30 @ the bench, see a@b.example",
+        "{task: BringCube}",
+    ],
+)
+def test_addresses_without_keys_are_none(text):
+    assert not holds_secret(text)
+
+
 def test_tokens_and_signatures_in_addresses_of_the_environment(monkeypatch):
     address = "https://planted-token@host/v1?sv=2024-11-04&sig=planted%2Bsignature"
     monkeypatch.setenv("OPENAI_BASE_URL", address)
