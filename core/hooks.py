@@ -126,6 +126,10 @@ class Configs(Protocol):
         """Say before each generation what fails, with ``prompt.critic``: makes a `core.search.designer.Critic`."""
 
     @hookspec
+    def memories(self) -> Factories:
+        """Have a model write what a run taught, with ``prompt.lessons``: makes a `core.search.designer.Memory`."""
+
+    @hookspec
     def menders(self) -> Factories:
         """Send designs that break a rule back, with ``prompt.repair``: makes a `core.search.answers.Mender`."""
 

@@ -182,8 +182,8 @@ class Brief:
 class Request:
     """One call of the model: the brief, and what was composed from it (messages, JSON schema of the answer).
 
-    With ``critique`` it asks for no designs, but what fails in the brief's only elite, and why: the answer is plain
-    text, and the schema is empty.
+    With ``critique`` it asks for no designs, but what fails in the brief's only elite, and why, or what a run taught:
+    the answer is plain text, and the schema is empty.
     """
 
     id: str  # for example g0-a3: generation 0, agent 3

@@ -10,6 +10,7 @@ import yaml
 from omegaconf import MISSING
 
 from core.design import Budget
+from core.errors import UsageError
 from core.interfaces import RolloutSettings
 from core.values.materials import Material
 
@@ -24,6 +25,8 @@ PartConfig = dict[str, Any]
 
 FEEDBACK = ("paper", "numbers", "full")
 PHOTOGRAPHS = ("beside", "alone", "none")
+WRITE = "write"
+"""Among the folders of `PromptSettings.lessons`: this run's are written."""
 
 
 @dataclass
@@ -46,6 +49,7 @@ class PromptSettings:
         critic: how many candidates of a generation the model is shown again, with pictures, one in each request; what
             fails in them by its words stands in the next generation's prompts.
         lessons: folders with a ``lessons.json``, of runs or written by hand; what fits the task stands in the prompts.
+            The word ``write`` alone or among them: the model writes this run's at its end.
         system: the templates of the system message; empty: no system message.
         initial: the templates of a first sampling; empty: no first sampling, elites come from elsewhere.
         evolution: the templates of a request that shows elites.
@@ -63,12 +67,39 @@ class PromptSettings:
     generation_characters: int = 1_200
     repair: int | None = None
     critic: int = 0
-    lessons: list[str] = field(default_factory=list)
+    lessons: Any = field(default_factory=list)  # a word, or a list of them
     system: list[str] = field(default_factory=PARTS["system"].copy)
     initial: list[str] = field(default_factory=PARTS["initial"].copy)
     evolution: list[str] = field(default_factory=PARTS["evolution"].copy)
     given: list[str] = field(default_factory=PARTS["given"].copy)
     tools: list[str] = field(default_factory=PARTS["tools"].copy)
+
+    @property
+    def lesson_folders(self) -> list[str]:
+        """The folders whose lessons are read."""
+        return [word for word in self._lesson_words if word != WRITE]
+
+    @property
+    def writes_lessons(self) -> bool:
+        """Whether the model is asked for lessons at the end of the run."""
+        return WRITE in self._lesson_words
+
+    @property
+    def _lesson_words(self) -> list[str]:
+        return [self.lessons] if isinstance(self.lessons, str) else self.lessons
+
+    def check_lessons(self) -> None:
+        """Check that ``lessons`` is a word, or a list of words.
+
+        Raises:
+            UsageError: it is something else.
+        """
+        words = self._lesson_words
+        if isinstance(words, list) and all(isinstance(word, str) for word in words):
+            return
+        raise UsageError(
+            f"prompt.lessons={self.lessons}: give {WRITE}, or folders as in prompt.lessons=[runs/A,runs/B]"
+        )
 
 
 @dataclass

@@ -140,6 +140,7 @@ def as_markdown(message: Message) -> str:
 
 
 def _check_settings(settings: PromptSettings) -> None:
+    settings.check_lessons()
     for name in ("generation_characters", "critic", "repair"):
         most = getattr(settings, name) or 0
         if most < 0:

@@ -128,6 +128,7 @@ HOOKS = {
     "tool_rules": "tool_rule",
     "artists": "artist",
     "critics": "critic",
+    "memories": "memory",
     "menders": "mender",
     "exports": "export",
     "remarks": "remark",

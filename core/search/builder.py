@@ -214,7 +214,11 @@ def finish_designer(
 
 
 def equip(designer: ModelDesigner) -> None:
-    """Give a designer the critic and the mender that the prompts' settings ask for."""
+    """Give a designer the critic, the mender and the memory that the prompts' settings ask for.
+
+    Raises:
+        UsageError: the model can't write the lessons that are asked for.
+    """
     settings = designer.prompts.facts.settings
 
     if settings.repair:
@@ -224,3 +228,12 @@ def equip(designer: ModelDesigner) -> None:
     if settings.critic and designer.vlm.criticises:
         for make in installed().factories("critic").values():
             designer.critic = make(designer)
+
+    if settings.writes_lessons:
+        if not designer.vlm.criticises:
+            raise UsageError(
+                f"{designer.vlm.model} writes no lessons; leave prompt.lessons=write away, or choose a language model "
+                "with vlm=NAME"
+            )
+        for make in installed().factories("memory").values():
+            designer.memory = make(designer)

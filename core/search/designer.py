@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -16,7 +17,7 @@ from core.designs.composer import PromptComposer
 from core.designs.replies import parse_reply
 from core.designs.schema import answer_schema
 from core.errors import LimitReached, UsageError, UserError
-from core.events import Generation
+from core.events import Generation, Result
 from core.hooks import hookimpl
 from core.interfaces import VLM, Brief, Picture, Reply, Request, Task
 from core.search.answers import Answer, Mender
@@ -68,6 +69,21 @@ class Critic(Protocol):
         """Return what was said of elites, and of the last generation's candidates, by candidate."""
 
 
+class Memory(Protocol):
+    """Has a model write down what a run taught; a plugin makes it of a `ModelDesigner`."""
+
+    def learn(self, result: Result, folder: Path) -> None:
+        """Ask the model at the end of a run, and keep what it says in the run's folder.
+
+        Args:
+            result: of a run that came to its end, with a best candidate.
+            folder: of the run.
+
+        Raises:
+            UserError: the folder can't be written.
+        """
+
+
 @dataclass(eq=False)
 class ModelDesigner:
     """A `core.interfaces.Designer` that sends the requests of all agents at once.
@@ -91,6 +107,7 @@ class ModelDesigner:
         artist: draws film strips of rollouts.
         critic: has candidates criticised before each generation; None: nothing is.
         mender: sends designs that break a rule back; None: nothing goes back.
+        memory: has the model write down what the run taught; None: nothing is written.
         stored: replies that are not asked for again, by request id.
         tried: what requests may show of earlier generations; as a listener the designer collects it itself.
 
@@ -107,6 +124,7 @@ class ModelDesigner:
     artist: Artist = field(default_factory=Artist)
     critic: Critic | None = None
     mender: Mender | None = None
+    memory: Memory | None = None
     stored: Mapping[str, Reply] = field(default_factory=dict)
     tried: list[Evaluation] = field(default_factory=list)
 

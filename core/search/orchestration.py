@@ -132,6 +132,11 @@ def run_search(search: Search, store: RunStore) -> Result:
     with writing(run.folder):
         for export in installed().factories("export").values():
             export(result, run, search.strategy)
+
+    memory = search.designer.memory
+    if memory is not None and result.best is not None and result.stopped is None:
+        memory.learn(result, run.folder)
+
     events.hook.run_finished(run=run, result=result)
     return result
 

@@ -38,6 +38,7 @@ class Search:
     """All that takes part in a search."""
 
     run: Run
+    designer: ModelDesigner
     strategy: EvolutionStrategy
     fitness: Fitness
     executor: Executor
@@ -81,7 +82,7 @@ def build_search(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) ->
         part(SIMULATOR, cfg.sim).create(),
         designer.prompts.facts.rollout,
     )
-    return Search(run, strategy, fitness, executor, events)
+    return Search(run, designer, strategy, fitness, executor, events)
 
 
 def _build_strategy(

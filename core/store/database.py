@@ -30,7 +30,14 @@ LOCK = "run.lock"
 SCHEMA_VERSION = 1  # until something is released
 
 # What runs write: files as patterns, and folders with all that is in them.
-_FILES = ("run.*", "result.json*", "scene.png", "recording*.rrd", "task.*")
+_FILES = (
+    "run.*",
+    "result.json*",
+    "lessons.json*",
+    "scene.png",
+    "recording*.rrd",
+    "task.*",
+)
 _FOLDERS = (".hydra", "requests", "replies", "best")
 
 _OUR_FAULTS = ("SQLITE_ERROR", "SQLITE_CONSTRAINT", "SQLITE_MISUSE")

@@ -98,7 +98,7 @@ def _find_again(
         reply = request.reply
         unsent = reply is None and request.id.endswith("-repair")
         lacks = unsent or (reply is not None and reply.unanswered)
-        if lacks and not request.critique and request.generation >= latest:
+        if lacks and request.purpose == "designs" and request.generation >= latest:
             again[request.id] = (request.generation, request.agent)
 
     return again

@@ -273,9 +273,11 @@ class StoredRequest:
     reply: Reply | None = None
 
     @property
-    def critique(self) -> bool:
-        """Whether it asked for a critique of its elite, and not for designs."""
-        return "-critic" in self.id
+    def purpose(self) -> Literal["designs", "critiques", "lessons"]:
+        """What it asked for: designs, a critique of its elite, or what the run taught."""
+        if "-critic" in self.id:
+            return "critiques"
+        return "lessons" if self.id.endswith("-lessons") else "designs"
 
 
 class WrittenDesign(TypedDict):

@@ -49,6 +49,11 @@ def artists() -> Mapping[str, str]:
 
 
 @hookimpl
+def memories() -> Mapping[str, str]:
+    return {"model": "plugins.vlms.memory:ModelMemory"}
+
+
+@hookimpl
 def menders() -> Mapping[str, str]:
     return {"second_look": "plugins.vlms.second_look:SecondLook"}
 

@@ -263,10 +263,8 @@ def _answers_by_model(
         # The candidates of an agent are those of its last answer: a checked or repaired one comes second.
         designers: dict[tuple[int, ...], str] = {}
         for request, reply in run.store.answers():
-            if request.critique:
-                asked[reply.model, "critiques"].append(request)
-            else:
-                asked[reply.model, "designs"].append(request)
+            asked[reply.model, request.purpose].append(request)
+            if request.purpose == "designs":
                 designers[request.generation, request.agent] = reply.model
 
         for row in run.store.evaluations():

@@ -181,7 +181,9 @@ class Estimator:
         requests = budget.n_agent * generations
         if isinstance(state, LeftOutRun) and state.status == "unfinished":
             store = StoredRun(run.folder)
-            answered = sum(not request.critique for request, _ in store.answers())
+            answered = sum(
+                request.purpose == "designs" for request, _ in store.answers()
+            )
             requests = max(requests - answered, 0)
             rollouts = max(rollouts - len(store.trials()), 0)
 

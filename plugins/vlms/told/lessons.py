@@ -30,6 +30,7 @@ FILE = "lessons.json"
 MOST_WORDS = 400  # of all lessons in a prompt
 LONGEST = 400  # letters of a sentence
 MOST = 200  # lessons that are read of a file
+MOST_WRITTEN = 12  # lessons of a run
 
 _WORD = re.compile(r"[a-z]{4,}")
 _COMMON = frozenset(("arms", "robot", "table", "task", "that", "this", "tool", "with"))
@@ -61,6 +62,11 @@ class Lesson:
         entry = {"says": self.says, "for": self.kind, "sure": self.sure}
         return {key: value for key, value in entry.items() if value}
 
+    @property
+    def written(self) -> dict[str, Any]:
+        """What a file holds of it, beside the task and what was told."""
+        return {**self.shown, "seen": list(self.seen)}
+
 
 def lessons_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
     """Write the lessons that fit a task as JSON for templates, their ``lessons``; empty: there are none.
@@ -73,7 +79,7 @@ def lessons_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
     Raises:
         UserError: a folder holds no lessons, or they can't be read.
     """
-    folders = facts.settings.lessons
+    folders = facts.settings.lesson_folders
     if not folders:
         return ""
 
@@ -109,20 +115,27 @@ def read_lessons(folder: Path) -> list[Lesson]:
     except (ValueError, RecursionError) as error:
         raise UserError(f"prompt.lessons: {file} is no JSON: {error}") from error
 
+    return read_entries(document, f"prompt.lessons: {file}")
+
+
+def read_entries(document: object, what: str) -> list[Lesson]:
+    """Read the lessons of a document; ``what`` names it in an error.
+
+    Raises:
+        UserError: there are none, or a lesson says nothing.
+    """
     if not isinstance(document, dict) or not isinstance(document.get("lessons"), list):
-        raise UserError(
-            f'prompt.lessons: {file} must hold {{"lessons": [{{"says": "..."}}, ...]}}'
-        )
+        raise UserError(f'{what} must hold {{"lessons": [{{"says": "..."}}, ...]}}')
 
-    return [*_read_entries(document, file)]
+    return [*_read_each(document, what)]
 
 
-def _read_entries(document: dict[str, Any], file: Path) -> Iterator[Lesson]:
+def _read_each(document: dict[str, Any], what: str) -> Iterator[Lesson]:
     for number, entry in enumerate(document["lessons"][:MOST]):
         says = entry.get("says") if isinstance(entry, dict) else entry
         if not isinstance(says, str) or not says.strip():
             raise UserError(
-                f'prompt.lessons: {file}: lesson {number} says nothing; write {{"says": "..."}}'
+                f'{what}: lesson {number} says nothing; write {{"says": "..."}}'
             )
 
         fields = entry if isinstance(entry, dict) else {}
@@ -130,7 +143,7 @@ def _read_entries(document: dict[str, Any], file: Path) -> Iterator[Lesson]:
         yield Lesson(
             _words(says),
             _words(fields.get("for")),
-            tuple(map(str, seen)) if isinstance(seen, list) else (),
+            tuple(map(_words, seen)) if isinstance(seen, list) else (),
             _words(fields.get("sure")),
             _words(document.get("task")),
             _words(document.get("told")),

@@ -42,6 +42,7 @@ from core.values.robots import ISO_9409_1_50
 from plugins.actions.waypoints import WaypointActions
 from plugins.conformance.evaluations import tried_once
 from plugins.vlms.critic import CRITIC
+from plugins.vlms.memory import TEMPLATE
 from plugins.vlms.second_look import REPAIR, SecondLook
 from plugins.vlms.told.excerpts import task_source
 from tests.panda import PANDA, on_panda
@@ -465,7 +466,7 @@ def test_an_elite_without_a_tool_is_an_error():
 
 
 def test_each_template_is_used():
-    used = {REPAIR, CRITIC}.union(*PARTS.values())
+    used = {REPAIR, CRITIC, TEMPLATE}.union(*PARTS.values())
     for name in ("human", "paper"):
         settings = settings_of(name)
         used |= {*settings.initial, *settings.evolution, *settings.given}

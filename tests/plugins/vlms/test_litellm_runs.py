@@ -156,3 +156,86 @@ def test_a_gateway_that_repeats_the_key_leaves_it_nowhere(tmp_path, monkeypatch,
     for form in (key, "planted"):
         assert not [data for data in written if form.encode() in data]
     assert any(b"***" in data for data in written)
+
+
+def test_a_run_asks_once_for_lessons_and_keeps_them_within_bounds(tmp_path):
+    folder = tmp_path / "run"
+    lesson = {
+        "says": "Hook the cube from behind. " * 40,
+        "for": "pulling",
+        "sure": "seen once",
+        "seen": ["g0-a0-s0-p0", "g9-a9-s9-p9", 3],
+        "run": "rm -rf /",
+    }
+    words = [
+        *COMMON,
+        "prompt.lessons=write",
+        "budget.n_agent=1",
+        "budget.n_tool=1",
+        "budget.n_action=1",
+        "budget.n_iteration=0",
+    ]
+
+    def answer(call):
+        if "The search is over" in "".join(call.texts):
+            said = json.dumps({"lessons": [lesson] * 30})
+            return Say(f"Here they are:\n```json\n{said}\n```\nGood luck!")
+        return Say(json.dumps({"strategies": [SOLUTION]}))
+
+    with serving(answer) as server:
+        model = ["vlm=gemini", f"vlm.api_base={server.url}", "vlm.concurrency=1"]
+        run(load("config", [*model, *words]), folder)
+    assert len(server.calls) == 2
+    asked = "".join(server.calls[1].texts)
+    assert "g0-a0-s0-p0" in asked
+    assert "response_json_schema" not in server.calls[1].body["generationConfig"]
+    written = json.loads((folder / "lessons.json").read_text())
+    assert (written["task"], written["told"]) == ("BringCube", "source")
+    assert len(written["lessons"]) == 12
+    first = written["lessons"][0]
+    assert sorted(first) == ["for", "says", "seen", "sure"]
+    assert len(first["says"]) <= 400
+    assert first["seen"] == ["g0-a0-s0-p0"]
+    with closing(sqlite3.connect(folder / "run.sqlite")) as database:
+        ids = database.execute("SELECT id FROM requests ORDER BY 1").fetchall()
+    assert ids == [("g0-a0",), ("g1-lessons",)]
+    # The user's to edit: an end that comes again leaves them.
+    (folder / "lessons.json").write_text('{"lessons": ["mine"]}')
+    again = ["budget.n_iteration=0", f"vlm.api_base={server.url}"]
+    resume(folder, again)
+    assert json.loads((folder / "lessons.json").read_text()) == {"lessons": ["mine"]}
+
+
+def test_lessons_that_can_not_be_read_cost_no_run(tmp_path, capsys):
+    folder = tmp_path / "run"
+    words = [
+        *COMMON,
+        "prompt.lessons=write",
+        "budget.n_agent=1",
+        "budget.n_tool=1",
+        "budget.n_action=1",
+        "budget.n_iteration=0",
+    ]
+
+    def answer(call):
+        if "The search is over" in "".join(call.texts):
+            return Say("I learnt {nothing}.")
+        return Say(json.dumps({"strategies": [SOLUTION]}))
+
+    with serving(answer) as server:
+        model = ["vlm=gemini", f"vlm.api_base={server.url}", "vlm.concurrency=1"]
+        found = run(load("config", [*model, *words]), folder)
+    assert found.best.reward > 0.95
+    assert "no lessons.json: the answer is no JSON" in capsys.readouterr().err
+    assert not (folder / "lessons.json").exists()
+    assert (folder / "result.json").exists()
+
+
+def test_a_model_without_words_is_not_asked_for_lessons(tmp_path):
+    words = [*COMMON, "vlm=offline", "prompt.lessons=write"]
+    with pytest.raises(UserError, match="writes no lessons; leave"):
+        run(load("config", words), tmp_path / "run")
+    with pytest.raises(
+        UserError, match=r"give write, or folders as in prompt\.lessons"
+    ):
+        run(load("config", [*COMMON, "prompt.lessons=3"]), tmp_path / "run")
