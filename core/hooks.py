@@ -127,7 +127,7 @@ class Configs(Protocol):
 
     @hookspec
     def memories(self) -> Factories:
-        """Have a model write what a run taught, with ``prompt.lessons``: makes a `core.search.designer.Memory`."""
+        """Recall other runs, and write what this one taught: makes a `core.search.designer.Memory`."""
 
     @hookspec
     def menders(self) -> Factories:

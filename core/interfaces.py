@@ -156,6 +156,21 @@ class Simulator(ABC):
 
 
 @dataclass(frozen=True, eq=False)
+class Recalled:
+    """What a prompt shows of another run, which a person named.
+
+    Attributes:
+        kind: ``lesson`` or ``example``.
+        source: where it was found, as ``runs/first#3``: the folder, and the number of the lesson or the candidate's id.
+        shown: what the prompt shows of it, as JSON.
+    """
+
+    kind: str
+    source: str
+    shown: JsonObject
+
+
+@dataclass(frozen=True, eq=False)
 class Brief:
     """One agent's assignment, as data. An agent is one call of the model, without shared history."""
 
@@ -176,6 +191,7 @@ class Brief:
     style: str = ""  # what a strategy adds to the prompt
     # A critic's words, by candidate.
     critiques: Mapping[str, str] = field(default_factory=dict)
+    recalled: tuple[Recalled, ...] = ()  # of other runs
 
 
 @dataclass(frozen=True, eq=False)

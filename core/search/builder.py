@@ -229,11 +229,13 @@ def equip(designer: ModelDesigner) -> None:
         for make in installed().factories("critic").values():
             designer.critic = make(designer)
 
-    if settings.writes_lessons:
-        if not designer.vlm.criticises:
-            raise UsageError(
-                f"{designer.vlm.model} writes no lessons; leave prompt.lessons=write away, or choose a language model "
-                "with vlm=NAME"
-            )
+    if settings.writes_lessons and not designer.vlm.criticises:
+        raise UsageError(
+            f"{designer.vlm.model} writes no lessons; leave prompt.lessons=write away, or choose a language model "
+            "with vlm=NAME"
+        )
+
+    recalls = settings.lesson_folders and designer.vlm.sees
+    if settings.writes_lessons or recalls:
         for make in installed().factories("memory").values():
             designer.memory = make(designer)

@@ -19,7 +19,16 @@ from core.designs.schema import answer_schema
 from core.errors import LimitReached, UsageError, UserError
 from core.events import Generation, Result
 from core.hooks import hookimpl
-from core.interfaces import VLM, Brief, Picture, Reply, Request, Task
+from core.interfaces import (
+    VLM,
+    Brief,
+    Picture,
+    Recalled,
+    Reply,
+    Request,
+    Task,
+    ToolRepresentation,
+)
 from core.search.answers import Answer, Mender
 from core.search.assignment import Assignment, Team
 from core.search.model_requests import ask_model
@@ -70,7 +79,12 @@ class Critic(Protocol):
 
 
 class Memory(Protocol):
-    """Has a model write down what a run taught; a plugin makes it of a `ModelDesigner`."""
+    """Recalls other runs, and has a model write down what this one taught; a plugin makes it of a `ModelDesigner`."""
+
+    def recall(
+        self, task: Task, representation: ToolRepresentation
+    ) -> tuple[Recalled, ...]:
+        """Return what prompts for a task show of other runs; with a given tool no other tools."""
 
     def learn(self, result: Result, folder: Path) -> None:
         """Ask the model at the end of a run, and keep what it says in the run's folder.
@@ -107,7 +121,7 @@ class ModelDesigner:
         artist: draws film strips of rollouts.
         critic: has candidates criticised before each generation; None: nothing is.
         mender: sends designs that break a rule back; None: nothing goes back.
-        memory: has the model write down what the run taught; None: nothing is written.
+        memory: recalls other runs, and has the model write down what this one taught; None: neither is asked for.
         stored: replies that are not asked for again, by request id.
         tried: what requests may show of earlier generations; as a listener the designer collects it itself.
 
@@ -312,10 +326,19 @@ class ModelDesigner:
             elites=tuple(team.elites),
             tried=tried,
             critiques=critiques,
+            recalled=self.recall(assignment.task, assignment.representation),
             style=team.style,
         )
 
         return brief, float(np.clip(temperature, 0.0, 2.0))
+
+    def recall(
+        self, task: Task, representation: ToolRepresentation
+    ) -> tuple[Recalled, ...]:
+        """Return what prompts for a task show of other runs; see `Memory.recall`."""
+        if self.memory is None:
+            return ()
+        return self.memory.recall(task, representation)
 
     def parse(self, brief: Brief, text: str) -> object:
         """Find the designs document in a reply.

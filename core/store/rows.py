@@ -50,6 +50,7 @@ Amount = Annotated[Number, Field(ge=0, le=1e9)]
 Reward = Annotated[Number, Field(ge=0, le=1)]
 Id = Annotated[str, Field(max_length=200)]
 Ids = Json[tuple[Id, ...]]
+Sources = Json[tuple[Annotated[str, Field(max_length=5000)], ...]]  # with paths
 Key = tuple[int, int, int]  # generation, agent and number of a design
 
 # Slow to make.
@@ -270,6 +271,7 @@ class StoredRequest:
     temperature: Number
     elites: Ids
     digest: Id
+    recalled: Sources = ()
     reply: Reply | None = None
 
     @property

@@ -330,10 +330,11 @@ class SeveralDesigner(ModelDesigner):
         number = self.tasks.index(task)
         alone = [parent.in_task(task.name) for parent in parents]
         rng = np.random.default_rng([brief.seed, tool.design, number])
+        known = KnownTool(tool.tool, self.assignment.representation)
         for_task = replace(
             brief,
             task=task,
-            representation=KnownTool(tool.tool, self.assignment.representation),
+            representation=known,
             actions=self.plan_actions,
             gripper=tool.tool.gripper,
             n_tool=1,
@@ -343,6 +344,7 @@ class SeveralDesigner(ModelDesigner):
             ),
             tried=tuple(e.in_task(task.name) for e in brief.tried),
             critiques={},
+            recalled=self.recall(task, known),
             seed=int(rng.integers(2**31)),
         )
 

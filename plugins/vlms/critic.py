@@ -76,6 +76,7 @@ class ModelCritic:
             task=task,
             agent=number,
             elites=(elite,),
+            recalled=(),
             gripper=tool is not None and tool.gripper,
             n_tool=1,
             n_action=1,

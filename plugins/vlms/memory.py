@@ -1,18 +1,19 @@
-"""Have a model write down at the end of a run what it taught, for runs of other tasks."""
+"""Recall what other runs taught, and have a model write down at the end of a run what it taught."""
 
 from __future__ import annotations
 
 import json
 import sys
 from collections.abc import Container
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from core.config.schemas import PARTS, PromptSettings
 from core.designs.prompt_values import prompt_values
-from core.errors import UserError
+from core.errors import UsageError, UserError
 from core.events import Result
-from core.interfaces import Message, Request
+from core.interfaces import Message, Recalled, Request, Task, ToolRepresentation
 from core.search.assignment import Team
 from core.search.designer import ModelDesigner
 from core.search.model_requests import ask_model
@@ -20,7 +21,13 @@ from core.support.cli import say
 from core.support.files import write_whole, writing
 from plugins.vlms.artist import shown_in
 from plugins.vlms.told.feedback import WHOLE, generation_lines
-from plugins.vlms.told.lessons import FILE, MOST_WRITTEN, Lesson, read_entries
+from plugins.vlms.told.lessons import (
+    FILE,
+    MOST_WRITTEN,
+    Lesson,
+    read_entries,
+    recall_lessons,
+)
 
 TEMPLATE = "write_lessons"
 _LINES = 6_000  # characters about the candidates that are not shown whole
@@ -29,12 +36,34 @@ _MOST_SEEN = 12  # ids of a lesson
 
 @dataclass(eq=False)
 class ModelMemory:
-    """Asks for a run's lessons, and writes them to its folder: a `core.search.designer.Memory`."""
+    """Recalls lessons, asks for a run's own, and writes them to its folder: a `core.search.designer.Memory`.
+
+    Raises:
+        UserError: what the settings name can't be read, or no prompt shows it.
+    """
 
     designer: ModelDesigner
+    _found: dict[str, list[Recalled]] = field(default_factory=dict)  # by task
 
     def __post_init__(self) -> None:
-        self.designer.prompts.templates.load(TEMPLATE)
+        assignment = self.designer.assignment
+        settings = self.designer.prompts.facts.settings
+        if settings.writes_lessons:
+            self.designer.prompts.templates.load(TEMPLATE)
+        if settings.lesson_folders:
+            _check_shown(settings, "lessons")
+
+        self.recall(assignment.task, assignment.representation)
+
+    def recall(
+        self, task: Task, representation: ToolRepresentation
+    ) -> tuple[Recalled, ...]:
+        """See `core.search.designer.Memory.recall`; files are read once."""
+        if task.name not in self._found:
+            facts = self.designer.prompts.facts
+            self._found[task.name] = recall_lessons(task, facts)
+
+        return tuple(self._found[task.name])
 
     def learn(self, result: Result, folder: Path) -> None:
         """See `core.search.designer.Memory.learn`; a failure costs the lessons, and a line says why.
@@ -89,7 +118,9 @@ class ModelMemory:
         generation = len(result.generations)
         team = Team(range(1), elites)
         brief, temperature = designer.brief(generation, 0, team, tried)
-        brief = replace(brief, task=task, critiques={}, n_tool=1, n_action=1)
+        brief = replace(
+            brief, task=task, critiques={}, recalled=(), n_tool=1, n_action=1
+        )
 
         facts = replace(designer.prompts.facts, criticised=True)
         values = prompt_values(facts, brief)
@@ -104,6 +135,20 @@ class ModelMemory:
         name = f"g{generation}-lessons"
 
         return Request(name, brief, messages, {}, temperature, critique=True)
+
+
+def _check_shown(settings: PromptSettings, part: str) -> None:
+    """Check that some prompt has the part that shows what is recalled.
+
+    Raises:
+        UsageError: none has.
+    """
+    uses = [getattr(settings, use) for use in PARTS]
+    if not any(part in parts for parts in uses):
+        raise UsageError(
+            f"prompt={settings.name} has no part that shows prompt.{part}; leave it away, or add {part} to "
+            "prompt.initial and the others"
+        )
 
 
 def read_answer(text: str, known: Container[str]) -> list[Lesson]:

@@ -15,18 +15,19 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from core.design import Tool
 from core.designs.prompt_values import RunFacts
 from core.errors import UserError
-from core.interfaces import Brief, Task
+from core.interfaces import Brief, Recalled, Task
 from core.support.files import read_text
 from core.support.text import clean
 
 FILE = "lessons.json"
+LESSON = "lesson"  # a kind of what is recalled
 MOST_WORDS = 400  # of all lessons in a prompt
 LONGEST = 400  # letters of a sentence
 MOST = 200  # lessons that are read of a file
@@ -47,6 +48,7 @@ class Lesson:
         sure: how sure it is, in words.
         task: of the run; empty: unknown.
         told: the level at which that run was told of its scene; empty: unknown.
+        source: the folder, and the lesson's number in it.
     """
 
     says: str
@@ -55,6 +57,7 @@ class Lesson:
     sure: str = ""
     task: str = ""
     told: str = ""
+    source: str = field(default="", compare=False)
 
     @property
     def shown(self) -> dict[str, Any]:
@@ -69,32 +72,49 @@ class Lesson:
 
 
 def lessons_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
-    """Write the lessons that fit a task as JSON for templates, their ``lessons``; empty: there are none.
+    """Write the lessons that a request recalls as JSON for templates, their ``lessons``; empty: there are none.
 
     Args:
-        brief: with the task.
+        brief: with what is recalled.
         mounted: the tool on the arm, which this says nothing of.
+        facts: of the run.
+    """
+    return dump_recalled(brief, LESSON)
+
+
+def dump_recalled(brief: Brief, kind: str) -> str:
+    """Write what a request recalls of a kind as JSON, an item on a line; empty: there is nothing."""
+    found = [recalled for recalled in brief.recalled if recalled.kind == kind]
+    if not found:
+        return ""
+    lines = [json.dumps(recalled.shown, ensure_ascii=False) for recalled in found]
+    return "[\n" + ",\n".join(lines) + "\n]"
+
+
+def recall_lessons(task: Task, facts: RunFacts) -> list[Recalled]:
+    """Read the lessons of the folders that the settings name, and choose those that fit a task.
+
+    Args:
+        task: what prompts are for.
         facts: of the run: the folders, and the level at which bodies are described.
 
     Raises:
         UserError: a folder holds no lessons, or they can't be read.
     """
-    folders = facts.settings.lesson_folders
-    if not folders:
-        return ""
+    found: list[Lesson] = []
+    for folder in facts.settings.lesson_folders:
+        for number, lesson in enumerate(read_lessons(Path(folder))):
+            found.append(replace(lesson, source=f"{folder}#{number}"))
 
-    found = [lesson for folder in folders for lesson in read_lessons(Path(folder))]
     level = facts.settings.told
     allowed = [
         lesson
         for lesson in found
         if facts.level.numbers or lesson.told == level or not _tells(lesson)
     ]
-    chosen = choose_lessons(allowed, brief.task)
-    if not chosen:
-        return ""
-    lines = [json.dumps(lesson.shown, ensure_ascii=False) for lesson in chosen]
-    return "[\n" + ",\n".join(lines) + "\n]"
+    chosen = choose_lessons(allowed, task)
+
+    return [Recalled(LESSON, lesson.source, lesson.shown) for lesson in chosen]
 
 
 def _tells(lesson: Lesson) -> bool:
@@ -162,7 +182,7 @@ def choose_lessons(lessons: list[Lesson], task: Task) -> list[Lesson]:
 
     One that shares none is left out, unless nobody said what it is for. Those that are alike are shown once.
     """
-    wanted = _keys(f"{task.name} {task.description} {task.in_words} {task.goals!r}")
+    wanted = words_of(task)
     ranked = []
     for lesson in dict.fromkeys(lessons):
         shared = len(_keys(f"{lesson.says} {lesson.kind} {lesson.task}") & wanted)
@@ -179,6 +199,11 @@ def choose_lessons(lessons: list[Lesson], task: Task) -> list[Lesson]:
             left -= count
 
     return chosen
+
+
+def words_of(task: Task) -> set[str]:
+    """Return the words of a task's name, description and goals that say what it is about."""
+    return _keys(f"{task.name} {task.description} {task.in_words} {task.goals!r}")
 
 
 def _keys(text: str) -> set[str]:

@@ -83,3 +83,19 @@ def test_all_tables_are_written(made):
     names = "costs gains generations left_out methods rewards runs tools"
     # With one model and no critic, none of models.
     assert sorted(f.stem for f in data.glob("*.csv")) == names.split()
+
+
+def test_runs_that_were_shown_lessons_stand_beside_those_that_were_not(tmp_path):
+    words = ["task=BringCube", "prompt.lessons=[runs/a]"]
+    with_lessons = write_run(tmp_path / "with", *words, rewards=[[0.8]])
+    write_run(tmp_path / "without", words[0], rewards=[[0.5]])
+    write_run(tmp_path / "other", words[0], "evolution=sampling", rewards=[[0.9]])
+    report([tmp_path], tmp_path / "out")
+    assert not (tmp_path / "out" / "data" / "recalled.csv").exists()
+    shown = '["lesson runs/a#0", "lesson runs/a#2", "example runs/b#g0-a0-s0-p0"]'
+    edit(with_lessons, f"UPDATE requests SET recalled = '{shown}'")
+    report([tmp_path], tmp_path / "out")
+    (row,) = read_csv(tmp_path / "out" / "data" / "recalled.csv")
+    assert (row["lessons per run"], row["examples per run"]) == ("2.0", "1.0")
+    assert (row["average of the best"], row["average without"]) == ("0.8", "0.5")
+    assert float(row["difference"]) == pytest.approx(0.3)

@@ -9,9 +9,11 @@ from core.designs.composer import PromptComposer
 from core.designs.prompt_values import RunFacts
 from core.errors import UserError
 from core.search.assignment import Team
+from core.search.builder import equip
+from core.store.columns import request_row
 from plugins.vlms.told.lessons import MOST_WORDS, Lesson, choose_lessons, read_lessons
 from tasks.bring_cube import BringCube
-from tests.core.search.test_designer import Canned, designer, good
+from tests.core.search.test_designer import Canned, Listener, designer, good
 from tests.panda import on_panda
 
 HOOK = "Come from above, behind the cube, and pull it back at less than 0.1 m/s."
@@ -26,7 +28,9 @@ def write(folder, *lessons, **fields):
 
 def prompt(folders, **settings):
     """The text of a first request."""
-    made = designer(Canned(good), prompt=PromptSettings(lessons=folders, **settings))
+    named = PromptSettings(name="vlmgineer", lessons=folders, **settings)
+    made = designer(Canned(good), prompt=named)
+    equip(made)
     brief, _ = made.brief(0, 0, Team([0]), ())
     messages = made.prompts.compose(brief)
     return "".join(part.text for message in messages for part in message.parts)
@@ -88,3 +92,29 @@ def test_a_fence_in_a_lesson_does_not_end_its_block(tmp_path):
     assert "```" not in lesson.says
     assert "\n" not in lesson.says
     assert PromptComposer(RunFacts(PromptSettings(lessons=[folder])))
+
+
+def test_a_request_says_which_lessons_it_shows(tmp_path):
+    folder = write(tmp_path / "a", {"says": SPOON, "for": "soup"}, {"says": HOOK})
+    listener = Listener()
+    prompt = PromptSettings(name="vlmgineer", lessons=folder)
+    made = designer(Canned(good), prompt=prompt, events=listener.hub)
+    equip(made)
+    requests = made.requests(0, Team([0, 1]))
+    rows = [request_row(request, "digest") for request in requests]
+    assert [row["recalled"] for row in rows] == [[f"lesson {folder}#1"]] * 2
+
+
+def test_a_prompt_that_shows_no_lessons_takes_none(tmp_path):
+    folder = write(tmp_path / "a", {"says": HOOK})
+    prompt = PromptSettings(
+        name="paper",
+        lessons=[folder],
+        initial=["mission"],
+        evolution=[],
+        given=[],
+        tools=[],
+    )
+    made = designer(Canned(good), prompt=prompt)
+    with pytest.raises(UserError, match="prompt=paper has no part that shows"):
+        equip(made)
