@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -133,6 +133,13 @@ class Task(ABC):
         Arguments are as those of `reward`, of one world; ``trace`` is None where the reward reads none.
         """
         return goals_margins(self, start, end, trace)
+
+    def find_doubts(self) -> Iterator[str]:
+        """Yield a line for each thing in the scene that its robot can't do, or that is seldom meant.
+
+        Commands say them before anything is tried.
+        """
+        yield from ()
 
     def photographs(self) -> Sequence[Picture]:
         """Return pictures of one's own bench that show this scene, for the prompt.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 from typing import ClassVar
 
@@ -34,6 +35,8 @@ from core.robot.kinematics import arm_of
 from core.search.assignment import DEFAULT_KINDS, Assignment, borne_kinds
 from core.search.designer import ModelDesigner
 from core.trial import TIE
+
+_log = logging.getLogger(__name__)
 
 MAY_BE_ZERO = ("n_iteration", "final_s", "elite_s")  # of a budget
 
@@ -194,6 +197,15 @@ def check_starts(task: Task) -> None:
     installed().factories("tool_rule")
     for stage in task.parts:
         arm_of(task.robot).home_for(stage.home)
+
+    warn_of_doubts(task)
+
+
+def warn_of_doubts(task: Task) -> None:
+    """Say what is doubtful in the scene of a task, before anything is drawn, asked or tried."""
+    for stage in task.parts:
+        for doubt in stage.find_doubts():
+            _log.warning("%s: %s", stage.name, doubt)
 
 
 def finish_designer(

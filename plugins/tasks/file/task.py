@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from typing import Any
@@ -14,10 +14,21 @@ from core.errors import UserError
 from core.geometry import Array, Pose
 from core.goals import goals_reward, reaches
 from core.interfaces import Picture, Task
+from core.robot.kinematics import arm_of
 from core.scene import Scene, State, Trace
 from core.support.cli import expand
 from core.values.layouts import NONE, Draw, Ranges, Sets
-from plugins.tasks.file import building, copies, doubts, goals, naming, photos, tree
+from plugins.tasks.file import (
+    building,
+    contacts,
+    copies,
+    doubts,
+    goals,
+    naming,
+    photos,
+    places,
+    tree,
+)
 from plugins.tasks.file import spec as schema
 from plugins.tasks.file.named_files import Files, warn_once
 
@@ -135,6 +146,13 @@ class FileTask(Task):
     def json_schema() -> dict[str, Any]:
         """Describe what a scene file may say as a JSON Schema."""
         return schema.json_schema()
+
+    def find_doubts(self) -> Iterator[str]:
+        """See `core.interfaces.Task.find_doubts`; what needs no robot is said where the file is read."""
+        yield from contacts.find_overlaps(self._scene)
+        arm = arm_of(self.robot)
+        for goal in reaches(self.goals):
+            yield from places.find_far(goal, arm, self._scene)
 
     def photographs(self) -> list[Picture]:
         """See `core.interfaces.Task.photographs`."""

@@ -7,16 +7,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from core.geometry import Array, Pose
+from core.geometry import Pose
 from core.goals import Kept, Reach, reaches
 from core.interfaces import Robot
-from core.robot.kinematics import Arm, arm_of
-from core.scene import Scene, State
-from plugins.tasks.file.bench.contacts import OVERLAP_M, find_gaps
+from core.robot.kinematics import arm_of
+from core.scene import Scene
+from plugins.tasks.file.contacts import find_overlaps
 from plugins.tasks.file.doubts import bound, find_doubts
+from plugins.tasks.file.places import find_ends, find_far
 from plugins.tasks.file.task import FileTask
 
-TOOL_M = 0.8  # the longest tool that most arms can wield
 SURROUNDINGS = ("table", "floor")
 WAY_M = 0.25  # what is farther from all ways is met by no tool
 _FAR_M = 5.0  # ahead, where no arm gets
@@ -34,7 +34,8 @@ def find_faults(task: FileTask) -> Iterator[str]:
             still |= set(goal.keep)
 
     for goal in reaches(task.goals):
-        yield from _find_needless(goal, arm_of(task.robot), scene)
+        yield from find_far(goal, arm_of(task.robot), scene)
+        yield from _find_needless(goal, scene)
         for name in sorted(still & set(goal.bodies)):
             yield f"goals want {name} moved, and kept where it is; say which"
 
@@ -45,27 +46,12 @@ def measure_reach(robot: Robot) -> float:
     return _FAR_M - arm.inverse(Pose(np.array([_FAR_M, 0.0, 0.3])), arm.home).error_m
 
 
-def find_overlaps(scene: Scene) -> Iterator[str]:
-    """Yield a line for each pair of bodies that overlap, of which one can move and no joint connects them."""
-    for pair, gap in find_gaps(scene, {body.name for body in scene.free}).items():
-        if gap < -OVERLAP_M and frozenset(pair) not in scene.joined:
-            mend = "move one, make one smaller, or leave a gap of 0.1 mm"
-            yield f"{' and '.join(pair)} overlap by {-1000 * gap:.0f} mm; {mend}"
-
-
-def _find_needless(goal: Reach, arm: Arm, scene: Scene) -> Iterator[str]:
-    """Yield a line if a goal is out of reach, or is reached before anything moves."""
+def _find_needless(goal: Reach, scene: Scene) -> Iterator[str]:
+    """Yield a line if a goal is reached before anything moves."""
     state = scene.state()
     left = list[float]()
     for name in goal.bodies:
         left += [float(m.left(state)) for m in goal.all_measures(name, state)]
-        for place in _find_ends(goal, name, state):
-            away = arm.inverse(Pose(place), arm.home).error_m
-            if away > TOOL_M:
-                yield (
-                    f"{name}, or where it is to be, is out of reach, {away:.2f} m from where the flange gets; are "
-                    "these metres?"
-                )
 
     if left and max(left) <= 0 and not (goal.held or goal.released or goal.rest):
         names = ", ".join(goal.bodies)
@@ -78,7 +64,7 @@ def _find_useless(task: FileTask, scene: Scene) -> Iterator[str]:
     ways = [np.zeros((1, 3))]
     for goal in reaches(task.goals):
         for name in goal.subjects(state):
-            here, wanted = _find_ends(goal, name, state)
+            here, wanted = find_ends(goal, name, state)
             ways += [np.linspace(0.0, here), np.linspace(here, wanted)]
 
     way = np.concatenate(ways)
@@ -97,13 +83,3 @@ def _find_useless(task: FileTask, scene: Scene) -> Iterator[str]:
                 f"{body.name} serves no goal, and stands in no way, {apart:.2f} m from the nearest; leave it out, or "
                 "say in a goal what is to become of it"
             )
-
-
-def _find_ends(goal: Reach, name: str, state: State) -> tuple[Array, Array]:
-    """Return where a body is, and where a goal wants it; where it wants nothing, it stays."""
-    here = state.position(name)
-    wanted = goal.place_of(name, state)
-    if wanted is None:
-        return here, here
-
-    return here, np.where(np.isnan(wanted), here, wanted)

@@ -13,17 +13,17 @@ from core.errors import UserError
 from core.geometry import Array, Shape
 from core.scene import Scene
 from plugins.tasks.file.bench.cameras import Bundle
-from plugins.tasks.file.bench.contacts import (
+from plugins.tasks.file.bench.marks import Numbers
+from plugins.tasks.file.bench.photographs import Photograph
+from plugins.tasks.file.bench.replies import Sighting
+from plugins.tasks.file.bench.views import View
+from plugins.tasks.file.contacts import (
     OVERLAP_M,
     TOUCHES_M,
     find_gaps,
     measure_shapes,
     pair_shapes,
 )
-from plugins.tasks.file.bench.marks import Numbers
-from plugins.tasks.file.bench.photographs import Photograph
-from plugins.tasks.file.bench.replies import Sighting
-from plugins.tasks.file.bench.views import View
 from plugins.tasks.file.task import FileTask
 
 PIXEL_PX = 6.0  # how well a model points, one standard deviation

@@ -2,8 +2,10 @@
 
 import pytest
 
+from core.search.builder import check_starts
 from plugins.new.packages import write_scene
 from plugins.tasks.file.doubts import find_doubts, find_idle_goals
+from tests.panda import on_panda
 from tests.plugins.tasks.file.test_task import task_of
 
 BODY = "\n  - {name: tin, cylinder: {radius: 0.03, length: 0.1}, position: [0.7, 0.2, 0.05], mass: 0.2}"
@@ -42,6 +44,27 @@ def test_units_that_were_mixed_up_and_bodies_in_the_air(tmp_path, text, old, new
         line.startswith(said)
         for line in doubts(tmp_path, text, BODY.replace(old, new, 1))
     )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("[0.7, 0.2, 0.05]", "[1.0, 0.12, 0.05]", "block and tin overlap by "),
+        ("[0.7, 0.2, 0.05]", "[0.7, 0.25, 0.05]", ""),
+    ],
+)
+def test_a_run_says_at_once_what_overlaps(tmp_path, text, caplog, old, new, said):
+    body = BODY.replace(old, new)
+    text = text.replace("\nbodies:", f"\nbodies:{body}", 1)
+    check_starts(on_panda(task_of(tmp_path, text, "none")))
+    assert said in caplog.text
+    assert ("overlap" in caplog.text) == bool(said)
+
+
+def test_a_run_says_at_once_what_this_arm_does_not_reach(tmp_path, text, caplog):
+    far = text.replace("[1.0, 0.1, 0.04]", "[1.0, 3.5, 0.04]", 1)
+    check_starts(on_panda(task_of(tmp_path, far, "none")))
+    assert "block, or where it is to be, is out of reach" in caplog.text
 
 
 def test_soft_bodies_in_the_air(tmp_path, text):

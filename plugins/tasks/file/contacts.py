@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from core.robot.solids import body_solids, closest, signed_distance
 from core.scene import Scene
+from plugins.tasks.file.doubts import bound
 
 TOUCHES_M = 0.003
 OVERLAP_M = 0.001  # what is more is a mistake
@@ -24,6 +25,14 @@ def find_gaps(scene: Scene, names: set[str]) -> dict[tuple[str, str], float]:
             found[name, other] = gap
 
     return found
+
+
+def find_overlaps(scene: Scene) -> Iterator[str]:
+    """Yield a line for each pair of bodies that overlap, of which one can move and no joint connects them."""
+    for pair, gap in find_gaps(scene, {body.name for body in scene.free}).items():
+        if gap < -OVERLAP_M and frozenset(pair) not in scene.joined:
+            mend = "move one, make one smaller, or leave a gap of 0.1 mm"
+            yield f"{' and '.join(pair)} overlap by {-1000 * gap:.0f} mm; {mend}"
 
 
 def measure_gap(scene: Scene, name: str, other: str) -> float:
@@ -51,7 +60,10 @@ def measure_shapes(scene: Scene, pairs: list[Shapes]) -> list[float]:
 
 
 def _pair_bodies(scene: Scene, names: set[str]) -> Iterator[tuple[str, str]]:
-    solid = [body.name for body in scene.bodies if body.collisions]
-    for name, other in itertools.combinations(solid, 2):
-        if names & {name, other}:
+    boxes = {body.name: bound(body) for body in scene.bodies if body.collisions}
+    for name, other in itertools.combinations(boxes, 2):
+        low, high = boxes[name]
+        bottom, top = boxes[other]
+        are_near = (low < top + TOUCHES_M).all() and (bottom < high + TOUCHES_M).all()
+        if are_near and names & {name, other}:
             yield name, other
