@@ -458,6 +458,22 @@ def test_more_generations_can_be_asked_for(toy, tmp_path):
         resume(folder, ["budget.n_iteration=1"])
 
 
+def test_a_reward_that_ends_runs_takes_no_tried_candidate_away(toy, tmp_path, capsys):
+    folder = tmp_path / "run"
+    begin(toy, folder)
+    before = result_of(folder)
+    first = before["generations"][0]["best_reward"]
+    assert len(before["generations"]) > 1
+
+    resume(folder, [f"budget.stop_reward={first}"])
+    after = result_of(folder)
+    assert "generations in which something was tried stay" in capsys.readouterr().err
+    assert after["best"] == before["best"]
+    assert after["generations"] == before["generations"]
+    stored = rows(folder / FILE, "SELECT COUNT(*) FROM evaluations")
+    assert after["n_evaluations"] == stored[0][0]
+
+
 def test_a_run_that_had_ended_and_was_killed_while_it_went_on_has_not_ended(
     toy, tmp_path, monkeypatch
 ):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import pluggy
@@ -27,6 +27,7 @@ def evolve(
     robot: Robot | None = None,
     expect: Callable[[Candidate], None] = lambda candidate: None,
     elites: int = 0,
+    least: int = 0,
 ) -> Result:
     """Run the generations of a strategy, fewer if the highest reward reaches ``budget.stop_reward``.
 
@@ -41,6 +42,7 @@ def evolve(
         expect: may raise where a candidate is not what it was when the run was interrupted.
         elites: how many rollouts those that may be elites are tried for after each generation. With any, those
             clearly behind are not tried in all layouts of the search.
+        least: how many generations there are whatever they earn: those tried before the run was resumed.
     """
     began = time.monotonic()
     robot = robot or installed().default_robot
@@ -80,9 +82,7 @@ def evolve(
             strategy.tell(generation.evaluations)
             generations.append(generation)
             events.hook.generation_finished(generation=generation)
-            goal = budget.stop_reward
-            highest = generation.best_reward
-            if goal is not None and highest is not None and highest >= goal:
+            if len(generations) >= least and _is_enough(generations, budget):
                 break
         stopped = candidates.limit
     except KeyboardInterrupt:  # the caller finds it in the result
@@ -93,6 +93,14 @@ def evolve(
         generations.append(cut_short)
 
     return Result(tuple(generations), time.monotonic() - began, stopped, tie)
+
+
+def _is_enough(generations: Sequence[Generation], budget: Budget) -> bool:
+    """Report whether the highest reward so far ends the run."""
+    goal = budget.stop_reward
+    rewards = [generation.best_reward for generation in generations]
+    known = [reward for reward in rewards if reward is not None]
+    return goal is not None and max(known, default=-1.0) >= goal
 
 
 @dataclass(eq=False)

@@ -124,6 +124,7 @@ def run_search(search: Search, store: RunStore) -> Result:
             run.task.robot,
             store.past.expect,
             rollouts_in(search.fitness, run.budget.elite_s),
+            store.past.generations,
         )
         if result.best is not None and result.stopped != INTERRUPTED:
             result = choose_winner(result, race, run.budget.final_s)
@@ -188,4 +189,10 @@ def _go_on(store: RunStore, folder: Path, cfg: DictConfig) -> None:
     if past.again:
         there += f"; {len(past.again)} requests without an answer are sent again"
     say(f"{folder} goes on: {there}", file=sys.stderr)
+    if cfg.budget.stop_reward != store.config["budget"].get("stop_reward"):
+        say(
+            f"budget.stop_reward: the {past.generations} generations in which something was tried stay; it can end the "
+            "run after them",
+            file=sys.stderr,
+        )
     run_and_print(cfg, folder, store)

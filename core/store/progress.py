@@ -24,6 +24,7 @@ class StoredProgress:
         replies: replies by request id, without those to ask for again.
         designs: the keys of the stored designs.
         candidates: status and content of the evaluated candidates, by their ids.
+        generations: how many there are up to the last one of which a candidate was evaluated.
         trials: by content and condition.
         numbers: of the rows of the trials.
     """
@@ -48,6 +49,9 @@ class StoredProgress:
             if evaluation.status != "rejected"
             or evaluation.design_key[:2] not in agents
         }
+
+        tried = [evaluation.generation for evaluation in evaluations]
+        self.generations = max(tried, default=-1) + 1
 
         self.trials: dict[TrialKey, Trial] = {}
         self.numbers: dict[TrialKey, int] = {}

@@ -94,7 +94,16 @@ def evaluate_all(candidates, evaluate, executor):
     return trials.evaluate(candidates, fitness)
 
 
-def run(asked, evaluate=earn, executor=None, known=(), tie=TIE, watch=Diary, **budget):
+def run(
+    asked,
+    evaluate=earn,
+    executor=None,
+    known=(),
+    tie=TIE,
+    watch=Diary,
+    least=0,
+    **budget,
+):
     """Search with generations, or with a strategy that has them."""
     strategy = asked if isinstance(asked, Scripted) else Scripted(asked)
     strategy.tie = tie
@@ -110,7 +119,7 @@ def run(asked, evaluate=earn, executor=None, known=(), tie=TIE, watch=Diary, **b
     trials.known.update(
         {(e.candidate.content, condition.where): e.trials[0] for e in known}
     )
-    found = evolve(strategy, race, spent, events)
+    found = evolve(strategy, race, spent, events, least=least)
     return found, strategy, diary.entries
 
 
@@ -159,6 +168,21 @@ def test_a_reward_that_is_enough_ends_the_run(stop_reward, generations):
         == generations
     )
     assert diary[-1] == f"finish {generations - 1}"
+
+
+@pytest.mark.parametrize(("least", "generations"), [(1, 2), (3, 3), (4, 4)])
+def test_a_reward_that_is_enough_takes_nothing_away_that_was_tried(least, generations):
+    asked = [population(i, 3) for i in range(4)]
+    result, _, _ = run(asked, stop_reward=0.04, least=least)
+    assert len(result.generations) == generations
+    assert result.best.reward == pytest.approx(0.02 * generations)
+
+
+def test_generations_after_the_goal_need_not_reach_it_again():
+    """The first generation has the best candidate."""
+    asked = [population(3, 3), population(0, 3), population(1, 3), population(2, 3)]
+    result, _, _ = run(asked, stop_reward=0.08, least=2)
+    assert len(result.generations) == 2
 
 
 def earn_by_action(rewards):
