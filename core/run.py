@@ -23,7 +23,7 @@ def _run_job(cfg: DictConfig) -> UserError | BrokenPipeError | None:
     from hydra.types import RunMode
     from omegaconf.errors import OmegaConfBaseException
 
-    from core.config.compose import check_keys, explain
+    from core.config.compose import add_search_words, check_keys, explain
     from core.search.orchestration import run_and_print, run_job
 
     hydra = HydraConfig.get()
@@ -31,7 +31,7 @@ def _run_job(cfg: DictConfig) -> UserError | BrokenPipeError | None:
     start = run_job if hydra.mode is RunMode.MULTIRUN else run_and_print
     try:
         check_keys(cfg)
-        start(cfg, folder)
+        start(add_search_words(cfg, list(hydra.overrides.task)), folder)
     except (UserError, BrokenPipeError) as error:
         return error
     except OmegaConfBaseException as error:  # an unknown key, or one without a value

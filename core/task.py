@@ -43,6 +43,7 @@ class Task(ABC):
         sources: what makes its `parts`, where there are several.
         builder: of its searches; None: `core.search.builder.SearchBuilder`.
         language: of the source that a model is shown.
+        search_words: words of ``core.run`` with which it is searched, where nothing is said of its variation.
         robot: the arm that performs the task; the program makes a task for one.
 
     Raises:
@@ -66,6 +67,7 @@ class Task(ABC):
     sources: Sequence[Any] = ()
     builder: ClassVar[type | None] = None
     language: ClassVar[str] = "python"
+    search_words: Sequence[str] = ()
     robot: Robot
 
     def __init__(self, variation: str = NONE) -> None:

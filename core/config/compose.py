@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import is_dataclass, replace
@@ -40,7 +41,9 @@ from core.plugins import (
     PluginPart,
     installed,
 )
+from core.support.cli import say
 from core.trial import Part
+from core.values.layouts import NONE
 from core.values.materials import Material
 
 T = TypeVar("T")
@@ -265,6 +268,32 @@ def engines(
 def task_part(config: DictConfig) -> PluginPart[Task]:
     """Return the task of a command's configuration, for its robot."""
     return replace(part(TASK, config.task), robot=part(ROBOT, config.robot))
+
+
+def add_search_words(config: DictConfig, words: Sequence[str]) -> DictConfig:
+    """Compose a run's configuration with the words that its task is searched with (`Task.search_words`).
+
+    Where ``words``, those of the command line, say something of these themselves, it stays as it is.
+
+    Raises:
+        UserError: the task can't be made, or asks for what is not there.
+    """
+    task = task_part(config).create()
+    said = [word.lstrip("+~").partition("=")[0] for word in words]
+    wanted = [word.partition("=")[0] for word in task.search_words]
+    is_said = any(
+        name == key or name.startswith(f"{key}.") for name in said for key in wanted
+    )
+    if not wanted or is_said or task.variation != NONE:
+        return config
+
+    added = " ".join(task.search_words)
+    say(
+        f"{task.name} is searched with {added}, for a tool that holds on the bench as it may be; for the scene as it "
+        "is written add task.variation=none",
+        file=sys.stderr,
+    )
+    return load("config", [*words, *task.search_words])
 
 
 def task_parts(config: DictConfig) -> list[PluginPart[Task]]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from omegaconf import DictConfig
 
-from core.config.compose import load
+from core.config.compose import add_search_words, load
 from core.config.folders import new_folder, stamp, task_folder
 from core.events import Result
 from core.search.orchestration import run
@@ -28,7 +28,8 @@ class Experiment:
     def __init__(self, *overrides: str, **choices: Any) -> None:
         named = [f"{key}={hydra_word(value)}" for key, value in choices.items()]
         self.overrides = (*named, *overrides)
-        self.config: DictConfig = load("config", self.overrides)
+        composed = load("config", self.overrides)
+        self.config: DictConfig = add_search_words(composed, self.overrides)
         self.result: Result | None = None
         self.folder: Path | None = None
 

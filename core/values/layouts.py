@@ -27,6 +27,11 @@ class Draw:
     seed: int
     sets: Sets = field(default_factory=dict)
 
+    @property
+    def count(self) -> int:
+        """How many sets of values there are; 0: none, and each seed has a layout of its own."""
+        return max(map(len, self.sets.values()), default=0)
+
     def __call__(self, name: str, nominal: float) -> float:
         """Return a number, uniform in its range. It depends on the seed and its name alone.
 

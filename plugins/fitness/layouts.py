@@ -46,7 +46,8 @@ class Layouts(Fitness):
         combine: ``mean``, ``worst`` or ``worst_quarter`` of the rewards; ``margin``: the mean, of which a share is for
             the least margin.
         sims: see `core.config.compose.engines`; none: the run's engine.
-        unseen: how many other layouts the best candidate is tried in at the end.
+        unseen: how many other layouts the best candidate is tried in at the end; of few benches at most half of those
+            that the search leaves.
         unseen_sims: the engines for those, with their own settings; none: the engines of the search.
 
     Raises:
@@ -83,13 +84,13 @@ class Layouts(Fitness):
             )
 
         self._condition = condition
-        self._unseen = unseen
         self._sims: Mapping[str, Part[Simulator]] = {condition.sim.name: condition.sim}
         if sims:
             self._sims = engines(sims, condition.sim)
 
         self._unseen_sims = engines(unseen_sims) if unseen_sims else self._sims
         self._seeds = range(condition.layout, condition.layout + layouts)
+        self._choose_seeds(unseen)
         self._combine, self._counts = COMBINE[combine]
         self._weighs_margins = combine == "margin"
         self.races = combine == "mean"
@@ -122,12 +123,12 @@ class Layouts(Fitness):
             drawn=describe_ranges(self._condition.task.shared()),
             noise=self._condition.settings.perception,
             counts=self._counts,
-            unseen=self._unseen,
+            unseen=len(self._unseen),
         )
 
     def finals(self) -> Iterator[list[Condition]]:
         """Yield the layouts after the search's, in the engines of the unseen ones."""
-        for seed in range(self._seeds.stop, UNSEEN):
+        for seed in self._finals:
             yield self._in_layouts([seed], self._unseen_sims)
 
     def perturbed(self, conditions: Sequence[Condition]) -> list[Condition]:
@@ -137,7 +138,26 @@ class Layouts(Fitness):
         ]
 
     def unseen(self) -> list[Condition]:
-        return self._in_layouts(range(UNSEEN, UNSEEN + self._unseen), self._unseen_sims)
+        return self._in_layouts(self._unseen, self._unseen_sims)
+
+    def _choose_seeds(self, unseen: int) -> None:
+        """Choose the seeds of further layouts, and of as many unseen ones as are asked for.
+
+        Where a layout takes one of few benches (`core.values.layouts.Sets`), none is tried twice: what the search
+        leaves is for the choice of the winner, and at most half of it unseen.
+        """
+        last = self._seeds.stop
+        count = self._condition.task.shared().draw(0).count
+        self._finals: Sequence[int] = range(last, UNSEEN)
+        self._unseen: Sequence[int] = range(UNSEEN, UNSEEN + unseen)
+        if not count:
+            return
+
+        left = range(last, max(last, self._seeds.start + count))
+        kept = min(unseen, len(left) // 2)
+        first = len(left) - kept
+        self._finals = left[:first]
+        self._unseen = [UNSEEN + (seed - UNSEEN) % count for seed in left[first:]]
 
 
 def _weigh(trial: Trial) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 import sys
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import fmean
@@ -21,7 +22,7 @@ from core.store.figures import failed_layouts
 from core.support.cli import print_table, say
 from core.support.text import by_reason, clean, hydra_word, number
 from core.trial import NOTHING, Evaluation, best_tools
-from core.values.efforts import PERTURBED
+from core.values.efforts import PERTURBED, holds
 
 if TYPE_CHECKING:
     from core.events import Result, Run
@@ -79,7 +80,7 @@ class SummaryListener:
                 _explain_id(best.candidate),
                 *lines,
             ]
-            lines += _remarks(result, best)
+            lines += _remarks(run, result, best)
             elsewhere = [*try_elsewhere(run, result, self.second)]
             lines += elsewhere
 
@@ -204,7 +205,7 @@ def _failures(result: Result) -> Iterator[str]:
         yield f"  and {len(lines) - _REASONS} more reasons: vlmgineer report has them"
 
 
-def _remarks(result: Result, best: Evaluation) -> Iterator[str]:
+def _remarks(run: Run, result: Result, best: Evaluation) -> Iterator[str]:
     """Say what is to be said of the best candidate.
 
     That is what decided for it, how far it fulfilled what the task wants, how close it was to a limit, and what it
@@ -225,6 +226,8 @@ def _remarks(result: Result, best: Evaluation) -> Iterator[str]:
     if best.hardest is not None:
         yield f"most torque of the best: {best.hardest}"
 
+    yield from _count_benches(run, result, best)
+
     if result.held.layouts:
         yield f"the best {result.held.words()}"
 
@@ -237,6 +240,21 @@ def _remarks(result: Result, best: Evaluation) -> Iterator[str]:
         worst = number(min(rewards), 3)
         earned = f"the best earned {mean} on the mean, {worst} in the worst ({engine})"
         yield f"in {len(rewards)} unseen layouts {earned}"
+
+
+def _count_benches(run: Run, result: Result, best: Evaluation) -> Iterator[str]:
+    """Say in how many of the benches that fit photographs the best candidate held, where layouts are such benches."""
+    count = run.task.draw(run.seed).count
+    if not count:
+        return
+
+    rewards = defaultdict[int, list[float]](list)
+    for trial in (*best.trials, *best.finals.in_order(), *result.unseen_trials):
+        rewards[trial.layout % count].append(trial.reward)
+
+    held = sum(holds(fmean(earned)) for earned in rewards.values())
+    line = f"the best holds in {held} of {len(rewards)} benches as yours may be"
+    yield line if len(rewards) == count else f"{line}, of {count} that there are"
 
 
 def _unseen_failures(run: Run, result: Result) -> Iterator[str]:

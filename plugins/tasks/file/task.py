@@ -34,6 +34,8 @@ from plugins.tasks.file.named_files import Files, warn_once
 
 BACK = 1.25  # times as far: how a camera moves back that sees too little
 FARTHEST_M = 10.0
+SEEN = "seen"  # the variation of a scene that was seen in photographs: the benches that fit these
+SEARCH_WORDS = (f"task.variation={SEEN}", "fitness=layouts")
 VARYING = ("bodies", "imports", "marks", "joints")
 NO_NUMBER = (
     "there is no such number; a range needs a number that is written in the file, such as bodies.cup.position.x, or of "
@@ -81,6 +83,8 @@ class FileTask(Task):
             name: {path: values for path, values in given.items() if len(values) > 2}
             for name, given in varied.items()
         }
+        if SEEN in self.variations:
+            vars(self).update(search_words=SEARCH_WORDS)
         super().__init__(variation)
         self._scene = building.build_scene(self._tree, spec, self._files)
         wanted = naming.build_goals(self._tree, spec, self._scene)

@@ -49,7 +49,7 @@ def test_units_that_were_mixed_up_and_bodies_in_the_air(tmp_path, text, old, new
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("[0.7, 0.2, 0.05]", "[1.0, 0.12, 0.05]", "block and tin overlap by "),
+        ("[0.7, 0.2, 0.05]", "[1.0, 0.12, 0.05]", "tin and block overlap by 50 mm"),
         ("[0.7, 0.2, 0.05]", "[0.7, 0.25, 0.05]", ""),
     ],
 )
