@@ -1,22 +1,28 @@
-"""Say in a few words whether the best tool of a run can be made."""
+"""Say in a few words whether the best tool of a run can be made, and whether it bears what it has to."""
 
 from __future__ import annotations
 
+import re
+
 from core.config.compose import load, node
-from core.design import Candidate
+from core.design import Candidate, DesignError, Tool
 from core.events import Run
-from core.interfaces import Material
+from core.interfaces import Material, Robot
 from core.values.materials import PAPER
 from plugins.results.workshop.examination import PROBLEM, find_problem
 from plugins.results.workshop.settings import Printer
+from plugins.results.workshop.stiffness import check_stiffness
 
 DEFAULT = "pla"
 """What a tool is taken to be printed in if its run weighs tools as the paper does."""
 
+_DETAILS = re.compile(", from the |; at most ")  # begin what is too long for a line
+
 
 def say_printable(run: Run, best: Candidate) -> str | None:
-    """Say whether a printer makes a tool and the arm carries it, and if not, which check fails; None: it has no parts.
+    """Say whether a printer makes a tool, the arm carries it, and it is stiff; None: it has no parts.
 
+    Where it is not, the line says which check fails, and how to search for what can be made.
     Of a run with the material ``paper`` it is PLA that is looked at.
     """
     tool = best.tool
@@ -35,4 +41,20 @@ def say_printable(run: Run, best: Candidate) -> str | None:
     if problem is not None:
         verdict = f"no ({problem.removeprefix(PROBLEM)})"
 
+    soft = _find_softness(tool, robot, material)
+    if soft:
+        verdict += f", but {soft}"
+    if soft or problem is not None:
+        verdict += f"; search with fitness=buildable material={material.name}"
+
     return f"printable in {material.name}: {verdict}"
+
+
+def _find_softness(tool: Tool, robot: Robot, material: Material) -> str:
+    """Say which component bends too far or breaks at a load at its end; empty: none does."""
+    try:
+        check_stiffness(tool, robot, material)
+    except DesignError as error:
+        return _DETAILS.split(str(error))[0]
+
+    return ""
