@@ -6,7 +6,7 @@ import io
 import math
 import warnings
 
-from PIL import ExifTags, Image, ImageOps
+from PIL import ExifTags, Image, ImageOps, UnidentifiedImageError
 
 from core.errors import UserError
 
@@ -36,7 +36,9 @@ def as_png(data: bytes) -> bytes:
                     f"has {opened.width} x {opened.height} pixels; at most {MAX_PIXELS:,} are read"
                 )
 
-            photograph = ImageOps.exif_transpose(opened).convert("RGB")
+            photograph = ImageOps.exif_transpose(_read_grey(opened)).convert("RGB")
+    except UnidentifiedImageError as error:  # it names a stream of this program
+        raise UserError("is no PNG or JPEG picture that can be read") from error
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise UserError(
             f"is no PNG or JPEG picture that can be read: {error}"
@@ -49,6 +51,14 @@ def as_png(data: bytes) -> bytes:
     pixels.save(stream, "PNG")
 
     return stream.getvalue()
+
+
+def _read_grey(picture: Image.Image) -> Image.Image:
+    """Return a picture whose 16 bits of grey became 8; others as they are."""
+    if not picture.mode.startswith("I"):
+        return picture
+
+    return picture.convert("I").point(lambda value: value * (1 / 256)).convert("L")
 
 
 def find_fov(data: bytes) -> bytes:

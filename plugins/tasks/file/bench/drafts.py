@@ -17,6 +17,7 @@ from core.support.templates import fill
 from core.support.text import clean
 from plugins.tasks.file.bench.asking import Asker
 from plugins.tasks.file.bench.checks import find_faults, measure_reach
+from plugins.tasks.file.bench.edits import set_variation
 from plugins.tasks.file.bench.fitting import Fit, fit_seen
 from plugins.tasks.file.bench.marks import Numbers
 from plugins.tasks.file.bench.photographs import Photograph
@@ -28,7 +29,6 @@ from plugins.tasks.file.tree import Tree
 
 PACKAGE = "plugins.tasks.file.bench"
 PLACES_PX = 8.0  # how well a model points at a place, and a person measures it
-_SEEN = re.compile(r"^  seen:.*\n(?:    .*\n)*", re.MULTILINE)
 
 
 @dataclass
@@ -181,13 +181,13 @@ class Draft:
         if not benches:
             return
 
-        head = "variations:\n"
-        bare = _SEEN.sub("", self.text)
-        if head not in bare:
-            bare += head
-
         block = fill(PACKAGE, "variation", benches=benches)
-        self.text = bare.replace(head, head + block, 1)
+        self.text = set_variation(tree, self.text, "seen", block)
+
+    @property
+    def names_pictures(self) -> bool:
+        """Whether the file names the pictures of the bench."""
+        return self._read_pictures() is not None
 
     @property
     def fitted(self) -> list[Photograph]:

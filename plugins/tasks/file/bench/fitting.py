@@ -322,6 +322,10 @@ def _find_corners(shape: Shape) -> Array:
     return np.asarray(shape.to_trimesh().vertices)
 
 
+WHOLE = frozenset(("count", "counts", "pinned", "grid", "ring", "heap"))
+"""Keys of whole numbers, which are counted and not fitted."""
+
+
 def _find_unknowns(
     numbers: Numbers, sighted: set[str], near: set[str]
 ) -> list[dict[str, float]]:
@@ -333,6 +337,9 @@ def _find_unknowns(
     found = dict[str, dict[str, float]]()
     for path, mark in numbers.marks.items():
         _, name, *rest = path.split(".")
+        if not WHOLE.isdisjoint(rest):
+            continue
+
         follows = name in near and rest[0] == "position" and mark != "told"
         if not (follows or (name in sighted and mark == "seen")):
             continue

@@ -9,12 +9,15 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from core.errors import UserError
 from core.support.text import clean
 from plugins.tasks.file.spec import Name, Place
-from plugins.tasks.file.tree import Tree
+from plugins.tasks.file.tree import MAX_BYTES, Tree
 
 _STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 _FENCE = re.compile(r"^```[a-z]*[ \t]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
+MOST_BYTES = MAX_BYTES  # of an answer, as of a file
+MOST_BLOCKS = 10
 LONGEST = 300  # characters of a text that is repeated
 
 Texts = Annotated[tuple[str, ...], Field(max_length=20)]
@@ -63,11 +66,23 @@ def read_reply(file: Path, reply: str) -> tuple[str, Beside]:
     """Find the blocks of YAML in a reply; return the text of the scene, and what is said beside it.
 
     Raises:
-        UserError: one can't be read.
+        UserError: one can't be read, or there is more than a file may hold.
     """
+    size = len(reply.encode("utf-8", "replace"))
+    if size > MOST_BYTES:
+        raise UserError(
+            f"the answer has {size:,} bytes; at most {MOST_BYTES:,} are read: leave out what is not asked for"
+        )
+
+    blocks = _FENCE.findall(f"{reply}\n") or [reply]
+    if len(blocks) > MOST_BLOCKS:
+        raise UserError(
+            f"the answer has {len(blocks)} blocks; give one with the scene, and one with what is said beside it"
+        )
+
     text = ""
     beside = Beside()
-    for block in _FENCE.findall(f"{reply}\n") or [reply]:
+    for block in blocks:
         tree = Tree(file, block)
         if tree.data.keys() - Beside.model_fields:
             text = block

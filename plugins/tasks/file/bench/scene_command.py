@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import yaml
@@ -82,7 +83,7 @@ def main(words: list[str]) -> None:
         return
 
     cfg.output = cfg.task.file = (given or [cfg.output])[0]
-    output = expand(cfg.output)
+    output = _find_output(cfg.output)
     if not given and len(sentence.split()) < 2:
         raise UsageError(f"say what is to be done, in a sentence; {USAGE}")
 
@@ -119,6 +120,32 @@ def main(words: list[str]) -> None:
     if before:
         changes = difflib.ndiff(before, draft.text.splitlines())
         say(*[line for line in changes if line[0] in "+-"])
+
+
+def _find_output(name: str) -> Path:
+    """Return the file to write, where nothing is in its way.
+
+    Raises:
+        UsageError: it has no name of a scene file, or a folder or file has the name of what stands beside it.
+    """
+    output = expand(name)
+    if output.suffix not in (".yaml", ".yml"):
+        stem = output.with_suffix("") if output.name else output / "my_scene"
+        raise UsageError(f"output={name} is no scene file; say output={stem}.yaml")
+
+    for suffix in (output.suffix, ".html", ".draft.yaml"):
+        if output.with_suffix(suffix).is_dir():
+            raise UsageError(
+                f"{output.with_suffix(suffix)} is a folder, and would be written; name another file with output="
+            )
+
+    folder = output.with_suffix("")
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(
+            f"{folder} is a file, and photographs would lie in a folder of that name; name another file with output="
+        )
+
+    return output
 
 
 def _read_error(given: Any) -> CameraError:

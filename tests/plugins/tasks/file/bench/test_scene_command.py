@@ -36,6 +36,8 @@ def bench(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Image.new("RGB", (64, 48), "gray").save("nothing.png")
     Image.linear_gradient("L").resize((1280, 960)).save("bench.png")
+    Path("folder.yaml").mkdir()
+    Path("text.png").write_text("no picture")
     return tmp_path
 
 
@@ -112,6 +114,7 @@ def test_a_bad_sentence_or_answer_is_explained(bench, words, old, new, line):
     with pytest.raises(UserError) as caught:
         main(words)
     assert line in str(caught.value)
+    assert "_io." not in str(caught.value)
     assert not Path("my_scene.yaml").exists()
 
 
