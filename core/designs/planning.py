@@ -153,21 +153,34 @@ def resolve(
 
     if isinstance(plan, Waypoints):
         waypoints = plan
+        check_tempo(waypoints, task.home, settings.max_motion_s)
     else:
         seen = look(task, seed, settings.perception, scene)
         # Where the plan means those poses to be that the arm reached.
         meant = [pose and Pose(pose.position - rise, pose.quaternion) for pose in felt]
         seen = replace(seen, felt=tuple(meant), looks=looks)
-        waypoints = call_part(plan, "resolve", Waypoints, seen)
-        check_plan(waypoints.poses, gripper=waypoints.poses.shape[-1] == 7)
+        waypoints = resolve_seen(plan, task, settings, seen)
 
-    check_tempo(waypoints, task.home, settings.max_motion_s)
     if not rise.any():
         return waypoints
 
     poses = waypoints.poses.copy()
     poses[:, :3] += rise
     return replace(waypoints, poses=poses)
+
+
+def resolve_seen(
+    plan: ActionPlan, task: Task, settings: RolloutSettings, seen: Seen
+) -> Waypoints:
+    """Return the waypoints that a plan means by what is known of the scene.
+
+    Raises:
+        DesignError: the plan needs something that is not there, or its waypoints break a rule.
+    """
+    waypoints: Waypoints = call_part(plan, "resolve", Waypoints, seen)
+    check_plan(waypoints.poses, gripper=waypoints.poses.shape[-1] == 7)
+    check_tempo(waypoints, task.home, settings.max_motion_s)
+    return waypoints
 
 
 def _rise(seed: int, perception: Perception) -> Array:

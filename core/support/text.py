@@ -152,3 +152,8 @@ def hydra_word(value: object) -> str:
     quoted = text.replace("'", "\\'")
 
     return f"'{quoted}'"
+
+
+def count_words(count: int, noun: str) -> str:
+    """Write a number with its noun."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -102,6 +102,8 @@ class Robot:
         base: where its base stands in the world.
         measured: how exact it is, by engine and figure (``tests.benchmarks.exactness``).
         programs: files for the arm's controller that an export has, as pairs of name and Jinja template.
+        drivers: files ``drive_NAME.py`` that an export of a plan that feels or looks has, as such pairs: each has a
+            class ``Driver`` that is made with the arm's address (`plugins.results.workshop.carrying`).
 
     Raises:
         UsageError: numbers of joints differ, or a number is not finite or not positive.
@@ -127,6 +129,7 @@ class Robot:
         default_factory=dict, compare=False, repr=False
     )
     programs: tuple[tuple[str, str], ...] = field(default=(), compare=False, repr=False)
+    drivers: tuple[tuple[str, str], ...] = field(default=(), compare=False, repr=False)
 
     def __post_init__(self) -> None:
         count = len(self.arm_joints)

@@ -16,7 +16,7 @@ from pydantic.dataclasses import dataclass as checked
 from core.design import DesignError
 from core.designs.plan_rules import MAX_REACH_M, MAX_WAYPOINTS
 from core.errors import choices
-from core.support.text import kind
+from core.support.text import count_words, kind
 from plugins.actions.steps import HERE, IT, Name, Step, read_step
 
 MAX_ROUNDS = 8
@@ -521,11 +521,6 @@ _KINDS = {
     "choose": _Kind(("then", "otherwise"), Reader.read_choose),
     "each": _Kind(("do", "until_seen", "at_most"), Reader.read_each),
 }
-
-
-def count_words(count: int, noun: str) -> str:
-    """Write a number with its noun."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def _find_kinds(data: object) -> list[str]:

@@ -30,15 +30,10 @@ from core.interfaces import (
     Tempo,
     Waypoints,
 )
-from core.robot.kinematics import Arm, arm_of
+from core.robot.feeling import ForceSense, Watch, bring_to_rest
+from core.robot.kinematics import arm_of
 from core.scene import State
 from core.values.jobs import FEEL_S
-
-_NOISE = 9  # keeps these random numbers apart from others of the same seed
-_DAMPING = 1e-6  # as a share of the Jacobian's square, so that estimates stay finite at a singularity
-_MEDIAN = 3  # readings
-_LONGER = 1.2  # times as long, while stopping needs more acceleration than a joint has
-_STILL_M = 1e-6  # the mount moves by less between two readings: no direction
 
 
 class PlannedReactions:
@@ -80,7 +75,8 @@ class PlannedReactions:
         self._sightings: tuple[Sighted, ...] = ()
         self._ended = False
         self._poses: tuple[Pose | None, ...] = ()
-        self._random = np.random.default_rng([self._planned.layout, _NOISE])
+        noise = self._settings.feel.noise
+        self._sense = ForceSense(self._arm, noise, self._planned.layout)
         self._find_next(0)
 
         return motion.trajectory
@@ -97,7 +93,7 @@ class PlannedReactions:
         """
         arrivals = self.motion.arrivals
         guards = self._waypoints.guards[: len(arrivals)]
-        self._sensed: list[Array] = []
+        self._watch: Watch | None = None
         self.since = math.inf
         self.looks_at = math.inf
         self._until = math.inf
@@ -109,6 +105,9 @@ class PlannedReactions:
                 self.looks_at = self.motion.trajectory.duration
             return
 
+        guard = guards[self._number]
+        assert guard is not None
+        self._watch = Watch(guard, self._arm, self._settings.feel)
         leaves = np.append(0.0, arrivals + self._tempo.waits[: len(arrivals)])
         self.since = float(leaves[self._number])
         self._until = float(leaves[self._number + 1])
@@ -146,9 +145,7 @@ class PlannedReactions:
         lag = float(np.abs(trajectory.arm[-1] - arm).max())
 
         if lag > self._settings.feel.stall:
-            stop = _bring_to_rest(
-                trajectory, time, arm, self._arm, self._settings.speed
-            )
+            stop = bring_to_rest(trajectory, time, arm, self._arm, self._settings.speed)
             return stop.held(max(time + look_s - stop.duration, FEEL_S))
 
         return trajectory.held(max(time + look_s - trajectory.duration, FEEL_S))
@@ -164,23 +161,19 @@ class PlannedReactions:
 
         The steps stand in docs/physics_explained.md.
         """
-        if self._number is None:
+        if self._number is None or self._watch is None:
             return None
 
-        guard = self._waypoints.guards[self._number]
-        assert guard is not None
-
-        self._sensed.append(self._estimate_force(arm, points, forces))
-        recent = self._sensed[-_MEDIAN:]
-        force = np.sort(recent, axis=0)[len(recent) // 2] - self._sensed[0]
-
-        fired = self._has_fired(guard, time, arm, force)
+        watch = self._watch
+        guard = watch.guard
+        force = self._sense.estimate(arm, points, forces)
+        fired = watch.has_fired(self.motion.trajectory, time, arm, force)
         if not fired and time < self._until:
             near = time >= self._until - 2 * FEEL_S
             return self._extend(guard) if near else None
 
         what = guard.until if fired else ""
-        newtons = float(np.linalg.norm(force))
+        newtons = float(np.linalg.norm(watch.force))
         self.felt += (Felt(self._number + 1, time, what, newtons),)
         self._poses += (self._arm.forward(arm) if fired else None,)
 
@@ -194,56 +187,6 @@ class PlannedReactions:
         self._find_next(self._number + 1)
         return extended
 
-    def _estimate_force(self, arm: Array, points: Array, forces: Array) -> Array:
-        """Estimate the force at the flange (3,) from the joints' torques, each with the noise of its sensor.
-
-        Args:
-            arm: the joints (J,).
-            points: (C, 3) where something pushes.
-            forces: (C, 3) with which it pushes.
-        """
-        jacobian = self._arm.jacobian(arm)
-        torques = self._settings.feel.noise * self._random.standard_normal(len(arm))
-
-        if len(forces):
-            turning = (points - self._arm.positions(arm[None])).T @ forces
-            around = turning - turning.T  # the sum of cross products
-            moment = [around[1, 2], around[2, 0], around[0, 1]]
-            torques += jacobian.T @ np.concatenate([forces.sum(axis=0), moment])
-
-        # Damped least squares.
-        square = jacobian @ jacobian.T
-        square += _DAMPING * np.trace(square) * np.eye(len(square))
-        wrench = np.linalg.solve(square, jacobian @ torques)
-
-        return np.asarray(wrench[:3], dtype=np.float64)
-
-    def _has_fired(
-        self,
-        guard: Guard,
-        time: float,
-        arm: Array,
-        force: Array,
-    ) -> bool:
-        """Report whether a guard fires: by the force at the flange, or by how far the arm lags.
-
-        Args:
-            guard: says what it waits for.
-            time: now, seconds.
-            arm: the joints (J,).
-            force: (3,) what is felt, less what was felt when the way began.
-        """
-        if guard.until == "touch":
-            return float(np.linalg.norm(force)) > self._settings.feel.threshold
-
-        targets, _ = self.motion.trajectory.sample(np.array([time - FEEL_S, time]))
-        if guard.until == "stall":
-            return float(np.abs(targets[1] - arm).max()) > self._settings.feel.stall
-
-        before, now = self._arm.positions(targets)
-        way = float(np.linalg.norm(now - before))
-        return way > _STILL_M and float(force @ (before - now)) / way > guard.newtons
-
     def _stop(
         self, time: float, number: int, arm: Array | None = None
     ) -> JointTrajectory:
@@ -255,7 +198,7 @@ class PlannedReactions:
             arm: the joints to stop at; None: those that the arm is driven to, and the motion ends there.
         """
         before = self.motion
-        stop = _bring_to_rest(
+        stop = bring_to_rest(
             before.trajectory, time, arm, self._arm, self._settings.speed
         )
         wait_s = self._tempo.waits[number]
@@ -371,59 +314,3 @@ class PlannedReactions:
         parts = {name: array[rest] for name, array in vars(self._tempo).items()}
 
         return Waypoints(waypoints.poses[rest], Tempo(**parts))
-
-
-def _bring_to_rest(
-    trajectory: JointTrajectory,
-    time: float,
-    end: Array | None,
-    arm: Arm,
-    speed: float,
-) -> JointTrajectory:
-    """Cut a trajectory, and come to rest.
-
-    Each joint's course is the cubic between the two; it takes as long as the acceleration limits ask for.
-
-    Args:
-        trajectory: what is cut.
-        time: when, seconds.
-        end: joints (J,) that are near; None: where the targets are.
-        arm: gives the limits.
-        speed: the share of them to use.
-    """
-    targets, fingers = trajectory.sample(np.array([time - FEEL_S, time]))
-    begin = targets[1]
-    velocity = (targets[1] - targets[0]) / FEEL_S
-    way = np.zeros_like(begin)
-
-    if end is not None:
-        way = end - begin
-
-    # As short as the limits allow.
-    limits = speed * arm.acceleration_limits
-    lasts = FEEL_S
-
-    while True:
-        at_first = 6 * way / lasts - 4 * velocity
-        at_last = 2 * velocity - 6 * way / lasts
-        if not (np.abs([at_first, at_last]) > limits * lasts).any():
-            break
-
-        lasts *= _LONGER
-
-    count = max(1, math.ceil(lasts / FEEL_S))
-    shares = np.linspace(0.0, 1.0, count + 1)[1:, None]
-    course = begin + lasts * velocity * shares * (1 - shares) ** 2
-    course = course + way * shares**2 * (3 - 2 * shares)
-
-    before = trajectory.times < time
-    cut = JointTrajectory(
-        np.append(trajectory.times[before], time),
-        np.vstack([trajectory.arm[before], begin]),
-        np.append(trajectory.fingers[before], fingers[1]),
-    )
-    return cut.extended(
-        lasts * shares[:, 0],
-        np.clip(course, arm.lower, arm.upper),
-        np.full(count, fingers[1]),
-    )

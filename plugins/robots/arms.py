@@ -45,6 +45,7 @@ def _factory(name: str) -> Callable[[], Robot]:
             gripper=Gripper(mount=_pose(hand.pop("mount")), **hand) if hand else None,
             measured=measured(name),
             programs=tuple(map(program, arm.pop("programs", ()))),
+            drivers=tuple(map(program, arm.pop("drivers", ()))),
             **arm,
         )
 

@@ -14,6 +14,7 @@ from core.scene import Scene
 from core.solids.rollout_solids import thickness
 from core.solids.self_collision import DEEP_M
 from plugins.results.workshop.clearance import clearance
+from plugins.results.workshop.dry_run import DryRun
 from plugins.results.workshop.motion import sample
 from plugins.results.workshop.printing import Check
 from plugins.results.workshop.replay import (
@@ -102,16 +103,23 @@ class Examination:
         scene = condition.scene().furnished(tool)
         settings = condition.settings
         waypoints = resolve(candidate.plan, task, condition.layout, settings, scene)
-        planned = plan_task_motion(waypoints, task, settings)
-        motion = sample(planned.trajectory, arm_of(task.robot), RECORD_HZ)
-        replay = play_motion(condition, scene, tool, motion)
+        arm = arm_of(task.robot)
+
+        if waypoints.guards or waypoints.looks:
+            dry_run = DryRun(task, candidate, condition.layout, settings, RECORD_HZ)
+            replay = play_motion(condition, scene, tool, dry_run)
+            assert replay.reactions is not None
+            trajectory = replay.reactions.motion.trajectory
+            motion = sample(trajectory, arm, RECORD_HZ)
+        else:
+            planned = plan_task_motion(waypoints, task, settings)
+            motion = sample(planned.trajectory, arm, RECORD_HZ)
+            replay = play_motion(condition, scene, tool, motion)
 
         replays = {condition.sim.name: replay}
         rows = measured(tool, task.robot, self.material, scene, motion, replays)
         verdicts = strong(self.material, rows, task, self.safety)
         problems = [str(verdict) for verdict in verdicts if verdict.passed is False]
-        if waypoints.guards:
-            problems.append("exported programs have no guards")
 
         near_m, too_near = self._find_clearance(scene, task.robot, tool, replay)
         if too_near is not None:

@@ -17,6 +17,7 @@ from plugins.results.workshop.clearance import (
     margins,
     payload,
 )
+from plugins.results.workshop.dry_run import DryRun
 from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.printing import Check
 from plugins.results.workshop.replay import PlayedMotion
@@ -35,6 +36,8 @@ class Export:
         contact_s: when the robot first touches a body, in any engine; None: never.
         strengths: what the tool's components bear; none of the bare hand.
         checks: of the motion; ``verdicts``: of the tool, too.
+        dry_run: plays a plan that feels or looks; None: it does neither. Its motion is then that of the first engine.
+        settings: from which an export's plan can be made again (`plugins.results.workshop.carrying`).
     """
 
     task: Task
@@ -49,11 +52,18 @@ class Export:
     strengths: Sequence[Strength]
     checks: list[Check]
     verdicts: list[Check] = field(default_factory=list)
+    dry_run: DryRun | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def motion(self) -> Sampled:
         """The motion as it is exported."""
         return self.moves["trajectory"]
+
+    @property
+    def playable(self) -> Sampled | DryRun:
+        """What is played to try the export."""
+        return self.dry_run or self.motion
 
     @cached_property
     def payload(self) -> dict[str, Any]:

@@ -8,16 +8,23 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from omegaconf import OmegaConf
 
 from core.errors import UsageError, UserError
 from core.interfaces import ToolRepresentation
 from core.support.cli import write_bytes
 from plugins.results.artifacts import save_design, save_files
+from plugins.results.workshop.carrying import SETTINGS
 from plugins.results.workshop.export import Export
 from plugins.results.workshop.motion import to_csv
-from plugins.results.workshop.ros import write_messages
+from plugins.results.workshop.ros import write_scene, write_trajectory
 from plugins.results.workshop.sheet import write_sheet
-from plugins.results.workshop.texts import filled, write_programs
+from plugins.results.workshop.texts import (
+    filled,
+    to_numbers,
+    write_plan_programs,
+    write_programs,
+)
 from plugins.results.workshop.tool import PrintedTool
 from plugins.results.workshop.verdicts import printable
 from plugins.results.workshop.ways import SLOW
@@ -76,6 +83,9 @@ def write_export(
 
     export = replace(export, verdicts=verdicts)
 
+    if export.dry_run is not None:
+        _write_plan(export, representation, folder / "plan")
+
     for name, move in export.moves.items():
         table = to_csv(move, robot.arm_joints)
         write_bytes(folder / "motion" / f"{name}.csv", table.encode())
@@ -83,13 +93,33 @@ def write_export(
     text = json.dumps(export.figures(), indent=2)
     write_bytes(folder / "figures.json", f"{text}\n".encode())
     write_bytes(folder / "CHECKLIST.md", checklist(export).encode())
-    write_messages(robot, export.motion, export.scene, folder / "ros2")
-    write_programs(robot, export.payload, export.moves, folder / "programs")
+    write_scene(robot, export.scene, folder / "ros2")
+    if export.dry_run is None:
+        write_trajectory(robot, export.motion, folder / "ros2")
+        write_programs(robot, export.payload, export.moves, folder / "programs")
 
     save_design(export.candidate, representation, folder / "design")
     save_files(export.candidate, robot, export.planned, folder / "design")
 
     return export
+
+
+def _write_plan(
+    export: Export, representation: ToolRepresentation, folder: Path
+) -> None:
+    """Write a plan that feels or looks, and what carries it out.
+
+    Raises:
+        UserError: a file can't be written.
+    """
+    text = OmegaConf.to_yaml(OmegaConf.create(dict(export.settings)))
+    write_bytes(folder / SETTINGS, text.encode())
+    save_design(export.candidate, representation, folder)
+    bodies = [
+        (body.name, to_numbers(body.pose), not body.fixed)
+        for body in export.scene.bodies
+    ]
+    write_plan_programs(export.task.robot, export.payload, bodies, folder)
 
 
 def checklist(export: Export) -> str:

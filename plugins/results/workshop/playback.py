@@ -9,16 +9,25 @@ import numpy as np
 from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import engines, node
-from core.design import Tool
+from core.design import Candidate, Tool
 from core.designs.planning import resolve
 from core.errors import UserError
 from core.geometry import Array
-from core.interfaces import Condition, Evaluation, Motion, RolloutSettings, Task
+from core.interfaces import (
+    Condition,
+    Evaluation,
+    Motion,
+    RolloutSettings,
+    Task,
+    Waypoints,
+)
 from core.plugins import PluginPart
 from core.robot.trajectory import plan_task_motion
 from core.scene import Scene
 from core.simulation.play import play
-from core.support.text import number
+from core.support.text import count_words, number
+from plugins.results.workshop.carrying import dump_settings
+from plugins.results.workshop.dry_run import DryRun
 from plugins.results.workshop.export import Export
 from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.printing import Check
@@ -51,11 +60,7 @@ def make_export(
         UserError: the design or a setting can't be used, or the motion can't be played.
     """
     settings = node(cfg.rollout, RolloutSettings)
-    sims = engines(OmegaConf.to_container(cfg.sims))  # type: ignore[arg-type]
-    conditions = {
-        name: Condition(task_part, sim, cfg.seed, settings, engine=name)
-        for name, sim in sims.items()
-    }
+    conditions = _list_conditions(cfg, task_part, settings)
     task = task_part.shared()
     scene = task.scene(cfg.seed)
     best = chosen.in_task(task.name)
@@ -65,30 +70,32 @@ def make_export(
 
     scene = scene.furnished(candidate.tool)
     waypoints = resolve(candidate.plan, task, cfg.seed, settings, scene)
-    planned = plan_task_motion(waypoints, task, settings)
-    moves = sample_moves(cfg, task, planned)
+    dry_run = _make_dry_run(cfg, task, candidate, waypoints)
+    planned, moves, replays = _play_moves(
+        cfg, conditions, scene, candidate.tool, waypoints, dry_run
+    )
     motion = moves["trajectory"]
-    replays = play_in_all(conditions, scene, candidate.tool, motion)
-    instants = [replay.contact_s for replay in replays.values()]
-    contact_s = min((s for s in instants if s is not None), default=None)
-    if contact_s is not None:
+    contact_s = _find_contact(replays)
+    if contact_s is not None and dry_run is None:
         moves |= sample_before(cfg, task, planned, contact_s / motion.slower)
 
+    several = "" if candidate.plan is chosen.candidate.plan else f" of {task.name}"
     rewards = _rewards(replays)
     searched = {name: _earned(where, best) for name, where in conditions.items()}
-    several = "" if candidate.plan is chosen.candidate.plan else f" of {task.name}"
     check = compare_rewards(f"motion{several}", "as exported", rewards, searched)
-    if check.passed is False:
-        lost = find_loss(conditions, scene, candidate.tool, planned, searched, motion)
-        check = check._replace(found=f"{check.found}; {lost}")
-
     checks = [check]
-    checks += _check_guards(waypoints.guards)
+    if dry_run is not None:
+        checks.append(_check_reactions(replays))
+    elif check.passed is False:
+        lost = find_loss(conditions, scene, candidate.tool, planned, searched, motion)
+        checks = [check._replace(found=f"{check.found}; {lost}")]
+
     mounted: dict[str, float] = {}
     held = candidate.tool
     strengths = measured(held, task.robot, tool.material, scene, motion, replays)
     if tool.parts:
-        mounted = _rewards(play_in_all(conditions, scene, tool.printed, motion))
+        playable = dry_run or motion
+        mounted = _rewards(play_in_all(conditions, scene, tool.printed, playable))
         name = f"mounted{several}"
         checks.append(compare_rewards(name, "with its mount", mounted, rewards))
 
@@ -104,6 +111,8 @@ def make_export(
         mounted=mounted,
         strengths=strengths,
         checks=checks,
+        dry_run=dry_run,
+        settings=dump_settings(cfg, task_part),
     )
     if tool.parts:
         where = next(iter(conditions.values()))
@@ -115,6 +124,12 @@ def make_export(
 
 def _rewards(replays: Mapping[str, PlayedMotion]) -> dict[str, float]:
     return {name: replay.reward for name, replay in replays.items()}
+
+
+def _find_contact(replays: Mapping[str, PlayedMotion]) -> float | None:
+    """Find when the robot first touches a body in any engine, seconds; None: never."""
+    instants = [replay.contact_s for replay in replays.values()]
+    return min((s for s in instants if s is not None), default=None)
 
 
 def find_loss(
@@ -160,14 +175,94 @@ def _list_rewards(rewards: Sequence[float]) -> str:
     return ", ".join(number(reward, 3) for reward in rewards)
 
 
-def _check_guards(guards: Sequence[object]) -> list[Check]:
-    """Fail a plan with guards, which programs for arms lack."""
-    guarded = [str(number) for number, guard in enumerate(guards, 1) if guard]
-    if not guarded:
-        return []
+def _list_conditions(
+    cfg: DictConfig, task_part: PluginPart[Task], settings: RolloutSettings
+) -> dict[str, Condition]:
+    """List where the motion is played: the task in each engine."""
+    sims = engines(OmegaConf.to_container(cfg.sims))  # type: ignore[arg-type]
+    return {
+        name: Condition(task_part, sim, cfg.seed, settings, engine=name)
+        for name, sim in sims.items()
+    }
 
-    left_out = f"those of waypoint {', '.join(guarded)} are left out"
-    return [Check("guards", False, f"exported programs have none: {left_out}")]
+
+def _make_dry_run(
+    cfg: DictConfig, task: Task, candidate: Candidate, waypoints: Waypoints
+) -> DryRun | None:
+    """Make what plays a plan that feels or looks; None: it does neither."""
+    if not (waypoints.guards or waypoints.looks):
+        return None
+
+    settings = node(cfg.rollout, RolloutSettings)
+    return DryRun(
+        task,
+        candidate,
+        cfg.seed,
+        settings,
+        cfg.rate_hz,
+        cfg.speed,
+    )
+
+
+def _play_moves(
+    cfg: DictConfig,
+    conditions: Mapping[str, Condition],
+    scene: Scene,
+    tool: Tool,
+    waypoints: Waypoints,
+    dry_run: DryRun | None,
+) -> tuple[Motion, dict[str, Sampled], dict[str, PlayedMotion]]:
+    """Sample the motion of a plan, and play it in each engine.
+
+    Args:
+        cfg: the settings of the command.
+        conditions: the task in each engine.
+        scene: of the layout.
+        tool: what the arm holds.
+        waypoints: what the plan means in the layout.
+        dry_run: of a plan that feels or looks; its motion is what came of it in the first engine.
+
+    Returns:
+        The motion as it is planned, as it is sampled with the ways there and back, and what it earned by engine.
+    """
+    task = next(iter(conditions.values())).task.shared()
+    if dry_run is None:
+        planned = plan_task_motion(waypoints, task, node(cfg.rollout, RolloutSettings))
+        moves = sample_moves(cfg, task, planned)
+        replays = play_in_all(conditions, scene, tool, moves["trajectory"])
+        return planned, moves, replays
+
+    replays = play_in_all(conditions, scene, tool, dry_run)
+    planned = _find_played(replays)
+    moves = sample_moves(cfg, task, planned)
+    del moves["trajectory_slow"]
+    return planned, moves, replays
+
+
+def _find_played(replays: Mapping[str, PlayedMotion]) -> Motion:
+    """Return how a plan that feels or looks moved the arm in the first engine."""
+    first = next(iter(replays.values()))
+    assert first.reactions is not None
+    return first.reactions.motion
+
+
+def _check_reactions(replays: Mapping[str, PlayedMotion]) -> Check:
+    """Say what the dry run of a plan felt and saw; it fails where the plan did not come to its end."""
+    rows = []
+    passed = True
+    for engine, replay in replays.items():
+        reactions = replay.reactions
+        assert reactions is not None
+        fired = [felt for felt in reactions.felt if felt.fired]
+        guards = f"{len(fired)} of {count_words(len(reactions.felt), 'guard')} fired"
+        row = f"{guards}, {count_words(len(reactions.looked), 'look')} in {engine}"
+        if reactions.problem:
+            passed = False
+            row += f" ({reactions.problem})"
+
+        rows.append(row)
+
+    return Check("dry run", passed, f"move by move: {'; '.join(rows)}")
 
 
 def _earned(condition: Condition, best: Evaluation) -> float:

@@ -7,19 +7,23 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from core.design import Tool
+from core.design import DesignError, Tool
 from core.errors import UserError
 from core.interfaces import Condition, JointTrajectory, Recording, Rollout
 from core.robot.kinematics import arm_of
 from core.scene import Scene, State
+from core.simulation.engines import check_support
 from core.solids.contacts import Contacts, find_contacts, make_trace
 from core.solids.penetration import findings
 from core.support.text import number
 from core.task import reward_of
 from core.values.torques import TorqueShare, find_hardest
+from plugins.results.workshop.dry_run import DryReactions, DryRun
 from plugins.results.workshop.motion import Sampled
 
 RECORD_HZ = 100.0
+
+Playable = Sampled | JointTrajectory | DryRun
 
 
 class Unplayable(UserError):
@@ -36,6 +40,7 @@ class PlayedMotion:
         contacts: what touched what.
         problems: what passed through something, in words.
         torques: the greatest share of its torque limit that each joint used, by name; empty: the engine does not say.
+        reactions: what the plan felt and saw on its way; None: it does neither.
     """
 
     reward: float
@@ -43,6 +48,7 @@ class PlayedMotion:
     contacts: Contacts
     problems: tuple[str, ...]
     torques: Mapping[str, float] = field(default_factory=dict)
+    reactions: DryReactions | None = None
 
     @property
     def hardest(self) -> TorqueShare | None:
@@ -72,7 +78,7 @@ def play_in_all(
     conditions: Mapping[str, Condition],
     scene: Scene,
     tool: Tool,
-    motion: Sampled | JointTrajectory,
+    motion: Playable,
 ) -> dict[str, PlayedMotion]:
     """Play a motion in several engines; see `play_motion`."""
     return {
@@ -85,7 +91,7 @@ def play_motion(
     condition: Condition,
     scene: Scene,
     tool: Tool,
-    motion: Sampled | JointTrajectory,
+    motion: Playable,
 ) -> PlayedMotion:
     """Play a motion from its first sample, with forces.
 
@@ -93,14 +99,14 @@ def play_motion(
         condition: the task and the engine; its settings say how long things settle and hold.
         scene: of the condition, made once for all engines.
         tool: what the arm holds.
-        motion: as it is exported, or as it was searched.
+        motion: as it is exported, or as it was searched; or a plan that feels or looks on its way.
 
     Raises:
         Unplayable: the rollout fails.
     """
     task = condition.task.shared()
     settings = condition.settings
-    course = motion.trajectory if isinstance(motion, Sampled) else motion
+    course, reactions = _begin(motion, scene, tool)
     job = Rollout(
         tool,
         course,
@@ -109,8 +115,12 @@ def play_motion(
         hold_s=max(settings.hold_s, task.hold_s),
         record_hz=RECORD_HZ,
         forces=True,
+        reactions=reactions,
         scene=scene,
     )
+    if reactions is not None:
+        _check_engine(condition, scene, job)
+
     (outcome,) = condition.sim.shared().rollout(task, [job])
     recording = outcome.recording
     if outcome.error is not None:
@@ -138,4 +148,40 @@ def play_motion(
         contacts,
         problems,
         torques,
+        reactions,
     )
+
+
+def _check_engine(condition: Condition, scene: Scene, job: Rollout) -> None:
+    """Refuse a plan that an engine can't play.
+
+    Raises:
+        Unplayable: names what it can't do.
+    """
+    try:
+        check_support(condition.sim.shared(), condition.task.name, scene, job)
+    except DesignError as error:
+        raise Unplayable(str(error)) from error
+
+
+def _begin(
+    motion: Playable, scene: Scene, tool: Tool
+) -> tuple[JointTrajectory, DryReactions | None]:
+    """Return the trajectory that a motion begins with, and what changes it on the way.
+
+    Raises:
+        Unplayable: the plan means nothing in this scene.
+    """
+    match motion:
+        case Sampled():
+            return motion.trajectory, None
+        case DryRun():
+            reactions = motion.start(scene, tool)
+            try:
+                return reactions.begin(), reactions
+            except DesignError as error:
+                raise Unplayable(
+                    f"the exported plan can't be played: {error}"
+                ) from error
+
+    return motion, None

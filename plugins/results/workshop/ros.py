@@ -20,8 +20,8 @@ _EVERY_S = 0.01
 """Between two points: a controller joins them by splines of fifth degree."""
 
 
-def write_messages(robot: Robot, motion: Sampled, scene: Scene, folder: Path) -> None:
-    """Write a ``trajectory_msgs/msg/JointTrajectory``, with a point every 10 ms, and the scene.
+def write_trajectory(robot: Robot, motion: Sampled, folder: Path) -> None:
+    """Write a ``trajectory_msgs/msg/JointTrajectory``, with a point every 10 ms.
 
     Raises:
         UserError: a file can't be written.
@@ -31,6 +31,13 @@ def write_messages(robot: Robot, motion: Sampled, scene: Scene, folder: Path) ->
     trajectory = template.render(robot=robot, motion=motion, samples=samples)
     write_bytes(folder / "trajectory.yaml", trajectory.encode())
 
+
+def write_scene(robot: Robot, scene: Scene, folder: Path) -> None:
+    """Write the scene, see `scene_message`.
+
+    Raises:
+        UserError: the file can't be written.
+    """
     message = scene_message(robot, scene)
     text = yaml.safe_dump(message, sort_keys=False, default_flow_style=None, width=120)
     write_bytes(folder / "scene.yaml", text.encode())

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib.resources
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ import numpy as np
 from jinja2.sandbox import SandboxedEnvironment
 
 from core.errors import UserError
+from core.geometry import Pose
 from core.support.cli import write_bytes
 from core.support.text import clean
 from core.values.robots import Robot
@@ -67,14 +68,71 @@ def write_programs(
     Raises:
         UserError: a template can't be rendered, or a file can't be written.
     """
+    values = {"payload": payload, "moves": moves, "every": every}
+    _write_all(robot, robot.programs, values, folder)
+
+
+def write_plan_programs(
+    robot: Robot,
+    payload: Mapping[str, Any],
+    bodies: Sequence[tuple[str, list[float], bool]],
+    folder: Path,
+) -> None:
+    """Write what carries a plan out that feels or looks: a program, drivers, and a function to fill in.
+
+    Args:
+        robot: brings drivers (`Robot.drivers`).
+        payload: mass, centre and inertia of the tool.
+        bodies: of the scene: their names, poses, and whether they move.
+        folder: where to.
+
+    Raises:
+        UserError: a template can't be rendered, or a file can't be written.
+    """
+    ros = ("drive_ros2.py", text_of("drive_ros2.py.j2"))
+    drivers = (*robot.drivers, ros)
+    names = [name.removeprefix("drive_").removesuffix(".py") for name, _ in drivers]
+    program = ("run_plan.py", text_of("run_plan.py.j2"))
+    function = ("perceive.py", text_of("perceive.py.j2"))
+    values = {
+        "payload": payload,
+        "turn": robot.base.rotation.as_matrix().round(9).tolist(),
+        "base": to_numbers(robot.base),
+        "bodies": bodies,
+        "drivers": names,
+    }
+    _write_all(robot, (program, function, *drivers), values, folder)
+
+
+def to_numbers(pose: Pose) -> list[float]:
+    """Write a pose as x, y, z, metres, and the quaternion w, x, y, z."""
+    numbers = np.round([*pose.position, *pose.quaternion], 6) + 0.0
+    return list(numbers.tolist())
+
+
+def _write_all(
+    robot: Robot,
+    programs: Sequence[tuple[str, str]],
+    values: Mapping[str, Any],
+    folder: Path,
+) -> None:
+    """Render templates to files.
+
+    Args:
+        robot: whose programs they are.
+        programs: pairs of file name and template.
+        values: that templates get beside the robot.
+        folder: where to.
+
+    Raises:
+        UserError: a template can't be rendered, or a file can't be written.
+    """
     environment = SandboxedEnvironment(
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    for name, template in robot.programs:
+    for name, template in programs:
         try:
-            text = environment.from_string(template).render(
-                robot=robot, payload=payload, moves=moves, every=every
-            )
+            text = environment.from_string(template).render(robot=robot, **values)
         except jinja2.TemplateError as error:
             raise UserError(
                 f"robot {robot.name}: its program {name} can't be written: {error}"

@@ -43,7 +43,7 @@ def check_tolerance(export: Export, condition: Condition, off_m: float) -> list[
 
     def earn(variant: Tool) -> float:
         try:
-            replay = play_motion(condition, export.scene, variant, export.motion)
+            replay = play_motion(condition, export.scene, variant, export.playable)
         except Unplayable:
             return 0.0
 

@@ -6,6 +6,7 @@ import json
 import re
 import sys
 from dataclasses import replace
+from pathlib import Path
 from unittest.mock import create_autospec
 
 import numpy as np
@@ -16,6 +17,7 @@ from markdown_it import MarkdownIt
 from core.errors import UserError
 from core.robot.kinematics import arm_of
 from core.scene import Scene
+from plugins.results.workshop.carrying import load_export
 from plugins.results.workshop.export_command import configured, export, main
 from plugins.results.workshop.export_folder import checklist
 from plugins.results.workshop.playback import compare_rewards
@@ -253,6 +255,27 @@ def test_a_run_s_best_is_exported(tmp_path):
         f"Not to be run as it is:\n\n- {verdict}\n"
         in (tmp_path / "out" / "CHECKLIST.md").read_text()
     )
+
+
+@pytest.mark.thorough
+def test_a_plan_that_feels_and_looks_is_exported_as_it_is(tmp_path):
+    document = json.loads(Path(f"{ANCHORED}/OneBook.json").read_text())
+    steps = document["strategies"][0]["action_sets"][0]
+    steps[1] |= {"until": "force", "newtons": 50.0, "speed": 0.2}
+    steps.insert(1, {"look": True})
+    (tmp_path / "looks.json").write_text(json.dumps(document))
+    folder = tmp_path / "out"
+    found = exported(folder, f"designs={tmp_path}/looks.json", "material=pla")
+    failing = [str(verdict) for verdict in found.verdicts if verdict.passed is False]
+    assert failing == []
+    assert "1 look in mujoco" in "".join(map(str, found.verdicts))
+    assert not (folder / "programs").exists()
+    assert not (folder / "ros2" / "trajectory.yaml").exists()
+    text = (folder / "CHECKLIST.md").read_text()
+    assert "run_plan.py" in text
+    assert "Run `motion/trajectory.csv`" not in text
+    again = load_export(folder / "plan").play("mujoco")
+    assert again.reward == found.replays["mujoco"].reward
 
 
 def test_a_folder_that_has_something_is_refused_before_anything_is_played(tmp_path):

@@ -1,0 +1,297 @@
+"""Carry an exported plan out on a real arm, or in an engine as a dry run: ``python run_plan.py`` of an export.
+
+The loop is the same for every arm. A driver moves it until a guard fires, and a function says where bodies are.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from omegaconf import DictConfig, OmegaConf
+
+from core.config.compose import engines, node, task_parts, tool_part
+from core.design import Candidate, Tool
+from core.designs.planning import resolve_seen
+from core.designs.sighting import SceneJudge
+from core.errors import UserError
+from core.geometry import Array, Pose
+from core.interfaces import (
+    Condition,
+    Look,
+    RolloutSettings,
+    Seen,
+    Sighted,
+    Task,
+    Waypoints,
+)
+from core.plugins import PluginPart
+from core.scene import Scene
+from core.support.cli import say
+from plugins.results.chosen import chosen_evaluations
+from plugins.results.workshop.dry_run import DryRun
+from plugins.results.workshop.policy import Limits, Move, Policy, Stopped
+from plugins.results.workshop.replay import PlayedMotion, play_motion
+
+SETTINGS = "settings.yaml"
+DESIGN = "design.json"
+
+Perceive = Callable[[], Mapping[str, Sequence[float]]]
+"""Says where bodies are: by name x, y, z in metres, and the quaternion w, x, y, z, in the world's frame."""
+
+
+class Driver(Protocol):
+    """Moves an arm."""
+
+    def move_until(self, move: Move) -> Stopped | None:
+        """Follow the samples of a move, and ask `Move.has_fired` every 10 ms or more often.
+
+        Returns:
+            Where the arm rests after a guard fired; None: the move came to its end.
+
+        Raises:
+            RuntimeError: the arm is not where the move begins, or stopped by itself.
+        """
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A plan that feels or looks, as an export has it.
+
+    Attributes:
+        task: the part that makes it.
+        candidate: the tool and the plan.
+        layout: its seed; fixed bodies and marks stand as there, unless they are seen elsewhere.
+        settings: how plans are executed.
+        rate_hz: of the samples.
+    """
+
+    task: PluginPart[Task]
+    candidate: Candidate
+    layout: int
+    settings: RolloutSettings
+    rate_hz: float
+
+    @property
+    def tool(self) -> Tool:
+        """What the arm holds."""
+        assert self.candidate.tool is not None
+        return self.candidate.tool
+
+    @property
+    def scene(self) -> Scene:
+        """The layout for which it was exported."""
+        return self.task.shared().scene(self.layout).furnished(self.tool)
+
+    def dry_run(self, speed: float = 1.0) -> DryRun:
+        """Return what plays it in an engine."""
+        return DryRun(
+            self.task.shared(),
+            self.candidate,
+            self.layout,
+            self.settings,
+            self.rate_hz,
+            speed,
+        )
+
+    def play(self, engine: str, speed: float = 1.0) -> PlayedMotion:
+        """Play it in an engine, move by move; what is seen is what the engine's world shows.
+
+        Raises:
+            UserError: there is no such engine, or it can't play the plan.
+        """
+        sim = engines([engine])[engine]
+        where = Condition(self.task, sim, self.layout, self.settings, engine=engine)
+        return play_motion(where, self.scene, self.tool, self.dry_run(speed))
+
+
+def dump_settings(cfg: DictConfig, task: PluginPart[Task]) -> dict[str, Any]:
+    """Return the settings of an export that `load_export` needs.
+
+    Args:
+        cfg: the settings of the command.
+        task: one of those that are exported.
+    """
+    sections = ("robot", "tool", "material", "rollout")
+    settings = {key: OmegaConf.to_container(cfg[key], resolve=True) for key in sections}
+    return {
+        "task": {"name": task.name, **dict(task.settings)},
+        **settings,
+        "seed": cfg.seed,
+        "rate_hz": cfg.rate_hz,
+    }
+
+
+def load_export(folder: Path) -> Exported:
+    """Read the folder ``plan`` of an export.
+
+    Raises:
+        UserError: it holds none, or one that can't be used here.
+    """
+    try:
+        cfg = OmegaConf.load(folder / SETTINGS)
+    except OSError as error:
+        raise UserError(f"{folder}: no exported plan: {error}") from error
+
+    assert isinstance(cfg, DictConfig)
+    cfg.designs = str(folder / DESIGN)
+    (part,) = task_parts(cfg)
+    representation = tool_part(cfg).create()
+    (chosen, *_) = chosen_evaluations(cfg, representation, part.shared())
+    candidate = chosen.candidate.of(part.shared().name)
+    if candidate.tool is None or candidate.problem is not None:
+        raise UserError(f"{folder}: the plan can't be used: {candidate.problem}")
+
+    rollout = OmegaConf.merge(OmegaConf.structured(RolloutSettings), cfg.rollout)
+    assert isinstance(rollout, DictConfig)
+    settings = node(rollout, RolloutSettings)
+    return Exported(part, candidate, cfg.seed, settings, cfg.rate_hz)
+
+
+class Perceived:
+    """Makes what a plan can use of what a function sees.
+
+    Args:
+        perceive: says where bodies are.
+        scene: the layout of the export.
+    """
+
+    def __init__(self, perceive: Perceive, scene: Scene) -> None:
+        self._perceive = perceive
+        self._scene = scene
+
+    def first(self) -> Sighted:
+        """Look before the motion: all that can move must be seen.
+
+        Raises:
+            RuntimeError: names what is not seen.
+        """
+        seen = self._read()
+        missing = [body.name for body in self._scene.free if body.name not in seen]
+        if missing:
+            raise RuntimeError(f"perceive() does not see {', '.join(missing)}")
+
+        known = {body.name: body.pose for body in self._scene.bodies}
+        return Sighted({**known, **seen})
+
+    def look(self, before: Sighted, at_s: float, known_s: float) -> Sighted:
+        """Look again: what is not seen is taken to be where it was.
+
+        Args:
+            before: what was seen by the look before.
+            at_s: now, seconds since the plan began.
+            known_s: when the plan goes on.
+        """
+        seen = self._read()
+        hidden = {
+            body.name: before.taken_s.get(body.name, before.at_s)
+            for body in self._scene.free
+            if body.name not in seen
+        }
+        return Sighted({**before.poses, **seen}, at_s, known_s, hidden)
+
+    def _read(self) -> dict[str, Pose]:
+        """Read what the function returns.
+
+        Raises:
+            RuntimeError: a body is none of the scene's, or has no seven finite numbers.
+        """
+        names = [body.name for body in self._scene.bodies]
+        poses = {}
+        for name, values in self._perceive().items():
+            numbers: Array = np.asarray(values, dtype=np.float64)
+            if name not in names:
+                raise RuntimeError(
+                    f"perceive() has {name!r}; possible: {', '.join(names)}"
+                )
+            if numbers.shape != (7,) or not np.isfinite(numbers).all():
+                raise RuntimeError(
+                    f"perceive(): {name} needs x, y, z and a quaternion w, x, y, z, got {values}"
+                )
+
+            length = float(np.linalg.norm(numbers[3:]))
+            if abs(length - 1) > 0.01:
+                raise RuntimeError(
+                    f"perceive(): the quaternion of {name} has the length {length:.3g}, not 1"
+                )
+
+            poses[name] = Pose(numbers[:3], numbers[3:] / length)
+
+        return poses
+
+
+def carry_out(
+    exported: Exported,
+    driver: Driver,
+    perceive: Perceive,
+    speed: float = 1.0,
+    clock: Callable[[], float] = time.monotonic,
+    wait: Callable[[float], None] = time.sleep,
+) -> Policy:
+    """Carry an exported plan out, and return how it went.
+
+    Args:
+        exported: the plan.
+        driver: moves the arm.
+        perceive: says where bodies are.
+        speed: the share of the planned speed.
+        clock: says the time, seconds.
+        wait: waits so many seconds.
+
+    Raises:
+        DesignError: the plan means nothing in this scene.
+        RuntimeError: the arm or the function fails.
+    """
+    task = exported.task.shared()
+    scene = exported.scene
+    settings = exported.settings
+    eyes = Perceived(perceive, scene)
+    first = eyes.first()
+    judge = SceneJudge(task, scene, first.poses)
+
+    def resolve(felt: tuple[Pose | None, ...], looks: tuple[Sighted, ...]) -> Waypoints:
+        seen = Seen(first.poses, felt, looks, judge)
+        return resolve_seen(exported.candidate.plan, task, settings, seen)
+
+    limits = Limits(task, exported.tool, settings, exported.rate_hz, speed)
+    policy = Policy(resolve, limits)
+    step: Move | Look | None = policy.begin()
+    begun = clock()
+
+    while step is not None:
+        if isinstance(step, Move):
+            stopped = driver.move_until(step)
+            _say_move(step, stopped)
+            step = policy.moved(stopped)
+            continue
+
+        at_s = clock() - begun
+        known_s = at_s + settings.perception.look_s
+        before = policy.looks[-1] if policy.looks else first
+        seen = eyes.look(before, at_s, known_s)
+        say(f"looked{f', {step.where}' if step.where else ''}")
+        step = policy.saw(seen)
+        late_s = clock() - begun - known_s
+        if late_s > 0:
+            say(f"the look took {late_s:.2f} s more than rollout.perception.look_s")
+
+        wait(max(0.0, -late_s))
+
+    if policy.problem:
+        say(f"the plan ended early: {policy.problem}")
+
+    return policy
+
+
+def _say_move(move: Move, stopped: Stopped | None) -> None:
+    """Say how a move ended."""
+    if stopped is not None and move.guard is not None:
+        say(f"{move.guard.until} after {stopped.time:.2f} s")
+    elif move.guard is not None:
+        say(f"no {move.guard.until}; the move came to its end")
+    else:
+        say(f"moved for {move.trajectory.duration:.2f} s")
