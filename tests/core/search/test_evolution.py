@@ -179,10 +179,18 @@ def test_a_reward_that_is_enough_takes_nothing_away_that_was_tried(least, genera
     assert highest == pytest.approx(0.02 * generations)
 
 
+def earn_less_later(chunk):
+    return [
+        tried_once(
+            candidate, "ok", reward=0.1 - 0.02 * candidate.generation, distance_m=1.0
+        )
+        for candidate in chunk
+    ]
+
+
 def test_generations_after_the_goal_need_not_reach_it_again():
-    """The first generation has the best candidate."""
-    asked = [population(3, 3), population(0, 3), population(1, 3), population(2, 3)]
-    result, _, _ = run(asked, stop_reward=0.08, least=2)
+    asked = [population(i, 3) for i in range(4)]
+    result, _, _ = run(asked, earn_less_later, stop_reward=0.09, least=2)
     assert len(result.generations) == 2
 
 
