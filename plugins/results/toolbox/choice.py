@@ -16,12 +16,14 @@ from core.support.cli import say
 from plugins.results.pages.runs import find_runs
 from plugins.results.toolbox.cover import best_sets
 from plugins.results.toolbox.held_tools import (
+    Cells,
     HeldTool,
     TaskConfigs,
     all_task_configs,
     find_tools,
 )
-from plugins.results.toolbox.trials import OF_RUN, Cells, attempt, groups
+from plugins.results.toolbox.library import is_library, read_library
+from plugins.results.toolbox.trials import OF_RUN, attempt, groups
 
 
 @dataclass
@@ -85,25 +87,32 @@ class Toolbox:
 def toolbox(
     folders: Sequence[Path], cfg: ToolboxConfig, words: Sequence[str]
 ) -> Toolbox:
-    """Try the tools of all finished runs in all of their tasks, and choose.
+    """Try the tools of all finished runs and of libraries in all tasks of these runs, and choose.
 
     Args:
-        folders: of runs, or that hold runs.
+        folders: of runs, or that hold runs; or libraries.
         cfg: the settings of the command.
         words: settings of the searches for plans (`core.run`).
 
     Raises:
         UserError: there is no run with a tool, their settings differ, or a part or setting can't be used.
     """
-    runs, left_out = find_runs(folders)
+    libraries = [folder for folder in folders if is_library(folder)]
+    others = [folder for folder in folders if folder not in libraries]
+    runs, left_out = find_runs(others)
     for lost in left_out:
         say(f"not counted, {lost}")
-    tools = find_tools(runs, cfg.top)
+
+    kept = [tool for library in libraries for tool in read_library(library)]
+    by_name = {tool.name: tool for tool in (*kept, *find_tools(runs, cfg.top))}
+    tools = [*by_name.values()]
     tasks = all_task_configs(runs, cfg.tasks)
     if not tools:
         raise UserError("there is no tool to try")
+    if not tasks:
+        raise UsageError("a library names no tasks to try; give tasks=[NAME,...]")
     for kind in set(OF_RUN) - groups(words):
-        if any(tool.run.config[kind] != tools[0].run.config[kind] for tool in tools):
+        if any(tool.config[kind] != tools[0].config[kind] for tool in tools):
             raise UsageError(
                 f"the runs differ in {kind}; set it for all of them, as in {kind}=..."
             )

@@ -1,17 +1,17 @@
-"""The tools of finished runs, and the tasks that these runs were for."""
+"""Tools that were found, and the tasks that their runs were for."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from omegaconf import OmegaConf
 
 from core.config.compose import read_parts, task_part, tool_part
-from core.design import Tool
+from core.design import Candidate, Tool
 from core.errors import UsageError
-from core.interfaces import Evaluation, ToolRepresentation
+from core.interfaces import ActionPlan, Evaluation, ToolRepresentation
 from core.plugins import TASK
 from core.values.plans import digest
 from plugins.results.chosen import chosen_evaluations
@@ -23,24 +23,37 @@ TaskConfigs = Mapping[str, TaskConfig]
 """The configurations of tasks, by their names."""
 
 
+class Cell(NamedTuple):
+    """What a tool earned in a task with its best plan, and that plan; None: no plan could be tried."""
+
+    reward: float = 0.0
+    plan: ActionPlan | None = None
+
+
+Cells = dict[str, Cell]
+"""What a tool earned, by the names of tasks."""
+
+
 @dataclass(frozen=True, eq=False)
 class HeldTool:
-    """A tool of a run, with its best plan.
+    """A tool with its best plan, of a run or of a library.
 
     Attributes:
-        run: where it was found.
-        best: the tool with its best plan, and what it earned.
+        config: of the run that found it, as far as a tool depends on it.
+        candidate: the tool with its best plan.
         representation: of the run; reads and writes the tool.
+        earned: in the tasks of the run.
     """
 
-    run: FinishedRun
-    best: Evaluation
+    config: Mapping[str, Any]
+    candidate: Candidate
     representation: ToolRepresentation
+    earned: Cells
 
     @property
     def tool(self) -> Tool:
-        assert self.best.candidate.tool is not None  # it was tried
-        return self.best.candidate.tool
+        assert self.candidate.tool is not None  # it was tried
+        return self.candidate.tool
 
     @property
     def name(self) -> str:
@@ -63,10 +76,24 @@ def find_tools(runs: Iterable[FinishedRun], top: int) -> list[HeldTool]:
         if representation.given(task) is not None:
             continue
         for best in chosen_evaluations(config, representation, task):
-            held = HeldTool(run, best, representation)
+            names = task_configs(run.config["task"])
+            earned = {name: best_cell(name, [best]) for name in names}
+            held = HeldTool(run.config, best.candidate, representation, earned)
             tools[held.name] = held
 
     return list(tools.values())
+
+
+def best_cell(task: str, evaluations: Sequence[Evaluation]) -> Cell:
+    """Return what was best in a task."""
+    found = [evaluation.in_task(task) for evaluation in evaluations]
+    tried = [evaluation for evaluation in found if evaluation.candidate.problem is None]
+    if not tried:
+        return Cell()
+
+    best = max(tried, key=lambda evaluation: evaluation.reward)
+
+    return Cell(best.reward, best.candidate.plan)
 
 
 def task_configs(task: Mapping[str, Any]) -> TaskConfigs:

@@ -1,4 +1,7 @@
-"""``vlmgineer toolbox RUN...``: try the tools of finished runs on each other's tasks, and choose few that do most."""
+"""``vlmgineer toolbox RUN...``: try the tools of finished runs on each other's tasks, and choose few that do most.
+
+``vlmgineer toolbox add RUN...`` keeps them in a library, which may stand in the place of runs.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +20,18 @@ from core.support.text import number
 from plugins.results.artifacts import save_design
 from plugins.results.folders import folders_and_overrides
 from plugins.results.pages.formats import Column, Table, to_csv
+from plugins.results.pages.runs import find_runs
 from plugins.results.toolbox.choice import Toolbox, ToolboxConfig, toolbox
+from plugins.results.toolbox.held_tools import find_tools
+from plugins.results.toolbox.library import keep_tool
 
 USAGE = (
     "usage: vlmgineer toolbox FOLDER [FOLDER ...] [output=DIR] [tasks=[NAME,...]] [good=0.9] [top=1] "
-    "[KEY=VALUE ...]; FOLDER is a run's or holds runs, and other keys are those of core.run"
+    "[KEY=VALUE ...]; FOLDER is a run's, holds runs or is a library, and other keys are those of core.run; or "
+    "vlmgineer toolbox add FOLDER [FOLDER ...] [output=LIBRARY] [top=1]"
 )
 CHOSEN = "chosen"
+LIBRARY = "library"
 TABLE = "rewards.csv"
 
 
@@ -54,7 +62,7 @@ def _write_chosen(found: Toolbox, index: int, folder: Path) -> None:
     if others:
         plan = _join_plans(plans, gripper=tool.tool.gripper)
 
-    candidate = replace(tool.best.candidate, plan=plan)
+    candidate = replace(tool.candidate, plan=plan)
     save_design(candidate, tool.representation, folder)
 
 
@@ -81,7 +89,27 @@ def show(found: Toolbox) -> None:
         say(f"{count} do {done}: {names}")
 
 
+def add(words: list[str]) -> None:
+    """Keep the tools of runs in a library."""
+    folders, overrides = folders_and_overrides(USAGE, words)
+    if not folders:
+        raise UsageError(f"no folder given; {USAGE}")
+
+    output = [f"output={LIBRARY}", *overrides]
+    cfg = node(load("toolbox", output, ToolboxConfig), ToolboxConfig)
+    runs, left_out = find_runs(folders)
+    for lost in left_out:
+        say(f"not kept, {lost}")
+    for run in runs:
+        for tool in find_tools([run], cfg.top):
+            say(str(keep_tool(run, tool, Path(cfg.output))))
+
+
 def main(words: list[str]) -> None:
+    if words[:1] == ["add"]:
+        add(words[1:])
+        return
+
     folders, overrides = folders_and_overrides(USAGE, words)
     if not folders:
         raise UsageError(f"no folder given; {USAGE}")

@@ -1,10 +1,10 @@
-"""Try a tool of a finished run on other tasks: runs that design plans for it alone, in folders that are kept."""
+"""Try a tool that was found on other tasks: runs that design plans for it alone, in folders that are kept."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
@@ -13,7 +13,6 @@ from core.design import DesignError
 from core.designs.start import SpawnRules
 from core.errors import UsageError, UserError
 from core.events import INTERRUPTED
-from core.interfaces import ActionPlan, Evaluation
 from core.plugins import TASK, installed
 from core.search.orchestration import run as search
 from core.store.reader import StoredRun
@@ -23,9 +22,12 @@ from core.values.plans import digest
 from plugins.results.artifacts import save_design
 from plugins.results.chosen import stored_evaluations
 from plugins.results.toolbox.held_tools import (
+    Cell,
+    Cells,
     HeldTool,
     TaskConfig,
     TaskConfigs,
+    best_cell,
     task_configs,
 )
 
@@ -48,17 +50,6 @@ FREE = ("tool", "task", "executor", "listener", "film")
 """Settings that what was tried does not depend on."""
 
 
-class Cell(NamedTuple):
-    """What a tool earned in a task with its best plan, and that plan; None: no plan could be tried."""
-
-    reward: float = 0.0
-    plan: ActionPlan | None = None
-
-
-Cells = dict[str, Cell]
-"""What a tool earned, by the names of tasks."""
-
-
 def attempt(
     held: HeldTool, tasks: TaskConfigs, words: Sequence[str], output: Path
 ) -> Cells:
@@ -76,15 +67,15 @@ def attempt(
     """
     file = output.resolve() / "tried" / held.name / "design.json"
     with writing(output):
-        save_design(held.best.candidate, held.representation, file.parent)
+        save_design(held.candidate, held.representation, file.parent)
 
     config = configure(held, file, words)
     cells: Cells = dict.fromkeys(tasks, Cell())
     left = dict(tasks)
-    if all(config[kind] == held.run.config[kind] for kind in OF_RUN):
-        for name, task in task_configs(held.run.config["task"]).items():
+    if all(config[kind] == held.config[kind] for kind in OF_RUN):
+        for name, task in task_configs(held.config["task"]).items():
             if left.get(name) == task:
-                cells[name] = _best_cell(name, [held.best])
+                cells[name] = held.earned[name]
                 del left[name]
 
     to_try = [task for task in left.values() if _starts(held, config, task)]
@@ -98,18 +89,6 @@ def attempt(
         found = _read(folder, file)
 
     return cells | (found or {})
-
-
-def _best_cell(task: str, evaluations: Sequence[Evaluation]) -> Cell:
-    """Return what was best in a task."""
-    found = [evaluation.in_task(task) for evaluation in evaluations]
-    tried = [evaluation for evaluation in found if evaluation.candidate.problem is None]
-    if not tried:
-        return Cell()
-
-    best = max(tried, key=lambda evaluation: evaluation.reward)
-
-    return Cell(best.reward, best.candidate.plan)
 
 
 def _starts(held: HeldTool, config: DictConfig, settings: TaskConfig) -> bool:
@@ -168,7 +147,7 @@ def _read(folder: Path, file: Path) -> Cells | None:
     representation = tool_part(known).create()
     found = stored_evaluations(folder, representation, task_part(known).create())
 
-    return {name: _best_cell(name, found) for name in task_configs(config["task"])}
+    return {name: best_cell(name, found) for name in task_configs(config["task"])}
 
 
 def _key(word: str) -> str:
@@ -184,7 +163,7 @@ def configure(held: HeldTool, file: Path, words: Sequence[str]) -> DictConfig:
     """Compose the configuration of a search for plans for a tool, still for no task.
 
     Args:
-        held: the tool, with its run, whose settings count.
+        held: the tool, with the settings of its run, which count.
         file: where the tool is written.
         words: settings that go before those of the run.
 
@@ -202,7 +181,7 @@ def configure(held: HeldTool, file: Path, words: Sequence[str]) -> DictConfig:
     defaults = [f"{key}={DEFAULTS[key]}" for key in DEFAULTS if key not in named]
     config = load("config", [*defaults, *words])
 
-    run: Mapping[str, Any] = held.run.config
+    run: Mapping[str, Any] = held.config
 
     for kind in set(OF_RUN) - given:
         merge = kind in ("material", "rollout")

@@ -25,17 +25,21 @@ def say_printable(run: Run, best: Candidate) -> str | None:
     Where it is not, the line says which check fails, and how to search for what can be made.
     Of a run with the material ``paper`` it is PLA that is looked at.
     """
-    tool = best.tool
-    if tool is None or not tool.components:
+    if best.tool is None:
+        return None
+    return describe_printing(best.tool, run.task.robot, run.representation.material)
+
+
+def describe_printing(tool: Tool, robot: Robot, material: Material) -> str | None:
+    """Say of a tool what `say_printable` says of the best one; ``material`` is that of its run."""
+    if not tool.components:
         return None
 
-    material = run.representation.material
     if material.name == PAPER.name:
         material = node(load("evaluate", [f"material={DEFAULT}"]).material, Material)
 
     printer = Printer()
     plate_mm = tuple(printer.plate_mm)
-    robot = run.task.robot
     problem = find_problem(tool, robot, material, plate_mm, printer.min_wall_mm)
     verdict = "yes"
     if problem is not None:

@@ -1,5 +1,8 @@
 """The command on two small stored runs, whose tools are tried on each other's task."""
 
+import json
+import shutil
+
 import pytest
 
 import plugins.results.toolbox.trials as trials
@@ -8,7 +11,10 @@ from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError
 from core.geometry import Box, Pose
 from core.plugins import installed
+from plugins.results.pages.runs import find_runs
 from plugins.results.toolbox.choice import ToolboxConfig, toolbox
+from plugins.results.toolbox.held_tools import find_tools
+from plugins.results.toolbox.library import read_library
 from plugins.results.toolbox.toolbox_command import main, write
 from tests.core.run_folders import hook, write_run
 
@@ -93,9 +99,52 @@ def test_the_table_has_the_rewards_and_the_chosen_are_designs(made):
     assert read.tool is not None
     assert read.tool.content == found.tools[0].tool.content
     assert (read.plan.content, read.problem) == (
-        found.tools[0].best.candidate.plan.content,
+        found.tools[0].candidate.plan.content,
         None,
     )
+
+
+def test_a_library_keeps_tools_and_stands_in_the_place_of_runs(folders, tmp_path):
+    library = tmp_path / "library"
+    main(["add", str(folders), f"output={library}"])
+    files = sorted(library.glob("*/tool.json"))
+    kept = [json.loads(file.read_text()) for file in files]
+    assert [tool["tool"] for tool in kept] == ["hook", "low"]
+    assert [tool["earned"] for tool in kept] == [
+        {"BringCube": 0.95},
+        {"HighObject": 0.92},
+    ]
+    assert kept[0]["printable"].startswith("printable in pla: ")
+    hook_held, low_held = read_library(library)
+    (from_run, _) = find_tools(find_runs([folders])[0], top=1)
+    assert hook_held.tool.content == from_run.tool.content
+    assert hook_held.earned["BringCube"].reward == 0.95
+    # What it earned at home is not tried again.
+    config = ToolboxConfig(output=str(tmp_path / "out"), tasks=["HighObject"])
+    low = tmp_path / "one"
+    shutil.copytree(files[1].parent, low / files[1].parent.name)
+    found = toolbox([low], config, WORDS)
+    assert found.rewards.tolist() == [[0.92]]
+    with pytest.raises(UsageError, match="a library names no tasks to try"):
+        toolbox([library], ToolboxConfig(output=str(tmp_path / "none")), WORDS)
+    assert low_held.name == files[1].parent.name
+
+
+def test_a_library_that_was_changed_is_refused(folders, tmp_path):
+    main(["add", str(folders / "a"), f"output={tmp_path}"])
+    (file,) = tmp_path.glob("*/tool.json")
+    facts = json.loads(file.read_text())
+    for change, said in (
+        ({"earned": {"BringCube": 2}}, "earned.BringCube"),
+        ({"config": {}}, "config lacks"),
+        (
+            {"config": facts["config"] | {"tool": {"name": "${oc.env:HOME}"}}},
+            "which is not resolved",
+        ),
+    ):
+        file.write_text(json.dumps(facts | change))
+        with pytest.raises(UserError, match=said):
+            read_library(tmp_path)
 
 
 def test_mistakes_are_one_line(folders, tmp_path):
