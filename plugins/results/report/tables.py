@@ -257,8 +257,8 @@ def _answers_by_model(
     dict[tuple[str, str], list[StoredRequest]], dict[str, list[StoredEvaluation]]
 ]:
     """Return the requests by model and what was asked for, and what came of the designs by model."""
-    asked = defaultdict(list)
-    earned = defaultdict(list)
+    asked: dict[tuple[str, str], list[StoredRequest]] = defaultdict(list)
+    earned: dict[str, list[StoredEvaluation]] = defaultdict(list)
     for run in g.runs:
         # The candidates of an agent are those of its last answer: a checked or repaired one comes second.
         designers: dict[tuple[int, ...], str] = {}
