@@ -15,6 +15,7 @@ from typing import Any
 import coal
 import numpy as np
 import trimesh
+from scipy.spatial import ConvexHull
 
 from core.design import Tool
 from core.geometry import (
@@ -67,12 +68,20 @@ class Solid:
 
 def _hull(mesh: trimesh.Trimesh) -> Any:
     """Build the convex hull of a mesh as a Coal shape."""
-    convex = mesh.convex_hull
+    # As Trimesh's own, which takes ten times as long: it looks into each hull for holes.
+    hull = ConvexHull(mesh.vertices, qhull_options="QbB Pp Qt")
     points = coal.StdVec_Vec3s()
-    points.extend(np.asarray(convex.vertices, dtype=np.float64))
+    points.extend(hull.points[hull.vertices])
+
+    corners = hull.points[hull.simplices]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    is_inward = np.sum(normals * hull.equations[:, :3], axis=1) < 0
+    simplices = hull.simplices.copy()
+    simplices[is_inward] = simplices[is_inward, ::-1]
+    numbers = np.searchsorted(hull.vertices, simplices)
 
     faces = coal.StdVec_Triangle()
-    faces.extend(coal.Triangle(*face) for face in convex.faces.tolist())
+    faces.extend(coal.Triangle(*face) for face in numbers.tolist())
     return coal.Convex(points, faces)
 
 

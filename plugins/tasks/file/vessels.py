@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import trimesh
 
 from core.errors import refuse
 from core.geometry import Box, Cylinder, Mesh, Pose, Shape
@@ -19,6 +18,18 @@ _SIDES = 20  # of a round wall
 _OUT = math.sqrt(2 * math.pi / _SIDES / math.sin(2 * math.pi / _SIDES))
 _THICK = 0.2  # of the radius: a handle
 _TALL = 0.6  # of the length
+
+# The triangles of a part of a wall: its corners are below and above, outside and inside, first and last.
+_WEDGE = np.array(
+    [
+        *([0, 1, 5], [0, 5, 4]),  # outside
+        *([2, 7, 3], [2, 6, 7]),  # inside
+        *([0, 2, 3], [0, 3, 1]),  # below
+        *([4, 5, 7], [4, 7, 6]),  # above
+        *([0, 4, 6], [0, 6, 2]),  # first
+        *([1, 3, 7], [1, 7, 5]),  # last
+    ]
+)
 
 Placed = tuple[Shape, Pose]
 
@@ -108,8 +119,7 @@ class Vessel:
                 corners[end, 0, :, :2] = radius * pair
                 corners[end, 1, :, :2] = (radius - self.wall) * pair
 
-            wedge = trimesh.convex.convex_hull(corners.reshape(-1, 3))
-            yield Mesh.from_trimesh(wedge), Pose()
+            yield Mesh(corners.reshape(-1, 3), _WEDGE), Pose()
 
     def _handle(self) -> Iterator[Placed]:
         height = _TALL * self.length / 2

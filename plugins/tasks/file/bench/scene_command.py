@@ -57,7 +57,7 @@ class SceneFileConfig(RunConfig):
 
     pictures: list[str] = field(default_factory=list)
     cameras: list[dict[str, Any]] = field(default_factory=list)
-    camera_error: dict[str, float] = field(default_factory=dict)
+    camera_error: Any = None
     board: list[float] = field(default_factory=list)
     print_board: str = ""
     fov_deg: float | None = None
@@ -88,7 +88,7 @@ def main(words: list[str]) -> None:
         raise UsageError(f"say what is to be done, in a sentence; {USAGE}")
 
     cameras = OmegaConf.to_container(cfg.cameras)
-    error = _read_error(OmegaConf.to_container(cfg.camera_error))
+    error = _read_error(OmegaConf.to_container(cfg)["camera_error"])
     photographs = read_photographs(cfg.pictures, cameras, error)
     if cfg.board:
         photographs = find_by_board(photographs, list(cfg.board), cfg.fov_deg)
@@ -149,6 +149,9 @@ def _find_output(name: str) -> Path:
 
 
 def _read_error(given: Any) -> CameraError:
+    if given is None:
+        return CameraError()
+
     try:
         return CameraError.model_validate(given)
     except ValidationError as error:
