@@ -29,9 +29,10 @@ from tests.rare import rare
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[1]
-POINTS = dict.fromkeys(SETTINGS, 12) | {
-    "ensemble": 25,
-    **dict.fromkeys(("guards", "soft", "ray"), 4),  # engines take their time
+POINTS = dict.fromkeys(SETTINGS, 6) | {
+    "ensemble": 12,
+    **dict.fromkeys(("guards", "several", "soft"), 3),  # engines take their time
+    "ray": 2,
 }
 """At how many moments a run of each setting is killed, unless ``KILLS`` says another number."""
 

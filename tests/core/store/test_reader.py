@@ -39,14 +39,14 @@ def test_requests_come_with_their_replies_and_those_without_one_too(tmp_path):
         "UPDATE requests SET id = 'g1-critic0', elites = '[\"g0-a0-s0-p0\"]' WHERE generation = 1",
     )
     unanswered, answered = store.requests()
-    assert (unanswered.critique, unanswered.elites, unanswered.reply) == (
-        True,
+    assert (unanswered.purpose, unanswered.elites, unanswered.reply) == (
+        "critiques",
         ("g0-a0-s0-p0",),
         None,
     )
-    assert (answered.id, answered.critique, answered.reply.text) == (
+    assert (answered.id, answered.purpose, answered.reply.text) == (
         "g0-a0",
-        False,
+        "designs",
         "{}",
     )
     assert store.answers() == [(answered, answered.reply)]

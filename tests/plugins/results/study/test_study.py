@@ -273,7 +273,7 @@ def results_in(folder):
 @pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.usefixtures("inline")
-def test_a_study_that_is_killed_five_times(tmp_path, monkeypatch):
+def test_a_study_that_is_killed_three_times(tmp_path, monkeypatch):
     """Of two tasks and all methods of the paper, with a model on a server. No request is sent twice, and the results
     are those of the runs alone. Killed are the study, whose run goes on alone, or the study with its run.
     """
@@ -292,7 +292,7 @@ def test_a_study_that_is_killed_five_times(tmp_path, monkeypatch):
                 [sys.executable, *command], cwd=tmp_path, start_new_session=True
             )
 
-        for kill in range(5):
+        for kill in range(3):
             study = start()
             goal = len(server.calls) + 2
             wait_until(lambda goal=goal: len(server.calls) >= goal, study)
