@@ -50,6 +50,7 @@ class PromptSettings:
             fails in them by its words stands in the next generation's prompts.
         lessons: folders with a ``lessons.json``, of runs or written by hand; what fits the task stands in the prompts.
             The word ``write`` alone or among them: the model writes this run's at its end.
+        examples: folders of finished runs; the winners of at most two tasks that are alike stand in the prompts.
         system: the templates of the system message; empty: no system message.
         initial: the templates of a first sampling; empty: no first sampling, elites come from elsewhere.
         evolution: the templates of a request that shows elites.
@@ -68,6 +69,7 @@ class PromptSettings:
     repair: int | None = None
     critic: int = 0
     lessons: Any = field(default_factory=list)  # a word, or a list of them
+    examples: list[str] = field(default_factory=list)
     system: list[str] = field(default_factory=PARTS["system"].copy)
     initial: list[str] = field(default_factory=PARTS["initial"].copy)
     evolution: list[str] = field(default_factory=PARTS["evolution"].copy)

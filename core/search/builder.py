@@ -247,7 +247,7 @@ def equip(designer: ModelDesigner) -> None:
             "with vlm=NAME"
         )
 
-    recalls = settings.lesson_folders and designer.vlm.sees
-    if settings.writes_lessons or recalls:
+    named = settings.lesson_folders or settings.examples
+    if settings.writes_lessons or (named and designer.vlm.sees):
         for make in installed().factories("memory").values():
             designer.memory = make(designer)

@@ -33,6 +33,7 @@ def prompt_values() -> Mapping[str, str]:
         "elites": "plugins.vlms.told.elites:elites_value",
         "critiques": "plugins.vlms.told.elites:critiques_value",
         "candidates": "plugins.vlms.told.feedback:candidates_value",
+        "examples": "plugins.vlms.told.examples:examples_value",
         "lessons": "plugins.vlms.told.lessons:lessons_value",
         "hard_layouts": "plugins.vlms.told.hard_layouts:hard_layouts_value",
     }

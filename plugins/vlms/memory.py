@@ -20,6 +20,7 @@ from core.search.model_requests import ask_model
 from core.support.cli import say
 from core.support.files import write_whole, writing
 from plugins.vlms.artist import shown_in
+from plugins.vlms.told.examples import EXAMPLE, recall_examples
 from plugins.vlms.told.feedback import WHOLE, generation_lines
 from plugins.vlms.told.lessons import (
     FILE,
@@ -36,7 +37,7 @@ _MOST_SEEN = 12  # ids of a lesson
 
 @dataclass(eq=False)
 class ModelMemory:
-    """Recalls lessons, asks for a run's own, and writes them to its folder: a `core.search.designer.Memory`.
+    """Recalls lessons and winners, and writes a run's own lessons to its folder: a `core.search.designer.Memory`.
 
     Raises:
         UserError: what the settings name can't be read, or no prompt shows it.
@@ -52,6 +53,12 @@ class ModelMemory:
             self.designer.prompts.templates.load(TEMPLATE)
         if settings.lesson_folders:
             _check_shown(settings, "lessons")
+        if settings.examples:
+            _check_shown(settings, "examples")
+            if assignment.given is not None:
+                raise UsageError(
+                    "prompt.examples shows tools, and this run's is given; leave one of them away"
+                )
 
         self.recall(assignment.task, assignment.representation)
 
@@ -60,10 +67,21 @@ class ModelMemory:
     ) -> tuple[Recalled, ...]:
         """See `core.search.designer.Memory.recall`; files are read once."""
         if task.name not in self._found:
-            facts = self.designer.prompts.facts
-            self._found[task.name] = recall_lessons(task, facts)
+            self._found[task.name] = self._read(task)
 
-        return tuple(self._found[task.name])
+        found = self._found[task.name]
+        if representation.given(task) is not None:
+            found = [recalled for recalled in found if recalled.kind != EXAMPLE]
+
+        return tuple(found)
+
+    def _read(self, task: Task) -> list[Recalled]:
+        """Read what fits a task."""
+        facts = self.designer.prompts.facts
+        tools = self.designer.assignment.representation
+        lessons = recall_lessons(task, facts)
+
+        return [*lessons, *recall_examples(task, tools, facts)]
 
     def learn(self, result: Result, folder: Path) -> None:
         """See `core.search.designer.Memory.learn`; a failure costs the lessons, and a line says why.

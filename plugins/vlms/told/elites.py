@@ -42,11 +42,11 @@ def elites_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
 
     entries = []
     for place, elite in enumerate(brief.elites):
-        entry = _describe_design(elite, brief.representation)
+        entry = describe_design(elite, brief.representation)
         figures = combined_figures(elite, task, sight)
 
         if figures:
-            entry["details"] = _round_numbers(figures)
+            entry["details"] = round_numbers(figures)
 
         if plans and (given or place < WHOLE):
             entry |= _describe_rollout(elite, sight)
@@ -94,9 +94,14 @@ def _round_reward(evaluation: Evaluation) -> float:
     return float(number(evaluation.reward, 4))
 
 
-def _describe_design(
+def describe_design(
     elite: Evaluation, representation: ToolRepresentation
 ) -> dict[str, Any]:
+    """Write the id of an elite, what it earned, its names, and its tool in short.
+
+    Raises:
+        ValueError: it has no tool.
+    """
     candidate = elite.candidate
     entry: dict[str, Any] = {
         "id": candidate.id,
@@ -123,7 +128,7 @@ def _describe_rollout(elite: Evaluation, sight: Sight) -> dict[str, Any]:
         "distance_m": elite.distance_m,
     }
 
-    described: dict[str, Any] = _round_numbers(figures)
+    described: dict[str, Any] = round_numbers(figures)
     described |= elite_feedback(elite, sight)
     if elite.warnings:
         described["warnings"] = [sight.text(warning) for warning in elite.warnings]
@@ -131,7 +136,7 @@ def _describe_rollout(elite: Evaluation, sight: Sight) -> dict[str, Any]:
     return described
 
 
-def _round_numbers(value: Any) -> Any:
+def round_numbers(value: Any) -> Any:
     """Round the numbers of a JSON value to four digits; nan, which JSON has not, becomes null."""
     return json.loads(
         json.dumps(value),

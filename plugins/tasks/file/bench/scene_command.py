@@ -88,7 +88,10 @@ def main(words: list[str]) -> None:
         raise UsageError(f"say what is to be done, in a sentence; {USAGE}")
 
     cameras = OmegaConf.to_container(cfg.cameras)
-    error = _read_error(OmegaConf.to_container(cfg)["camera_error"])
+    given_error: Any = cfg.camera_error
+    if OmegaConf.is_config(given_error):
+        given_error = OmegaConf.to_container(given_error)
+    error = _read_error(given_error)
     photographs = read_photographs(cfg.pictures, cameras, error)
     if cfg.board:
         photographs = find_by_board(photographs, list(cfg.board), cfg.fov_deg)
