@@ -48,9 +48,9 @@ def read_source(chosen: ArmSettings) -> Source:
     root = read_root(read_untrusted(path, MAX_BYTES), path)
     try:
         if root.tag == "mujoco":
-            from plugins.robots.mjcf import SPEED, read_mjcf  # imports MuJoCo
+            from plugins.robots.mjcf import SPEED, read_mjcf_arm  # imports MuJoCo
 
-            source = Source(*read_mjcf(path, without))
+            source = Source(*read_mjcf_arm(path, without))
             if chosen.velocity is None:
                 source.notes.append(
                     f"MJCF has no limits of speed, {SPEED} rad/s is taken; robot.velocity=[...] says others"

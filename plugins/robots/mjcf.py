@@ -48,7 +48,7 @@ _KINDS = {"ball": "floating", "slider": "prismatic", "hinge": "revolute"}
 _FREE = JOINT_KINDS.index("free")
 
 
-def read_mjcf(
+def read_mjcf_arm(
     file: Path, without: Collection[str] = ()
 ) -> tuple[Description, list[str], dict[str, float]]:
     """Describe what stands in the world and has joints; its meshes become files in the user's cache folder.

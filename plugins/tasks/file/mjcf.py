@@ -43,7 +43,7 @@ _READ |= {"body", "frame", "replicate", "inertial", "joint", "freejoint", "geom"
 _MESHES = (".obj", ".stl", ".msh")
 
 
-def read_mjcf(
+def read_mjcf_bodies(
     file: str | Path, *, prefix: str = "", folder: Path | None = None
 ) -> Imported:
     """Make bodies and joints of an MJCF file, as they stand at the start (``qpos0``).

@@ -63,9 +63,9 @@ class Files:
             if kind == ".urdf":
                 found = read_urdf(file, fixed=fixed, prefix=prefix, folder=self.folder)
             else:
-                from plugins.tasks.file.mjcf import read_mjcf  # imports MuJoCo
+                from plugins.tasks.file.mjcf import read_mjcf_bodies  # imports MuJoCo
 
-                found = read_mjcf(file, prefix=prefix, folder=self.folder)
+                found = read_mjcf_bodies(file, prefix=prefix, folder=self.folder)
 
             self._keep((name, prefix, fixed), found)
 

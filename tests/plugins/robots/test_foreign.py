@@ -260,14 +260,14 @@ def test_a_file_of_mjcf_is_found_from_the_folder_where_one_types(
 
 
 def test_what_hangs_on_a_ball_is_not_turned(six):
-    from plugins.robots.mjcf import read_mjcf
+    from plugins.robots.mjcf import read_mjcf_arm
 
     ball = (
         '<body name="bob" pos="0.3 0 0.1"><joint name="ball" type="ball" range="0 1"/>'
         '<geom size="0.02" mass="0.1" rgba="0 0 0 0"/></body>'
     )
     change(six, ('<body name="base">', f'<body name="base">{ball}'))
-    description, *_ = read_mjcf(six, ())
+    description, *_ = read_mjcf_arm(six, ())
     joint = description.joints["bob"]
     assert joint.origin.xyz == (0.3, 0.0, 0.1)
     assert not any(joint.origin.rpy)

@@ -13,7 +13,7 @@ from core.scene import Scene
 from core.support import sandbox
 from plugins.tasks.file import mjcf
 from plugins.tasks.file.building import with_starts
-from plugins.tasks.file.mjcf import read_mjcf
+from plugins.tasks.file.mjcf import read_mjcf_bodies
 from plugins.tasks.file.named_files import Files
 from tests.plugins.tasks.file.imports.conftest import called
 
@@ -32,7 +32,7 @@ def written(folder, body, before="", after=""):
 
 
 def read(folder, body, before="", after="", **options):
-    return read_mjcf(written(folder, body, before, after), **options)
+    return read_mjcf_bodies(written(folder, body, before, after), **options)
 
 
 NUMBER = st.floats(-2, 2).map(lambda value: round(value, 3))
@@ -102,7 +102,7 @@ def test_all_moves_as_in_mujoco(tmp_path_factory, world, parts):
     file = written(tmp_path_factory.mktemp("model"), world, THIN)
     model = mujoco.MjModel.from_xml_path(str(file))
     data = mujoco.MjData(model)
-    made = read_mjcf(file)
+    made = read_mjcf_bodies(file)
     joints = {
         f"body{body}": model.joint(number)
         for number, body in enumerate(model.jnt_bodyid)
