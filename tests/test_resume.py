@@ -29,10 +29,11 @@ from tests.rare import rare
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[1]
-POINTS = dict.fromkeys(SETTINGS, 6) | {
-    "ensemble": 12,
-    **dict.fromkeys(("guards", "several", "soft"), 3),  # engines take their time
-    "ray": 2,
+POINTS = dict.fromkeys(SETTINGS, 4) | {
+    "archive": 12,
+    "ensemble": 8,
+    **dict.fromkeys(("guards", "several", "soft"), 2),  # engines take their time
+    "ray": 1,
 }
 """At how many moments a run of each setting is killed, unless ``KILLS`` says another number."""
 

@@ -46,7 +46,7 @@ def test_guards_find_what_was_seen_wrong(file):
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
 def test_guards_are_worth_it_in_unseen_layouts(file, engine):
     task = installed().create("task", file.stem, variation="wide")
-    layouts = range(PROTOCOL.protocol.layouts)
+    layouts = range(6)
     # Of paper: of PLA four of them would bend or break.
     blind = rewards(anchored(file.stem), task, engine, layouts)
     felt = rewards(guarded(file, task), task, engine, layouts)
