@@ -142,10 +142,11 @@ def differing(configs: Sequence[Configured]) -> list[str]:
 
     Left out is what follows from a choice: from that of its own group, as an engine's step, or by naming another
     group, as ``fitness.material``; and what follows from the task. The seed, the executor and the listeners never
-    distinguish methods.
+    distinguish methods. Of a setting that holds others, as ``vlm.options``, those count.
     """
     settings = [comparable(*config) for config in configs]
-    keys = sorted(set[str]().union(*settings))
+    every = set[str]().union(*settings)
+    keys = sorted(every - _find_holders(every))
     choices = [key for key in keys if key.count(".") == 1 and key.endswith(".name")]
     groups = [key.partition(".")[0] for key in choices]
     found = []
@@ -156,6 +157,16 @@ def differing(configs: Sequence[Configured]) -> list[str]:
         follows = not {*middle}.isdisjoint(groups)
         if not follows and key != TASK and _differ(settings, key, same):
             found.append(key)
+
+    return found
+
+
+def _find_holders(keys: Iterable[str]) -> set[str]:
+    """Return the keys below which others stand; one run may leave them empty."""
+    found = set[str]()
+    for key in keys:
+        parts = key.split(".")
+        found.update(".".join(parts[:length]) for length in range(1, len(parts)))
 
     return found
 

@@ -87,6 +87,14 @@ def test_a_setting_makes_a_method_where_the_choices_are_the_same():
     ]
 
 
+def test_options_of_a_model_make_a_method_where_other_runs_have_none():
+    given = config(vlm={"name": "litellm", "options": {"top_p": 0.9}})
+    assert labels(config(vlm={"name": "litellm", "options": None}), given) == [
+        "no vlm.options.top_p",
+        "vlm.options.top_p=0.9",
+    ]
+
+
 def test_what_follows_from_a_choice_or_from_the_task_makes_none():
     quick = config()
     paper = config(budget={"name": "paper", "n_agent": 20, "k_top": 5})

@@ -78,6 +78,16 @@ def test_figures_by_model(tmp_path):
     assert float(rows[0]["mean reward"]) == pytest.approx((0.2 + 0.4) / 2)
 
 
+def test_a_run_shows_what_its_model_was_told(tmp_path):
+    model = ("vlm=litellm", "vlm.model=openai/m", "vlm.temperature=0.5")
+    write_run(tmp_path / "runs" / "told", *model, "vlm.options={top_p: 0.9}")
+    report([tmp_path / "runs"], tmp_path / "out")
+    (row,) = read_csv(tmp_path / "out" / "data" / "runs.csv")
+    assert row["the model is told"] == 'vlm.temperature=0.5 vlm.options={"top_p": 0.9}'
+    page = (tmp_path / "out" / "index.html").read_text()
+    assert "vlm.options={&#34;top_p&#34;: 0.9}" in page
+
+
 def test_all_tables_are_written(made):
     data = made[0] / "out" / "data"
     names = "costs gains generations left_out methods rewards runs tools"
