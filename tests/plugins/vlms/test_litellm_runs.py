@@ -1,7 +1,10 @@
 """Whole runs with a language model on a server: results, files, and no secrets in them."""
 
 import json
+import os
+import signal
 import sqlite3
+import time
 from contextlib import closing
 from pathlib import Path
 from urllib.parse import quote
@@ -11,8 +14,9 @@ import pytest
 from core.config.compose import load
 from core.errors import UserError
 from core.search.orchestration import resume, run
+from tests.commands import warm_python
 from tests.plugins.vlms.asking import KEYS
-from tests.plugins.vlms.servers import Say, Send, document, serving
+from tests.plugins.vlms.servers import Reset, Say, Send, document, serving
 
 ROOT = Path(__file__).parents[3]
 SOLUTION = json.loads((ROOT / "tests/tasks/solutions/BringCube.json").read_text())[
@@ -119,6 +123,63 @@ def test_a_run_that_reaches_its_limit_ends_well_and_resumes_with_a_higher_one(tm
     )
     (generation,) = result(tmp_path / "run")["generations"]
     assert (generation["n_candidates"], generation["n_rejected"]) == (4, 0)
+
+
+BEGIN = """
+import os, runpy, sys
+from pathlib import Path
+
+Path("pid").write_text(str(os.getpid()))
+runpy.run_module("core.run", run_name="__main__", alter_sys=True)
+"""
+
+
+def test_a_request_under_way_at_a_kill_is_asked_once_more_and_an_answered_one_is_not(
+    tmp_path,
+):
+    """The server kills the run at its second request, when the answer to the first is stored."""
+    folder = tmp_path / "run"
+    words = [
+        *COMMON,
+        "budget.n_agent=3",
+        "budget.n_tool=1",
+        "budget.n_action=1",
+        "budget.n_iteration=0",
+        "executor.workers=1",
+    ]
+
+    def script(call):
+        if len(server.calls) == 2:
+            wait_for_a_stored_reply(folder)
+            os.kill(int((tmp_path / "pid").read_text()), signal.SIGKILL)
+            return Reset()
+        return Say(json.dumps({"strategies": [SOLUTION]}))
+
+    with serving(script) as server:
+        address = f"vlm.api_base={server.url}"
+        model = ["vlm=gemini", "vlm.concurrency=1", address]
+        command = ["-c", BEGIN, *model, *words, f"hydra.run.dir={folder}"]
+        killed = warm_python(command, tmp_path, os.environ)
+        assert killed.returncode == -signal.SIGKILL, killed.stderr
+        assert len(server.calls) == 2
+        resume(folder, [address])
+    first, *seeds = [call.body["generationConfig"]["seed"] for call in server.calls]
+    assert first not in seeds
+    assert len(seeds) == 3
+    assert seeds[0] == seeds[1] != seeds[2]
+    (generation,) = result(folder)["generations"]
+    assert (generation["n_candidates"], generation["n_rejected"]) == (3, 0)
+
+
+def wait_for_a_stored_reply(folder):
+    until = time.monotonic() + 120
+    while time.monotonic() < until:
+        with closing(sqlite3.connect(folder / "run.sqlite")) as database:
+            ((stored,),) = database.execute("SELECT count(*) FROM replies").fetchall()
+        if stored:
+            return
+        time.sleep(0.02)
+    raise AssertionError("no reply was stored")
 
 
 @pytest.mark.thorough
