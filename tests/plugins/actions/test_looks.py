@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from core.design import Candidate, DesignError, Tool
-from core.geometry import Box, Pose
+from core.geometry import Box, Pose, Sphere
 from core.goals import Placed
 from core.interfaces import Perception, RolloutSettings, Seen, Sighted
 from core.scene import Body
@@ -136,6 +136,50 @@ def test_what_moves_is_met_where_it_will_be():
     slow = read(HIGH, LOOK, HIGH, meet)
     with pytest.raises(DesignError, match="needs 'seconds' of each way since the last"):
         slow.resolve(seen(moved))
+
+
+RADIUS = 0.03
+ROLLS = 0.15  # m/s along y, without sliding
+PADDLE = Tool((box("paddle", (0.12, 0.02, 0.2), (0.0, 0.0, -0.1), mass=0.05),))
+
+
+def rolling_ball():
+    """A ball that rolls across the floor in front of the robot once the motion begins."""
+    ball = Body.of(
+        "ball", Sphere(RADIUS), (0.5, -0.45, RADIUS), mass=0.1, color=GREY, friction=0.8
+    )
+    moving = replace(ball, velocity=(0.0, ROLLS, 0.0), spin=(-ROLLS / RADIUS, 0.0, 0.0))
+    task = Bodies(moving, FLOOR)
+    task.home = HOME
+    return task
+
+
+def stop_ball(*, meet):
+    """Look where the ball is, set the paddle down before it, and wait until it has arrived."""
+    over = {"anchor": "ball", "offset": [0.0, 0.1, 0.35], "seconds": 1.5, "meet": meet}
+    down = {**over, "offset": [0.0, 0.07, 0.205], "seconds": 0.5, "wait": 1.5}
+    return HIGH, LOOK, over, down
+
+
+@every_simulator
+def test_a_ball_that_rolls_across_the_table_is_met_and_stopped(engine):
+    played = play(
+        *stop_ball(meet=True), engine=engine, task=rolling_ball(), tool=PADDLE
+    )
+    outcome = played.outcome
+    assert not outcome.looked[0].hidden
+    _, over_s, down_s = played.job.reactions.motion.arrivals
+    for instant, ahead in ((over_s, 0.1), (down_s, 0.07)):
+        sample = np.argmin(np.abs(outcome.recording.times - instant))
+        mount = arm().positions(outcome.recording.arm[sample : sample + 1])[0]
+        ball = outcome.recording.states[sample].position("ball")
+        np.testing.assert_allclose(mount[:2] - ball[:2], [0.0, ahead], atol=0.003)
+
+    assert np.linalg.norm(outcome.end.linear_velocity("ball")) < 0.3 * ROLLS
+    missed = play(
+        *stop_ball(meet=False), engine=engine, task=rolling_ball(), tool=PADDLE
+    )
+    assert missed.outcome.end.linear_velocity("ball")[1] > 0.8 * ROLLS
 
 
 @pytest.mark.parametrize(
