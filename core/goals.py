@@ -166,7 +166,7 @@ class Measure:
         at_least: whether it must not end below the limit; else not above it.
         near: up to here observations call it good, where the limit is lower.
         far: so far below a limit that it must not exceed is safe; 0: where the figure is 0.
-        whole: whether nothing counts until it is there.
+        whole: whether less than half counts until it is there. What was there at the start is lost once it is not.
     """
 
     name: str
@@ -202,9 +202,19 @@ class Measure:
         if self.at_least:
             beyond = self.limit - value
 
-        if self.whole:
-            return np.where(beyond > 0, self.slip, 0.0)
         return np.maximum(beyond, 0.0)
+
+    def lost(self, before: Array, left: Array) -> Array:
+        """Compute which part of the way is ``left``, (...), of what was left ``before``, at the start; see `left`.
+
+        Where nothing was, it is counted in slips.
+        """
+        part: Array = left / np.maximum(before, self.slip)
+        if not self.whole:
+            return part
+
+        on_the_way = np.where(before > 0, (1 + part) / 2, 1.0)
+        return np.where(left > 0, on_the_way, 0.0)
 
     def margin(self, end: State) -> Margin | None:
         """Return the margin of one world; None: nothing may be off, so that there is no room."""
@@ -417,9 +427,8 @@ class Reach(Goal):
 
         for measure in self.all_measures(body, start):
             first = np.broadcast_to(measure.left(start), shape)
-            scale = np.maximum(first, measure.slip)
-            left = left + measure.left(now) / scale
-            before = before + first / scale
+            left = left + measure.lost(first, measure.left(now))
+            before = before + measure.lost(first, first)
 
         share = left / np.where(before > 0, before, 1.0)
         return np.clip(1 - share, 0.0, 1.0)

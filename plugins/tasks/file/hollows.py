@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import ConvexHull
 
 from core.geometry import Array, Pose, Shape
@@ -24,12 +27,23 @@ _FLAT_M = 0.002  # a mark that is not higher is flat
 COLUMN_M = 0.1
 """How high above a flat mark is still inside it, where nothing else is said."""
 
+_AROUND = 2  # cells beside the body, where there is a way around it
+
+# Half of the 26 neighbours of a cell: the others are the same ways back.
+_STEPS = tuple(
+    step for step in itertools.product((-1, 0, 1), repeat=3) if step > (0, 0, 0)
+)
+
 Flags = npt.NDArray[np.bool_]
+Counts = npt.NDArray[np.int64]
+Planes = tuple[Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
 class Hollow:
     """A space in a body's frame, as a grid of how far from its boundary each point is.
+
+    Outside, it is how long the way in is: around the body's walls, and through the opening.
 
     Attributes:
         low: (3,) the grid's first point, m.
@@ -42,7 +56,7 @@ class Hollow:
     rooms: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
 
     def room(self, points: Array) -> Array:
-        """Measure how deep inside points (..., 3) are, m, (...); below 0: how far outside."""
+        """Measure how deep inside points (..., 3) are, m, (...); below 0: how long the way in is."""
         most = np.array(self.rooms.shape) - 1.0
         cells = (points - self.low) / self.step
         within = np.clip(cells, 0.0, most)
@@ -101,21 +115,28 @@ def find_hollow(body: Body, around: Sequence[Body] = ()) -> Hollow | None:
     cell = (np.prod(sides) / _CELLS) ** (1 / 3)
     counts = np.maximum(np.ceil(sides / cell), _LEAST).astype(int)
     step = sides / counts
-    axes = [
-        low[axis] + step[axis] * (np.arange(count) + 0.5)
-        for axis, count in enumerate(counts)
-    ]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    first = low + step / 2
+    points = _make_grid(first, step, counts)
 
     for opening in (2, 0, 1):
-        enclosed = _find_enclosed(points, parts, opening).reshape(counts)
-        spaces = _largest(enclosed)
+        enclosed = _find_enclosed(points.reshape(-1, 3), parts, opening)
+        spaces = _largest(enclosed.reshape(counts))
         if spaces.any():
-            padded = np.pad(spaces, 2)
-            first = low + step / 2 - 2 * step
-            return Hollow(first, step, _measure_rooms(padded, step))
+            padded = np.pad(spaces, _AROUND)
+            first = first - _AROUND * step
+            cells = _make_grid(first, step, counts + 2 * _AROUND)
+            blocked = _find_blocked(cells, parts, step)
+            return Hollow(first, step, _measure_rooms(padded, blocked, step))
 
     return None
+
+
+def _make_grid(first: Array, step: Array, counts: Counts) -> Array:
+    """Return the points (X, Y, Z, 3) of a grid."""
+    axes = [
+        first[axis] + step[axis] * np.arange(count) for axis, count in enumerate(counts)
+    ]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
 
 def space_of(mark: Body, height: float) -> Hollow:
@@ -137,16 +158,14 @@ def space_of(mark: Body, height: float) -> Hollow:
     return Hollow(axes[0], axes[1] - axes[0], rooms)
 
 
-def _planes(shape: Shape, pose: Pose) -> tuple[Array, Array]:
+def _planes(shape: Shape, pose: Pose) -> Planes:
     """Return the planes around a convex shape: outward normals (F, 3), and how far along them each is (F,)."""
     hull = ConvexHull(pose.apply(shape.to_trimesh().vertices))
     planes = np.unique(hull.equations.round(9), axis=0)
     return planes[:, :3], -planes[:, 3]
 
 
-def _find_enclosed(
-    points: Array, parts: Sequence[tuple[Array, Array]], opening: int
-) -> Flags:
+def _find_enclosed(points: Array, parts: Sequence[Planes], opening: int) -> Flags:
     """Report which points (N, 3) are in no part, and have walls in all directions across the axis ``opening``."""
     angles = np.arange(_WAYS) * 2 * np.pi / _WAYS
     ways = np.zeros((_WAYS, 3))
@@ -193,9 +212,58 @@ def _largest(enclosed: Flags) -> Flags:
     return spaces
 
 
-def _measure_rooms(space: Flags, step: Array) -> Array:
-    """Measure how far each point of a grid is from the boundary of a space; below 0 outside."""
+def _find_blocked(cells: Array, parts: Sequence[Planes], step: Array) -> Flags:
+    """Report which cells (X, Y, Z), by their middles (X, Y, Z, 3), parts reach into: a thin wall leaves no gap."""
+    blocked = np.zeros(cells.shape[:-1], dtype=bool)
+    for normals, offsets in parts:
+        reaches = offsets + np.abs(normals) @ step / 2
+        blocked |= (cells @ normals.T < reaches).all(axis=-1)
+
+    return blocked
+
+
+def _measure_rooms(space: Flags, blocked: Flags, step: Array) -> Array:
+    """Measure how far each point of a grid is from the boundary of a space; below 0: how long the way in is.
+
+    Args:
+        space: (X, Y, Z) the points in it.
+        blocked: (X, Y, Z) those through which no way leads.
+        step: (3,) between points, m.
+    """
     inside = ndimage.distance_transform_edt(space, sampling=step)
-    outside = ndimage.distance_transform_edt(~space, sampling=step)
     half = step.min() / 2
-    return np.asarray(np.where(space, inside - half, half - outside))
+    ways = _measure_ways(space, blocked, step)
+    return np.asarray(np.where(space, inside - half, half - ways))
+
+
+def _measure_ways(space: Flags, blocked: Flags, step: Array) -> Array:
+    """Measure how far it is from each point of a grid into a space, m, (X, Y, Z); for arguments see `_measure_rooms`.
+
+    Ways go from a point to one of its 26 neighbours, and so are at most a tenth too long. What no way leads from counts
+    as the nearest point that has one.
+    """
+    numbers = np.arange(space.size, dtype=np.int64).reshape(space.shape)
+    starts = list[Counts]()
+    ends = list[Counts]()
+    lengths = list[Array]()
+
+    for way in _STEPS:
+        near = tuple(slice(max(0, -by), min(0, -by) or None) for by in way)
+        far = tuple(slice(max(0, by), min(0, by) or None) for by in way)
+        free = ~(blocked[near] | blocked[far])
+        starts.append(numbers[near][free])
+        ends.append(numbers[far][free])
+        length = float(np.linalg.norm(np.multiply(way, step)))
+        lengths.append(np.full(free.sum(), length))
+
+    pairs = (np.concatenate(starts), np.concatenate(ends))
+    graph = coo_array((np.concatenate(lengths), pairs), shape=(space.size, space.size))
+    found = dijkstra(
+        graph.tocsr(), directed=False, indices=numbers[space], min_only=True
+    )
+
+    ways: Array = found.reshape(space.shape)
+    off, nearest = ndimage.distance_transform_edt(
+        np.isinf(ways), sampling=step, return_indices=True
+    )
+    return np.asarray(ways[tuple(nearest)] + off)

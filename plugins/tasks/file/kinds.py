@@ -107,7 +107,8 @@ class Spread(Reach):
 class Inside(Reach):
     """Bodies whose middles must end in the hollow of a body, or in the space of a mark; soft ones with all their nodes.
 
-    Nothing is earned on the way: a body that lies at the foot of a bottle is not in it by half.
+    On the way less than half is earned, by how long the way in still is: off the opening, above it, and through it. A
+    body that lies at the foot of a bottle has to get up to its neck.
 
     Attributes:
         inside: the name of the body or mark.
