@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from core.geometry import Vector
-from core.goals import Away, JointAt, Reach, Turned
+from core.goals import Away, Goal, JointAt, Kept, Reach, Turned, Untouched
 from core.scene import Scene
 from core.values.states import State
 
+Wanted = dict[str, object]
 Place = tuple[float | None, float | None, float | None]
 """Where a body's frame is to end, m; None: the coordinate is free."""
 
@@ -58,22 +60,62 @@ def find_targets(goal: Reach, scene: Scene) -> list[Target]:
         if reference is not None:
             wanted["reference"] = reference
 
-        if isinstance(part, Away):
-            wanted["away"] = part.away
-        elif isinstance(part, JointAt):
-            wanted |= {"joint": part.joint, "to": part.aim(state)}
-        elif isinstance(part, Turned) and part.angle_deg is None:
-            points = part.points
-            if part.at is not None:
-                points = scene[part.at].pose.rotation.apply(points)
-
-            wanted |= {"axis": part.axis, "points": points}
-            wanted["tolerance_deg"] = part.tolerance_deg
+        if is_planned(part):
+            read = READERS.get(type(part), _read_nothing)
+            wanted |= read(part, scene)
 
     return [
         Target(tuple(bodies), goal.any, goal.held, goal.released, place, **wanted)  # type: ignore[arg-type]
         for place, bodies in groups.items()
     ]
+
+
+def is_planned(goal: Goal) -> bool:
+    """Report whether plans mind a part of a goal, or a limit; what they do not is named when a run starts.
+
+    Of what is to be reached they mind the kinds that `READERS` has, and those that say a place. Their faults are where
+    the tool meets what it need not move, so that other things are left alone and in place.
+    """
+    if isinstance(goal, Kept):
+        return True
+    if isinstance(goal, Untouched):
+        return not (goal.by or goal.max_force_n)
+    if isinstance(goal, Turned):
+        return goal.angle_deg is None
+    if type(goal) in READERS:
+        return True
+
+    return isinstance(goal, Reach) and type(goal).place_of is not Reach.place_of
+
+
+def _read_nothing(part: Reach, scene: Scene) -> Wanted:
+    """Read no more than its place, and how its bodies are to end."""
+    return {}
+
+
+def _read_away(part: Away, scene: Scene) -> Wanted:
+    return {"away": part.away}
+
+
+def _read_joint(part: JointAt, scene: Scene) -> Wanted:
+    return {"joint": part.joint, "to": part.aim(scene.state())}
+
+
+def _read_turn(part: Turned, scene: Scene) -> Wanted:
+    points = part.points
+    if part.at is not None:
+        points = scene[part.at].pose.rotation.apply(points)
+
+    return {"axis": part.axis, "points": points, "tolerance_deg": part.tolerance_deg}
+
+
+READERS: Mapping[type[Goal], Callable[..., Wanted]] = {
+    Reach: _read_nothing,
+    Away: _read_away,
+    JointAt: _read_joint,
+    Turned: _read_turn,
+}
+"""What plans read of a kind of goal, beside its place: attributes of a `Target`."""
 
 
 def _find_place(

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.goals import Away, Facing, Reach, Turned, limits, reaches
+from core.goals import Limit, Reach, limits, reaches
 from core.interfaces import Task
 from core.scene import Scene, State
 from plugins.vlms.offline.subgoals import turn_to_goal
-from plugins.vlms.offline.targets import Target, find_targets
+from plugins.vlms.offline.targets import Target, find_targets, is_planned
 
 
 def find_unplanned(task: Task, seed: int) -> list[str]:
@@ -35,16 +35,13 @@ def find_unplanned(task: Task, seed: int) -> list[str]:
     is_guided = any(target.joint or target.axis for target in targets)
 
     several = task.every and len(reached) > 1
-    forces = [getattr(limit, "max_force_n", 0) for limit in limits(task.goals)]
 
     cases = {
         "a ball joint's position": any(t.joint in balls for t in targets),
         "a turn about the vertical": any(_turns_level(t, scene) for t in targets),
         "a time limit": any(goal.by_s is not None for goal in reached),
         "what a soft body does as it gives way": bool(scene.softs),
-        "what an axis is to point at": any(isinstance(p, Facing) for p in parts),
         "the place of a node": any(getattr(p, "node", None) is not None for p in parts),
-        "a limit of force": any(forces),
         "a second goal, where one is a joint's or a turn (each tool is made for one)": several
         and is_guided,
         "anything but its first free body, as the task has no goals": not targets,
@@ -53,12 +50,15 @@ def find_unplanned(task: Task, seed: int) -> list[str]:
     named = [name for name, holds in cases.items() if holds]
     state = scene.state()
     for goal in reached:
-        named += _name_measures(goal, state)
+        named += _name_parts(goal, state)
+
+    unminded = [limit for limit in limits(task.goals) if not is_planned(limit)]
+    named += [_name_limit(limit) for limit in unminded]
 
     return list(dict.fromkeys(named))
 
 
-def _name_measures(goal: Reach, state: State) -> list[str]:
+def _name_parts(goal: Reach, state: State) -> list[str]:
     """Name what a goal measures of its first body where no plan is made for it, such as ``angle of cup``.
 
     Args:
@@ -66,7 +66,7 @@ def _name_measures(goal: Reach, state: State) -> list[str]:
         state: at the start.
     """
     first = goal.subjects(state)[:1]
-    unplanned = [part for part in goal.parts if _says_no_place(part)]
+    unplanned = [part for part in goal.parts if not is_planned(part)]
     return [
         measure.name
         for body in first
@@ -75,18 +75,14 @@ def _name_measures(goal: Reach, state: State) -> list[str]:
     ]
 
 
-def _says_no_place(part: Reach) -> bool:
-    """Report whether a part of a goal says neither a place nor a way nor a turn.
+def _name_limit(limit: Limit) -> str:
+    """Name a limit that plans do not mind."""
+    if getattr(limit, "by", ()):
+        return "what other bodies must not touch"
+    if getattr(limit, "max_force_n", 0):
+        return "a limit of force"
 
-    Args:
-        part: of a goal; it may say other things, such as a time.
-    """
-    if isinstance(part, Turned):
-        return part.angle_deg is not None
-    if type(part) is Reach or isinstance(part, Away | Facing):
-        return False
-
-    return type(part).place_of is Reach.place_of
+    return f"what must hold {type(limit).__name__.lower()}"
 
 
 def _turns_level(goal: Target, scene: Scene) -> bool:

@@ -351,7 +351,7 @@ def test_what_no_plan_is_made_for_is_named():
     class Aimed(CubeTask):
         goals = (Facing(("cube",), facing="table"),)
 
-    assert find_unplanned(Aimed(), 0) == ["what an axis is to point at"]
+    assert find_unplanned(Aimed(), 0) == ["angle of cube to table"]
 
     class Steep(CubeTask):
         goals = (Turned(("cube",), angle_deg=Span(low=60)),)
