@@ -57,6 +57,7 @@ NAMED = {
     "keep": FREE_BODY,
     "untouched": "body",
     "at": "body",
+    "by": "body",
     "facing": "body",
     "joint": "joint",
 }
@@ -989,14 +990,16 @@ class Untouched(Limit):
     """Bodies that the robot must not touch, or with ``max_force_n`` above 0, not press harder at any instant, N.
 
     The peak over the engine's steps counts, so that a blow does; with ``mean`` what a slow scale reads, the mean over
-    an instant of the trace.
+    an instant of the trace. With ``by`` it is not the robot that must not, but bodies of these names.
 
-    An egg that bears 5 N: ``Untouched(("egg",), max_force_n=5.0)``.
+    An egg that bears 5 N: ``Untouched(("egg",), max_force_n=5.0)``. A table on which no grain may fall:
+    ``Untouched(("table",), by=("grain_0", "grain_1"))``.
     """
 
     untouched: tuple[str, ...]
     max_force_n: float = 0.0
     mean: bool = False
+    by: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         refuse("a goal's ", {"max_force_n must be 0 or more": self.max_force_n < 0})
@@ -1011,17 +1014,24 @@ class Untouched(Limit):
         """Whether it limits the peak of a force."""
         return self.max_force_n > 0 and not self.mean
 
+    @property
+    def touchers(self) -> tuple[str, ...]:
+        """What must not touch them, as a trace names it."""
+        return self.by or ("robot",)
+
     def _forces(self, name: str, film: Trace) -> Array:
-        """Measure how hard the robot presses a body at each instant, N, (..., T)."""
-        if self.mean:
-            return film.forces_n(name, "robot")
-        return film.peaks_n(name, "robot")
+        """Measure how hard a body is pressed at each instant by one of those that must not, N, (..., T)."""
+        measure = film.forces_n if self.mean else film.peaks_n
+        pressed = [measure(name, toucher) for toucher in self.touchers]
+        return np.asarray(np.max(pressed, axis=0))
 
     def _harmed(self, name: str, film: Trace) -> Flags:
-        """Report at which instants (..., T) the robot does to a body what it must not."""
+        """Report at which instants (..., T) something is done to a body that must not be."""
         if self.max_force_n:
             return self._forces(name, film) > self.max_force_n
-        return film.contact(name, "robot")
+
+        touched = [film.contact(name, toucher) for toucher in self.touchers]
+        return np.asarray(np.any(touched, axis=0))
 
     def share(self, evidence: Evidence) -> Array:
         share = np.ones(())
@@ -1042,7 +1052,7 @@ class Untouched(Limit):
                 force = float(self._forces(name, trace).max())
                 what = f"force on {name}"
                 found.append(Margin.at_most(what, force, self.max_force_n, "N"))
-            elif not self.max_force_n and name in trace.clearances:
+            elif not (self.max_force_n or self.by) and name in trace.clearances:
                 touched = trace.touched(name, "robot")
                 gap = 0.0 if touched else float(trace.clearances[name])
                 found.append(Margin.clearance(name, gap))
@@ -1059,13 +1069,28 @@ class Untouched(Limit):
             if not harmed.any():
                 continue
 
-            did = f"{_find_toucher(film, name)} touched {name}"
+            did = f"{self._find_toucher(film, name)} touched {name}"
             if self.max_force_n:
                 force = self._forces(name, film).max()
                 pressed = number_beside(float(force), self.max_force_n)
                 did = f"{name} pressed with {pressed} N, {self.max_force_n:g} N allowed"
 
             yield float(film.times[harmed.argmax()]), did
+
+    def _find_toucher(self, film: Trace, body: str) -> str:
+        """Name what touched a body first: of the robot the part; ``the robot`` where its force alone is known."""
+        touches = [(float(film.first_s(body, name)), name) for name in self.by]
+        if not self.by:
+            touches = [
+                (float(film.first_s(body, part)), part)
+                for kind, part, other in film.touching
+                if kind != "body" and other == body
+            ]
+
+        known = [touch for touch in touches if np.isfinite(touch[0])]
+        _, first = min(known, default=(0.0, "the robot"))
+
+        return first
 
 
 class Aim(Protocol):
@@ -1200,21 +1225,6 @@ def check_names(goal: Goal, scene: Scene) -> None:
             for name in names:
                 if name not in possible:
                     raise choices(what, name, possible)
-
-
-def _find_toucher(film: Trace, body: str) -> str:
-    """Name the part of the robot that touched a body first.
-
-    Where none is known, because only its force was measured, it is ``the robot``.
-    """
-    touches = [
-        (int(flags.argmax()), part)
-        for (kind, part, other), flags in film.touching.items()
-        if kind != "body" and other == body and flags.any()
-    ]
-    _, first = min(touches, default=(0, "the robot"))
-
-    return first
 
 
 def _angle_between(first: Array, second: Array) -> Array:

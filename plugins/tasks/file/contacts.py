@@ -11,6 +11,7 @@ from plugins.tasks.file.doubts import bound
 
 TOUCHES_M = 0.003
 OVERLAP_M = 0.001  # what is more is a mistake
+CONTACT_M = 0.0005  # the largest gap of what a rollout counts as contact
 
 Shapes = tuple[str, int, str, int]
 """Two shapes: the name of a body, the number of its shape, and those of the other one."""

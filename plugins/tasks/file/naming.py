@@ -18,12 +18,14 @@ from core.goals import (
     Kept,
     Reach,
     Turned,
+    Untouched,
     check_names,
     list_names,
     reaches,
 )
 from core.scene import Body, Scene, Soft
 from plugins.tasks.file.body_building import build_mark
+from plugins.tasks.file.contacts import CONTACT_M, find_gaps
 from plugins.tasks.file.doubts import find_foot
 from plugins.tasks.file.goals import join_entries
 from plugins.tasks.file.hollows import Hollow, find_hollow, space_of
@@ -125,6 +127,8 @@ def _resolve(goal: Goal, scene: Scene, marks: Mapping[str, MarkSpec]) -> Goal:
         balls = [name for name in found.keep if _is_round(scene[name], ball=True)]
         rounds = [name for name in found.keep if _is_round(scene[name])]
         found = replace(found, balls=tuple(balls), rounds=tuple(rounds))
+    if isinstance(found, Untouched) and found.by:
+        _check_apart(found, scene)
     if isinstance(found, Inside):
         found = replace(
             found,
@@ -165,6 +169,25 @@ def _check_throughout(what: Reach, scene: Scene) -> None:
             f"throughout means from the start on, and at the start {what.subject} {_IS[len(what.bodies) > 1]} not so: "
             "nothing could be earned; leave throughout out, and it must hold at the end (with held: true, in hand)"
         )
+
+
+def _check_apart(limit: Untouched, scene: Scene) -> None:
+    """Refuse bodies that must not touch and do so at the start, so that nothing could ever be earned.
+
+    Raises:
+        UsageError: names two of them.
+    """
+    if limit.max_force_n:
+        return
+
+    for pair, gap in find_gaps(scene, set(limit.by)).items():
+        for name, other in (pair, pair[::-1]):
+            meet = name in limit.by and other in limit.untouched
+            if meet and gap < CONTACT_M:
+                raise UsageError(
+                    f"{name} must not touch {other}, and begins at it: nothing could be earned; move it, or say where "
+                    "it must end"
+                )
 
 
 def _is_round(body: Body, *, ball: bool = False) -> bool:

@@ -57,6 +57,15 @@ MEANT = [
     ("keep throughout", "{keep: [sled], throughout: true, kept_m: 0.112}", "0.112", "0.09"),
     ("throughout", "{bodies: [tray], raised: '< 0.103', throughout: true}", "0.103", "0.097"),
     ("axis throughout", AXIS + "tolerance_deg: 61, throughout: true}", "61", "59"),
+    ("by", "{untouched: [plate], by: [sled]}", "[sled]", "[hail]"),
+    ("untouched by many", "{untouched: [light, tray], by: ['s*', hail]}", "hail", "pea"),
+    ("max_force_n by", "{untouched: [tray], by: [pea], max_force_n: 20}", "20}", "0.09}"),
+    ("places", "{bodies: [tray, vane], places: [[0.9, 0, 0.192], [0.9, 0.3, 0.1]]}", "0.192", "0.185"),
+    ("tolerance_deg", AXIS + "tolerance_deg: 61}", "61", "59"),
+    ("density", "{joint: sags, to: '> 0.038'}", "0.038", "0.0405"),
+    ("upper", "{joint: falls, to: '> 0.048'}", "0.048", "0.052"),
+    ("start", "{joint: falls, change: '> 0.018'}", "0.018", "0.022"),
+    ("height of a mark", "{bodies: [pea], inside: deep}", "deep", "shallow"),
 ]  # fmt: skip
 
 
