@@ -30,7 +30,7 @@ from core.geometry import (
     Sphere,
 )
 from core.robot.description import assembled
-from core.scene import Body
+from core.scene import Body, Geom
 from core.values.robots import Robot
 
 WORLD = -1  # the frame of what never moves
@@ -127,18 +127,20 @@ def solids_of(name: str, shape: Shape | Compound, pose: Pose) -> list[Solid]:
 
 def body_solids(body: Body, frame: int = WORLD) -> Iterator[Solid]:
     """Yield a body's collision shapes in the world, or in the body's ``frame``, which moves with it."""
-    name = body.name
-
     for part in body.collisions:
-        pose = body.pose @ part.pose if frame == WORLD else part.pose
-        yield Solid(
-            name,
-            solid_geometry(part.shape),
-            pose,
-            part.shape,
-            owner=name,
-            frame=frame,
-        )
+        yield shape_solid(body, part, frame)
+
+
+def shape_solid(body: Body, part: Geom, frame: int = WORLD) -> Solid:
+    """Build one of a body's collision shapes in the world, or in the body's ``frame``, which moves with it."""
+    return Solid(
+        body.name,
+        solid_geometry(part.shape),
+        body.pose @ part.pose if frame == WORLD else part.pose,
+        part.shape,
+        owner=body.name,
+        frame=frame,
+    )
 
 
 def signed_distance(a: Solid, b: Solid) -> float:

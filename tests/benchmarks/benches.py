@@ -83,6 +83,7 @@ class Found:
     """What came of one bench: by paths the true value, what fits best, and the least and most of what fits."""
 
     inside: list[bool] = field(default_factory=list)
+    is_sound: bool = True
     widths: list[float] = field(default_factory=list)
     off: list[float] = field(default_factory=list)
 
@@ -234,6 +235,7 @@ def rebuild(seed: int, click_px: float, folder: Path) -> dict[str, Found]:
         draft.beside = Beside(sightings=tuple(point(true, views, click_px, rng)))
         draft.examine()
         found[setup] = compare(draft, true_file)
+        found[setup].is_sound = not draft.faults
         if draft.faults:
             print(f"bench {seed}, {setup}: {draft.faults}")
 
@@ -281,16 +283,23 @@ def main(words: list[str]) -> None:
                 print(f"bench {seed}, {setup}: {inside}", flush=True)
 
     print(f"{count} benches, clicks off by {click_px:g} pixels")
+    tabulate(every)
+
+
+def tabulate(every: dict[str, list[Found]]) -> None:
+    """Print a line for each kind of cameras."""
     print(
-        "cameras   inside          benches with all   width, mm   off, mm: median, worst"
+        "cameras   inside          benches with all   refused   width, mm   off, mm: median, worst"
     )
     for setup, all_found in every.items():
         inside = np.concatenate([found.inside for found in all_found])
+        refused = sum(not found.is_sound for found in all_found)
         whole = sum(all(found.inside) for found in all_found)
         width = 1000 * np.median(np.concatenate([found.widths for found in all_found]))
         off = 1000 * np.concatenate([found.off for found in all_found])
+        share = f"{inside.sum():4} of {inside.size:4} ({inside.mean():.1%})"
         print(
-            f"{setup:8}  {inside.sum():4} of {inside.size:4} ({inside.mean():.1%})  {whole:3} of {count}         "
+            f"{setup:8}  {share}  {whole:3} of {len(all_found)}         {refused:3}    "
             f"{width:7.1f}     {np.median(off):5.1f}, {off.max():5.1f}"
         )
 

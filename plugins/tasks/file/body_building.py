@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import chain, count, islice
 
@@ -143,7 +143,6 @@ def _build(spec: BodySpec, files: Files) -> Body:
         (read,) = files.mesh(spec.file, spec.scale).bodies
         visuals = read.visuals
         collisions = read.collisions
-        volume = read.mass
         if spec.color is not None:
             visuals = tuple(replace(geom, color=color) for geom in visuals)
     else:
@@ -154,11 +153,10 @@ def _build(spec: BodySpec, files: Files) -> Body:
             visuals = tuple(Geom(*placed, color) for placed in _shapes(spec))
 
         collisions = visuals
-        volume = sum(geom.shape.volume for geom in visuals)
 
     mass = spec.mass or 0.0
     if spec.density is not None:
-        mass = spec.density * volume
+        mass = spec.density * _measure_volume(spec, files, visuals)
 
     return Body(
         spec.name,
@@ -172,6 +170,15 @@ def _build(spec: BodySpec, files: Files) -> Body:
         velocity=spec.velocity,
         spin=spec.spin,
     )
+
+
+def _measure_volume(spec: BodySpec, files: Files, shapes: Sequence[Geom]) -> float:
+    """Measure the volume of a body, m^3; only a density needs it, and that of many walls takes long."""
+    if spec.file is None:
+        return sum(geom.shape.volume for geom in shapes)
+
+    (read,) = files.mesh(spec.file, spec.scale).bodies
+    return read.mass
 
 
 def _geoms(part: ShapeSpec, color: Color) -> Iterator[Geom]:

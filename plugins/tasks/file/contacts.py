@@ -3,18 +3,46 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
-from core.robot.solids import body_solids, closest, signed_distance
+import numpy as np
+
+from core.geometry import Array
+from core.robot.solids import (
+    Obstacles,
+    Solid,
+    body_solids,
+    closest,
+    contact,
+    shape_solid,
+    signed_distance,
+)
 from core.scene import Scene
 from plugins.tasks.file.doubts import bound
 
 TOUCHES_M = 0.003
 OVERLAP_M = 0.001  # what is more is a mistake
 CONTACT_M = 0.0005  # the largest gap of what a rollout counts as contact
+NEAR_M = 0.02  # what is farther apart does not meet while a scene is fitted
+_NEAREST = 8  # shapes of two bodies that are looked at
 
 Shapes = tuple[str, int, str, int]
 """Two shapes: the name of a body, the number of its shape, and those of the other one."""
+
+
+class Meeting(NamedTuple):
+    """Two shapes that are near each other.
+
+    Attributes:
+        pair: the two.
+        gap_m: between them; below 0 they overlap.
+        normal: (3,) the direction from the first to the second where they are closest.
+    """
+
+    pair: Shapes
+    gap_m: float
+    normal: Array
 
 
 def find_gaps(scene: Scene, names: set[str]) -> dict[tuple[str, str], float]:
@@ -41,30 +69,51 @@ def measure_gap(scene: Scene, name: str, other: str) -> float:
     return closest(tuple(body_solids(scene[name])), tuple(body_solids(scene[other])))[0]
 
 
-def pair_shapes(scene: Scene, names: set[str]) -> Iterator[Shapes]:
-    """Yield each pair of shapes of two bodies that touch, of which one has such a name."""
-    for name, other in find_gaps(scene, names):
-        here = range(len(scene[name].collisions))
-        there = range(len(scene[other].collisions))
-        for number, count in itertools.product(here, there):
-            yield name, number, other, count
+def find_meetings(scene: Scene, names: set[str]) -> Iterator[Meeting]:
+    """Yield the nearest shapes of each two bodies that are near each other, of which one has such a name."""
+    for name, other in _pair_bodies(scene, names, NEAR_M):
+        here = Obstacles(body_solids(scene[name]))
+        there = Obstacles(body_solids(scene[other]))
+        met = list[Meeting]()
+        for number, count in _pair_boxes(here, there):
+            gap, _, normal = contact(here.solids[number], there.solids[count])
+            if gap < NEAR_M:
+                met.append(Meeting((name, number, other, count), gap, normal))
+
+        yield from sorted(met, key=lambda meeting: meeting.gap_m)[:_NEAREST]
 
 
-def measure_shapes(scene: Scene, pairs: list[Shapes]) -> list[float]:
-    """Measure the signed distance of each pair of shapes, m."""
-    names = {name for pair in pairs for name in (pair[0], pair[2])}
-    solids = {name: tuple(body_solids(scene[name])) for name in names}
+def measure_shapes(scene: Scene, pairs: Sequence[Shapes]) -> list[float]:
+    """Measure the signed distance of each pair of shapes, m; no other shape is built."""
+    solids = dict[tuple[str, int], Solid]()
+    for name, number, other, count in pairs:
+        for key in ((name, number), (other, count)):
+            if key not in solids:
+                body = scene[key[0]]
+                solids[key] = shape_solid(body, body.collisions[key[1]])
+
     return [
-        signed_distance(solids[name][number], solids[other][count])
+        signed_distance(solids[name, number], solids[other, count])
         for name, number, other, count in pairs
     ]
 
 
-def _pair_bodies(scene: Scene, names: set[str]) -> Iterator[tuple[str, str]]:
+def _pair_boxes(here: Obstacles, there: Obstacles) -> Iterator[tuple[int, int]]:
+    """Yield the numbers of each two shapes of two bodies whose bounding boxes are near each other."""
+    apart = np.abs(here.centers[:, None] - there.centers)
+    are_near = apart < here.halves[:, None] + there.halves + NEAR_M
+    for number, count in np.argwhere(are_near.all(axis=2)):
+        yield int(number), int(count)
+
+
+def _pair_bodies(
+    scene: Scene, names: set[str], margin: float = TOUCHES_M
+) -> Iterator[tuple[str, str]]:
+    """Yield pairs of bodies whose bounding boxes are nearer than a margin, m, of which one has such a name."""
     boxes = {body.name: bound(body) for body in scene.bodies if body.collisions}
     for name, other in itertools.combinations(boxes, 2):
         low, high = boxes[name]
         bottom, top = boxes[other]
-        are_near = (low < top + TOUCHES_M).all() and (bottom < high + TOUCHES_M).all()
+        are_near = (low < top + margin).all() and (bottom < high + margin).all()
         if are_near and names & {name, other}:
             yield name, other

@@ -16,14 +16,9 @@ from plugins.tasks.file.bench.cameras import Bundle
 from plugins.tasks.file.bench.marks import Numbers
 from plugins.tasks.file.bench.photographs import Photograph
 from plugins.tasks.file.bench.replies import Sighting
+from plugins.tasks.file.bench.touching import Touching
 from plugins.tasks.file.bench.views import View
-from plugins.tasks.file.contacts import (
-    OVERLAP_M,
-    TOUCHES_M,
-    find_gaps,
-    measure_shapes,
-    pair_shapes,
-)
+from plugins.tasks.file.contacts import OVERLAP_M
 from plugins.tasks.file.task import FileTask
 
 PIXEL_PX = 6.0  # how well a model points, one standard deviation
@@ -41,6 +36,7 @@ _STEP = 1e-3  # of a standard deviation, of slopes
 _CALLS = 60
 _ENOUGH = 1e-3
 _POINTED = 4.0  # sightings that `PIXEL_PX` counts as
+_LEAST = 0.01  # of the largest slope of gaps: smaller ones are none
 _TOUCHED = 3  # steps by which what touches is brought together again
 
 
@@ -85,6 +81,7 @@ def fit_seen(
     best, slopes = _solve(problem, np.zeros(problem.size))
     # How well somebody points shows in what is left.
     problem.pixel_px = _estimate_error(problem, best, slopes)
+    problem.keep_apart(best)
     best, slopes = _solve(problem, best)
     count = len(problem.unknowns)
     fit.values = problem.name(best[:count])
@@ -117,6 +114,7 @@ class _Problem:
         bundle: the cameras.
         pixel_px: how well a sighting points, one standard deviation.
         size: how many unknowns there are in all.
+        most: (size,) how far each may be off.
         seen_values: how many numbers of pixels were sighted.
     """
 
@@ -134,19 +132,16 @@ class _Problem:
         self.pixel_px = PIXEL_PX
         self.seen = [s for s in sightings if s.body in names and s.photo in known]
         sighted = {sighting.body for sighting in self.seen}
-        near = {name for pair in find_gaps(scene, sighted) for name in pair}
+        self._touching = Touching(scene, sighted)
+        near = self._touching.names
         self.unknowns = _find_unknowns(numbers, sighted, near - sighted)
         self.seen_values = sum(len(sighting.pixels) for sighting in self.seen)
         self.size = len(self.unknowns) + self.bundle.size
+        self.most = np.full(self.size, _FAR_CAMERA)
+        self.most[: len(self.unknowns)] = _FAR
         self._task = task
         self._numbers = numbers
 
-        pairs = list(pair_shapes(scene, sighted | near))
-        gaps = np.array(measure_shapes(scene, pairs))
-        self._pairs = pairs
-        # What overlaps by more is a mistake, and not held; what is apart may not overlap.
-        self._touching = np.abs(gaps) < TOUCHES_M
-        self._gaps = np.where(self._touching, gaps, 0.0)
         self._look = lru_cache(maxsize=4)(self._measure)
 
     def name(self, shifted: Array) -> dict[str, float]:
@@ -157,6 +152,16 @@ class _Problem:
                 values[path] = self._numbers.values[path] + spread * by
 
         return values
+
+    def keep_apart(self, shifted: Array) -> None:
+        """Keep bodies apart that are near each other in a fit, and let what has lost its support rest again.
+
+        Before, they may pass through each other: a ball that began beside its channel finds the way into it.
+        """
+        count = len(self.unknowns)
+        scene = self._task.with_numbers(self.name(shifted[:count]))
+        self._touching.keep_apart(scene)
+        self._look.cache_clear()
 
     def read_gaps(self, shifted: Array) -> Array:
         """Measure by how much what touches has come apart, or what is apart overlaps, m."""
@@ -186,7 +191,7 @@ class _Problem:
 
     def select_gaps(self, slopes: Array) -> Array:
         """Take from the slopes of `miss` those of `read_gaps` over the scene's numbers."""
-        last = self.seen_values + len(self._pairs)
+        last = self.seen_values + len(self._touching.pairs)
         rows: Array = slopes[self.seen_values : last, : len(self.unknowns)]
         return APART_M * rows
 
@@ -207,20 +212,17 @@ class _Problem:
 
     def _measure(self, shifted: bytes) -> tuple[list[Array], Array]:
         scene = self._task.with_numbers(self.name(np.frombuffer(shifted)))
-        gaps = np.array(measure_shapes(scene, self._pairs)) - self._gaps
         points = [place_points(scene, sighting) for sighting in self.seen]
-        return points, np.where(self._touching, gaps, np.minimum(gaps, 0.0))
+        return points, self._touching.measure(scene)
 
 
 def _solve(problem: _Problem, start: Array) -> tuple[Array, Array]:
     """Find what fits best, and the slopes of `_Problem.miss` there."""
-    most = np.full(problem.size, _FAR_CAMERA)
-    most[: len(problem.unknowns)] = _FAR
     solution = least_squares(
         problem.miss,
         start,
         problem.slope,
-        bounds=(-most, most),
+        bounds=(-problem.most, problem.most),
         ftol=_ENOUGH,
         xtol=_ENOUGH,
         max_nfev=_CALLS,
@@ -247,12 +249,14 @@ def _draw_benches(
     """
     count = len(problem.unknowns)
     precision = np.linalg.cholesky(slopes.T @ slopes)
-    back = np.linalg.pinv(problem.select_gaps(slopes))
+    # What hardly moves a gap would have to move far.
+    back = np.linalg.pinv(problem.select_gaps(slopes), rcond=_LEAST)
     rng = np.random.default_rng(0)
     benches = {path: [value] for path, value in problem.name(best[:count]).items()}
     drawn = 1
     for _ in range(_TRIED * BENCHES):
         shifted = best + np.linalg.solve(precision.T, rng.standard_normal(problem.size))
+        shifted = shifted.clip(-problem.most, problem.most)
         try:
             apart = problem.read_gaps(shifted)
             for _ in range(_TOUCHED):

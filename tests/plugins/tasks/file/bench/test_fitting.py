@@ -12,9 +12,10 @@ from core.interfaces import Picture
 from core.scene import Camera
 from plugins.tasks.file.bench.drafts import Draft
 from plugins.tasks.file.bench.findings import describe_fit
+from plugins.tasks.file.bench.fitting import measure_off, place_points
 from plugins.tasks.file.bench.photographs import Photograph
-from plugins.tasks.file.bench.replies import read_reply
-from plugins.tasks.file.bench.views import View
+from plugins.tasks.file.bench.replies import Beside, Sighting, read_reply
+from plugins.tasks.file.bench.views import CameraError, View
 from plugins.tasks.file.task import FileTask
 from tests.panda import on_panda
 from tests.plugins.tasks.file.bench.test_truth import true_task
@@ -39,6 +40,70 @@ TRUE = {
     "marks.stripe.position.x": 0.91822,
     "marks.stripe.position.y": 0.09995,
 }
+
+CHANNEL = """
+name: RollToStripe
+description: A ball lies in a channel. Roll it to the other end.
+bodies:
+  - name: channel
+    fixed: true
+    position: [0.7, 0, 0]  # told
+    parts:
+      - {{box: [0.1, 0.4, 0.006], position: [0, 0, 0.003]}}  # told
+      - {{box: [0.008, 0.4, 0.03], position: [0.046, 0, 0.021]}}  # told
+      - {{box: [0.008, 0.4, 0.03], position: [-0.046, 0, 0.021]}}  # told
+  - name: ball
+    sphere: {radius}  # seen
+    position: [{x}, -0.1, {z}]  # seen
+    mass: 0.05  # assumed
+goals:
+  - {{bodies: [ball], at: channel, place: [0, 0.15, null], tolerance: 0.025, rest: true}}
+"""
+
+
+def examine_ball(folder, x, z):
+    """Examine a channel that was measured and a ball in it whose place was said to be (x, -0.1, z)."""
+    true = folder / "true.yaml"
+    true.write_text(CHANNEL.format(radius=0.02, x=0.71, z=0.0261))
+    views = [View(camera, SIZE) for camera in MEASURED]
+    scene = FileTask(str(true)).scene(0)
+    sightings = list[Sighting]()
+    for number, view in enumerate(views, 1):
+        blank = Sighting(body="ball", photo=number, pixels=(0.0, 0.0, 0.0, 0.0))
+        sides = measure_off(place_points(scene, blank), blank, view).tolist()
+        sightings.append(blank.model_copy(update={"pixels": tuple(sides)}))
+
+    error = CameraError(place_m=0.001, turn_deg=0.1, fov_deg=0.1, bend=0.001)
+    photographs = [Photograph(Picture(b""), SIZE, view, error=error) for view in views]
+    robot = on_panda(true_task("BringCube")).robot
+    text = CHANNEL.format(radius=0.023, x=x, z=z)
+    draft = Draft(folder / "scene.yaml", photographs, {}, robot, None, text)
+    draft.beside = Beside(sightings=tuple(sightings))
+    draft.examine()
+    return draft
+
+
+@pytest.mark.parametrize(
+    ("x", "z"),
+    [
+        pytest.param(0.62, 0.0291, id="beside"),
+        pytest.param(0.6265, 0.0291, id="at_the_outside"),
+        pytest.param(0.7, 0.037, id="in_the_air"),
+        pytest.param(0.7, 0.02, id="in_the_floor"),
+    ],
+)
+def test_a_ball_finds_its_channel_and_rests_in_it(tmp_path, x, z):
+    draft = examine_ball(tmp_path, x, z)
+    assert draft.faults == []
+
+    values = draft.fit.values
+    assert values["bodies.ball.position.x"] == pytest.approx(0.71, abs=0.004)
+    assert values["bodies.ball.sphere"] == pytest.approx(0.02, abs=0.002)
+    # Nothing is as sure as that it lies on the channel's floor.
+    heights = np.array(draft.fit.benches["bodies.ball.position.z"])
+    radii = np.array(draft.fit.benches["bodies.ball.sphere"])
+    assert heights - radii == pytest.approx(0.006, abs=5e-4)
+    assert len(heights) == 64
 
 
 @pytest.mark.slow
