@@ -89,7 +89,6 @@ def examine_ball(folder, x, z):
         pytest.param(0.62, 0.0291, id="beside"),
         pytest.param(0.6265, 0.0291, id="at_the_outside"),
         pytest.param(0.7, 0.037, id="in_the_air"),
-        pytest.param(0.7, 0.02, id="in_the_floor"),
     ],
 )
 def test_a_ball_finds_its_channel_and_rests_in_it(tmp_path, x, z):
