@@ -76,12 +76,14 @@ def test_what_is_wrong_with_a_fixture_is_said(task, changes, why):
     assert why in design.problem
 
 
-def test_without_its_fixture_it_earns_nothing(task):
+def test_without_its_fixture_it_earns_little(task):
     strategy = {key: value for key, value in STRATEGY.items() if key != FIXTURE}
     designs = [read(task, strategy), read(task, STRATEGY)]
     settings = RolloutSettings()
     found = evaluate_batch(task, simulator("mujoco"), designs, settings=settings)
-    assert [evaluation.reward for evaluation in found] == [0, 1]
+    without, whole = (evaluation.reward for evaluation in found)
+    assert without < 0.1  # for a little of the way in
+    assert whole == 1
 
 
 def test_a_task_without_a_place_for_a_fixture_refuses_one():

@@ -47,9 +47,13 @@ def test_the_reference_solves_it(scene, engine):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.stem)
-def test_what_passes_beside_it_earns_nothing(scene):
-    """Far above all, too: the robot then does nothing."""
-    assert (rewards(scene, "mujoco", [*BESIDE, (0, 0, 0.25)]) < 0.1).all()
+def test_what_passes_beside_it_earns_little(scene):
+    """Far above all it earns nothing: the robot then does nothing."""
+    *beside, above = rewards(scene, "mujoco", [*BESIDE, (0, 0, 0.25)])
+    assert above == 0
+    # A push that ends before the niche brings the block a part of the way in.
+    most = 0.5 if scene.stem == "IntoNiche" else 0.1
+    assert max(beside) < most
 
 
 def small(name):
