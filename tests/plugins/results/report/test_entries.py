@@ -282,8 +282,8 @@ def test_each_record_earns_its_rewards_again_in_three_layouts(
             if claimed == 0:
                 continue
 
-            # Of lean ones the effort is a mean of all layouts.
-            nearly = 0.1 * claimed if entry.protocol == "lean" else verify.TOLERANCE
+            # The effort of lean ones is a mean over layouts, and differs in three.
+            nearly = 0.3 * claimed if entry.protocol == "lean" else verify.TOLERANCE
             again = verify.earned(entry, task, run)
             assert again == pytest.approx(claimed, abs=nearly), (task, run.seed)
 
