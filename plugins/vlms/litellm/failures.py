@@ -28,6 +28,10 @@ LONGEST_READ = 10_000  # characters of an error, which may hold a whole answer
 
 # What some providers send with status 400.
 _ACCOUNT = re.compile(r"api.?key|credit balance|billing|quota", re.IGNORECASE)
+# What gateways send with status 400 where others send 404.
+_NO_MODEL = re.compile(
+    r"invalid model name|not a valid model|no such model", re.IGNORECASE
+)
 
 
 class TimedOut(Exception):
@@ -105,8 +109,9 @@ def unanswered(error: Exception) -> bool:
 
     status = _status(error)
     passing = status in (401, 402, 403, 404, 407, 408, 429)
-    account = _ACCOUNT.search(str(error)) is not None
-    return not 400 <= status < 500 or passing or account
+    words = find_words(error)
+    account = _ACCOUNT.search(words) or _NO_MODEL.search(words)
+    return not 400 <= status < 500 or passing or account is not None
 
 
 def refuses(error: Exception) -> bool:
@@ -116,7 +121,8 @@ def refuses(error: Exception) -> bool:
 
     status = _status(error)
     if 400 <= status < 500:
-        return status not in (401, 402, 403, 404, 407, 408, 429)
+        passing = status in (401, 402, 403, 404, 407, 408, 429)
+        return not passing and _NO_MODEL.search(find_words(error)) is None
 
     return status >= 500 and says_no(find_words(error))
 

@@ -114,6 +114,38 @@ def test_other_refusals_are_quoted_and_not_repeated():
 
 
 @pytest.mark.parametrize(
+    "words",
+    [
+        # LiteLLM's own proxy; "vision" is of the name, and refuses no picture.
+        "/chat/completions: Invalid model name passed in model=my-vision. "
+        "Call `/v1/models` to view available models for your key.",
+        "my-vision is not a valid model ID",  # OpenRouter
+    ],
+)
+def test_a_model_that_a_gateway_does_not_have_is_asked_for_again_on_resume(words):
+    with serving(in_turn(refused(words))) as server:
+        reply = ask(server, "openai")[0]
+    assert words in reply.error
+    assert reply.unanswered
+    assert len(server.calls) == 1
+
+
+def test_failures_of_a_gateway_are_told_apart():
+    """In the words of LiteLLM's own proxy."""
+    tail = "LiteLLM: model group 'm' failed with the error above. No fallback was attempted."
+    limited = refused(f"litellm.RateLimitError: too many\n\n{tail}", 429)
+    narrow = refused(
+        "litellm.ContextWindowExceededError: litellm.BadRequestError: too much\nmodel=m. "
+        f"context_window_fallbacks=None. fallbacks=None.\n\n{tail}"
+    )
+    with serving(in_turn(limited, limited, narrow)) as server:
+        reply = ask(server, "openai")[0]
+    assert "too long: some" in reply.error
+    assert reply.unanswered
+    assert len(server.calls) == 3
+
+
+@pytest.mark.parametrize(
     ("words", "asked", "room"),
     [
         (
