@@ -91,7 +91,7 @@ class Call:
 
 
 class EmptyStream(Exception):
-    """A stream came without a byte: some servers fail so, and say why where they are asked for a whole answer."""
+    """A stream came without an event: some servers fail so, and say why where they are asked for a whole answer."""
 
 
 class _Sender(threading.local):
@@ -183,7 +183,7 @@ class _Transport(httpx.BaseTransport):
         Raises:
             BadAnswer: the answer is a redirect or too large; or the request would go where the user did not send it.
             OtherForm: the answer has the form that was not asked for.
-            EmptyStream: a stream ends before it begins.
+            EmptyStream: a stream ends, or breaks off, before its first event.
         """
         call = _sender.call
         if call is None:
@@ -214,12 +214,12 @@ class _Transport(httpx.BaseTransport):
         headers = _keep_headers(answer)
         if streamed and call.streams and answer.is_success:
             call.answered = True
-            first = next(parts, None)
-            if first is None:
+            beginning = _await_event(parts)
+            if not beginning:
                 answer.close()
                 raise EmptyStream("the server sent an empty stream")
 
-            stream = _Stream(answer, chain([first], parts))
+            stream = _Stream(answer, chain([beginning], parts))
             return httpx.Response(
                 answer.status_code, headers=headers, stream=stream, request=request
             )
@@ -312,6 +312,28 @@ def _is_streamed(
             break
 
     return is_stream(beginning), chain([beginning], parts)
+
+
+def _await_event(parts: Iterator[bytes]) -> bytes:
+    """Return a stream's bytes with its first event; empty: it ends or breaks off before there is one.
+
+    Comments before it, by which a server shows that it lives, are left out.
+    """
+    rest = b""
+    try:
+        for part in parts:
+            *lines, rest = (rest + part).split(b"\n")
+            if any(map(_tells, (*lines, rest))):
+                return b"\n".join((*lines, rest))
+    except httpx.RemoteProtocolError:  # it broke off
+        return b""
+
+    return b""
+
+
+def _tells(line: bytes) -> bool:
+    """Say if a line of a stream is more than a comment or blank."""
+    return bool(line.strip()) and not line.startswith(b":")
 
 
 def _check_server(target: httpx.URL, call: Call) -> None:

@@ -182,9 +182,11 @@ def test_a_context_that_is_too_small_is_named_with_both_numbers(words, asked, ro
     assert len(server.calls) == 1
 
 
-def test_an_empty_stream_is_asked_for_whole_which_says_why():
-    """As llama-cpp-python answers where the prompt is longer than its context."""
-    empty = Send("", type="text/event-stream")
+@pytest.mark.parametrize("missing", [0, 100])
+@pytest.mark.parametrize("body", ["", ": ping - 12:00:00\r\n\r\n"])
+def test_an_empty_stream_is_asked_for_whole_which_says_why(body, missing):
+    """As llama-cpp-python answers where the prompt is longer than its context, after pings if it is slow."""
+    empty = Send(body, type="text/event-stream", missing=missing)
     words = "Requested tokens (4692) exceed context window of 1024"
     with serving(
         lambda call: empty if call.body.get("stream") else refused(words)
