@@ -18,7 +18,7 @@ test:
 site:
 	NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build -q
 
-# Real servers with a real, small model. The first time takes half an hour: llama.cpp is built, and kept in a cache.
+# Real servers with a real, small model. The first time llama.cpp is built, and kept in a cache.
 real-model:
 	$(PYTHON) -m pytest -n 0 -s -m real tests/real_models
 

@@ -21,7 +21,9 @@ import pytest
 
 from tests.real_models.servers import (
     LLAMA,
+    forward,
     llama_server,
+    mock,
     proxy,
     transformers_server,
 )
@@ -29,6 +31,8 @@ from tests.real_models.servers import (
 pytestmark = pytest.mark.real
 
 ROOT = Path(__file__).parents[2]
+SOLUTIONS = json.loads((ROOT / "tests/tasks/solutions/BringCube.json").read_text())
+SOLUTION = SOLUTIONS["strategies"][0]
 
 # The shortest prompt and the smallest answer: an agent, a tool, an action; two generations.
 SMALL = [
@@ -79,9 +83,10 @@ def tell(server, folder):
 
 def report(folder):
     """Make the report of a run, as a user does."""
-    words = [sys.executable, "-m", "core", "report", f"runs={folder}"]
+    words = [sys.executable, "-m", "core", "report", str(folder)]
     words.append(f"output={folder.parent / 'report'}")
     subprocess.run(words, cwd=ROOT, check=True)
+    assert "vlm.max_output_tokens" in (folder.parent / "report/index.html").read_text()
 
 
 def check(server, folder, words, log_lines):
@@ -99,12 +104,15 @@ def check(server, folder, words, log_lines):
         time.sleep(0.2)
     process.send_signal(signal.SIGKILL)
     process.wait()
+    stored = len(rows(killed, "SELECT request_id FROM replies"))
 
     trusted = ("vlm.api_base=", "vlm.model=")
     repeated = [word for word in words if word.startswith(trusted)]
     finish(start(killed, f"resume={killed}", *repeated))
     tell(f"{server}, killed and resumed", killed)
     answered = [line for line in log_lines()[before:] if "200" in line]
+    print(f"{stored} of 2 answers were stored at the kill; {len(answered)} were paid")
+    assert stored >= 1
     assert len(answered) <= 3  # the second may have been under way when it was killed
 
 
@@ -123,15 +131,47 @@ def test_a_context_that_is_too_small(tmp_path):
 
 
 def test_litellm_proxy(tmp_path):
-    with llama_server(tmp_path) as behind, proxy(tmp_path, behind) as server:
+    with (
+        llama_server(tmp_path) as behind,
+        proxy(tmp_path, smollm2=forward(behind)) as server,
+    ):
         words = [*SMALL, *AT, "vlm.model=openai/smollm2", f"vlm.api_base={server.url}"]
         check("LiteLLM's proxy", tmp_path, words, server.requests)
 
 
-def test_mock_answers_of_the_proxy(tmp_path):
-    with proxy(tmp_path, None) as server:
-        words = [*SMALL, *AT, "vlm.model=openai/smollm2", f"vlm.api_base={server.url}"]
-        check("LiteLLM's proxy, mock", tmp_path, words, server.requests)
+def test_answers_of_the_proxy_itself(tmp_path):
+    """What a gateway answers without a model: designs, words without one, and its failures."""
+    models = {
+        "designs": mock(json.dumps({"strategies": [SOLUTION]})),
+        "words": mock("A rod."),
+        "limited": mock("litellm.RateLimitError"),
+        "narrow": mock("litellm.ContextWindowExceededError"),
+        "broken": mock("litellm.InternalServerError"),
+    }
+    with proxy(tmp_path, **models) as server:
+        common = [*SMALL, *AT, "vlm.retries=1", f"vlm.api_base={server.url}"]
+        for name in ("designs", "words"):
+            words = [*common, f"vlm.model=openai/{name}"]
+            check(f"LiteLLM's proxy, {name}", tmp_path / name, words, server.requests)
+
+        said = {}
+        asked = {}
+        for name in ("limited", "narrow", "broken", "unknown"):
+            before = len(server.requests())
+            words = [*common, f"vlm.model=openai/{name}"]
+            said[name] = " ".join(finish(start(tmp_path / name, *words)).split())
+            asked[name] = len(server.requests()) - before
+
+    rewards = rows(tmp_path / "designs/whole", "SELECT reward FROM evaluations")
+    assert min(reward for (reward,) in rewards) > 0.9
+    assert "the reply can't be read" in str(
+        rows(tmp_path / "words/whole", "SELECT reason FROM evaluations")
+    )
+    assert "RateLimitError" in said["limited"]
+    assert "the request is too long" in said["narrow"]
+    assert "InternalServerError" in said["broken"]
+    assert "unknown" in said["unknown"]
+    assert asked == {"limited": 2, "narrow": 1, "broken": 2, "unknown": 1}
 
 
 def test_transformers_serve(tmp_path):
