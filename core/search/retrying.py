@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
@@ -11,12 +11,14 @@ from omegaconf import DictConfig
 
 from core.config.compose import check_seed, node, part, task_part, tool_part
 from core.design import Candidate
+from core.designs.planning import NO_PLAN
 from core.designs.reading import find_representations, read_designs
 from core.errors import UsageError
-from core.interfaces import Fitness, RolloutSettings
+from core.interfaces import Fitness, RolloutSettings, Task, ToolRepresentation
 from core.plugins import EXECUTOR, SIMULATOR
 from core.search.builder import builder_for, check_starts
 from core.search.trials import Trials
+from core.store.rows import StoredDesign, StoredEvaluation
 from core.trial import Evaluation
 
 
@@ -37,6 +39,39 @@ def read_candidates(cfg: DictConfig, document: Any, **limits: Any) -> list[Candi
         )
 
     return read_designs(document, representation, task_part(cfg).create(), **limits)
+
+
+def read_stored(
+    design: StoredDesign,
+    tried: Sequence[StoredEvaluation],
+    representation: ToolRepresentation,
+    task: Task,
+) -> list[Candidate]:
+    """Read the candidates of a stored design again, which share its tool, with the numbers that they had.
+
+    Args:
+        design: of all of them.
+        tried: their evaluations.
+        representation: reads the tool.
+        task: they were tried in.
+
+    Raises:
+        DesignError: the design can't be read.
+    """
+    plans = [stored.plan for stored in tried]
+    document = {"strategies": [design.written | {"action_sets": plans}]}
+    base = Candidate(None, NO_PLAN, design.generation, design.agent)
+    read = read_designs(document, representation, task, base=base)
+
+    return [
+        replace(
+            candidate,
+            design=design.design,
+            action=stored.number,
+            parents=design.parents,
+        )
+        for stored, candidate in zip(tried, read, strict=True)
+    ]
 
 
 def build_fitness(cfg: DictConfig) -> Fitness:

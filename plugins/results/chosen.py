@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -14,12 +14,11 @@ from omegaconf.errors import OmegaConfBaseException
 
 from core.config.compose import first_line, load
 from core.config.schemas import PartConfig
-from core.design import Candidate
-from core.designs.planning import NO_PLAN
 from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError
 from core.interfaces import Material, RolloutSettings, Task, ToolRepresentation
 from core.plugins import SIMULATOR, installed
+from core.search.retrying import read_stored
 from core.store.reader import StoredRun
 from core.support.cli import say
 from core.trial import TIE, Evaluation, best_first
@@ -69,23 +68,9 @@ def stored_evaluations(
     evaluations = []
     for key, group in groupby(tried, lambda stored: stored.design_key):
         alike = list(group)
-        design = designs[key]
-        plans = [stored.plan for stored in alike]
-        document = {"strategies": [design.written | {"action_sets": plans}]}
-        candidates = read_designs(
-            document,
-            representation,
-            task,
-            base=Candidate(None, NO_PLAN, design.generation, design.agent),
-        )
+        candidates = read_stored(designs[key], alike, representation, task)
         for stored, candidate in zip(alike, candidates, strict=True):
-            known = replace(
-                candidate,
-                design=design.design,
-                action=stored.number,
-                parents=design.parents,
-            )
-            evaluations.append(stored.of(known))
+            evaluations.append(stored.of(candidate))
 
     return evaluations
 

@@ -11,9 +11,9 @@ from omegaconf import OmegaConf
 
 from core.config.compose import task_part, tool_part
 from core.design import Tool
-from core.designs.reading import read_designs
 from core.errors import UserError
 from core.interfaces import Material, Robot, Task, ToolRepresentation
+from core.search.retrying import read_stored
 from plugins.results.pages.drawing import as_held
 from plugins.results.pages.runs import FinishedRun
 
@@ -73,10 +73,9 @@ def best_tool(run: FinishedRun) -> Winner:
     kinds = ("task", "tool", "material", "robot")
     settings = {kind: run.config.get(kind, {}) for kind in kinds}
     representation, task = _parts(json.dumps(settings, sort_keys=True))
-    written = run.store.designs()[evaluation.design_key].written
-    design = written | {"action_sets": [evaluation.plan]}
+    design = run.store.designs()[evaluation.design_key]
     # It may break a rule, but must have a size: there were others when it was tried.
-    (read,) = read_designs({"strategies": [design]}, representation, task)
+    (read,) = read_stored(design, [evaluation], representation, task)
     if read.tool is None:
         raise UserError(f"the design of {name} can't be read again: {read.problem}")
     for component, solid in as_held(read.tool, representation.robot):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from omegaconf import OmegaConf
@@ -11,7 +11,6 @@ from omegaconf import OmegaConf
 from core.config.compose import task_part
 from core.design import DesignError, Tool
 from core.designs.prompt_values import RunFacts
-from core.designs.reading import read_designs
 from core.errors import UserError
 from core.interfaces import (
     Brief,
@@ -21,7 +20,9 @@ from core.interfaces import (
     Task,
     ToolRepresentation,
 )
+from core.search.retrying import read_stored
 from core.store.reader import StoredRun
+from core.store.rows import StoredEvaluation
 from plugins.vlms.told.elites import describe_design, round_numbers
 from plugins.vlms.told.lessons import dump_recalled, words_of
 
@@ -113,37 +114,39 @@ def read_winner(folder: str, representation: ToolRepresentation) -> Winner:
     where = f"prompt.examples: {folder}"
     store = StoredRun(Path(folder))
     try:
-        result = store.result()
         config = store.config()
-        if result is None or result.best is None:
-            raise UserError("the run has no best candidate; give a finished one")  # noqa: TRY301
         task = task_part(OmegaConf.create(config)).create()
-        stored = {row.candidate: row for row in store.evaluations()}
-        winner = stored[result.best.candidate]
-        written = store.designs()[winner.design_key].written
-        design = written | {"action_sets": [winner.plan]}
-        (found,) = read_designs({"strategies": [design]}, representation, task)
+        winner = _find_winner(store)
+        design = store.designs()[winner.design_key]
+        (found,) = read_stored(design, [winner], representation, task)
     except (UserError, DesignError) as error:
         raise UserError(f"{where}: {error}") from error
-    except KeyError as error:
-        raise UserError(f"{where}: its best candidate {error} is not stored") from error
 
     if found.problem is not None or found.tool is None:
         raise UserError(
             f"{where}: this run's tool=... can't read its winner: {found.problem}"
         )
 
-    # Read alone it has the number of a first candidate.
-    generation, agent, number = winner.design_key
-    named = replace(
-        found,
-        generation=generation,
-        agent=agent,
-        design=number,
-        action=winner.number,
-    )
     told = config.get("prompt", {}).get("told", "")
-    return Winner(folder, task, str(told), winner.of(named))
+    return Winner(folder, task, str(told), winner.of(found))
+
+
+def _find_winner(store: StoredRun) -> StoredEvaluation:
+    """Find the evaluation of a run's best candidate.
+
+    Raises:
+        UserError: the run has not ended, found nothing, or does not hold it.
+    """
+    result = store.result()
+    if result is None or result.best is None:
+        raise UserError("the run has no best candidate; give a finished one")
+
+    name = result.best.candidate
+    for stored in store.evaluations():
+        if stored.candidate == name:
+            return stored
+
+    raise UserError(f"its best candidate {name} is not stored")
 
 
 def choose_winners(winners: list[Winner], task: Task) -> list[Winner]:
