@@ -26,6 +26,8 @@ MAX_REQUESTED_WAIT_S = 300.0  # a server that requests a longer wait means a dai
 MAX_MESSAGE = 400
 LONGEST_READ = 10_000  # characters of an error, which may hold a whole answer
 
+# Statuses of what may be mended without changing the request: a key, an account, a name, an address, a crowd.
+_PASSING = (401, 402, 403, 404, 407, 408, 429)
 # What some providers send with status 400.
 _ACCOUNT = re.compile(r"api.?key|credit balance|billing|quota", re.IGNORECASE)
 # What gateways send with status 400 where others send 404.
@@ -108,10 +110,12 @@ def unanswered(error: Exception) -> bool:
         return True  # the server may have a larger context then
 
     status = _status(error)
-    passing = status in (401, 402, 403, 404, 407, 408, 429)
+    if not 400 <= status < 500 or status in _PASSING:
+        return True
+
     words = find_words(error)
-    account = _ACCOUNT.search(words) or _NO_MODEL.search(words)
-    return not 400 <= status < 500 or passing or account is not None
+    found = _ACCOUNT.search(words) or _NO_MODEL.search(words)
+    return found is not None
 
 
 def refuses(error: Exception) -> bool:
@@ -121,8 +125,7 @@ def refuses(error: Exception) -> bool:
 
     status = _status(error)
     if 400 <= status < 500:
-        passing = status in (401, 402, 403, 404, 407, 408, 429)
-        return not passing and _NO_MODEL.search(find_words(error)) is None
+        return status not in _PASSING and not _NO_MODEL.search(find_words(error))
 
     return status >= 500 and says_no(find_words(error))
 
