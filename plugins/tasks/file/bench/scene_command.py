@@ -48,8 +48,8 @@ class SceneFileConfig(RunConfig):
         cameras: where they were taken from, in their order; ``position``, ``target`` and vertical ``fov_deg``.
         board: where the middle of the printed board lies on the table, x and y, m, and its yaw, degrees.
         print_board: write the board to this file, PDF or PNG, and nothing else.
-        camera_error: how far off that may be, one standard deviation: ``place_m``, ``turn_deg``, ``fov_deg``, ``bend``
-            (of the lens), ``board_m`` and ``board_deg``.
+        camera_error: how far off the cameras may be, one standard deviation: ``place_m``, ``turn_deg``, ``fov_deg``,
+            ``bend`` (of the lens), ``board_m`` and ``board_deg``.
         fov_deg: of photographs whose camera is found, vertical, degrees; not given: what their EXIF says, or 53.
         tries: how often a model may answer.
         output: the file to write.
@@ -88,10 +88,7 @@ def main(words: list[str]) -> None:
         raise UsageError(f"say what is to be done, in a sentence; {USAGE}")
 
     cameras = OmegaConf.to_container(cfg.cameras)
-    given_error: Any = cfg.camera_error
-    if OmegaConf.is_config(given_error):
-        given_error = OmegaConf.to_container(given_error)
-    error = _read_error(given_error)
+    error = _read_error(cfg.camera_error)
     photographs = read_photographs(cfg.pictures, cameras, error)
     if cfg.board:
         photographs = find_by_board(photographs, list(cfg.board), cfg.fov_deg)
@@ -154,6 +151,9 @@ def _find_output(name: str) -> Path:
 def _read_error(given: Any) -> CameraError:
     if given is None:
         return CameraError()
+
+    if OmegaConf.is_config(given):
+        given = OmegaConf.to_container(given)
 
     try:
         return CameraError.model_validate(given)
