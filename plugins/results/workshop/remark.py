@@ -43,7 +43,7 @@ def describe_printing(tool: Tool, robot: Robot, material: Material) -> str | Non
     problem = find_problem(tool, robot, material, plate_mm, printer.min_wall_mm)
     verdict = "yes"
     if problem is not None:
-        verdict = f"no ({problem.removeprefix(PROBLEM)})"
+        verdict = f"no (this check fails: {problem.removeprefix(PROBLEM)})"
 
     soft = _find_softness(tool, robot, material)
     if soft:
