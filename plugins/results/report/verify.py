@@ -71,7 +71,12 @@ def verify(entry: Entry) -> Iterator[VerifiedRun]:
 
 
 def earned(entry: Entry, task: str, run: RunResult) -> float:
-    """Return the score of a run's design, tried as the protocol says.
+    """Return the score of a run's design, tried as the protocol says; for the errors see `try_again`."""
+    return try_again(entry, task, run).score(entry.rules, task)
+
+
+def try_again(entry: Entry, task: str, run: RunResult) -> RunResult:
+    """Try a run's design as the protocol says; return the run with what it earned and spent.
 
     Raises:
         UserError: a part is not installed here, or a setting can't be used.
@@ -89,8 +94,7 @@ def earned(entry: Entry, task: str, run: RunResult) -> float:
         tried = try_unseen(candidate, fitness, trials)
 
     effort = Evaluation(candidate, tried).effort
-    tried_run = replace(run, rewards=fitness.rewards(tried), effort=effort)
-    return tried_run.score(entry.rules, task)
+    return replace(run, rewards=fitness.rewards(tried), effort=effort)
 
 
 def _configure(entry: Entry, task: str) -> DictConfig:
