@@ -212,6 +212,7 @@ def _prepare_http(
     door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         door.bind(("127.0.0.1", port))
+        door.listen()  # who reads the address may come before the server is up
     except OSError as error:
         raise UserError(f"port={port} can't be used: {error.strerror}") from error
 
