@@ -6,8 +6,8 @@
     )
 
 A goal is of one of two sorts. A `Reach` wants bodies, or a joint, to end in some way: `Placed`, `Away`, `JointAt`,
-`Turned` and `Facing`. A `Limit` says what must not happen meanwhile: `Kept` and `Untouched`. All of them say how far
-they were fulfilled (`Goal.share`), and how far a rollout stayed from their limits (`Goal.margins`).
+`Turned`, `Facing` and `Broken`. A `Limit` says what must not happen meanwhile: `Kept`, `Untouched` and `Unbroken`. All
+of them say how far they were fulfilled (`Goal.share`), and how far a rollout stayed from their limits (`Goal.margins`).
 
 A new kind is one class, wherever it is written: a `Reach` says what it measures, a `Limit` what it leaves of a reward.
 """
@@ -49,9 +49,11 @@ KEPT_M = 0.02  # a body to keep may move so far
 KEPT_DEG = 10.0  # and turn so far
 STRAYED = 5  # and where it moved or turned so many times as far, nothing is earned
 NOTICED = 0.25  # of what it may move is worth a word
+BREAKS = "of what breaks it"  # the unit of forces on what can break
 DONE = 0.95  # a goal is fulfilled from this progress on, where instants are compared
 
 FREE_BODY = "body that can move"
+BREAKABLE = "thing that breaks"
 NAMED = {
     "bodies": FREE_BODY,
     "keep": FREE_BODY,
@@ -60,6 +62,8 @@ NAMED = {
     "by": "body",
     "facing": "body",
     "joint": "joint",
+    "broken": BREAKABLE,
+    "unbroken": BREAKABLE,
 }
 """The fields of goals that name things of the scene, and which: see `list_names`."""
 
@@ -145,6 +149,10 @@ class Conduct:
         if self.evidence.trace is None:
             return speed
         return np.maximum(speed, self._read(self.evidence.unrest(goal, body)))
+
+    def strain(self, name: str) -> Array:
+        """Find the largest force so far on what can break, as a share of what it bears."""
+        return self._read(self.evidence.film.strain(name))
 
     def _read(self, values: Array) -> Array:
         return values[..., -1] if self.at_end else values
@@ -398,6 +406,10 @@ class Reach(Goal):
 
             shares.append(reached)
 
+        return self._average(shares)
+
+    def _average(self, shares: Sequence[Array]) -> Array:
+        """Average the shares (...) of the best of its things: of as many as are enough."""
         if not shares:
             raise ValueError("a goal to reach needs bodies")
 
@@ -866,6 +878,65 @@ class Facing(Reach):
         yield Measure(name, angle, most, SLIP_RAD, "rad")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Broken(Reach):
+    """Things that must break: ``broken`` has their names, as in ``Broken(broken=("egg",))``.
+
+    A thing is broken from the first step of the engine in which the force on it is more than its ``breaks_n``, for
+    good. Until then less than half is earned, by the largest force so far. A look can't see it: it never counts as
+    in place.
+    """
+
+    broken: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        only_broken = "a goal with broken has no bodies, rest, held or released; make a goal of its own for these"
+        given = bool(self.bodies or self.also)
+        if given or self.rest or self.held or self.released:
+            raise ValueError(only_broken)
+
+    @property
+    def subject(self) -> str:
+        return (" or " if self.any else ", ").join(self.broken)
+
+    def subjects(self, state: State) -> tuple[str, ...]:
+        return self.broken
+
+    @property
+    def needs_trace(self) -> bool:
+        """It does: the forces are in it."""
+        return True
+
+    @property
+    def needs_peaks(self) -> bool:
+        """It does: a blow is short."""
+        return True
+
+    def progress(
+        self, start: State, now: State, conduct: Conduct | None = None
+    ) -> Array:
+        if conduct is None:
+            return np.zeros(now.positions.shape[:-2])
+
+        strains = [conduct.strain(name) for name in self.broken]
+        shares = [np.where(strain > 1, 1.0, strain / 2) for strain in strains]
+        return self._average(shares)
+
+    def is_in_place(self, body: str, start: State, end: State) -> bool:
+        return False
+
+    def margins(self, evidence: Evidence) -> list[Margin]:
+        if evidence.trace is None:
+            return []
+
+        conduct = Conduct(evidence, at_end=True)
+        strains = {name: float(conduct.strain(name)) for name in self.broken}
+        best_first = sorted(strains, key=lambda name: -strains[name])
+        name = best_first[self.count_enough(len(best_first)) - 1]
+        return [Margin.at_least(f"force on {name}", strains[name], 1.0, BREAKS, 1.0)]
+
+
 class Limit(Goal):
     """What must not happen, whichever goal is reached.
 
@@ -1093,6 +1164,48 @@ class Untouched(Limit):
         return first
 
 
+@dataclass(frozen=True)
+class Unbroken(Limit):
+    """Things that must not break, whatever presses them: ``unbroken`` has their names, see `Broken`."""
+
+    unbroken: tuple[str, ...]
+
+    @property
+    def needs_trace(self) -> bool:
+        """It does: the forces are in it."""
+        return True
+
+    @property
+    def needs_peaks(self) -> bool:
+        """It does: a blow is short."""
+        return True
+
+    def share(self, evidence: Evidence) -> Array:
+        share = np.ones(())
+        for name in self.unbroken:
+            share = share * (evidence.film.strain(name)[..., -1] <= 1)
+
+        return share
+
+    def margins(self, evidence: Evidence) -> list[Margin]:
+        if evidence.trace is None:
+            return []
+
+        film = evidence.film
+        strains = {name: float(film.strain(name)[-1]) for name in self.unbroken}
+        return [
+            Margin.at_most(f"force on {name}", strain, 1.0, BREAKS)
+            for name, strain in strains.items()
+        ]
+
+    def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
+        film = evidence.film
+        for name in self.unbroken:
+            broken = film.strain(name) > 1
+            if broken.any():
+                yield float(film.times[broken.argmax()]), f"{name} broke"
+
+
 class Aim(Protocol):
     """A task, or what has its goals.
 
@@ -1201,6 +1314,8 @@ def list_names(what: str, scene: Scene) -> list[str]:
         return [joint.name for joint in scene.joints]
     if what == FREE_BODY:
         return [body.name for body in scene.free]
+    if what == BREAKABLE:
+        return [*scene.breakable]
 
     return [body.name for body in scene.bodies]
 

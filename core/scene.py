@@ -87,6 +87,8 @@ class Body:
     spin: Vector = (0.0, 0.0, 0.0)
     # Of a mark: the body that takes it along; what is seen of it is among the visuals of that body.
     carrier: str | None = None
+    # The normal force of another thing, N, above which it breaks; 0: it never does.
+    breaks_n: float = 0.0
 
     def __post_init__(self) -> None:
         rigid = not isinstance(self, Soft)
@@ -99,6 +101,12 @@ class Body:
                 self.mass > 0 and rigid and not self.collisions
             ),
             "only a mark has a carrier": self.carrier is not None and self.mass > 0,
+            f"breaks_n must be 0 (never) or positive, got {self.breaks_n}": (
+                not 0 <= self.breaks_n < np.inf
+            ),
+            "what is soft or does not collide can't break": (
+                self.breaks_n > 0 and not self.collisions
+            ),
             "a velocity needs finite numbers, and a mass above 0": (
                 not np.isfinite(speeds).all() or (self.fixed and self.launched)
             ),
@@ -347,6 +355,11 @@ class Scene:
             for joint in self.joints
             if joint.parent is not None
         )
+
+    @property
+    def breakable(self) -> dict[str, float]:
+        """The force above which each thing breaks that can, N, by name."""
+        return {body.name: body.breaks_n for body in self.bodies if body.breaks_n > 0}
 
     @property
     def places(self) -> dict[str, Pose]:

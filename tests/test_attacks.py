@@ -235,6 +235,23 @@ def test_an_egg_that_is_pushed_gently_is_not_struck(engine):
     assert play_scene(task, document, engine) > 0.85
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet", "sapien"])
+def test_an_egg_breaks_where_it_is_struck_and_not_where_it_is_pushed(tmp_path, engine):
+    """It bears 5 N: see above."""
+    task, document = read_scene("MoveEgg")
+    text = (FOLDER / "scenes" / "MoveEgg.yaml").read_text()
+    bearing = text.replace("mass: 0.05}", "mass: 0.05, breaks_n: 5}")
+    file = tmp_path / "egg.yaml"
+    file.write_text(bearing.partition("goals:")[0] + "goals:\n  - {broken: [egg]}\n")
+    task = installed().create("task", "file", {"file": str(file)})
+    assert play_scene(task, document, engine) == 1.0
+
+    (plan,) = document["strategies"][0]["action_sets"]
+    plan[-1] = {"offset": [0.55, 0.09, 0.27], "speed": 0.05, "wait": 0.5}
+    assert 0.05 < play_scene(task, document, engine) < 0.25
+
+
 def read_scene(name):
     """Make the task of an attack on a scene file, and read its document."""
     folder = FOLDER / "scenes"

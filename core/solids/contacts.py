@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -395,7 +395,7 @@ def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
         name: np.array([world.approaches.get(name, _TOUCHED).gap_m for world in worlds])
         for name in bodies
     }
-    return Trace(
+    trace = Trace(
         instants,
         scene.complete(State.stack(films)),
         dict(touching),
@@ -403,6 +403,13 @@ def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
         clearances,
         dict(peaks) if measured else None,
     )
+    if not measured:
+        return trace
+
+    strains = {
+        name: trace.peaks_n(name) / most for name, most in scene.breakable.items()
+    }
+    return replace(trace, strains=strains)
 
 
 class _Clock:

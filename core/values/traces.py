@@ -42,6 +42,8 @@ class Trace:
             None: nothing measured forces.
         peaks: the largest of these forces since the instant before, over the recording's own steps, N, (..., T); None:
             as ``forces``. Where a goal limits a force, the recording has each step of the engine.
+        strains: for each thing that can break, the largest force on it since the instant before, as a share of the
+            force that it bears, (..., T): above 1 it breaks.
     """
 
     times: Array
@@ -50,6 +52,7 @@ class Trace:
     forces: Mapping[tuple[str, str], Array] | None = None
     clearances: Mapping[str, Array] = field(default_factory=dict)
     peaks: Mapping[tuple[str, str], Array] | None = None
+    strains: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
     def of(cls, *states: State, **given: Any) -> Trace:
@@ -145,6 +148,18 @@ class Trace:
 
         return replace(self, forces=self.peaks).forces_n(body, by)
 
+    def strain(self, name: str) -> Array:
+        """Find the largest force so far on what can break, as a share of what it bears, (..., T); above 1 it is broken.
+
+        Raises:
+            KeyError: it is not among what can break, or nothing measured forces.
+        """
+        if name not in self.strains:
+            raise unknown("thing that breaks", name, "in the trace", self.strains)
+
+        largest: Array = np.maximum.accumulate(self.strains[name], axis=-1)
+        return largest
+
     def passed_on(self, body: str, by: str) -> Array:
         """Bound what ``robot`` or ``tool`` presses a body with through free bodies, N, (..., T).
 
@@ -225,6 +240,7 @@ class Trace:
             forces=None if self.forces is None else world(self.forces),
             peaks=None if self.peaks is None else world(self.peaks),
             clearances=world(self.clearances),
+            strains=world(self.strains),
         )
 
     def _never(self) -> Flags:

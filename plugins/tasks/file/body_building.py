@@ -169,6 +169,7 @@ def _build(spec: BodySpec, files: Files) -> Body:
         restitution=spec.restitution,
         velocity=spec.velocity,
         spin=spec.spin,
+        breaks_n=spec.breaks_n or 0.0,
     )
 
 

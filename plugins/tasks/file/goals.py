@@ -9,6 +9,7 @@ from typing import Any
 from core.errors import UserError
 from core.goals import (
     Away,
+    Broken,
     Facing,
     Goal,
     JointAt,
@@ -17,6 +18,7 @@ from core.goals import (
     Reach,
     Span,
     Turned,
+    Unbroken,
     Untouched,
     reaches,
 )
@@ -54,6 +56,8 @@ KINDS: Mapping[str, type[Goal]] = {
     "facing": Facing,
     "keep": Kept,
     "untouched": Untouched,
+    "broken": Broken,
+    "unbroken": Unbroken,
 }
 """The kinds of goals, by the key that an entry of a file has them by."""
 
@@ -116,7 +120,9 @@ def read_entry(given: Given) -> Entry:
         return tuple(limits)
 
     first, *others = reached
-    if bool(first.bodies) == isinstance(first, JointAt):
+    if isinstance(reached[-1], Broken):
+        _check_alone(reached)
+    elif bool(first.bodies) == isinstance(first, JointAt):
         raise ValueError("a goal needs either 'bodies', a list of names, or a 'joint'")
 
     whole = replace(first, also=tuple(others))
@@ -124,6 +130,18 @@ def read_entry(given: Given) -> Entry:
         return (Throughout(whole), *limits)
 
     return (whole, *limits)
+
+
+def _check_alone(reached: Sequence[Reach]) -> None:
+    """Refuse ``broken`` beside another thing to reach.
+
+    Raises:
+        ValueError: there is one.
+    """
+    if len(reached) > 1:
+        raise ValueError(
+            "broken is a goal of its own; write what else is wanted as another one, with every: true"
+        )
 
 
 def _find_kinds(given: Given) -> dict[str, type[Goal]]:

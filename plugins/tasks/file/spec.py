@@ -60,6 +60,7 @@ _RIGID = (
     "restitution",
     "velocity",
     "spin",
+    "breaks_n",
 )
 _SOFT = ("rope", "cloth", "counts", "pinned")
 SHAPES = ("box", "sphere", "cylinder", "capsule", "tube", "cup", "mug", "bottle")
@@ -359,6 +360,7 @@ class BodySpec(ShapeSpec):
     restitution: Annotated[float, Field(ge=0, le=1)] = 0.0
     velocity: Rates = (0.0, 0.0, 0.0)
     spin: Rates = (0.0, 0.0, 0.0)
+    breaks_n: AboveZero | None = None
 
     @check_whole(mode="after")
     def _one_shape(self) -> Self:
