@@ -28,6 +28,7 @@ from plugins.vlms.offline.heads import (
 )
 from plugins.vlms.offline.subgoals import Subgoal
 
+_LONG_M = 0.4  # a body that is longer across its way is lifted by less of it
 _LEAST_M = 0.003  # clearance between a head and the bodies inside it
 _HOOK_WAY = (
     1.4  # how long a hook's arm is at most past covered bodies, in lengths of their way
@@ -49,7 +50,7 @@ def draw_clamp(subgoal: Subgoal, rng: Generator) -> Head:
     Returns:
         A head with a pad for each finger.
     """
-    extent = subgoal.extent(0.0)
+    extent = subgoal.extent(subgoal.grip_heading)
     gap = extent.across + rng.uniform(0.01, min(0.06, 2 * FINGER_OPEN - 0.01))
 
     thick = rng.uniform(0.006, 0.014)
@@ -239,10 +240,15 @@ class _HeadDrawing:
             foot = ~overhangs & (lowest < self._subgoal.lower[2] + under)
             return self._draw_fork(height, depth, halves[foot].max(), under)
 
+        # What is long across is lifted in its middle.
+        across = self._across
+        if len(self._subgoal.solids) == 1 and across > _LONG_M:
+            across = rng.uniform(0.3, 1.0) * _LONG_M
+
         # Thin tines under the bodies.
         if rng.random() < 0.2:
-            tine = self._across * rng.uniform(0.08, 0.2)
-            inner = self._across * rng.uniform(0.4, 0.7)
+            tine = across * rng.uniform(0.08, 0.2)
+            inner = across * rng.uniform(0.4, 0.7)
 
             count = int(rng.integers(2, 5))
             return make_fork(inner, depth, height, tine, self._factor * 0.002, count)
@@ -252,8 +258,8 @@ class _HeadDrawing:
         if rng.random() >= 0.3:
             rail = self._subgoal.height * rng.uniform(0.1, 0.6)
 
-        width = self._across + rng.uniform(0.005, 0.04)
-        width = min(width, max(self._widest, 0.6 * self._across))
+        width = across + rng.uniform(0.005, 0.04)
+        width = min(width, max(self._widest, 0.6 * across))
         thick = self._factor * rng.uniform(0.001, 0.003)
 
         return make_scoop(width, depth, height, rail, thick)

@@ -34,6 +34,12 @@ _FALL_M = 0.1
 # Bodies whose way on the ground is shorter are only lifted.
 _IN_PLACE_M = 0.03
 
+# How often bodies are let fall into a hollow, rather than set down in it: a hand seldom fits.
+_LETS_FALL = 0.7
+
+# Bodies that are so many times as tall as the pads that hold them are gripped above their middle.
+_TALL = 2.0
+
 
 def _draw_rise(
     subgoal: Subgoal,
@@ -225,19 +231,48 @@ def scoop(
 
         return f"slides under at {speed:.2f} m/s and lifts by {rise:.2f} m"
 
-    # Carry them over everything near, and tip them out.
+    return _carry_on_tray(path, subgoal, heading, rise, rng)
+
+
+def _carry_on_tray(
+    path: HeadPath,
+    subgoal: Subgoal,
+    heading: float,
+    rise: float,
+    rng: Generator,
+) -> str:
+    """Carry bodies that lie on a scoop over everything near; hold them at their place, or tip them out there.
+
+    Args:
+        path: that waypoints are added to; at its end the head is under the bodies.
+        subgoal: what is carried.
+        heading: of the head, radians about z.
+        rise: how far the bodies are to rise, metres.
+        rng: random numbers.
+
+    Returns:
+        What it does, in words, as a part of the sentence that describes the plan.
+    """
+    under = path.end
     high = max(rise, subgoal.clear_height - subgoal.lower[2] + 0.03)
+    if subgoal.is_held:
+        high = max(rise, subgoal.height_on_way - subgoal.lower[2] + 0.03)
+
     lifted = under + high * UP
     there = lifted + subgoal.shift * LEVEL
 
     path.move(lifted, heading, rng.uniform(0.15, 0.4))
     path.move(there, heading, rng.uniform(0.15, 0.5))
-    path.add(Pose.xyz_rpy(there, (0.0, rng.uniform(0.5, 1.3), heading)), touch=True)
 
-    return (
-        f"slides under, lifts by {high:.2f} m, carries by {subgoal.length:.2f} m and "
-        "tips out"
+    carried = (
+        f"slides under, lifts by {high:.2f} m, carries by {subgoal.length:.2f} m and"
     )
+    if subgoal.is_held:
+        path.move(there + (rise - high) * UP, heading, 0.2)
+        return f"{carried} holds at {rise:.2f} m"
+
+    path.add(Pose.xyz_rpy(there, (0.0, rng.uniform(0.5, 1.3), heading)), touch=True)
+    return f"{carried} tips out"
 
 
 def hook(
@@ -318,10 +353,12 @@ def clamp(
     """
     # The fingers are most often turned as at home.
     turn = rng.choice([0.0, np.pi / 2, -np.pi / 2], p=[0.8, 0.1, 0.1])
+    if subgoal.extent(turn).across > head.width:
+        turn = subgoal.grip_heading
+
     yaw = add_error(turn, 0.1, rng)  # how the fingers are turned about z
 
-    above_foot = rng.uniform(0.002, max(0.002, 0.4 * subgoal.height))
-    low = subgoal.lower[2] + above_foot
+    low = subgoal.lower[2] + _draw_grip_height(subgoal, head, rng)
     grasp = np.array([*subgoal.center[:2], low])
 
     # Come down, and close them around the bodies.
@@ -353,18 +390,71 @@ def clamp(
 
     path.move(goal + lift * UP, yaw, rng.uniform(0.1, 0.4), grip=1.0)
 
-    # Set them down where the goal is, and open; what must be held stays in hand.
-    if not rises:
-        down = goal + min(lift, subgoal.shift[2] + 0.003) * UP
-        path.move(down, yaw, 0.2, grip=1.0)
-        path.go(yaw, down, touch=True)
-        if subgoal.is_released:
-            path.go(yaw, down + _draw_rise(subgoal, low, rng), touch=True)
+    _set_down(path, subgoal, goal, lift, rng)
 
     verb = "drags" if drags else "carries"
     distance = np.linalg.norm(subgoal.shift)
 
     return f"closes the fingers and {verb} by {distance:.2f} m"
+
+
+def _set_down(
+    path: HeadPath,
+    subgoal: Subgoal,
+    goal: Array,
+    lift: float,
+    rng: Generator,
+) -> None:
+    """Set bodies down where the goal is, and open; what must be held stays in hand.
+
+    What is to get into a hollow is mostly let fall from where it was carried.
+
+    Args:
+        path: that waypoints are added to, with the bodies over their goal.
+        subgoal: what is held.
+        goal: where the head is over the goal, as low as it gripped the bodies, (3,).
+        lift: how far above that they were carried, metres; 0: they were dragged.
+        rng: random numbers.
+    """
+    is_held = subgoal.rises or subgoal.is_held
+    opens = subgoal.is_released or subgoal.falls_in or not is_held
+
+    height = min(lift, subgoal.shift[2] + 0.003)
+    if subgoal.falls_in and rng.random() < _LETS_FALL:
+        height = lift
+
+    yaw = float(path.poses[-1].rpy[2])
+    down = goal + height * UP
+    if opens or subgoal.length > _IN_PLACE_M:
+        path.move(down, yaw, 0.2, grip=1.0)
+
+    if not opens:
+        return
+
+    path.go(yaw, down, touch=True)
+    if subgoal.is_released:
+        path.go(yaw, down + _draw_rise(subgoal, down[2], rng), touch=True)
+
+
+def _draw_grip_height(
+    subgoal: Subgoal,
+    head: Head,
+    rng: Generator,
+) -> float:
+    """Draw how far above the bodies' foot the pads' foot is, metres.
+
+    What is much taller than the pads, and leaves the ground, hangs from them: below its middle it would tip over.
+
+    Args:
+        subgoal: what is held.
+        head: two pads on the fingers, or the bare hand.
+        rng: random numbers.
+    """
+    pads = head.attachment[2]
+    if subgoal.rises and subgoal.height > _TALL * pads:
+        return float(rng.uniform(0.5, 0.95) * subgoal.height - pads / 2)
+
+    return float(rng.uniform(0.002, max(0.002, 0.4 * subgoal.height)))
 
 
 def _draw_lift(subgoal: Subgoal, rng: Generator) -> float:
@@ -380,7 +470,7 @@ def _draw_lift(subgoal: Subgoal, rng: Generator) -> float:
     """
     over_obstacles = 0.0
     if subgoal.length > _IN_PLACE_M:
-        over_obstacles = subgoal.clear_height - subgoal.lower[2]
+        over_obstacles = subgoal.height_on_way - subgoal.lower[2]
 
     return float(max(subgoal.shift[2], over_obstacles)) + rng.uniform(0.0, 0.03)
 

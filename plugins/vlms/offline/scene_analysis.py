@@ -16,7 +16,7 @@ from numpy.random import Generator
 from core.geometry import Array, Pose
 from core.goals import reaches
 from core.interfaces import Brief
-from plugins.vlms.offline.boxes import UP
+from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.scene_model import SceneModel, Solid
 from plugins.vlms.offline.subgoals import Subgoal, goal_position
 from plugins.vlms.offline.targets import Target, find_targets
@@ -120,9 +120,16 @@ class SceneAnalysis:
         else:
             lanes = _draw_lanes(solids, goal, rng)
 
+        # What goes into a hollow in several lots lies in it side by side.
+        spread = 0.0
+        if goal.container is not None and len(lanes) > 1:
+            spread = rng.uniform(0.2, 1.0)
+
+        middle = _mean_position(solids)
         subgoals = []
         for lane in lanes:
             shift = _draw_shift(Subgoal(lane, np.zeros(3), model), goal, rng)
+            shift = shift + spread * LEVEL * (_mean_position(lane) - middle)
             subgoals.append(Subgoal(lane, shift, model, goal, alone))
 
         return subgoals

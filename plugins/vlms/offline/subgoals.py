@@ -19,9 +19,11 @@ _NO_WAY_M = 0.01  # a shorter shift on the ground gives no direction
 _ENCLOSED_M = 0.05  # of what is near, above the bodies
 _NEAR_M = 0.15  # to what is near, on the level
 _BEHIND_M = 0.05  # from where on an obstacle is in a tool's way
-_COVERED_M = 0.5  # to what covers the bodies, above them
+_COVERED_M = 0.5  # to what covers the bodies, above them, or is near their way
 _FOOT_M = 0.004  # boxes that begin lower than this are a body's foot,
 _OVERHANG_M = 0.006  # and those that stand out by more than this its overhang
+_GRIP_TURNS = 12  # in half a turn: headings across which fingers may close
+_NARROWER = 0.8  # of the bodies' width at home: what is worth to turn the hand for
 _SUPPORT_M = 0.006  # bodies are lifted by this for collision checks, since their support does not block them
 
 
@@ -115,12 +117,7 @@ class Subgoal:
     def clear_height(self) -> float:
         """The height above everything near the bodies' way, in the world, metres."""
         lower, upper = self.model.boxes.bounds
-        low = np.minimum(self.lower, self.lower + self.shift) - _NEAR_M
-
-        high = np.maximum(self.upper, self.upper + self.shift) + _NEAR_M
-        near = ((lower < high) & (upper > low))[:, :2].all(axis=1)
-
-        return float(upper[near, 2].max())
+        return float(upper[self._is_near(lower, upper), 2].max())
 
     @cached_property
     def loose_container(self) -> Solid | None:
@@ -140,6 +137,20 @@ class Subgoal:
     def is_released(self) -> bool:
         """Whether the goal wants the bodies let go, so that the head has to leave them."""
         return self.goal is not None and self.goal.released
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the goal wants the bodies in hand at the end."""
+        return self.goal is not None and self.goal.held
+
+    @property
+    def falls_in(self) -> bool:
+        """Whether the goal wants the bodies in the hollow of another, so that they may be let fall into it."""
+        return (
+            self.goal is not None
+            and self.goal.container is not None
+            and not self.goal.held
+        )
 
     @property
     def rises(self) -> bool:
@@ -182,6 +193,34 @@ class Subgoal:
             right=across.min(),
             left=across.max(),
         )
+
+    @cached_property
+    def grip_heading(self) -> float:
+        """The heading across which fingers close: that of home, 0, or one across which the bodies are much narrower."""
+        headings = np.arange(_GRIP_TURNS) * np.pi / _GRIP_TURNS
+        widths = np.array([self.extent(heading).across for heading in headings])
+        narrowest = int(widths.argmin())
+        if widths[narrowest] > _NARROWER * widths[0]:
+            return 0.0
+
+        heading = float(headings[narrowest])
+        return heading - np.pi if heading > np.pi / 2 else heading
+
+    @cached_property
+    def height_on_way(self) -> float:
+        """The height of the highest obstacle near the bodies' way, in the world; the bodies' foot where none is."""
+        lower, upper = self.obstacles.bounds
+        near = self._is_near(lower, upper)
+        return float(upper[near, 2].max(initial=self.lower[2]))
+
+    def _is_near(self, lower: Array, upper: Array) -> npt.NDArray[np.bool_]:
+        """Report which boxes, between corners (N, 3), are near the bodies' way on the level."""
+        low = np.minimum(self.lower, self.lower + self.shift) - _NEAR_M
+        high = np.maximum(self.upper, self.upper + self.shift) + _NEAR_M
+        near = ((lower < high) & (upper > low))[:, :2].all(axis=1)
+        # What is far above them is no reason to come down from higher still.
+        below: npt.NDArray[np.bool_] = lower[:, 2] < self.upper[2] + _COVERED_M
+        return np.asarray(near & below)
 
     def side_clearances(self, heading: float) -> tuple[float, float]:
         """Measure the clearance on the right and on the left of the bodies, for a tool that moves behind them.

@@ -30,6 +30,7 @@ class Target:
         axis: an axis of the bodies' frames that is to end along ``points``, within ``tolerance_deg`` degrees.
         joint: that is to get ``to`` a position, m or rad.
         reference: the body or mark by which place and points are given.
+        container: the body in whose hollow they are to end; None: there is none.
     """
 
     bodies: tuple[str, ...]
@@ -44,6 +45,7 @@ class Target:
     joint: str | None = None
     to: float = 0.0
     reference: str | None = None
+    container: str | None = None
 
 
 def find_targets(goal: Reach, scene: Scene) -> list[Target]:
@@ -59,6 +61,10 @@ def find_targets(goal: Reach, scene: Scene) -> list[Target]:
         reference = getattr(part, "at", None)
         if reference is not None:
             wanted["reference"] = reference
+
+        inside = getattr(part, "inside", None)
+        if inside is not None and scene[inside].collisions:
+            wanted["container"] = inside
 
         if is_planned(part):
             read = READERS.get(type(part), _read_nothing)

@@ -149,7 +149,7 @@ def guess_head(
     subgoal: Subgoal,
     rng: Generator,
 ) -> PlacedHead:
-    """Take a tool's lowest boxes for its head.
+    """Take a tool's lowest boxes for its head; those on two fingers are pads, which close.
 
     The side that works is guessed at random, and so is the face: in front as a blade's, or at the back as a cage's.
 
@@ -167,6 +167,10 @@ def guess_head(
 
     heading = subgoal.heading - turn
     ahead, side = (axis[:2] for axis in heading_axes(heading))
+
+    pads = _guess_pads(tool)
+    if pads is not None:
+        return pads
 
     corners = lowest_corners(tool)
     along = corners[:, :2] @ ahead
@@ -186,3 +190,35 @@ def guess_head(
     lowest = corners[:, 2].min()
 
     return PlacedHead(head, Pose.xyz_rpy((x, y, lowest), (0.0, 0.0, heading)))
+
+
+def _guess_pads(tool: Tool) -> PlacedHead | None:
+    """Take the lowest boxes on a tool's two fingers for pads; None: they are on one finger only.
+
+    Args:
+        tool: of any origin.
+    """
+    if not (tool.gripper and tool.components):
+        return None
+
+    placed = tool.placed()
+    lower, upper = tool_boxes(tool).bounds
+    mounts = [placed[component.name][0] for component in tool.components]
+    is_left = np.array([mount == GRIPPER_MOUNTS[0] for mount in mounts])
+    low = lower[:, 2] < lower[:, 2].min() + _LOW_M
+
+    left = low & is_left
+    right = low & ~is_left
+    if not (left.any() and right.any()):
+        return None
+
+    left_face = upper[left, 1].max()
+    right_face = lower[right, 1].min()
+    middle = (lower[low, 0].min() + upper[low, 0].max()) / 2
+    height = upper[low, 2].max() - lower[low, 2].min()
+
+    place = np.array([middle, (left_face + right_face) / 2, lower[low, 2].min()])
+    attachment = np.array([0.0, 0.0, height])
+    width = right_face - left_face
+    head = Head("pads", "clamp", (), attachment, 0.01, max(0.0, width))
+    return PlacedHead(head, Pose(place))

@@ -1,0 +1,152 @@
+"""Motions of heads that the embedded designer draws: where they take bodies, carry them to, and let go of them."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from core.geometry import Pose
+from core.interfaces import Brief
+from core.plugins import installed
+from plugins.actions.waypoints import WaypointActions
+from plugins.tasks.file.task import FileTask
+from plugins.vlms.offline.head_sampling import draw_clamp, draw_head
+from plugins.vlms.offline.paths import HeadPath
+from plugins.vlms.offline.primitives import PRIMITIVES
+from plugins.vlms.offline.scene_analysis import SceneAnalysis
+from plugins.vlms.offline.tool_building import build_clamp
+from plugins.vlms.offline.tool_parts import guess_head
+from tests.panda import on_panda
+
+PLANS = 40
+RIM_M = 0.08
+CUP = f"""
+  - {{name: cube, box: [0.03, 0.03, 0.03], position: [0.5, 0, 0.015], mass: 0.05}}
+  - {{name: cup, cup: {{radius: 0.05, length: {RIM_M}, wall: 0.004}}, position: [0.5, 0.3, {RIM_M / 2}], fixed: true}}
+"""
+BAR = """
+  - {name: bar, box: [0.02, 0.5, 0.02], position: [0.5, 0, 0.01], mass: 0.1}
+"""
+POST = """
+  - {name: post, cylinder: {radius: 0.03, length: 0.4}, position: [0.5, 0, 0.2], mass: 0.1}
+"""
+TRAY = """
+  - {name: cube, box: [0.04, 0.04, 0.04], position: [0.5, -0.1, 0.02], mass: 1, repeat: {grid: [1, 2, 1], spacing: 0.2}}
+  - {name: tray, cup: {radius: 0.15, length: 0.08, wall: 0.004}, position: [0.8, 0, 0.04], fixed: true}
+"""
+
+
+@pytest.fixture
+def analyse(tmp_path):
+    """Analyse a scene of some bodies with one goal."""
+
+    def analyse_scene(bodies, goal):
+        file = tmp_path / "scene.yaml"
+        file.write_text(
+            "name: Moved\n"
+            "description: Something has to get somewhere.\n"
+            f"bodies:{bodies}goals:\n  - {goal}\n"
+        )
+        task = on_panda(FileTask(str(file)))
+        tool = installed().create("tool", "urdf")
+        actions = WaypointActions()
+        return SceneAnalysis(
+            Brief(task, 0, tool, True, 1, 1, 0, 0, 7, (), actions=actions)
+        )
+
+    return analyse_scene
+
+
+def clamp(analysis, rng):
+    """Draw a subgoal, pads, and a path of them."""
+    (subgoal,) = analysis.draw_subgoals(rng)
+    head = draw_clamp(subgoal, rng)
+    path = HeadPath()
+    PRIMITIVES["clamp"](path, subgoal, head, rng)
+    return subgoal, head, path
+
+
+def find_grasp(path):
+    return path.poses[list(pairwise(path.grips)).index((0.0, 1.0))]
+
+
+def open_at(analysis, rng):
+    """How high above the table the body's foot is where the fingers open, m."""
+    subgoal, _, path = clamp(analysis, rng)
+    opened = path.poses[list(pairwise(path.grips)).index((1.0, 0.0))]
+    return subgoal.lower[2] + opened.position[2] - find_grasp(path).position[2]
+
+
+def test_a_body_is_mostly_let_fall_into_a_hollow_from_above_its_rim(analyse):
+    analysis = analyse(CUP, "{bodies: [cube], inside: cup, released: true}")
+    rng = np.random.default_rng(0)
+    heights = np.array([open_at(analysis, rng) for _ in range(PLANS)])
+    assert 0.4 < np.mean(heights > RIM_M) < 1
+
+
+def test_at_a_place_it_is_set_down(analyse):
+    analysis = analyse(CUP, "{bodies: [cube], at: cup, place: [0.2, 0, null]}")
+    rng = np.random.default_rng(0)
+    assert max(open_at(analysis, rng) for _ in range(PLANS)) < 0.01
+
+
+def test_what_goes_into_one_hollow_one_by_one_lies_there_side_by_side(analyse):
+    analysis = analyse(TRAY, '{bodies: ["cube_*"], inside: tray}')
+    rng = np.random.default_rng(0)
+    for _ in range(PLANS):
+        subgoals = analysis.draw_subgoals(rng, alone=True)
+        ends = [subgoal.center + subgoal.shift for subgoal in subgoals]
+        assert 0.035 < np.linalg.norm(ends[0] - ends[1]) < 0.21
+
+
+def test_a_long_body_is_gripped_across_its_narrow_side(analyse):
+    analysis = analyse(BAR, "{bodies: [bar], raised: 0.1, held: true}")
+    rng = np.random.default_rng(0)
+    for _ in range(PLANS):
+        _, head, path = clamp(analysis, rng)
+        closing = find_grasp(path).rotation_matrix[:, 1]
+        assert 0.02 < head.width < 0.1
+        assert abs(closing[0]) > 0.9
+
+
+def test_a_tall_body_hangs_from_the_pads(analyse):
+    analysis = analyse(POST, "{bodies: [post], raised: 0.1, held: true}")
+    rng = np.random.default_rng(0)
+    for _ in range(PLANS):
+        _, head, path = clamp(analysis, rng)
+        middle = find_grasp(path).position[2] + head.attachment[2] / 2
+        assert 0.2 <= middle < 0.4
+
+
+@pytest.mark.parametrize("primitive", ["clamp", "scoop"])
+def test_what_must_be_held_in_the_air_is_held_at_its_place(analyse, primitive):
+    """It passes over what is on its way, comes down to its place, and is not let go there."""
+    goal = "{bodies: [cube], place: [0.5, 0.6, 0.06], held: true}"
+    analysis = analyse(CUP, goal)
+    rng = np.random.default_rng(0)
+    ends = []
+    for _ in range(PLANS):
+        (subgoal,) = analysis.draw_subgoals(rng)
+        head = draw_clamp(subgoal, rng)
+        while primitive == "scoop" and head.primitive != "scoop":
+            head = draw_head(subgoal, rng, 1.0)
+
+        path = HeadPath()
+        PRIMITIVES[primitive](path, subgoal, head, rng)
+        heights = [pose.position[2] for pose in path.poses[path._held_from :]]
+        ends.append(heights[-1] - heights[0])
+        assert max(heights) - heights[0] > RIM_M - 0.001
+        assert np.allclose(path.poses[-1].rpy[:2], 0)
+        assert path.grips[-1] == (primitive == "clamp")
+
+    assert np.median(ends) == pytest.approx(0.045, abs=0.01)
+
+
+def test_pads_of_any_origin_are_known_for_pads(analyse):
+    analysis = analyse(CUP, "{bodies: [cube], raised: 0.1, held: true}")
+    rng = np.random.default_rng(0)
+    subgoal, head, _ = clamp(analysis, rng)
+    tool = build_clamp(head, Pose(np.array([0.1, 0.0, -0.3])), 0.012)
+    guessed = guess_head(tool, subgoal, rng)
+    assert guessed.head.primitive == "clamp"
+    assert guessed.head.width == pytest.approx(head.width)
