@@ -56,6 +56,9 @@ class DesignDrawer:
 
     def _draw_finger_head(self, subgoal: Subgoal) -> Head:
         """Draw a head for a gripper: pads that close on the bodies, or one head on the left finger."""
+        if subgoal.model.draws_up:  # pads hang from the hand
+            return draw_head(subgoal, self._rng, self.thickness_factor)
+
         lifts_out = subgoal.is_enclosed and subgoal.rises
         if self._rng.random() < (0.9 if lifts_out else 0.5):
             return draw_clamp(subgoal, self._rng)
@@ -106,7 +109,9 @@ class DesignDrawer:
                 thickness = min(thickness, 0.012)
             return build_clamp(head, pose, thickness)
 
-        if not works_above_home(path, subgoal.model):
+        # To a ceiling the flange points ahead, and nothing is in the shaft's way.
+        at_ceiling = subgoal.model.draws_up
+        if at_ceiling or not works_above_home(path, subgoal.model):
             return build_tool(head, pose, Shaft(kind, thickness), self._gripper)
 
         # The jib passes over the bodies.

@@ -145,7 +145,7 @@ class FaultCounter:
             fault = hits + _PER_METRE * miss
             return max(fault, enough) if miss > hopeless else fault
 
-        home = self._layouts[0].analysis.model.home
+        home = self._layouts[0].analysis.world.home
         motion = plan_motion(Waypoints(rows), home, arm)
         if find_self_collision(robot, tool, motion.trajectory) is not None:
             return hits + BREAKS_RULES
@@ -202,7 +202,7 @@ def _count_collisions(
         touching: whether the tool may touch the moved bodies on the way to each waypoint.
         moved: names of bodies.
     """
-    model = layout.analysis.model
+    model = layout.analysis.world
     bodies = [solid.boxes for name, solid in model.solids.items() if name in moved]
     others = [solid.boxes for name, solid in model.solids.items() if name not in moved]
     body_boxes = Boxes.concatenate(bodies)

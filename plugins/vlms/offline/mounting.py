@@ -49,12 +49,15 @@ class HeadDirection:
 
 
 def works_above_home(path: HeadPath, model: SceneModel) -> bool:
-    """Report whether the head works higher than the end-effector's home.
+    """Report whether the head works higher than the end-effector's home, or begins to, at a ceiling.
 
     Args:
         path: of the head.
-        model: the layout's home counts.
+        model: the layout's home counts, and where gravity draws.
     """
+    if model.draws_up:
+        return True
+
     return path.lowest > float(model.home.position[2])
 
 
@@ -124,7 +127,13 @@ class HeadPlacer:
 
         costs = self._cost(np.array(places), start, ways)
         best = int(np.argmin(costs + extra_costs))
-        mount = Pose.xyz_rpy(places[best], (0.0, 0.0, yaw))
+        rpy = (0.0, 0.0, yaw)
+        if self.model.draws_up:
+            # Pointing down, the flange does not get near a ceiling; here it points ahead.
+            outward = workspace.direction(np.array(places[best]))
+            rpy = (0.0, -np.pi / 2, outward + rng.normal(0.0, 0.2))
+
+        mount = Pose.xyz_rpy(places[best], rpy)
         return mount.inverse() @ start
 
     def _cost(
@@ -185,10 +194,7 @@ class HeadPlacer:
             head: whose attachment must be below the mount.
             subgoal: what it is for.
         """
-        top = head.attachment
-        if head.motion is not None:
-            top = path.poses[1].rotation.apply(head.attachment)
-
+        top = path.poses[1].rotation.apply(head.attachment)
         least = top[2] + (0.18 if self.gripper else 0.03)
         above_path = self.model.home.position[2] - path.lowest
         room = min(self.model.clearance_at_home, above_path)

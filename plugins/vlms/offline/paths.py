@@ -163,6 +163,14 @@ class HeadPath:
         self.stages.append(Stage(len(self.poses), contact))
         self._held_from = None
 
+    def turn_over(self, turn: Pose) -> None:
+        """Turn the whole path: from a layout that was turned over to the world.
+
+        Args:
+            turn: half a turn in the world, which undoes itself.
+        """
+        self.poses = [turn @ pose for pose in self.poses]
+
     def to_rows(self, head: Pose, gripper: bool) -> Array:
         """Compute waypoints of the end-effector, (N, 6), or (N, 7) with the gripper.
 

@@ -87,7 +87,7 @@ class PlanWriter:
         grounds = []
         for goal in analysis.goals:
             for name in goal.bodies:
-                grounds.append(analysis.model.solids[name].points[:, 2].min())
+                grounds.append(analysis.world.solids[name].points[:, 2].min())
 
         turns = Rotation.from_euler("xyz", rows[:, 3:6]).as_matrix()
         bottoms = tool_boxes(tool).moved_to(rows[:, :3], turns).bounds[0][:, 2]

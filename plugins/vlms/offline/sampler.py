@@ -85,7 +85,7 @@ class Sampler:
         self.brief = brief
         self.layout = layouts[0]
         self.analysis = self.layout.analysis
-        self.model = self.analysis.model
+        self.model = self.analysis.world
         self.rng = np.random.default_rng(brief.seed)
         self.writer = PlanWriter(brief.actions, self.layout)
         self._layouts = layouts
@@ -190,6 +190,8 @@ class Sampler:
                 path.end_stage()
 
         path.anchors = choose_anchors(path, subgoals, self._anchoring)
+        if self.analysis.model.upright is not None:
+            path.turn_over(self.analysis.model.upright)
         return path
 
     def _make_plan(

@@ -19,7 +19,7 @@ from core.interfaces import Brief
 from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.scene_model import SceneModel, Solid
 from plugins.vlms.offline.subgoals import Subgoal, goal_position
-from plugins.vlms.offline.targets import Target, find_targets
+from plugins.vlms.offline.targets import Target, find_targets, turn_over
 
 _LIFT_M = 0.15  # what is to be held is lifted by this
 _AWAY_M = 0.2  # how far a body is moved in a task without goals
@@ -36,8 +36,9 @@ class SceneAnalysis:
     """A layout and the task's goals in it, of which `draw_subgoals` draws what a plan is to do.
 
     Attributes:
-        model: the layout's bodies.
-        groups: goals that must be reached together, in the world.
+        world: the layout's bodies.
+        model: the same, but where gravity draws up, it is turned over: subgoals and paths are made as if it drew down.
+        groups: goals that must be reached together, in the model.
     """
 
     def __init__(self, brief: Brief, turn: Pose | None = None) -> None:
@@ -48,13 +49,21 @@ class SceneAnalysis:
         Raises:
             NothingToMove: there are no goals and all bodies are fixed.
         """
-        self.model = SceneModel(brief, turn)
-        scene = self.model.scene
+        self.world = SceneModel(brief, turn)
+        self.model = self.world
+        scene = self.world.scene
+
+        upright = self.world.find_upright()
+        if upright is not None:
+            self.model = SceneModel(brief, turn, upright)
 
         groups: dict[int, list[Target]] = {}
         for number, goal in enumerate(reaches(brief.task.goals)):
             group = groups.setdefault(0 if brief.task.every else number, [])
-            group += find_targets(goal, scene)
+            targets = find_targets(goal, scene)
+            if upright is not None:
+                targets = [turn_over(target, upright) for target in targets]
+            group += targets
 
         self.groups = [group for group in groups.values() if group]
         if self.groups:

@@ -11,13 +11,16 @@ from scipy.spatial import ConvexHull
 
 from core.geometry import Array, Cylinder, Mesh, Pose, Shape
 from core.interfaces import Brief
-from core.scene import Body, Soft
+from core.scene import Body, Scene, Soft
 from plugins.vlms.offline.boxes import Boxes
 from plugins.vlms.offline.workspace import compute_workspace
 
 T = TypeVar("T")
 
 _THINNEST_M = 1e-4  # of a box around a flat shape
+HALF_TURN = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, np.pi, 0.0))
+"""About y, after which what was below is above."""
+
 _OCTAGON = 4  # boxes, of which a cylinder's is made
 
 
@@ -99,6 +102,12 @@ def _turned(yaw: float) -> Pose:
     return Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw))
 
 
+def _move_bodies(scene: Scene, by: Pose) -> Scene:
+    """Return the scene with all bodies moved by a pose in the world."""
+    moved = [replace(body, pose=by @ body.pose) for body in scene.bodies]
+    return replace(scene, bodies=tuple(moved))
+
+
 class SceneModel:
     """The bodies of a layout that have collision shapes, and the arm's workspace.
 
@@ -109,25 +118,32 @@ class SceneModel:
         home: where the end-effector starts.
         workspace: of the arm.
         turned: whether everything but the robot was turned about it.
+        upright: the half turn by which bodies were moved, so that gravity, which draws up, draws down; None: they were
+            not.
     """
 
-    def __init__(self, brief: Brief, turn: Pose | None = None) -> None:
+    def __init__(
+        self,
+        brief: Brief,
+        turn: Pose | None = None,
+        upright: Pose | None = None,
+    ) -> None:
         """Read a brief's layout.
 
         With a ``turn`` everything but the robot is moved by it, so that the world's axes are those of what the bodies
-        are taken by.
+        are taken by. By ``upright`` the bodies alone are moved.
         """
         self.scene = brief.task.scene(brief.scene_seed)
         self.home = brief.task.home
         self.workspace = compute_workspace(brief.task.robot)
         self.turned = turn is not None
+        self.upright = upright
 
         if turn is not None:
             self.home = turn @ self.home
-            self.scene = replace(
-                self.scene,
-                bodies=tuple(replace(b, pose=turn @ b.pose) for b in self.scene.bodies),
-            )
+            self.scene = _move_bodies(self.scene, turn)
+        if upright is not None:
+            self.scene = _move_bodies(self.scene, upright)
 
         self.solids: dict[str, Solid] = {}
         for body in self.scene.bodies:
@@ -136,6 +152,22 @@ class SceneModel:
 
         self.boxes = Boxes.concatenate(solid.boxes for solid in self.solids.values())
         self._found: dict[Hashable, object] = {}
+
+    @property
+    def draws_up(self) -> bool:
+        """Whether gravity draws up in the world."""
+        return self.scene.gravity[2] > 0.0
+
+    def find_upright(self) -> Pose | None:
+        """Find the half turn about the robot after which gravity draws down; None: it does not draw up now.
+
+        What floats to a ceiling lies on it, seen so, and is lifted by what lowers it.
+        """
+        if not self.draws_up:
+            return None
+
+        base = Pose(self.workspace.base)
+        return base @ HALF_TURN @ base.inverse()
 
     @property
     def clearance_at_home(self) -> float:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from core.geometry import Vector
+from core.geometry import Pose, Vector
 from core.goals import Away, Goal, JointAt, Kept, Reach, Turned, Untouched
 from core.scene import Scene
 from core.values.states import State
@@ -74,6 +74,26 @@ def find_targets(goal: Reach, scene: Scene) -> list[Target]:
         Target(tuple(bodies), goal.any, goal.held, goal.released, place, **wanted)  # type: ignore[arg-type]
         for place, bodies in groups.items()
     ]
+
+
+def turn_over(target: Target, turn: Pose) -> Target:
+    """Turn a target over, by half a turn about a line along the world's y.
+
+    Args:
+        target: in the world.
+        turn: after which x and z have changed their signs, from where the line is.
+    """
+    points = turn.rotation.apply(target.points).round(9).tolist()
+    if target.place is None:
+        return replace(target, points=tuple(points))
+
+    place = [0.0 if wanted is None else wanted for wanted in target.place]
+    turned = turn.apply(np.array(place)).tolist()
+    x, y, z = (
+        None if wanted is None else coordinate
+        for wanted, coordinate in zip(target.place, turned, strict=True)
+    )
+    return replace(target, place=(x, y, z), points=tuple(points))
 
 
 def is_planned(goal: Goal) -> bool:

@@ -14,6 +14,7 @@ from core.interfaces import Task
 from plugins.vlms.offline.boxes import Boxes, heading_axes
 from plugins.vlms.offline.chance import draw_head_turn
 from plugins.vlms.offline.heads import FINGER_OPEN, Head, Primitive
+from plugins.vlms.offline.scene_model import HALF_TURN
 from plugins.vlms.offline.subgoals import Subgoal
 
 _LOW_M = 0.015  # boxes this close to a tool's lowest point do its work
@@ -75,12 +76,23 @@ def tool_boxes(tool: Tool) -> Boxes:
     return Boxes.from_poses(boxes)
 
 
-def lowest_corners(tool: Tool) -> Array:
-    """Find the corners (V, 3) of a tool's lowest boxes, which do its work, in the frame of the tool mount."""
+def lowest_corners(tool: Tool, turn: Pose | None = None) -> Array:
+    """Find the corners (V, 3) of a tool's lowest boxes, which do its work.
+
+    Args:
+        tool: without components the fingertip of the bare hand counts.
+        turn: of the tool about its mount; None: as it hangs.
+
+    Returns:
+        In the frame of the tool mount, turned so.
+    """
     if not tool.components:
         return _BARE_FINGERTIP[None]
 
     boxes = tool_boxes(tool)
+    if turn is not None:
+        boxes = boxes.moved_to(turn.position[None], turn.rotation_matrix[None])
+
     bottoms = boxes.bounds[0][:, 2]
     low = boxes[bottoms < bottoms.min() + _LOW_M]
 
@@ -168,11 +180,13 @@ def guess_head(
     heading = subgoal.heading - turn
     ahead, side = (axis[:2] for axis in heading_axes(heading))
 
+    # Where gravity draws up, the highest boxes are those that do the work.
+    over = HALF_TURN if subgoal.model.draws_up else None
     pads = _guess_pads(tool)
-    if pads is not None:
+    if pads is not None and over is None:
         return pads
 
-    corners = lowest_corners(tool)
+    corners = lowest_corners(tool, over)
     along = corners[:, :2] @ ahead
     across = corners[:, :2] @ side
 
@@ -189,7 +203,11 @@ def guess_head(
     head = Head("foot", primitive, (), np.zeros(3), depth, width)
     lowest = corners[:, 2].min()
 
-    return PlacedHead(head, Pose.xyz_rpy((x, y, lowest), (0.0, 0.0, heading)))
+    pose = Pose.xyz_rpy((x, y, lowest), (0.0, 0.0, heading))
+    if over is not None:
+        pose = over.inverse() @ pose
+
+    return PlacedHead(head, pose)
 
 
 def _guess_pads(tool: Tool) -> PlacedHead | None:

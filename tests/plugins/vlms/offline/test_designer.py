@@ -22,6 +22,7 @@ from core.scene import Body, Joint, Scene, floor, table
 from core.solids.self_collision import find_self_collision
 from plugins.actions.waypoints import WaypointActions
 from plugins.conformance.evaluations import tried_once
+from plugins.tasks.file.task import FileTask
 from plugins.vlms.offline.designer import OfflineDesigner
 from plugins.vlms.offline.scene_analysis import SceneAnalysis
 from plugins.vlms.offline.unplanned import find_unplanned
@@ -357,3 +358,34 @@ def test_what_no_plan_is_made_for_is_named():
         goals = (Turned(("cube",), angle_deg=Span(low=60)),)
 
     assert find_unplanned(Steep(), 0) == ["angle of cube"]
+
+
+CEILING = """
+name: Lower
+description: A bar that floats under a ceiling has to be brought down.
+table: false
+floor_height: 0
+gravity: [0, 0, 9.81]
+bodies:
+  - {name: ceiling, box: [2, 2, 0.02], position: [0.4, 0, 1.01], fixed: true}
+  - name: bar
+    position: [0.45, 0, 0.98]
+    mass: 0.2
+    parts:
+      - {box: [0.04, 0.5, 0.01], position: [0, 0, -0.01]}
+      - {box: [0.04, 0.02, 0.02], position: [0, 0.24, 0.005]}
+      - {box: [0.04, 0.02, 0.02], position: [0, -0.24, 0.005]}
+goals:
+  - {bodies: [bar], place: [0.5, 0, 0.6], tolerance: 0.05, held: true}
+"""
+
+
+def test_what_floats_to_a_ceiling_is_brought_down(tmp_path):
+    pytest.importorskip("mujoco")
+    file = tmp_path / "ceiling.yaml"
+    file.write_text(CEILING)
+    task = on_panda(FileTask(str(file)))
+    designs = candidates(brief(task, gripper=False, n_tool=5, n_action=2))
+    simulator = installed().create("sim", "mujoco")
+    trials = evaluate_batch(task, simulator, designs)
+    assert max(trial.reward for trial in trials) > 0.5
