@@ -901,7 +901,8 @@ class Broken(Reach):
         return (" or " if self.any else ", ").join(self.broken)
 
     def subjects(self, state: State) -> tuple[str, ...]:
-        return self.broken
+        bodies = [state.bonds.get(name, name) for name in self.broken]
+        return tuple(dict.fromkeys(bodies))
 
     @property
     def needs_trace(self) -> bool:

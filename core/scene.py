@@ -27,6 +27,7 @@ from core.geometry import (
     Sphere as Sphere,
     Vector,
 )
+from core.values.bonds import Bond as Bond
 from core.values.joints import (
     Drive as Drive,
     Joint as Joint,
@@ -222,14 +223,17 @@ class Scene:
     """All bodies in the world, without the robot, and the joints between them.
 
     A body hangs from at most one joint, and no joints form a circle. ``gravity`` is in m/s^2, along the world's axes.
+    ``bonds`` hold bodies until a force breaks them.
 
     Raises:
-        ValueError: two bodies or two joints have the same name; a joint can't be where it is; or too many soft nodes.
+        ValueError: two bodies, joints or bonds have the same name; a joint or a bond can't be where it is; or too many
+            soft nodes.
     """
 
     bodies: tuple[Body, ...]
     joints: tuple[Joint, ...] = ()
     gravity: Vector = GRAVITY
+    bonds: tuple[Bond, ...] = ()
 
     def __hash__(self) -> int:  # much is kept by scene, and layouts differ in places
         return hash(tuple((body.name, body.pose) for body in self.bodies))
@@ -243,6 +247,7 @@ class Scene:
                 f"the soft bodies of a scene can have {MAX_NODES} nodes in all, not {nodes}; take fewer"
             )
         self._check_joints()
+        self._check_bonds()
         _ = self.ordered_joints  # raises an error where they form a circle
 
     def _check_names(self, what: str, names: list[str]) -> None:
@@ -279,6 +284,37 @@ class Scene:
             }
             refuse(f"{where}: ", problems)
             hanging.add(body.name)
+
+    def _check_bonds(self) -> None:
+        bodies = {body.name: body for body in self.bodies}
+        names = [bond.name for bond in self.bonds]
+        self._check_names("bonds and bodies", [*names, *bodies] if names else [])
+
+        for bond in self.bonds:
+            where = f"bond {bond.name!r}: "
+            ends = [name for name in (bond.body, bond.parent) if name is not None]
+            for name in ends:
+                if name not in bodies:
+                    raise ValueError(
+                        f"{where}there is no body {name!r}; there are: {', '.join(bodies)}"
+                    )
+
+            solid = [bodies[name] for name in ends]
+            problems = {
+                "a bond can't hold a soft body or a mark": any(
+                    isinstance(body, Soft) or not body.collisions for body in solid
+                ),
+                f"its body {bond.body!r} is fixed; give it a mass": solid[0].fixed,
+            }
+            refuse(where, problems)
+
+    def find_anchor(self, bond: Bond) -> Array:
+        """Find the point of a bond in the frame of its parent, or in the world, (3,), m."""
+        point = self[bond.body].pose.apply(bond.origin)
+        if bond.parent is None:
+            return point
+
+        return self[bond.parent].pose.inverse().apply(point)
 
     def __getitem__(self, name: str) -> Body:
         for body in self.bodies:
@@ -359,7 +395,12 @@ class Scene:
     @property
     def breakable(self) -> dict[str, float]:
         """The force above which each thing breaks that can, N, by name."""
-        return {body.name: body.breaks_n for body in self.bodies if body.breaks_n > 0}
+        found = {bond.name: bond.breaks_n for bond in self.bonds}
+        for body in self.bodies:
+            if body.breaks_n > 0:
+                found[body.name] = body.breaks_n
+
+        return found
 
     @property
     def places(self) -> dict[str, Pose]:
@@ -394,6 +435,7 @@ class Scene:
             places=self.places,
             joints=self.placed_joints,
             carried=self.carried,
+            bonds={bond.name: bond.body for bond in self.bonds},
         )
 
 

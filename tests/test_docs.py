@@ -36,7 +36,7 @@ from core.goals import (
 )
 from core.interfaces import Seen
 from core.plugins import Plugins, installed
-from core.scene import Body, Box, Camera, Geom, Joint, Pose, Scene, State, Trace
+from core.scene import Body, Bond, Box, Camera, Geom, Joint, Pose, Scene, State, Trace
 from docs import build, names
 from docs.diagrams import DRAWINGS
 from plugins.conformance.scenery import stick
@@ -581,6 +581,7 @@ def test_the_scene_files_of_the_page_are_tasks(tmp_path):
         Geom,
         Reach,
         Joint,
+        Bond,
         Mesh,
         Pose,
         Scene,

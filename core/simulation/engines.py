@@ -37,6 +37,9 @@ def list_needs(scene: Scene, job: Rollout) -> Iterator[tuple[Ability, Sequence[s
     if scene.joints:
         yield Ability.JOINTS, [joint.name for joint in scene.joints]
 
+    if scene.bonds:
+        yield Ability.BONDS, [bond.name for bond in scene.bonds]
+
     launched = [body.name for body in scene.free if body.launched]
     if launched:
         yield Ability.LAUNCHED_BODIES, launched

@@ -348,7 +348,11 @@ class Player:
         schedule = self.schedule
         notes = [self._notes[sample] for sample in schedule.samples.tolist()]
         instants = schedule.instants[schedule.samples]
-        recording = Recording(instants, *worlds.read(number, notes))
+        recording = Recording(
+            instants,
+            *worlds.read(number, notes),
+            loads=worlds.loads(number, notes),
+        )
         if not schedule.job.forces:
             return recording
 
@@ -383,6 +387,9 @@ class Alone(Worlds):
         self, number: int, notes: Sequence[Any], instants: Array
     ) -> tuple[Mapping[tuple[str, str], Array], Pushes | None]:
         return self._world.contact_forces(notes, instants)
+
+    def loads(self, number: int, notes: Sequence[Any]) -> Mapping[str, Array]:
+        return self._world.loads(notes)
 
     def save(self) -> None:
         self._world.save()

@@ -367,6 +367,7 @@ def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
     touching: dict[Key, Flags] = defaultdict(lambda: np.zeros(shape, dtype=bool))
     forces: dict[tuple[str, str], Array] = defaultdict(lambda: np.zeros(shape))
     peaks: dict[tuple[str, str], Array] = defaultdict(lambda: np.zeros(shape))
+    loads: dict[str, Array] = defaultdict(lambda: np.zeros(shape))
     bodies = {body.name for body in scene.bodies}
     films = []
 
@@ -389,6 +390,9 @@ def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
                 kind = "tool" if presser == "tool" else "arm"
                 touching[kind, presser, body][number] |= force > 0
 
+        for name, values in taken.loads.items():
+            loads[name][number] = clock.read(values, early=True)
+
     # An engine that measures no forces has none where things touch.
     measured = bool(forces) or not touching
     clearances = {
@@ -406,9 +410,13 @@ def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
     if not measured:
         return trace
 
-    strains = {
-        name: trace.peaks_n(name) / most for name, most in scene.breakable.items()
-    }
+    strains = {}
+    for name, most in scene.breakable.items():
+        if name in bodies:
+            strains[name] = trace.peaks_n(name) / most
+        elif name in loads:
+            strains[name] = loads[name] / most
+
     return replace(trace, strains=strains)
 
 

@@ -125,11 +125,14 @@ def refined_samples(samples: Indices, wanted: Array) -> Indices:
 
 
 def subset(recording: Recording, samples: Indices) -> Recording:
-    """Return only these samples of a recording, and the mean force since the one before."""
+    """Return only these samples of a recording, with the mean forces and largest loads since the one before."""
     times = recording.times
     forces = {
         pair: _average(times, values, samples)
         for pair, values in recording.forces.items()
+    }
+    loads = {
+        name: largest_since(values, samples) for name, values in recording.loads.items()
     }
 
     return Recording(
@@ -138,6 +141,7 @@ def subset(recording: Recording, samples: Indices) -> Recording:
         recording.fingers[samples],
         recording.states.each(lambda array: array[samples]),
         forces,
+        loads=loads,
     )
 
 

@@ -165,6 +165,7 @@ class Ability(StrEnum):
     LAUNCHED_BODIES = "launched bodies"
     SOFT_BODIES = "soft bodies"
     FORCES = "forces of contacts"
+    BONDS = "bonds that break"
     TORQUES = "torques of motors"  # no job needs them: without, trials do not say them
 
 
@@ -305,7 +306,8 @@ class Recording:
     ``forces`` has, for each two things that touched, the mean of their normal force since the instant before, newtons
     (T,): an impulse divided by its time, which engines with different time steps agree on. Of two names the first is
     ``tool``, a link of the arm, or a body, the second a body; of two bodies the one that the scene lists first.
-    ``pushes`` come with the forces; None: the engine does not tell where they act.
+    ``pushes`` come with the forces; None: the engine does not tell where they act. ``loads`` has the largest force on
+    each bond of the scene since the instant before, over the engine's steps, newtons (T,): 0 once it is broken.
     """
 
     times: Array
@@ -314,6 +316,7 @@ class Recording:
     states: State
     forces: Mapping[tuple[str, str], Array] = field(default_factory=dict)
     pushes: Pushes | None = None
+    loads: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -575,6 +578,10 @@ class World(ABC):
         """
         raise NotImplementedError("this engine does not measure the forces of contacts")
 
+    def loads(self, notes: Sequence[Any]) -> Mapping[str, Array]:
+        """Return ``loads`` of a `Recording`, from its snapshots; none where the world has no bonds."""
+        return {}
+
     def note_torques(self) -> Any:
         """Take a snapshot of what the arm's motors applied in the last step; it is taken after each step.
 
@@ -630,6 +637,10 @@ class Worlds(ABC):
     ) -> tuple[Mapping[tuple[str, str], Array], Pushes | None]:
         """Return the contact forces of one of the worlds."""
         raise NotImplementedError("this engine does not measure the forces of contacts")
+
+    def loads(self, number: int, notes: Sequence[Any]) -> Mapping[str, Array]:
+        """Return the largest forces on the bonds of one of the worlds."""
+        return {}
 
     def save(self) -> None:
         """Remember how the worlds are now."""

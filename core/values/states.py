@@ -38,6 +38,7 @@ class State:
         places: the poses of fixed bodies and marks by name; empty in what engines return, and rewards have them.
         joints: the scene's joints by name; likewise.
         carried: of each mark that moves along with a body, that body, and the mark's pose in its frame; likewise.
+        bonds: the body that each bond of the scene holds; likewise.
         soft: the nodes (..., N, 3) of each soft body by name. Its position is its centre of mass, and it never turns.
     """
 
@@ -49,6 +50,7 @@ class State:
     places: Mapping[str, Pose] = field(default_factory=dict, kw_only=True)
     joints: Mapping[str, PlacedJoint] = field(default_factory=dict, kw_only=True)
     carried: Mapping[str, tuple[str, Pose]] = field(default_factory=dict, kw_only=True)
+    bonds: Mapping[str, str] = field(default_factory=dict, kw_only=True)
     soft: Mapping[str, Array] = field(default_factory=dict, kw_only=True)
 
     def position(self, name: str, node: int | None = None) -> Array:
@@ -195,6 +197,7 @@ class State:
             places=first.places,
             joints=first.joints,
             carried=first.carried,
+            bonds=first.bonds,
             soft={
                 name: how([state.soft[name] for state in states]) for name in first.soft
             },

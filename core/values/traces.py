@@ -15,6 +15,7 @@ from core.values.states import State
 from core.values.tools import GRIPPER_MOUNTS
 
 TRACE_HZ = 25.0
+NO_FORCES = "the trace has no forces; this engine or environment measures none"
 
 Flags = npt.NDArray[np.bool_]
 Link = tuple[str, str, npt.NDArray[Any]]  # two bodies, and how much passes between them
@@ -116,9 +117,7 @@ class Trace:
         self._check(body)
 
         if self.forces is None:
-            raise ValueError(
-                "the trace has no forces; this engine or environment measures none"
-            )
+            raise ValueError(NO_FORCES)
 
         found = np.zeros(self.shape)
         for (presser, other), force in self.forces.items():
@@ -152,8 +151,11 @@ class Trace:
         """Find the largest force so far on what can break, as a share of what it bears, (..., T); above 1 it is broken.
 
         Raises:
-            KeyError: it is not among what can break, or nothing measured forces.
+            KeyError: it is not among what can break.
+            ValueError: nothing measured forces.
         """
+        if not self.strains:
+            raise ValueError(NO_FORCES)
         if name not in self.strains:
             raise unknown("thing that breaks", name, "in the trace", self.strains)
 

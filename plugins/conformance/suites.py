@@ -13,6 +13,7 @@ from core.errors import RAISED
 from core.plugins import KINDS, PluginPart
 from plugins.conformance import (
     action,
+    bonds,
     commands,
     evolution,
     executor,
@@ -59,6 +60,7 @@ SUITES = {
         shapes,
         joints,
         mechanisms,
+        bonds,
         impacts,
         guards,
         softs,

@@ -23,7 +23,7 @@ from core.interfaces import (
 from core.plugins import installed
 from core.robot.kinematics import Arm, arm_of
 from core.robot.trajectory import plan_motion
-from core.scene import Body, Joint, Scene, State
+from core.scene import Body, Bond, Joint, Scene, State
 from core.simulation.engines import check_support, scene_of
 from plugins.conformance.checking import LeftOut, expect
 
@@ -43,10 +43,14 @@ class Bodies(Task):
     goals = ()
 
     def __init__(
-        self, *bodies: Body, joints: tuple[Joint, ...] = (), robot: Robot | None = None
+        self,
+        *bodies: Body,
+        joints: tuple[Joint, ...] = (),
+        bonds: tuple[Bond, ...] = (),
+        robot: Robot | None = None,
     ) -> None:
         self.robot = robot or installed().default_robot
-        self._scene = Scene(bodies, joints)
+        self._scene = Scene(bodies, joints, bonds=bonds)
 
     def scene(self, seed: int) -> Scene:
         return self._scene
@@ -113,13 +117,14 @@ def run(
     bodies: tuple[Body, ...],
     job: Rollout,
     joints: tuple[Joint, ...] = (),
+    bonds: tuple[Bond, ...] = (),
 ) -> Outcome:
     """Simulate one job in a world of these bodies; it must not break.
 
     Raises:
         LeftOut: the engine does not support what it needs.
     """
-    return play(simulator, Bodies(*bodies, joints=joints), job)
+    return play(simulator, Bodies(*bodies, joints=joints, bonds=bonds), job)
 
 
 def play(simulator: Simulator, task: Task, job: Rollout) -> Outcome:

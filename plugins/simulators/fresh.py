@@ -6,7 +6,7 @@ import tempfile
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from core.errors import check_positive
 from core.geometry import Array
@@ -14,10 +14,25 @@ from core.interfaces import Ability, Pushes, Robot, Rollout, World
 from core.scene import Scene, State
 from core.simulation.engines import SteppingSimulator
 from core.support.scratch import scratch
-from plugins.simulators.forces import Impulses
+from plugins.simulators.bonds import Bonds
+from plugins.simulators.forces import Impulses, Totals
 from plugins.simulators.steps import check_time_step, choose_step
 
 Prepared = TypeVar("Prepared")
+
+
+class _Note(NamedTuple):
+    """A snapshot of a world.
+
+    Attributes:
+        snapshot: of the joints and free bodies, see `FreshWorld.snapshot`.
+        totals: of the impulses; None: they are not asked for.
+        steps: how many its bonds have seen; 0: it has none.
+    """
+
+    snapshot: Any
+    totals: Totals | None
+    steps: int
 
 
 class FreshWorld(World):
@@ -25,9 +40,11 @@ class FreshWorld(World):
 
     Attributes:
         impulses: sums up those of contacts; None: they are not asked for.
+        bonds: those of the scene; None: it has none.
     """
 
     impulses: Impulses | None = None
+    bonds: Bonds | None = None
     tells_torques = True
 
     @abstractmethod
@@ -38,21 +55,38 @@ class FreshWorld(World):
     def decode(self, snapshots: Sequence[Any]) -> tuple[Array, Array, State]:
         """Decode T snapshots, see `World.read`."""
 
-    def note(self) -> Any:
-        if self.impulses is None:
-            return self.snapshot()
-        return self.snapshot(), self.impulses.totals()
-
-    def read(self, notes: Sequence[Any]) -> tuple[Array, Array, State]:
+    def end_step(self) -> None:
+        """Note what the last step did to contacts and bonds; call it after each step."""
         if self.impulses is not None:
-            notes = [snapshot for snapshot, _ in notes]
-        return self.decode(notes)
+            self.impulses.add_step()
+        if self.bonds is not None:
+            self.bonds.end_step()
+
+    def note(self) -> _Note:
+        totals = None
+        if self.impulses is not None:
+            totals = self.impulses.totals()
+
+        steps = 0
+        if self.bonds is not None:
+            steps = self.bonds.steps
+
+        return _Note(self.snapshot(), totals, steps)
+
+    def read(self, notes: Sequence[_Note]) -> tuple[Array, Array, State]:
+        return self.decode([note.snapshot for note in notes])
 
     def contact_forces(
-        self, notes: Sequence[Any], instants: Array
+        self, notes: Sequence[_Note], instants: Array
     ) -> tuple[Mapping[tuple[str, str], Array], Pushes | None]:
         assert self.impulses is not None
-        return self.impulses.mean_forces([totals for _, totals in notes], instants)
+        totals = [note.totals for note in notes if note.totals is not None]
+        return self.impulses.mean_forces(totals, instants)
+
+    def loads(self, notes: Sequence[_Note]) -> Mapping[str, Array]:
+        if self.bonds is None:
+            return {}
+        return self.bonds.loads([note.steps for note in notes])
 
     def state(self) -> State:
         """Read the state of the free bodies."""

@@ -50,7 +50,7 @@ class Film:
         contacts = find_contacts(self._scene, self._robot, self._tool, recording)
         trace = make_trace(self._scene, [contacts])[0]
 
-        return replace(trace, forces=None)
+        return replace(trace, forces=None, strains={})
 
 
 def _record(seconds: float, world: World) -> Recording:

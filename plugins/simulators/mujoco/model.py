@@ -7,6 +7,7 @@ from core.robot.description import assembled
 from core.scene import Scene, Soft
 from core.values.robots import Robot
 from plugins.simulators.mujoco import contacts
+from plugins.simulators.mujoco.bonds import add_bonds
 from plugins.simulators.mujoco.contacts import Collider, Role, Surface
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.forces import add_feeler
@@ -106,6 +107,7 @@ def build_spec(
     add_servos(spec, robot, tool)
     add_softs(spec, scene, contacts.tools_friction(colliders))
     bearers = add_bodies(spec, scene)
+    add_bonds(spec, scene, bearers)
 
     for body, surface in zip(scene.bodies, surfaces, strict=True):
         if isinstance(body, Soft):

@@ -39,6 +39,7 @@ def add_bodies(spec: Element, scene: Scene) -> dict[str, Element]:
     bearers = {body.name: spec.worldbody for body in scene.bodies if body.fixed}
     tops: dict[str | None, Element] = {}  # of what hangs together
     hung = {placed.joint.body: placed.joint for placed in scene.ordered_joints}
+    bonded = {name for bond in scene.bonds for name in (bond.body, bond.parent)}
     loose = [body.name for body in _rigid(scene) if body.name not in hung]
 
     for name in (*loose, *hung):
@@ -76,7 +77,8 @@ def add_bodies(spec: Element, scene: Scene) -> dict[str, Element]:
             if joint.drive and (parent not in tops or bearer.gravcomp > 0):
                 element.gravcomp = 1.0
 
-        if body.launched or (joint and (joint.drive or joint.latches)):
+        moved = joint is not None and bool(joint.drive or joint.latches)
+        if body.launched or moved or name in bonded:
             tops[name].sleep = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
 
     return bearers

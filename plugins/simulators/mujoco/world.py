@@ -14,6 +14,7 @@ from core.geometry import Array
 from core.interfaces import Block, Passed, Pushes, Reading, Robot, Rollout
 from core.scene import Scene, State
 from core.values.jobs import FEEL_S
+from plugins.simulators.mujoco.bonds import Bonds
 from plugins.simulators.mujoco.contacts import is_discrete
 from plugins.simulators.mujoco.engine import mujoco, rollout, warnings_caught
 from plugins.simulators.mujoco.forces import Feeler, Measured, Meter
@@ -42,12 +43,14 @@ class _Settled:
         states: after each step (S, X).
         data: all of MuJoCo's at the end.
         measured: the contacts, if they were measured.
+        bonds: see `Bonds.copy`.
     """
 
     joints: Array
     states: Array
     data: Element
     measured: list[Measured]
+    bonds: tuple[Array, list[Array]]
 
     def serves(self, joints: Array, count: int, *, measured: bool) -> bool:
         """Check if it is what comes of so many steps with these joints (J,), ``measured`` or not."""
@@ -89,12 +92,14 @@ class World(interfaces.World):
         self._settled: _Settled | None = None
         self._held = np.empty(0)
         self._meter: Meter | None = None
+        self._bonds = Bonds(scene, model, self._data)
         self._done = 0
         self._moved = -np.inf  # steps since the launch
 
     @property
     def rewinds(self) -> bool:  # type: ignore[override]
-        return self._meter is None  # what was measured can't be taken back
+        # What was measured can't be taken back.
+        return self._meter is None and not self._scene.bonds
 
     def begin(self, job: Rollout) -> None:
         """Begin anew, with the robot at the first targets of a job's motion, and the tool's joints held."""
@@ -105,6 +110,7 @@ class World(interfaces.World):
         if job.forces and job.record_hz > 0:
             self._meter = Meter(self._scene, self._model)
 
+        self._bonds = Bonds(self._scene, self._model, self._data)
         self._done = 0
         self._moved = -np.inf
         mujoco.mj_resetData(self._model, self._data)
@@ -137,6 +143,7 @@ class World(interfaces.World):
         self._moved += 1
         with warnings_caught():  # a world that diverges shows it in its state too
             mujoco.mj_step(self._model, self._data)
+        self._bonds.end_step()
 
     def joints(self) -> tuple[Array, Array]:
         """Return the arm's joints (A,), and the fingers' with the tool's (F + K,)."""
@@ -168,11 +175,13 @@ class World(interfaces.World):
                 states,
                 data,
                 contacts,
+                self._bonds.copy(),
             )
             self._settled = known
         else:
             # All data is copied, since a state does not say which bodies sleep.
             mujoco.mj_copyData(self._data, self._model, known.data)
+            self._bonds.begin(known.bonds)
             if meter is not None:
                 meter.begin(known.measured)
 
@@ -225,6 +234,9 @@ class World(interfaces.World):
     ) -> tuple[Mapping[tuple[str, str], Array], Pushes | None]:
         assert self._meter is not None
         return self._meter.mean_forces(np.array([note.done for note in notes]))
+
+    def loads(self, notes: Sequence[_Note]) -> Mapping[str, Array]:
+        return self._bonds.loads([note.done for note in notes])
 
     def _find_torques(self, block: Block, first: Array, states: Array) -> Array | None:
         """Find the greatest torque of each of the arm's motors in a block (J,); None: it has no steps.
@@ -290,7 +302,8 @@ class World(interfaces.World):
             block.instants,
         )
         with warnings_caught() as warnings:
-            if self._moving.latched or self._meter is not None:
+            stepped = self._meter is not None or self._scene.bonds
+            if self._moving.latched or stepped:
                 self._step_singly(states, controls, sensed)
             else:
                 rollout(
@@ -329,6 +342,7 @@ class World(interfaces.World):
                 states[number],
                 _STATE,
             )
+            self._bonds.end_step()
             if self._meter is not None:
                 self._meter.measure(data)
             if sensed is not None:

@@ -25,6 +25,7 @@ class PreparedScene:
     PyBullet's frame of a body is that of its centre of mass, so states are converted.
 
     Attributes:
+        scene: the scene.
         trees: all bodies, in the order in which they are placed.
         jointed: those of them that have joints.
         ranks: of the bodies in the scene, by name.
@@ -35,6 +36,7 @@ class PreparedScene:
     """
 
     def __init__(self, scene: Scene, folder: Path) -> None:
+        self.scene = scene
         self.trees = prepare_trees(scene, folder)
         self.jointed = [tree for tree in self.trees if tree.joints]
         self.ranks = {body.name: rank for rank, body in enumerate(scene.bodies)}

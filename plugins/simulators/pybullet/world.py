@@ -16,6 +16,7 @@ from core.scene import State
 from plugins.simulators.forces import Thing
 from plugins.simulators.fresh import FreshWorld
 from plugins.simulators.pybullet.arm import ArticulatedArm
+from plugins.simulators.pybullet.bonds import Bonds
 from plugins.simulators.pybullet.engine import Client
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.forces import Forces, pushes
@@ -100,6 +101,8 @@ class World(FreshWorld):
         )
         if job.forces and job.record_hz > 0:
             self.impulses = Forces(client, self._name_things(job.tool), self.time_step)
+        if scene.scene.bonds:
+            self.bonds = Bonds(client, scene.scene, self._places, scene.offsets)
 
     def _name_things(self, tool: Tool) -> dict[Place, Thing]:
         """Map all that collides to what contact forces call it."""
@@ -124,8 +127,7 @@ class World(FreshWorld):
         )
         self._mechanism.drive()
         p.stepSimulation(self.client.number)
-        if self.impulses:
-            self.impulses.add_step()
+        self.end_step()
 
     def launch(self) -> None:
         self._arm.launch()

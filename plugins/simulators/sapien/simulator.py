@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from core.interfaces import Robot, Rollout
+from core.interfaces import Ability, Robot, Rollout
 from core.scene import Scene
 from plugins.simulators.fresh import FreshWorlds
 from plugins.simulators.rendering import DrawingSimulator
@@ -21,6 +21,8 @@ class SapienSimulator(FreshWorlds[Weighed], DrawingSimulator):
 
     title = "SAPIEN"
     failures = (RuntimeError,)  # of PhysX
+    # SAPIEN does not tell the forces of PhysX's joints.
+    supports = FreshWorlds.supports - {Ability.BONDS}
 
     def __init__(
         self,

@@ -99,8 +99,7 @@ class World(FreshWorld):
         self._joints.act()
         self._system.step()
         self._bodies.end_step()
-        if self.impulses:
-            self.impulses.add_step()
+        self.end_step()
 
     def note_torques(self) -> TorqueNote:
         return self._robot.note_torques()

@@ -81,7 +81,9 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
     bodies = [_draw_carried(body, spec.marks, marks) for body in bodies]
 
     try:
-        scene = Scene((*around, *marks, *bodies), tuple(joints), spec.gravity)
+        scene = Scene(
+            (*around, *marks, *bodies), tuple(joints), spec.gravity, spec.bonds
+        )
     except ValueError as error:
         raise tree.error(_find_joint(spec, str(error)), str(error)) from error
 
@@ -193,10 +195,14 @@ def _check_unique(tree: Tree, spec: SceneSpec, taken: list[str]) -> None:
 
 
 def _find_joint(spec: SceneSpec, message: str) -> Where:
-    """Return where the joint is that a message names; the whole file where it names none."""
+    """Return where the joint or bond is that a message names; the whole file where it names none."""
     for number, joint in enumerate(spec.joints):
         if f"joint {joint.name!r}:" in message:
             return ("joints", number)
+
+    for number, bond in enumerate(spec.bonds):
+        if f"bond {bond.name!r}:" in message:
+            return ("bonds", number)
 
     return ()
 

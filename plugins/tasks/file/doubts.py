@@ -33,6 +33,7 @@ def find_doubts(scene: Scene) -> Iterator[str]:
             below[body.name] = bound(turned)
 
     hanging = {joint.body for joint in scene.joints}
+    hanging |= {bond.body for bond in scene.bonds}
     hanging |= {soft.name for soft in scene.softs if soft.pinned}
 
     for body in scene.free:

@@ -33,7 +33,7 @@ from pydantic_core import ErrorDetails, core_schema
 from core.errors import choices
 from core.geometry import Capsule, Cylinder, Sphere
 from core.goals import Reach
-from core.scene import Camera, Cloth, Color, Elastic, Joint, Rope
+from core.scene import Bond, Camera, Cloth, Color, Elastic, Joint, Rope
 from core.values.layouts import NONE
 from core.values.softs import MAX_NODES
 from plugins.tasks.file.goals import FILLED, KINDS, Entry, read_entry
@@ -502,6 +502,10 @@ class SceneSpec(_Spec):
             ],
             ...,
         ],
+        Field(max_length=MAX_BODIES),
+    ] = ()
+    bonds: Annotated[
+        tuple[Annotated[Bond, _read_dataclass(Bond, name=Name, origin=Place)], ...],
         Field(max_length=MAX_BODIES),
     ] = ()
     goals: Annotated[

@@ -8,7 +8,7 @@ import pytest
 
 from core.interfaces import Ability
 from core.plugins import installed
-from plugins.conformance import softs
+from plugins.conformance import bonds, softs
 from plugins.conformance.checking import LeftOut
 from plugins.conformance.output import digest
 from plugins.conformance.suites import SUITES
@@ -17,6 +17,7 @@ from tests.engines import every_simulator, simulator
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[3]
+NEEDS = {softs.__name__: Ability.SOFT_BODIES, bonds.__name__: Ability.BONDS}
 
 
 @every_simulator
@@ -25,9 +26,9 @@ ROOT = Path(__file__).parents[3]
 )
 def test_simulator(engine, check):
     made = simulator(engine)
-    softless = Ability.SOFT_BODIES not in made.supports
-    if check.__module__ == softs.__name__ and softless:
-        with pytest.raises(LeftOut, match=f"sim={engine} does not support soft bodies"):
+    ability = NEEDS.get(check.__module__)
+    if ability is not None and ability not in made.supports:
+        with pytest.raises(LeftOut, match=f"sim={engine} does not support {ability}"):
             check(made)
     else:
         check(made)

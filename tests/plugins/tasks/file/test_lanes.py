@@ -1,6 +1,7 @@
 """What each word of a scene file means in physics: a goal that is met by a little, and one that is missed by a little.
 
-All of it happens side by side in one scene, `lanes.yaml`, which each engine plays once. The robot waits meanwhile.
+All of it happens side by side in one scene, `lanes.yaml`, which each engine plays once; what bonds do is in
+`bonds.yaml`. The robot waits meanwhile.
 """
 
 from functools import cache
@@ -10,7 +11,8 @@ import numpy as np
 import pytest
 
 from core.design import Tool
-from core.interfaces import JointTrajectory, Rollout
+from core.errors import UserError
+from core.interfaces import Ability, JointTrajectory, Rollout
 from core.robot.kinematics import arm_of
 from core.solids.contacts import find_contacts, make_trace
 from core.solids.record_rate import MAX_HZ
@@ -19,7 +21,9 @@ from tests.engines import SIMULATORS, simulator
 from tests.panda import on_panda
 
 LANES = Path(__file__).parent / "lanes.yaml"
+BONDS = Path(__file__).parent / "bonds.yaml"
 GOAL = "{bodies: [tray], raised: 0.09}"
+LIFTED = "{bodies: [puller], raised: 0.09}"
 
 AXIS = "{bodies: [vane], axis: [1, 0, 0], points: [1, 0, 0], "
 
@@ -71,17 +75,28 @@ MEANT = [
     ("height of a mark", "{bodies: [pea], inside: deep}", "deep", "shallow"),
 ]  # fmt: skip
 
+BONDED = [
+    ("broken", "{broken: [gives]}", "gives", "bears"),
+    ("unbroken", "{unbroken: ['bears', tape, hook, upper, under]}", "bears", "gives"),
+    ("breaks_n", "{bodies: [fell], raised: '< -0.25'}", "fell", "hung"),
+    ("bonds", "{bodies: [level], axis: [1, 0, 0], points: [1, 0, 0], tolerance_deg: 2}", "level", "swung"),
+    ("parent", "{bodies: [pulled], raised: 0.09}", "pulled", "torn"),
+    # The middle of the board is 0.051 m from its hook, at 0.31 m.
+    ("origin", "{bodies: [swung], place: [null, null, '< 0.262'], ever: true}", "0.262", "0.258"),
+    ("any", "{broken: [gives, bears], any: true}", ", any: true", ""),
+]  # fmt: skip
 
-def read(folder, goals):
+
+def read(folder, goals, scene=LANES, goal=GOAL):
     file = folder / "lanes.yaml"
-    file.write_text(LANES.read_text().replace(GOAL, "\n  - ".join(goals)))
+    file.write_text(scene.read_text().replace(goal, "\n  - ".join(goals)))
     return on_panda(FileTask(str(file)))
 
 
 @cache
-def play(engine):
+def play(engine, scene=LANES):
     """What becomes of the lanes in 1 s: the state before and after, and what happened in between."""
-    task = on_panda(FileTask(str(LANES)))
+    task = on_panda(FileTask(str(scene)))
     scene = task.scene(0)
     home = arm_of(task.robot).home_for(task.home)
     still = JointTrajectory(np.zeros(1), home[None], np.zeros(1))
@@ -103,6 +118,32 @@ def test_a_word_means_the_same_in_every_engine(tmp_path, goal, old, new):
         start, end, trace = play(engine)
         assert met.reward(start, end, trace) == pytest.approx(1, abs=1e-6), engine
         assert task.reward(start, end, trace) < 0.999, engine
+
+
+@pytest.mark.parametrize("row", BONDED, ids=[row[0] for row in BONDED])
+def test_a_bond_means_the_same_in_every_engine_that_has_them(tmp_path, row):
+    _, goal, old, new = row
+    missed = goal.replace(old, new)
+    tasks = [
+        read(tmp_path, [LIFTED, asked] if limits(asked) else [asked], BONDS, LIFTED)
+        for asked in (goal, missed)
+    ]
+    for engine in SIMULATORS:
+        if Ability.BONDS not in simulator(engine).supports:
+            continue
+        start, end, trace = play(engine, BONDS)
+        rewards = [float(task.reward(start, end, trace)) for task in tasks]
+        assert rewards[0] == pytest.approx(1, abs=1e-6), engine
+        assert rewards[1] < 0.999, engine
+
+
+def test_an_engine_that_measures_no_bonds_says_so():
+    with pytest.raises(UserError) as error:
+        play("sapien", BONDS)
+
+    line = str(error.value)
+    assert line.startswith("Bonds: sim=sapien does not support bonds that break (bears")
+    assert "use sim=mujoco or sim=pybullet" in line
 
 
 def limits(goal):

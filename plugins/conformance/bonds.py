@@ -1,0 +1,42 @@
+"""Check bonds: they bear what they are said to bear, and let go in the step in which it is more."""
+
+from __future__ import annotations
+
+from core.interfaces import Rollout, Simulator
+from core.scene import Body, Bond, Box
+from plugins.conformance.checking import between, near
+from plugins.conformance.worlds import BARE, film, run, still
+
+_WEIGHT_N = 0.2 * 9.81
+_RED = (0.9, 0.2, 0.1, 1.0)
+_SETTLE_S = 0.1
+_HUNG = (0.0, 0.0, 0.02)  # the middle of a block's top
+
+
+def check_bonds_bear_what_they_are_said_to(simulator: Simulator) -> None:
+    """Of two blocks that hang, one's bond bears 3 % more than its weight, and the other's 3 % less."""
+    bodies = (_make_block("held", 0.0), _make_block("falls", 0.1))
+    bonds = (
+        Bond("strong", "held", 1.03 * _WEIGHT_N, origin=_HUNG),
+        Bond("weak", "falls", 0.97 * _WEIGHT_N, origin=_HUNG),
+    )
+    job = Rollout(BARE, still(), 0, _SETTLE_S, 0.2, record_hz=1000.0)
+    recording = film(run(simulator, bodies, job, bonds=bonds))
+
+    held = recording.states.position("held")[..., 2]
+    near("the height of a block that a bond holds, m", held, held[0], 1e-3)
+    force = recording.loads["strong"][-1]
+    near("the force on a bond that holds a block, N", force, _WEIGHT_N, 0.02)
+
+    begun = recording.loads["weak"].max()
+    between("the force that breaks a bond, N", begun, 0.97 * _WEIGHT_N, _WEIGHT_N + 0.1)
+    near("the force on a bond that broke, N", recording.loads["weak"][-1], 0.0, 0.0)
+    fell = held[0] - recording.states.position("falls")[-1, 2]
+    # By half the gravity times the square of 0.3 s, or little less.
+    between("how far a block falls from a bond that breaks, m", fell, 0.39, 0.45)
+
+
+def _make_block(name: str, shift: float) -> Body:
+    """Make a block of 0.2 kg in the air, so far to the left."""
+    block = Box((0.04, 0.04, 0.04))
+    return Body.of(name, block, (1.1, shift, 1.0), mass=0.2, color=_RED)

@@ -1,0 +1,78 @@
+"""Hold bodies by bonds in PyBullet: constraints of points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from core.geometry import Array, Pose
+from core.scene import Scene
+from plugins.simulators import bonds
+from plugins.simulators.pybullet.engine import Client
+from plugins.simulators.pybullet.mechanisms import Place
+
+_HOLDS = (
+    1e6  # N, far more than any bond bears: PyBullet's own constraints give way at 500 N
+)
+
+
+class Bonds(bonds.Bonds):
+    """The bonds of a world.
+
+    Args:
+        client: the world, its bodies at their initial poses.
+        scene: has the bonds.
+        places: of the bodies, by name.
+        offsets: of the free bodies' frames in those of their centres of mass; None: they are the same.
+    """
+
+    def __init__(
+        self,
+        client: Client,
+        scene: Scene,
+        places: Mapping[str, Place],
+        offsets: Mapping[str, Pose | None],
+    ) -> None:
+        super().__init__(scene.bonds)
+        self._client = client
+        self._numbers: list[int] = []
+
+        for bond in scene.bonds:
+            body, link = places[bond.body]
+            point = (offsets[bond.body] or Pose()).apply(bond.origin)
+            other = (-1, -1)
+            there = scene.find_anchor(bond)
+            if bond.parent is not None and scene[bond.parent].fixed:
+                there = scene[bond.parent].pose.apply(there)
+            elif bond.parent is not None:
+                other = places[bond.parent]
+                there = (offsets[bond.parent] or Pose()).apply(there)
+
+            number = client.createConstraint(
+                body,
+                link,
+                *other,
+                client.JOINT_POINT2POINT,
+                [0, 0, 0],
+                list(point),
+                list(there),
+            )
+            client.changeConstraint(number, maxForce=_HOLDS)
+            self._numbers.append(number)
+
+    def measure(self) -> Array:
+        forces = [self._measure_one(number) for number in self._numbers]
+        return np.array(forces)
+
+    def _measure_one(self, number: int) -> float:
+        """Measure the force of a constraint, N; 0 of one that was removed."""
+        if number < 0:
+            return 0.0
+
+        force = self._client.getConstraintState(number)
+        return float(np.linalg.norm(force))
+
+    def release(self, number: int) -> None:
+        self._client.removeConstraint(self._numbers[number])
+        self._numbers[number] = -1
