@@ -133,8 +133,8 @@ class _Problem:
         self.seen = [s for s in sightings if s.body in names and s.photo in known]
         sighted = {sighting.body for sighting in self.seen}
         self._touching = Touching(scene, sighted)
-        near = self._touching.names
-        self.unknowns = _find_unknowns(numbers, sighted, near - sighted)
+        follow = (self._touching.names - sighted) | self._touching.sunk
+        self.unknowns = _find_unknowns(numbers, sighted, follow)
         self.seen_values = sum(len(sighting.pixels) for sighting in self.seen)
         self.size = len(self.unknowns) + self.bundle.size
         self.most = np.full(self.size, _FAR_CAMERA)
@@ -331,9 +331,9 @@ WHOLE = frozenset(("count", "counts", "pinned", "grid", "ring", "heap"))
 
 
 def _find_unknowns(
-    numbers: Numbers, sighted: set[str], near: set[str]
+    numbers: Numbers, sighted: set[str], follow: set[str]
 ) -> list[dict[str, float]]:
-    """Find what is fitted: numbers of sighted bodies and marks that were seen, and places of what is near.
+    """Find what is fitted: numbers of sighted bodies and marks that were seen, and places of what follows.
 
     Numbers that change together are in one mapping, with one standard deviation of each: boxes that are parts, and not
     turned, become longer together along an axis.
@@ -344,7 +344,7 @@ def _find_unknowns(
         if not WHOLE.isdisjoint(rest):
             continue
 
-        follows = name in near and rest[0] == "position" and mark != "told"
+        follows = name in follow and rest[0] == "position" and mark != "told"
         if not (follows or (name in sighted and mark == "seen")):
             continue
 

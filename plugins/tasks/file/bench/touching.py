@@ -7,6 +7,7 @@ import numpy as np
 from core.geometry import Array
 from core.scene import Scene
 from plugins.tasks.file.contacts import (
+    OVERLAP_M,
     TOUCHES_M,
     Meeting,
     Shapes,
@@ -16,12 +17,14 @@ from plugins.tasks.file.contacts import (
 
 _SAME = 0.7  # the least cosine of two directions that count as one
 _STILL_M = 0.006  # apart in a first fit: what touched may touch still
+_SUNK_M = 0.005  # what overlaps by more is a mistake, and not held
 
 
 class Touching:
     """Pairs of shapes that touch, or that may not overlap.
 
-    At first it holds only what rests on something: rough places say little about what stands beside it.
+    At first it holds only what rests on something: rough places say little about what stands beside it. What was
+    written slightly within another body is held so that it touches.
 
     Args:
         scene: as it was written.
@@ -30,23 +33,39 @@ class Touching:
     Attributes:
         pairs: of shapes.
         names: of the bodies that touched or overlapped at the start, of which one is fitted.
+        sunk: of those that have to be lifted out of what bears them.
     """
 
     def __init__(self, scene: Scene, names: set[str]) -> None:
         self._fitted = names
         gravity = np.array(scene.gravity)
         self._down = gravity / max(float(np.linalg.norm(gravity)), 1e-9)
+        self._fixed = {body.name for body in scene.bodies if body.fixed}
         met = [m for m in find_meetings(scene, names) if m.gap_m < TOUCHES_M]
         self.names = {name for m in met for name in (m.pair[0], m.pair[2])}
-        # What overlaps by more is a mistake, and not held.
-        met = [
-            meeting
-            for meeting in find_meetings(scene, names | self.names)
-            if abs(meeting.gap_m) < TOUCHES_M
-        ]
-        self._began = {meeting.pair: meeting for meeting in met}
-        resting = [meeting for meeting in met if self._find_borne(meeting)]
-        self._held = {meeting.pair: meeting.gap_m for meeting in resting}
+        near = list(find_meetings(scene, names | self.names))
+        nearest = dict[str, float]()
+        for meeting in near:
+            name = self._find_borne(meeting)
+            nearest[name] = min(meeting.gap_m, nearest.get(name, TOUCHES_M))
+
+        self._began = dict[Shapes, Meeting]()
+        self._held = dict[Shapes, float]()
+        self.sunk = set[str]()
+        for meeting in near:
+            name = self._find_borne(meeting)
+            # A ball that sinks into its channel does not rest on the table.
+            is_next = not name or meeting.gap_m < nearest[name] + TOUCHES_M
+            if not (is_next and self._touches(scene, meeting)):
+                continue
+
+            self._began[meeting.pair] = meeting
+            if name:
+                gap = self._find_gap(scene, meeting)
+                self._held[meeting.pair] = gap
+                if gap > meeting.gap_m:
+                    self.sunk.add(name)
+
         self.pairs: list[Shapes] = list(self._held)
 
     def keep_apart(self, scene: Scene) -> None:
@@ -62,13 +81,12 @@ class Touching:
 
             # What is now on the other side of a wall touched it by chance.
             if began.normal @ meeting.normal > _SAME:
-                self._held[meeting.pair] = began.gap_m
+                self._held[meeting.pair] = self._find_gap(scene, began)
 
         borne = {self._find_borne(m) for m in met if m.pair in self._held}
-        fixed = {body.name for body in scene.bodies if body.fixed}
         moving = {body.name for body in scene.bodies if body.launched}
         hung = {joint.body for joint in scene.joints}
-        for name in sorted(self._fitted - borne - fixed - moving - hung):
+        for name in sorted(self._fitted - borne - self._fixed - moving - hung):
             below = [meeting for meeting in met if self._find_borne(meeting) == name]
             if below:
                 nearest = min(below, key=lambda meeting: meeting.gap_m)
@@ -76,8 +94,7 @@ class Touching:
 
         apart = list[Shapes]()
         for meeting in met:
-            pair = frozenset((meeting.pair[0], meeting.pair[2]))
-            if not (pair <= fixed or pair in scene.joined):
+            if not self._may_overlap(scene, meeting):
                 apart.append(meeting.pair)
 
         self.pairs = list(dict.fromkeys([*self._held, *apart]))
@@ -93,6 +110,22 @@ class Touching:
                 off.append(min(gap, 0.0))
 
         return np.array(off)
+
+    def _touches(self, scene: Scene, meeting: Meeting) -> bool:
+        may_overlap = self._may_overlap(scene, meeting)
+        deepest = TOUCHES_M if may_overlap else _SUNK_M
+        return -deepest < meeting.gap_m < TOUCHES_M
+
+    def _find_gap(self, scene: Scene, meeting: Meeting) -> float:
+        """Return the gap to be held, m: as it began, and 0 where that was an overlap that is a mistake."""
+        if meeting.gap_m > -OVERLAP_M or self._may_overlap(scene, meeting):
+            return meeting.gap_m
+
+        return 0.0
+
+    def _may_overlap(self, scene: Scene, meeting: Meeting) -> bool:
+        pair = frozenset((meeting.pair[0], meeting.pair[2]))
+        return pair <= self._fixed or pair in scene.joined
 
     def _find_borne(self, meeting: Meeting) -> str:
         """Return the name of the body that rests on the other one; empty: none does."""

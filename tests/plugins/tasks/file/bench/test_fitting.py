@@ -61,10 +61,10 @@ goals:
 """
 
 
-def examine_ball(folder, x, z):
+def examine_ball(folder, x, z, channel=CHANNEL):
     """Examine a channel that was measured and a ball in it whose place was said to be (x, -0.1, z)."""
     true = folder / "true.yaml"
-    true.write_text(CHANNEL.format(radius=0.02, x=0.71, z=0.0261))
+    true.write_text(channel.format(radius=0.02, x=0.71, z=0.0261))
     views = [View(camera, SIZE) for camera in MEASURED]
     scene = FileTask(str(true)).scene(0)
     sightings = list[Sighting]()
@@ -76,7 +76,7 @@ def examine_ball(folder, x, z):
     error = CameraError(place_m=0.001, turn_deg=0.1, fov_deg=0.1, bend=0.001)
     photographs = [Photograph(Picture(b""), SIZE, view, error=error) for view in views]
     robot = on_panda(true_task("BringCube")).robot
-    text = CHANNEL.format(radius=0.023, x=x, z=z)
+    text = channel.format(radius=0.023, x=x, z=z)
     draft = Draft(folder / "scene.yaml", photographs, {}, robot, None, text)
     draft.beside = Beside(sightings=tuple(sightings))
     draft.examine()
@@ -89,6 +89,7 @@ def examine_ball(folder, x, z):
         pytest.param(0.62, 0.0291, id="beside"),
         pytest.param(0.6265, 0.0291, id="at_the_outside"),
         pytest.param(0.7, 0.037, id="in_the_air"),
+        pytest.param(0.7, 0.0251, id="in_the_floor_by_4_mm"),
     ],
 )
 def test_a_ball_finds_its_channel_and_rests_in_it(tmp_path, x, z):
@@ -103,6 +104,22 @@ def test_a_ball_finds_its_channel_and_rests_in_it(tmp_path, x, z):
     radii = np.array(draft.fit.benches["bodies.ball.sphere"])
     assert heights - radii == pytest.approx(0.006, abs=5e-4)
     assert len(heights) == 64
+
+def test_what_was_assumed_is_lifted_out_of_what_bears_it(tmp_path):
+    marked = CHANNEL.replace("{z}]  # seen", "{z}]  # assumed")
+    draft = examine_ball(tmp_path, 0.7, 0.0251, marked)
+    assert draft.faults == []
+
+    values = draft.fit.values
+    height = values["bodies.ball.position.z"]
+    assert height - values["bodies.ball.sphere"] == pytest.approx(0.006, abs=2e-4)
+
+
+def test_what_a_person_measured_stays_where_it_is_wrong(tmp_path):
+    marked = CHANNEL.replace("{z}]  # seen", "{z}]  # told")
+    marked = marked.replace("{radius}  # seen", "{radius}  # told")
+    draft = examine_ball(tmp_path, 0.7, 0.0251, marked)
+    assert any("channel and ball overlap by 4 mm" in line for line in draft.faults)
 
 
 @pytest.mark.slow
