@@ -1,6 +1,8 @@
 """Rebuild benches at random from what is seen of them, and count the true values inside of what fits.
 
-``python -m tests.benchmarks.benches [count=30] [click_px=2]``. Each bench is seen by two cameras, as a person has them:
+``python -m tests.benchmarks.benches [count=30] [click_px=2] [keep=FOLDER]``. The folder gets the benches as
+they are (``is_3.yaml``), and as they were rebuilt, with their ``seen`` (``off_3.yaml``). Each bench is seen by two
+cameras, as a person has them:
 
 - ``true``: the cameras are known as they are.
 - ``off``: each was measured 10 mm, 1 degree and 1 degree of field of view off (one standard deviation each),
@@ -200,12 +202,12 @@ def photograph_board(file: Path, view: View, frame: Pose, sheet: Array) -> None:
 
 
 def rebuild(seed: int, click_px: float, folder: Path) -> dict[str, Found]:
-    """Rebuild a bench in each of the three setups."""
+    """Rebuild a bench in each of the three setups, and write it and the true one into a folder."""
     import cv2
 
     rng = np.random.default_rng(seed)
     truth = draw_bench(rng)
-    true_file = folder / "true.yaml"
+    true_file = folder / f"is_{seed}.yaml"
     true_file.write_text(TEXT.format(**truth), encoding="utf-8")
     true = FileTask(str(true_file))
     text = TEXT.format(**draw_rough(truth, rng))
@@ -231,11 +233,15 @@ def rebuild(seed: int, click_px: float, folder: Path) -> dict[str, Found]:
             photographs = read_photographs([str(file) for file in files], [])
             photographs = find_by_board(photographs, (0.62, 0.0, 0.0), FOV_DEG)
 
-        draft = Draft(folder / "scene.yaml", photographs, {}, robot, FOV_DEG, text)
+        draft = Draft(
+            folder / f"{setup}_{seed}.yaml", photographs, {}, robot, FOV_DEG, text
+        )
         draft.beside = Beside(sightings=tuple(point(true, views, click_px, rng)))
         draft.examine()
         found[setup] = compare(draft, true_file)
         found[setup].is_sound = not draft.faults
+        draft.vary()
+        draft.file.write_text(draft.text, encoding="utf-8")
         if draft.faults:
             print(f"bench {seed}, {setup}: {draft.faults}")
 
@@ -274,7 +280,8 @@ def main(words: list[str]) -> None:
     click_px = settings.get("click_px", 2.0)
     every = dict[str, list[Found]]()
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+        folder = Path(settings.get("keep", name))
+        folder.mkdir(parents=True, exist_ok=True)
         print_board(f"{folder}/board.png")
         for seed in range(count):
             for setup, found in rebuild(seed, click_px, folder).items():
