@@ -1,14 +1,15 @@
 """Heads with motions of their own, which follow from what holds a body, or from how it is to be turned.
 
 A carrier gets two tines under a body, lifts it out of what it stands in, and lowers it at the goal. A tipper gets a lip
-under one side of a body, and turns it over its opposite edge. Rays through the scene find where there is room for them.
-For a body on a joint see `joint_pushing`, for bodies in a loose container `pouring`.
+under one side of a body, and turns it over its opposite edge; without room for it, a blade pushes the body over by its
+upper part. Rays through the scene find where there is room for them. For a body on a joint see `joint_pushing`, for
+bodies in a loose container `pouring`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import Generator
@@ -16,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from core.geometry import Array
 from plugins.vlms.offline.boxes import UP, heading_axes
-from plugins.vlms.offline.heads import Head, Motion, make_piece
+from plugins.vlms.offline.heads import Head, Motion, make_blade, make_piece
 from plugins.vlms.offline.joint_pushing import make_joint_pusher
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.raycast import LiftPoint, find_lift_point
@@ -30,6 +31,7 @@ _STEP_RAD = 0.15  # between waypoints
 _CARRIER_TINE_M = 0.009
 _TIPPER_TINE_M = 0.016
 _LIFT_M = 0.2
+_LEAST_TOPPLED = 1.0  # times its length along the push: what is lower slides
 _WALL_M = 0.008
 
 
@@ -70,7 +72,7 @@ def make_guided_head(subgoal: Subgoal, rng: Generator) -> Head | None:
 
     turn = _find_turn(subgoal)
     if turn is not None:
-        return _make_tipper(subgoal, turn, rng)
+        return _make_tipper(subgoal, turn, rng) or _make_toppler(subgoal, turn, rng)
 
     return _make_carrier(subgoal, rng)
 
@@ -248,6 +250,60 @@ def _make_carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
     return tines.make_head("tines", carry)
 
 
+def _find_headings(turn: tuple[Array, float]) -> list[float]:
+    """Find the headings along which the top of bodies goes in a turn, radians: all quarters for half a turn.
+
+    Args:
+        turn: see `_find_turn`.
+    """
+    axis, _ = turn
+    if np.linalg.norm(axis) <= 0.2:
+        return QUARTERS
+
+    x, y, _ = np.cross(axis, UP)
+    return [float(np.arctan2(y, x))]
+
+
+def _make_toppler(
+    subgoal: Subgoal,
+    turn: tuple[Array, float],
+    rng: Generator,
+) -> Head | None:
+    """Make a blade that pushes a body over by its upper part; None: it is to be turned by less than it falls.
+
+    Args:
+        subgoal: the body.
+        turn: see `_find_turn`.
+        rng: random numbers.
+    """
+    headings = _find_headings(turn)
+    extent = subgoal.extent(headings[rng.integers(len(headings))])
+    falls_from = np.arctan2(extent.along, subgoal.height)
+    if turn[1] < falls_from or subgoal.height < _LEAST_TOPPLED * extent.along:
+        return None
+
+    blade = make_blade(
+        width=extent.across * rng.uniform(0.5, 1.0),
+        height=max(0.02, 0.3 * subgoal.height),
+        thick=rng.uniform(0.006, 0.012),
+    )
+
+    def topple(path: HeadPath, rng: Generator) -> str:
+        """Come down behind the bodies' upper part, push until they fall over, and leave."""
+        gap = rng.uniform(0.01, 0.03)
+        start = (extent.rear - gap) * extent.ahead + extent.middle
+        start = start + (subgoal.lower[2] + rng.uniform(0.6, 0.9) * subgoal.height) * UP
+        stroke = gap + extent.along * rng.uniform(0.6, 1.2)
+
+        path.descend(subgoal, extent.heading, start)
+        path.move(start + stroke * extent.ahead, extent.heading, rng.uniform(0.1, 0.3))
+        path.go(extent.heading, start, start + 0.05 * UP, touch=True)
+
+        return f"pushes the body over by its upper part, by {stroke:.2f} m"
+
+    return replace(blade, primitive="guided", motion=topple)
+
+
 def _make_tipper(
     subgoal: Subgoal,
     turn: tuple[Array, float],
@@ -263,13 +319,8 @@ def _make_tipper(
     Returns:
         None if there is no place for the lip.
     """
-    axis, most = turn
-    headings = QUARTERS
-
-    if np.linalg.norm(axis) > 0.2:
-        x, y, _ = np.cross(axis, UP)
-        headings = [np.arctan2(y, x)]
-
+    _, most = turn
+    headings = _find_headings(turn)
     point = _draw_lift_point(subgoal, headings, _TIPPER_TINE_M, rng)
     if point is None:
         return None

@@ -7,10 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from core.geometry import Pose, Vector
+from core.geometry import Array, Pose, Vector
 from core.goals import Away, Goal, JointAt, Kept, Reach, Turned, Untouched
 from core.scene import Scene
 from core.values.states import State
+
+_FAR_DEG = 100.0  # plans aim by a tenth of it within a span of angles
+_ALONG = 1e-3  # of a vector across a pole: it is along it
 
 Wanted = dict[str, object]
 Place = tuple[float | None, float | None, float | None]
@@ -106,8 +109,6 @@ def is_planned(goal: Goal) -> bool:
         return True
     if isinstance(goal, Untouched):
         return not (goal.by or goal.max_force_n)
-    if isinstance(goal, Turned):
-        return goal.angle_deg is None
     if type(goal) in READERS:
         return True
 
@@ -132,7 +133,49 @@ def _read_turn(part: Turned, scene: Scene) -> Wanted:
     if part.at is not None:
         points = scene[part.at].pose.rotation.apply(points)
 
-    return {"axis": part.axis, "points": points, "tolerance_deg": part.tolerance_deg}
+    wanted: Wanted = {
+        "axis": part.axis,
+        "points": points,
+        "tolerance_deg": part.tolerance_deg,
+    }
+    if part.angle_deg is None:
+        return wanted
+
+    # Of all directions at that angle, the nearest to where the first body's axis points now.
+    body = scene[part.subjects(scene.state())[0]]
+    now = _unit(body.pose.rotation.apply(part.axis))
+    pole = _unit(np.asarray(points))
+    angle = float(np.degrees(np.arccos(np.clip(now @ pole, -1.0, 1.0))))
+    aim = part.angle_deg.aim(angle, _FAR_DEG)
+
+    away = now - (now @ pole) * pole
+    if np.linalg.norm(away) < _ALONG:
+        away = _find_aside(pole, body.pose.position)
+
+    turned = np.cos(np.radians(aim)) * pole + np.sin(np.radians(aim)) * _unit(away)
+    off = abs(part.angle_deg.aim(angle, 0.0) - aim)
+    return wanted | {"points": tuple(turned.tolist()), "tolerance_deg": off}
+
+
+def _find_aside(pole: Array, position: Array) -> Array:
+    """Find a direction (3,) across a pole: away from the world's middle, or up where that is along the pole.
+
+    Args:
+        pole: unit vector (3,).
+        position: of the body, (3,).
+    """
+    outward = np.array([position[0], position[1], 0.0])
+    for way in (outward, np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])):
+        across = way - (way @ pole) * pole
+        if np.linalg.norm(across) > _ALONG:
+            return np.asarray(across)
+
+    raise AssertionError("one of two axes is across any pole")
+
+
+def _unit(vector: Array) -> Array:
+    """Return a vector (3,) of length 1 along a given one."""
+    return np.asarray(vector / np.linalg.norm(vector))
 
 
 READERS: Mapping[type[Goal], Callable[..., Wanted]] = {

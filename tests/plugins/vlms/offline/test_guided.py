@@ -46,7 +46,12 @@ def test_what_lies_free_needs_none_of_these_strokes(name):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "least"),
-    [("press_plunger", 0.95), ("turn_plate", 0.95), ("InsertPlug", 0.95)],
+    [
+        ("lay_down", 0.95),
+        ("press_plunger", 0.95),
+        ("turn_plate", 0.95),
+        ("InsertPlug", 0.95),
+    ],
 )
 def test_fresh_designs_earn(name, least):
     task = scene(name)
