@@ -55,7 +55,9 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
 
     for number, other in enumerate(spec.imports):
         with _located(tree, ("imports", number)):
-            found = files.bodies(other.file, other.prefix, fixed=other.fixed)
+            found = files.bodies(
+                other.file, other.prefix, fixed=other.fixed, without=other.without
+            )
             pose = _frame(other.at, (*marks, *bodies)) @ read_pose(other)
 
         bodies += [replace(body, pose=pose @ body.pose) for body in found.bodies]

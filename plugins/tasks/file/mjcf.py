@@ -7,6 +7,7 @@ import math
 import re
 import zipfile
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, tostring
@@ -24,7 +25,7 @@ from core.support.sandbox import isolated
 from core.support.text import clean
 from core.values.urdf import MAX_BYTES, read_xml
 from plugins.tasks.file.imports import Imported
-from plugins.tasks.file.imports.imported import joined_body
+from plugins.tasks.file.imports.imported import find_left_out, joined_body
 from plugins.tasks.file.imports.solids import read_inside
 
 try:
@@ -44,7 +45,11 @@ _MESHES = (".obj", ".stl", ".msh")
 
 
 def read_mjcf_bodies(
-    file: str | Path, *, prefix: str = "", folder: Path | None = None
+    file: str | Path,
+    *,
+    prefix: str = "",
+    folder: Path | None = None,
+    without: Sequence[str] = (),
 ) -> Imported:
     """Make bodies and joints of an MJCF file, as they stand at the start (``qpos0``).
 
@@ -56,6 +61,7 @@ def read_mjcf_bodies(
         file: the MJCF file.
         prefix: put before all names.
         folder: where all files must lie; None: where the MJCF file is.
+        without: names of bodies, or patterns, that are left out with all that hangs from them.
 
     Raises:
         UserError: says what can't be used, where, and how to mend it.
@@ -63,7 +69,9 @@ def read_mjcf_bodies(
     file = expand(file).absolute()
     left = Counter[str]()
     try:
-        packed = _pack(file, folder or file.parent, left)
+        root = _read_model(file, folder or file.parent, left)
+        _leave_out(root, without, prefix)
+        packed = _pack(root, file, folder or file.parent)
         binary = isolated(compile_model, "the model", packed, limit_s=LIMIT_S)
         model = mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": binary})
         return _BodyReading(model, prefix, left).read()
@@ -91,8 +99,8 @@ def compile_model(packed: bytes) -> bytes:
     return binary.tobytes()
 
 
-def _pack(file: Path, folder: Path, left: Counter[str]) -> bytes:
-    """Zip the bodies of a model and their meshes, under names of our own, and count what is left out."""
+def _read_model(file: Path, folder: Path, left: Counter[str]) -> Element:
+    """Read the bodies of a model, and count what is left out."""
     root = _read_root(file, folder)
     if root.tag != "mujoco":
         raise UserError(
@@ -100,6 +108,26 @@ def _pack(file: Path, folder: Path, left: Counter[str]) -> bytes:
         )
 
     _strip(root, file, folder, left)
+    return root
+
+
+def _leave_out(root: Element, without: Sequence[str], prefix: str) -> None:
+    """Take bodies out of a model's root, with all that hangs from them.
+
+    Raises:
+        UserError: one of them is not there.
+    """
+    names = [body.get("name", "") for body in root.iter("body")]
+    left = find_left_out(without, prefix, filter(None, names))
+
+    for bearer in list(root.iter()):
+        for child in list(bearer):
+            if child.tag == "body" and child.get("name") in left:
+                bearer.remove(child)
+
+
+def _pack(root: Element, file: Path, folder: Path) -> bytes:
+    """Zip a model and its meshes, under names of our own."""
     options = dict[str, str]()
     for compiler in root.iter("compiler"):
         options |= compiler.attrib

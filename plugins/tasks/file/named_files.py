@@ -6,6 +6,7 @@ import logging
 from functools import cache
 from multiprocessing import parent_process
 from pathlib import Path
+from typing import Any
 
 from core.errors import UserError
 from plugins.tasks.file.imports import Imported, read_mesh, read_urdf
@@ -46,8 +47,10 @@ class Files:
 
         return self._read[name, scale]
 
-    def bodies(self, name: str, prefix: str, *, fixed: bool) -> Imported:
-        """Read the bodies and joints of a URDF or MJCF file, at the origin.
+    def bodies(
+        self, name: str, prefix: str, *, fixed: bool, without: tuple[str, ...] = ()
+    ) -> Imported:
+        """Read the bodies and joints of a URDF or MJCF file, at the origin, without some.
 
         Raises:
             UserError: it can't be used.
@@ -59,17 +62,23 @@ class Files:
                 f"{name} is no {', '.join(HOLDING)}; a mesh is the `file` of a body, not an import"
             )
 
-        if (name, prefix, fixed) not in self._read:
+        key = (name, prefix, fixed, without)
+        if key not in self._read:
+            given: dict[str, Any] = {
+                "prefix": prefix,
+                "folder": self.folder,
+                "without": without,
+            }
             if kind == ".urdf":
-                found = read_urdf(file, fixed=fixed, prefix=prefix, folder=self.folder)
+                found = read_urdf(file, fixed=fixed, **given)
             else:
                 from plugins.tasks.file.mjcf import read_mjcf_bodies  # imports MuJoCo
 
-                found = read_mjcf_bodies(file, prefix=prefix, folder=self.folder)
+                found = read_mjcf_bodies(file, **given)
 
-            self._keep((name, prefix, fixed), found)
+            self._keep(key, found)
 
-        return self._read[name, prefix, fixed]
+        return self._read[key]
 
     def _keep(self, key: tuple[object, ...], found: Imported) -> None:
         """Keep what was read, and report what is to be known of it."""

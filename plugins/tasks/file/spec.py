@@ -407,6 +407,8 @@ class ImportSpec(_Spec):
     position: Place = (0.0, 0.0, 0.0)
     rpy_deg: Turn = (0.0, 0.0, 0.0)
     fixed: bool = True
+    without: tuple[FileName, ...] = ()
+    """Names of its bodies, or patterns, that are left out with all that hangs from them, such as its own arm."""
 
 
 class MarkSpec(_Spec):

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 
 import numpy as np
 
-from core.errors import UserError
+from core.errors import UserError, choices
 from core.geometry import Mesh, Pose
 from core.scene import Body, Geom, Joint, Scene
 
 MAX_SHAPES = 2000
 MAX_DRAWN = 2_000_000  # triangles
-LIGHTEST = 1e-5  # kg
+LIGHTEST = 1e-6  # kg
 HEAVIEST = 1e4  # kg
 SHORTEST_M = 1e-6
 LONGEST_M = 20.0
@@ -100,6 +101,35 @@ def _check_joint(joint: Joint) -> None:
         )
 
 
+def find_left_out(
+    without: Sequence[str], prefix: str, names: Iterable[str]
+) -> set[str]:
+    """Find the bodies of a file that an import is ``without``.
+
+    Args:
+        without: names or patterns, as the file has them or with the prefix.
+        prefix: that the import puts before all names.
+        names: of the file's bodies.
+
+    Raises:
+        UserError: one of them fits no body.
+    """
+    known = list(dict.fromkeys(names))
+    found = set[str]()
+    for pattern in without:
+        fitting = {
+            name
+            for name in known
+            if fnmatchcase(name, pattern) or fnmatchcase(prefix + name, pattern)
+        }
+        if not fitting:
+            raise choices("body to leave out", pattern, known)
+
+        found |= fitting
+
+    return found
+
+
 def joined_body(
     name: str,
     pose: Pose,
@@ -121,16 +151,21 @@ def joined_body(
     Raises:
         UserError: it moves, but has no mass or no collision shape.
     """
+    leave_out = (
+        f"leave it out, with all that hangs from it: without: [{name}] in the import"
+    )
     if mass is not None:
         if not mass > 0:
-            raise UserError(f"body {name!r} moves, but has no mass; give it one")
+            raise UserError(
+                f"body {name!r} moves, but has no mass; give it one, or {leave_out}"
+            )
         if not LIGHTEST <= mass <= HEAVIEST:
             limits = f"{LIGHTEST:g} to {HEAVIEST:g} kg"
             raise UserError(f"body {name!r} has {mass:.3g} kg; {limits} are read")
 
         if not collisions:
             raise UserError(
-                f"body {name!r} moves, but has no collision shape; repeat what is drawn as one"
+                f"body {name!r} moves, but has no collision shape; repeat what is drawn as one, or {leave_out}"
             )
 
     return Body(

@@ -9,6 +9,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -19,7 +20,7 @@ from core.scene import Body, Geom, Joint
 from core.support.cli import expand
 from core.values.descriptions import Description, RobotJoint, RobotLink, RobotShape
 from core.values.urdf import MAX_BYTES, find_mesh, read_tree, read_xml
-from plugins.tasks.file.imports.imported import Imported, joined_body
+from plugins.tasks.file.imports.imported import Imported, find_left_out, joined_body
 from plugins.tasks.file.imports.solids import KINDS, load_solid, read_inside
 
 _FRICTION = 0.5
@@ -33,6 +34,7 @@ def read_urdf(
     fixed: bool = True,
     prefix: str = "",
     folder: Path | None = None,
+    without: Sequence[str] = (),
 ) -> Imported:
     """Make bodies and joints of a URDF file: a body of all links that are rigidly joined, named like the first.
 
@@ -44,6 +46,7 @@ def read_urdf(
         fixed: whether the root is fixed to the world; it need not be there then.
         prefix: put before all names.
         folder: where all files must lie; None: where the URDF is.
+        without: names of links, or patterns, that are left out with all that hangs from them.
 
     Raises:
         UserError: says what can't be used, where, and how to mend it.
@@ -57,10 +60,51 @@ def read_urdf(
     notes = [f"left out: {count} <{tag[:40]}>" for tag, count in left.items()]
 
     try:
+        _leave_out(root, without, prefix)
         description = read_tree(root, find=partial(find_mesh, file=file))
         return _UrdfBodies(description, folder, prefix, notes).read(fixed)
     except (UserError, ValueError) as error:
         raise UserError(f"{file}: {error}") from error
+
+
+def _leave_out(root: Element, without: Sequence[str], prefix: str) -> None:
+    """Take links out of a URDF's root, with all that hangs from them.
+
+    Raises:
+        UserError: one of them is not there, or nothing would be left.
+    """
+    links = {link.get("name", ""): link for link in root.findall("link")}
+    left = find_left_out(without, prefix, links)
+    joints = root.findall("joint")
+    hung = [(joint, *_find_ends(joint)) for joint in joints]
+    count = -1
+
+    while count < len(left):
+        count = len(left)
+        left |= {child for _, parent, child in hung if parent in left}
+
+    if left and left >= links.keys():
+        raise UserError(
+            f"without {', '.join(without)} nothing is left; leave out less, or the whole import"
+        )
+
+    for name in left & links.keys():
+        root.remove(links[name])
+
+    for joint, _, child in hung:
+        if child in left:
+            root.remove(joint)
+
+
+def _find_ends(joint: Element) -> tuple[str, str]:
+    """Find the names of a joint's parent and child; empty where they are missing."""
+    names = []
+    for tag in ("parent", "child"):
+        end = joint.find(tag)
+        names.append("" if end is None else end.get("link", ""))
+
+    parent, child = names
+    return parent, child
 
 
 class _UrdfBodies:

@@ -15,6 +15,7 @@ from plugins.tasks.file import mjcf
 from plugins.tasks.file.building import with_starts
 from plugins.tasks.file.mjcf import read_mjcf_bodies
 from plugins.tasks.file.named_files import Files
+from plugins.tasks.file.task import FileTask
 from tests.plugins.tasks.file.imports.conftest import called
 
 
@@ -382,3 +383,35 @@ def test_a_slide_keeps_its_damping_and_range(tmp_path):
         -1.5,
         1.5,
     )
+
+
+BENCH = """
+<body name="thing"><freejoint/><geom type="box" size=".03 .03 .05" mass=".3"/></body>
+<body name="arm0"><joint axis="0 0 1"/><geom size=".2" mass="2" contype="0" conaffinity="0"/>
+<body name="hand"><joint axis="0 1 0"/><geom size=".1" mass="1"/></body></body>"""
+
+
+def test_the_arm_of_a_bench_is_left_out_with_its_hand(tmp_path):
+    with pytest.raises(UserError, match=r"without: \[arm0\] in the import"):
+        read(tmp_path, BENCH)
+
+    found = read(tmp_path, BENCH, without=("arm*",))
+    assert [body.name for body in found.bodies] == ["thing"]
+    assert not found.joints
+
+
+def test_a_body_to_leave_out_that_is_not_there_is_said(tmp_path):
+    with pytest.raises(UserError, match="no body to leave out 'amr0'"):
+        read(tmp_path, BENCH, without=("amr0",))
+
+
+def test_a_scene_file_leaves_bodies_of_its_import_out(tmp_path):
+    written(tmp_path, BENCH)
+    file = tmp_path / "scene.yaml"
+    file.write_text(
+        "name: Bench\ndescription: Push the thing to the left by 0.2 m.\n"
+        "imports:\n  - {file: model.xml, position: [0.6, 0, 0.05], prefix: b_, without: [arm0]}\n"
+        "goals:\n  - {bodies: [b_thing], moved: [null, 0.2, null]}\n"
+    )
+    names = [body.name for body in FileTask(str(file)).scene(0).bodies]
+    assert names == ["floor", "table", "b_thing"]

@@ -221,3 +221,19 @@ def test_links_and_axes_are_where_pinocchio_has_them(tmp_path_factory, text):
         np.testing.assert_allclose(
             moved[:3] if made_joint.kind == "slider" else moved[3:], axis, atol=1e-9
         )
+
+
+def test_links_are_left_out_with_all_that_hangs_from_them(tmp_path):
+    (case,) = read(tmp_path, cabinet(), without=("dr*",)).bodies
+    assert case.name == "case"
+    assert not read(tmp_path, cabinet(), without=("drawer",)).joints
+
+    case, drawer = read(tmp_path, cabinet(), prefix="a_", without=("a_handle",)).bodies
+    assert (drawer.name, drawer.mass) == ("a_drawer", 2.0)
+
+
+def test_what_can_not_be_left_out_is_said(tmp_path):
+    with pytest.raises(UserError, match="no body to leave out 'arm'; possible: case"):
+        read(tmp_path, cabinet(), without=("arm",))
+    with pytest.raises(UserError, match="without case nothing is left"):
+        read(tmp_path, cabinet(), without=("case",))
