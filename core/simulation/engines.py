@@ -16,6 +16,11 @@ from core.robot.trajectory import at_home
 from core.scene import Scene
 from core.simulation.playback import play
 
+LIGHT_KG = 2e-4
+"""What is lighter needs `Ability.LIGHT_BODIES`."""
+
+_LISTED = 4  # names of what needs something
+
 # Another plan or tool does without them, so they are the candidate's fault, not the setting's.
 _OF_DESIGNS = (Ability.GUARDS, Ability.LOOKS, Ability.TOOL_JOINTS)
 
@@ -39,6 +44,10 @@ def list_needs(scene: Scene, job: Rollout) -> Iterator[tuple[Ability, Sequence[s
 
     if scene.bonds:
         yield Ability.BONDS, [bond.name for bond in scene.bonds]
+
+    light = [body.name for body in scene.free if body.mass < LIGHT_KG]
+    if light:
+        yield Ability.LIGHT_BODIES, light
 
     launched = [body.name for body in scene.free if body.launched]
     if launched:
@@ -67,7 +76,10 @@ def check_support(simulator: Simulator, task: str, scene: Scene, job: Rollout) -
 
         what = ability.value
         if names:
-            what += f" ({', '.join(names)})"
+            listed = ", ".join(names[:_LISTED])
+            if len(names) > _LISTED:
+                listed += f" and {len(names) - _LISTED} more"
+            what += f" ({listed})"
 
         problem = f"{_name(simulator)} does not support {what}"
         if ability in _OF_DESIGNS:

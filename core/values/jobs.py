@@ -166,6 +166,7 @@ class Ability(StrEnum):
     SOFT_BODIES = "soft bodies"
     FORCES = "forces of contacts"
     BONDS = "bonds that break"
+    LIGHT_BODIES = "bodies lighter than 0.2 g"
     TORQUES = "torques of motors"  # no job needs them: without, trials do not say them
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from core.interfaces import Ability
 from core.plugins import installed
-from plugins.conformance import bonds, softs
+from plugins.conformance import bonds, light_bodies, softs
 from plugins.conformance.checking import LeftOut
 from plugins.conformance.output import digest
 from plugins.conformance.suites import SUITES
@@ -17,7 +17,11 @@ from tests.engines import every_simulator, simulator
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[3]
-NEEDS = {softs.__name__: Ability.SOFT_BODIES, bonds.__name__: Ability.BONDS}
+NEEDS = {
+    softs.__name__: Ability.SOFT_BODIES,
+    bonds.__name__: Ability.BONDS,
+    light_bodies.__name__: Ability.LIGHT_BODIES,
+}
 
 
 @every_simulator
