@@ -22,9 +22,14 @@ from tests.panda import on_panda
 
 LANES = Path(__file__).parent / "lanes.yaml"
 BONDS = Path(__file__).parent / "bonds.yaml"
+SOFTS = Path(__file__).parent / "softs.yaml"
 GOAL = "{bodies: [tray], raised: 0.09}"
 LIFTED = "{bodies: [puller], raised: 0.09}"
+STAYED = (
+    "{bodies: [slab], node: 0, place: [0.47, 0.27, null], tolerance: 0.003, rest: true}"
+)
 
+AFTER = "\n  - {bodies: [tray], raised: 0.05, after: 0}\nevery: true"
 AXIS = "{bodies: [vane], axis: [1, 0, 0], points: [1, 0, 0], "
 
 # A key, a goal that is met by a little, and what of it makes another that is missed by a little.
@@ -72,7 +77,25 @@ MEANT = [
     ("start", "{joint: falls, change: '> 0.018'}", "0.018", "0.022"),
     ("broken", "{broken: [puck]}", "puck", "far"),
     ("unbroken", "{unbroken: [far]}", "far", "puck"),
+    ("spin", "{bodies: [spun], turned_deg: '> 55'}", "55", "59"),
+    ("rolling_friction", "{bodies: [rolled], moved: [[0.095, 0.125], null, null]}", "[0.095, 0.125]", "'> 0.125'"),
+    ("rolling_friction, at most", "{bodies: [rolled], moved: ['< 0.125', null, null]}", "0.125", "0.095"),
+    ("damping", "{joint: sinks, change: '> 0.096'}", "0.096", "0.1"),
+    ("friction of a joint", "{joint: grips, to: '< 0.005'}", "grips", "slides"),
+    ("lower", "{joint: rises, to: '< -0.048'}", "0.048", "0.052"),
+    ("width", "{joint: strong, to: '> 0.004'}", "0.004", "0.0045"),
+    ("after", "{bodies: [vane], turned_deg: '> 20'}" + AFTER, "20", "58"),
+    ("every", "{bodies: [tray], raised: 0.09}\n  - {bodies: [far], raised: 0.1}\nevery: false", "false", "true"),
     ("height of a mark", "{bodies: [pea], inside: deep}", "deep", "shallow"),
+]  # fmt: skip
+
+SOFT_SLAB = [
+    ("max_height_m", "{bodies: [slab], max_height_m: 0.031}", "0.031", "0.028"),
+    ("min_area_m2", "{bodies: [slab], min_area_m2: 0.0035}", "0.0035", "0.0038"),
+    ("node", "{bodies: [slab], node: 0, place: [0.47, 0.27, null], tolerance: 0.003}", "0.47", "0.48"),
+    ("nodes", "{bodies: [thread], nodes: [0, 8], apart: '> 0.155'}", "0.155", "0.165"),
+    ("pinned", "{bodies: [thread], node: 0, place: [0.6, -0.3, 0.3], tolerance: 0.002}", "node: 0", "node: 8"),
+    ("density of what is soft", "{untouched: [table], by: [slab], max_force_n: 0.5}", "0.5", "0.35"),
 ]  # fmt: skip
 
 BONDED = [
@@ -118,6 +141,27 @@ def test_a_word_means_the_same_in_every_engine(tmp_path, goal, old, new):
         start, end, trace = play(engine)
         assert met.reward(start, end, trace) == pytest.approx(1, abs=1e-6), engine
         assert task.reward(start, end, trace) < 0.999, engine
+
+
+def test_goals_count_by_their_weight(tmp_path):
+    both = "{bodies: [tray], raised: 0.09, weight: 3}\n  - {bodies: [far], raised: 0.1}\nevery: true"
+    task = read(tmp_path, [both])
+    for engine in SIMULATORS:
+        start, end, trace = play(engine)
+        assert task.reward(start, end, trace) == pytest.approx(0.75, abs=0.01), engine
+
+
+@pytest.mark.parametrize("row", SOFT_SLAB, ids=[row[0] for row in SOFT_SLAB])
+def test_a_word_of_soft_things_means_what_it_says(tmp_path, row):
+    _, goal, old, new = row
+    rewards = []
+    for asked in (goal, goal.replace(old, new)):
+        goals = [STAYED, asked] if limits(asked) else [asked]
+        task = read(tmp_path, goals, SOFTS, STAYED)
+        rewards.append(float(task.reward(*play("mujoco", SOFTS))))
+
+    assert rewards[0] == pytest.approx(1, abs=1e-6)
+    assert rewards[1] < 0.999
 
 
 @pytest.mark.parametrize("row", BONDED, ids=[row[0] for row in BONDED])

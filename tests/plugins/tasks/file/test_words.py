@@ -286,3 +286,35 @@ def test_copies_differ_by_what_is_drawn_for_each(tmp_path):
 def test_copies_that_can_not_differ_so_are_refused(tmp_path, ranges, why):
     with pytest.raises(UserError, match=why):
         varied(tmp_path, ranges)
+
+
+TOUCHING = """
+name: Touching
+description: A ball lies on a plate, and another one hangs above it; neither may touch the plate.
+bodies:
+  - {name: plate, box: [0.2, 0.2, 0.02], position: [0.6, 0, 0.01], fixed: true}
+  - {name: lies, sphere: 0.02, position: [0.6, 0, 0.0402], mass: 0.1}
+  - {name: hangs, sphere: 0.02, position: [0.6, 0, 0.3], mass: 0.1}
+goals:
+  - {bodies: [lies], raised: 0.1}
+  - {untouched: [plate], by: [BALL]}
+"""
+
+
+def test_bodies_that_must_not_touch_and_begin_so_are_refused(read):
+    with pytest.raises(UserError) as error:
+        read(GOAL, TOUCHING.replace("BALL", "lies"))
+
+    problem = "lies must not touch plate, and begins at it: nothing could be earned"
+    assert problem in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("limit", "height"),
+    [("hangs", 0.0402), ("lies], max_force_n: [2", 0.0402), ("lies", 0.0408)],
+)
+def test_bodies_that_do_not_touch_at_the_start_may_be_kept_apart(read, limit, height):
+    """A force of what touches at the start can be limited, and 0.8 mm are no contact."""
+    text = TOUCHING.replace("0.0402", str(height)).replace("BALL", limit)
+    text = text.replace("max_force_n: [2]", "max_force_n: 2")
+    assert len(read(GOAL, text).goals) == 2
