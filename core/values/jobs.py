@@ -471,7 +471,8 @@ class Passed(NamedTuple):
     Attributes:
         notes: one for each of the block's marks, see `World.note`.
         readings: one for each of the block's readings.
-        torques: the greatest that each motor of the arm applied in a step (J,), N m; None: the engine does not say.
+        torques: the greatest that each motor of the arm applied in the steps that end at marks (J,), N m; None: there
+            are no marks, or the engine does not say.
         error: why the world broke on the way; then the rest means nothing.
     """
 
@@ -538,12 +539,12 @@ class World(ABC):
         for end in sorted({*block.marks, *block.readings, len(block)}):
             for order in orders[done:end]:
                 self.step(*order)
-                if self.tells_torques:
-                    torques.append(self.note_torques())
 
             done = end
             if end in block.marks:
                 notes.append(self.note())
+                if self.tells_torques:
+                    torques.append(self.note_torques())
             if end in block.readings:
                 readings.append(Reading(self.joints()[0], *self.pushes()))
 
@@ -584,7 +585,7 @@ class World(ABC):
         return {}
 
     def note_torques(self) -> Any:
-        """Take a snapshot of what the arm's motors applied in the last step; it is taken after each step.
+        """Take a snapshot of what the arm's motors applied in the last step; it is taken right after each `note`.
 
         They are whole torques: what bears the arm's own weight and turns the motors' inertia is in them. By default it
         is the torques (J,), N m; what is faster to get is decoded by `read_torques`.
@@ -592,7 +593,7 @@ class World(ABC):
         raise NotImplementedError("this engine does not say what motors apply")
 
     def read_torques(self, notes: Sequence[Any]) -> Array:
-        """Decode snapshots of S steps: torques (S, J), N m."""
+        """Decode S snapshots: torques (S, J), N m."""
         return np.array(notes)
 
     def pushes(self) -> tuple[Array, Array]:

@@ -239,20 +239,21 @@ class World(interfaces.World):
         return self._bonds.loads([note.done for note in notes])
 
     def _find_torques(self, block: Block, first: Array, states: Array) -> Array | None:
-        """Find the greatest torque of each of the arm's motors in a block (J,); None: it has no steps.
+        """Find the greatest torque of each of the arm's motors at a block's marks (J,); None: it has none.
 
         Args:
             block: that was played.
             first: the state before it (X,).
             states: those after each step (S, X).
         """
-        if not len(block):
+        if not block.marks:
             return None
 
         qpos, qvel = self._split(np.concatenate([first[None], states]))
         at = self._targeted
         torques = self._motors.compute(qpos, qvel, block.arm[at], block.speeds)
-        greatest: Array = np.abs(torques).max(axis=0)
+        marks = np.array(block.marks)
+        greatest: Array = np.abs(torques[marks - 1]).max(axis=0)
         return greatest
 
     def _take_notes(self, block: Block, states: Array) -> list[_Note]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -64,7 +65,6 @@ class ArticulatedArm:
         self._springs: list[tuple[int, ToolJoint]] = []  # once the motion begins
 
         arm = self._joints[: self._arm]
-        self._driven_arm = arm
         self._forces = [client.getJointInfo(self.number, joint)[10] for joint in arm]
         if self._fingers and robot.gripper is not None:
             self._forces += [robot.gripper.force_n] * self._fingers
@@ -72,6 +72,7 @@ class ArticulatedArm:
         self._gains = [gain] * len(driven)
         self._velocity_gains = [1.0] * len(driven)
         self._orders: tuple[list[float], list[float]] | None = None
+        self._states: Sequence[tuple[Any, ...]] = ()  # of the last snapshot
 
         targets = [*start.arm[0], *([start.fingers[0]] * self._fingers)]
         for joint, target in zip(self._joints, targets, strict=True):
@@ -178,17 +179,16 @@ class ArticulatedArm:
             )
 
     def note_torques(self) -> tuple[float, ...]:
-        """Read what the arm's motors applied in the last step, N m."""
-        states = p.getJointStates(self.number, self._driven_arm, self._client.number)
-        return tuple([state[3] for state in states])
+        """Return what the arm's motors applied in the last step before the last snapshot (J,), N m."""
+        return tuple([state[3] for state in self._states[: self._arm]])
 
     def snapshot(self) -> tuple[float, ...]:
         """Read the positions of the joints, the tool's behind the others.
 
         Python's garbage collector soon lets go of tuples of numbers, but not of lists.
         """
-        states = p.getJointStates(self.number, self._noted, self._client.number)
-        return tuple([state[0] for state in states])
+        self._states = p.getJointStates(self.number, self._noted, self._client.number)
+        return tuple([state[0] for state in self._states])
 
     def read(self, snapshots: Sequence[tuple[float, ...]]) -> tuple[Array, Array]:
         """Decode T snapshots: arm (T, J) and fingers with the tool's joints (T, F + K).

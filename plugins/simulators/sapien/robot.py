@@ -175,9 +175,11 @@ class ArticulatedArm:
         Of what a joint passes on, the torque about its axis comes fourth. The motor turns its own inertia as well.
         """
         forces, accelerations = zip(*notes, strict=True)
-        passed = np.array(forces, dtype=np.float64)[:, self._links, 3]
-        turned = np.array(accelerations, dtype=np.float64)
-        torques: Array = passed + self._inertia * turned[:, self._numbers[: self._arm]]
+        count = len(notes)  # np.array(forces) would take ten times as long
+        passed = np.concatenate(forces).reshape(count, -1, 6)[:, self._links, 3]
+        turned = np.concatenate(accelerations).reshape(count, -1)
+        driven = turned[:, self._numbers[: self._arm]]
+        torques: Array = passed.astype(np.float64) + self._inertia * driven
         return torques
 
     def joints(self) -> tuple[Array, Array]:
