@@ -540,7 +540,8 @@ def test_the_scene_files_of_the_page_are_tasks(tmp_path):
         (tmp_path / "small.yaml").write_text(text)
         task = installed().create("task", "file", file=str(tmp_path / "small.yaml"))
         start = task.scene(0).state()
-        film = Trace.of(start, start, forces={})
+        whole_things = dict.fromkeys(task.scene(0).breakable, np.zeros(2))
+        film = Trace.of(start, start, forces={}, strains=whole_things)
         assert task.reward(start, start, film) < 0.1, task.name
     (tmp_path / "whole.yaml").write_text(whole)
     verdicts = [
