@@ -219,7 +219,7 @@ def test_each_kind_of_block_is_looked_at():
         "looks.md": {"json": 1},
         "models.md": {"json": 1},
         "python.md": {"python": 2},
-        "scene_files.md": {"yaml": 10},
+        "scene_files.md": {"yaml": 12},
         "scene_types.md": {"py": 1},
         "store.md": {"python": 1},
         "strategy_tutorial.md": {"python": 2, "yaml": 1},
