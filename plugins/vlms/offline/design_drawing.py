@@ -60,7 +60,7 @@ class DesignDrawer:
             return draw_head(subgoal, self._rng, self.thickness_factor)
 
         lifts_out = subgoal.is_enclosed and subgoal.rises
-        if self._rng.random() < (0.9 if lifts_out else 0.5):
+        if self._rng.random() < (0.9 if lifts_out or subgoal.falls_in else 0.5):
             return draw_clamp(subgoal, self._rng)
 
         return draw_head(subgoal, self._rng, self.thickness_factor)

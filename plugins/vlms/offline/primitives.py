@@ -34,6 +34,9 @@ _FALL_M = 0.1
 # Bodies whose way on the ground is shorter are only lifted.
 _IN_PLACE_M = 0.03
 
+# How far above what is on its way a body is carried, at least.
+_PASS_M = 0.01
+
 # How often bodies are let fall into a hollow, rather than set down in it: a hand seldom fits.
 _LETS_FALL = 0.7
 
@@ -470,7 +473,7 @@ def _draw_lift(subgoal: Subgoal, rng: Generator) -> float:
     """
     over_obstacles = 0.0
     if subgoal.length > _IN_PLACE_M:
-        over_obstacles = subgoal.height_on_way - subgoal.lower[2]
+        over_obstacles = subgoal.height_on_way - subgoal.lower[2] + _PASS_M
 
     return float(max(subgoal.shift[2], over_obstacles)) + rng.uniform(0.0, 0.03)
 

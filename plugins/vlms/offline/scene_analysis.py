@@ -26,6 +26,9 @@ _AWAY_M = 0.2  # how far a body is moved in a task without goals
 _FREE_M = 0.03  # clearance above a body that nothing lies on
 _NEAR_GOAL_M = 0.05  # bodies that are nearer need no lanes
 _MOST_LANES = 4
+_WALL_M = (
+    0.03  # from a hollow's outside: its wall, and what a body is off where it falls
+)
 
 
 class NothingToMove(ValueError):
@@ -129,19 +132,39 @@ class SceneAnalysis:
         else:
             lanes = _draw_lanes(solids, goal, rng)
 
-        # What goes into a hollow in several lots lies in it side by side.
+        # What goes into a hollow in several lots lies in it side by side, and mostly where it is nearer.
         spread = 0.0
-        if goal.container is not None and len(lanes) > 1:
-            spread = rng.uniform(0.2, 1.0)
+        nearer = np.zeros(3)
+        if goal.container is not None:
+            nearer = rng.uniform() * self._find_nearer(goal.container, solids)
+            if len(lanes) > 1:
+                spread = rng.uniform(0.2, 1.0)
 
         middle = _mean_position(solids)
         subgoals = []
         for lane in lanes:
             shift = _draw_shift(Subgoal(lane, np.zeros(3), model), goal, rng)
-            shift = shift + spread * LEVEL * (_mean_position(lane) - middle)
+            shift = shift + spread * LEVEL * (_mean_position(lane) - middle) + nearer
             subgoals.append(Subgoal(lane, shift, model, goal, alone))
 
         return subgoals
+
+    def _find_nearer(self, container: str, solids: Sequence[Solid]) -> Array:
+        """Find how far (3,) toward the robot bodies may end from the middle of a hollow, metres, on the level.
+
+        Args:
+            container: the name of the body that has the hollow.
+            solids: the bodies, of which the largest must find room.
+        """
+        lower, upper = _bounds(self.model.solids[container])
+        widest = max(
+            float(np.ptp(solid.points[:, :2], axis=0).max()) for solid in solids
+        )
+        room = (upper - lower)[:2].min() / 2 - widest / 2 - _WALL_M
+
+        outward = self.model.workspace.from_axis((lower + upper) / 2)
+        way = np.append(-outward, 0.0) / max(float(np.hypot(*outward)), 1e-6)
+        return np.asarray(max(0.0, room) * way)
 
     def _draw_easiest(self, solids: list[Solid], rng: Generator) -> Solid:
         """Choose a body with nothing on top, at random from the highest ones.
@@ -177,6 +200,11 @@ def _draw_shift(subgoal: Subgoal, goal: Target, rng: Generator) -> Array:
         return _LIFT_M * UP
 
     return _draw_escape(subgoal, goal.away or 0.1, rng)
+
+
+def _bounds(solid: Solid) -> tuple[Array, Array]:
+    """Return the lowest and the highest corner (3,) of a body's bounds."""
+    return solid.points.min(axis=0), solid.points.max(axis=0)
 
 
 def _mean_position(solids: Sequence[Solid]) -> Array:

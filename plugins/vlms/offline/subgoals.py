@@ -117,7 +117,7 @@ class Subgoal:
     def clear_height(self) -> float:
         """The height above everything near the bodies' way, in the world, metres."""
         lower, upper = self.model.boxes.bounds
-        return float(upper[self._is_near(lower, upper), 2].max())
+        return float(upper[self._is_near(lower, upper, self.shift), 2].max())
 
     @cached_property
     def loose_container(self) -> Solid | None:
@@ -210,13 +210,15 @@ class Subgoal:
     def height_on_way(self) -> float:
         """The height of the highest obstacle near the bodies' way, in the world; the bodies' foot where none is."""
         lower, upper = self.obstacles.bounds
-        near = self._is_near(lower, upper)
+        near = self._is_near(lower, upper, self.shift)
         return float(upper[near, 2].max(initial=self.lower[2]))
 
-    def _is_near(self, lower: Array, upper: Array) -> npt.NDArray[np.bool_]:
-        """Report which boxes, between corners (N, 3), are near the bodies' way on the level."""
-        low = np.minimum(self.lower, self.lower + self.shift) - _NEAR_M
-        high = np.maximum(self.upper, self.upper + self.shift) + _NEAR_M
+    def _is_near(
+        self, lower: Array, upper: Array, shift: Array
+    ) -> npt.NDArray[np.bool_]:
+        """Report which boxes, between corners (N, 3), are near the bodies' way by a shift (3,), on the level."""
+        low = np.minimum(self.lower, self.lower + shift) - _NEAR_M
+        high = np.maximum(self.upper, self.upper + shift) + _NEAR_M
         near = ((lower < high) & (upper > low))[:, :2].all(axis=1)
         # What is far above them is no reason to come down from higher still.
         below: npt.NDArray[np.bool_] = lower[:, 2] < self.upper[2] + _COVERED_M
@@ -294,8 +296,10 @@ class Subgoal:
 
     @property
     def is_enclosed(self) -> bool:
-        """Whether near obstacles are much higher than the bodies, which are then reached from above."""
-        return self.clear_height - float(self.upper[2]) > _ENCLOSED_M
+        """Whether obstacles near where the bodies are now are much higher, so that they are reached from above."""
+        lower, upper = self.model.boxes.bounds
+        near = self._is_near(lower, upper, np.zeros(3))
+        return float(upper[near, 2].max() - self.upper[2]) > _ENCLOSED_M
 
     def is_blocked(
         self,

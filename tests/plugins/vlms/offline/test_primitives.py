@@ -99,6 +99,26 @@ def test_what_goes_into_one_hollow_one_by_one_lies_there_side_by_side(analyse):
         assert 0.035 < np.linalg.norm(ends[0] - ends[1]) < 0.21
 
 
+def test_what_goes_into_a_hollow_may_end_on_its_nearer_side(analyse):
+    analysis = analyse(TRAY, '{bodies: ["cube_*"], inside: tray}')
+    rng = np.random.default_rng(0)
+    ends = []
+    for _ in range(PLANS):
+        subgoals = analysis.draw_subgoals(rng, alone=True)
+        ends += [(subgoal.center + subgoal.shift)[0] for subgoal in subgoals]
+
+    assert min(ends) > 0.65 + 0.02
+    assert 0.7 < np.mean(ends) < 0.78
+    assert max(ends) < 0.81
+
+
+def test_what_stands_free_is_not_enclosed_by_where_it_goes(analyse):
+    """So that fingers may reach ahead of the hand."""
+    analysis = analyse(CUP, "{bodies: [cube], inside: cup}")
+    (subgoal,) = analysis.draw_subgoals(np.random.default_rng(0))
+    assert not subgoal.is_enclosed
+
+
 def test_a_long_body_is_gripped_across_its_narrow_side(analyse):
     analysis = analyse(BAR, "{bodies: [bar], raised: 0.1, held: true}")
     rng = np.random.default_rng(0)
