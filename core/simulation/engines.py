@@ -36,6 +36,14 @@ def list_needs(scene: Scene, job: Rollout) -> Iterator[tuple[Ability, Sequence[s
     if job.tool.bearers:
         yield Ability.TOOL_JOINTS, [bearer.name for bearer in job.tool.bearers]
 
+    yield from list_scene_needs(scene)
+
+    if job.forces and job.record_hz > 0:
+        yield Ability.FORCES, ()
+
+
+def list_scene_needs(scene: Scene) -> Iterator[tuple[Ability, Sequence[str]]]:
+    """Yield what a scene needs, whatever is played in it, with the names of what needs it."""
     if scene.softs:
         yield Ability.SOFT_BODIES, [soft.name for soft in scene.softs]
 
@@ -52,9 +60,6 @@ def list_needs(scene: Scene, job: Rollout) -> Iterator[tuple[Ability, Sequence[s
     launched = [body.name for body in scene.free if body.launched]
     if launched:
         yield Ability.LAUNCHED_BODIES, launched
-
-    if job.forces and job.record_hz > 0:
-        yield Ability.FORCES, ()
 
 
 def check_support(simulator: Simulator, task: str, scene: Scene, job: Rollout) -> None:

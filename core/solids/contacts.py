@@ -374,7 +374,7 @@ def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
     for number, world in enumerate(worlds):
         taken = world.taken
         clock = _Clock(taken.times, instants)
-        films.append(subset(taken, clock.chosen).states)
+        films.append(taken.states.each(clock.choose))
 
         for key, flags in world.touching.items():
             touching[key][number] = clock.read(flags, early=key[0] != "body")
@@ -434,6 +434,10 @@ class _Clock:
         numbers = np.rint(skipped * TRACE_HZ).astype(int)
         self._nearest = np.clip(numbers, 0, len(instants) - 1)
         self._begun = skipped >= 0
+
+    def choose(self, values: Array) -> Array:
+        """Choose of values (T, ...) those at the instants (N, ...)."""
+        return values[self.chosen]
 
     def read(self, values: Array | Flags, *, early: bool) -> Any:
         """Read at the instants (N,). Of samples between two instants the largest counts at the nearest one.

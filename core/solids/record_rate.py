@@ -146,7 +146,7 @@ def subset(recording: Recording, samples: Indices) -> Recording:
 
 
 def largest_since(values: Array, samples: Indices) -> Array:
-    """Find the largest of values (T,) since the sample before, at each of some samples (S,)."""
+    """Find the largest of values (T,) since the sample before, at each of some samples (S,), rising."""
     largest = values[samples].copy()
     if len(samples) > 1:
         behind = np.maximum.reduceat(values[1 : samples[-1] + 1], samples[:-1])

@@ -10,8 +10,9 @@ from omegaconf import OmegaConf
 from core.config.compose import task_part
 from core.errors import UserError
 from core.events import INTERRUPTED
-from core.interfaces import Ability, Condition, Evaluation, Trial
+from core.interfaces import Condition, Evaluation, Trial
 from core.plugins import SIMULATOR, PluginPart
+from core.simulation.engines import list_scene_needs
 from core.simulation.play import play
 from core.support.progress import busy
 from core.support.text import clean, number
@@ -67,14 +68,14 @@ def try_elsewhere(run: Run, result: Result, chosen: str = AUTO) -> Iterator[str]
 
 
 def _is_ready(run: Run, name: str) -> bool:
-    """Report whether an engine is installed, and has soft bodies if the scene has."""
+    """Report whether an engine is installed, and can do what the scene needs, such as soft bodies."""
     try:
         engine = PluginPart(SIMULATOR.name, name).shared()
     except UserError:  # its package is missing
         return False
 
-    has_softs = Ability.SOFT_BODIES in engine.supports
-    return has_softs or not run.task.scene(run.seed).softs
+    needs = list_scene_needs(run.task.scene(run.seed))
+    return all(ability in engine.supports for ability, _ in needs)
 
 
 def _play(run: Run, best: Evaluation, name: str) -> Trial:

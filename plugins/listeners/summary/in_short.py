@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from core.goals import Away, Facing, JointAt, Placed, Reach, Turned, reaches
+from core.goals import Away, Broken, Facing, JointAt, Placed, Reach, Turned, reaches
 from core.plugins import installed
 from core.support.text import clean, number
 from core.trial import NOTHING
@@ -76,6 +76,8 @@ def _say_goal(goal: Reach) -> str:
             return f"bring {bodies} to its place"
         case Away():
             return f"move {bodies} by {goal.away:.2g} m"
+        case Broken():
+            return f"break {goal.subject}"
         case JointAt():
             return f"move the joint {goal.joint}"
         case Turned():

@@ -7,7 +7,7 @@ import pytest
 
 from core.design import Component, Tool
 from core.geometry import Box, Mesh, Pose, Sphere
-from core.scene import Joint, Scene
+from core.scene import Bond, Joint, Scene
 from core.simulation.observing import find_held, list_contacts
 from core.solids.contacts import HULL_M, TOUCH_M, find_contacts, make_trace
 from core.solids.penetration import findings
@@ -210,3 +210,31 @@ def test_a_trace_of_worlds_that_end_at_different_times():
     (contact,) = list_contacts(worlds[0])
     assert contact.force_n == pytest.approx(9.5, abs=1.01)  # while it lasts
     assert "wall" in trace.states.places
+
+
+def test_a_trace_of_worlds_that_end_at_different_times_keeps_what_broke():
+    """A bond breaks in the last step of the world that ends first; a body breaks where it is pressed."""
+    cube = replace(body("cube", CUBE, (0.2, 0, 0)), breaks_n=15.0)
+    wall = body("wall", Box((0.1, 1.0, 1.0)), (0.55, 0, 0), mass=0.0)
+    bond = Bond("glue", "cube", 5.0)
+    scene = Scene((wall, cube), bonds=(bond,))
+    loads = np.append(np.ones(9), 5.1)
+    long, short = (
+        recording(scene, {"cube": there_and_back(0)[:count]}, hz=50)
+        for count in (21, 10)
+    )
+    long = replace(
+        long,
+        forces={("wall", "cube"): np.linspace(0, 14, 21)},
+        loads={"glue": np.full(21, 4.9)},
+    )
+    short = replace(
+        short, forces={("wall", "cube"): np.full(10, 16.0)}, loads={"glue": loads}
+    )
+    worlds = [find_contacts(scene, PANDA, ROD, film) for film in (long, short)]
+    trace = make_trace(scene, worlds)
+    assert trace.strain("glue")[..., -1].tolist() == pytest.approx([0.98, 1.02])
+    assert (trace.strain("cube")[..., -1] > 1).tolist() == [False, True]
+    assert trace[1].strain("glue").shape == trace.times.shape
+    with pytest.raises(KeyError, match="wall"):
+        trace.strain("wall")
