@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from core.geometry import Array, Pose, Vector
-from core.goals import Away, Goal, JointAt, Kept, Reach, Turned, Untouched
+from core.goals import Away, Goal, JointAt, Kept, Reach, Span, Turned, Untouched
 from core.scene import Scene
 from core.values.states import State
 
 _FAR_DEG = 100.0  # plans aim by a tenth of it within a span of angles
 _ALONG = 1e-3  # of a vector across a pole: it is along it
+
+_FAR_M = 0.3  # and of distances between bodies
 
 Wanted = dict[str, object]
 Place = tuple[float | None, float | None, float | None]
@@ -56,7 +58,11 @@ def find_targets(goal: Reach, scene: Scene) -> list[Target]:
     state = scene.state()
     groups = dict[Place | None, list[str]]()
 
+    stays = _find_those_that_stay(goal, state)
     for body in goal.subjects(state):
+        if body in stays:
+            continue
+
         groups.setdefault(_find_place(goal, body, state), []).append(body)
 
     wanted = dict[str, object]()
@@ -109,7 +115,7 @@ def is_planned(goal: Goal) -> bool:
         return True
     if isinstance(goal, Untouched):
         return not (goal.by or goal.max_force_n)
-    if type(goal) in READERS:
+    if type(goal) in READERS or _spaces(goal) is not None:
         return True
 
     return isinstance(goal, Reach) and type(goal).place_of is not Reach.place_of
@@ -194,6 +200,7 @@ def _find_place(
 ) -> Place | None:
     """Return where a goal, or what it also asks, wants a body; None: it says no place."""
     places = [part.place_of(body, state) for part in goal.parts]
+    places += [_find_place_apart(part, body, state) for part in goal.parts]
     place = next((place for place in places if place is not None), None)
     if place is None:
         return None
@@ -201,3 +208,46 @@ def _find_place(
     x, y, z = (None if np.isnan(wanted) else wanted for wanted in place.tolist())
 
     return x, y, z
+
+
+def _spaces(goal: Goal) -> Span | None:
+    """Return how far bodies are to be from each other, m; None: the goal asks no such thing."""
+    spaces: Span | None = getattr(goal, "apart", None)
+    return None if getattr(goal, "nodes", ()) else spaces
+
+
+def _find_those_that_stay(goal: Reach, state: State) -> tuple[str, ...]:
+    """Find whom others get away from, or near to: the first body, where nothing else is asked of it."""
+    asked = [part for part in goal.parts if _spaces(part) is None and _says_more(part)]
+    spaced = [part for part in goal.parts if _spaces(part) is not None]
+    if asked or not spaced:
+        return ()
+
+    return goal.subjects(state)[:1]
+
+
+def _says_more(part: Reach) -> bool:
+    """Report whether a part of a goal asks more than how bodies end."""
+    return type(part) is not Reach
+
+
+def _find_place_apart(goal: Reach, body: str, state: State) -> Array | None:
+    """Find where a body ends if all go from the first one, or toward it, by the same factor; None: that is not asked.
+
+    Args:
+        goal: or a part of one.
+        body: one of its bodies.
+        state: at the start.
+    """
+    spaces = _spaces(goal)
+    if spaces is None:
+        return None
+
+    places = np.array([state.position(name) for name in goal.subjects(state)])
+    gaps = np.linalg.norm(places[:, None] - places, axis=-1)
+    np.fill_diagonal(gaps, np.inf)
+    nearest = float(gaps.min())
+
+    factor = spaces.aim(nearest, _FAR_M) / max(nearest, 1e-6)
+    place = places[0] + factor * (state.position(body) - places[0])
+    return np.array([place[0], place[1], np.nan])

@@ -170,3 +170,15 @@ def test_pads_of_any_origin_are_known_for_pads(analyse):
     guessed = guess_head(tool, subgoal, rng)
     assert guessed.head.primitive == "clamp"
     assert guessed.head.width == pytest.approx(head.width)
+
+
+@pytest.mark.parametrize(
+    ("apart", "least", "most"), [("0.3", 0.3, 0.4), ("'< 0.1'", 0.06, 0.1)]
+)
+def test_bodies_get_apart_or_together_from_the_first_one(analyse, apart, least, most):
+    analysis = analyse(TRAY, f'{{bodies: ["cube_*"], apart: {apart}}}')
+    (subgoal,) = analysis.draw_subgoals(np.random.default_rng(0))
+    (solid,) = subgoal.solids
+    first = analysis.model.solids["cube_0"].position
+    assert solid.body.name == "cube_1"
+    assert least < np.linalg.norm(solid.position + subgoal.shift - first) < most
