@@ -124,7 +124,9 @@ class Server:
 
     def requests(self, path: str = "/chat/completions") -> list[str]:
         """Return the lines of the log that tell of a request."""
-        return [line for line in self.log.read_text().splitlines() if path in line]
+        return [
+            line for line in self.log.read_text().splitlines() if f"{path} HTTP" in line
+        ]
 
 
 @contextmanager

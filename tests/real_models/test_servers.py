@@ -44,9 +44,9 @@ SMALL = [
 AT = ["vlm=litellm", "vlm.max_output_tokens=600"]
 
 
-def start(folder, *words):
+def start(*words):
     """Start a run as a user does."""
-    command = [sys.executable, "-m", "core.run", *words, f"hydra.run.dir={folder}"]
+    command = [sys.executable, "-m", "core.run", *words]
     return subprocess.Popen(
         command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
@@ -82,23 +82,24 @@ def tell(server, folder):
 
 
 def report(folder):
-    """Make the report of a run, as a user does."""
+    """Make the report of a run, as a user does; it has the run, or says why it leaves it out."""
     words = [sys.executable, "-m", "core", "report", str(folder)]
     words.append(f"output={folder.parent / 'report'}")
-    subprocess.run(words, cwd=ROOT, check=True)
-    assert "vlm.max_output_tokens" in (folder.parent / "report/index.html").read_text()
+    subprocess.run(words, cwd=ROOT, check=False)  # fails, if nothing was tried
+    pages = [*(folder.parent / "report").rglob("*.csv")]
+    assert any(folder.name in page.read_text() for page in pages)
 
 
 def check(server, folder, words, log_lines):
     """Make a run, and another that is killed after its first answer and resumed: no request is paid twice."""
     whole = folder / "whole"
-    finish(start(whole, *words))
+    finish(start(*words, f"hydra.run.dir={whole}"))
     tell(server, whole)
     report(whole)
 
     killed = folder / "killed"
     before = len(log_lines())
-    process = start(killed, *words)
+    process = start(*words, f"hydra.run.dir={killed}")
     while not list(killed.glob("replies/*.txt")):
         assert process.poll() is None, finish(process)
         time.sleep(0.2)
@@ -108,7 +109,7 @@ def check(server, folder, words, log_lines):
 
     trusted = ("vlm.api_base=", "vlm.model=")
     repeated = [word for word in words if word.startswith(trusted)]
-    finish(start(killed, f"resume={killed}", *repeated))
+    finish(start(f"resume={killed}", *repeated))
     tell(f"{server}, killed and resumed", killed)
     answered = [line for line in log_lines()[before:] if "200" in line]
     print(f"{stored} of 2 answers were stored at the kill; {len(answered)} were paid")
@@ -125,7 +126,7 @@ def test_llama_cpp(tmp_path):
 def test_a_context_that_is_too_small(tmp_path):
     with llama_server(tmp_path, context=1024) as server:
         words = [*SMALL, *AT, "vlm.model=openai/smollm2", f"vlm.api_base={server.url}"]
-        said = finish(start(tmp_path / "run", *words))
+        said = finish(start(*words, f"hydra.run.dir={tmp_path / 'run'}"))
         assert "and the server holds 1024" in " ".join(said.split())
         assert len(server.requests()) <= 3  # with what is refused by name before
 
@@ -159,7 +160,8 @@ def test_answers_of_the_proxy_itself(tmp_path):
         for name in ("limited", "narrow", "broken", "unknown"):
             before = len(server.requests())
             words = [*common, f"vlm.model=openai/{name}"]
-            said[name] = " ".join(finish(start(tmp_path / name, *words)).split())
+            words.append(f"hydra.run.dir={tmp_path / name}")
+            said[name] = " ".join(finish(start(*words)).split())
             asked[name] = len(server.requests()) - before
 
     rewards = rows(tmp_path / "designs/whole", "SELECT reward FROM evaluations")
@@ -191,7 +193,7 @@ def ask_llm(folder, model):
     command = f"vlm.command=[{LLAMA.program('llm')},-m,{model}]"
     words = [word for word in SMALL if not word.startswith("vlm.")]
     words += ["vlm=command", command, "vlm.timeout_s=1800"]
-    return finish(start(folder, *words))
+    return finish(start(*words, f"hydra.run.dir={folder}"))
 
 
 def test_llm_as_a_program(tmp_path, monkeypatch):
