@@ -22,6 +22,6 @@ site:
 real-model:
 	$(PYTHON) -m pytest -n 0 -s -m real tests/real_models
 
-# Slurm with two nodes on this machine. As root it installs Slurm and Munge from Debian's packages.
+# Slurm and Ray with several nodes on this machine. As root it installs Slurm and Munge from Debian's packages.
 cluster:
 	$(PYTHON) -m pytest -n 0 -s -m cluster tests/cluster
