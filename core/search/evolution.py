@@ -14,9 +14,9 @@ from core.errors import LimitReached, UserError
 from core.events import INTERRUPTED, Generation, Result
 from core.interfaces import Budget, EvolutionStrategy, Robot
 from core.plugins import describe_part, installed
-from core.search.finalists import FIRST, Race, evaluate_in_race
+from core.search.finalists import Race, evaluate_in_race
 from core.support.text import shorten
-from core.trial import Evaluation, best_first, count_rollouts
+from core.trial import Evaluation, count_rollouts
 
 
 def evolve(
@@ -51,7 +51,6 @@ def evolve(
     candidates = CheckedCandidates(strategy, robot, expect, allowance)
     tie = strategy.tie
     tried: list[Evaluation] = []
-    leaders: list[Evaluation] = []
     generations: list[Generation] = []
 
     def evaluate(asked: Iterable[Candidate]) -> None:
@@ -64,12 +63,9 @@ def evolve(
             events.hook.candidate_evaluated(evaluation=evaluation)
             tried.append(evaluation)
 
-    def find_new() -> list[Evaluation]:
-        earlier = sum(len(generation.evaluations) for generation in generations)
-        return tried[earlier:]
-
     def make_generation() -> Generation:
-        new = sorted(find_new(), key=lambda evaluation: evaluation.candidate.key)
+        earlier = sum(len(generation.evaluations) for generation in generations)
+        new = sorted(tried[earlier:], key=lambda evaluation: evaluation.candidate.key)
         return Generation(len(generations), tuple(new), tie)
 
     try:
@@ -80,9 +76,7 @@ def evolve(
                 break
             evaluate(fitness.recombine([*tried]))
             if elites:
-                # Who was once behind stays behind: a long search does not rank all again after each generation.
-                leaders = _find_leaders([*leaders, *find_new()], tie)
-                race.compare(best_first(leaders, tie), elites, FIRST)
+                race.follow(tried, elites)
             generation = make_generation()
             candidates.allowance.settle(generation.evaluations)
             strategy.tell(generation.evaluations)
@@ -99,14 +93,6 @@ def evolve(
         generations.append(cut_short)
 
     return Result(tuple(generations), time.monotonic() - began, stopped, tie)
-
-
-def _find_leaders(evaluations: Sequence[Evaluation], tie: float) -> list[Evaluation]:
-    """Return those within the tie of the highest reward."""
-    highest = max((evaluation.reward for evaluation in evaluations), default=0.0)
-    return [
-        evaluation for evaluation in evaluations if evaluation.reward >= highest - tie
-    ]
 
 
 def _is_enough(generations: Sequence[Generation], budget: Budget) -> bool:

@@ -79,6 +79,8 @@ class Race:
     def __post_init__(self) -> None:
         self._drawn: list[Sequence[Condition]] = []
         self._say: Callable[[int], None] = lambda spent: None
+        self._followed = 0
+        self._leaders: list[Evaluation] = []
 
     def draw(self, count: int) -> int:
         """Draw layouts until there are ``count``; return how many of these there are."""
@@ -202,6 +204,25 @@ class Race:
 
             if self.spent <= began + rollouts / 2:
                 further = self.draw(min(2 * level, most))
+
+    def follow(self, tried: Sequence[Evaluation], rollouts: float) -> None:
+        """Compare those at the head of all candidates of a search so far, with about so many rollouts.
+
+        Who was once behind stays behind: a long search does not rank all again after each generation.
+
+        Args:
+            tried: all of them, those of the last call first.
+            rollouts: the budget.
+        """
+        known = [*self._leaders, *tried[self._followed :]]
+        self._followed = len(tried)
+        highest = max((evaluation.reward for evaluation in known), default=0.0)
+        self._leaders = [
+            evaluation
+            for evaluation in known
+            if evaluation.reward >= highest - self.tie
+        ]
+        self.compare(best_first(self._leaders, self.tie), rollouts, FIRST)
 
     def decide(self, alike: Sequence[Evaluation], limit: float) -> Evaluation:
         """Choose the winner: who is proven best, else of the leading two who earns more where both are tried.
