@@ -258,21 +258,14 @@ class Scene:
             )
 
     def _check_joints(self) -> None:
-        bodies = {body.name: body for body in self.bodies}
         hanging = set[str]()
         for joint in self.joints:
             where = f"joint {joint.name!r}"
-            ends = [name for name in (joint.body, joint.parent) if name is not None]
-            for name in ends:
-                if name not in bodies:
-                    raise ValueError(
-                        f"{where}: there is no body {name!r}; there are: {', '.join(bodies)}"
-                    )
-
-            body = bodies[joint.body]
+            ends = self._find_ends(joint, where)
+            body = ends[0]
             problems = {
                 "a joint can't hold a soft body; pin nodes of it": any(
-                    isinstance(bodies[name], Soft) for name in ends
+                    isinstance(end, Soft) for end in ends
                 ),
                 f"its body {body.name!r} is fixed; give it a mass": body.fixed,
                 f"its body {body.name!r} can't start with a velocity; use a drive": (
@@ -291,22 +284,31 @@ class Scene:
         self._check_names("bonds and bodies", [*names, *bodies] if names else [])
 
         for bond in self.bonds:
-            where = f"bond {bond.name!r}: "
-            ends = [name for name in (bond.body, bond.parent) if name is not None]
-            for name in ends:
-                if name not in bodies:
-                    raise ValueError(
-                        f"{where}there is no body {name!r}; there are: {', '.join(bodies)}"
-                    )
-
-            solid = [bodies[name] for name in ends]
+            where = f"bond {bond.name!r}"
+            ends = self._find_ends(bond, where)
             problems = {
                 "a bond can't hold a soft body or a mark": any(
-                    isinstance(body, Soft) or not body.collisions for body in solid
+                    isinstance(end, Soft) or not end.collisions for end in ends
                 ),
-                f"its body {bond.body!r} is fixed; give it a mass": solid[0].fixed,
+                f"its body {bond.body!r} is fixed; give it a mass": ends[0].fixed,
             }
-            refuse(where, problems)
+            refuse(f"{where}: ", problems)
+
+    def _find_ends(self, link: Joint | Bond, where: str) -> list[Body]:
+        """Find the body that a joint or bond is of, and what holds it, unless that is the world.
+
+        Raises:
+            ValueError: one of them is not there; says ``where``.
+        """
+        bodies = {body.name: body for body in self.bodies}
+        names = [name for name in (link.body, link.parent) if name is not None]
+        for name in names:
+            if name not in bodies:
+                raise ValueError(
+                    f"{where}: there is no body {name!r}; there are: {', '.join(bodies)}"
+                )
+
+        return [bodies[name] for name in names]
 
     def find_anchor(self, bond: Bond) -> Array:
         """Find the point of a bond in the frame of its parent, or in the world, (3,), m."""

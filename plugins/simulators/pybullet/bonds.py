@@ -12,9 +12,8 @@ from plugins.simulators import bonds
 from plugins.simulators.pybullet.engine import Client
 from plugins.simulators.pybullet.mechanisms import Place
 
-_HOLDS = (
-    1e6  # N, far more than any bond bears: PyBullet's own constraints give way at 500 N
-)
+# N, far more than any bond bears: PyBullet's own constraints give way at 500 N.
+_HOLDS = 1e6
 
 
 class Bonds(bonds.Bonds):

@@ -26,9 +26,8 @@ _AWAY_M = 0.2  # how far a body is moved in a task without goals
 _FREE_M = 0.03  # clearance above a body that nothing lies on
 _NEAR_GOAL_M = 0.05  # bodies that are nearer need no lanes
 _MOST_LANES = 4
-_WALL_M = (
-    0.03  # from a hollow's outside: its wall, and what a body is off where it falls
-)
+# From a hollow's outside: its wall, and what a body is off where it falls.
+_WALL_M = 0.03
 
 
 class NothingToMove(ValueError):
