@@ -1,8 +1,8 @@
 """Search in rebuilt benches, with ``seen`` and without, and play the winners in the benches as they are.
 
-``python -m tests.benchmarks.winners folder=FOLDER [count=10] [cameras=off] [KEY=VALUE ...]``. The folder is what
+``python -m tests.benchmarks.winners folder=FOLDER [count=10] [cameras=off]``. The folder is what
 `tests.benchmarks.benches` kept. The embedded designer's tools push the block to a spot that a person measured: a goal
-simple enough for a small search. Other words go to the searches.
+simple enough for a small search.
 """
 
 from __future__ import annotations
@@ -11,10 +11,16 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from core.errors import UsageError
+from core.support.cli import arguments, command
+from tests.benchmarks import measuring
+
+USAGE = "usage: python -m tests.benchmarks.winners folder=FOLDER [count=N] [cameras=off|true|board]"
 GOALS = """\
   - {{name: spot, position: [{x}, {y}, 0], radius: 0.03}}  # told
 goals:
@@ -39,22 +45,32 @@ SEARCHES = {
 }
 
 
-def main(words: list[str]) -> None:
+@dataclass
+class Settings:
+    """``folder``: of the benches; ``cameras``: how they were measured, a word of `tests.benchmarks.benches`."""
+
+    folder: str = ""
+    count: int = 10
+    cameras: str = "off"
+
+
+def main() -> None:
     """Search, and print what the winners earn in the benches as they are."""
-    given = dict(word.split("=", 1) for word in words)
-    folder = Path(given.pop("folder"))
-    count = int(given.pop("count", "10"))
-    cameras = given.pop("cameras", "off")
-    more = [f"{key}={value}" for key, value in given.items()]
+    given = measuring.settings(arguments(USAGE, sys.argv[1:]), Settings)
+    folder = Path(given.folder)
+    last = folder / f"{given.cameras}_{given.count - 1}.yaml"
+    if given.count < 1 or not last.is_file():
+        raise UsageError(f"there is no {last}; {USAGE}")
+
     earned = dict[str, list[float]]()
-    for seed in range(count):
+    for seed in range(given.count):
         spot = draw_spot(seed)
-        rebuilt = set_goal(folder / f"{cameras}_{seed}.yaml", spot)
+        rebuilt = set_goal(folder / f"{given.cameras}_{seed}.yaml", spot)
         true = set_goal(folder / f"is_{seed}.yaml", spot)
         for name, settings in SEARCHES.items():
-            run = folder / f"runs/{cameras}_{seed}_{name}"
+            run = folder / f"runs/{given.cameras}_{seed}_{name}"
             search = (f"task.file={rebuilt}", *settings, *BUDGET, f"seed={seed}")
-            call("core.run", *search, f"hydra.run.dir={run}", *more)
+            call("core.run", *search, f"hydra.run.dir={run}")
             best = json.loads((run / "result.json").read_text())["best"]
             reward = play(true, run)
             earned.setdefault(name, []).append(reward)
@@ -95,9 +111,9 @@ def play(file: Path, run: Path) -> float:
 
 def call(module: str, *words: str) -> None:
     """Run one of the program's commands on a scene file."""
-    command = [sys.executable, "-m", module, "task=file", *words]
-    subprocess.run(command, check=True, stdout=subprocess.PIPE)
+    whole = [sys.executable, "-m", module, "task=file", *words]
+    subprocess.run(whole, check=True, stdout=subprocess.PIPE)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    command(lambda _: main())
