@@ -9,6 +9,7 @@ import os
 import re
 from collections import deque
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any, TextIO
 from urllib.parse import quote
 
@@ -36,6 +37,7 @@ _IN_QUERY = re.compile(r"[?&;#]([\w.-]+)=([^&\s#;]+)")
 _sent: deque[str] = deque(maxlen=50)
 
 
+@lru_cache(maxsize=1024)
 def is_secret_name(name: str) -> bool:
     """Say if an environment variable, a header or a field of this name holds a key, a token or a password."""
     return _NAME.search(name.upper().replace("-", "_")) is not None
@@ -93,7 +95,13 @@ def _environment() -> Iterator[str]:
         if is_secret_name(name) and not os.path.exists(value):  # noqa: PTH110 - or a file that holds the key
             yield value
         else:
-            yield from _in_addresses(value)
+            yield from _find_in_variable(value)
+
+
+@lru_cache(maxsize=1024)
+def _find_in_variable(value: str) -> tuple[str, ...]:
+    """Find the secrets in the addresses of an environment variable, which hardly ever changes; texts are many."""
+    return tuple(_in_addresses(value))
 
 
 def _in_addresses(text: str) -> Iterator[str]:
