@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from core.errors import UserError
 from core.store.rows import MAX_BYTES, Row, check_row, find_fault
 from core.support.files import file_mark, unwritable, writing
-from core.support.secrets import scrub
+from core.support.secrets import scrub_all
 from core.support.text import clean
 
 if TYPE_CHECKING:
@@ -292,7 +292,8 @@ class Database:
         )
 
     def _execute(self, statement: str, *values: Any) -> None:
-        kept = [scrub(value) if isinstance(value, str) else value for value in values]
+        scrubbed = iter(scrub_all(value for value in values if isinstance(value, str)))
+        kept = [next(scrubbed) if isinstance(value, str) else value for value in values]
         self._connection.execute(statement, kept)
 
     def close(self) -> None:

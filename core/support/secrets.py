@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import re
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from typing import Any, TextIO
 from urllib.parse import quote
@@ -51,11 +51,16 @@ def remember(value: str) -> None:
 
 def scrub(text: str) -> str:
     """Replace keys by stars, as they are and as they stand in an address (``%2F`` for a slash)."""
+    return scrub_all([text])[0]
+
+
+def scrub_all(texts: Iterable[str]) -> list[str]:
+    """Scrub texts that are written together, such as a row's: the environment is looked through once for all."""
+    spellings = []
     for secret in sorted(_secrets(), key=len, reverse=True):
-        text = text.replace(secret, "***").replace(
-            quote(secret, safe="", errors="replace"), "***"
-        )
-    return text
+        spellings += [secret, quote(secret, safe="", errors="replace")]
+
+    return [_star(text, spellings) for text in texts]
 
 
 def holds_secret(text: str) -> bool:
@@ -79,6 +84,12 @@ class Scrubbed:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
+
+
+def _star(text: str, spellings: list[str]) -> str:
+    for spelling in spellings:
+        text = text.replace(spelling, "***")
+    return text
 
 
 def _secrets() -> Iterator[str]:
