@@ -132,7 +132,7 @@ def open_picture(file):
 
 
 @pytest.mark.thorough
-@mujoco_first
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
 def test_a_run_shows_its_best_elite_and_so_does_one_that_goes_on(engine, tmp_path):
     """The scene is drawn in the main thread, elites in the one that reads candidates."""
     simulator(engine)
