@@ -26,6 +26,10 @@ class LimitReached(UserError):
     """A spending limit is reached: no further request is sent, and the run ends with its best so far."""
 
 
+class NoAnswer(UserError):
+    """No request of a generation was answered; they are sent again when the run goes on."""
+
+
 class Fault(Exception):
     """The machine failed, not a design: no room on a disk, no memory, a worker that was killed."""
 

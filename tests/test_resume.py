@@ -16,7 +16,8 @@ from omegaconf import OmegaConf
 
 from core.errors import UsageError, UserError
 from core.plugins import installed
-from core.search.orchestration import resume, run, run_job
+from core.search import patience
+from core.search.orchestration import resume, run, run_and_print, run_job
 from core.store.database import FILE, LOCK
 from core.trial import Where
 from tests import toys
@@ -91,6 +92,7 @@ def tables(folder):
     _name_trials(found)
     ((version, config, result),) = found.pop("run")
     config = json.loads(config)
+    config.pop("patience_s", None)
     for kind in ("vlm", "executor"):
         config[kind] = {
             key: value for key, value in config[kind].items() if key not in LOCAL
@@ -653,3 +655,75 @@ def test_a_folder_that_cannot_be_written(toy, disk, begun):
         match=r"can't be written: Read-only file system; what is in it is kept$",
     ):
         resume(disk / "run") if begun else begin(toy, disk / "run")
+
+
+# --- patience ---------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def waits(monkeypatch):
+    """Seconds that were waited. Nothing waits really; what is put into ``then`` is done at the wait of that number."""
+    waited = []
+    waited_then = {}
+
+    def sleep(seconds):
+        waited.append(seconds)
+        waited_then.get(len(waited), lambda: None)()
+
+    monkeypatch.setattr(patience.time, "sleep", sleep)
+    return waited, waited_then
+
+
+def patient(toy, patience_s, **settings):
+    cfg = toys.config(toy.file)
+    for name, value in {"patience_s": patience_s, **settings}.items():
+        OmegaConf.update(cfg, name.replace("__", "."), value, force_add=True)
+    return cfg
+
+
+def test_a_run_waits_for_room_and_comes_to_the_same(toy, whole, disk, waits, capsys):
+    mount("-t", "tmpfs", "-o", "size=600k", "toys", str(disk))
+    waited, then = waits
+    then[2] = lambda: mount("-o", "remount,size=50m", str(disk))
+    run_and_print(patient(toy, 30), disk / "run")
+    assert waited == [10, 20]
+    said = [line for line in capsys.readouterr().err.splitlines() if "may pass" in line]
+    assert len(said) == 2
+    assert "the run goes on by itself in 20 s, and gives up after 20 s" in said[1]
+    assert_same_run(disk / "run", whole)
+
+
+def test_a_run_gives_up_when_its_patience_is_at_an_end(toy, disk, waits):
+    mount("-t", "tmpfs", "-o", "size=600k", "toys", str(disk))
+    waited, then = waits
+    then[3] = lambda: mount("-o", "remount,size=50m", str(disk))
+    with pytest.raises(UserError, match="can't be written"):
+        run_and_print(patient(toy, 29), disk / "run")
+    assert waited == [10, 19]
+
+
+def test_a_run_waits_for_a_model_that_is_away_and_pays_nothing_twice(
+    toy, whole, tmp_path, waits, capsys
+):
+    cfg = patient(toy, 3600, vlm__down="g1-.*")
+    waited, then = waits
+    then[12] = lambda: OmegaConf.update(cfg, "vlm.down", "")
+    run_and_print(cfg, tmp_path / "run")
+    assert waited[:7] == [10, 20, 40, 80, 160, 300, 300]
+    assert len(waited) == 12
+    assert "the model answered no request of generation 1" in capsys.readouterr().err
+    assert_same_run(tmp_path / "run", whole)
+
+
+def test_what_does_not_pass_is_not_waited_for(toy, disk, waits):
+    mount("-t", "tmpfs", "-o", "size=50m", "toys", str(disk))
+    begin(toy, disk / "run", vlm_limit=3)
+    mount("-o", "remount,ro", str(disk))
+    with pytest.raises(UserError, match="Read-only"):
+        resume(disk / "run", ["patience_s=3600"])
+    assert waits[0] == []
+
+
+def test_a_patience_below_zero_is_refused(toy, tmp_path):
+    with pytest.raises(UsageError, match="patience_s must be 0 or greater, got -1"):
+        run_and_print(patient(toy, -1), tmp_path / "run")

@@ -31,6 +31,7 @@ GROUPS = ("executor", "listener")
 PARTS = ("executor.", "listener.", "vlm.")
 KEYS = (
     "film",
+    "patience_s",
     "budget.n_iteration",
     "budget.n_rollouts",
     "budget.final_s",

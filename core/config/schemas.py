@@ -154,11 +154,16 @@ class SearchConfig(TrialConfig):
 
 @dataclass
 class RunConfig(SearchConfig):
-    """Settings of ``python -m core.run``. ``name``: what reports call the method; empty: what distinguishes it."""
+    """Settings of ``python -m core.run``.
+
+    ``name``: what reports call the method; empty: what distinguishes it. ``patience_s``: how long the run waits for a
+    machine or a server that fails, see `core.search.patience`.
+    """
 
     name: str = ""
     listener: PartConfig = field(default_factory=dict)
     film: bool = True
+    patience_s: float = 0.0
 
 
 @dataclass

@@ -16,7 +16,7 @@ from core.design import Candidate, DesignError
 from core.designs.composer import PromptComposer
 from core.designs.replies import parse_reply
 from core.designs.schema import answer_schema
-from core.errors import LimitReached, UsageError, UserError
+from core.errors import LimitReached, NoAnswer, UsageError
 from core.events import Generation, Result
 from core.hooks import hookimpl
 from core.interfaces import (
@@ -202,11 +202,11 @@ class ModelDesigner:
         """Check that some request of the generation got an answer.
 
         Raises:
-            UserError: none did, for a reason that may pass.
+            NoAnswer: none did, for a reason that may pass.
         """
         unanswered = [reply for reply in self._replies if reply.unanswered]
         if unanswered and all(reply.error is not None for reply in self._replies):
-            raise UserError(
+            raise NoAnswer(
                 f"the model answered no request of generation {generation}: {unanswered[0].error}; requests without "
                 "an answer are sent again when the run goes on"
             )

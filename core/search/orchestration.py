@@ -17,6 +17,7 @@ from core.plugins.blame import describe_failure
 from core.search.evolution import evolve
 from core.search.finalists import Race, choose_winner, rollouts_in
 from core.search.outcome import Announcer, print_best, report_end, resume_hint
+from core.search.patience import run_patiently
 from core.search.setup import Search, build_search
 from core.search.trials import Trials
 from core.store.database import FILE
@@ -26,13 +27,19 @@ from core.support.files import writing
 
 
 def run_and_print(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> None:
-    """Do what `run` does, and print the outcome.
+    """Do what `run` does, with patience (`core.search.patience`), and print the outcome.
 
     Raises:
         UserError: see `run`; or no candidate could be tried.
         KeyboardInterrupt: the run was interrupted.
     """
-    report_end(run(cfg, folder, store, [Announcer()]), folder)
+    result = run_patiently(
+        lambda opened: run(cfg, folder, opened, [Announcer()]),
+        folder,
+        store,
+        cfg.patience_s,
+    )
+    report_end(result, folder)
 
 
 def run_job(cfg: DictConfig, folder: Path) -> None:

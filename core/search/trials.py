@@ -251,7 +251,7 @@ def _fail(chunk: Chunk, error: Exception) -> Trial:
         raise UserError(
             f"candidate {candidate.id} can't be tried: {machine}; this is a fault of the machine, not of the design, "
             "which stays untried: see that there is room on its disks and in its memory"
-        )
+        ) from error
 
     reason = str(error)
     if not isinstance(error, PluginError):

@@ -37,6 +37,7 @@ _NO_METHOD = (
     "name",
     "seed",
     "film",
+    "patience_s",
     "listener",
     "executor",
     "protocol",
