@@ -24,4 +24,4 @@ real-model:
 
 # Slurm and Ray with several nodes on this machine. As root it installs Slurm and Munge from Debian's packages.
 cluster:
-	$(PYTHON) -m pytest -n 0 -s -m cluster tests/cluster tests/plugins/executors
+	$(PYTHON) -m pytest -n 0 -s -m cluster tests/cluster

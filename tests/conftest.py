@@ -1,7 +1,7 @@
 """Settings of Hypothesis, what is left out by default, and what is skipped where PyBullet is missing.
 
-``HYPOTHESIS_PROFILE`` chooses how many random cases are tried: ``patient`` (the default), ``ci`` (where ``CI`` is set)
-or ``nightly``. None has a deadline: what is slow on a busy machine is not wrong.
+``HYPOTHESIS_PROFILE`` chooses how many random cases are tried: ``patient`` (the default), ``many`` or ``nightly``. None
+has a deadline: what is slow on a busy machine is not wrong.
 """
 
 import importlib.util
@@ -19,16 +19,14 @@ from tests.processes import undisturbed  # noqa: F401  # a fixture
 # In the background of a shell Ctrl-C is ignored, and every process started from here would ignore it too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-PROFILE = os.environ.get("HYPOTHESIS_PROFILE") or (
-    "ci" if os.environ.get("CI") else "patient"
-)
-for name, examples in {"patient": 30, "ci": 100, "nightly": 100}.items():
+PROFILE = os.environ.get("HYPOTHESIS_PROFILE") or "patient"
+for name, examples in {"patient": 30, "many": 100, "nightly": 100}.items():
     settings.register_profile(name, deadline=None, max_examples=examples)
 settings.load_profile(PROFILE)
 
 PYBULLET = importlib.util.find_spec("pybullet") is not None
 # Of tools, and as many of replies.
-FUZZ_CASES = {"ci": 1_000, "nightly": 10_000}.get(PROFILE, 150)
+FUZZ_CASES = {"many": 1_000, "nightly": 10_000}.get(PROFILE, 150)
 POPULATION = 60 if PROFILE == "patient" else 200  # one in ten of which breaks
 
 
@@ -45,12 +43,24 @@ def lacks_pybullet(error: BaseException) -> bool:
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave out what is marked ``thorough``, ``real`` or ``cluster``, unless ``-m`` names it."""
-    for mark in ("thorough", "real", "cluster"):
-        if mark not in config.option.markexpr:
-            rare = [item for item in items if item.get_closest_marker(mark)]
-            items[:] = [item for item in items if not item.get_closest_marker(mark)]
-            config.hook.pytest_deselected(items=rare)
+    """Leave out what is marked ``thorough``, ``weekly``, ``real`` or ``cluster``, unless ``-m`` names it."""
+    left_out = [
+        item
+        for item in items
+        if (mark := _rarest_mark(item)) and mark not in config.option.markexpr
+    ]
+    rare = {id(item) for item in left_out}
+    items[:] = [item for item in items if id(item) not in rare]
+    config.hook.pytest_deselected(items=left_out)
+
+
+def _rarest_mark(item: pytest.Item) -> str | None:
+    """Return the mark by which a test is left out: one that is both weekly and thorough is tried weekly."""
+    for mark in ("real", "cluster", "weekly", "thorough"):
+        if item.get_closest_marker(mark):
+            return mark
+
+    return None
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -1,4 +1,4 @@
-"""Leave cases of a parametrised test to the thorough ones."""
+"""Leave cases of a parametrised test to the thorough ones, or to those that are tried weekly."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 
-def rare(values: Iterable[Any], *kept: Any) -> list[Any]:
-    """Mark all values but those ``kept`` as thorough."""
+def rare(values: Iterable[Any], *kept: Any, mark: str = "thorough") -> list[Any]:
+    """Mark all values but those ``kept``."""
+    marks = getattr(pytest.mark, mark)
     return [
-        value if value in kept else pytest.param(value, marks=pytest.mark.thorough)
-        for value in values
+        value if value in kept else pytest.param(value, marks=marks) for value in values
     ]

@@ -109,18 +109,28 @@ RUN = (  # really, of all that are composed; what they share is run once
 
 
 def test_the_commands_that_are_run_are_in_the_docs():
-    assert set(RUN) <= {line.removeprefix("python -m ") for line in commands()}
+    assert {*RUN, *LONG} <= {line.removeprefix("python -m ") for line in commands()}
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        line
-        if line.removeprefix("python -m ") in RUN
-        else pytest.param(line, marks=pytest.mark.thorough)
-        for line in commands()
-    ],
+LONG = (  # several runs in one
+    "core.run -m task=BringCube,OneBook seed=0,1",
+    "core.run -m task=BringCube,OneBook seed=0,1 evolution=vlmgineer,sampling",
+    "core.run task=BringCube task.variation=wide action=anchored fitness=layouts",
 )
+
+
+def by_length():
+    """Yield the commands: those that are run with every test, the thorough ones, and the long ones."""
+    for line in commands():
+        words = line.removeprefix("python -m ")
+        if words in RUN:
+            yield line
+        else:
+            often = "weekly" if words in LONG else "thorough"
+            yield pytest.param(line, marks=getattr(pytest.mark, often))
+
+
+@pytest.mark.parametrize("line", [*by_length()])
 def test_command(line, tmp_path):
     (tmp_path / "tests").symlink_to(ROOT / "tests")
     (tmp_path / "docs").symlink_to(ROOT / "docs")

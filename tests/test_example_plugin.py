@@ -58,7 +58,7 @@ def test_all_its_parts_together_right_after_its_installation(site, tmp_path):
     ]
 
 
-@pytest.mark.thorough
+@pytest.mark.weekly
 def test_every_combination_with_what_is_built_in(site, tmp_path):
     """In one multirun, each for one candidate."""
     choices = {

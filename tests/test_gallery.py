@@ -9,6 +9,7 @@ from PIL import Image
 
 from core.simulation.play import play
 from docs import gallery
+from tests.rare import rare
 
 FIGURES = json.loads(gallery.FIGURES.read_text("utf-8"))
 DESIGNS = [
@@ -39,7 +40,7 @@ def test_pictures_are_there_and_take_little_room():
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("engine", gallery.ENGINES)
+@pytest.mark.parametrize("engine", rare(gallery.ENGINES, "mujoco", mark="weekly"))
 @pytest.mark.parametrize("entry", DESIGNS, ids=lambda entry: entry.task)
 def test_a_design_earns_again_what_the_page_says(entry, engine):
     (trial,) = play(entry.condition(engine), [entry.read()])

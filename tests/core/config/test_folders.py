@@ -33,9 +33,7 @@ def test_where_none_can_be_made_the_name_is_kept(tmp_path):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(
-    "sweep", [False, pytest.param(True, marks=pytest.mark.thorough)]
-)
+@pytest.mark.parametrize("sweep", [False, pytest.param(True, marks=pytest.mark.weekly)])
 def test_runs_begun_in_one_second_have_a_folder_each(sweep, tmp_path):
     """The clock stands still for all of them."""
     program = (

@@ -24,6 +24,7 @@ from tests.engines import simulator
 from tests.faults import Faulty, candidate
 from tests.panda import PANDA, on_panda
 from tests.playing import evaluate_batch
+from tests.rare import rare
 
 # The names of the strategies say how they fail.
 FAILURES = Path(__file__).parents[2] / "failures"
@@ -85,7 +86,9 @@ HARD = {  # reference solutions that are shifted, m, and what is said first
 
 @pytest.mark.thorough
 @pytest.mark.slow
-@pytest.mark.parametrize("engine", ["mujoco", "sapien"])
+@pytest.mark.parametrize(
+    "engine", rare(["mujoco", "sapien", "pybullet"], "mujoco", "sapien", mark="weekly")
+)
 def test_of_twelve_failures_on_hard_tasks_the_first_words_name_the_cause(engine):
     said = {}
     for (name, shift), wanted in HARD.items():

@@ -25,7 +25,8 @@ from core.simulation.pictures import (
 from plugins.conformance.scenery import cube, stick
 from plugins.conformance.worlds import Bodies
 from tests import toys
-from tests.engines import mujoco_first, simulator
+from tests.engines import SIMULATORS, mujoco_first, simulator
+from tests.rare import rare
 
 
 def test_a_png_holds_the_picture_as_it_is():
@@ -132,7 +133,7 @@ def open_picture(file):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
+@pytest.mark.parametrize("engine", rare(SIMULATORS, "mujoco", mark="weekly"))
 def test_a_run_shows_its_best_elite_and_so_does_one_that_goes_on(engine, tmp_path):
     """The scene is drawn in the main thread, elites in the one that reads candidates."""
     simulator(engine)

@@ -196,7 +196,7 @@ def start(folder, *words, **how):
 
 @pytest.mark.parametrize(
     ("wrong_calls", "flood_calls"),
-    [(55, 1_000), pytest.param(1_000, 10_000, marks=pytest.mark.thorough)],
+    [(55, 1_000), pytest.param(1_000, 10_000, marks=pytest.mark.weekly)],
 )
 def test_nonsense_and_floods_are_answered_and_the_run_lives(
     wrong_calls, flood_calls, tmp_path

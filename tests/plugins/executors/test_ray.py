@@ -120,7 +120,7 @@ class Many:
         return [(os.getpid(), tuple(ray.get_gpu_ids()))] * len(chunk)
 
 
-@pytest.mark.cluster
+@pytest.mark.weekly
 def test_an_engine_that_batches_has_one_worker_or_one_per_graphics_card(cluster):
     """Cards that the cluster only believes in: Ray hands them out all the same."""
     chunks = [[number] for number in range(12)]
