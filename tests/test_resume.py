@@ -10,6 +10,7 @@ import subprocess
 import sys
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from omegaconf import OmegaConf
@@ -670,7 +671,7 @@ def waits(monkeypatch):
         waited.append(seconds)
         waited_then.get(len(waited), lambda: None)()
 
-    monkeypatch.setattr(patience.time, "sleep", sleep)
+    monkeypatch.setattr(patience, "time", SimpleNamespace(sleep=sleep))
     return waited, waited_then
 
 
