@@ -31,12 +31,7 @@ from tests.rare import rare
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[1]
-POINTS = dict.fromkeys(SETTINGS, 4) | {
-    "archive": 12,
-    "ensemble": 8,
-    **dict.fromkeys(("guards", "several", "soft"), 2),  # engines take their time
-    "ray": 1,
-}
+POINTS = dict.fromkeys(SETTINGS, 2) | {"archive": 6, "ensemble": 4, "ray": 1}
 """At how many moments a run of each setting is killed, unless ``KILLS`` says another number."""
 
 TIMES = ("wall_time_s", "rollouts_per_s")
