@@ -30,6 +30,6 @@ def test_a_joint_without_a_limit_has_no_share():
     limits[0] = np.inf
     arm.effort_limits, kept = limits, arm.effort_limits
     try:
-        assert len(arm.share_torques(limits * 0 + 1.0)) == len(limits) - 1
+        assert len(arm.share_torques(np.ones(len(limits)))) == len(limits) - 1
     finally:
         arm.effort_limits = kept
