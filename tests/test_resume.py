@@ -711,6 +711,15 @@ def test_a_run_waits_for_a_model_that_is_away_and_pays_nothing_twice(
     assert_same_run(tmp_path / "run", whole)
 
 
+def test_ctrl_c_ends_a_wait_and_says_how_to_go_on(toy, tmp_path, monkeypatch):
+    def interrupt(seconds):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(patience, "time", SimpleNamespace(sleep=interrupt))
+    with pytest.raises(KeyboardInterrupt, match=f"resume={tmp_path / 'run'}"):
+        run_and_print(patient(toy, 60, vlm__down="g1-.*"), tmp_path / "run")
+
+
 def test_what_does_not_pass_is_not_waited_for(toy, disk, waits):
     mount("-t", "tmpfs", "-o", "size=50m", "toys", str(disk))
     begin(toy, disk / "run", vlm_limit=3)

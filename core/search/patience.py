@@ -14,6 +14,7 @@ from pathlib import Path
 
 from core.errors import Fault, NoAnswer, UsageError, UserError
 from core.events import Result
+from core.search.outcome import resume_hint
 from core.store.recorder import RunStore
 from core.support.cli import say
 
@@ -49,6 +50,7 @@ def run_patiently(
     Raises:
         UserError: of the run, if it can't pass or has not passed in this time.
         UsageError: a time below 0.
+        KeyboardInterrupt: while it waits; says how to go on.
     """
     if not patience_s >= 0:
         raise UsageError(f"patience_s must be 0 or greater, got {patience_s}")
@@ -68,8 +70,11 @@ def run_patiently(
                 store.run_ended()
             if not may_pass(error) or waits.left_s <= 0:
                 raise
-            waits.wait(error)
             store = None
+            try:
+                waits.wait(error)
+            except KeyboardInterrupt:
+                raise KeyboardInterrupt(resume_hint(folder)) from None
 
 
 class _Waits:

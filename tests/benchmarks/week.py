@@ -3,7 +3,7 @@
 Designs are drawn at random and an engine that does next to nothing plays them, in real worker processes. Meanwhile:
 
 - the engine keeps 20 megabytes of each rollout, so that workers run out of memory (``executor.memory_mb``);
-- the fortieth rollout of each worker never ends (``executor.timeout_s``);
+- the fortieth rollout of every second worker never ends (``executor.timeout_s``);
 - the disk is full several times, and is given room while the run waits (``patience_s``);
 - the model answers nothing for a whole generation, until the run has waited for an hour;
 - the clock jumps by an hour, forth and back, each time it is read.
