@@ -20,6 +20,7 @@ from plugins.fitness.nominal import Nominal
 from tests.benchmarks.measuring import designs
 from tests.plugins.executors.test_local import double, misfortune
 from tests.processes import all_gone, family
+from tests.rare import rare
 
 pytestmark = pytest.mark.slow
 
@@ -174,7 +175,7 @@ class Doomed:
         return play(condition, candidates)
 
 
-@pytest.mark.thorough
+@pytest.mark.weekly
 def test_a_node_that_is_lost_changes_no_result(cluster, tmp_path):
     candidates = designs("BringCube", 8, 1, 0)
     coarse = PluginPart("sim", "pybullet", (("time_step", 0.004),))
@@ -197,7 +198,9 @@ def test_a_node_that_is_lost_changes_no_result(cluster, tmp_path):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("moment", ["running", "starting"])
+@pytest.mark.parametrize(
+    "moment", rare(["running", "starting"], "running", mark="weekly")
+)
 def test_ctrl_c_leaves_nothing_behind(tmp_path, moment):
     words = [
         "executor=ray",
