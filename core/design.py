@@ -9,7 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from core.values.plans import ActionPlan, Waypoints, digest
+from core.values.contents import digest
+from core.values.plans import ActionPlan, Waypoints
 from core.values.tools import (
     GRIPPER_MOUNTS as GRIPPER_MOUNTS,
     MAX_JOINTS as MAX_JOINTS,

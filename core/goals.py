@@ -25,7 +25,7 @@ import numpy as np
 
 from core.errors import UsageError, choices, refuse
 from core.geometry import Array, Vector
-from core.scene import Scene
+from core.scene import FIXTURE, Scene
 from core.support.text import number_beside
 from core.values.joints import rotate, rotate_back
 from core.values.margins import Margin
@@ -387,8 +387,12 @@ class Reach(Goal):
     ) -> Array:
         """Compute how far it is fulfilled in states, 0..1, (...), whatever it asks of time.
 
-        ``conduct`` says whether the robot holds a body, and how it moved lately; None: that does not count.
+        ``conduct`` says whether the robot holds a body, and how it moved lately; None: that does not count. Nothing is
+        fulfilled that names a fixture, where the design has none.
         """
+        if needs_fixture(self) and start.fixture is None:
+            return np.zeros(now.positions.shape[:-2])
+
         shares = []
 
         for body in self.subjects(now):
@@ -1331,16 +1335,28 @@ def check_names(goal: Goal, scene: Scene) -> None:
     if looks_at_bodies and not getattr(goal, "bodies", ()):
         raise UsageError("a goal to reach needs bodies")
 
+    for field, name in _find_named(goal):
+        what = NAMED[field]
+        possible = list_names(what, scene)
+        if name not in possible:
+            raise choices(what, name, possible)
+
+
+def needs_fixture(goal: Goal) -> bool:
+    """Report whether a goal names the fixture that a design brings (`core.design.Fixture`)."""
+    return any(name == FIXTURE for _, name in _find_named(goal))
+
+
+def _find_named(goal: Goal) -> Iterator[tuple[str, str]]:
+    """Yield what a goal and its parts name in a scene: by which field of `NAMED`, and the name."""
     for part in getattr(goal, "parts", [goal]):
-        for field, what in NAMED.items():
+        for field in NAMED:
             names = getattr(part, field, None) or ()
             if isinstance(names, str):
                 names = (names,)
 
-            possible = list_names(what, scene)
             for name in names:
-                if name not in possible:
-                    raise choices(what, name, possible)
+                yield field, name
 
 
 def _angle_between(first: Array, second: Array) -> Array:

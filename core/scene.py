@@ -44,13 +44,16 @@ from core.values.softs import (
     Rope as Rope,
 )
 from core.values.states import State as State
-from core.values.tools import Tool
+from core.values.tools import Fixture, Tool
 from core.values.traces import Trace as Trace
 
 GROUND_M = 400.0  # how long and wide a floor is
 GRAVITY: Vector = (0.0, 0.0, -9.81)
 FIXTURE = "fixture"
-"""The name of the body that a design adds to a scene (`core.design.Fixture`)."""
+"""The name of the body that a design adds to a scene (`core.design.Fixture`).
+
+A scene whose goals name it has a mark of this name, whose place the design's fixture takes.
+"""
 
 
 @dataclass(frozen=True)
@@ -223,7 +226,8 @@ class Scene:
     """All bodies in the world, without the robot, and the joints between them.
 
     A body hangs from at most one joint, and no joints form a circle. ``gravity`` is in m/s^2, along the world's axes.
-    ``bonds`` hold bodies until a force breaks them.
+    ``bonds`` hold bodies until a force breaks them. ``fixture`` is what a design adds, and among the bodies too; see
+    `furnished`.
 
     Raises:
         ValueError: two bodies, joints or bonds have the same name; a joint or a bond can't be where it is; or too many
@@ -234,6 +238,7 @@ class Scene:
     joints: tuple[Joint, ...] = ()
     gravity: Vector = GRAVITY
     bonds: tuple[Bond, ...] = ()
+    fixture: Fixture | None = None
 
     def __hash__(self) -> int:  # much is kept by scene, and layouts differ in places
         return hash(tuple((body.name, body.pose) for body in self.bodies))
@@ -438,6 +443,7 @@ class Scene:
             joints=self.placed_joints,
             carried=self.carried,
             bonds={bond.name: bond.body for bond in self.bonds},
+            fixture=self.fixture,
         )
 
 
@@ -453,7 +459,8 @@ def _furnish(scene: Scene, tool: Tool) -> Scene:
 
     solid = tuple(Geom(part.shape, part.pose) for part in parts.parts)
     body = Body(FIXTURE, fixture.pose, 0.0, tuple(drawn), solid, parts.friction)
-    return replace(scene, bodies=(*scene.bodies, body))
+    others = [other for other in scene.bodies if other.name != FIXTURE]
+    return replace(scene, bodies=(*others, body), fixture=fixture)
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,14 @@ import numpy as np
 
 from core.errors import UsageError, choices
 from core.geometry import Array, Pose
-from core.goals import Goal, goals_margins
+from core.goals import Goal, goals_margins, needs_fixture, reaches
 from core.scene import Camera, Region, Scene, State, Trace
 from core.values.layouts import NONE, Draw, Ranges
 from core.values.margins import Margin, least_first
 from core.values.messages import Picture
 from core.values.observations import Sight
 from core.values.robots import Robot
+from core.values.tools import Fixture
 
 
 class Task(ABC):
@@ -142,6 +143,19 @@ class Task(ABC):
         Commands say them before anything is tried.
         """
         yield from ()
+
+    def find_fixture_faults(self, fixture: Fixture | None) -> Iterator[str]:
+        """Yield a line for each reason why the goals can't be reached with what a design brings; None: with nothing.
+
+        By default that is a missing fixture, where all that is to be reached names it.
+        """
+        wanted = reaches(self.goals)
+        named = [goal for goal in wanted if needs_fixture(goal)]
+        if fixture is None and wanted and len(named) == len(wanted):
+            yield (
+                f"the goals of {self.name} name the fixture, and the design has none; add 'fixture', with a pose and "
+                "components"
+            )
 
     def photographs(self) -> Sequence[Picture]:
         """Return pictures of one's own bench that show this scene, for the prompt.

@@ -70,7 +70,8 @@ def read_tool(
     """Read a design's tool, with its name and description, and its fixture.
 
     Raises:
-        DesignError: a rule is broken, or the representation fails; then the message names its plugin.
+        DesignError: a rule is broken; with its fixture the goals can't be reached; or the representation fails, then
+            the message names its plugin.
     """
     name = read_words(fields, "tool_name")
     description = read_words(fields, "tool_description")
@@ -83,6 +84,9 @@ def read_tool(
 
     weighed = representation.material.made(tool)
     fixture = _read_fixture(fields.get(FIXTURE), representation, task)
+    for fault in task.find_fixture_faults(fixture):
+        raise DesignError(fault)
+
     weighed = replace(weighed, fixture=fixture)
     keys = [*call_part(representation, "schema", dict), FIXTURE]
     text = json.dumps({key: fields[key] for key in keys if key in fields}, default=str)

@@ -11,7 +11,7 @@ from core.interfaces import Reply, Request, Text
 from core.store.reader import StoredRun
 from core.store.rows import StoredEvaluation, StoredRequest
 from core.trial import Trial, TrialKey
-from core.values.plans import digest
+from core.values.contents import digest
 
 
 class StoredProgress:

@@ -5,15 +5,15 @@ Plugins import all of it from `core.interfaces`.
 
 from __future__ import annotations
 
-import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
 
 from core.geometry import Array, Pose
+from core.values.contents import content_of
 from core.values.jobs import Looked, Reactions, RolloutSettings
 from core.values.motions import Begin, JointTrajectory, Motion
 from core.values.robots import Robot
@@ -279,26 +279,3 @@ class PlannedMotion:
     report: Callable[[Look, tuple[Sighted, ...]], Looked]
     go_on: Callable[[Waypoints, Begin], Motion]
     check: Callable[[JointTrajectory, float], object]
-
-
-def digest(content: object) -> str:
-    """Hash nested tuples of plain values."""
-    return hashlib.blake2b(repr(content).encode(), digest_size=16).hexdigest()
-
-
-def content_of(value: object) -> object:
-    """Write a value as nested tuples. Fields with their default are left out, so that a new field changes no hash."""
-    if is_dataclass(value):
-        named = [(item, getattr(value, item.name)) for item in fields(value)]
-        given = [
-            (f.name, content_of(v))
-            for f, v in named
-            if not (type(v) is type(f.default) and v == f.default)
-        ]
-        return type(value).__name__, *given
-
-    if isinstance(value, np.ndarray):
-        return value.shape, value.dtype.str, value.tobytes()
-    if isinstance(value, tuple):
-        return tuple(content_of(item) for item in value)
-    return value

@@ -18,6 +18,7 @@ from core.values.joints import (
     rotate,
     rotate_back,
 )
+from core.values.tools import Fixture
 
 Value = TypeVar("Value")
 
@@ -39,6 +40,7 @@ class State:
         joints: the scene's joints by name; likewise.
         carried: of each mark that moves along with a body, that body, and the mark's pose in its frame; likewise.
         bonds: the body that each bond of the scene holds; likewise.
+        fixture: what the design adds to the scene, None: nothing; likewise.
         soft: the nodes (..., N, 3) of each soft body by name. Its position is its centre of mass, and it never turns.
     """
 
@@ -51,6 +53,7 @@ class State:
     joints: Mapping[str, PlacedJoint] = field(default_factory=dict, kw_only=True)
     carried: Mapping[str, tuple[str, Pose]] = field(default_factory=dict, kw_only=True)
     bonds: Mapping[str, str] = field(default_factory=dict, kw_only=True)
+    fixture: Fixture | None = field(default=None, kw_only=True)
     soft: Mapping[str, Array] = field(default_factory=dict, kw_only=True)
 
     def position(self, name: str, node: int | None = None) -> Array:
@@ -198,6 +201,7 @@ class State:
             joints=first.joints,
             carried=first.carried,
             bonds=first.bonds,
+            fixture=first.fixture,
             soft={
                 name: how([state.soft[name] for state in states]) for name in first.soft
             },

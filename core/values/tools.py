@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from core.geometry import Color, Compound, Pose, Shape, Triple
-from core.values.plans import content_of, digest
+from core.values.contents import content_of, digest
 
 RIGID_MOUNT = "tool_mount"
 GRIPPER_MOUNTS = ("left_finger", "right_finger")

@@ -9,7 +9,7 @@ from itertools import chain
 
 from core.design import Candidate
 from core.interfaces import ActionPlan, Condition, Evaluation, Fitness, Score, Trial
-from core.values.plans import digest
+from core.values.contents import digest
 from plugins.several.plans import TaskPlans
 
 # What counts of a candidate's rewards in the tasks, by the name in the configuration.

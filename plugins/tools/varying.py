@@ -11,7 +11,7 @@ from core.design import Component, Tool
 from core.geometry import Array, Compound, Pose, Shape, resized
 from core.interfaces import Numbers, ToolRepresentation
 from core.robot.solids import closest, solids_of
-from core.values.plans import content_of
+from core.values.contents import content_of
 
 GROWTH = 0.1
 """A small growth of a side, as a logarithm."""

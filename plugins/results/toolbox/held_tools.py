@@ -13,7 +13,7 @@ from core.design import Candidate, Tool
 from core.errors import UsageError
 from core.interfaces import ActionPlan, Evaluation, ToolRepresentation
 from core.plugins import TASK
-from core.values.plans import digest
+from core.values.contents import digest
 from plugins.results.chosen import chosen_evaluations
 from plugins.results.pages.figure import slug
 from plugins.results.pages.runs import FinishedRun

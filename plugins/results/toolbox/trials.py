@@ -18,7 +18,7 @@ from core.search.orchestration import run as search
 from core.store.reader import StoredRun
 from core.store.recorder import RunStore
 from core.support.files import writing
-from core.values.plans import digest
+from core.values.contents import digest
 from plugins.results.artifacts import save_design
 from plugins.results.chosen import stored_evaluations
 from plugins.results.toolbox.held_tools import (

@@ -10,6 +10,7 @@ import numpy as np
 
 from core.errors import UsageError, UserError, choices
 from core.geometry import Array, Pose
+from core.goals import needs_fixture
 from core.scene import FIXTURE, Body, Color, Region, Scene, Soft, table
 from core.values.joints import Placement
 from plugins.tasks.file.body_building import (
@@ -68,10 +69,10 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
             with _located(tree, ("marks", number)):
                 marks.append(_place_mark(mark, marks, bodies))
 
-    taken = [body.name for body in around]
-    if spec.fixture is not None:
-        taken.append(FIXTURE)
+    if any(needs_fixture(goal) for entry in spec.goals for goal in entry):
+        marks.append(_stand_in(tree, spec))
 
+    taken = [body.name for body in around]
     _check_unique(tree, spec, taken)
     if len(bodies) > MAX_COPIES:
         problem = f"a scene can have {MAX_COPIES} bodies, not {len(bodies)}; take fewer"
@@ -105,6 +106,24 @@ def build_region(spec: SceneSpec) -> Region | None:
     half = np.array(spec.fixture.box) / 2
     low, high = np.round([middle - half, middle + half], 6).tolist()
     return Region(tuple(low), tuple(high))
+
+
+def _stand_in(tree: Tree, spec: SceneSpec) -> Body:
+    """Build the mark whose place a design's fixture takes: where it may stand.
+
+    Raises:
+        UserError: it may not stand anywhere.
+    """
+    region = spec.fixture
+    if region is None:
+        problem = (
+            "they name the fixture that a design brings, and this scene has no place for one; add where it may stand, "
+            "such as fixture: {box: [0.3, 0.3, 0.3], position: [0.6, 0, 0.15]}"
+        )
+        raise tree.error(("goals",), problem)
+
+    mark = MarkSpec(name=FIXTURE, position=region.position, box=region.box)
+    return build_mark(mark)
 
 
 def _repeat(body: Body, repeat: RepeatSpec | None) -> list[Body]:
@@ -189,6 +208,9 @@ def _check_unique(tree: Tree, spec: SceneSpec, taken: list[str]) -> None:
     bodies = [body.name for body in spec.bodies]
     for kind, names in (("marks", marks), ("bodies", bodies)):
         for number, name in enumerate(names):
+            if name == FIXTURE:
+                problem = f"{name!r} is what a design brings; choose another name"
+                raise tree.error((kind, number, "name"), problem)
             if name in taken:
                 problem = f"{name!r} is there already; choose another name"
                 raise tree.error((kind, number, "name"), problem)

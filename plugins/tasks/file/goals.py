@@ -20,6 +20,7 @@ from core.goals import (
     Turned,
     Unbroken,
     Untouched,
+    needs_fixture,
     reaches,
 )
 from core.support.templates import macros
@@ -64,6 +65,7 @@ KINDS: Mapping[str, type[Goal]] = {
 FILLED = {
     "relative",
     "hollow",
+    "around",
     "feet",
     "down",
     "also",
@@ -254,6 +256,12 @@ def describe_goals(goals: Sequence[Goal], every: bool = False) -> list[str]:
             "The progress of a goal is max(0, 1 - d / d0). Here d is how far its bodies are from it at the end, beyond "
             "the tolerance or limit, d0 the same at the start; of several bodies it is the mean, and any one is the "
             "best."
+        )
+
+    if any(needs_fixture(goal) for goal in goals):
+        lines.append(
+            "The fixture is what the design adds to the scene. Nothing is earned for a goal that names it where there "
+            "is none."
         )
 
     counts = "the mean of the goals' progress, by weight"

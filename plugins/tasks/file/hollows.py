@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -13,8 +14,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import ConvexHull
 
+from core.design import Fixture
 from core.geometry import Array, Pose, Shape
-from core.scene import Body
+from core.scene import FIXTURE, Body, Geom
 from plugins.tasks.file.doubts import bound
 
 _CELLS = 16_000  # of the grid that a body is looked at by
@@ -22,6 +24,7 @@ _LEAST = 8  # cells along a side
 _WAYS = 8  # directions in which a wall must stand
 _PART = 0.2  # of the largest hollow: smaller ones, such as a handle's, are none
 _STEP_M = 0.001  # of the way down to where a body rests
+_NO_WAY_M = 1.0  # what leads into no space counts as so long
 _FLAT_M = 0.002  # a mark that is not higher is flat
 
 COLUMN_M = 0.1
@@ -56,7 +59,13 @@ class Hollow:
     rooms: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
 
     def room(self, points: Array) -> Array:
-        """Measure how deep inside points (..., 3) are, m, (...); below 0: how long the way in is."""
+        """Measure how deep inside points (..., 3) are, m, (...); below 0: how long the way in is.
+
+        In an empty space nothing is, wherever it goes.
+        """
+        if not self.rooms.size:
+            return np.full(points.shape[:-1], -_NO_WAY_M)
+
         most = np.array(self.rooms.shape) - 1.0
         cells = (points - self.low) / self.step
         within = np.clip(cells, 0.0, most)
@@ -69,7 +78,13 @@ class Hollow:
 
     @property
     def middle(self) -> Array:
-        """Its point (3,) that is farthest from its boundary; of several the lowest in the middle."""
+        """Its point (3,) that is farthest from its boundary; of several the lowest in the middle.
+
+        That of an empty space is the frame's origin.
+        """
+        if not self.rooms.size:
+            return np.zeros(3)
+
         deepest = np.argwhere(self.rooms > self.rooms.max() - self.step.min() / 2)
         lowest = deepest[deepest[:, 2] == deepest[:, 2].min()]
         return np.asarray(self.low + self.step * lowest.mean(axis=0))
@@ -92,6 +107,13 @@ class Hollow:
         ground = float(ways[outside.argmax()]) if outside.any() else 0.0
         # A body that is taller than the room below the middle stands up into it.
         return np.asarray(self.middle + (ground - foot) * down / length)
+
+
+@lru_cache(maxsize=64)  # the candidates of a chunk share their fixture
+def find_fixture_hollow(fixture: Fixture, around: tuple[Body, ...]) -> Hollow | None:
+    """Find the hollow of a design's fixture, in its frame; see `find_hollow`."""
+    parts = tuple(Geom(part.shape, part.pose) for part in fixture.parts.parts)
+    return find_hollow(Body(FIXTURE, fixture.pose, 0.0, (), parts), around)
 
 
 def find_hollow(body: Body, around: Sequence[Body] = ()) -> Hollow | None:

@@ -7,12 +7,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from core.design import Fixture
 from core.geometry import Array, Vector
 from core.goals import SLIP_DEG, SLIP_M, Evidence, Limit, Measure, Reach, Span
+from core.scene import FIXTURE, Body
 from core.values.joints import inverse, multiply, rotate, rotate_back
 from core.values.margins import Margin
 from core.values.states import State
-from plugins.tasks.file.hollows import Hollow
+from plugins.tasks.file.hollows import Hollow, find_fixture_hollow
 
 SLIP_SHARE = 0.2  # of a limit of height or area: what is so far off counts as lost
 
@@ -112,13 +114,15 @@ class Inside(Reach):
 
     Attributes:
         inside: the name of the body or mark.
-        hollow: the space, in its frame; it moves with it.
+        hollow: the space, in its frame; it moves with it. That of a design's fixture is found where there is one.
+        around: what is fixed beside the fixture, and closes it.
         feet: by body, how far its frame is above its lowest point at the start, m.
         down: where gravity draws, (3,) in the world.
     """
 
     inside: str
     hollow: Hollow = field(default_factory=Hollow, repr=False, compare=False)
+    around: Sequence[Body] = field(default=(), repr=False, compare=False)
     feet: Mapping[str, float] = field(default_factory=dict, repr=False, compare=False)
     down: Vector = field(default=(0.0, 0.0, -1.0), repr=False, compare=False)
 
@@ -127,13 +131,29 @@ class Inside(Reach):
         """What the place is given by."""
         return self.inside
 
+    def can_enter(self, fixture: Fixture) -> bool:
+        """Report whether there is a space for bodies with a design's fixture in the scene."""
+        if self.inside != FIXTURE:
+            return True
+
+        return find_fixture_hollow(fixture, tuple(self.around)) is not None
+
+    def _find_hollow(self, start: State) -> Hollow:
+        """Return the space in the layout that begins so; of a design's fixture without one it is empty."""
+        if self.inside != FIXTURE or start.fixture is None:
+            return self.hollow
+
+        return find_fixture_hollow(start.fixture, tuple(self.around)) or self.hollow
+
     def measures(self, body: str, start: State) -> Iterator[Measure]:
+        hollow = self._find_hollow(start)
+
         def room(state: State) -> Array:
             if body in state.soft:
-                rooms = self.hollow.room(state.nodes(body, self.inside))
+                rooms = hollow.room(state.nodes(body, self.inside))
                 return np.asarray(rooms.min(axis=-1))
 
-            return self.hollow.room(state.relative(body, self.inside))
+            return hollow.room(state.relative(body, self.inside))
 
         name = f"{body} inside {self.inside}, from its wall"
         yield Measure(name, room, 0.0, SLIP_M, "m", at_least=True, whole=True)
@@ -144,7 +164,8 @@ class Inside(Reach):
         local = rotate_back(frame, np.array(self.down))
         # Worlds of one layout have it alike.
         down = local.reshape(-1, 3)[0]
-        place = self.hollow.rest(down, self.feet.get(body, 0.0))
+        hollow = self._find_hollow(start)
+        place = hollow.rest(down, self.feet.get(body, 0.0))
         return start.position(self.inside) + rotate(frame, place)
 
 
@@ -156,6 +177,11 @@ class Throughout(Limit):
     """
 
     what: Reach
+
+    @property
+    def parts(self) -> tuple[Reach, ...]:
+        """What it asks for."""
+        return self.what.parts
 
     @property
     def needs_trace(self) -> bool:

@@ -21,9 +21,10 @@ from core.goals import (
     Untouched,
     check_names,
     list_names,
+    needs_fixture,
     reaches,
 )
-from core.scene import Body, Scene, Soft
+from core.scene import FIXTURE, Body, Scene, Soft
 from plugins.tasks.file.body_building import build_mark
 from plugins.tasks.file.contacts import CONTACT_M, find_gaps
 from plugins.tasks.file.doubts import find_foot
@@ -130,9 +131,14 @@ def _resolve(goal: Goal, scene: Scene, marks: Mapping[str, MarkSpec]) -> Goal:
     if isinstance(found, Untouched) and found.by:
         _check_apart(found, scene)
     if isinstance(found, Inside):
+        hollow = Hollow()
+        if found.inside != FIXTURE:
+            hollow = _find_space(scene, found.inside, marks)
+
         found = replace(
             found,
-            hollow=_find_space(scene, found.inside, marks),
+            hollow=hollow,
+            around=tuple(body for body in scene.bodies if body.fixed),
             feet={name: find_foot(scene, scene[name]) for name in found.bodies},
             down=scene.gravity,
         )
@@ -162,6 +168,9 @@ def _check_throughout(what: Reach, scene: Scene) -> None:
     Raises:
         UsageError: says what was probably meant.
     """
+    if needs_fixture(what):
+        return
+
     start = scene.state()
     unmet = what.held or bool(what.progress(start, start) < 1.0)
     if unmet:

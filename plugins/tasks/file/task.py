@@ -6,10 +6,12 @@ from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
+from core.design import Fixture
 from core.errors import UserError
 from core.geometry import Array, Pose
 from core.goals import goals_reward, reaches
@@ -24,6 +26,7 @@ from plugins.tasks.file import (
     copies,
     doubts,
     goals,
+    kinds,
     naming,
     photos,
     places,
@@ -157,6 +160,20 @@ class FileTask(Task):
         arm = arm_of(self.robot)
         for goal in reaches(self.goals):
             yield from places.find_far(goal, arm, self._scene)
+
+    def find_fixture_faults(self, fixture: Fixture | None) -> Iterator[str]:
+        """See `core.interfaces.Task.find_fixture_faults`: what bodies are to be inside of needs a hollow, too."""
+        yield from super().find_fixture_faults(fixture)
+        if fixture is None:
+            return
+
+        parts = chain(*(getattr(goal, "parts", ()) for goal in self.goals))
+        entered = [part for part in parts if isinstance(part, kinds.Inside)]
+        if any(not part.can_enter(fixture) for part in entered):
+            yield (
+                "fixture: bodies must end inside it, and it has no hollow with walls all around; close its walls, on "
+                "a side that is open like a cup's or a tube's"
+            )
 
     def photographs(self) -> list[Picture]:
         """See `core.interfaces.Task.photographs`."""

@@ -86,6 +86,19 @@ def test_without_its_fixture_it_earns_little(task):
     assert whole == 1
 
 
+def test_a_goal_that_names_the_fixture_asks_for_one(tmp_path):
+    file = tmp_path / "scene.yaml"
+    file.write_text(FUNNEL.read_text().replace("inside: bottle", "inside: fixture"))
+    task = on_panda(installed().create("task", "file", file=str(file)))
+    without = {key: value for key, value in STRATEGY.items() if key != FIXTURE}
+    missing = "the goals of UseFunnel name the fixture, and the design has none; add"
+    assert missing in read(task, without).problem
+    assert read(task, STRATEGY).problem is None  # a funnel has walls all around
+    post = {**STRATEGY[FIXTURE], "tool_components": [POST]}
+    solid = read(task, {**STRATEGY, FIXTURE: post})
+    assert "bodies must end inside it, and it has no hollow" in solid.problem
+
+
 def test_a_task_without_a_place_for_a_fixture_refuses_one():
     design = read(on_panda(installed().create("task", "BringCube")), STRATEGY)
     assert "BringCube has no place for a fixture; leave 'fixture' out" in design.problem

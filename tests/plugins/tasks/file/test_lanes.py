@@ -1,7 +1,7 @@
 """What each word of a scene file means in physics: a goal that is met by a little, and one that is missed by a little.
 
 All of it happens side by side in one scene, `lanes.yaml`, which each engine plays once; what bonds do is in
-`bonds.yaml`. The robot waits meanwhile.
+`bonds.yaml`, and what names a design's fixture in `fixture.yaml`. The robot waits meanwhile.
 """
 
 from functools import cache
@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.design import Tool
+from core.design import Component, Fixture, Tool
 from core.errors import UserError
+from core.geometry import Box, Pose
 from core.interfaces import Ability, JointTrajectory, Rollout
 from core.robot.kinematics import arm_of
 from core.solids.contacts import find_contacts, make_trace
@@ -23,7 +24,9 @@ from tests.panda import on_panda
 LANES = Path(__file__).parent / "lanes.yaml"
 BONDS = Path(__file__).parent / "bonds.yaml"
 SOFTS = Path(__file__).parent / "softs.yaml"
+FIXTURE = Path(__file__).parent / "fixture.yaml"
 GOAL = "{bodies: [tray], raised: 0.09}"
+WITHIN = "{bodies: [pea], inside: fixture}"
 LIFTED = "{bodies: [puller], raised: 0.09}"
 STAYED = (
     "{bodies: [slab], node: 0, place: [0.47, 0.27, null], tolerance: 0.003, rest: true}"
@@ -109,6 +112,16 @@ BONDED = [
     ("any", "{broken: [gives, bears], any: true}", ", any: true", ""),
 ]  # fmt: skip
 
+FURNISHED = [
+    ("inside", "{bodies: [pea], inside: fixture}", "pea", "stray"),
+    ("at", "{bodies: [pea], at: fixture, place: [0.01, 0, '< 0.0145']}", "0.0145", "0.0135"),
+    ("facing", "{bodies: [bar], facing: fixture, axis: [0, 0, -1], tolerance_deg: 3}", "-1", "1"),
+    ("untouched", "{untouched: [fixture], by: [stray]}", "stray", "pea"),
+    ("by", "{untouched: [stray], by: [fixture]}", "stray", "bar"),
+    ("max_force_n", "{untouched: [fixture], by: [bar], max_force_n: 1.5}", "1.5", "0.4"),
+    ("throughout", "{bodies: [pea], inside: fixture, throughout: true}", "pea", "stray"),
+]  # fmt: skip
+
 
 def read(folder, goals, scene=LANES, goal=GOAL):
     file = folder / "lanes.yaml"
@@ -116,17 +129,38 @@ def read(folder, goals, scene=LANES, goal=GOAL):
     return on_panda(FileTask(str(file)))
 
 
+def bring_tray():
+    """A tool whose design brings a tray of 0.1 x 0.1 m with walls of 0.03 m, in place of the robot's tool."""
+    sides = {
+        "floor": ((0.1, 0.1, 0.004), (0, 0, 0.002)),
+        "left": ((0.1, 0.004, 0.026), (0, 0.048, 0.017)),
+        "right": ((0.1, 0.004, 0.026), (0, -0.048, 0.017)),
+        "far": ((0.004, 0.1, 0.026), (0.048, 0, 0.017)),
+        "near": ((0.004, 0.1, 0.026), (-0.048, 0, 0.017)),
+    }
+    parts = [
+        Component(name, "tool_mount", Pose(np.array(place)), Box(size))
+        for name, (size, place) in sides.items()
+    ]
+    pose = Pose(np.array([0.6, 0.2, 0.0]))
+    return Tool(fixture=Fixture(Tool(tuple(parts)), pose))
+
+
+NO_TOOL = Tool()
+TRAY = bring_tray()
+
+
 @cache
-def play(engine, scene=LANES):
+def play(engine, scene=LANES, tool=NO_TOOL):
     """What becomes of the lanes in 1 s: the state before and after, and what happened in between."""
     task = on_panda(FileTask(str(scene)))
-    scene = task.scene(0)
+    scene = task.scene(0).furnished(tool)
     home = arm_of(task.robot).home_for(task.home)
     still = JointTrajectory(np.zeros(1), home[None], np.zeros(1))
-    job = Rollout(Tool(), still, 1, settle_s=0.1, hold_s=1.0, record_hz=MAX_HZ, forces=True)  # fmt: skip
+    job = Rollout(tool, still, 1, settle_s=0.1, hold_s=1.0, record_hz=MAX_HZ, forces=True)  # fmt: skip
     (outcome,) = simulator(engine).rollout(task, [job])
     assert outcome.error is None
-    contacts = find_contacts(scene, task.robot, Tool(), outcome.recording)
+    contacts = find_contacts(scene, task.robot, tool, outcome.recording)
     trace = make_trace(scene, [contacts])[0]
     return scene.complete(outcome.start), scene.complete(outcome.end), trace
 
@@ -188,6 +222,28 @@ def test_an_engine_that_measures_no_bonds_says_so():
     line = str(error.value)
     assert line.startswith("Bonds: sim=sapien does not support bonds that break (bears")
     assert "use sim=mujoco or sim=pybullet" in line
+
+
+@pytest.mark.parametrize("row", FURNISHED, ids=[row[0] for row in FURNISHED])
+def test_a_fixture_that_a_goal_names_means_the_same_in_every_engine(tmp_path, row):
+    _, goal, old, new = row
+    tasks = [
+        read(tmp_path, [WITHIN, asked] if limits(asked) else [asked], FIXTURE, WITHIN)
+        for asked in (goal, goal.replace(old, new))
+    ]
+    for engine in SIMULATORS:
+        played = play(engine, FIXTURE, TRAY)
+        rewards = [float(task.reward(*played)) for task in tasks]
+        assert rewards[0] == pytest.approx(1, abs=1e-6), engine
+        assert rewards[1] < 0.999, engine
+
+
+def test_without_a_fixture_nothing_is_earned_where_it_is_named(tmp_path):
+    asked = "{bodies: [pea], at: fixture, place: [0.01, 0, null], tolerance: 0.1}"
+    task = read(tmp_path, [asked, "{bodies: [stray], raised: 0.1}"], FIXTURE, WITHIN)
+    start, end, trace = play("mujoco", FIXTURE)
+    assert task.reward(start, end, trace) == pytest.approx(0, abs=1e-3)
+    assert list(task.find_fixture_faults(None)) == []  # the other goal needs none
 
 
 def limits(goal):

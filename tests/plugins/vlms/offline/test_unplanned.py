@@ -30,6 +30,10 @@ SOFT = """
   - {name: slab, box: [0.06, 0.06, 0.03], position: [0.5, 0.3, 0.015], elastic: {density: 400, young: 5000}}
 joints:"""
 
+REGION = """
+fixture: {box: [0.2, 0.2, 0.2], position: [0.8, 0.2, 0.1]}
+joints:"""
+
 ASKED = {
     "place": GOAL,
     "places": "{bodies: [ball, stick], places: [[0.6, 0.2, 0.02], [0.5, 0, 0.01]]}",
@@ -57,6 +61,7 @@ MORE = {
     "by": "{untouched: [cup], by: [stick]}",
     "throughout": "{bodies: [ball], raised: '< 0.2', throughout: true}",
     "by_s": "{bodies: [ball], away: 0.1, by_s: 3}",
+    "fixture": "{bodies: [ball], inside: fixture}",
     "node": "{bodies: [slab], node: 0, place: [0.6, null, null]}",
 }
 """Goals with keys that no kind is named by."""
@@ -70,7 +75,12 @@ def named(tmp_path_factory):
     found = {}
     for key, goal in (ASKED | MORE).items():
         file = tmp_path_factory.mktemp(key) / "scene.yaml"
-        text = SCENE.replace("\njoints:", SOFT) if "slab" in goal else SCENE
+        text = SCENE
+        if "slab" in goal:
+            text = SCENE.replace("\njoints:", SOFT)
+        if "fixture" in goal:
+            text = SCENE.replace("\njoints:", REGION)
+
         asked = f"{GOAL}\n  - {goal}" if key in LIMITS else goal
         file.write_text(text.replace(GOAL, asked))
         task = FileTask(str(file))
