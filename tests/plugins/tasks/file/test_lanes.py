@@ -4,6 +4,7 @@ All of it happens side by side in one scene, `lanes.yaml`, which each engine pla
 `bonds.yaml`, and what names a design's fixture in `fixture.yaml`. The robot waits meanwhile.
 """
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -13,13 +14,21 @@ import pytest
 from core.design import Component, Fixture, Tool
 from core.errors import UserError
 from core.geometry import Box, Pose
-from core.interfaces import Ability, JointTrajectory, Rollout
+from core.interfaces import (
+    Ability,
+    JointTrajectory,
+    Rollout,
+    RolloutSettings,
+    Waypoints,
+)
 from core.robot.kinematics import arm_of
 from core.solids.contacts import find_contacts, make_trace
 from core.solids.record_rate import MAX_HZ
 from plugins.tasks.file.task import FileTask
-from tests.engines import SIMULATORS, simulator
+from tests.engines import SIMULATORS, every_simulator, simulator
+from tests.faults import candidate
 from tests.panda import on_panda
+from tests.playing import evaluate_batch
 
 LANES = Path(__file__).parent / "lanes.yaml"
 BONDS = Path(__file__).parent / "bonds.yaml"
@@ -244,6 +253,39 @@ def test_without_a_fixture_nothing_is_earned_where_it_is_named(tmp_path):
     start, end, trace = play("mujoco", FIXTURE)
     assert task.reward(start, end, trace) == pytest.approx(0, abs=1e-3)
     assert list(task.find_fixture_faults(None)) == []  # the other goal needs none
+
+
+HOLD = """
+name: Hold
+description: A motor raises a block by 0.1 m/s from the robot's first motion on.
+hold_s: 1.0
+bodies:
+  - {name: block, box: [0.04, 0.04, 0.04], position: [0.9, 0, 0.1], mass: 0.2}
+joints:
+  - {name: lift, kind: slider, body: block, axis: [0, 0, 1], lower: 0, upper: 1,
+     drive: {times: [0, 5], positions: [0, 0.5], force: 50}}
+goals:
+  - {bodies: [block], raised: 0.13}
+"""
+"""The robot moves for 0.5 s, so that the block gets up by 0.15 m; with 0.4 s less by 0.11 m."""
+
+
+@every_simulator
+def test_the_robot_holds_still_for_hold_s_after_its_plan(tmp_path, engine):
+    still = Waypoints(np.array([[0.5, 0.0, 0.5, 0.0, 0.0, 0.0]]))
+    robot = replace(candidate(0), tool=Tool(), plan=still)
+    settings = RolloutSettings(hold_s=0.0)
+    rewards = []
+    for held in ("1.0", "0.6"):
+        file = tmp_path / "hold.yaml"
+        file.write_text(HOLD.replace("hold_s: 1.0", f"hold_s: {held}"))
+        task = on_panda(FileTask(str(file)))
+        (tried,) = evaluate_batch(task, simulator(engine), [robot], settings=settings)
+        assert tried.reason == ""
+        rewards.append(tried.reward)
+
+    assert rewards[0] == 1
+    assert rewards[1] < 0.95
 
 
 def limits(goal):
