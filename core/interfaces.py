@@ -299,6 +299,17 @@ class ToolRepresentation(Variable[Tool], ABC):
         """
         return None
 
+    def kept(self, task: Task) -> Sequence[Candidate]:
+        """Return tools that are there already, each with a plan, which are tried before the model is asked; here none.
+
+        They are of generation 0, and each has an agent's number of its own. One that this task or robot can't take has
+        a problem.
+
+        Raises:
+            UserError: they can't be read.
+        """
+        return ()
+
 
 class ActionRepresentation(Variable[ActionPlan], ABC):
     """How a model writes an action plan, and how that is read.

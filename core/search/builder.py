@@ -34,6 +34,7 @@ from core.plugins import (
 from core.robot.kinematics import arm_of
 from core.search.assignment import DEFAULT_KINDS, Assignment, borne_kinds
 from core.search.designer import ModelDesigner
+from core.search.kept_tools import KeptTools
 from core.trial import TIE
 
 _log = logging.getLogger(__name__)
@@ -211,7 +212,7 @@ def warn_of_doubts(task: Task) -> None:
 def finish_designer(
     builder: SearchBuilder, designer: ModelDesigner, fitness: Fitness, cfg: DictConfig
 ) -> ModelDesigner:
-    """Let a builder finish a designer, which then has an artist, and the critic and the mender that are asked for.
+    """Let a builder finish a designer, which then has an artist, and all that the settings ask for (`equip`).
 
     Raises:
         UserError: a prompt without numbers can't be drawn.
@@ -226,10 +227,10 @@ def finish_designer(
 
 
 def equip(designer: ModelDesigner) -> None:
-    """Give a designer the critic, the mender and the memory that the prompts' settings ask for.
+    """Give a designer the critic, the mender and the memory that the prompts' settings ask for, and known tools.
 
     Raises:
-        UsageError: the model can't write the lessons that are asked for.
+        UserError: the model can't write the lessons that are asked for, or a library can't be used.
     """
     settings = designer.prompts.facts.settings
 
@@ -251,3 +252,8 @@ def equip(designer: ModelDesigner) -> None:
     if settings.writes_lessons or (named and designer.vlm.sees):
         for make in installed().factories("memory").values():
             designer.memory = make(designer)
+
+    assignment = designer.assignment
+    kept = assignment.representation.kept(assignment.task)
+    if kept:
+        designer.first_tools = KeptTools(designer, kept)

@@ -98,6 +98,13 @@ class Memory(Protocol):
         """
 
 
+class FirstTools(Protocol):
+    """Tools that are there already: what a run tries before its model is asked (`core.search.kept_tools`)."""
+
+    def design(self) -> Iterator[Candidate]:
+        """Yield the candidates of generation 0."""
+
+
 @dataclass(eq=False)
 class ModelDesigner:
     """A `core.interfaces.Designer` that sends the requests of all agents at once.
@@ -122,6 +129,7 @@ class ModelDesigner:
         critic: has candidates criticised before each generation; None: nothing is.
         mender: sends designs that break a rule back; None: nothing goes back.
         memory: recalls other runs, and has the model write down what this one taught; None: neither is asked for.
+        first_tools: those of generation 0, for which the model is not asked; None: there are none.
         stored: replies that are not asked for again, by request id.
         tried: what requests may show of earlier generations; as a listener the designer collects it itself.
 
@@ -139,6 +147,7 @@ class ModelDesigner:
     critic: Critic | None = None
     mender: Mender | None = None
     memory: Memory | None = None
+    first_tools: FirstTools | None = None
     stored: Mapping[str, Reply] = field(default_factory=dict)
     tried: list[Evaluation] = field(default_factory=list)
 
@@ -175,6 +184,10 @@ class ModelDesigner:
 
     def design_in(self, generation: int, teams: Sequence[Team]) -> Iterator[Candidate]:
         """See `core.search.assignment.AsksTeams`, and `design`."""
+        if generation == 0 and self.first_tools is not None:
+            yield from self.first_tools.design()
+            return
+
         for answer in self.ask(self.start(generation, teams)):
             yield from answer.candidates
         self.refuse_silence(generation)

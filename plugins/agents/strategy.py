@@ -48,6 +48,10 @@ class AgentSearch(EvolutionStrategy):
             raise UsageError("evolution=agent needs vlm=agent; vlmgineer mcp sets both")
         if len(designer.assignment.task.parts) > 1:
             raise UsageError("evolution=agent works on one task, without several parts")
+        if designer.first_tools is not None:
+            raise UsageError(
+                "evolution=agent tries what its agent brings; leave tool.library away, and show the agent its tools"
+            )
         if agent.bench is None and not designer.stored:
             raise UserError(ABSENT)
 

@@ -21,29 +21,16 @@ from core.interfaces import (
     ActionRepresentation,
     Brief,
     Evaluation,
-    GivenTools,
     Request,
     Task,
-    ToolRepresentation,
 )
 from core.search.answers import Answer
 from core.search.assignment import Team
 from core.search.designer import ModelDesigner, ScenePictures
+from core.search.kept_tools import KnownTool
 from plugins.several.plans import TaskPlans
 
 NO_PLANS = TaskPlans()
-
-
-class KnownTool(GivenTools):
-    """A tool of a design, for which only plans are asked for."""
-
-    def __init__(self, tool: Tool, designed_by: ToolRepresentation) -> None:
-        self.robot = designed_by.robot
-        self.material = designed_by.material
-        self._tool = tool
-
-    def given(self, task: Task) -> Tool:
-        return self._tool
 
 
 @dataclass(eq=False)

@@ -1,5 +1,6 @@
 """How models write tools: ``tool=urdf``, ``tool=boxes`` and ``tool=solids``; and given tools, for which only plans are
-designed: ``tool=none``, ``tool=known`` and ``tool=rlbench``. And the rules for joints of tools.
+designed: ``tool=none``, ``tool=known`` and ``tool=rlbench``. With a library, ``tool=known`` only begins with them. And
+the rules for joints of tools.
 """
 
 from core.hooks import Factories, hookimpl
@@ -17,6 +18,6 @@ def tool_representations() -> Factories:
         "boxes": "plugins.tools.boxes:BoxTools",
         "solids": "plugins.tools.solids.representation:SolidTools",
         "none": "plugins.tools.given:BareGripper",
-        "known": "plugins.tools.given:KnownTools",
+        "known": "plugins.tools.given:make_known_tools",
         "rlbench": "plugins.tools.given:RLBenchTools",
     }

@@ -1,4 +1,4 @@
-"""Given tools: the bare gripper, that of a file, and four designed by hand for RLBench's tasks."""
+"""Tools that are there: the bare gripper, those of a file or a library, and four by hand for RLBench's tasks."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from omegaconf import OmegaConf
 from core.config.compose import part
 from core.design import Tool
 from core.designs.reading import load_tool
-from core.errors import choices
-from core.interfaces import GivenTools, Task
+from core.errors import UsageError, choices
+from core.interfaces import GivenTools, Task, ToolRepresentation
 from core.plugins import TOOL
+from plugins.tools.library import LibraryTools
 
 # Sizes and positions approximate those of the paper's ablation. Handles extend to the mount's origin, so that they
 # touch the flange.
@@ -71,6 +72,41 @@ class KnownTools(FileTools):
 
     def given(self, task: Task) -> Tool:
         return self.read(0, task)
+
+
+class NoKnownTools(GivenTools):
+    """Says what to type where nothing is known."""
+
+    def given(self, task: Task) -> Tool:
+        raise UsageError(
+            "tool=known needs tools: tool.file=FILE, a designs file, or tool.library=FOLDER, a library"
+        )
+
+
+def make_known_tools(
+    file: str | Path = "", library: str | Path = "", of: str | dict[str, Any] = "urdf"
+) -> ToolRepresentation:
+    """Make a representation of tools that are known.
+
+    Args:
+        file: a designs file, whose first tool is the only one: plans alone are designed.
+        library: a folder that ``vlmgineer toolbox add`` wrote; its tools are tried before others are designed.
+        of: the representation in which tools are written: a name, or a mapping of a ``name`` and settings.
+
+    Raises:
+        UsageError: both a file and a library are given.
+    """
+    if file and library:
+        raise UsageError(
+            "tool.file gives one tool, and tool.library many to begin with; leave one of them away"
+        )
+    if library:
+        form = {"name": of} if isinstance(of, str) else of
+        return LibraryTools(Path(library), form)
+    if file:
+        return KnownTools(file, of)
+
+    return NoKnownTools()
 
 
 class RLBenchTools(FileTools):

@@ -12,6 +12,7 @@ import numpy as np
 
 from core.errors import UsageError, UserError
 from core.geometry import Array
+from core.store.library import OF_RUN, is_library
 from core.support.cli import say
 from plugins.results.pages.runs import find_runs
 from plugins.results.toolbox.cover import best_sets
@@ -22,8 +23,8 @@ from plugins.results.toolbox.held_tools import (
     all_task_configs,
     find_tools,
 )
-from plugins.results.toolbox.library import is_library, read_library
-from plugins.results.toolbox.trials import OF_RUN, attempt, groups
+from plugins.results.toolbox.library import read_library
+from plugins.results.toolbox.trials import attempt, groups
 
 
 @dataclass

@@ -3,50 +3,28 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from omegaconf import OmegaConf
 
 from core.config.compose import task_part, tool_part
-from core.config.trust import as_stored
 from core.designs.reading import load_designs, read_designs
 from core.errors import UserError
-from core.store.rows import Id, Reward, parsed, validated
+from core.store.library import (
+    DESIGN,
+    FACTS,
+    KEPT_SETTINGS,
+    KeptTool,
+    list_library,
+    read_kept,
+)
 from core.support.cli import write_bytes
-from core.support.files import read_untrusted, writing
+from core.support.files import writing
 from plugins.results.artifacts import save_design
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.toolbox.held_tools import Cell, HeldTool
-from plugins.results.toolbox.trials import OF_RUN
 from plugins.results.workshop.remark import describe_printing
-
-FACTS = "tool.json"
-DESIGN = "design.json"
-MAX_BYTES = 5_000_000
-
-
-@dataclass(frozen=True)
-class KeptTool:
-    """What a library knows of a tool, beside its design.
-
-    Attributes:
-        tool: its name.
-        earned: its rewards in the search, by task.
-        unseen: the mean reward in layouts that the search never saw; None: it was not measured.
-        printable: whether it can be printed, in words; empty: it has no parts.
-        run: the folder of the run that found it.
-        config: of the run, as far as a tool depends on it.
-    """
-
-    tool: str
-    earned: dict[Id, Reward]
-    unseen: Reward | None
-    printable: str
-    run: str
-    config: dict[str, Any]
 
 
 def keep_tool(run: FinishedRun, held: HeldTool, library: Path) -> Path:
@@ -68,7 +46,7 @@ def keep_tool(run: FinishedRun, held: HeldTool, library: Path) -> Path:
         unseen=run.figures.unseen.mean if run.figures.unseen and is_best else None,
         printable=printable or "",
         run=str(run.folder),
-        config={kind: held.config[kind] for kind in (*OF_RUN, "task", "tool")},
+        config={kind: held.config[kind] for kind in KEPT_SETTINGS},
     )
 
     with writing(library):
@@ -79,35 +57,21 @@ def keep_tool(run: FinishedRun, held: HeldTool, library: Path) -> Path:
     return folder
 
 
-def is_library(folder: Path) -> bool:
-    """Report whether a folder is a library."""
-    return any(folder.glob(f"*/{FACTS}"))
-
-
 def read_library(library: Path) -> list[HeldTool]:
     """Read the tools of a library, by name.
 
     Raises:
         UserError: a tool can't be read, or a part of it is not installed here.
     """
-    return [_read_tool(file) for file in sorted(library.glob(f"*/{FACTS}"))]
+    return [_read_tool(folder) for folder in list_library(library)]
 
 
-def _read_tool(file: Path) -> HeldTool:
-    try:
-        kept = validated(KeptTool, parsed(read_untrusted(file, MAX_BYTES)))
-    except ValueError as error:
-        raise UserError(f"{file}: {error}") from error
-
-    lacks = {*OF_RUN, "task", "tool"} - kept.config.keys()
-    if lacks:
-        raise UserError(f"{file}: config lacks {min(lacks)}")
-
-    config: Mapping[str, Any] = as_stored(kept.config, file)
+def _read_tool(folder: Path) -> HeldTool:
+    kept, config = read_kept(folder)
     settings = OmegaConf.create(dict(config))
     task = task_part(settings).create()
     representation = tool_part(settings).create()
-    design = file.with_name(DESIGN)
+    design = folder / DESIGN
     candidate, *_ = read_designs(load_designs(design), representation, task)
     if candidate.tool is None or candidate.problem is not None:
         raise UserError(f"{design} can't be used: {candidate.problem}")

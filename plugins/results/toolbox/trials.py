@@ -15,6 +15,7 @@ from core.errors import UsageError, UserError
 from core.events import INTERRUPTED
 from core.plugins import TASK, installed
 from core.search.orchestration import run as search
+from core.store.library import OF_RUN
 from core.store.reader import StoredRun
 from core.store.recorder import RunStore
 from core.support.files import writing
@@ -42,9 +43,6 @@ BUDGET = {
 DEFAULTS = {"film": "false", "listener": "[]"} | {
     f"budget.{key}": str(value) for key, value in BUDGET.items()
 }
-
-OF_RUN = ("robot", "sim", "action", "material", "fitness", "rollout", "seed")
-"""Settings that tools are tried with."""
 
 FREE = ("tool", "task", "executor", "listener", "film")
 """Settings that what was tried does not depend on."""
