@@ -18,6 +18,7 @@ from plugins.results.report.own_entries import find_entries
 from plugins.results.report.protocols import protocol
 from plugins.results.report.report_command import main
 from tests.core.run_folders import write_run
+from tests.rare import rare
 
 ROOT = Path(__file__).parents[4]
 TASKS = protocol("varied").tracks["varied"]
@@ -267,12 +268,13 @@ def test_a_record_earns_its_score_again(monkeypatch, inline):
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize("count", rare([1, 3], 1, mark="weekly"))
 @pytest.mark.parametrize("file", RECORDS, ids=lambda file: file.stem)
-def test_each_record_earns_its_rewards_again_in_three_layouts(
-    file, monkeypatch, inline
+def test_each_record_earns_its_rewards_again_in_some_layouts(
+    file, count, monkeypatch, inline
 ):
     """``vlmgineer report verify=FILE`` tries all twenty."""
-    few = ["fitness.unseen=3"]
+    few = [f"fitness.unseen={count}"]
     monkeypatch.setattr(verify, "load", lambda name, words: load(name, [*words, *few]))
     entry = read_entry(file)
     for task, result in entry.tasks.items():
@@ -282,8 +284,10 @@ def test_each_record_earns_its_rewards_again_in_three_layouts(
 
             again = verify.try_again(entry, task, run).rewards
             for engine, rewards in run.rewards.items():
-                claimed = pytest.approx(sum(rewards[:3]) / 3, abs=verify.TOLERANCE)
-                assert sum(again[engine]) / 3 == claimed, (task, run.seed, engine)
+                claimed = pytest.approx(
+                    sum(rewards[:count]) / count, abs=verify.TOLERANCE
+                )
+                assert sum(again[engine]) / count == claimed, (task, run.seed, engine)
 
 
 def test_runs_write_their_design_and_the_command_verifies_it(

@@ -32,6 +32,7 @@ from tests.core.run_folders import write_run
 from tests.plugins.results.report.test_tables import read_csv
 from tests.plugins.vlms.servers import Say, serving
 from tests.processes import family, wait_until
+from tests.rare import rare
 
 SOLUTIONS = Path(__file__).parents[3] / "tasks" / "solutions"
 SMALL = {
@@ -58,7 +59,7 @@ STUDIES = ["paper", "layouts", "engines", "search", "winners"]
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("name", STUDIES)
+@pytest.mark.parametrize("name", rare(STUDIES, "paper", mark="weekly"))
 def test_the_studies_of_the_project_are_estimated(tmp_path, monkeypatch, capsys, name):
     """Each word of each method is one that a run takes; without a terminal nobody is asked, and nothing starts."""
     monkeypatch.chdir(tmp_path)
