@@ -33,6 +33,7 @@ from core.solids.record_rate import (
 )
 from core.solids.rollout_solids import ROBOT
 from core.solids.soft_cuts import Cut, find_cuts
+from core.solids.soft_passages import find_soft_passages
 from core.solids.tracks import (
     SAMPLE_HZ,
     Indices,
@@ -98,6 +99,11 @@ def findings(
     tracks = follow(scene, robot, tool, coarse, detours(recording, samples))
     flung = _find_flung(scene, coarse, tracks)
     cuts = [*find_cuts(scene, tracks, coarse.states)]
+    passed = [*find_soft_passages(scene, tracks, coarse.states)]
+    if passed and len(samples) < len(recording.times):
+        # Between two samples a rope may have whipped around the end of a bar.
+        finer = follow(scene, robot, tool, unpressed)
+        passed = [*find_soft_passages(scene, finer, recording.states)]
 
     pairs = neighbours(tracks, 0.0, scene.joined)
     depths = choose_depths(tracks.solids, pairs)
@@ -115,6 +121,7 @@ def findings(
     return [
         *meetings.find_passages(),
         *(_describe_cut(cut) for cut in cuts),
+        *(_describe_soft_passage(cut) for cut in passed),
         *flung,
         *_find_overrun(tool, recording),
     ]
@@ -123,6 +130,11 @@ def findings(
 def _describe_cut(cut: Cut) -> Finding:
     depth = f"{1000 * cut.depth_m:.0f} mm deep inside the soft {cut.soft!r}"
     return Finding(f"{cut.name!r} was {depth} at {cut.time_s:.2f} s", penetration=True)
+
+
+def _describe_soft_passage(cut: Cut) -> Finding:
+    text = f"the soft {cut.soft!r} went through {cut.name!r} at {cut.time_s:.2f} s"
+    return Finding(text, penetration=True)
 
 
 class _Meetings:
