@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 from core.config.compose import load, tool_part
 from core.design import Candidate, Component, DesignError, Tool
 from core.designs.reading import dump_design, load_designs, read_designs
-from core.designs.start import SpawnRules
 from core.geometry import Box, Pose
 from core.interfaces import Anchor, RolloutSettings, Seen, Simulator, Waypoints
 from core.plugins import installed
@@ -206,12 +205,11 @@ def test_an_anchor_is_found_whatever_its_case():
 
 def test_a_designs_file_names_the_representation_and_reads_back():
     task = on_panda(BringCube())
-    rules = SpawnRules(task, 0)
     bare = installed().create("tool", "none")
 
     def read(**fields):
         document = json.loads(json.dumps({"strategies": [BARE | fields]}))
-        (candidate,) = read_designs(document, bare, rules)
+        (candidate,) = read_designs(document, bare, task)
         return candidate
 
     candidate = read(action="anchored", action_sets=[[GOOD, NEAR]])
@@ -318,8 +316,8 @@ def test_a_run_is_stored_and_goes_on_with_its_plans_as_written(tmp_path):
     cfg = load("config", words)
     run(cfg, tmp_path / "run")
     representation = tool_part(cfg).create()
-    rules = SpawnRules(on_panda(BringCube()), 0)
-    stored = stored_evaluations(tmp_path / "run", representation, rules)
+    task = on_panda(BringCube())
+    stored = stored_evaluations(tmp_path / "run", representation, task)
     stored = {tried.candidate.id: tried.candidate.plan for tried in stored}
     assert all(isinstance(plan, AnchoredPlan) for plan in stored.values())
     winner = best_tool(read_run(tmp_path / "run"))
