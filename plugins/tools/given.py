@@ -74,15 +74,6 @@ class KnownTools(FileTools):
         return self.read(0, task)
 
 
-class NoKnownTools(GivenTools):
-    """Says what to type where nothing is known."""
-
-    def given(self, task: Task) -> Tool:
-        raise UsageError(
-            "tool=known needs tools: tool.file=FILE, a designs file, or tool.library=FOLDER, a library"
-        )
-
-
 def make_known_tools(
     file: str | Path = "", library: str | Path = "", of: str | dict[str, Any] = "urdf"
 ) -> ToolRepresentation:
@@ -94,7 +85,7 @@ def make_known_tools(
         of: the representation in which tools are written: a name, or a mapping of a ``name`` and settings.
 
     Raises:
-        UsageError: both a file and a library are given.
+        UsageError: both a file and a library are given, or neither.
     """
     if file and library:
         raise UsageError(
@@ -106,7 +97,9 @@ def make_known_tools(
     if file:
         return KnownTools(file, of)
 
-    return NoKnownTools()
+    raise UsageError(
+        "tool=known needs tools: tool.file=FILE, a designs file, or tool.library=FOLDER, a library"
+    )
 
 
 class RLBenchTools(FileTools):

@@ -40,7 +40,7 @@ PARTS = [("task", TASKS[0]), ("task", TASKS[-1])]
 PARTS += [
     pytest.param("task", name, marks=pytest.mark.thorough) for name in TASKS[1:-1]
 ]
-PARTS += [("tool", name) for name in ready("tool")]
+PARTS += [("tool", name) for name in ready("tool") if name != "known"]  # needs a file
 PARTS += [
     ("evolution", name)
     for name in installed().names("evolution")
