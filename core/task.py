@@ -144,7 +144,7 @@ class Task(ABC):
         """
         yield from ()
 
-    def find_fixture_faults(self, fixture: Fixture | None) -> Iterator[str]:
+    def find_goal_faults(self, fixture: Fixture | None) -> Iterator[str]:
         """Yield a line for each reason why the goals can't be reached with what a design brings; None: with nothing.
 
         By default that is a missing fixture, where all that is to be reached names it.

@@ -161,9 +161,9 @@ class FileTask(Task):
         for goal in reaches(self.goals):
             yield from places.find_far(goal, arm, self._scene)
 
-    def find_fixture_faults(self, fixture: Fixture | None) -> Iterator[str]:
-        """See `core.interfaces.Task.find_fixture_faults`: what bodies are to be inside of needs a hollow, too."""
-        yield from super().find_fixture_faults(fixture)
+    def find_goal_faults(self, fixture: Fixture | None) -> Iterator[str]:
+        """See `core.interfaces.Task.find_goal_faults`: what bodies are to be inside of needs a hollow, too."""
+        yield from super().find_goal_faults(fixture)
         if fixture is None:
             return
 

@@ -252,7 +252,7 @@ def test_without_a_fixture_nothing_is_earned_where_it_is_named(tmp_path):
     task = read(tmp_path, [asked, "{bodies: [stray], raised: 0.1}"], FIXTURE, WITHIN)
     start, end, trace = play("mujoco", FIXTURE)
     assert task.reward(start, end, trace) == pytest.approx(0, abs=1e-3)
-    assert list(task.find_fixture_faults(None)) == []  # the other goal needs none
+    assert list(task.find_goal_faults(None)) == []  # the other goal needs none
 
 
 HOLD = """
