@@ -28,7 +28,7 @@ from core.designs.tool_fields import (
     read_tool,
     read_words,
 )
-from core.errors import UserError
+from core.errors import UsageError, UserError
 from core.interfaces import ActionRepresentation, Task, ToolRepresentation, Waypoints
 from core.plugins import installed
 from core.support.files import read_text
@@ -126,7 +126,11 @@ def find_representations(
         if any(parameter.default is parameter.empty for parameter in parameters):
             continue
 
-        schema = _get_schema(factory())
+        try:
+            schema = _get_schema(factory())
+        except UsageError:  # its settings name what it needs, such as a file
+            continue
+
         if any(not schema.keys().isdisjoint(design) for design in designs):
             found.append(name)
 
