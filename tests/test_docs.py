@@ -112,10 +112,12 @@ def test_the_commands_that_are_run_are_in_the_docs():
     assert {*RUN, *LONG} <= {line.removeprefix("python -m ") for line in commands()}
 
 
-LONG = (  # several runs in one
+LONG = (  # several runs in one, or a minute of one
     "core.run -m task=BringCube,OneBook seed=0,1",
     "core.run -m task=BringCube,OneBook seed=0,1 evolution=vlmgineer,sampling",
     "core.run task=BringCube task.variation=wide action=anchored fitness=layouts",
+    "vlmgineer study paper seeds=1 tasks=BringCube methods=gripper yes=true",
+    "vlmgineer prompt vlm=gemini task=PastGlasses prompt.told=pictures",
 )
 
 

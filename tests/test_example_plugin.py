@@ -109,7 +109,7 @@ def test_its_parts_travel_to_our_workers(site, tmp_path, part):
     }
 
 
-@pytest.mark.thorough
+@pytest.mark.weekly
 def test_runs_side_by_side(site, tmp_path):
     """In joblib's processes, with workers of their own."""
     sweep = [

@@ -27,7 +27,7 @@ def population():
     ], faults_of
 
 
-@pytest.mark.thorough
+@pytest.mark.weekly
 def test_where_one_in_ten_breaks_the_sound_ones_earn_what_they_earn_alone():
     candidates, fates = population()
     settings = {"workers": 2, "timeout_s": 5.0, "memory_mb": 1500}

@@ -27,7 +27,7 @@ def begin(folder, temporary, *words):
     return start(folder.parent, "run", *words, env=temporary_in(temporary))
 
 
-@pytest.mark.thorough
+@pytest.mark.weekly
 def test_a_disk_that_is_full_ends_the_run_and_it_goes_on(undisturbed, disk):
     folder = disk.parent / "run"
     mount("-t", "tmpfs", "-o", "size=2m", "tests", str(disk))

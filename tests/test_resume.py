@@ -31,8 +31,10 @@ from tests.rare import rare
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[1]
-POINTS = dict.fromkeys(SETTINGS, 2) | {"archive": 6, "ensemble": 4, "ray": 1}
+POINTS = dict.fromkeys(SETTINGS, 2) | {"archive": 4, "ray": 1}
 """At how many moments a run of each setting is killed, unless ``KILLS`` says another number."""
+OFTEN = ("archive", "ensemble", "lean", "ray")
+"""What is killed thoroughly; the others are killed weekly."""
 
 TIMES = ("wall_time_s", "rollouts_per_s")
 # Settings that may differ between sessions.
@@ -152,7 +154,7 @@ def assert_same_run(one, other):
             pytest.param(
                 setting,
                 int(os.environ.get("KILLS", points)),
-                marks=pytest.mark.thorough,
+                marks=pytest.mark.thorough if setting in OFTEN else pytest.mark.weekly,
             )
             for setting, points in POINTS.items()
         ),

@@ -6,6 +6,7 @@ from tests.benchmarks import measuring, overhead
 pytestmark = [pytest.mark.slow, pytest.mark.thorough]
 
 
+@pytest.mark.weekly
 def test_two_commits_are_measured_with_their_own_code_and_leave_nothing(
     monkeypatch, capsys
 ):

@@ -364,12 +364,11 @@ def test_the_reference_solution_solves_it(name, engine):
 
 
 def layouts():
-    """One layout in each engine; four are thorough in MuJoCo, and tried weekly in the others."""
+    """One layout in each engine; four are tried weekly."""
     for case in cases(()):
         yield pytest.param(*case.values, 1, marks=case.marks)
-        often = "thorough" if "mujoco" in case.values else "weekly"
-        more = getattr(pytest.mark, often)
-        yield pytest.param(*case.values, 4, marks=[*case.marks, more])
+        weekly = [*case.marks, pytest.mark.weekly]
+        yield pytest.param(*case.values, 4, marks=weekly)
 
 
 @pytest.mark.parametrize(("name", "engine", "count"), [*layouts()])

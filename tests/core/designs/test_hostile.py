@@ -100,7 +100,7 @@ def test_the_worst_tools_are_read_in_two_seconds(text):
     assert time.process_time() - began < 3 * 2.0
 
 
-@pytest.mark.thorough
+@pytest.mark.weekly
 def test_strategies_inside_each_other_are_read_a_few_times_at_most():
     """Each of them is malformed only at the end of the reply; the decoder's time counts."""
     flat = '{"strategies":[{"parents":0,"a":[' + "[]," * 600_000

@@ -17,7 +17,7 @@ RUN = (
 )
 
 
-@pytest.mark.thorough
+@pytest.mark.weekly
 @pytest.mark.slow
 @pytest.mark.usefixtures("inline")
 def test_failing_unseen_layouts_are_named_and_filmed(tmp_path, capsys):

@@ -99,7 +99,7 @@ def test_a_few_hundred_mutations():
     assert figures["part"] > 60
 
 
-@pytest.mark.thorough
+@pytest.mark.weekly
 @pytest.mark.slow
 def test_ten_thousand_mutations():
     figures = check(10_000, seed=2)

@@ -32,7 +32,6 @@ from tests.core.run_folders import write_run
 from tests.plugins.results.report.test_tables import read_csv
 from tests.plugins.vlms.servers import Say, serving
 from tests.processes import family, wait_until
-from tests.rare import rare
 
 SOLUTIONS = Path(__file__).parents[3] / "tasks" / "solutions"
 SMALL = {
@@ -58,8 +57,8 @@ def write(folder, **changes):
 STUDIES = ["paper", "layouts", "engines", "search", "winners"]
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", rare(STUDIES, "paper", mark="weekly"))
+@pytest.mark.weekly
+@pytest.mark.parametrize("name", STUDIES)
 def test_the_studies_of_the_project_are_estimated(tmp_path, monkeypatch, capsys, name):
     """Each word of each method is one that a run takes; without a terminal nobody is asked, and nothing starts."""
     monkeypatch.chdir(tmp_path)
@@ -82,7 +81,7 @@ def test_the_file_on_the_page_is_a_study(tmp_path):
     assert [method.name for method in study.methods] == ["once", "twice"]
 
 
-@pytest.mark.thorough
+@pytest.mark.weekly
 @pytest.mark.slow
 def test_the_paper_with_a_language_model_says_what_it_costs(
     tmp_path, monkeypatch, capsys
@@ -271,7 +270,7 @@ def results_in(folder):
     return found
 
 
-@pytest.mark.thorough
+@pytest.mark.weekly
 @pytest.mark.slow
 @pytest.mark.usefixtures("inline")
 def test_a_study_that_is_killed_three_times(tmp_path, monkeypatch):

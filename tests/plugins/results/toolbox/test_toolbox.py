@@ -66,7 +66,7 @@ def test_each_tool_has_its_stored_reward_and_is_tried_in_the_other_task(made):
     assert found.done([0]) == ["BringCube"]
 
 
-@pytest.mark.thorough
+@pytest.mark.weekly
 def test_an_interrupted_command_goes_on(made, folders, monkeypatch, tmp_path):
     found, _ = made
     searched = []
