@@ -85,6 +85,35 @@ def test_a_cloth_that_a_plate_presses_may_give_way_by_a_little():
     assert play(CLOTH, shifts, Box((0.05, 0.05, 0.2))) == []
 
 
+def make_ring(at, inner=0.02, thick=0.006, sides=12):
+    """Make a ring around y, of boxes."""
+    middle = inner + thick / 2
+    side = 2 * middle * np.tan(np.pi / sides) + thick
+    walls = []
+    for angle in np.arange(sides) * 2 * np.pi / sides:
+        place = (middle * np.sin(angle), 0.0, middle * np.cos(angle))
+        pose = Pose.xyz_rpy(place, (0.0, angle, 0.0))
+        walls.append(Geom(Box((side, thick, thick)), pose, (1, 1, 1, 1)))
+    return Body("ring", Pose(at), 0.0, tuple(walls), tuple(walls))
+
+
+@pytest.mark.parametrize("samples", [3, 40], ids=["fast", "slow"])
+@pytest.mark.parametrize(("far", "through"), [(0.018, False), (0.04, True)])
+@pytest.mark.parametrize("axis", [X, Z, (0.6, 0.0, 0.8)], ids=["x", "z", "corner"])
+def test_a_rope_may_press_a_ring_from_within_and_run_through_it(
+    axis, far, through, samples
+):
+    """It presses the wall by 1 mm, and slides along it; or it leaves the ring through its wall."""
+    away = np.array([0.3, 0.0, 0.0])
+    aside = along(axis, 0.0, far, samples=samples)
+    runs = along((0.0, 1.0, 0.0), 0.0, 0.08, -0.08, samples=samples) + aside[-1]
+    shifts = np.concatenate([aside, runs, aside[::-1]]) + away
+
+    texts = play(ROPE, shifts, scene=(make_ring(TIP + away),))
+    assert bool(texts) == through
+    assert all(text.startswith("the soft 'soft' went through 'ring'") for text in texts)
+
+
 def test_a_rope_that_is_pulled_through_the_wall_of_a_ring_went_through_it():
     shape = Box((0.012, 0.1, 0.01))
     wall = Geom(shape, Pose(), (1, 1, 1, 1))
