@@ -21,7 +21,7 @@ from core.interfaces import (
     Simulator,
     Task,
 )
-from core.scene import Scene, State
+from core.scene import Filling, Scene, State
 from core.solids.rollout_solids import thickness
 from core.solids.tracks import Track
 from core.trial import Evaluation
@@ -40,6 +40,8 @@ INSIDE_CM2 = 1.0
 COMMANDED_HZ = 25.0
 LOOKED_HZ = 50.0
 EATEN_M = 0.003
+IDLE_S = 0.5
+SUNK_M = 0.012
 
 
 @dataclass(frozen=True)
@@ -129,6 +131,69 @@ def moving(tried: Tried) -> float:
     """How far the fastest free body is from moving at the end, when rewards are judged."""
     speeds = np.linalg.norm(tried.recording.states.arrays[2][-1], axis=-1)
     return max(0.0, 1 - float(speeds.max(initial=0.0)) / FAST_M_S)
+
+
+def anything(_: Tried) -> float:
+    """Let a person look at all that earns: for searches that start from an attack, and not from honest work."""
+    return 0.0
+
+
+def idle(tried: Tried) -> float:
+    """How long the robot's moving parts are beside a free body, by the boxes around them: work needs a touch."""
+    free = {body.name for body in tried.scene.free}
+    tool = tried.evaluation.candidate.tool
+    assert tool is not None
+    seen = tried.recording
+    solids = robot_tracks(PANDA, tool, seen)
+    beside = np.zeros(len(seen.times) - 1, dtype=bool)
+    for part in body_tracks(tried.scene, PANDA, seen):
+        if part.owner in free:
+            for solid in solids:
+                met = (solid.low <= part.high) & (solid.high >= part.low)
+                beside |= met.all(axis=1)[: len(beside)]
+    for nodes in seen.states.soft.values():
+        for solid in solids:
+            met = (solid.low[: len(beside)] <= nodes.max(axis=1)[:-1]) & (
+                solid.high[: len(beside)] >= nodes.min(axis=1)[:-1]
+            )
+            beside |= met.all(axis=1)
+    touched = np.diff(seen.times)[beside[: len(seen.times) - 1]].sum()
+    return min(1.0, float(touched) / IDLE_S)
+
+
+def sunk(tried: Tried) -> float:
+    """How far the tool is from being in a soft body: its corners in the body's hull, or an element's middle in it.
+
+    This shares nothing with the checks: it counts neither faces nor barycentric shares.
+    """
+    tool = tried.evaluation.candidate.tool
+    assert tool is not None
+    deepest = 0.0
+    solids = robot_tracks(PANDA, tool, tried.recording)[-len(tool.components) :]
+    for soft in tried.scene.softs:
+        nodes = tried.recording.states.nodes(soft.name)
+        for solid in solids:
+            low, high = nodes.min(axis=1), nodes.max(axis=1)
+            near = (solid.low <= high[: len(solid.low)]).all(axis=1)
+            near &= (solid.high >= low[: len(solid.high)]).all(axis=1)
+            for k in np.flatnonzero(near).tolist():
+                deepest = max(deepest, _sinks(soft.form, nodes[k], solid, k))
+    return _lack(deepest, SUNK_M)
+
+
+def _sinks(form: Any, nodes: Array, solid: Track, k: int) -> float:
+    """How deep a solid and a soft body are in each other at a sample, metres."""
+    there = solid.at(k)
+    rotation, origin = there.getRotation(), there.getTranslation()
+    if isinstance(form, Filling):
+        points = solid.shape.to_trimesh().vertices @ rotation.T + origin
+        faces = ConvexHull(nodes).equations
+    else:
+        middles = nodes[form.elements].mean(axis=1)
+        points = (middles - origin) @ rotation
+        faces = _faces(solid.shape)
+    inside = -(points @ faces[:, :3].T + faces[:, 3]).max(axis=1)
+    return float(inside.max(initial=0.0))
 
 
 def _lack(value: float, wanted: float) -> float:
@@ -310,4 +375,7 @@ MEASURES: dict[str, Callable[[Tried], float]] = {
     "ghost": ghost,
     "fling": fling,
     "inside": cut,
+    "idle": idle,
+    "sunk": sunk,
+    "anything": anything,
 }

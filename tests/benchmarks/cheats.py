@@ -4,7 +4,8 @@ For every task and every measure of absurdity (`tests.benchmarks.absurd`), an ev
 writes them: ``tool=solids`` with joints, springs and dampers, and anchored plans with tempo. It starts from the
 reference solution and from random designs, and looks for a high reward of a rollout that is wholly absurd. What earns
 0.3 or more is a finding, kept in ``findings/``, a designs file. What the folder has is not searched again; another seed
-adds.
+adds. A task may also be a scene file with a designs file beside it; where it has a place for a fixture, that is drawn
+and varied too.
 
 `vlmgineer evaluate` plays a finding once more in any engine, with a film.
 """
@@ -26,13 +27,23 @@ from rich.console import Console
 from scipy.spatial.transform import Rotation
 
 from core.config.compose import engines, load, part
-from core.design import RIGID_MOUNT, Candidate, Component, DesignError, Tool, ToolJoint
-from core.designs.reading import dump_design, read_designs
+from core.design import (
+    RIGID_MOUNT,
+    Candidate,
+    Component,
+    DesignError,
+    Fixture,
+    Tool,
+    ToolJoint,
+    Waypoints,
+)
+from core.designs.reading import dump_design, load_designs, read_designs
 from core.designs.springs import measure_lightness
 from core.errors import choices
 from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
 from core.interfaces import Numbers, Simulator, Task
 from core.plugins import PluginPart, installed
+from core.scene import Region
 from core.support.cli import arguments, command
 from core.trial import Evaluation
 from plugins.actions.anchored import AnchoredPlan, Step
@@ -47,7 +58,7 @@ from plugins.tools.varying import tool_numbers, vary_tool
 from tests.benchmarks import measuring
 from tests.benchmarks.absurd import MEASURES, Watched, tried
 from tests.playing import evaluate_batch
-from tests.solutions import FILES, anchored
+from tests.solutions import FILES, anchored, representation
 
 USAGE = (
     "usage: python -m tests.benchmarks.cheats [folder=DIR] [tasks=NAME,...] [measures=NAME,...] [sim=NAME] "
@@ -80,7 +91,7 @@ class Settings:
 
     folder: str = "cheats"
     tasks: list[str] = field(default_factory=lambda: HARD)
-    measures: list[str] = field(default_factory=lambda: list(MEASURES))
+    measures: list[str] = field(default_factory=lambda: [*MEASURES][:7])
     sim: str = "mujoco"
     rollouts: int = 100_000
     seed: int = 0
@@ -100,7 +111,8 @@ class Pair:
 
     @property
     def file(self) -> Path:
-        return self.folder / "searched" / f"{self.task}.{self.measure}.{self.seed}.json"
+        name = Path(self.task).stem
+        return self.folder / "searched" / f"{name}.{self.measure}.{self.seed}.json"
 
 
 def main() -> None:
@@ -111,15 +123,46 @@ def main() -> None:
     search(given)
 
 
+def make_task(name: str) -> Task:
+    """Make a task by its name, or of its scene file."""
+    if not name.endswith(".yaml"):
+        return installed().create("task", name)
+    made: Task = installed().create("task", "file", {"file": name})
+    return made
+
+
+def read_first(name: str, task: Task) -> Candidate:
+    """Read the design from which the search for a task starts, with an anchored plan."""
+    if not name.endswith(".yaml"):
+        return anchored(name)
+
+    file = Path(name).with_suffix(".json")
+    (first, *_) = read_designs(load_designs(file), representation(file), task)
+    if not isinstance(first.plan, Waypoints):
+        return first
+
+    steps = tuple(
+        Step(tuple(pose[:3].tolist()), tuple(pose[3:6].tolist()))
+        for pose in first.plan.poses
+    )
+    return replace(first, plan=AnchoredPlan(steps))
+
+
 # --- what is varied ---------------------------------------------------------------------------------------------
 
 
 class Varied:
-    """Draws and changes designs for a task at random."""
+    """Draws and changes designs for a task at random; ``region`` is where a fixture may stand, if there can be one."""
 
-    def __init__(self, names: list[str], random: np.random.Generator) -> None:
+    def __init__(
+        self,
+        names: list[str],
+        random: np.random.Generator,
+        region: Region | None = None,
+    ) -> None:
         self.names = names
         self.random = random
+        self.region = region
 
     def draw(self) -> Candidate:
         """Draw a chain of one to four parts of any shape, and a plan around a few bodies."""
@@ -133,6 +176,8 @@ class Varied:
         tool = Tool((post,))
         for _ in range(int(self.random.integers(1, 4))):
             tool = self.grown(tool)
+        if self.region is not None and self.random.random() < 0.7:
+            tool = replace(tool, fixture=self.fixture(self.region))
         steps = tuple(self.step() for _ in range(int(self.random.integers(1, 6))))
         return Candidate(tool, AnchoredPlan(steps))
 
@@ -153,6 +198,9 @@ class Varied:
                 steps=tuple(replace(step, grip=0.0) for step in other.plan.steps),
             )
         for _ in range(int(self.random.integers(1, 4))):
+            if self.region is not None and self.random.random() < 0.3:
+                tool = replace(tool, fixture=self.changed_fixture(tool, self.region))
+                continue
             kind = self.random.random()
             if kind < 0.35:
                 plan = self.plan(plan)
@@ -174,6 +222,32 @@ class Varied:
                     tool, components=tuple(c for c in tool.components if c is not gone)
                 )
         return replace(candidate, tool=tool, plan=plan, problem=None)
+
+    def fixture(self, region: Region) -> Fixture:
+        """Draw a fixture of one to four parts, which stands on the lowest face of where it may stand."""
+        low, high = np.array(region.low), np.array(region.high)
+        sides = np.exp(self.random.uniform(np.log(0.004), np.log(0.3), 3))
+        sides = np.minimum(sides, high - low)
+        middle = self.random.uniform(low + sides / 2, high - sides / 2)
+        pose = Pose(np.array([middle[0], middle[1], low[2]]))
+        size = tuple(map(float, sides))
+        foot = Component(
+            "foot", RIGID_MOUNT, Pose(np.array([0.0, 0.0, size[2] / 2])), Box(size)
+        )
+        parts = Tool((foot,))
+        for _ in range(int(self.random.integers(0, 4))):
+            parts = self.grown(parts)
+        return Fixture(parts, pose)
+
+    def changed_fixture(self, tool: Tool, region: Region) -> Fixture | None:
+        """Draw a fixture, take it away, or resize it or add to it."""
+        kind = self.random.random()
+        if tool.fixture is None or kind < 0.2:
+            return self.fixture(region)
+        if kind < 0.3:
+            return None
+        change = self.grown if kind < 0.5 else self.resized
+        return replace(tool.fixture, parts=change(tool.fixture.parts))
 
     def grown(self, tool: Tool) -> Tool:
         """Add a part of any shape at a random place of the surface of another's bounding box."""
@@ -382,21 +456,21 @@ class _Search:
     def __init__(self, pair: Pair) -> None:
         self.pair = pair
         self.measure = MEASURES[pair.measure]
-        self.task: Task = installed().create("task", pair.task)
+        self.task = make_task(pair.task)
         self.simulator = Watched(pair.sim.create())
         self.tools = installed().create("tool", "solids", {"joints": True})
         self.actions = installed().create("action", "anchored")
         self.scene = self.task.scene(pair.seed)
         self.random = np.random.default_rng(zlib.crc32(pair.file.name.encode()))
         names = ["world", *(body.name for body in self.scene.bodies)]
-        self.varied = Varied(names, self.random)
+        self.varied = Varied(names, self.random, self.task.fixture)
         self.rollouts = 0
         self.absurd = 0
         self.statuses = Counter[str]()
 
     def run(self) -> list[tuple[Evaluation, float]]:
         """Return the best designs and what they lack, after the pair's rollouts: first what is absurd and earns."""
-        first = anchored(self.pair.task)
+        first = read_first(self.pair.task, self.task)
         drawn = [self.sound(self.varied.draw) for _ in range(FIRST)]
         ranked = self.tried(
             [
@@ -472,7 +546,8 @@ class _Search:
             self.rollouts += job is not None
             if job is None or recording is None or evaluation.status != "ok":
                 continue
-            lack = self.measure(tried(self.scene, evaluation, job, recording))
+            scene = self.scene.furnished(job.tool)
+            lack = self.measure(tried(scene, evaluation, job, recording))
             self.absurd += int(lack == 0)
             ranked.append((evaluation, lack))
         self.simulator.jobs = ()

@@ -9,14 +9,16 @@ import pytest
 
 from core.design import RIGID_MOUNT, Candidate, Component, Tool, ToolJoint
 from core.errors import UsageError
-from core.geometry import Box, Pose
+from core.geometry import Box, Pose, Sphere
 from core.interfaces import Recording
 from core.plugins import installed
 from core.robot.trajectory import at_home
-from core.scene import State
+from core.scene import Elastic, Filling, Region, Scene, Soft, State
 from plugins.conformance.evaluations import tried_once
 from tests.benchmarks import absurd, cheats
 from tests.solutions import anchored
+
+SOFT = Elastic(150, 20000)
 
 
 def component(name, size, at, parent=RIGID_MOUNT, mass=0.1):
@@ -72,6 +74,44 @@ def test_parts_that_come_away_are_seen(task):
         evaluation = tried_once(Candidate(tool, np.zeros((1, 6))), "ok")
         tried = absurd.Tried(task.scene(0), evaluation, seen, [], [])
         assert absurd.parted(tried) == pytest.approx(lack, abs=0.01)
+
+
+def test_a_tool_far_from_all_is_idle_and_one_beside_a_body_is_not(task):
+    tool = Tool((component("post", (0.02, 0.02, 0.2), (0.0, 0.0, -0.1)),))
+    evaluation = tried_once(Candidate(tool, np.zeros((1, 6))), "ok")
+    for shift, lack in ((-0.3, 0.0), (-0.1, 0.16)):  # 2 of 25 a second, of 0.5 s
+        seen = recording(task, [moved(task.home.position, 0.0, shift)])
+        tried = absurd.Tried(task.scene(0), evaluation, seen, [], [])
+        assert absurd.idle(tried) == pytest.approx(lack, abs=0.1)
+
+
+def test_a_tool_in_a_soft_ball_is_sunk_by_its_depth(task):
+    tool = Tool((component("post", (0.02, 0.02, 0.2), (0.0, 0.0, -0.1)),))
+    tip = np.array(task.home.position) - [0.0, 0.0, 0.2]
+    form = Filling(Sphere(0.05))
+    evaluation = tried_once(Candidate(tool, np.zeros((1, 6))), "ok")
+    for deep, lack in ((-0.01, 1.0), (0.04, 0.0)):
+        at = tip - [0.0, 0.0, 0.05 - deep]
+        soft = Soft.make("soft", form, SOFT, Pose(at), color=(1, 1, 1, 1))
+        seen = recording(task, [task.scene(0)["cube"].pose.position])
+        nodes = np.repeat((form.nodes + at)[None], len(seen.times), axis=0)
+        seen = replace(seen, states=replace(seen.states, soft={"soft": nodes}))
+        tried = absurd.Tried(Scene((soft,)), evaluation, seen, [], [])
+        assert absurd.sunk(tried) == lack
+
+
+def test_a_fixture_is_drawn_where_it_may_stand():
+    region = Region(np.array([0.4, -0.2, 0.1]), np.array([0.8, 0.2, 0.5]))
+    varied = cheats.Varied(["world"], np.random.default_rng(0), region)
+    tool = Tool((component("post", (0.02, 0.02, 0.2), (0.0, 0.0, -0.1)),))
+    for _ in range(5):
+        fixture = varied.fixture(region)
+        foot = fixture.parts.components[0]
+        middle = fixture.pose.position + foot.pose.position
+        assert region.holds(middle, np.array(foot.shape.size) / 2)
+        grown = replace(tool, fixture=fixture)
+        changed = [varied.changed_fixture(grown, region) for _ in range(5)]
+        assert any(other != fixture for other in changed)
 
 
 @pytest.fixture
