@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
+import numpy as np
+
 from core.config.compose import load, read_parts
+from core.design import Fixture
 from core.errors import UsageError
 from core.geometry import Array
 from core.interfaces import Robot, Task
 from core.plugins import TASK
-from core.scene import Scene, State
+from core.scene import Region, Scene, State
 from plugins.several.search import SeveralSearch
 
 
 class Several(Task):
-    """Tasks that one tool must do, each with a plan of its own.
+    """Tasks that one tool must do, each with a plan of its own; the tool's fixture stands in the scene of each.
 
     Args:
         of: the tasks: names, or mappings of a ``name`` and settings that differ from the configuration's.
         combine: what counts of their rewards: the ``mean``, or the ``worst``.
 
     Raises:
-        UserError: a task can't be used, or is named twice; or no tool kind suits all.
+        UserError: a task can't be used, or is named twice; or no tool kind suits all, or no place for a fixture that
+            goals name.
     """
 
     goals = ()
@@ -54,9 +58,33 @@ class Several(Task):
             "success_reward": min(task.success_reward for task in self._parts),
             "description": " ".join(texts),
             "in_words": " ".join(in_words),
+            "fixture": _find_common_region(self._parts),
         }
 
         vars(self).update(hidden)
+        self._check_fixture()
+
+    def _check_fixture(self) -> None:
+        """Refuse tasks of which one needs a fixture, and that have no place for it in common.
+
+        Raises:
+            UsageError: names the one that needs it.
+        """
+        if self.fixture is not None:
+            return
+
+        for task in self._parts:
+            if any(task.find_goal_faults(None)):
+                raise UsageError(
+                    f"the goals of {task.name} name the fixture, and these tasks have no place for it in common; give "
+                    "each of them the same one, such as fixture: {box: [0.3, 0.3, 0.3], position: [0.6, 0, 0.15]}"
+                )
+
+    def find_goal_faults(self, fixture: Fixture | None) -> Iterator[str]:
+        """See `core.interfaces.Task.find_goal_faults`: those of each task."""
+        for task in self._parts:
+            for fault in task.find_goal_faults(fixture):
+                yield f"in {task.name}, {fault}"
 
     @property
     def parts(self) -> tuple[Task, ...]:
@@ -79,6 +107,22 @@ class Several(Task):
 
     def reward(self, start: State, end: State) -> Array:
         raise UsageError(f"{self.name} has several rewards: choose one of its tasks")
+
+
+def _find_common_region(tasks: Sequence[Task]) -> Region | None:
+    """Return where a fixture may stand in the scenes of all tasks; None: there is no such place."""
+    regions = [task.fixture for task in tasks if task.fixture is not None]
+    if len(regions) < len(tasks):
+        return None
+
+    lows = [np.array(region.low) for region in regions]
+    highs = [np.array(region.high) for region in regions]
+    low = np.max(lows, axis=0)
+    high = np.min(highs, axis=0)
+    if (low >= high).any():
+        return None
+
+    return Region(low, high)
 
 
 def _find_common_kinds(entries: Sequence[str | Mapping[str, Any]]) -> tuple[str, ...]:
