@@ -146,6 +146,16 @@ class HeadPath:
             self.add(displacement @ head, touch=True)
         return self.poses[-1]
 
+    def wait(self, seconds: float) -> None:
+        """Stay at the last waypoint of a path with anchors: it is repeated, and each segment has its minimum duration.
+
+        Args:
+            seconds: at least.
+        """
+        for _ in range(int(np.ceil(seconds / _SEGMENT_S))):
+            self.add(self.poses[-1], grip=self.grips[-1], touch=self.touching[-1])
+            self.anchors.append(self.anchors[-1])
+
     def hold(self) -> None:
         """Note that the bodies are in the head's hold now; without it they are moved from the first touch on."""
         self._held_from = len(self.poses) - 1

@@ -40,6 +40,7 @@ _ANCHORING = 1  # keeps its random numbers apart from others of the same seed
 _TOOL_TRIES = 12
 _PLAN_TRIES = 5
 _MOST_TRIES = 60
+_REST_S = 2.0  # what was thrown or rolls comes to rest meanwhile, if it does at all
 _ALONE = 0.8  # how often scattered bodies are moved one by one where a plan must do in several layouts
 
 A = TypeVar("A")
@@ -190,6 +191,9 @@ class Sampler:
                 path.end_stage()
 
         path.anchors = choose_anchors(path, subgoals, self._anchoring)
+        if any(subgoal.must_rest for subgoal in subgoals):
+            path.wait(_REST_S)
+
         if self.analysis.model.upright is not None:
             path.turn_over(self.analysis.model.upright)
         return path

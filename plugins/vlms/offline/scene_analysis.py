@@ -53,6 +53,7 @@ class SceneAnalysis:
         """
         self.world = SceneModel(brief, turn)
         self.model = self.world
+        self._gripper = brief.gripper
         scene = self.world.scene
 
         upright = self.world.find_upright()
@@ -122,6 +123,9 @@ class SceneAnalysis:
         if goal.any and len(solids) > 1:
             solids = [self._draw_easiest(solids, rng)]
 
+        # Of several bodies in one grip some are lost over the rim.
+        fills = goal.container is not None and len(solids) <= _MOST_LANES
+        alone = alone or (self._gripper and fills)
         alone = alone and len(solids) > 1 and model.find_container(solids) is None
 
         if model.turned:  # what one container holds is moved at once

@@ -144,6 +144,11 @@ class Subgoal:
         return self.goal is not None and self.goal.held
 
     @property
+    def must_rest(self) -> bool:
+        """Whether the goal wants the bodies at rest at the end."""
+        return self.goal is not None and self.goal.rest
+
+    @property
     def falls_in(self) -> bool:
         """Whether the goal wants the bodies in the hollow of another, so that they may be let fall into it."""
         return (

@@ -30,6 +30,7 @@ class Target:
         any: whether one of the bodies is enough.
         held: whether they must end in hand.
         released: whether they must end touched by nothing of the robot.
+        rest: whether they must end at rest.
         place: of each body's frame, m; None: anywhere.
         away: how far each is to get from its start, m.
         axis: an axis of the bodies' frames that is to end along ``points``, within ``tolerance_deg`` degrees.
@@ -42,6 +43,7 @@ class Target:
     any: bool = False
     held: bool = False
     released: bool = False
+    rest: bool = False
     place: Place | None = None
     away: float | None = None
     axis: Vector | None = None
@@ -80,7 +82,15 @@ def find_targets(goal: Reach, scene: Scene) -> list[Target]:
             wanted |= read(part, scene)
 
     return [
-        Target(tuple(bodies), goal.any, goal.held, goal.released, place, **wanted)  # type: ignore[arg-type]
+        Target(
+            tuple(bodies),
+            goal.any,
+            goal.held,
+            goal.released,
+            goal.rest,
+            place,
+            **wanted,  # type: ignore[arg-type]
+        )
         for place, bodies in groups.items()
     ]
 

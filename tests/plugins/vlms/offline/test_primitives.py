@@ -11,8 +11,10 @@ from core.plugins import installed
 from plugins.actions.waypoints import WaypointActions
 from plugins.tasks.file.task import FileTask
 from plugins.vlms.offline.head_sampling import draw_clamp, draw_head
+from plugins.vlms.offline.layouts import make_layouts
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.primitives import PRIMITIVES
+from plugins.vlms.offline.sampler import Sampler
 from plugins.vlms.offline.scene_analysis import SceneAnalysis
 from plugins.vlms.offline.tool_building import build_clamp
 from plugins.vlms.offline.tool_parts import guess_head
@@ -37,10 +39,10 @@ TRAY = """
 
 
 @pytest.fixture
-def analyse(tmp_path):
-    """Analyse a scene of some bodies with one goal."""
+def ask(tmp_path):
+    """Ask for designs for a scene of some bodies with one goal."""
 
-    def analyse_scene(bodies, goal):
+    def ask_for(bodies, goal, gripper=True):
         file = tmp_path / "scene.yaml"
         file.write_text(
             "name: Moved\n"
@@ -50,11 +52,15 @@ def analyse(tmp_path):
         task = on_panda(FileTask(str(file)))
         tool = installed().create("tool", "urdf")
         actions = WaypointActions()
-        return SceneAnalysis(
-            Brief(task, 0, tool, True, 1, 1, 0, 0, 7, (), actions=actions)
-        )
+        return Brief(task, 0, tool, gripper, 1, 1, 0, 0, 7, (), actions=actions)
 
-    return analyse_scene
+    return ask_for
+
+
+@pytest.fixture
+def analyse(ask):
+    """Analyse a scene of some bodies with one goal."""
+    return lambda *given, **more: SceneAnalysis(ask(*given, **more))
 
 
 def clamp(analysis, rng):
@@ -97,6 +103,30 @@ def test_what_goes_into_one_hollow_one_by_one_lies_there_side_by_side(analyse):
         subgoals = analysis.draw_subgoals(rng, alone=True)
         ends = [subgoal.center + subgoal.shift for subgoal in subgoals]
         assert 0.035 < np.linalg.norm(ends[0] - ends[1]) < 0.21
+
+
+def test_fingers_put_each_body_into_a_hollow_by_itself(analyse):
+    """Of several in one grip some are lost over its rim; a scoop may hold them all."""
+    rng = np.random.default_rng(0)
+    goal = '{bodies: ["cube_*"], inside: tray}'
+    counts = {}
+    for gripper in (True, False):
+        analysis = analyse(TRAY, goal, gripper=gripper)
+        drawn = [analysis.draw_subgoals(rng) for _ in range(PLANS)]
+        counts[gripper] = {len(subgoals) for subgoals in drawn}
+
+    assert counts == {True: {2}, False: {1, 2}}
+
+
+@pytest.mark.parametrize(("rest", "waits"), [("true", True), ("false", False)])
+def test_a_plan_waits_for_what_must_come_to_rest(ask, rest, waits):
+    """A ball may roll for longer than the robot holds still after a plan."""
+    goal = f"{{bodies: [cube], at: cup, place: [-0.1, 0, null], rest: {rest}}}"
+    brief = ask(CUP, goal, gripper=False)
+    plan = Sampler(brief, make_layouts(brief)).invent().plan
+    last = plan.rows[-5:]
+    assert len(plan.rows) == len(plan.anchors) == len(plan.touching)
+    assert np.allclose(last, last[0]) == waits
 
 
 def test_what_goes_into_a_hollow_may_end_on_its_nearer_side(analyse):
