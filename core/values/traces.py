@@ -29,7 +29,8 @@ class Trace:
     on each other. It is computed from the poses, so it is the same notion in every engine.
 
     In queries ``by`` says what else touches the body: ``robot`` is its links and the tool, ``tool`` all components of
-    the tool, ``arm`` all links with hand and fingers, another name that component, link or body, and None anything.
+    the tool, ``arm`` all links with hand and fingers, another name that body, or else that component or link, and None
+    anything.
 
     Attributes:
         times: (T,) instants, s, `TRACE_HZ` apart from 0, when the robot's motion begins.
@@ -81,6 +82,9 @@ class Trace:
 
         found = self._never()
         for (kind, toucher, other), flags in self.touching.items():
+            namesake = kind != "body" and toucher in self._bodies
+            if namesake and by == toucher:  # the body is meant
+                continue
             if _is_between(kind, toucher, other, body, by):
                 found = found | flags
 
@@ -122,7 +126,7 @@ class Trace:
         found = np.zeros(self.shape)
         for (presser, other), force in self.forces.items():
             # A component of the tool presses with the tool's force while it touches.
-            named = by not in (None, "robot", "tool", "arm")
+            named = by not in (None, "robot", "tool", "arm", *self._bodies)
             touches = self.touching.get(("tool", by or "", body)) if named else None
             if (presser, other) == ("tool", body) and touches is not None:
                 found = np.maximum(found, force * touches)

@@ -135,3 +135,16 @@ def test_a_body_that_is_not_there():
             KeyError, match="no body 'dog' in the trace; there are: tray, cube, table"
         ):
             ask("dog")
+
+
+def test_a_component_that_is_called_as_a_body_is_not_the_body():
+    pressed = np.array([0, 2.0, 5.0, 0])
+    alike = Trace.of(
+        *[SCENE.state()] * 4,
+        touching={("tool", "table", "cube"): flags(1, 2)},
+        forces={("tool", "cube"): pressed},
+    )
+    assert not alike.touched("cube", by="table")
+    assert alike.force_n("cube", by="table") == 0
+    assert np.flatnonzero(alike.contact("cube", by="tool")).tolist() == [1, 2]
+    assert np.flatnonzero(alike.held("cube")).tolist() == [1, 2]
