@@ -1,7 +1,8 @@
 """What each word of a scene file means in physics: a goal that is met by a little, and one that is missed by a little.
 
 All of it happens side by side in one scene, `lanes.yaml`, which each engine plays once; what bonds do is in
-`bonds.yaml`, and what names a design's fixture in `fixture.yaml`. The robot waits meanwhile.
+`bonds.yaml`, what names a design's fixture in `fixture.yaml`, and the ground and what the robot holds in `ground.yaml`.
+The robot waits meanwhile.
 """
 
 from dataclasses import replace
@@ -34,8 +35,10 @@ LANES = Path(__file__).parent / "lanes.yaml"
 BONDS = Path(__file__).parent / "bonds.yaml"
 SOFTS = Path(__file__).parent / "softs.yaml"
 FIXTURE = Path(__file__).parent / "fixture.yaml"
+GROUND = Path(__file__).parent / "ground.yaml"
 GOAL = "{bodies: [tray], raised: 0.09}"
 WITHIN = "{bodies: [pea], inside: fixture}"
+CARRIED = "{bodies: [load], held: true}"
 LIFTED = "{bodies: [puller], raised: 0.09}"
 STAYED = (
     "{bodies: [slab], node: 0, place: [0.47, 0.27, null], tolerance: 0.003, rest: true}"
@@ -98,6 +101,9 @@ MEANT = [
     ("width", "{joint: strong, to: '> 0.004'}", "0.004", "0.0045"),
     ("after", "{bodies: [vane], turned_deg: '> 20'}" + AFTER, "20", "58"),
     ("every", "{bodies: [tray], raised: 0.09}\n  - {bodies: [far], raised: 0.1}\nevery: false", "false", "true"),
+    ("rest of a spring", "{joint: relaxes, to: '> 0.048'}", "0.048", "0.0505"),
+    ("force of a drive", "{joint: hauls, to: '> 0.045'}", "hauls", "strains"),
+    ("repeats", "{joint: shuttles, to: '> 0.02'}", "shuttles", "returns"),
     ("height of a mark", "{bodies: [pea], inside: deep}", "deep", "shallow"),
 ]  # fmt: skip
 
@@ -119,6 +125,13 @@ BONDED = [
     # The middle of the board is 0.051 m from its hook, at 0.31 m.
     ("origin", "{bodies: [swung], place: [null, null, '< 0.262'], ever: true}", "0.262", "0.258"),
     ("any", "{broken: [gives, bears], any: true}", ", any: true", ""),
+]  # fmt: skip
+
+GROUNDED = [
+    ("held", "{bodies: [load], held: true}", "load", "bar"),
+    ("floor_height", "{bodies: [fell], place: [null, null, '< -0.178']}", "-0.178", "-0.182"),
+    ("size of the ground", "{bodies: [off], raised: '< -0.5'}", "off", "fell"),
+    ("wall of the ground", "{bodies: [low], place: ['< 1.5', null, null]}", "low", "over"),
 ]  # fmt: skip
 
 FURNISHED = [
@@ -155,8 +168,20 @@ def bring_tray():
     return Tool(fixture=Fixture(Tool(tuple(parts)), pose))
 
 
+def hold_tray():
+    """A tool that is a tray of 0.2 x 0.2 m below the flange."""
+    rod = Component(
+        "rod", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))
+    )
+    floor = Component(
+        "floor", "rod", Pose(np.array([0.0, 0.0, -0.1])), Box((0.2, 0.2, 0.006))
+    )
+    return Tool((rod, floor))
+
+
 NO_TOOL = Tool()
 TRAY = bring_tray()
+HELD_TRAY = hold_tray()
 
 
 @cache
@@ -242,6 +267,20 @@ def test_a_fixture_that_a_goal_names_means_the_same_in_every_engine(tmp_path, ro
     ]
     for engine in SIMULATORS:
         played = play(engine, FIXTURE, TRAY)
+        rewards = [float(task.reward(*played)) for task in tasks]
+        assert rewards[0] == pytest.approx(1, abs=1e-6), engine
+        assert rewards[1] < 0.999, engine
+
+
+@pytest.mark.parametrize("row", GROUNDED, ids=[row[0] for row in GROUNDED])
+def test_the_ground_and_what_is_held_mean_the_same_in_every_engine(tmp_path, row):
+    _, goal, old, new = row
+    tasks = [
+        read(tmp_path, [asked], GROUND, CARRIED)
+        for asked in (goal, goal.replace(old, new))
+    ]
+    for engine in SIMULATORS:
+        played = play(engine, GROUND, HELD_TRAY)
         rewards = [float(task.reward(*played)) for task in tasks]
         assert rewards[0] == pytest.approx(1, abs=1e-6), engine
         assert rewards[1] < 0.999, engine
