@@ -12,6 +12,8 @@ from core.interfaces import Task
 from core.scene import Body, Soft
 from plugins.vlms.told.tables import phrase, table
 
+_FLAT_M = 1e-9  # what is thinner has no ends
+
 _NUMBERED = re.compile(r"_?\d+$")
 
 
@@ -47,7 +49,8 @@ def bounds(body: Body, pose: Pose) -> tuple[Array, Array]:
     """Compute the lowest and the highest corner (3,) of a body's shapes in a frame in which it has this pose.
 
     Args:
-        body: of one shape or more; those that collide count, or those that are drawn where none does.
+        body: rigid or soft; the shapes that collide count, or those that are drawn where none does. Without any it is
+            as large as its origin.
         pose: of the body in the frame; that of the scene for bounds in the world.
 
     For example, a body's size along its own axes::
@@ -55,8 +58,12 @@ def bounds(body: Body, pose: Pose) -> tuple[Array, Array]:
         low, high = bounds(body, Pose())
         size = high - low
     """
+    parts = body.collisions or body.visuals
+    if not parts:
+        return pose.position, pose.position
+
     points = []
-    for part in body.collisions or body.visuals:
+    for part in parts:
         vertices = np.asarray(part.shape.to_trimesh().vertices)
         points.append((pose @ part.pose).apply(vertices))
 
@@ -100,7 +107,8 @@ def _describe_origin(body: Body) -> str:
         body: rigid or soft, anywhere.
     """
     low, high = bounds(body, Pose())
-    shares = -low / np.maximum(high - low, 1e-9)
+    size = high - low
+    shares = np.where(size > _FLAT_M, -low / np.maximum(size, _FLAT_M), 0.5)
     places = [phrase("bodies", "place", share) for share in shares.tolist()]
     if places == ["middle"] * 3:
         return "centre"
