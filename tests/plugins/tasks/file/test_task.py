@@ -85,7 +85,10 @@ def test_the_json_schema_fits_what_is_read(scaffold):
     schema = installed().factory("task", "file").json_schema()
     validator = jsonschema.Draft202012Validator(schema)
     validator.check_schema(schema)
-    pages = [ROOT / f"docs/{name}.md" for name in ("scene_files", "scene_keys")]
+    pages = [
+        ROOT / f"docs/{name}.md"
+        for name in ("scene_files", "scene_things", "scene_keys")
+    ]
     page = "".join(page.read_text() for page in pages)
     keys = {*schema["properties"], *schema["$defs"]["Goal"]["properties"]}
     assert {key for key in keys if f"`{key}" not in page} == set()
@@ -172,7 +175,7 @@ def test_a_body_may_be_a_mesh(tmp_path):
 
 def test_what_is_elastic_is_soft(tmp_path):
     """The bodies and goals of the page: at rest as they are, and measured by their nodes."""
-    page = Path("docs/scene_files.md").read_text()
+    page = Path("docs/scene_things.md").read_text()
     elastic = "elastic: {density: 200, young: 2.0e4}"
     shown = next(
         block
