@@ -55,6 +55,24 @@ ENGINES = {"mujoco": "MuJoCo", "pybullet": "PyBullet", "sapien": "SAPIEN"}
 DRAWS = "mujoco"
 MATERIAL = "pla"
 
+GOALS = {
+    "BringCube": "Bring a cube of 1 kg, out of the gripper's reach, 0.4 m closer onto a mark.",
+    "CleanTable": "Sweep eight scattered cubes into a circle, none past it and none off the table.",
+    "DislodgeCube": "Get a cube out of the far end of a see-through pipe that has a side branch.",
+    "ElevatePlate": "Lift a dinner plate by 0.4 m, level, and hold it.",
+    "GatherSpheres": "Scoop thirty small spheres from between three walls, and hold them above 0.3 m.",
+    "HighObject": "Bring a cube from a board 0.9 m high into a bin on the floor.",
+    "LiftBox": "Lift an open cardboard box, too wide for a gripper, by 0.13 m without tilting it.",
+    "MoveBall": "Bring a ball that rolls far 0.6 m to the other side, and let it rest on the mark.",
+    "OneBook": "Pull one book out of a row of five, and leave the other four.",
+    "ScoreGoal": "Get a puck on ice into a goal that is out of reach.",
+    "SnatchCookie": "Take one cookie out of a deep jar, and hold it above the mouth.",
+    "TurkeyLegs": "Bring five slippery turkey legs out of a pot into a box, but not the pot.",
+}
+"""What each task asks for, in a sentence; its whole description stands in docs/tasks.md."""
+
+DONE = 0.95  # the reward from which a task counts as done
+
 SMALL = (320, 240)  # pixels of a still
 STRIP = (
     "BringCube",
@@ -64,11 +82,12 @@ STRIP = (
     "GatherSpheres",
     "ElevatePlate",
 )
-FRAME = (240, 180)  # pixels of each of the strip's films
+FRAME = (320, 240)  # pixels of each of the strip's films
+COLUMNS = 3  # of the strip
 STRIP_FRAMES = 36
 STRIP_MS = 150  # how long each of them is shown
 FROM = (0.75, -0.85, 0.5)  # whence a tool is drawn
-ROOM = 1.6  # of its size, how much the picture shows
+ROOM = 1.15  # of its size, how much the picture shows
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,12 +230,21 @@ def draw(entry: Entry) -> None:
 
 
 def save_strip() -> None:
-    """Write the films of six tasks side by side; each is shown from its start to its end in the same time."""
-    rows = [[*_sample(PICTURES / f"{task}.webp", task)] for task in STRIP]
-    frames = [np.hstack(pictures) for pictures in zip(*rows, strict=True)]
+    """Write the films of six tasks in two rows; each is shown from its start to its end in the same time."""
+    films = [[*_sample(PICTURES / f"{task}.webp", task)] for task in STRIP]
+    frames = [_arrange(pictures) for pictures in zip(*films, strict=True)]
     shown = [(frame, STRIP_MS) for frame in frames]
     shown[-1] = (frames[-1], 2500)
     save_webp(shown, PICTURES / "strip.webp", 45)
+
+
+def _arrange(pictures: Sequence[Image]) -> Image:
+    """Lay pictures of one size in rows."""
+    rows = []
+    for first in range(0, len(pictures), COLUMNS):
+        rows.append(np.hstack(pictures[first : first + COLUMNS]))
+
+    return np.vstack(rows)
 
 
 def _sample(file: Path, title: str) -> Iterator[Image]:
@@ -247,7 +275,7 @@ def save_viewer(tasks: Sequence[str]) -> None:
         tool = entry.read().tool
         assert isinstance(tool, Tool)
         robot = tool_part(entry.config()).create().robot
-        shown.append(in_viewer(tool, robot, f"{task}: {tool.name}", "to be turned"))
+        shown.append(in_viewer(tool, robot, f"{task}: {tool.name}", "drag to turn it"))
 
     TOOLS.write_text(
         render("tools.html.j2", DESIGNS, shown, title="Tools of the gallery"),
@@ -257,7 +285,53 @@ def save_viewer(tasks: Sequence[str]) -> None:
 
 def page_part(figures: dict[str, Any]) -> str:
     """Write the part of the page that is made of the figures."""
-    return "\n".join(_section(task, figures[task]) for task in sorted(figures))
+    tasks = sorted(figures)
+    sections = [_section(task, figures[task]) for task in tasks]
+
+    return "\n".join([_overview(figures), *sections])
+
+
+def _overview(figures: dict[str, Any]) -> str:
+    """Write a table of all tasks: what each asks for, whether the model's tool does it, and what others earn."""
+    lines = [
+        "| task | asks | the model's tool | it earns | embedded designer | bare gripper |",
+        "|---|---|---|---|---|---|",
+    ]
+    for task in sorted(figures):
+        done = "works" if _is_done(figures[task]["model"]) else "**fails**"
+        rewards = " | ".join(_span(figures[task].get(name)) for name in DESIGNERS)
+        lines.append(
+            f"| [{task}](#{task.lower()}) | {GOALS[task]} | {done} | {rewards} |"
+        )
+
+    return "\n".join([*lines, ""])
+
+
+def _is_done(figures: dict[str, Any]) -> bool:
+    """Report whether a design does its task in each engine."""
+    return all(reward >= DONE for reward in figures["rewards"].values())
+
+
+def _span(figures: dict[str, Any] | None) -> str:
+    """Write the lowest and the highest reward of the engines; equal ones once."""
+    if figures is None:
+        return "–"
+
+    rewards = figures["rewards"].values()
+    low = number(min(rewards), 3)
+    high = number(max(rewards), 3)
+
+    return low if low == high else f"{low} to {high}"
+
+
+def _verdict(figures: dict[str, Any]) -> str:
+    """Say whether the model's tool does the task, and what the best other does where it doesn't."""
+    model = figures["model"]
+    if _is_done(model):
+        return f"**Works**: {_span(model)} in three engines."
+
+    others = f"the embedded designer's earns {_span(figures.get('embedded'))}"
+    return f"**Fails**: {_span(model)} in three engines, and {DONE} is asked; {others}."
 
 
 def _section(task: str, figures: dict[str, Any]) -> str:
@@ -267,7 +341,9 @@ def _section(task: str, figures: dict[str, Any]) -> str:
     lines = [
         f"## {task}",
         "",
-        f"*{_one_line(model['says'])}*",
+        f"{GOALS[task]} {_verdict(figures)} The model's words:",
+        "",
+        f"> {_one_line(model['says'])}",
         "",
         f"![{task}: the arm uses the model's tool, then the camera goes close](images/gallery/{task}.webp)",
         "",
@@ -283,7 +359,7 @@ def _section(task: str, figures: dict[str, Any]) -> str:
     masses = [_mass(figures[name]) for name in designers]
     lines.append(f"| mass in PLA | {' | '.join(masses)} |")
     prints = [_prints(figures[name]) for name in designers]
-    lines.append(f"| a printer makes it | {' | '.join(prints)} |")
+    lines.append(f"| prints in one piece | {' | '.join(prints)} |")
 
     return "\n".join([*lines, ""])
 
@@ -310,13 +386,16 @@ def _mass(figures: dict[str, Any]) -> str:
 
 
 def _prints(figures: dict[str, Any]) -> str:
-    """Say whether a printer makes a tool, or which check fails first."""
+    """Say whether a printer makes a tool in one piece, or what the first check that fails found."""
     if "problem" not in figures:
         return "–"
     problem = figures["problem"]
     if not problem:
         return "yes"
-    return f"no: {_one_line(problem).partition(':')[0]}"
+    _, _, found = _one_line(problem).partition(": ")
+    found = found.partition(";")[0].partition(", the plate")[0]
+
+    return f"no: {found}"
 
 
 def split_page(text: str) -> tuple[str, str, str]:
