@@ -41,7 +41,7 @@ B = TypeVar("B")
 _ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
 )
-_START_S = 120.0  # for a process to take its first chunk
+_START_S = 600.0  # for a process to take its first chunk: imports are slow on a disk of a network, or beside others
 
 _spawn = multiprocessing.get_context("spawn")
 # If two threads wait for one process, one does not get its exit code.
