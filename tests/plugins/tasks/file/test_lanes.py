@@ -137,6 +137,7 @@ GROUNDED = [
 FURNISHED = [
     ("inside", "{bodies: [pea], inside: fixture}", "pea", "stray"),
     ("at", "{bodies: [pea], at: fixture, place: [0.01, 0, '< 0.0145']}", "0.0145", "0.0135"),
+    ("on it", "{bodies: [bar], at: fixture, place: [null, null, '> 0.0395'], rest: true}", "0.0395", "0.0405"),
     ("facing", "{bodies: [bar], facing: fixture, axis: [0, 0, -1], tolerance_deg: 3}", "-1", "1"),
     ("untouched", "{untouched: [fixture], by: [stray]}", "stray", "pea"),
     ("by", "{untouched: [stray], by: [fixture]}", "stray", "bar"),
