@@ -17,7 +17,12 @@ from core.robot.kinematics import arm_of
 from core.scene import Scene, State, Trace
 from core.simulation.attempt import Attempt, Stage
 from core.simulation.observing import observe
-from core.solids.contacts import Contacts, find_contacts, make_trace
+from core.solids.contacts import (
+    Contacts,
+    count_instants,
+    find_contacts,
+    make_trace,
+)
 from core.solids.penetration import Explosion, Finding, findings
 from core.solids.record_rate import is_finite
 from core.support.text import number
@@ -42,9 +47,19 @@ def judge_attempts(stage: Stage, attempts: Sequence[Attempt]) -> None:
             attempt.end(stage, "failed", failure)
 
     finished = [attempt for attempt in attempts if attempt.trial is None]
-    # Those whose designs add the same to the scene, if anything.
-    for _, group in groupby(finished, key=lambda attempt: id(attempt.scene)):
+    for _, group in groupby(sorted(finished, key=_kin), key=_kin):
         _reward(stage, [*group])
+
+
+def _kin(attempt: Attempt) -> tuple[int, int]:
+    """Tell apart attempts whose designs add something else to the scene, or that last longer.
+
+    In a common trace what ended early would stand still until the others end: a swinging body would be at rest.
+    """
+    contacts = attempt.contacts
+    instants = 0 if contacts is None else count_instants(contacts)
+
+    return id(attempt.scene), instants
 
 
 def _find_failure(stage: Stage, attempt: Attempt) -> str | None:
@@ -85,7 +100,7 @@ def _look_for_contacts(stage: Stage, attempt: Attempt) -> Contacts | None:
 
 
 def _reward(stage: Stage, finished: Sequence[Attempt]) -> None:
-    """Make the trials of what came to its end in one scene: the task's reward is called once for all of them."""
+    """Make the trials of what came to its end in one scene, as long: the reward is called once for all of them."""
     task = stage.task
     scene = finished[0].scene
     starts = _stack(scene, finished, "start")

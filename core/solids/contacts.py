@@ -348,6 +348,11 @@ def _extents(track: Track) -> Array:
     return np.abs(track.rotations) @ track.box
 
 
+def count_instants(world: Contacts) -> int:
+    """Count the instants of a trace of one world, from 0 to its end."""
+    return math.ceil(world.taken.times[-1] * TRACE_HZ - 1e-6) + 1
+
+
 def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
     """Make the trace of rollouts in a scene, one world for each of their contacts.
 
@@ -361,8 +366,8 @@ def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
     Returns:
         A trace whose arrays have W worlds in front of the instants.
     """
-    last = max(world.taken.times[-1] for world in worlds)
-    instants = np.arange(math.ceil(last * TRACE_HZ - 1e-6) + 1) / TRACE_HZ
+    count = max(count_instants(world) for world in worlds)
+    instants = np.arange(count) / TRACE_HZ
     shape = len(worlds), len(instants)
     touching: dict[Key, Flags] = defaultdict(lambda: np.zeros(shape, dtype=bool))
     forces: dict[tuple[str, str], Array] = defaultdict(lambda: np.zeros(shape))
