@@ -379,3 +379,6 @@ MEASURES: dict[str, Callable[[Tried], float]] = {
     "sunk": sunk,
     "anything": anything,
 }
+
+EVERYWHERE = [name for name in MEASURES if name not in ("idle", "sunk", "anything")]
+"""What is looked for unless measures are named; the others are for scenes with soft bodies, or for known attacks."""

@@ -56,7 +56,7 @@ from plugins.tools.joint_rules import (
 )
 from plugins.tools.varying import tool_numbers, vary_tool
 from tests.benchmarks import measuring
-from tests.benchmarks.absurd import MEASURES, Watched, tried
+from tests.benchmarks.absurd import EVERYWHERE, MEASURES, Watched, tried
 from tests.playing import evaluate_batch
 from tests.solutions import FILES, anchored, representation
 
@@ -91,7 +91,7 @@ class Settings:
 
     folder: str = "cheats"
     tasks: list[str] = field(default_factory=lambda: HARD)
-    measures: list[str] = field(default_factory=lambda: [*MEASURES][:7])
+    measures: list[str] = field(default_factory=lambda: [*EVERYWHERE])
     sim: str = "mujoco"
     rollouts: int = 100_000
     seed: int = 0
