@@ -7,8 +7,11 @@ import pytest
 
 
 def rare(values: Iterable[Any], *kept: Any, mark: str = "thorough") -> list[Any]:
-    """Mark all values but those ``kept``."""
+    """Mark all values but those ``kept``; a tuple is a row: a value for each argument."""
     marks = getattr(pytest.mark, mark)
-    return [
-        value if value in kept else pytest.param(value, marks=marks) for value in values
-    ]
+    marked = []
+    for value in values:
+        row = value if isinstance(value, tuple) else (value,)
+        marked.append(value if value in kept else pytest.param(*row, marks=marks))
+
+    return marked

@@ -15,6 +15,7 @@ import trimesh
 from PIL import Image
 
 from tests.commands import python_m
+from tests.rare import rare
 
 pytestmark = pytest.mark.slow
 
@@ -110,7 +111,7 @@ MISTAKES = [
 
 @pytest.mark.parametrize(
     ("command", "words", "said"),
-    MISTAKES,
+    rare(MISTAKES, *MISTAKES[::4]),
     ids=[" ".join([c, *w[-1:]]) for c, w, _ in MISTAKES],
 )
 def test_a_mistake_is_one_line_that_says_what_is_wrong(tmp_path, command, words, said):
@@ -402,6 +403,7 @@ def test_an_output_that_is_full_is_no_fault_of_the_folder(tmp_path):
     assert (folder / "result.json").exists()
 
 
+@pytest.mark.thorough
 def test_a_folder_with_a_run_is_not_written_over(tiny):
     folder, _ = tiny
     files = [folder / "result.json", *(folder / ".hydra").iterdir()]

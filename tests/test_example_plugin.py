@@ -147,6 +147,7 @@ def test_its_parts_conform(site, tmp_path, part):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.thorough
 def test_what_it_offers_is_listed_with_its_name(site, tmp_path):
     out = python_m(site, tmp_path, "core.plugins").stdout
     offered = {

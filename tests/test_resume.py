@@ -146,24 +146,13 @@ def assert_same_run(one, other):
 # --- killed at any moment ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("setting", "points"),
-    [
-        ("ensemble", 2),
-        *(
-            pytest.param(
-                setting,
-                int(os.environ.get("KILLS", points)),
-                marks=pytest.mark.thorough if setting in OFTEN else pytest.mark.weekly,
-            )
-            for setting, points in POINTS.items()
-        ),
-    ],
-)
+@pytest.mark.thorough
+@pytest.mark.parametrize("setting", rare(POINTS, *OFTEN, mark="weekly"))
 def test_a_run_killed_at_any_moment_comes_to_the_same_end_and_repeats_nothing(
-    setting, points, tmp_path
+    setting, tmp_path
 ):
-    command = [sys.executable, "-m", "tests.kills", str(tmp_path), str(points), setting]
+    points = os.environ.get("KILLS", str(POINTS[setting]))
+    command = [sys.executable, "-m", "tests.kills", str(tmp_path), points, setting]
     done = subprocess.run(
         command, cwd=ROOT, capture_output=True, text=True, timeout=3600
     )
@@ -221,6 +210,7 @@ def what_is_stored(folder):
 # --- what no reader takes ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("key", "value", "said"),
     [
@@ -271,6 +261,7 @@ def begin(toy, folder, **settings):
     return run(cfg, folder)
 
 
+@pytest.mark.thorough
 def test_a_limit_ends_a_run_well_and_the_run_goes_on_where_it_is_raised(
     toy, whole, tmp_path, capsys
 ):
@@ -331,6 +322,7 @@ def test_what_a_service_did_not_answer_is_asked_again(
     assert_same_run(folder, whole)
 
 
+@pytest.mark.thorough
 def test_what_a_service_did_not_answer_stays_once_the_next_generation_builds_on_it(
     toy, tmp_path
 ):
@@ -371,6 +363,7 @@ def test_an_interrupted_run_says_how_to_go_on(toy, whole, tmp_path, chunk):
     assert_same_run(folder, whole)
 
 
+@pytest.mark.thorough
 def test_a_resumed_run_is_told_of_the_last_generation_what_the_whole_one_was(
     toy, tmp_path
 ):
@@ -388,7 +381,9 @@ def test_a_resumed_run_is_told_of_the_last_generation_what_the_whole_one_was(
     assert "## The last round" not in (whole / "requests" / "g0-a0.md").read_text()
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt, ZeroDivisionError])
+@pytest.mark.parametrize(
+    "error", rare([KeyboardInterrupt, ZeroDivisionError], KeyboardInterrupt)
+)
 def test_what_breaks_a_run_in_its_last_seconds_says_how_to_go_on(
     toy, whole, tmp_path, monkeypatch, error
 ):
@@ -475,6 +470,7 @@ def test_a_reward_that_ends_runs_takes_no_tried_candidate_away(toy, tmp_path, ca
     assert after["n_evaluations"] == before["n_evaluations"]
 
 
+@pytest.mark.thorough
 def test_a_run_that_had_ended_and_was_killed_while_it_went_on_has_not_ended(
     toy, tmp_path, monkeypatch
 ):
@@ -700,6 +696,7 @@ def test_a_run_gives_up_when_its_patience_is_at_an_end(toy, disk, waits):
     assert waited == [10, 19]
 
 
+@pytest.mark.thorough
 def test_a_run_waits_for_a_model_that_is_away_and_pays_nothing_twice(
     toy, whole, tmp_path, waits, capsys
 ):

@@ -128,6 +128,7 @@ def search(tmp_path):
     )
 
 
+@pytest.mark.thorough
 def test_the_reference_solution_is_not_absurd(search):
     measures = dict(absurd.MEASURES)
     measures.pop("anything")  # it lets all that earns be looked at

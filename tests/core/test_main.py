@@ -99,6 +99,7 @@ def test_a_run_beside_such_modules(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.thorough
 def test_an_interrupt(tmp_path):
     words = [*TINY, "vlm=mailbox", "hydra.run.dir=run"]
     process = subprocess.Popen(

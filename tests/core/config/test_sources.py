@@ -13,6 +13,7 @@ from core.plugins import KINDS, installed
 from core.plugins.kinds import PAPER_BUDGET
 from core.plugins.registry import Plugins
 from tests.core.plugins.offering import Engine, Offering
+from tests.rare import rare
 
 pytestmark = pytest.mark.slow
 
@@ -21,9 +22,18 @@ ROOT = Path(__file__).parents[3]
 BUILT_IN = sorted(
     part for part in installed().offers if part[0] in KINDS.keys() - {"command"}
 )
+FEW = [
+    ("evolution", "vlmgineer"),
+    ("executor", "local"),
+    ("listener", "rerun"),
+    ("robot", "panda"),
+    ("sim", "mujoco"),
+    ("task", "OneBook"),
+    ("vlm", "anthropic"),
+]
 
 
-@pytest.mark.parametrize(("kind", "name"), BUILT_IN)
+@pytest.mark.parametrize(("kind", "name"), rare(BUILT_IN, *FEW))
 def test_a_config_has_the_defaults_of_the_signature_and_its_file_only_what_differs(
     kind, name
 ):

@@ -104,6 +104,7 @@ def test_the_camera_goes_the_shorter_way_around_and_ends_where_it_should():
         assert there.target == pytest.approx(camera.target)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @mujoco_first
 def test_every_thread_draws_the_same(engine):

@@ -39,6 +39,7 @@ def test_a_signal_is_an_interrupt_and_a_second_one_ends_the_process(
     assert signals["left"] == left
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "words",

@@ -148,6 +148,7 @@ def ran(tmp_path_factory):
     return folder, run(load("config", words), folder)
 
 
+@pytest.mark.thorough
 def test_a_run_is_of_its_material(ran):
     folder, result = ran
     tool = result.best.candidate.tool

@@ -92,6 +92,7 @@ def session(tmp_path_factory):
     return folder / "run", said
 
 
+@pytest.mark.thorough
 def test_the_tools_are_those_of_the_page(session):
     page = (ROOT / "docs" / "agents.md").read_text()
     _, said = session
@@ -194,6 +195,7 @@ def start(folder, *words, **how):
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("wrong_calls", "flood_calls"),
     [(55, 1_000), pytest.param(1_000, 10_000, marks=pytest.mark.weekly)],

@@ -9,6 +9,7 @@ from core.plugins import installed
 from core.robot.writing import write
 from core.values.urdf import read_tree, read_xml
 from plugins.conformance.suites import SUITES, examine
+from tests.rare import rare
 
 pytestmark = pytest.mark.slow
 
@@ -104,7 +105,7 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("case", WRONG)
+@pytest.mark.parametrize("case", rare(WRONG, "an endless joint", "no torque"))
 def test_what_is_wrong_is_reported(case):
     make, expected = WRONG[case]
     problems = {verdict.check: verdict.problem for verdict in examine("robot", make())}

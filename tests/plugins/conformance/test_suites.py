@@ -32,27 +32,28 @@ from plugins.conformance.checking import ready
 from plugins.conformance.scenery import GREY
 from plugins.conformance.suites import SUITES, examine, subject
 from tests.panda import on_panda
+from tests.rare import rare
 
 pytestmark = pytest.mark.slow
 
 TASKS = ready("task")
-PARTS = [("task", TASKS[0]), ("task", TASKS[-1])]
-PARTS += [
-    pytest.param("task", name, marks=pytest.mark.thorough) for name in TASKS[1:-1]
+SLOW = [
+    ("command", "run"),
+    ("evolution", "refined"),
+    ("fitness", "robust"),
+    ("listener", "rerun"),
+    *(("task", name) for name in TASKS[1:-1]),
 ]
+PARTS = [("task", name) for name in TASKS]
 PARTS += [("tool", name) for name in ready("tool") if name != "known"]  # needs a file
 PARTS += [
     ("evolution", name)
     for name in installed().names("evolution")
     if name != "agent"  # which waits for one
 ]
-PARTS += [
-    ("fitness", "nominal"),
-    pytest.param("fitness", "robust", marks=pytest.mark.slow),
-]
+PARTS += [("fitness", "nominal"), ("fitness", "robust")]
 PARTS += [("command", name) for name in installed().names("command")]
-PARTS += [("listener", "progress"), ("listener", "summary")]
-PARTS += [pytest.param("listener", "rerun", marks=pytest.mark.slow)]
+PARTS += [("listener", name) for name in ("progress", "rerun", "summary")]
 PARTS += [("vlm", "offline")]  # the others need a key, a folder or a person
 
 
@@ -60,7 +61,9 @@ def test_every_kind_of_part_has_a_suite():
     assert set(SUITES) == set(KINDS)
 
 
-@pytest.mark.parametrize(("kind", "name"), PARTS)
+@pytest.mark.parametrize(
+    ("kind", "name"), rare(PARTS, *[part for part in PARTS if part not in SLOW])
+)
 def test_built_in_parts_conform(kind, name):
     checked = subject(PluginPart(kind, name))
     for check in SUITES[kind]:

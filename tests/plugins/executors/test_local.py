@@ -131,6 +131,7 @@ def test_a_chunk_that_ends_its_worker_in_an_odd_way_is_not_waited_for(fate, why)
     assert why in str(found[fate])
 
 
+@pytest.mark.thorough
 def test_a_worker_that_dies_while_it_has_no_work_breaks_nothing():
     """As when the machine is out of memory while a model is thinking: the pools of openevolve #246 and #395 broke."""
     with executor(workers=2) as pool:
@@ -306,6 +307,7 @@ def make_file(chunk):
     return name
 
 
+@pytest.mark.thorough
 def test_a_worker_keeps_its_temporary_files_with_those_of_the_run():
     with executor(workers=1) as pool:
         results = [result for _, result in pool.map(make_file, [["a"], ["die"], ["b"]])]

@@ -102,6 +102,7 @@ def test_what_befalls_a_chunk_befalls_no_other():
     assert all_gone(started)
 
 
+@pytest.mark.thorough
 def test_chunks_do_not_wait_for_workers_that_find_no_room(cluster):
     chunks = [[number] for number in range(8)]
     with executor(address=cluster.address, workers=4) as pool:

@@ -131,6 +131,7 @@ def test_a_wrong_setting_is_reported(settings, said):
         fitness(**settings)
 
 
+@pytest.mark.thorough
 def test_the_prompt_names_the_constraints():
     words = [
         "task=MoveBall",

@@ -22,6 +22,7 @@ from plugins.new.packages import write_scene
 from plugins.trying import evaluate
 from tests.core.run_folders import hook
 from tests.outside_arm import write_arm
+from tests.rare import rare
 
 TESTS = Path(__file__).parents[2]
 
@@ -227,7 +228,7 @@ NOTHING_EARNED = {  # a file of designs, the strategy, another plan, further wor
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("inline")
-@pytest.mark.parametrize("kind", NOTHING_EARNED)
+@pytest.mark.parametrize("kind", rare(NOTHING_EARNED, "missed", "no answer"))
 def test_the_first_line_of_a_run_without_a_reward_names_the_cause(
     kind, tmp_path, capsys
 ):
@@ -277,15 +278,11 @@ KINDS = {
     "scene file": "task=file task.file=scene.yaml",
 }
 
-QUICK = ("scene file",)
-
 
 @pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.usefixtures("inline")
-@pytest.mark.parametrize(
-    "kind",
-    [k if k in QUICK else pytest.param(k, marks=pytest.mark.thorough) for k in KINDS],
-)
+@pytest.mark.parametrize("kind", KINDS)
 def test_the_reward_above_is_that_of_the_command(kind, tmp_path, monkeypatch, capsys):
     """To the last bit, whatever is not as it usually is."""
     monkeypatch.chdir(tmp_path)

@@ -51,6 +51,7 @@ def test_an_idea_that_nobody_reads_is_refused(tmp_path):
         run(load("config", words), tmp_path / "run")
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("inline")
 def test_settings_that_nothing_reads_are_said(tmp_path, capsys):
     words = "prompt=paper prompt.critic=2 sampling.spread=0 sim=mujoco film=false listener={} "

@@ -147,6 +147,7 @@ def test_what_fails_is_charged_to_what_may_be_mended(monkeypatch):
     assert 100_000 < sum(tried) <= saving.MAX_ALL_MENDED
 
 
+@pytest.mark.thorough
 def test_many_sound_objects_before_the_document_are_passed():
     text = '{"a": 1} ' * 500_000 + TEXT
     assert parse_reply(text) == DOCUMENT

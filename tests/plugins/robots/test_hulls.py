@@ -74,6 +74,7 @@ def test_scale_and_the_unit_of_collada_count(write):
     )
 
 
+@pytest.mark.thorough
 def test_a_hull_has_few_corners_and_is_near_the_whole(write):
     file = write("ball.stl", trimesh.creation.icosphere(subdivisions=5, radius=0.1))
     hull = trimesh.load_mesh(hull_file(file))

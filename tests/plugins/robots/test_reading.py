@@ -328,6 +328,7 @@ TEXTS += [
 ]
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @settings(
     max_examples=80,

@@ -8,6 +8,7 @@ from core.plugins import PluginPart, installed
 from core.robot.kinematics import arm_of
 from plugins.conformance.suites import SUITES
 from plugins.robots.arms import measured
+from tests.rare import rare
 
 # The home of most tasks, and where the base has to stand for it.
 HOME = Pose.xyz_rpy((0.5, 0.0, 0.5))
@@ -25,7 +26,7 @@ BASES = {"z1": (0.15, 0.0, 0.35, 0.0)}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", rare(NAMES, "panda"))
 def test_robots_conform(name):
     checked = installed().create("robot", name)
     for check in SUITES["robot"]:

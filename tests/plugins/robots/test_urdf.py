@@ -31,6 +31,7 @@ def words(tmp_path_factory):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "check", SUITES["robot"], ids=lambda check: check.__name__.removeprefix("check_")
 )

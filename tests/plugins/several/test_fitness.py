@@ -40,6 +40,7 @@ def plan(task):
     }
 
 
+@pytest.mark.thorough
 def test_each_task_is_tried_with_its_own_plan(tmp_path):
     (alone,) = tried(
         tmp_path,
@@ -61,6 +62,7 @@ def test_each_task_is_tried_with_its_own_plan(tmp_path):
     )
 
 
+@pytest.mark.thorough
 def test_the_worst_task_may_count(tmp_path):
     (both,) = tried(
         tmp_path,
@@ -82,6 +84,7 @@ def test_a_plan_that_lacks_costs_its_task_alone(tmp_path):
     assert "2 numbers" in unread.trials[1].reason
 
 
+@pytest.mark.thorough
 def test_a_tool_that_does_not_start_clear_in_one_task_is_tried_in_the_other(
     tmp_path,
 ):

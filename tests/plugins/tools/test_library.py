@@ -103,6 +103,7 @@ def test_tools_of_another_form_are_written_anew(tmp_path):
     assert len(contents) == 1
 
 
+@pytest.mark.thorough
 def test_mistakes_are_one_line(library, tmp_path):
     (tmp_path / "empty").mkdir()
     known = f"tool.library={library}"
@@ -118,6 +119,7 @@ def test_mistakes_are_one_line(library, tmp_path):
             search("tool=known", *words)
 
 
+@pytest.mark.thorough
 def test_a_model_that_is_told_no_numbers_gets_none_by_a_plan(library):
     words = ["tool=known", f"tool.library={library}", "prompt.told=pictures"]
     cfg = load("config", [*SMALL, *words, "vlm=mailbox"])

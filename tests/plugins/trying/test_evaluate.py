@@ -72,6 +72,7 @@ def test_each_plan_has_a_record_of_what_it_earned(evaluated):
     assert {"design", "reward", "status"} <= set(lines[0].split())
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.usefixtures("inline")
 def test_the_best_design_is_filmed(tmp_path, capsys):

@@ -99,6 +99,7 @@ def test_every_use(use, idea):
     assert request.brief.n_tool * request.brief.n_action == 20
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kinds", rare(["rigid", "gripper"], "rigid"))
 def test_evolution_shows_what_the_designs_earned(designs, kinds):
     request = composed(
@@ -190,6 +191,7 @@ def test_designs_that_make_no_elites(tmp_path):
         composed(f"designs={file}")
 
 
+@pytest.mark.thorough
 def test_the_command_writes_what_would_be_sent(tmp_path):
     words = [
         "task=OneBook",

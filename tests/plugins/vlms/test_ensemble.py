@@ -20,6 +20,7 @@ from plugins.conformance.suites import SUITES
 from plugins.vlms.ensemble.model import Ensemble
 from tests.plugins.vlms.asking import until_limit
 from tests.plugins.vlms.servers import Say, request, serving
+from tests.rare import rare
 
 pytestmark = pytest.mark.slow
 
@@ -207,6 +208,7 @@ def two(open_ai, google, **more):
     ]
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("planted", "warm")
 def test_the_others_go_on_where_a_member_reaches_its_limit():
     with serving(lambda call: Say()) as first, serving(lambda call: Say()) as second:
@@ -233,8 +235,11 @@ def test_the_others_go_on_where_a_member_reaches_its_limit():
         assert said.endswith("; 7 of 12 requests are left without a reply")
 
 
+LIMITS = ({"max_tokens_total": 5000}, {"max_cost_usd": 0.0})
+
+
 @pytest.mark.usefixtures("planted", "warm")
-@pytest.mark.parametrize("limit", [{"max_tokens_total": 5000}, {"max_cost_usd": 0.0}])
+@pytest.mark.parametrize("limit", rare(LIMITS, LIMITS[0]))
 def test_one_limit_holds_for_all_members_also_for_what_a_resumed_run_had_spent(limit):
     with serving(lambda call: Say()) as first, serving(lambda call: Say()) as second:
         if "max_cost_usd" in limit:

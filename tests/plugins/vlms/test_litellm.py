@@ -532,6 +532,7 @@ list(vlm.complete([request(2), request(3)]))
 """
 
 
+@pytest.mark.thorough
 def test_only_calls_go_over_the_network_nothing_is_printed_and_an_interrupt_waits_for_no_server():
     with serving(lambda call: FINE if agent_of(call) < 2 else Stall()) as server:
         process = python(CALL_TWICE, "gemini/gemini-2.5-pro", server.url)

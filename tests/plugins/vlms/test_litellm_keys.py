@@ -115,6 +115,7 @@ def test_what_is_openais_goes_to_no_other_provider(api_base, sent, monkeypatch):
     assert {provider for provider, _ in wrong} <= asking_first
 
 
+@pytest.mark.thorough
 def test_requests_go_to_the_server_that_was_named_or_nowhere(sent, monkeypatch):
     """Of all providers: some know no other address than their maker's, some look a model up beside the call."""
     for name in ("OLLAMA", "LEMONADE", "REPLICATE", "BYTEZ", "HUGGINGFACE", "COHERE"):

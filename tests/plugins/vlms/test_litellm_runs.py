@@ -89,6 +89,7 @@ def test_a_served_run_has_the_result_of_its_answers(tmp_path):
     assert not secrets_in(tmp_path)
 
 
+@pytest.mark.thorough
 def test_a_run_that_reaches_its_limit_ends_well_and_resumes_with_a_higher_one(tmp_path):
     folder = tmp_path / "run"
     words = [
@@ -134,6 +135,7 @@ runpy.run_module("core.run", run_name="__main__", alter_sys=True)
 """
 
 
+@pytest.mark.thorough
 def test_a_request_under_way_at_a_kill_is_asked_once_more_and_an_answered_one_is_not(
     tmp_path,
 ):

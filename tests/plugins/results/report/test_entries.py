@@ -108,6 +108,7 @@ def test_a_lean_track_scores_what_holds_by_the_effort_that_it_saves():
     assert run.score(protocol("varied"), "InsertPlug") == pytest.approx(0.96)
 
 
+@pytest.mark.thorough
 def test_an_entry_has_means_and_what_was_spent(entry):
     assert (entry.name, entry.protocol, entry.version, entry.track) == (
         "ours",

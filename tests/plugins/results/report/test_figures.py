@@ -13,6 +13,7 @@ from tests.core.run_folders import write_run
 FIGURES = {"rewards", "on_some_tasks", "anytime", "by_generation"}
 
 
+@pytest.mark.thorough
 def test_figures_are_there_and_not_blank(made):
     data = made[0] / "out" / "data"
     drawn = {f.stem for f in data.glob("*.png")}

@@ -66,6 +66,7 @@ def test_it_asks_for_nothing_and_the_browser_keeps_its_policy(page):
         assert "style-src" in said
 
 
+@pytest.mark.thorough
 def test_tables_sort(chrome):
     press(chrome, "runs", 3)  # the best reward: the greatest first
     rewards = [float(text) for text in column(chrome, "runs", 3)]

@@ -53,6 +53,7 @@ def made(folders, tmp_path_factory):
     return found, output
 
 
+@pytest.mark.thorough
 def test_each_tool_has_its_stored_reward_and_is_tried_in_the_other_task(made):
     found, output = made
     assert [tool.tool.name for tool in found.tools] == ["hook", "low"]

@@ -190,6 +190,7 @@ def test_the_program_for_franky_plays_the_samples(made, monkeypatch):
         program.main()
 
 
+@pytest.mark.thorough
 def test_a_program_in_urscript_has_the_motion_at_both_speeds(tmp_path):
     found = exported(tmp_path, "robot=ur10", task="MoveBall")
     arm = arm_of(found.task.robot)

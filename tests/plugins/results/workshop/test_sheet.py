@@ -94,6 +94,7 @@ def written(tmp_path_factory):
     return folder, exported(folder, "material=pla", "printer.min_wall_mm=6")
 
 
+@pytest.mark.thorough
 def test_the_sheet_shows_the_tool_and_has_what_fails(written):
     folder, made = written
     text = (folder / "sheet.html").read_text()

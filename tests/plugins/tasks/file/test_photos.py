@@ -42,6 +42,7 @@ def bench(tmp_path):
     return tmp_path
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_they_are_sent_beside_the_drawn_picture_or_alone(bench):
     file = scene(bench, PHOTO)

@@ -380,6 +380,7 @@ goals:
 """
 
 
+@pytest.mark.thorough
 def test_what_floats_to_a_ceiling_is_brought_down(tmp_path):
     pytest.importorskip("mujoco")
     file = tmp_path / "ceiling.yaml"

@@ -17,6 +17,7 @@ from plugins.trying.prompt import PromptConfig, compose
 from plugins.vlms.offline.designer import OfflineDesigner
 from plugins.vlms.told.arm import describe_arm
 from plugins.vlms.told.bodies_table import bodies_table
+from tests.rare import rare
 
 pytestmark = pytest.mark.slow
 
@@ -106,13 +107,7 @@ def usual():
     )
 
 
-FAST = ("PastGlasses", "LiftBox")
-
-
-@pytest.mark.parametrize(
-    "task",
-    [t if t in FAST else pytest.param(t, marks=pytest.mark.thorough) for t in TASKS],
-)
+@pytest.mark.parametrize("task", rare(TASKS, "LiftBox"))
 def test_no_level_without_numbers_has_one_of_the_scene(task, monkeypatch):
     monkeypatch.setattr(
         "plugins.vlms.told.levels.calibrated_pictures", lambda *_, **__: ()

@@ -126,6 +126,7 @@ def test_what_a_person_measured_stays_where_it_is_wrong(tmp_path):
     assert any("channel and ball overlap by 4 mm" in line for line in draft.faults)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_true_values_are_inside_of_what_fits(tmp_path):
     views = [View(camera, SIZE) for camera in MEASURED]
