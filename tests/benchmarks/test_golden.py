@@ -70,7 +70,8 @@ def test_mistakes(tmp_path, monkeypatch):
     with pytest.raises(UserError, match="of 0 rewards"):
         call(monkeypatch, "compare", str(tmp_path / "a"), str(tmp_path / "b"))
     with pytest.raises(UserError, match=r"like=\S+: there is no folder"):
-        call(monkeypatch, "record", f"like={tmp_path}", "tasks=BringCube", "workers=1")
+        words = ["tasks=BringCube", "workers=1", "sims=[mujoco]"]
+        call(monkeypatch, "record", f"like={tmp_path}", *words)
     for words in ([], ["record", "before", "after"], ["compare", "before"]):
         with pytest.raises(UsageError):
             call(monkeypatch, *words)
