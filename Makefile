@@ -15,6 +15,12 @@ check:
 test:
 	$(PYTHON) -m pytest -n auto
 
+# The same tests with another Python, in an environment of its own: make test-3.13
+test-%:
+	python$* -m venv .venv-$*
+	.venv-$*/bin/pip install -q -e '.[test]'
+	.venv-$*/bin/python -m pytest -n auto
+
 site:
 	NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build -q
 
