@@ -88,12 +88,15 @@ class ModelMemory:
 
         Lessons that are there stay: they may have been edited.
         """
+        designer = self.designer
+        if not designer.prompts.facts.settings.writes_lessons:
+            return
+
         file = folder / FILE
         if file.exists():
             say(f"{file} is there and stays as it is")
             return
 
-        designer = self.designer
         try:
             request = self._request(result)
             asked = ask_model(designer.vlm, [request], designer.events, designer.stored)

@@ -269,6 +269,33 @@ def test_a_run_asks_once_for_lessons_and_keeps_them_within_bounds(tmp_path):
     assert json.loads((folder / "lessons.json").read_text()) == {"lessons": ["mine"]}
 
 
+@pytest.mark.parametrize("shown", ["lessons", "examples"])
+def test_a_run_that_is_shown_what_others_taught_ends_and_writes_no_lessons(
+    shown, tmp_path
+):
+    kept = {"says": "Pull from behind.", "for": "pulling", "sure": "seen", "seen": []}
+    lessons = {"task": "OneBook", "told": "source", "lessons": [kept]}
+    words = [
+        *COMMON,
+        "budget.n_agent=1",
+        "budget.n_tool=1",
+        "budget.n_action=1",
+        "budget.n_iteration=0",
+    ]
+    folder = tmp_path / "run"
+    answer = Say(json.dumps({"strategies": [SOLUTION]}))
+    with serving(lambda call: answer) as server:
+        model = ["vlm=gemini", f"vlm.api_base={server.url}", "vlm.concurrency=1"]
+        run(load("config", [*model, *words]), tmp_path / "earlier")
+        (tmp_path / "earlier/lessons.json").write_text(json.dumps(lessons))
+        given = f"prompt.{shown}=[{tmp_path / 'earlier'}]"
+        run(load("config", [*model, *words, given]), folder)
+
+    assert len(server.calls) == 2
+    assert (folder / "result.json").exists()
+    assert not (folder / "lessons.json").exists()
+
+
 def test_lessons_that_can_not_be_read_cost_no_run(tmp_path, capsys):
     folder = tmp_path / "run"
     words = [
