@@ -69,8 +69,8 @@ def test_the_same_code_earns_the_same_bits(tmp_path, monkeypatch, capsys):
 def test_mistakes(tmp_path, monkeypatch):
     with pytest.raises(UserError, match="of 0 rewards"):
         call(monkeypatch, "compare", str(tmp_path / "a"), str(tmp_path / "b"))
+    words = ["tasks=BringCube", "workers=1", "sims=[mujoco]"]
     with pytest.raises(UserError, match=r"like=\S+: there is no folder"):
-        words = ["tasks=BringCube", "workers=1", "sims=[mujoco]"]
         call(monkeypatch, "record", f"like={tmp_path}", *words)
     for words in ([], ["record", "before", "after"], ["compare", "before"]):
         with pytest.raises(UsageError):

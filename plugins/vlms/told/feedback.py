@@ -125,11 +125,21 @@ def _alternate(groups: dict[str, list[Evaluation]]) -> list[str]:
 
     ranks: dict[str, int] = {}
     for text, group in groups.items():
-        outcome = outcome_of(group[0])
-        ranks[text] = counts[outcome]
-        counts[outcome] += 1
+        kind = _kind_of(group[0])
+        ranks[text] = counts[kind]
+        counts[kind] += 1
 
     return sorted(groups, key=lambda text: ranks[text])
+
+
+def _kind_of(evaluation: Evaluation) -> str:
+    """Name the kind of a candidate's outcome; what is solved but fails in a further layout is one of its own."""
+    outcome = outcome_of(evaluation)
+    counted = evaluation.finals.count_held()
+    if counted.held < counted.layouts:
+        return f"{outcome}, but not in all further layouts"
+
+    return outcome
 
 
 def _count_left_out(evaluations: Sequence[Evaluation], sight: Sight) -> str:
@@ -139,7 +149,7 @@ def _count_left_out(evaluations: Sequence[Evaluation], sight: Sight) -> str:
         evaluations: without a line of their own.
         sight: what may be said of bodies.
     """
-    counts = Counter(map(outcome_of, evaluations)).most_common()
+    counts = Counter(map(_kind_of, evaluations)).most_common()
     reasons = by_reason((e.candidate.id, e.reason) for e in evaluations)
     shown = [sight.text(clean(reason, _OUTCOME)) for reason in reasons[:_REASONS]]
 

@@ -13,7 +13,7 @@ from core.designs.prompt_values import RunFacts
 from core.geometry import Box, Pose
 from core.interfaces import Contact, Observation
 from core.scene import Camera
-from core.trial import Evaluation, Score, Trial, Where
+from core.trial import Evaluation, Score, Tally, Trial, Where
 from core.values.margins import Margin
 from core.values.observations import Moved
 from plugins.vlms.told.feedback import elite_feedback, generation_lines, trial_lines
@@ -269,6 +269,19 @@ def test_equal_ones_share_a_line():
         line
         == "- g0-a0-s0-p0, g0-a0-s0-p1, g0-a0-s0-p2 and 6 more: rejected: too heavy"
     )
+
+
+def test_what_is_solved_but_fails_in_a_further_layout_is_a_kind_of_its_own():
+    solved = replace(SEEN, result="solved")
+    many = [tried(n, reward=1.0, seen=replace(solved, lag_s=n / 10)) for n in range(9)]
+    failed = trial(reward=0.0, outcome="tipped disc")
+    tally = Tally({7: (failed,)}, {7: {"mujoco": 1.0}})
+    many.append(replace(tried(9, reward=1.0, seen=solved), finals=tally))
+
+    found = lines(*many, budget=500)
+    assert sum("holds in 0 of 1 further layouts" in line for line in found) == 1
+    assert found[-1].startswith("- Left out: ")
+    assert found[-1].endswith(" solved.")
 
 
 def test_two_thousand_candidates_keep_to_their_budget_and_every_kind_is_there():

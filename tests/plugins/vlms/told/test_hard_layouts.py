@@ -2,15 +2,19 @@
 
 from dataclasses import replace
 
+import pytest
+
 from core.config.schemas import PromptSettings
 from core.designs.composer import PromptComposer
 from core.designs.prompt_values import RunFacts
 from core.interfaces import Observation, Trial
 from core.plugins import PluginPart
+from core.scene import Camera
 from core.trial import Tally, Where
 from core.values.observations import Sight
 from plugins.vlms.told.causes import cause_lines
 from plugins.vlms.told.hard_layouts import find_hard_layouts
+from plugins.vlms.told.sight import Hidden
 from tests.core.designs.test_composer import make_brief, make_elite
 
 WIDE = PluginPart("task", "BringCube", (("variation", "wide"),)).shared()
@@ -78,6 +82,21 @@ def test_an_elite_is_told_why_it_fails_how_often_and_which_way():
         "in 2 of the 2 where it fails: missed cube, on the mean off by (0.02, -, 0), "
         "10 to 30 mm away (layouts 3, 8)"
     ) in text
+
+
+@pytest.mark.parametrize(
+    ("near", "far", "said"),
+    [(0.009, 0.009, "millimetres"), (0.011, 0.099, "centimetres"), (0.09, 0.11, None)],
+)
+def test_without_numbers_a_miss_has_its_scale(near, far, said):
+    failing = elite(0, [3, 8], range(24))
+    for layout, x in ((3, near), (8, far)):
+        (trial,) = failing.finals.trials[layout]
+        failing.finals.trials[layout] = (seen_off(trial, x),)
+
+    (line,) = cause_lines(failing, Hidden(("cube",), Camera()))
+    scale = said or "centimetres to decimetres"
+    assert f"missed cube, on the mean off by +x, {scale} away (layouts 3, 8)" in line
 
 
 def test_causes_that_differ_in_numbers_count_together_the_commonest_first():
