@@ -365,7 +365,7 @@ def _section(task: str, figures: dict[str, Any]) -> str:
 
 
 def _reward(figures: dict[str, Any], engine: str) -> str:
-    """Write a reward; one that nobody measured is a dash."""
+    """Write a reward; one that was not measured is a dash."""
     reward = figures["rewards"].get(engine)
     return "–" if reward is None else number(reward, 3)
 
