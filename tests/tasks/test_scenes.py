@@ -47,6 +47,7 @@ def test_the_reference_solution_earns_all(scene, engine):
     assert not found.warnings
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @every_scene
 def test_it_fits_other_layouts(scene):

@@ -26,7 +26,7 @@ from core.plugins import installed
 from core.robot.solids import Obstacles, body_solids, signed_distance
 from core.values.layouts import Draw
 from plugins.fitness.layouts import UNSEEN
-from tests.engines import every_simulator, simulator
+from tests.engines import every_simulator, mujoco_first, simulator
 from tests.panda import ARM, FINGER_OPEN
 from tests.playing import evaluate_batch
 from tests.solutions import anchored
@@ -229,7 +229,7 @@ def test_no_body_penetrates_another(name, variation, seeds):
     assert pairs > 0
 
 
-@every_simulator
+@mujoco_first
 @every_task_of_both
 def test_the_scene_rests_and_the_bare_arm_is_clear_of_it(name, engine):
     """Otherwise it would push bodies aside in the first instant, or be pushed."""

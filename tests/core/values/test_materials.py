@@ -169,6 +169,7 @@ def test_a_run_is_of_its_material(ran):
     assert "<mass" not in prompt
 
 
+@pytest.mark.thorough
 def test_a_stored_run_is_read_with_its_material(ran):
     folder, result = ran
     best = best_tool(read_run(folder))

@@ -100,6 +100,7 @@ def test_the_tools_are_those_of_the_page(session):
     assert all(f"`{name}`" in page for name in said["tools"])
 
 
+@pytest.mark.thorough
 def test_the_task_is_described_as_a_prompt_would(session):
     folder, said = session
     told = text(said["task"])
@@ -112,6 +113,7 @@ def test_the_task_is_described_as_a_prompt_would(session):
     assert "try_design" in said["guide"].contents[0].text
 
 
+@pytest.mark.thorough
 def test_what_is_seen_is_a_picture(session):
     _, said = session
     for name in ("look", "from", "watch", "seen"):
@@ -120,6 +122,7 @@ def test_what_is_seen_is_a_picture(session):
         assert len(picture.getcolors(1_000_000)) > 100
 
 
+@pytest.mark.thorough
 def test_at_pictures_no_tool_says_a_number_of_a_body(session):
     _, said = session
     for name in ("check", "try", "again", "second", "faulty"):
@@ -132,6 +135,7 @@ def test_at_pictures_no_tool_says_a_number_of_a_body(session):
     assert "comes no nearer than some mm to cube" in text(said["check"])
 
 
+@pytest.mark.thorough
 def test_progress_is_reported_and_grows(session):
     _, said = session
     seconds = [done for done, _ in said["progress"]]
@@ -139,6 +143,7 @@ def test_progress_is_reported_and_grows(session):
     assert all(message for _, message in said["progress"])
 
 
+@pytest.mark.thorough
 def test_what_is_not_possible_is_refused_and_costs_nothing(session):
     _, said = session
     for name in ("early", "beyond", "faulty", "after"):
@@ -149,6 +154,7 @@ def test_what_is_not_possible_is_refused_and_costs_nothing(session):
     assert "come to its end" in text(said["after"])
 
 
+@pytest.mark.thorough
 def test_a_killed_session_goes_on_where_it_was(session):
     _, said = session
     assert said["lost"] == [(1,)]
@@ -157,6 +163,7 @@ def test_a_killed_session_goes_on_where_it_was(session):
     assert "2 candidates tried, 2 rollouts taken" in text(said["second"])
 
 
+@pytest.mark.thorough
 def test_it_is_a_run(session):
     folder, said = session
     stored = StoredRun(folder)
@@ -172,6 +179,7 @@ def test_it_is_a_run(session):
     assert text(said["finish"]) == text(said["finished"])
 
 
+@pytest.mark.thorough
 def test_another_run_in_the_same_folder_is_refused(session):
     folder, _ = session
     words = [word for word in PICTURES if not word.startswith("budget")]

@@ -147,6 +147,7 @@ def test_an_engine_that_batches_has_one_worker_or_one_per_graphics_card(cluster)
     assert all(len(own) == 1 for _, own in found)
 
 
+@pytest.mark.thorough
 def test_nodes_that_lack_the_program(cluster, monkeypatch):
     module = types.ModuleType("only_here")
     exec("def work(chunk): return chunk", module.__dict__)

@@ -73,6 +73,7 @@ def test_the_worst_task_may_count(tmp_path):
     assert both.reward == min(both.figures.values()) < both.figures["BringCube"]
 
 
+@pytest.mark.thorough
 def test_a_plan_that_lacks_costs_its_task_alone(tmp_path):
     wrong = {"task": "ElevatePlate", "plan": [[1, 2]]}
     lacks, unread = tried(

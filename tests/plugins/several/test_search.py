@@ -56,6 +56,7 @@ def found(tmp_path_factory):
 # --- with MuJoCo --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_tools_are_asked_for_first_and_then_plans_for_each_tool_and_task(found):
     folder, result = found
     tools = ["g0-a0", "g0-a0-s0-t0", "g0-a0-s0-t1", "g0-a0-s1-t0", "g0-a0-s1-t1"]

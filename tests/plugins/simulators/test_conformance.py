@@ -12,7 +12,7 @@ from plugins.conformance import bonds, light_bodies, softs
 from plugins.conformance.checking import LeftOut
 from plugins.conformance.output import digest
 from plugins.conformance.suites import SUITES
-from tests.engines import every_simulator, simulator
+from tests.engines import every_simulator, mujoco_first, simulator
 
 pytestmark = pytest.mark.slow
 
@@ -38,7 +38,7 @@ def test_simulator(engine, check):
         check(made)
 
 
-@every_simulator
+@mujoco_first
 def test_same_bits_in_every_process_and_simulator(engine):
     first = digest(simulator(engine))
     assert digest(installed().create("sim", engine)) == first

@@ -20,7 +20,6 @@ from plugins.conformance.suites import SUITES
 from plugins.vlms.ensemble.model import Ensemble
 from tests.plugins.vlms.asking import until_limit
 from tests.plugins.vlms.servers import Say, request, serving
-from tests.rare import rare
 
 pytestmark = pytest.mark.slow
 
@@ -238,8 +237,9 @@ def test_the_others_go_on_where_a_member_reaches_its_limit():
 LIMITS = ({"max_tokens_total": 5000}, {"max_cost_usd": 0.0})
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("planted", "warm")
-@pytest.mark.parametrize("limit", rare(LIMITS, LIMITS[0]))
+@pytest.mark.parametrize("limit", LIMITS)
 def test_one_limit_holds_for_all_members_also_for_what_a_resumed_run_had_spent(limit):
     with serving(lambda call: Say()) as first, serving(lambda call: Say()) as second:
         if "max_cost_usd" in limit:

@@ -17,6 +17,7 @@ from core.search.orchestration import resume, run
 from tests.commands import warm_python
 from tests.plugins.vlms.asking import KEYS
 from tests.plugins.vlms.servers import Reset, Say, Send, document, serving
+from tests.rare import rare
 
 ROOT = Path(__file__).parents[3]
 SOLUTION = json.loads((ROOT / "tests/tasks/solutions/BringCube.json").read_text())[
@@ -269,7 +270,7 @@ def test_a_run_asks_once_for_lessons_and_keeps_them_within_bounds(tmp_path):
     assert json.loads((folder / "lessons.json").read_text()) == {"lessons": ["mine"]}
 
 
-@pytest.mark.parametrize("shown", ["lessons", "examples"])
+@pytest.mark.parametrize("shown", rare(["lessons", "examples"], "lessons"))
 def test_a_run_that_is_shown_what_others_taught_ends_and_writes_no_lessons(
     shown, tmp_path
 ):

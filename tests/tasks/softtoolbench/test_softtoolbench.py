@@ -126,7 +126,8 @@ def test_doing_nothing_and_the_bare_gripper_earn_little(name):
     )
 
 
-@quickest_task
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", TASKS)
 def test_cheats_earn_little(name):
     cheats = designs(HERE / "cheats" / f"{name}.json")
     assert len(cheats) == 5

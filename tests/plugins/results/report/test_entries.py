@@ -138,6 +138,7 @@ def test_an_entry_has_means_and_what_was_spent(entry):
     assert len(by_task.rows) == 12
 
 
+@pytest.mark.thorough
 def test_a_run_in_which_nothing_could_be_tried_counts_0(runs):
     shutil.rmtree(runs / "OneBook_0")
     write_run(runs / "OneBook_0", "protocol=varied", "task=OneBook", rewards=[[None]])

@@ -88,6 +88,7 @@ def test_an_interrupted_command_goes_on(made, folders, monkeypatch, tmp_path):
     assert (again.rewards == found.rewards).all()
 
 
+@pytest.mark.thorough
 def test_the_table_has_the_rewards_and_the_chosen_are_designs(made):
     found, output = made
     head, *rows = (output / "rewards.csv").read_text().splitlines()
