@@ -151,8 +151,9 @@ def assert_same_run(one, other):
 def test_a_run_killed_at_any_moment_comes_to_the_same_end_and_repeats_nothing(
     setting, tmp_path
 ):
-    points = os.environ.get("KILLS", str(POINTS[setting]))
-    command = [sys.executable, "-m", "tests.kills", str(tmp_path), points, setting]
+    points = int(os.environ.get("KILLS", POINTS[setting]))
+    command = [sys.executable, "-m", "tests.kills", str(tmp_path), str(points)]
+    command.append(setting)
     done = subprocess.run(
         command, cwd=ROOT, capture_output=True, text=True, timeout=3600
     )
