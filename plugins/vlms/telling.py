@@ -18,6 +18,10 @@ def last_generation(tried: Iterable[Evaluation]) -> tuple[Evaluation, ...]:
     return tuple(e for e in ordered if e.candidate.generation == last)
 
 
+REACHED = ("solved", "placed")
+"""Outcomes of candidates that did what was wanted."""
+
+
 def outcome_of(evaluation: Evaluation) -> str:
     """Name what became of a candidate: its class (`Observation.result`), ``rejected``, ``failed`` or ``invalid``."""
     if evaluation.status != "ok":
@@ -42,7 +46,7 @@ def most_telling(
     counts = Counter[str]()
     for evaluation in best_first(e for e in evaluations if e.candidate.id not in names):
         outcome = outcome_of(evaluation)
-        if outcome not in ("solved", "placed"):
+        if outcome not in REACHED:
             counts[outcome] += 1
             best.setdefault(outcome, evaluation)
 

@@ -16,7 +16,7 @@ from core.support.text import by_reason, clean, number, short_numbers
 from core.trial import best_first, summarise_rewards
 from core.values.observations import Sight
 from core.values.torques import find_hardest
-from plugins.vlms.telling import last_generation, outcome_of
+from plugins.vlms.telling import REACHED, last_generation, outcome_of
 from plugins.vlms.told.causes import cause_lines
 from plugins.vlms.told.tables import phrase
 
@@ -136,8 +136,8 @@ def _kind_of(evaluation: Evaluation) -> str:
     """Name the kind of a candidate's outcome; what is solved but fails in a further layout is one of its own."""
     outcome = outcome_of(evaluation)
     counted = evaluation.finals.count_held()
-    if counted.held < counted.layouts:
-        return f"{outcome}, but not in all further layouts"
+    if outcome in REACHED and counted.held < counted.layouts:
+        return f"{outcome} but not in all further layouts"
 
     return outcome
 

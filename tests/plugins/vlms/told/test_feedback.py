@@ -282,6 +282,9 @@ def test_what_is_solved_but_fails_in_a_further_layout_is_a_kind_of_its_own():
     assert sum("holds in 0 of 1 further layouts" in line for line in found) == 1
     assert found[-1].startswith("- Left out: ")
     assert found[-1].endswith(" solved.")
+    missed = replace(tried(1, reward=0.5), finals=tally)
+    (_, left) = lines(*many, missed, budget=0)
+    assert left.endswith("1 solved but not in all further layouts, 1 missed.")
 
 
 def test_two_thousand_candidates_keep_to_their_budget_and_every_kind_is_there():
