@@ -15,3 +15,9 @@ def rare(values: Iterable[Any], *kept: Any, mark: str = "thorough") -> list[Any]
         marked.append(value if value in kept else pytest.param(*row, marks=marks))
 
     return marked
+
+
+def mostly(values: Iterable[Any], *slow: Any) -> list[Any]:
+    """Mark those that are ``slow`` as thorough, and no other: the other way round than `rare`."""
+    values = [*values]
+    return rare(values, *[value for value in values if value not in slow])

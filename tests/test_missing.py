@@ -10,6 +10,8 @@ from tests.rare import rare
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[1]
+SAPIEN = ("sapien", ["sim=sapien"], "sim=sapien needs SAPIEN: pip install 'sapien")
+LITELLM = ("litellm", ["vlm=openai"], "needs LiteLLM: pip install 'litellm")
 
 
 @pytest.mark.thorough
@@ -27,16 +29,7 @@ def test_a_run_in_mujoco_and_its_report_do_without(package, tmp_path):
     ("package", "words", "line"),
     [
         ("pybullet", ["sim=pybullet"], "sim=pybullet needs PyBullet: pip install"),
-        *rare(
-            [
-                (
-                    "sapien",
-                    ["sim=sapien"],
-                    "sim=sapien needs SAPIEN: pip install 'sapien",
-                ),
-                ("litellm", ["vlm=openai"], "needs LiteLLM: pip install 'litellm"),
-            ]
-        ),
+        *rare([SAPIEN, LITELLM]),
     ],
 )
 def test_what_needs_it_says_what_to_install(package, words, line, tmp_path):

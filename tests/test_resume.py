@@ -152,8 +152,8 @@ def test_a_run_killed_at_any_moment_comes_to_the_same_end_and_repeats_nothing(
     setting, tmp_path
 ):
     points = int(os.environ.get("KILLS", POINTS[setting]))
-    command = [sys.executable, "-m", "tests.kills", str(tmp_path), str(points)]
-    command.append(setting)
+    words = [str(tmp_path), str(points), setting]
+    command = [sys.executable, "-m", "tests.kills", *words]
     done = subprocess.run(
         command, cwd=ROOT, capture_output=True, text=True, timeout=3600
     )

@@ -87,7 +87,7 @@ class Memory(Protocol):
         """Return what prompts for a task show of other runs; with a given tool no other tools."""
 
     def learn(self, result: Result, folder: Path) -> None:
-        """Ask the model at the end of a run, if it is to write, and keep what it says in the run's folder.
+        """Ask the model at the end of a run, if the settings want it, and keep what it says in the run's folder.
 
         Args:
             result: of a run that came to its end, with a best candidate.

@@ -4,6 +4,7 @@ import asyncio
 import base64
 import io
 import json
+import subprocess
 import sys
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -65,3 +66,14 @@ def pictures(result):
     parts = [part for part in result.content if part.type == "image"]
     assert all(part.mime_type == "image/png" for part in parts)
     return [Image.open(io.BytesIO(base64.b64decode(part.data))) for part in parts]
+
+
+def start(folder, *words):
+    """Start the server of a session as a program of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "core", "mcp", *words],
+        cwd=folder,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )

@@ -6,13 +6,8 @@ import os
 import re
 import signal
 import sqlite3
-import subprocess
-import sys
 
-import httpx2
 import pytest
-from mcp import Client
-from mcp.client.streamable_http import streamable_http_client
 from mcp.shared.exceptions import MCPError
 
 from core.store.reader import StoredRun
@@ -23,10 +18,11 @@ from tests.plugins.agents.clients import (
     pictures,
     short,
     solution,
+    start,
     text,
 )
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.thorough]
 
 PICTURES = (*SMALL, "prompt.told=pictures", "budget.n_rollouts=3", "folder=run")
 # A number of a body: with a unit of length, or a decimal that is no reward, no time and no share.
@@ -92,7 +88,6 @@ def session(tmp_path_factory):
     return folder / "run", said
 
 
-@pytest.mark.thorough
 def test_the_tools_are_those_of_the_page(session):
     page = (ROOT / "docs" / "agents.md").read_text()
     _, said = session
@@ -100,7 +95,6 @@ def test_the_tools_are_those_of_the_page(session):
     assert all(f"`{name}`" in page for name in said["tools"])
 
 
-@pytest.mark.thorough
 def test_the_task_is_described_as_a_prompt_would(session):
     folder, said = session
     told = text(said["task"])
@@ -113,7 +107,6 @@ def test_the_task_is_described_as_a_prompt_would(session):
     assert "try_design" in said["guide"].contents[0].text
 
 
-@pytest.mark.thorough
 def test_what_is_seen_is_a_picture(session):
     _, said = session
     for name in ("look", "from", "watch", "seen"):
@@ -122,7 +115,6 @@ def test_what_is_seen_is_a_picture(session):
         assert len(picture.getcolors(1_000_000)) > 100
 
 
-@pytest.mark.thorough
 def test_at_pictures_no_tool_says_a_number_of_a_body(session):
     _, said = session
     for name in ("check", "try", "again", "second", "faulty"):
@@ -135,7 +127,6 @@ def test_at_pictures_no_tool_says_a_number_of_a_body(session):
     assert "comes no nearer than some mm to cube" in text(said["check"])
 
 
-@pytest.mark.thorough
 def test_progress_is_reported_and_grows(session):
     _, said = session
     seconds = [done for done, _ in said["progress"]]
@@ -143,7 +134,6 @@ def test_progress_is_reported_and_grows(session):
     assert all(message for _, message in said["progress"])
 
 
-@pytest.mark.thorough
 def test_what_is_not_possible_is_refused_and_costs_nothing(session):
     _, said = session
     for name in ("early", "beyond", "faulty", "after"):
@@ -154,7 +144,6 @@ def test_what_is_not_possible_is_refused_and_costs_nothing(session):
     assert "come to its end" in text(said["after"])
 
 
-@pytest.mark.thorough
 def test_a_killed_session_goes_on_where_it_was(session):
     _, said = session
     assert said["lost"] == [(1,)]
@@ -163,7 +152,6 @@ def test_a_killed_session_goes_on_where_it_was(session):
     assert "2 candidates tried, 2 rollouts taken" in text(said["second"])
 
 
-@pytest.mark.thorough
 def test_it_is_a_run(session):
     folder, said = session
     stored = StoredRun(folder)
@@ -179,7 +167,6 @@ def test_it_is_a_run(session):
     assert text(said["finish"]) == text(said["finished"])
 
 
-@pytest.mark.thorough
 def test_another_run_in_the_same_folder_is_refused(session):
     folder, _ = session
     words = [word for word in PICTURES if not word.startswith("budget")]
@@ -192,18 +179,6 @@ def test_another_run_in_the_same_folder_is_refused(session):
 # --- a flood of nonsense ------------------------------------------------------------------------------------------
 
 
-def start(folder, *words, **how):
-    return subprocess.Popen(
-        [sys.executable, "-m", "core", "mcp", *words],
-        cwd=folder,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        **how,
-    )
-
-
-@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("wrong_calls", "flood_calls"),
     [(55, 1_000), pytest.param(1_000, 10_000, marks=pytest.mark.weekly)],
@@ -234,44 +209,3 @@ def test_nonsense_and_floods_are_answered_and_the_run_lives(
 
     answer = converse(flood, tmp_path, *SMALL, "folder=run")
     assert "0 candidates tried, 0 rollouts taken" in text(answer)
-
-
-# --- over HTTP ----------------------------------------------------------------------------------------------------
-
-
-def test_one_client_with_the_token_is_let_in(tmp_path):
-    server = start(tmp_path, *SMALL, "folder=run", "port=0")
-    lines = [server.stderr.readline().decode() for _ in range(2)]
-    address = lines[0].strip()
-    token = lines[1].split()[-1]
-
-    def web(given):
-        patient = httpx2.Timeout(30, read=300)
-        headers = {"Authorization": f"Bearer {given}"}
-        return httpx2.AsyncClient(headers=headers, timeout=patient)
-
-    async def visit():
-        async with httpx2.AsyncClient() as stranger:
-            assert (await stranger.post(address, json={})).status_code == 401
-        async with web("wrong") as stranger:
-            assert (await stranger.post(address, json={})).status_code == 401
-
-        async with web(token) as first, web(token) as second:
-            async with Client(streamable_http_client(address, http_client=first)) as a:
-                assert not (await a.call_tool("best_designs")).is_error
-                with pytest.raises(BaseExceptionGroup):
-                    async with Client(
-                        streamable_http_client(address, http_client=second)
-                    ):
-                        pass
-                assert not (await a.call_tool("best_designs")).is_error
-            # The place is free again.
-            async with Client(streamable_http_client(address, http_client=second)) as b:
-                assert not (await b.call_tool("best_designs")).is_error
-
-    try:
-        asyncio.run(visit())
-    finally:
-        server.send_signal(signal.SIGINT)
-        _, err = server.communicate(timeout=300)
-    assert b"to go on: vlmgineer mcp resume=" in err
