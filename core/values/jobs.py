@@ -6,10 +6,11 @@ Plugins import all of it from `core.interfaces`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
+from itertools import islice
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -342,6 +343,10 @@ class Outcome:
     torques: Array | None = None
 
 
+Order = tuple[Sequence[float], float, Sequence[float], float]
+"""What a step drives the joints to, see `World.step`: plain numbers, which most engines take."""
+
+
 class Targets:
     """What a motion drives the joints to, in each of its steps; it is sampled once, and `Block` shows parts of it.
 
@@ -383,18 +388,6 @@ class Targets:
         """With which the fingers do (N,)."""
         speeds: Array = np.diff(self.fingers) / self.time_step
         return speeds
-
-    @cached_property
-    def orders(self) -> list[tuple[Array, float, Array, float]]:
-        """What `World.step` takes, for each step."""
-        steps = zip(
-            self.arm[1:],
-            self.fingers[1:].tolist(),
-            self.speeds,
-            self.finger_speeds.tolist(),
-            strict=True,
-        )
-        return list(steps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -448,9 +441,15 @@ class Block:
         return self.targets.finger_speeds[self.begin : self.end]
 
     @property
-    def orders(self) -> list[tuple[Array, float, Array, float]]:
-        """What `World.step` takes, for each step."""
-        return self.targets.orders[self.begin : self.end]
+    def orders(self) -> Iterator[Order]:
+        """What `World.step` takes, for each step; made one by one, since many lists would busy Python's collector."""
+        return zip(
+            map(np.ndarray.tolist, self.arm[1:]),
+            self.fingers[1:].tolist(),
+            map(np.ndarray.tolist, self.speeds),
+            self.finger_speeds.tolist(),
+            strict=True,
+        )
 
     def until(self, count: int) -> Block:
         """Return the block's first steps, during which nobody looks."""
@@ -502,9 +501,9 @@ class World(ABC):
     @abstractmethod
     def step(
         self,
-        arm: Array,
+        arm: Sequence[float],
         fingers: float,
-        speeds: Array,
+        speeds: Sequence[float],
         finger_speed: float,
     ) -> None:
         """Drive the joints to targets (J,) and a finger opening at these speeds, and advance by one time step."""
@@ -534,14 +533,15 @@ class World(ABC):
         readings = []
         torques: list[Any] = []
         orders = block.orders
+        marks = frozenset(block.marks)
         done = 0
 
-        for end in sorted({*block.marks, *block.readings, len(block)}):
-            for order in orders[done:end]:
+        for end in sorted({*marks, *block.readings, len(block)}):
+            for order in islice(orders, end - done):
                 self.step(*order)
 
             done = end
-            if end in block.marks:
+            if end in marks:
                 notes.append(self.note())
                 if self.tells_torques:
                     torques.append(self.note_torques())

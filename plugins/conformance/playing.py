@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pinocchio as pin
 
@@ -38,7 +40,11 @@ class _Stepped(World):
         self.time_step = world.time_step
 
     def step(
-        self, arm: Array, fingers: float, speeds: Array, finger_speed: float
+        self,
+        arm: Sequence[float],
+        fingers: float,
+        speeds: Sequence[float],
+        finger_speed: float,
     ) -> None:
         self._world.step(arm, fingers, speeds, finger_speed)
 

@@ -1,6 +1,6 @@
 """Simulate without physics: the arm is where its targets are, and bodies that the tool touches move along with it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from typing_extensions import Unpack
@@ -105,7 +105,11 @@ class ToyWorld(World):
         self._fingers = float(job.trajectory.fingers[0])
 
     def step(
-        self, arm: Array, fingers: float, speeds: Array, finger_speed: float
+        self,
+        arm: Sequence[float],
+        fingers: float,
+        speeds: Sequence[float],
+        finger_speed: float,
     ) -> None:
         """Put the arm at its targets, and take along what the tool touched before."""
         before = list(self._boxes())

@@ -263,9 +263,9 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             arm_target = joints - speeds * left
             finger_target = fingers - finger_speed * left
             world.step(
-                arm_target,
+                arm_target.tolist(),
                 finger_target,
-                speeds,
+                speeds.tolist(),
                 finger_speed,
             )
             self._elapsed += world.time_step

@@ -37,30 +37,33 @@ class Motors:
         self._most = np.where(limited, model.jnt_actfrcrange[joints, 1], np.inf)
         self._discrete = is_discrete(model.opt)
 
-    def compute(self, qpos: Array, qvel: Array, targets: Array, speeds: Array) -> Array:
-        """Compute the torques of S steps (S, J), N m.
+    def compute(
+        self, qpos: Array, qvel: Array, targets: Array, speeds: Array, marks: Array
+    ) -> Array:
+        """Compute the torques of some of S steps (M, J), N m.
 
         Args:
             qpos: positions before the first step, and after each (S + 1, Q).
             qvel: speeds, as well (S + 1, V).
             targets: that the servos got (S, J).
             speeds: of the targets (S, J).
+            marks: which steps (M,), counted from 1.
         """
-        at = slice(1, None) if self._discrete else slice(None, -1)
+        at = marks if self._discrete else marks - 1
         reached = qpos[at][:, self._positions]
-        springs = self._stiffness * (targets - reached)
-        dampers = self._damping * (speeds - qvel[1:, self._speeds])
-        torques = springs + dampers + self._bear(qpos[1:])
+        springs = self._stiffness * (targets[marks - 1] - reached)
+        missing = speeds[marks - 1] - qvel[marks][:, self._speeds]
+        torques = springs + self._damping * missing + self._bear(qpos[1:], marks - 1)
 
         clipped: Array = np.clip(torques, -self._most, self._most)
         return clipped
 
-    def _bear(self, qpos: Array) -> Array:
-        """Compute what bears the weight of the arm and its tool (S, J), at positions (S, Q)."""
-        numbers = np.arange(len(qpos))
-        known = np.unique(np.append(numbers[::_EVERY], numbers[-1]))
+    def _bear(self, qpos: Array, wanted: Array) -> Array:
+        """Compute what bears the weight of the arm and its tool (M, J), at some of the positions (S, Q)."""
+        last = len(qpos) - 1
+        known = np.append(np.arange(0, last, _EVERY), last)
         found = np.array([self._compensate(qpos[number]) for number in known])
-        joints = [np.interp(numbers, known, joint) for joint in found.T]
+        joints = [np.interp(wanted, known, joint) for joint in found.T]
 
         return np.stack(joints, axis=-1)
 

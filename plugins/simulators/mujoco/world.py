@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,11 +26,8 @@ from plugins.simulators.mujoco.shapes import Element
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
-class _Note(NamedTuple):
-    """A snapshot: MuJoCo's state (X,), and how many steps the job has done."""
-
-    state: Array
-    done: int
+_Note = tuple[Array, int]
+"""A snapshot: MuJoCo's state (X,), and how many steps the job has done."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +114,11 @@ class World(interfaces.World):
         self._joints.hold(self._model, held=True)
 
     def step(
-        self, arm: Array, fingers: float, speeds: Array, finger_speed: float
+        self,
+        arm: Sequence[float],
+        fingers: float,
+        speeds: Sequence[float],
+        finger_speed: float,
     ) -> None:
         """Step once.
 
@@ -130,10 +130,12 @@ class World(interfaces.World):
         """
         back = self.time_step
         steps = self._moved + np.array([0.0, 1.0])
+        reached = np.array(arm)
+        coming = np.array(speeds)
         control = self._controls(
-            np.stack([arm - back * speeds, arm]),
+            np.stack([reached - back * coming, reached]),
             np.array([fingers - back * finger_speed, fingers]),
-            speeds[None],
+            coming[None],
             np.array([finger_speed]),
             steps * back,
         )
@@ -223,20 +225,20 @@ class World(interfaces.World):
         self._done, self._moved = self._saved_at
 
     def note(self) -> _Note:
-        return _Note(self._read_state(), self._done)
+        return self._read_state(), self._done
 
     def read(self, notes: Sequence[_Note]) -> tuple[Array, Array, State]:
-        qpos, qvel = self._split(np.array([note.state for note in notes]))
+        qpos, qvel = self._split(np.array([state for state, _ in notes]))
         return *self._joints.read(qpos), self._moving.state(qpos, qvel)
 
     def contact_forces(
         self, notes: Sequence[_Note], instants: Array
     ) -> tuple[Mapping[tuple[str, str], Array], Pushes | None]:
         assert self._meter is not None
-        return self._meter.mean_forces(np.array([note.done for note in notes]))
+        return self._meter.mean_forces(np.array([done for _, done in notes]))
 
     def loads(self, notes: Sequence[_Note]) -> Mapping[str, Array]:
-        return self._bonds.loads([note.done for note in notes])
+        return self._bonds.loads([done for _, done in notes])
 
     def _find_torques(self, block: Block, first: Array, states: Array) -> Array | None:
         """Find the greatest torque of each of the arm's motors at a block's marks (J,); None: it has none.
@@ -250,10 +252,10 @@ class World(interfaces.World):
             return None
 
         qpos, qvel = self._split(np.concatenate([first[None], states]))
-        at = self._targeted
-        torques = self._motors.compute(qpos, qvel, block.arm[at], block.speeds)
+        targets = block.arm[self._targeted]
         marks = np.array(block.marks)
-        greatest: Array = np.abs(torques[marks - 1]).max(axis=0)
+        torques = self._motors.compute(qpos, qvel, targets, block.speeds, marks)
+        greatest: Array = np.abs(torques).max(axis=0)
         return greatest
 
     def _take_notes(self, block: Block, states: Array) -> list[_Note]:
@@ -261,7 +263,7 @@ class World(interfaces.World):
         self._done = block.end
         self._moved += len(block)
         marks = np.array(block.marks, dtype=int)
-        return [*map(_Note, states[marks - 1], (block.begin + marks).tolist())]
+        return [*zip(states[marks - 1], (block.begin + marks).tolist(), strict=True)]
 
     def _read_state(self) -> Array:
         """Read MuJoCo's state (X,)."""

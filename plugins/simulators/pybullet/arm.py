@@ -144,7 +144,11 @@ class ArticulatedArm:
                 self._springs.append((number, joint))
 
     def drive(
-        self, arm: Array, fingers: float, speeds: Array, finger_speed: float
+        self,
+        arm: Sequence[float],
+        fingers: float,
+        speeds: Sequence[float],
+        finger_speed: float,
     ) -> None:
         """Set motors and springs for the next step.
 
@@ -154,8 +158,8 @@ class ArticulatedArm:
             speeds: of the arm's targets (J,).
             finger_speed: of the fingers'.
         """
-        targets = [*arm.tolist(), *[fingers] * self._fingers]
-        velocities = [*speeds.tolist(), *[finger_speed] * self._fingers]
+        targets = [*arm, *[fingers] * self._fingers]
+        velocities = [*speeds, *[finger_speed] * self._fingers]
         orders = (targets, velocities)
         if orders != self._orders:  # motors keep their targets
             self._orders = orders

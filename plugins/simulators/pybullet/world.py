@@ -117,7 +117,11 @@ class World(FreshWorld):
         return things
 
     def step(
-        self, arm: Array, fingers: float, speeds: Array, finger_speed: float
+        self,
+        arm: Sequence[float],
+        fingers: float,
+        speeds: Sequence[float],
+        finger_speed: float,
     ) -> None:
         self._arm.drive(
             arm,

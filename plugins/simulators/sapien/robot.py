@@ -126,7 +126,11 @@ class ArticulatedArm:
             drive.set_drive_target(joint.rest)
 
     def drive(
-        self, arm: Array, fingers: float, speeds: Array, finger_speed: float
+        self,
+        arm: Sequence[float],
+        fingers: float,
+        speeds: Sequence[float],
+        finger_speed: float,
     ) -> None:
         """Set the drives for the next step.
 
@@ -139,7 +143,10 @@ class ArticulatedArm:
         if self._pulled:
             self._pull()
 
-        orders = (arm + self._ahead * speeds).tolist()
+        ahead = self._ahead
+        orders = [
+            target + ahead * speed for target, speed in zip(arm, speeds, strict=True)
+        ]
         if self._gripper:
             orders += [fingers + self._ahead * finger_speed] * self._fingers
         if orders == self._orders:

@@ -93,7 +93,11 @@ class World(FreshWorld):
             raise RuntimeError(UNKNOWN_PACK)
 
     def step(
-        self, arm: Array, fingers: float, speeds: Array, finger_speed: float
+        self,
+        arm: Sequence[float],
+        fingers: float,
+        speeds: Sequence[float],
+        finger_speed: float,
     ) -> None:
         self._robot.drive(arm, fingers, speeds, finger_speed)
         self._joints.act()

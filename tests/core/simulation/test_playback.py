@@ -24,7 +24,7 @@ class Exact(World):
         self.orders.append((arm, fingers, speeds, finger_speed))
 
     def joints(self):
-        arm = self.orders[-1][0] if self.orders else np.zeros(7)
+        arm = np.array(self.orders[-1][0]) if self.orders else np.zeros(7)
         return arm - self.lag, np.zeros(2)
 
     def state(self):

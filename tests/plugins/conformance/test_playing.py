@@ -27,7 +27,7 @@ class Follows(World):
         self.arm = job.trajectory.arm[0]
 
     def step(self, arm, fingers, speeds, finger_speed):
-        self.arm = arm
+        self.arm = np.array(arm)
 
     def joints(self):
         return self.arm, np.zeros(2)
@@ -74,7 +74,8 @@ class Hasty(Follows):
     """Takes the last step of a block only."""
 
     def advance(self, block: Block) -> Passed:
-        self.step(*block.orders[-1])
+        *_, last = block.orders
+        self.step(*last)
         return Passed([self.note() for _ in block.marks])
 
 
