@@ -95,9 +95,18 @@ def engine_settings(protocol_name: str, name: str) -> dict[str, str]:
     """Return the settings of an engine as it is, by dotted key.
 
     Raises:
-        UserError: there is none of this name.
+        UserError: there is none of this name, or it can't be imported here.
     """
     if not re.fullmatch(r"\w{1,50}", name):
         raise UserError(f"sim.name is {short(name)!r}, which is no engine")
     config = load("config", [f"protocol={protocol_name}", f"sim={name}"])
+
+    # Of an engine that can't be imported no setting is known, and any would pass.
+    try:
+        installed().factory("sim", name)
+    except UserError as error:
+        raise UserError(
+            f"the settings of its engine can't be checked here: {error}"
+        ) from error
+
     return flatten({"sim": OmegaConf.to_container(config.sim, resolve=True)})

@@ -98,7 +98,7 @@ def try_again(entry: Entry, task: str, run: RunResult) -> RunResult:
 
 
 def _configure(entry: Entry, task: str) -> DictConfig:
-    """Compose the protocol's configuration, with the entry's own way to write tools."""
+    """Compose the protocol's configuration, with the entry's own engine and way to write tools."""
     settings = {}
     for key, value in entry.settings.items():
         if key.startswith("tool."):
@@ -111,7 +111,9 @@ def _configure(entry: Entry, task: str) -> DictConfig:
             f"tool={short(name)} with such settings is no tool representation"
         )
 
-    cfg = load("config", [f"protocol={entry.protocol}", f"task={task}", f"tool={name}"])
+    words = [f"protocol={entry.protocol}", f"task={task}", f"tool={name}"]
+    words.append(f"sim={entry.settings['sim.name']}")  # the default may not be there
+    cfg = load("config", words)
     for key, text in settings.items():
         if OmegaConf.select(cfg, key) is None:
             raise UserError(f"tool={name} has no setting {short(key)}")

@@ -10,6 +10,7 @@ import pytest
 
 from core.config.compose import load
 from core.errors import UserError
+from core.plugins import Offer, installed
 from plugins.results.pages.runs import find_runs
 from plugins.results.report import verify
 from plugins.results.report.entries import ListedEntry, RunResult, read_entry
@@ -30,6 +31,7 @@ def write(folder, *words, task="BringCube", unseen=UNSEEN, **others):
     return write_run(
         folder,
         "protocol=varied",
+        "sim=mujoco",
         f"task={task}",
         *words,
         rewards=[[0.9, None]],
@@ -215,7 +217,7 @@ REWARDS = ("tasks", "OneBook", "runs", 0, "rewards", "sapien")
         (
             ("settings", "sim.time_step"),
             "0.02",
-            "sim.time_step is 0.02, where pybullet has 0.00",
+            "sim.time_step is 0.02, where mujoco has 0.00",
         ),
         (("settings", "sim.name"), "../x", "sim.name is '../x', which is no engine"),
     ],
@@ -231,6 +233,21 @@ def test_a_results_file_that_breaks_the_protocol_is_refused(
     with pytest.raises(UserError, match=r"theirs.json can't be compared: ") as error:
         read_entry(tmp_path / "theirs.json")
     assert said in str(error.value)
+
+
+def test_an_engine_whose_settings_are_not_known_here_is_refused(
+    entry, tmp_path, monkeypatch
+):
+    far = Offer("sim", "far", "lab", "my-lab", "no_such_lab:Engine")
+    monkeypatch.setitem(installed().offers, ("sim", "far"), far)
+    settings = entry.settings | {"sim.name": "far", "sim.time_step": "0.02"}
+    file = tmp_path / "theirs.json"
+    file.write_bytes(replace(entry, settings=settings).dump())
+    with pytest.raises(
+        UserError,
+        match=r"theirs.json can't be compared: the settings of its engine can't be checked here: .* can't be imported",
+    ):
+        read_entry(file)
 
 
 def test_pipes_and_large_files_are_not_read(tmp_path):
