@@ -31,13 +31,24 @@ POPULATION = 60 if PROFILE == "patient" else 200  # one in ten of which breaks
 
 
 def lacks_pybullet(error: BaseException) -> bool:
-    """Report whether a failure is the missing engine's own error, or that of a command that printed it and ended."""
+    """Report whether a failure is the missing engine's own error, or that of a process that printed it and ended.
+
+    A command prints it as a line; a script ends with a traceback, whose last line has it.
+    """
     refusal = "sim=pybullet needs PyBullet: "
     if isinstance(error, UserError):
         return refusal in str(error)
+
     # What stands after `assert done.returncode == 0,`.
     message, asserted, _ = str(error).partition("\nassert ")
-    return bool(asserted) and any(
+    if not asserted:
+        return False
+
+    last_line = message.strip().rpartition("\n")[2].strip()
+    if last_line.startswith(f"core.errors.UserError: {refusal}"):
+        return True
+
+    return any(
         line.strip().startswith(f"error: {refusal}") for line in message.splitlines()
     )
 

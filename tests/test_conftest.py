@@ -12,6 +12,9 @@ CASES = """
 
     MISSING = "sim=pybullet needs PyBullet: pip install pybullet"
     COMMAND = f"import sys; sys.exit('a warning\\\\nerror: {MISSING}')"
+    TRACEBACK = f"Traceback:\\\\ncore.errors.UserError: {MISSING}"
+    SCRIPT = f"import sys; sys.exit('{TRACEBACK}')"
+    HANDLING = f"import sys; sys.exit('{TRACEBACK}\\\\nKeyError: reward')"
 
     @pytest.fixture
     def engine():
@@ -26,6 +29,18 @@ CASES = """
     def test_command():
         done = subprocess.run([sys.executable, "-c", COMMAND], capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
+
+    def test_script():
+        done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+
+    def test_script_that_handles_the_error():
+        done = subprocess.run([sys.executable, "-c", HANDLING], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+
+    def test_process_that_prints_nothing():
+        printed = ""
+        assert 1 == 0, printed
 
     def test_other_error_of_the_engine():
         raise UserError("sim=pybullet: no such shape")
@@ -47,7 +62,13 @@ CASES = """
 
 @pytest.mark.parametrize(
     ("pybullet", "skipped"),
-    [(False, {"test_engine_in_setup", "test_engine", "test_command"}), (True, set())],
+    [
+        (
+            False,
+            {"test_engine_in_setup", "test_engine", "test_command", "test_script"},
+        ),
+        (True, set()),
+    ],
 )
 def test_only_the_missing_engine_is_skipped(pytester, monkeypatch, pybullet, skipped):
     monkeypatch.setattr("tests.conftest.PYBULLET", pybullet)
@@ -65,4 +86,4 @@ def test_only_the_missing_engine_is_skipped(pytester, monkeypatch, pybullet, ski
         for outcome in ("skipped", "failed")
     }
     assert by_outcome["skipped"] == skipped
-    assert len(by_outcome["failed"]) == 7 - len(skipped)
+    assert len(by_outcome["failed"]) == 10 - len(skipped)
