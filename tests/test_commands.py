@@ -59,7 +59,11 @@ MISTAKES = [
         "Value 'two' of type 'str' could not be converted to Integer",
     ),
     ("run", ["budget.n_agent=0"], "budget.n_agent must be at least 1, got 0"),
-    ("run", ["sim.time_step=a"], "sim=pybullet: setting 'time_step' can't be 'a': "),
+    (
+        "run",
+        ["sim=mujoco", "sim.time_step=a"],
+        "sim=mujoco: setting 'time_step' can't be 'a': ",
+    ),
     (
         "run",
         ["+robto=ur5"],
@@ -97,12 +101,20 @@ MISTAKES = [
         ["designs=malformed.json"],
         "malformed.json: the reply is malformed JSON at line 2, column 3",
     ),
-    ("evaluate", [f"designs={SOLUTION}", "output=."], "can't write"),
-    ("evaluate", [f"designs={SOLUTION}", "rollout.segment_s=0"], "segment_s"),
-    ("evaluate", [f"designs={SOLUTION}", "rollout.hold_s=-1"], "hold_s"),
+    ("evaluate", [f"designs={SOLUTION}", "sim=mujoco", "output=."], "can't write"),
+    (
+        "evaluate",
+        [f"designs={SOLUTION}", "sim=mujoco", "rollout.segment_s=0"],
+        "segment_s",
+    ),
+    (
+        "evaluate",
+        [f"designs={SOLUTION}", "sim=mujoco", "rollout.hold_s=-1"],
+        "hold_s",
+    ),
     (
         "render",
-        [f"designs={SOLUTION}", "strategy=1"],
+        [f"designs={SOLUTION}", "sim=mujoco", "strategy=1"],
         "has 1 designs; there is no strategy=1",
     ),
     ("render", ["width=0"], "width"),

@@ -190,7 +190,7 @@ def test_a_tool_that_breaks_a_rule_is_not_mounted(tmp_path):
         UserError,
         match=r"floating.json: the tool of design 0 can't be mounted: .* 295.0 mm away",
     ):
-        gymnasium.make("RoboToolBench/BringCube-v0", designs=file)
+        gymnasium.make("RoboToolBench/BringCube-v0", designs=file, words=["sim=mujoco"])
 
 
 @pytest.mark.parametrize(
@@ -201,7 +201,11 @@ def test_a_tool_that_breaks_a_rule_is_not_mounted(tmp_path):
             "no control_mode 'torques'; possible: end_effector, joints",
         ),
         (
-            {"designs": DESIGNS / "BringCube.json", "strategy": 7},
+            {
+                "designs": DESIGNS / "BringCube.json",
+                "strategy": 7,
+                "words": ["sim=mujoco"],
+            },
             r"BringCube.json has \d designs; there is no",
         ),
         ({"words": ["sim=pybulet"]}, r"no sim 'pybulet' \(did you mean 'pybullet'\?\)"),
@@ -255,7 +259,7 @@ def test_a_reward_that_reads_forces_is_refused(monkeypatch):
         UserError,
         match="BringCube can't be stepped: the trace has no forces; this engine",
     ):
-        ToolEnv("Pressed").reset()
+        ToolEnv("Pressed", words=["sim=mujoco"]).reset()
 
 
 def test_a_tool_weighs_by_its_material():

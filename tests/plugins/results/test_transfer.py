@@ -363,4 +363,4 @@ def test_a_run_with_a_given_tool_can_be_read_back(tmp_path):
 )
 def test_mistakes(words, said):
     with pytest.raises(UserError, match=said):
-        transfer(configured(["sims=[pybullet]", *words]))
+        transfer(configured(["sims=[mujoco]", *words]))

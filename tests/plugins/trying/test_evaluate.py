@@ -193,6 +193,7 @@ def test_plans_are_checked_without_playing_them(tmp_path):
         "core",
         "evaluate",
         "task=BringCube",
+        "sim=mujoco",
         "designs=designs.json",
         "check=true",
     )
@@ -207,7 +208,13 @@ def test_plans_are_checked_without_playing_them(tmp_path):
     assert "waypoint 1" in far
     layouts = ["task.variation=wide", "fitness=layouts", "check=true"]
     done = python_m(
-        tmp_path, "core", "evaluate", "task=BringCube", "designs=designs.json", *layouts
+        tmp_path,
+        "core",
+        "evaluate",
+        "task=BringCube",
+        "sim=mujoco",
+        "designs=designs.json",
+        *layouts,
     )
     assert (
         "design 0 plan 1: 5 times, first layout 0: the arm misses the way to waypoint 1 by "

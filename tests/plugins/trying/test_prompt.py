@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[3]
 SOLUTION = ROOT / "tests/tasks/solutions/OneBook.json"
-SMALL = ["task=OneBook", "executor.workers=1"]
+SMALL = ["task=OneBook", "sim=mujoco", "executor.workers=1"]
 
 
 def composed(*overrides):
@@ -195,6 +195,7 @@ def test_designs_that_make_no_elites(tmp_path):
 def test_the_command_writes_what_would_be_sent(tmp_path):
     words = [
         "task=OneBook",
+        "sim=mujoco",
         "vlm=litellm",
         "vlm.model=openai/gpt-4.1",
         "output=there",
@@ -237,6 +238,7 @@ def test_without_a_language_model_tokens_are_estimated_from_the_length(
 ):
     words = [
         "task=OneBook",
+        "sim=mujoco",
         "vlm=offline",
         f"output={tmp_path}",
         "prompt.picture=false",
@@ -250,4 +252,4 @@ def test_without_a_language_model_tokens_are_estimated_from_the_length(
 def test_an_output_that_can_not_be_written(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(UserError, match="can't write"):
-        main(["task=OneBook", f"output={tmp_path / 'file'}"])
+        main(["task=OneBook", "sim=mujoco", f"output={tmp_path / 'file'}"])
