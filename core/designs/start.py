@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ from core.designs.rules import Faults, describe_way
 from core.designs.tool_fields import find_fixture_faults
 from core.geometry import Pose
 from core.interfaces import Task
+from core.robot.description import beyond
 from core.robot.kinematics import arm_of, link_poses
 from core.robot.solids import (
     Obstacles,
@@ -32,7 +33,8 @@ _TOUCH_M = 1e-5  # the accuracy of the home pose from inverse kinematics
 class SpawnRules:
     """Checks that a tool starts clear of the arm and of all bodies, in ``scene`` (None: the task's layout of ``seed``).
 
-    It must also have been possible to bring it there, past what stands in the scene, unless `Task.tool_in_place`.
+    It must also have been possible to bring it there, past what stands in the scene, unless `Task.tool_in_place`. What
+    the arm's last joint moves, such as a hand, comes along; the links before it are not looked at.
 
     The arm is at the task's home pose and the fingers are open. A component may overlap what carries it: the links at
     the flange for rigid tools, the component's own finger for gripper tools.
@@ -107,12 +109,18 @@ class SpawnRules:
 
         if fixture is not None:
             solids = [*_place_fixture(fixture)]
-            yield from _describe_trap("fixture", find_trap(solids, standing))
+            yield from _describe_trap("fixture", find_trap(solids, standing), ())
             standing = Obstacles([*standing.solids, *solids])
 
-        _, frames = self._arm(tool.gripper)
+        arm, frames = self._arm(tool.gripper)
         held = [part.solid for part in _place_tool(tool, frames)]
-        yield from _describe_trap("tool", find_trap(held, standing))
+        if not held:
+            return
+
+        moved = beyond(self.robot, Tool(gripper=tool.gripper))
+        hand = [link for link in arm.solids if link.name in moved]
+        trap = find_trap([*held, *hand], standing)
+        yield from _describe_trap("tool", trap, moved)
 
     def _arm(self, gripper: bool) -> tuple[Obstacles, dict[str, Pose]]:
         """The solids of the arm at home, and the world poses of its links."""
@@ -168,14 +176,25 @@ def _place_fixture(fixture: Fixture) -> Iterator[Solid]:
         yield from solids_of(component.name, component.shape, fixture.pose @ pose)
 
 
-def _describe_trap(what: str, trap: Trap | None) -> Iterator[str]:
-    """Say why a tool or a fixture can't have been brought to where it starts."""
+def _describe_trap(
+    what: str, trap: Trap | None, links: Collection[str]
+) -> Iterator[str]:
+    """Say why a tool or a fixture can't have been brought to where it starts.
+
+    Args:
+        what: the tool or the fixture.
+        trap: what holds it; None: nothing does.
+        links: of the arm, which come along.
+    """
     if trap is None:
         return
 
+    part = f"component {trap.part!r}"
+    if trap.part in links:
+        part = f"the arm ({trap.part})"
+
     x, y, z = (round(float(value), 1) + 0.0 for value in trap.direction)
     yield (
-        f"nothing could have brought the {what} to its start: even straight out along ({x:g}, {y:g}, {z:g}) component "
-        f"{trap.part!r} goes through {trap.body!r}, and no way around was found; start outside, and let the plan "
-        "bring it in"
+        f"nothing could have brought the {what} to its start: even straight out along ({x:g}, {y:g}, {z:g}) {part} "
+        f"goes through {trap.body!r}, and no way around was found; start outside, and let the plan bring it in"
     )

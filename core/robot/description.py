@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from itertools import chain
 
 import numpy as np
@@ -83,6 +84,14 @@ def assembled(
         links = {name: _fuse(link, tool) for name, link in links.items()}
 
     return Description(arm.name, links, joints)
+
+
+@lru_cache(maxsize=16)
+def beyond(robot: Robot, tool: Tool) -> frozenset[str]:
+    """Name the links that the arm's last joint moves, with those of the tool, as `assembled` for engines."""
+    arm = assembled(robot, tool, fused=True)
+    last = arm.named[robot.arm_joints[-1]].child
+    return frozenset(name for name in arm.links if last in arm.above(name))
 
 
 def tool_parts(tool: Tool) -> Iterator[tuple[RobotLink, RobotJoint]]:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 from core.design import GRIPPER_MOUNTS, Tool
-from core.robot.description import assembled
 from core.values.robots import Robot
 
 
@@ -23,11 +20,3 @@ def bearers(robot: Robot, tool: Tool) -> tuple[str, ...]:
     if tool.gripper and robot.gripper is not None:
         return robot.gripper.near_mount
     return robot.near_mount
-
-
-@lru_cache(maxsize=16)
-def beyond(robot: Robot, tool: Tool) -> frozenset[str]:
-    """Name the links that the arm's last joint moves, with those of the tool, as `assembled` for engines."""
-    arm = assembled(robot, tool, fused=True)
-    last = arm.named[robot.arm_joints[-1]].child
-    return frozenset(name for name in arm.links if last in arm.above(name))

@@ -12,8 +12,8 @@ import numpy as np
 from core.design import Tool, ToolJoint
 from core.geometry import Array
 from core.interfaces import JointTrajectory, Robot
-from core.robot.description import joint_name
-from plugins.simulators.links import bearers, beyond, friction_of
+from core.robot.description import beyond, joint_name
+from plugins.simulators.links import bearers, friction_of
 from plugins.simulators.pybullet.engine import Client
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.robot import driven_links, joint_numbers, load_robot

@@ -11,9 +11,9 @@ import numpy as np
 
 from core.geometry import Array, Vector
 from core.interfaces import Robot, Rollout
+from core.robot.description import beyond
 from core.scene import State
 from plugins.simulators.fresh import FreshWorld
-from plugins.simulators.links import beyond
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.forces import Forces, pushes
 from plugins.simulators.sapien.joints import Joints

@@ -411,6 +411,41 @@ def test_every_shape_of_a_scene_collides(shape):
     SpawnRules(on_panda(CubeOnTable()), 0).check(below)
 
 
+def slab(name, low, high):
+    sides = tuple(np.subtract(high, low).tolist())
+    middle = tuple((np.add(low, high) / 2).tolist())
+    return Body.of(name, Box(sides), middle, mass=0, color=(1, 0, 0, 1))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("hole", "free"), [(0.05, False), (0.13, True)])
+def test_what_the_last_joint_moves_is_brought_with_the_tool(hole, free):
+    """In a box without a door, with a hole in its roof: the tool alone would pass either, and the flange is wider."""
+    walls = [
+        slab("left", (0.3, 0.14, 0), (0.7, 0.16, 0.7)),
+        slab("right", (0.3, -0.16, 0), (0.7, -0.14, 0.7)),
+        slab("front", (0.64, -0.14, 0), (0.66, 0.14, 0.7)),
+        slab("back", (0.34, -0.14, 0), (0.36, 0.14, 0.7)),
+    ]
+    roof = [
+        slab("roof left", (0.3, hole, 0.6), (0.7, 0.14, 0.7)),
+        slab("roof right", (0.3, -0.14, 0.6), (0.7, -hole, 0.7)),
+        slab("roof front", (0.5 + hole, -0.14, 0.6), (0.66, 0.14, 0.7)),
+        slab("roof back", (0.34, -0.14, 0.6), (0.5 - hole, 0.14, 0.7)),
+    ]
+    rules = SpawnRules(on_panda(CubeOnTable(*walls, *roof)), 0)
+    tool = rigid(box(at=(0, 0, -0.05), size=(0.02, 0.02, 0.1)))
+
+    if free:
+        rules.check(tool)
+        return
+
+    with pytest.raises(
+        DesignError, match=r"the arm \(panda_link7\) goes through 'roof"
+    ):
+        rules.check(tool)
+
+
 def test_an_attachment_may_be_in_its_own_finger_only(spawn):
     spawn.check(
         gripper(box(at=(0, 0.01, 0.045), size=(0.02, 0.01, 0.02), parent="left_finger"))
