@@ -16,13 +16,26 @@ from tests.cluster.slurm import free_ports, wait_until
 from tests.processes import family
 
 RAY = [sys.executable, "-m", "ray.scripts.scripts"]  # the command ``ray``
+SMALL_MB = 100
+"""Of shared memory that a node of `Nodes` with ``small`` has; Ray's object store takes 75 MB at least."""
+SMALL = [
+    *("unshare", "--mount", "sh", "-c"),
+    f'mount -t tmpfs -o size={SMALL_MB}m shm /dev/shm && exec "$@"',
+    "sh",
+]
 
 
 class Nodes:
-    """A running cluster, whose nodes have a core each; programs find it by ``address`` and ``environment``."""
+    """A running cluster, whose nodes have a core each; programs find it by ``address`` and ``environment``.
 
-    def __init__(self, folder: Path) -> None:
+    Args:
+        folder: for its files.
+        small: each node has a /dev/shm of its own, of `SMALL_MB`. This needs root.
+    """
+
+    def __init__(self, folder: Path, small: bool = False) -> None:
         self.folder = folder
+        self._small = small
         self.environment = os.environ | {
             "HOME": str(folder),
             "RAY_AUTH_MODE": "token",
@@ -52,6 +65,13 @@ class Nodes:
                 os.kill(pid, signal.SIGKILL)
         node.wait()
 
+    def fill(self, number: int) -> None:
+        """Fill a node's shared memory; the node was started as a small one."""
+        assert self._small
+        inside = Path(f"/proc/{self._nodes[number].pid}/root/dev/shm/filler")
+        with inside.open("wb") as file, contextlib.suppress(OSError):
+            file.write(bytes(2 * SMALL_MB * 1_000_000))
+
     def stop(self) -> None:
         """End all nodes."""
         while self._nodes:
@@ -62,6 +82,8 @@ class Nodes:
         file = self.folder / f"node{len(self._nodes)}.out"
         command = [*RAY, "start", "--block", "--num-cpus=1", "--disable-usage-stats"]
         command += ["--node-ip-address=127.0.0.1", *words]
+        if self._small:
+            command = [*SMALL, *command, "--object-store-memory=80000000"]
         with file.open("wb") as output:
             node = subprocess.Popen(
                 command,
@@ -88,9 +110,9 @@ class Nodes:
 
 
 @contextmanager
-def cluster(folder: Path, count: int) -> Iterator[Nodes]:
-    """Start a cluster of so many nodes, and end it."""
-    nodes = Nodes(folder)
+def cluster(folder: Path, count: int, small: bool = False) -> Iterator[Nodes]:
+    """Start a cluster of so many nodes, see `Nodes`, and end it."""
+    nodes = Nodes(folder, small)
     try:
         nodes.start_head()
         for _ in range(count - 1):

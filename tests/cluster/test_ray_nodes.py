@@ -127,6 +127,50 @@ def test_the_head_is_killed_and_the_run_goes_on_with_another_one(
         assert count(run, "evaluations") == CANDIDATES
 
 
+def test_a_run_needs_no_shared_memory(alone, start, tmp_path):
+    with cluster(tmp_path, 2, small=True) as nodes:
+        nodes.fill(0)
+        nodes.fill(1)
+        run = tmp_path / "full"
+        on = ["executor=ray", f"executor.address={nodes.address}"]
+        finish(start(tmp_path, nodes.environment, *RUN, *on, f"hydra.run.dir={run}"))
+        assert result_of(run) == alone
+
+
+LARGE = """
+import hashlib
+import sys
+from functools import partial
+
+from plugins.executors.ray import RayExecutor
+
+executor = RayExecutor(sys.argv[1], workers=2)
+# A second of work, and too much for Ray to send it along with its messages.
+derive = partial(hashlib.pbkdf2_hmac, "sha256", salt=b"salt", iterations=100, dklen=200_000)
+for _, result in executor.map(derive, [b"x"] * 20):
+    print(len(result) if isinstance(result, bytes) else repr(result))
+
+executor.close()
+"""
+
+
+def test_results_in_a_lost_object_store_are_made_again(tmp_path):
+    with cluster(tmp_path, 2, small=True) as nodes:
+        nodes.fill(1)
+        done = subprocess.run(
+            [sys.executable, "-c", LARGE, nodes.address],
+            env={**nodes.environment, "PYTHONPATH": str(ROOT)},
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE_S,
+        )
+        print(done.stderr)
+        assert done.returncode == 0, done.stderr
+        assert "Raylet is terminated" in done.stdout + done.stderr
+        lines = [line for line in done.stdout.splitlines() if line.isdigit()]
+        assert lines == ["200000"] * 20
+
+
 def test_without_the_token_no_one_gets_in(start, tmp_path):
     with cluster(tmp_path, 1) as nodes:
         (tmp_path / "stranger").mkdir()
