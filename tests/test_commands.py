@@ -402,7 +402,7 @@ def test_the_same_seed_gives_the_same_result_whatever_the_number_of_workers(
 @pytest.mark.thorough
 def test_an_output_that_is_full_is_no_fault_of_the_folder(tmp_path):
     folder = tmp_path / "run"
-    words = [*TINY, f"hydra.run.dir={folder}", "executor.workers=1"]
+    words = [*TINY, "sim=mujoco", f"hydra.run.dir={folder}", "executor.workers=1"]
     command = [sys.executable, "-u", "-m", "core.run", *words]  # unbuffered
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(

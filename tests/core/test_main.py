@@ -19,6 +19,7 @@ TINY = [
     *(
         "run",
         "task=LiftBox",
+        "sim=mujoco",
         "budget.n_agent=1",
         "budget.n_tool=1",
         "budget.n_action=1",
