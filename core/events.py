@@ -60,7 +60,7 @@ class Generation:
         """
         return next(iter(self.ranking), None)
 
-    @property
+    @cached_property
     def best_reward(self) -> float | None:
         """The highest reward; None if no candidate could be tried."""
         return max((e.reward for e in self.ranking), default=None)

@@ -98,9 +98,12 @@ def evolve(
 def _is_enough(generations: Sequence[Generation], budget: Budget) -> bool:
     """Report whether the highest reward so far ends the run."""
     goal = budget.stop_reward
+    if goal is None:
+        return False
+
     rewards = [generation.best_reward for generation in generations]
     known = [reward for reward in rewards if reward is not None]
-    return goal is not None and max(known, default=-1.0) >= goal
+    return max(known, default=-1.0) >= goal
 
 
 @dataclass(eq=False)
