@@ -143,7 +143,8 @@ def test_an_entry_has_means_and_what_was_spent(entry):
 @pytest.mark.thorough
 def test_a_run_in_which_nothing_could_be_tried_counts_0(runs):
     shutil.rmtree(runs / "OneBook_0")
-    write_run(runs / "OneBook_0", "protocol=varied", "task=OneBook", rewards=[[None]])
+    words = ("protocol=varied", "task=OneBook", "sim=mujoco")
+    write_run(runs / "OneBook_0", *words, rewards=[[None]])
     ((entry,), _) = entries(runs)
     assert sorted(entry.scores["OneBook"]) == pytest.approx([0.0, 0.6])
 
