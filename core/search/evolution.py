@@ -52,16 +52,18 @@ def evolve(
     tie = strategy.tie
     tried: list[Evaluation] = []
     generations: list[Generation] = []
+    best = 0.0
 
     def evaluate(asked: Iterable[Candidate]) -> None:
+        nonlocal best
         if elites and fitness.races:
-            best = max((evaluation.reward for evaluation in tried), default=0.0)
             evaluations = evaluate_in_race(asked, fitness, race.trials, tie, best)
         else:
             evaluations = race.trials.evaluate(asked, fitness)
         for evaluation in evaluations:
             events.hook.candidate_evaluated(evaluation=evaluation)
             tried.append(evaluation)
+            best = max(best, evaluation.reward)
 
     def make_generation() -> Generation:
         earlier = sum(len(generation.evaluations) for generation in generations)
@@ -74,7 +76,7 @@ def evolve(
             evaluate(candidates)
             if candidates.limit is not None:
                 break
-            evaluate(fitness.recombine([*tried]))
+            evaluate([*fitness.recombine(tried)])
             if elites:
                 race.follow(tried, elites)
             generation = make_generation()
