@@ -18,7 +18,7 @@ from tests.processes import family
 RAY = [sys.executable, "-m", "ray.scripts.scripts"]  # the command ``ray``
 SMALL_MB = 100
 """Of shared memory that a node of `Nodes` with ``small`` has; Ray's object store takes 75 MB at least."""
-SMALL = [
+OWN_SHM = [
     *("unshare", "--mount", "sh", "-c"),
     f'mount -t tmpfs -o size={SMALL_MB}m shm /dev/shm && exec "$@"',
     "sh",
@@ -83,7 +83,7 @@ class Nodes:
         command = [*RAY, "start", "--block", "--num-cpus=1", "--disable-usage-stats"]
         command += ["--node-ip-address=127.0.0.1", *words]
         if self._small:
-            command = [*SMALL, *command, "--object-store-memory=80000000"]
+            command = [*OWN_SHM, *command, "--object-store-memory=80000000"]
         with file.open("wb") as output:
             node = subprocess.Popen(
                 command,

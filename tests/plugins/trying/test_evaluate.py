@@ -188,15 +188,9 @@ def test_plans_are_checked_without_playing_them(tmp_path):
     (tmp_path / "designs.json").write_text(
         json.dumps({"strategies": [good | {"action_sets": plans}]})
     )
-    done = python_m(
-        tmp_path,
-        "core",
-        "evaluate",
-        "task=BringCube",
-        "sim=mujoco",
-        "designs=designs.json",
-        "check=true",
-    )
+    words = ["evaluate", "task=BringCube", "sim=mujoco", "designs=designs.json"]
+    words.append("check=true")
+    done = python_m(tmp_path, "core", *words)
     solved, low, far = done.stdout.splitlines()
     assert (done.returncode, done.stderr, solved) == (
         0,
@@ -206,16 +200,8 @@ def test_plans_are_checked_without_playing_them(tmp_path):
     assert low.startswith("design 0 plan 1: the arm misses the way to waypoint 1 by ")
     assert far.startswith("design 0 plan 2: ")
     assert "waypoint 1" in far
-    layouts = ["task.variation=wide", "fitness=layouts", "check=true"]
-    done = python_m(
-        tmp_path,
-        "core",
-        "evaluate",
-        "task=BringCube",
-        "sim=mujoco",
-        "designs=designs.json",
-        *layouts,
-    )
+    layouts = ["task.variation=wide", "fitness=layouts"]
+    done = python_m(tmp_path, "core", *words, *layouts)
     assert (
         "design 0 plan 1: 5 times, first layout 0: the arm misses the way to waypoint 1 by "
         in done.stdout
