@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
+import shutil
 import sys
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -140,6 +141,10 @@ def _next_steps(run: Run, result: Result) -> Iterator[str]:
         yield f"film: {_shorten(film)}"
 
     yield "what to type next:"
+    activate = Path(sys.prefix) / "bin" / "activate"
+    if shutil.which("vlmgineer") is None and activate.is_file():
+        yield f"  source {shlex.quote(_shorten(activate))}"
+
     folder = shlex.quote(_shorten(run.folder))
     if "rerun" in run.config.get("listener", {}):
         yield f"  vlmgineer view {folder}"

@@ -2,6 +2,7 @@
 
 import json
 import shlex
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +84,24 @@ def commands(said):
     """The commands to type next."""
     lines = [line.strip() for line in said.splitlines()]
     return [line for line in lines if line.startswith(("vlmgineer ", "python -m "))]
+
+
+@pytest.mark.parametrize("active", [False, True])
+def test_an_environment_that_is_not_active_is_to_be_activated_first(
+    active, capsys, tmp_path, monkeypatch
+):
+    activate = tmp_path / "bin" / "activate"
+    command = tmp_path / "bin" / "vlmgineer"
+    activate.parent.mkdir()
+    activate.touch()
+    command.touch(mode=0o755)
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    monkeypatch.setenv("PATH", str(tmp_path / "bin") if active else "")
+
+    lines = summary(capsys, [0.2]).splitlines()
+    after = lines[lines.index("what to type next:") + 1].strip()
+    assert after.startswith("vlmgineer " if active else "source ")
+    assert after.endswith("/bin/activate") != active
 
 
 def test_the_best_tools(capsys):
