@@ -94,11 +94,10 @@ class Runner:
                 continue
 
             status = self._start(run, state)
-            if self._stopping.is_set():
-                return None
-
             state = read_state(run)
-            if not is_done(state) and not is_held(run.folder):
+            if is_done(state):
+                return ""
+            if not is_held(run.folder):
                 return _explain(run, state, status)
 
         return None

@@ -31,6 +31,7 @@ from plugins.results.study.study_files import (
     Selection,
     find_study,
     name_task,
+    read_state,
     read_study,
 )
 
@@ -116,7 +117,8 @@ def main(words: list[str]) -> None:
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"to go on: {again}") from None
 
-    if len(failures) < len(runs):
+    begun = any(read_state(run) is not None for run in runs)
+    if begun and len(failures) < len(runs):
         _report(selection.folder)
     if failures:
         raise UserError(

@@ -150,6 +150,40 @@ def test_what_is_there_is_not_run_again(tmp_path, monkeypatch, capsys):
         main([file, "tasks=BringCube", "folder=done", "sim=sapien"])
 
 
+FAIL = """
+import sys
+import time
+
+time.sleep(2 if any("ScoreGoal" in word for word in sys.argv) else 0)
+sys.exit("it can't start")
+"""
+
+
+def fail(folder, capsys, tasks, jobs):
+    """Return how many runs a study says have failed; each has a line."""
+    (folder / "fail.py").write_text(FAIL)
+    launch = f"launch={sys.executable} {folder / 'fail.py'}"
+    words = ["methods=first", f"folder={folder / 'failed'}", f"jobs={jobs}", launch]
+    with pytest.raises(UserError, match=r"runs failed; .* it can't start") as raised:
+        main([write(folder, tasks=tasks), *words])
+
+    failed = int(str(raised.value).split()[0])
+    assert capsys.readouterr().err.count("it can't start") == failed
+    return failed
+
+
+TASKS = ["BringCube", "OneBook", "MoveBall", "ScoreGoal", "LiftBox", "HighObject"]
+
+
+def test_a_run_under_way_when_three_have_failed_is_counted_too(tmp_path, capsys):
+    assert fail(tmp_path, capsys, TASKS[:4], jobs=4) == 4
+
+
+def test_after_three_failures_no_run_begins(tmp_path, capsys):
+    """The next run may begin while the third failure is noted. A report of no run would hide why all failed."""
+    assert 3 <= fail(tmp_path, capsys, TASKS, jobs=1) < 6
+
+
 SCENE_TASKS = {"tasks": ["BringCube", "own.yaml"]}
 
 
