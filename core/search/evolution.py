@@ -65,11 +65,6 @@ def evolve(
             tried.append(evaluation)
             best = max(best, evaluation.reward)
 
-    def make_generation() -> Generation:
-        earlier = sum(len(generation.evaluations) for generation in generations)
-        new = sorted(tried[earlier:], key=lambda evaluation: evaluation.candidate.key)
-        return Generation(len(generations), tuple(new), tie)
-
     try:
         while strategy.has_generation(len(generations), budget):
             events.hook.generation_started(index=len(generations))
@@ -79,7 +74,7 @@ def evolve(
             evaluate([*fitness.recombine(tried)])
             if elites:
                 race.follow(tried, elites)
-            generation = make_generation()
+            generation = _make_generation(generations, tried, tie)
             candidates.allowance.settle(generation.evaluations)
             strategy.tell(generation.evaluations)
             generations.append(generation)
@@ -90,11 +85,21 @@ def evolve(
     except KeyboardInterrupt:  # the caller finds it in the result
         stopped = INTERRUPTED
 
-    cut_short = make_generation()
+    cut_short = _make_generation(generations, tried, tie)
     if cut_short.evaluations:
         generations.append(cut_short)
 
     return Result(tuple(generations), time.monotonic() - began, stopped, tie)
+
+
+def _make_generation(
+    earlier: Sequence[Generation], tried: Sequence[Evaluation], tie: float
+) -> Generation:
+    """Make the next generation of what was tried since the earlier ones."""
+    known = sum(len(generation.evaluations) for generation in earlier)
+    new = sorted(tried[known:], key=lambda evaluation: evaluation.candidate.key)
+
+    return Generation(len(earlier), tuple(new), tie)
 
 
 def _is_enough(generations: Sequence[Generation], budget: Budget) -> bool:
