@@ -12,9 +12,18 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image as Pillow
+from PIL import ImageDraw
 
 from core.design import Candidate, Tool
-from core.interfaces import Image, Recording, RolloutSettings, Simulator, Task
+from core.interfaces import (
+    Felt,
+    Image,
+    Looked,
+    Recording,
+    RolloutSettings,
+    Simulator,
+    Task,
+)
 from core.scene import Camera, State
 from core.simulation.attempt import prepare
 from core.simulation.closing import choose_closing, fly
@@ -27,6 +36,10 @@ FILM_HZ = 10
 MOST = 60  # pictures of a motion
 CLOSING_S = 0.8  # the camera's way to the end of a film
 STAY_MS = 1500  # how long the end is shown
+LABEL_S = 1.5  # how long a film says what a look saw, or how a guard ended
+
+_WIDE = 6.5  # pixels of a letter of a label, about
+_LABEL = 18  # pixels of its height
 
 
 def png(picture: Image) -> bytes:
@@ -35,6 +48,18 @@ def png(picture: Image) -> bytes:
     Pillow.fromarray(picture).save(buffer, "PNG")
 
     return buffer.getvalue()
+
+
+def label(picture: Image, text: str) -> Image:
+    """Return a picture (H, W, 3) with a line of text across its top, cut off where it is too long."""
+    drawn = Pillow.fromarray(picture)
+    wide = drawn.width
+    pen = ImageDraw.Draw(drawn)
+    pen.rectangle([(0, 0), (wide, _LABEL - 1)], fill=(255, 255, 255))
+    short = clean(text, int(wide / _WIDE))
+    pen.text((4, 2), short, fill=(30, 30, 30), font_size=12)
+
+    return np.asarray(drawn)
 
 
 def report_missing(what: str, error: BaseException) -> None:
@@ -53,6 +78,7 @@ class Film:
         seed: of the layout.
         recording: of the rollout, at `FILM_HZ`.
         size: of the pictures, width and height, pixels.
+        happened: how guards ended and what looks saw, in the order of time.
     """
 
     task: Task
@@ -61,6 +87,7 @@ class Film:
     seed: int
     recording: Recording
     size: tuple[int, int] = SIZE
+    happened: tuple[Felt | Looked, ...] = ()
 
     def draw(self, index: int, aim: Callable[[Camera], Camera] | None = None) -> Image:
         """Draw a sample of the recording; ``aim`` makes another camera of the task's.
@@ -89,7 +116,8 @@ class Film:
     def frames(self) -> Iterator[tuple[Image, int]]:
         """Draw the motion, then fly to the goals and the bodies that they are about, and stay there.
 
-        A long motion has fewer pictures in a second, so that there are about `MOST` at most.
+        A long motion has fewer pictures in a second, so that there are about `MOST` at most. For `LABEL_S` they say
+        what a look saw, or how a guard ended.
 
         Yields:
             Pictures, and for how long each is shown, ms.
@@ -98,7 +126,7 @@ class Film:
         every = math.ceil(count / MOST)
         shown_ms = 1000 * every // FILM_HZ
         for number in range((count - 1) % every, count, every):
-            yield self.draw(number), shown_ms
+            yield self._draw_labelled(number), shown_ms
 
         closing = self.find_closing()
         if closing is None:
@@ -110,6 +138,17 @@ class Film:
             aim = partial(fly, after=closing, share=step / steps)
             stay_ms = shown_ms if step < steps else STAY_MS
             yield self.draw(last, aim), stay_ms
+
+    def _draw_labelled(self, number: int) -> Image:
+        """Draw a sample with what happened last, if that was not long before."""
+        drawn = self.draw(number)
+        now = self.recording.times[number]
+        last = None
+        for event in self.happened:
+            if 0 <= now - event.at_s < LABEL_S:
+                last = event
+
+        return drawn if last is None else label(drawn, str(last))
 
     def find_closing(self) -> Camera | None:
         """Find the camera of the film's end (`core.simulation.closing.choose_closing`)."""
@@ -164,7 +203,10 @@ def filmed(
     if recording is None:
         raise ValueError(f"candidate {candidate.id} can't be filmed: {outcome.error}")
 
-    return Film(task, simulator, candidate.tool, seed, recording, size)
+    events = (*outcome.felt, *outcome.looked)
+    happened = tuple(sorted(events, key=lambda event: event.at_s))
+
+    return Film(task, simulator, candidate.tool, seed, recording, size, happened)
 
 
 def describe_camera(camera: Camera, size: tuple[int, int]) -> str:

@@ -7,12 +7,10 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from PIL import Image as Pillow
-from PIL import ImageDraw
 
 from core.interfaces import Image, Observation, Recording
 from core.scene import Camera
-from core.support.text import clean
+from core.simulation.pictures import label
 from plugins.vlms.told.views import move_closer
 
 FRAMES = 6
@@ -61,14 +59,8 @@ def draw_strip(
     frames = []
     for instant, what in moments(recording, seen):
         number = int(np.abs(recording.times - instant).argmin())
-        frame = Pillow.fromarray(draw(number, aim))
         text = f"{instant:.1f} s: {what}" if what else f"{instant:.1f} s"
-
-        pen = ImageDraw.Draw(frame)
-        pen.rectangle([(0, 0), (SIZE[0], 17)], fill=(255, 255, 255))
-
-        pen.text((4, 2), clean(text, 60), fill=(30, 30, 30), font_size=12)
-        frames.append(np.asarray(frame))
+        frames.append(label(draw(number, aim), text))
 
     return np.vstack([np.hstack(frames[:3]), np.hstack(frames[3:])])
 

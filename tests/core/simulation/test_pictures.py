@@ -16,12 +16,14 @@ from core.simulation.closing import fly
 from core.simulation.pictures import (
     CLOSING_S,
     FILM_HZ,
+    LABEL_S,
     SMALL,
     STAY_MS,
     filmed,
     png,
     save_film,
 )
+from plugins.actions.anchored import AnchoredActions
 from plugins.conformance.scenery import cube, stick
 from plugins.conformance.worlds import Bodies
 from tests import toys
@@ -59,6 +61,26 @@ def test_a_film_shows_the_motion_and_lasts_as_long(tmp_path):
     assert differ[0] < 0.002
     assert 0.002 < differ[moved] < 0.2  # the hand has moved
     assert differ[-1] > 0.3  # it is another view
+
+
+def test_a_film_says_what_a_look_saw():
+    task = installed().create("task", "BringCube")
+    engine = installed().create("sim", "pybullet")
+    short = RolloutSettings(settle_s=0.1, hold_s=2.0)
+    there = {"offset": [0.5, 0.0, 0.45], "seconds": 0.5}
+    plan = AnchoredActions().parse([there, {"look": True}, there], gripper=False)
+    film = filmed(task, engine, Candidate(Tool(), plan), 0, short, SMALL)
+    (look,) = film.happened
+
+    labelled = {}
+    count = len(film.recording.times)
+    for number, (shown, _) in zip(range(count), film.frames(), strict=False):
+        same = np.array_equal(shown, film.draw(number))
+        labelled[round(float(film.recording.times[number] - look.at_s), 3)] = not same
+    assert "cube not in place" in str(look)
+    for since, has_label in labelled.items():
+        assert has_label == (0 <= since < LABEL_S)
+    assert {*labelled.values()} == {True, False}
 
 
 def count_red(picture):
