@@ -274,6 +274,15 @@ def describe_way(way: Array, mount: str) -> str:
     return f"({short_numbers(way, 4, ', ')}) m in the frame of {mount!r}"
 
 
+def check_goals(tool: Tool, task: Task) -> None:
+    """Check that a task's goals can be reached with what a tool brings to the scene: its fixture, or none.
+
+    Raises:
+        DesignError: they name a fixture that it lacks, or ask more of it than it is.
+    """
+    Faults(task.find_goal_faults(tool.fixture)).refuse()
+
+
 def given_tool(representation: ToolRepresentation, task: Task) -> Tool | None:
     """Return the tool that a representation gives for a task; None: it gives none.
 
@@ -286,6 +295,7 @@ def given_tool(representation: ToolRepresentation, task: Task) -> Tool | None:
             tool = representation.material.made(tool)
             if tool.components:
                 check_tool(tool, task.robot, representation.material)
+            check_goals(tool, task)
     except DesignError as error:
         what = f"the tool that it gives for {task.name} breaks a rule"
         raise UserError(f"{describe_part(representation)}: {what}: {error}") from error

@@ -1,4 +1,4 @@
-"""The rule for the start: a tool is clear of the arm, of the scene, and of its other half."""
+"""The rules for the start: a tool suits the goals, and is clear of the arm, of the scene, and of its other half."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from core.design import Fixture, Tool
-from core.designs.rules import Faults, describe_way
+from core.designs.rules import Faults, check_goals, describe_way
 from core.designs.tool_fields import find_fixture_faults
 from core.geometry import Pose
 from core.interfaces import Task
@@ -36,6 +36,9 @@ class SpawnRules:
     It must also have been possible to bring it there, past what stands in the scene, unless `Task.tool_in_place`. What
     the arm's last joint moves, such as a hand, comes along; the links before it are not looked at.
 
+    All tools come here before they are tried: written, given, kept or varied. So the goals are looked at here, too: a
+    tool without the fixture that they name can earn nothing.
+
     The arm is at the task's home pose and the fingers are open. A component may overlap what carries it: the links at
     the flange for rigid tools, the component's own finger for gripper tools.
 
@@ -60,6 +63,15 @@ class SpawnRules:
         self._arms: dict[bool, tuple[Obstacles, dict[str, Pose]]] = {}
 
     def check(self, tool: Tool) -> None:
+        """Refuse a tool with which the goals can't be reached, or that does not start clear; see `check_start`.
+
+        Raises:
+            DesignError: says why.
+        """
+        check_goals(tool, self.task)
+        self.check_start(tool)
+
+    def check_start(self, tool: Tool) -> None:
         """Refuse a tool that starts inside the arm, in contact with the scene, inside its other half, or in a trap.
 
         Raises:
@@ -69,7 +81,7 @@ class SpawnRules:
         faults = Faults()
         for rules in self._parts:
             with faults.collect(f"in {rules.task.name}, "):
-                rules.check(tool)
+                rules.check_start(tool)
         if not self._parts:
             # What starts inside something is told so, and not that it can't get out.
             faults += [*self._find_faults(tool)] or [*self._find_traps(tool)]

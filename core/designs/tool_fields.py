@@ -16,7 +16,7 @@ from core.design import DesignError, Fixture, Tool
 from core.designs.plan_rules import check_waypoint
 from core.designs.planning import call_part
 from core.designs.replies import Fields, Unread, reader
-from core.designs.rules import MAX_MOUNT_GAP_M, Faults, check_gripper
+from core.designs.rules import MAX_MOUNT_GAP_M, check_gripper
 from core.geometry import Pose
 from core.interfaces import Task, ToolRepresentation
 from core.plugins import describe_part
@@ -70,8 +70,7 @@ def read_tool(
     """Read a design's tool, with its name and description, and its fixture.
 
     Raises:
-        DesignError: a rule is broken; with its fixture the goals can't be reached; or the representation fails, then
-            the message names its plugin.
+        DesignError: a rule is broken; or the representation fails, then the message names its plugin.
     """
     name = read_words(fields, "tool_name")
     description = read_words(fields, "tool_description")
@@ -84,7 +83,6 @@ def read_tool(
 
     weighed = representation.material.made(tool)
     fixture = _read_fixture(fields.get(FIXTURE), representation, task)
-    Faults(task.find_goal_faults(fixture)).refuse()
     weighed = replace(weighed, fixture=fixture)
     keys = [*call_part(representation, "schema", dict), FIXTURE]
     text = json.dumps({key: fields[key] for key in keys if key in fields}, default=str)

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Protocol
 
 from core.design import Candidate, Tool
+from core.designs.rules import given_tool
 from core.errors import UserError, choices
 from core.interfaces import (
     ActionRepresentation,
@@ -63,9 +64,9 @@ class Assignment:
         """The tool that the representation gives; None: agents design tools.
 
         Raises:
-            UserError: there is no tool for this task.
+            UserError: there is no tool for this task, or it breaks a rule.
         """
-        return self.representation.given(self.task)
+        return given_tool(self.representation, self.task)
 
 
 @dataclass(frozen=True, eq=False)

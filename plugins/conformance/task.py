@@ -124,7 +124,7 @@ def check_the_arm_reaches_home_clear_of_the_scene(task: Task) -> None:
     arm = arm_of(task.robot)
     place = arm.forward(arm.home_for(task.home)).position  # raises where it can't
     near("where the mount is at the task's home, m", place, task.home.position, 1e-3)
-    SpawnRules(task, 0).check(Tool())
+    SpawnRules(task, 0).check_start(Tool())
 
 
 def check_nothing_overlaps_at_spawn(task: Task) -> None:

@@ -6,11 +6,14 @@ from dataclasses import replace
 import jsonschema
 import pytest
 
-from core.designs.reading import load_designs, read_designs
+from core.design import Budget
+from core.designs.reading import load_designs, load_tool, read_designs
 from core.designs.start import SpawnRules
+from core.errors import UserError
 from core.interfaces import RolloutSettings
 from core.plugins import installed
 from core.scene import FIXTURE
+from core.search.assignment import Assignment
 from plugins.results.artifacts import save_design
 from tests.engines import simulator
 from tests.panda import on_panda
@@ -23,6 +26,7 @@ DESIGNS = load_designs(FUNNEL.with_suffix(".json"))
 (STRATEGY,) = DESIGNS["strategies"]
 POST = STRATEGY[FIXTURE]["tool_components"][0]
 FAR = {**POST, "name": "far", "parent": "post", "position": [0.1, 0, 0.1]}
+WITHOUT = {key: value for key, value in STRATEGY.items() if key != FIXTURE}
 HINGE = {"kind": "hinge", "axis": [0, 0, 1], "lower": -1, "upper": 1}
 
 
@@ -77,8 +81,7 @@ def test_what_is_wrong_with_a_fixture_is_said(task, changes, why):
 
 
 def test_without_its_fixture_it_earns_little(task):
-    strategy = {key: value for key, value in STRATEGY.items() if key != FIXTURE}
-    designs = [read(task, strategy), read(task, STRATEGY)]
+    designs = [read(task, WITHOUT), read(task, STRATEGY)]
     settings = RolloutSettings()
     found = evaluate_batch(task, simulator("mujoco"), designs, settings=settings)
     without, whole = (evaluation.reward for evaluation in found)
@@ -86,17 +89,59 @@ def test_without_its_fixture_it_earns_little(task):
     assert whole == 1
 
 
-def test_a_goal_that_names_the_fixture_asks_for_one(tmp_path):
-    file = tmp_path / "scene.yaml"
+@pytest.fixture(scope="module")
+def named(tmp_path_factory):
+    """The task with a goal that names the fixture."""
+    file = tmp_path_factory.mktemp("named") / "scene.yaml"
     file.write_text(FUNNEL.read_text().replace("inside: bottle", "inside: fixture"))
-    task = on_panda(installed().create("task", "file", file=str(file)))
-    without = {key: value for key, value in STRATEGY.items() if key != FIXTURE}
-    missing = "the goals of UseFunnel name the fixture, and the design has none; add"
-    assert missing in read(task, without).problem
-    assert read(task, STRATEGY).problem is None  # a funnel has walls all around
+    return on_panda(installed().create("task", "file", file=str(file)))
+
+
+MISSING = "the goals of UseFunnel name the fixture, and the design has none; add"
+
+
+def test_a_goal_that_names_the_fixture_asks_for_one(named):
+    start = SpawnRules(named)
+    assert MISSING in read(named, WITHOUT, start=start).problem
+    assert read(named, STRATEGY, start=start).problem is None  # it has walls all around
     post = {**STRATEGY[FIXTURE], "tool_components": [POST]}
-    solid = read(task, {**STRATEGY, FIXTURE: post})
+    solid = read(named, {**STRATEGY, FIXTURE: post}, start=start)
     assert "bodies must end inside it, and it has no hollow" in solid.problem
+
+
+def save(strategy, folder):
+    file = folder / "designs.json"
+    file.write_text(json.dumps({"strategies": [strategy]}))
+    return file
+
+
+def test_a_tool_that_is_tried_without_the_fixture_that_goals_name_is_rejected(named):
+    design = read(named, WITHOUT)
+    (tried,) = evaluate_batch(named, simulator("mujoco"), [design])
+    assert tried.status == "rejected"
+    assert MISSING in tried.reason
+
+
+def test_a_tool_of_a_file_is_read_whatever_the_goals_want(named, tmp_path):
+    tool = load_tool(save(WITHOUT, tmp_path), 0, BOXES, named)
+    assert tool.fixture is None
+    assert len(tool.components) == len(read(named, STRATEGY).tool.components)
+
+
+@pytest.mark.parametrize("name", ["none", "known"])
+def test_a_given_tool_without_the_fixture_that_goals_name_ends_the_command(
+    named, tmp_path, name
+):
+    settings = {}
+    if name == "known":
+        settings = {"file": str(save(WITHOUT, tmp_path)), "of": "boxes"}
+    tools = installed().create("tool", name, **settings)
+    actions = installed().create("action", "waypoints")
+    assignment = Assignment(named, tools, actions, Budget(1, 1, 1, 0, 1, 0.5), seed=0)
+    with pytest.raises(UserError, match=f"breaks a rule: {MISSING}"):
+        _ = assignment.given
+    with pytest.raises(UserError, match=f"breaks a rule: {MISSING}"):
+        read_designs({"strategies": [WITHOUT]}, tools, named)
 
 
 def test_a_task_without_a_place_for_a_fixture_refuses_one():

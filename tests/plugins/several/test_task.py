@@ -3,6 +3,7 @@
 import pytest
 
 from core.designs.reading import load_designs, read_designs
+from core.designs.start import SpawnRules
 from core.errors import UsageError
 from core.plugins import installed
 from core.scene import FIXTURE
@@ -44,7 +45,8 @@ def task(tmp_path_factory):
 def read(task, strategy):
     boxes = installed().create("tool", "boxes")
     design = {**strategy, "action": "waypoints", "action_sets": [PLAN]}
-    (candidate,) = read_designs({"strategies": [design]}, boxes, task)
+    rules = SpawnRules(task)
+    (candidate,) = read_designs({"strategies": [design]}, boxes, task, start=rules)
     return candidate.problem or ""
 
 
