@@ -25,7 +25,7 @@ import numpy as np
 
 from core.errors import UsageError, choices, refuse
 from core.geometry import Array, Vector
-from core.scene import FIXTURE, Scene
+from core.scene import FIXTURE, Body, Scene, Soft
 from core.support.text import number_beside
 from core.values.joints import rotate, rotate_back
 from core.values.margins import Margin
@@ -53,13 +53,14 @@ BREAKS = "of what breaks it"  # the unit of forces on what can break
 DONE = 0.95  # a goal is fulfilled from this progress on, where instants are compared
 
 FREE_BODY = "body that can move"
+SOLID_BODY = "body that can be touched"
 BREAKABLE = "thing that breaks"
 NAMED = {
     "bodies": FREE_BODY,
     "keep": FREE_BODY,
-    "untouched": "body",
+    "untouched": SOLID_BODY,
     "at": "body",
-    "by": "body",
+    "by": SOLID_BODY,
     "facing": "body",
     "joint": "joint",
     "broken": BREAKABLE,
@@ -1319,10 +1320,17 @@ def list_names(what: str, scene: Scene) -> list[str]:
         return [joint.name for joint in scene.joints]
     if what == FREE_BODY:
         return [body.name for body in scene.free]
+    if what == SOLID_BODY:
+        return [body.name for body in scene.bodies if _is_solid(body)]
     if what == BREAKABLE:
         return [*scene.breakable]
 
     return [body.name for body in scene.bodies]
+
+
+def _is_solid(body: Body) -> bool:
+    """Report whether something can touch a body: a mark can't be touched, unless a design's fixture takes its place."""
+    return bool(body.collisions) or isinstance(body, Soft) or body.name == FIXTURE
 
 
 def check_names(goal: Goal, scene: Scene) -> None:

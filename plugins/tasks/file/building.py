@@ -181,12 +181,15 @@ def _paint(bodies: Sequence[Body], colors: Mapping[str, str]) -> Iterator[Body]:
     """Yield bodies in the colours that patterns of names give them.
 
     Raises:
-        UsageError: a pattern fits none.
+        UsageError: a pattern fits none, or there is no such body.
     """
     names = [body.name for body in bodies]
     given = dict[str, Color]()
     for pattern, color in colors.items():
-        given |= dict.fromkeys(find_names((pattern,), names), rgba(color))
+        found = find_names((pattern,), names)
+        if found == (pattern,) and pattern not in names:
+            raise choices("body", pattern, names)
+        given |= dict.fromkeys(found, rgba(color))
 
     for body in bodies:
         if body.name not in given:

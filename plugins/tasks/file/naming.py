@@ -28,7 +28,7 @@ from core.scene import FIXTURE, Body, Scene, Soft
 from plugins.tasks.file.body_building import build_mark
 from plugins.tasks.file.contacts import CONTACT_M, find_gaps
 from plugins.tasks.file.doubts import find_foot
-from plugins.tasks.file.goals import join_entries
+from plugins.tasks.file.goals import Entry, join_entries
 from plugins.tasks.file.hollows import Hollow, find_hollow, space_of
 from plugins.tasks.file.kinds import (
     Apart,
@@ -40,6 +40,7 @@ from plugins.tasks.file.kinds import (
 )
 from plugins.tasks.file.spec import MarkSpec, SceneSpec
 from plugins.tasks.file.tree import Tree
+from plugins.tasks.file.vain_goals import check_meetable, find_circle, find_conflicts
 
 _GLOB = re.compile(r"[*?\[]")
 _IS = ("is", "are")
@@ -87,6 +88,7 @@ def build_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> tuple[Goal, ...]:
         except (UsageError, ValueError) as error:
             raise tree.error(("goals", number), str(error)) from None
 
+    _check_together(tree, entries, scene)
     goals = join_entries(entries)
     if not reaches(goals):
         raise tree.error(
@@ -96,6 +98,34 @@ def build_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> tuple[Goal, ...]:
         )
 
     return goals
+
+
+def _check_together(tree: Tree, entries: Sequence[Entry], scene: Scene) -> None:
+    """Refuse entries that can't be met together.
+
+    Raises:
+        UserError: says which, and why.
+    """
+    numbered = [
+        (number, goal) for number, entry in enumerate(entries) for goal in entry
+    ]
+    called = dict[str | int, int]()
+    for number, entry in enumerate(entries):
+        for reach in reaches(entry):
+            called |= {number: number, reach.name or number: number}
+
+    after = {
+        number: called[goal.after]
+        for number, goal in numbered
+        if isinstance(goal, Reach) and goal.after is not None
+    }
+    circle = find_circle(after)
+    if circle is not None:
+        problem = "it must be fulfilled before itself; name an earlier goal"
+        raise tree.error(("goals", circle, "after"), problem)
+
+    for number, problem in find_conflicts(numbered, scene):
+        raise tree.error(("goals", number), problem)
 
 
 def _resolve(goal: Goal, scene: Scene, marks: Mapping[str, MarkSpec]) -> Goal:
@@ -145,6 +175,7 @@ def _resolve(goal: Goal, scene: Scene, marks: Mapping[str, MarkSpec]) -> Goal:
     if isinstance(found, Reach):
         _check_softness(found, scene)
         _check_enough(found)
+        check_meetable(found, scene)
 
     return found
 

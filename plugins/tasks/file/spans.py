@@ -46,6 +46,10 @@ def read_span(given: Any) -> Span | float | None:
         ends = [end for end in given if end is not None]
         if all(map(_is_number, ends)):
             low, high = given
+            if low == high is not None:
+                raise ValueError(
+                    f"nothing gets to [{low:g}, {high:g}] exactly; write {low:g}, which has a tolerance"
+                )
             return Span(
                 -math.inf if low is None else low, math.inf if high is None else high
             )

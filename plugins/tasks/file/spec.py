@@ -101,6 +101,20 @@ Path = Annotated[tuple[Place, ...], Field(min_length=2, max_length=MAX_NODES)]
 Most = Annotated[float, Field(ge=0, le=1e4)]
 AboveZero = Annotated[float, Field(gt=0, le=1e4)]
 
+
+def _read_enough(given: Any) -> Any:
+    """Refuse what is no number: a text such as "80 %"."""
+    is_number = isinstance(given, int | float) and not isinstance(given, bool)
+    if is_number:
+        return given
+
+    raise ValueError(
+        "must be a whole number of bodies such as 3, or a share of them with a point such as 0.8"
+    )
+
+
+Enough = Annotated[int | float, Field(gt=0), BeforeValidator(_read_enough)]
+
 GOAL_TYPES: dict[str, Any] = {
     "place": tuple[Bound, Bound, Bound],
     "places": tuple[Wanted, ...],
@@ -110,15 +124,15 @@ GOAL_TYPES: dict[str, Any] = {
     "angle_deg": Bound,
     "turned_deg": Bound,
     "change": Bound,
-    "enough": Annotated[int | float, Field(gt=0)],
+    "enough": Enough,
     "axis": Place,
     "points": Place,
     "to": Bound,
     "away": Most,
     "by_s": AboveZero,
     "weight": AboveZero,
-    "tolerance": Most,
-    "tolerance_deg": Most,
+    "tolerance": AboveZero,
+    "tolerance_deg": AboveZero,
     "max_force_n": Most,
     "max_height_m": AboveZero,
     "min_area_m2": AboveZero,
@@ -262,7 +276,10 @@ SphereSpec = Annotated[Sphere, _read_round(Sphere)]
 SphereOrRadius = Annotated[
     SphereSpec, BeforeValidator(_radius, json_schema_input_type=float | SphereSpec)
 ]
-VesselSpec = Annotated[Vessel, _read_round(Vessel, "neck", "neck_length")]
+NECK = ("neck", "neck_length")
+TubeSpec = Annotated[Vessel, _read_round(Vessel, *NECK, "handle", "floor")]
+CupSpec = Annotated[Vessel, _read_round(Vessel, *NECK, "handle")]
+MugSpec = Annotated[Vessel, _read_round(Vessel, *NECK)]
 BottleSpec = Annotated[Vessel, _read_round(Vessel, "handle")]
 
 
@@ -273,9 +290,9 @@ class ShapeSpec(_Spec):
     sphere: SphereOrRadius | None = None
     cylinder: Annotated[Cylinder, _read_round(Cylinder)] | None = None
     capsule: Annotated[Capsule, _read_round(Capsule)] | None = None
-    tube: VesselSpec | None = None
-    cup: VesselSpec | None = None
-    mug: VesselSpec | None = None
+    tube: TubeSpec | None = None
+    cup: CupSpec | None = None
+    mug: MugSpec | None = None
     bottle: BottleSpec | None = None
     position: Place = (0.0, 0.0, 0.0)
     rpy_deg: Turn = (0.0, 0.0, 0.0)
@@ -486,7 +503,7 @@ class SceneSpec(_Spec):
     floor_height: Coordinate = -0.625
     gravity: Rates = (0.0, 0.0, -9.81)
     """m/s^2, along the world's axes."""
-    tool_kinds: tuple[str, ...] = ()
+    tool_kinds: tuple[Literal["rigid", "gripper"], ...] = ()
     """What a tool may hang from, as `tool_kinds` of the configuration; empty: as there."""
     fixture: RegionSpec | None = None
     """Where a design may add a fixture, which no plan moves; if left out it can't."""
@@ -528,6 +545,16 @@ class SceneSpec(_Spec):
         Field(max_length=MAX_VARIATIONS),
         AfterValidator(_named),
     ] = {}
+
+    @check_whole(mode="after")
+    def _no_idle_ground(self) -> Self:
+        """Refuse what says something of ground that is not there."""
+        idle = {"ground", "floor_height"} & self.model_fields_set
+        if idle and not self.floor:
+            raise ValueError(
+                f"{min(idle)} says nothing where floor is false; leave one of the two out"
+            )
+        return self
 
 
 def read_spec(tree: Tree, data: Mapping[str, Any]) -> SceneSpec:

@@ -211,7 +211,9 @@ def test_what_is_elastic_is_soft(tmp_path):
 def test_a_urdf_brings_bodies_and_joints(tmp_path):
     (tmp_path / "lever.urdf").write_text(URDF)
     found = "\nimports:\n  - {file: lever.urdf, prefix: a_, position: [0.3, 0.4, 0.5], rpy_deg: [0, 0, 90]}\n"
-    task = task_of(tmp_path, GOOD.replace("joint: hinge", "joint: a_pin") + found)
+    task = task_of(
+        tmp_path, GOOD.replace("joint: hinge, to: 1.2", "joint: a_pin, to: 0.9") + found
+    )
     scene = task.scene(0)
     assert scene["a_arm"].collisions[0].shape == Box((0.1, 0.1, 0.1))
     np.testing.assert_allclose(scene["a_arm"].pose.position, [0.3, 0.4, 0.5])

@@ -168,6 +168,31 @@ MISTAKES = [
     (GOAL, "{bodies: [cup], held: true, throughout: true}", "from the start on"),
     (GOAL, "{bodies: [cup], axis: [0, 0, 1], throughout: true}", "goals: they only say what must not happen"),
     (GOAL, "{keep: [cup]}", "nothing can be earned; add what is to be reached"),
+    (GOAL, "{bodies: [cup, peg_0], enough: '80 %', away: 0.1}", "enough: must be a whole number of bodies such as 3"),
+    (GOAL, "{joint: runner, to: 0.26}", "joint runner starts at 0.04 and goes from 0 to 0.24 m, and never"),
+    (GOAL, "{joint: runner, change: '< -0.05'}", "joint runner starts at 0.04 and goes from 0 to 0.24 m, and never"),
+    (GOAL, "{joint: runner, to: 0.3, tolerance: 0.05}", "joint runner starts at"),
+    (GOAL, "{bodies: [cup], angle_deg: '> 181'}", "an angle goes from 0 to 180 degrees"),
+    (GOAL, "{bodies: [cup], turned_deg: '< -1'}", "an angle goes from 0 to 180 degrees"),
+    (GOAL, "{bodies: [cup], place: [null, null, null]}", "null for all of x, y and z asks nothing"),
+    (GOAL, "{bodies: [cup], moved: [null, null, null], rest: true}", "null for all of x, y and z asks nothing"),
+    (GOAL, "{bodies: [cup], inside: cup}", "cup can't be inside itself"),
+    (GOAL, "{bodies: [cup], away: 0.1, after: 0}", r"goals\[0\].after: it must be fulfilled before itself"),
+    (GOAL, "{bodies: [cup], away: 0.1, after: b}\n  - {bodies: [cup], raised: 1, name: b, after: 0}", "before itself"),
+    (GOAL, "{bodies: [cup], held: true, untouched: [cup]}", "cup must be held, and must not be touched by the robot"),
+    (GOAL, "{bodies: [cup], away: 0.1, keep: [cup]}", "cup must get 0.1 m from where it starts, and is to be kept"),
+    (GOAL, GOAL + "\n  - {keep: ['*'], kept_m: 0.09}", "cup must get 0.1 m from where it starts, and is to be kept"),
+    (GOAL, "{bodies: [cup], moved: [0.2, null, null]}\n  - {keep: [cup]}", "cup must get 0.19 m from where it starts"),
+    (GOAL, GOAL + "\n  - {untouched: [zone]}", "no body that can be touched 'zone'"),
+    (GOAL, GOAL + "\n  - {untouched: [wall], by: [disc]}", "no body that can be touched 'disc'"),
+    (GOAL, "{bodies: [cup], place: [0.6, 0, 0], tolerance: 0}", "tolerance: must be greater than 0"),
+    (GOAL, "{bodies: [cup], axis: [0, 0, 1], points: [1, 0, 0], tolerance_deg: 0}", "tolerance_deg: must be greater"),
+    (GOAL, "{bodies: [cup], raised: [0.1, 0.1]}", r"nothing gets to \[0.1, 0.1\] exactly; write 0.1, which has"),
+    ('"brick_?"', '"brik"', r"colors: no body 'brik'"),
+    ("wall: 0.004},", "wall: 0.004, handle: 0.03},", "cup.handle: no key 'handle'"),
+    ("cup: {radius: 0.042,", "tube: {radius: 0.042, floor: 0.01,", "tube.floor: no key 'floor'"),
+    ("tool_kinds: [gripper]", "tool_kinds: [griper]", r"tool_kinds\[0\]: must be 'rigid' or 'gripper', got 'griper'"),
+    ("ground: {", "floor: false\nground: {", "ground says nothing where floor is false"),
     ("heap: 24", "heap: 240", "repeat.heap: must be less than or equal to 200"),
     ("heap: 24", "heap: 180", "a scene can have 200 bodies, not 204"),
     ("heap: 24", "ring: 3, heap: 2", "needs one of grid, ring, heap"),
@@ -177,6 +202,29 @@ MISTAKES = [
     ("neck: 0.03", "neck: 0.06", "bottle: the neck must be wider than the wall"),
     ("neck_length: 0.1", "neck_length: 0.3", "bottle: the neck and shoulder must be shorter"),
 ]  # fmt: skip
+
+
+# Goals that look as if they could not be met, and can.
+MEETABLE = [
+    "{joint: runner, to: 0.245}",
+    "{joint: runner, change: '< -0.03'}",
+    "{bodies: [cup], raised: 0.1, ever: true, keep: [cup]}",
+    "{bodies: [cup], away: 0.1, keep: [cup], kept_m: 0.11}",
+    "{bodies: [cup, peg_0], away: 0.1, any: true, keep: [cup]}",
+    "{bodies: [cup, peg_0], away: 0.1, enough: 1, keep: [cup]}",
+    "{bodies: [cup], axis: [0, 0, 1], points: [1, 0, 0], keep: [cup]}",
+    "{bodies: [cup], held: true, untouched: [cup], max_force_n: 3}",
+    "{bodies: [cup], held: true, untouched: [cup], by: [peg_0]}",
+    "{bodies: [cup], away: 0.1, untouched: [cup]}",
+    "{bodies: [cup], away: 0.1, untouched: ['*'], by: ['brick*'], max_force_n: 3}",
+    "{bodies: [cup], away: 0.1, name: a}\n  - {bodies: [cup], raised: 1, after: a}",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("goal", MEETABLE)
+def test_a_goal_that_can_be_met_is_read(read, goal):
+    task = read(goal)
+    assert "over" not in getattr(task.goals[-1], "untouched", ())  # a mark
 
 
 @pytest.mark.parametrize(("old", "new", "why"), MISTAKES)
