@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.geometry import Array
+from core.geometry import Array, Pose, Sphere
+from core.goals import Placed, Reach, Span
 from core.robot.solids import (
     Obstacles,
     Solid,
@@ -17,12 +18,14 @@ from core.robot.solids import (
     contact,
     shape_solid,
     signed_distance,
+    solids_of,
 )
 from core.scene import Scene
 from plugins.tasks.file.doubts import bound
 
 TOUCHES_M = 0.003
 OVERLAP_M = 0.001  # what is more is a mistake
+MOST_OVERLAPS = 5  # pairs that are named
 CONTACT_M = 0.0005  # the largest gap of what a rollout counts as contact
 NEAR_M = 0.02  # what is farther apart does not meet while a scene is fitted
 _NEAREST = 8  # shapes of two bodies that are looked at
@@ -57,11 +60,51 @@ def find_gaps(scene: Scene, names: set[str]) -> dict[tuple[str, str], float]:
 
 
 def find_overlaps(scene: Scene) -> Iterator[str]:
-    """Yield a line for each pair of bodies that overlap, of which one can move and no joint connects them."""
-    for pair, gap in find_gaps(scene, {body.name for body in scene.free}).items():
-        if gap < -OVERLAP_M and frozenset(pair) not in scene.joined:
-            mend = "move one, make one smaller, or leave a gap of 0.1 mm"
-            yield f"{' and '.join(pair)} overlap by {-1000 * gap:.0f} mm; {mend}"
+    """Yield a line for each pair of bodies that overlap, of which one can move and no joint connects them.
+
+    Of many pairs, such as those of repeated bodies, the deepest are named, and the others counted.
+    """
+    gaps = find_gaps(scene, {body.name for body in scene.free})
+    deep = [
+        (gap, pair)
+        for pair, gap in gaps.items()
+        if gap < -OVERLAP_M and frozenset(pair) not in scene.joined
+    ]
+    for gap, pair in sorted(deep)[:MOST_OVERLAPS]:
+        mend = "move one, make one smaller, or leave a gap of 0.1 mm"
+        yield f"{' and '.join(pair)} overlap by {-1000 * gap:.0f} mm; {mend}"
+
+    left = len(deep) - MOST_OVERLAPS
+    if left > 0:
+        yield f"{left} more pairs of bodies overlap"
+
+
+def find_buried(goal: Reach, scene: Scene) -> Iterator[str]:
+    """Yield a line for each body that is to end inside of what is fixed, however it turns.
+
+    A body of one shape is looked at by the largest ball around its middle; others may be around what is there.
+    """
+    state = scene.state()
+    for part in goal.parts:
+        if not isinstance(part, Placed) or Span in map(type, part.place or ()):
+            continue
+
+        for name in goal.bodies:
+            body = scene[name]
+            place = part.place_of(name, state)
+            if place is None or np.isnan(place).any() or len(body.collisions) != 1:
+                continue
+
+            _, sides = body.collisions[0].shape.bounds
+            ball = solids_of(name, Sphere(float(min(sides)) / 2), Pose(place))
+            for other in scene.bodies:
+                if not (other.fixed and other.collisions):
+                    continue
+
+                gap, _, _ = closest(ball, tuple(body_solids(other)))
+                if -gap > part.tolerance + OVERLAP_M:
+                    depth = f"{-1000 * gap:.0f} mm inside {other.name}"
+                    yield f"{name} is to end {depth}; a place is that of its middle"
 
 
 def measure_gap(scene: Scene, name: str, other: str) -> float:

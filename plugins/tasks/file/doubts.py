@@ -16,6 +16,8 @@ from core.values.doubts import find_doubt
 
 SEEN = 0.9  # of half a picture's height: what is farther from its middle is hardly seen
 FALLS_M = 0.002  # more than engines need to settle what rests
+HELD_M = 0.01  # a bond holds a point of a body, not one farther from it
+STEPS = 40  # places of a joint that are looked at
 FAR_M = 1.6  # beyond the reach of the longest arms, 1.3 m, with a tool of 0.3 m
 
 Box = tuple[Array, Array]
@@ -57,6 +59,30 @@ def find_doubts(scene: Scene) -> Iterator[str]:
                 under = "nothing stops it where gravity draws it"
 
             yield f"body {body.name} begins in the air: {under}; a position is that of its middle"
+
+
+def find_idle_joints(scene: Scene) -> Iterator[str]:
+    """Yield a line for what says nothing of a joint, and for bonds that hold a body by a point far from it."""
+    for joint in scene.joints:
+        where = f"joint {joint.name}"
+        if joint.rest and not joint.stiffness:
+            yield f"{where} has a rest, and no stiffness: there is no spring"
+
+        for latch in joint.latches:
+            below = latch.at + latch.width < joint.lower
+            if below or latch.at - latch.width > joint.upper:
+                yield f"{where} never gets to its latch at {latch.at:g}"
+
+    for bond in scene.bonds:
+        body = scene[bond.body]
+        low, high = bound(replace(body, pose=Pose()))
+        origin = np.array(bond.origin)
+        away = float(np.linalg.norm(origin - np.clip(origin, low, high)))
+        if away > HELD_M:
+            yield (
+                f"bond {bond.name} holds {bond.body} by a point {1000 * away:.0f} mm from it; its origin is in the "
+                "frame of the body"
+            )
 
 
 def _turn_upright(gravity: Vector) -> Pose:
@@ -101,6 +127,40 @@ def find_idle_goals(scene: Scene, goals: Sequence[Goal], every: bool) -> Iterato
             )
 
         yield from _doubt_places(goal, where, scene, state)
+        yield from _doubt_guided(goal, where, scene, state)
+
+
+def _doubt_guided(goal: Reach, where: str, scene: Scene, state: State) -> Iterator[str]:
+    """Yield a line where the joint that a body hangs from does not let it get to its place."""
+    if not isinstance(goal, Placed):
+        return
+
+    for body in goal.bodies:
+        guides = [joint for joint in scene.ordered_joints if joint.joint.body == body]
+        if not guides or not guides[0].joint.limited:
+            continue
+
+        joint = guides[0].joint
+        if joint.parent is not None and not scene[joint.parent].fixed:
+            continue
+
+        rest = np.zeros(STEPS + 1)
+        values = np.linspace(joint.lower, joint.upper, STEPS + 1)
+        parent = state.placement(joint.parent)
+        moved = guides[0].carry(values, rest, parent)
+        number = state.names.index(body)
+        states = State.stack([state] * len(values))
+        states.positions[:, number] = moved.position
+        states.quaternions[:, number] = moved.quaternion
+
+        step = float(np.linalg.norm(np.diff(moved.position, axis=0), axis=1).max())
+        lefts = [measure.left(states) for measure in goal.measures(body, state)]
+        nearest = float(np.max(lefts, axis=0).min())
+        if nearest > step:
+            yield (
+                f"{where}: joint {joint.name} brings {body} no nearer than {1000 * nearest:.0f} mm to where it is to "
+                "be"
+            )
 
 
 def _doubt_places(goal: Reach, where: str, scene: Scene, state: State) -> Iterator[str]:

@@ -96,6 +96,7 @@ class FileTask(Task):
         self._check_variations()
         found = [
             *doubts.find_doubts(self._scene),
+            *doubts.find_idle_joints(self._scene),
             *doubts.find_idle_goals(self._scene, self.goals, self.every),
         ]
         for doubt in found:
@@ -160,6 +161,7 @@ class FileTask(Task):
         arm = arm_of(self.robot)
         for goal in reaches(self.goals):
             yield from places.find_far(goal, arm, self._scene)
+            yield from contacts.find_buried(goal, self._scene)
 
     def find_goal_faults(self, fixture: Fixture | None) -> Iterator[str]:
         """See `core.interfaces.Task.find_goal_faults`: what bodies are to be inside of needs a hollow, too."""

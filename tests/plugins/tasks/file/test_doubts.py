@@ -85,6 +85,64 @@ def said_of_goals(tmp_path, text, goal):
     return list(find_idle_goals(task.scene(0), task.goals, task.every))
 
 
+DRAWER = """name: Drawer
+description: A drawer is held by a slider and a bond, and a wall stands on the table.
+bodies:
+  - {name: drawer, box: [0.1, 0.1, 0.04], position: [0.7, 0, 0.021], mass: 0.2}
+  - {name: ball, sphere: 0.02, position: [0.5, 0.2, 0.02], mass: 0.1}
+  - {name: wall, box: [0.02, 0.4, 0.2], position: [0.9, 0, 0.1], fixed: true}
+joints:
+  - {name: runner, kind: slider, body: drawer, axis: [-1, 0, 0], lower: 0, upper: 0.2, stiffness: 5, rest: 0.1,
+     latches: [{at: 0.2, force: 1, width: 0.01}]}
+bonds:
+  - {name: seal, body: drawer, origin: [0.05, 0, 0], breaks_n: 5}
+goals:
+  - {bodies: [drawer], place: [0.55, 0, null]}
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("stiffness: 5, ", "", "joint runner has a rest, and no stiffness"),
+        ("at: 0.2", "at: 0.22", "joint runner never gets to its latch at 0.22"),
+        ("[0.05, 0, 0], b", "[0.7, 0, 0], b", "bond seal holds drawer by a point 650 mm from it"),
+        ("[0.55, 0,", "[0.45, 0,", "joint runner brings drawer no nearer than 40 mm"),
+        ("place: [0.55, 0, null]", "raised: 0.1", "joint runner brings drawer no nearer than 100 mm"),
+    ],
+)  # fmt: skip
+def test_what_joints_and_bonds_do_not_do(tmp_path, caplog, old, new, said):
+    task_of(tmp_path, DRAWER, "none")
+    assert caplog.text == ""
+    task_of(tmp_path, DRAWER.replace(old, new), "none")
+    assert said in caplog.text
+    assert len(caplog.records) == 1
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        ("[0.6, 0.2, 0.02]", ""),
+        ("[0.6, 0.2, 0.011]", ""),  # within the tolerance
+        ("[0.6, 0.2, 0]", "ball is to end 20 mm inside table; a place is that of its middle"),
+        ("[0.9, 0, 0.1]", "ball is to end 30 mm inside wall"),
+    ],
+)  # fmt: skip
+def test_a_place_inside_of_what_is_fixed(tmp_path, place, said):
+    goal = f"{{bodies: [ball], place: {place}}}"
+    text = DRAWER.replace("{bodies: [drawer], place: [0.55, 0, null]}", goal)
+    found = list(on_panda(task_of(tmp_path, text, "none")).find_doubts())
+    assert [line[: len(said)] for line in found] == [said] * bool(said)
+
+
+def test_many_bodies_that_overlap_are_said_in_few_lines(tmp_path):
+    ball = "{name: ball, sphere: 0.02, position: [0.5, 0.2, 0.02], mass: 0.1"
+    text = DRAWER.replace(ball, f"{ball}, repeat: {{ring: 30, radius: 0.05}}")
+    *named, last = on_panda(task_of(tmp_path, text, "none")).find_doubts()
+    assert len(named) == 5
+    assert last == "85 more pairs of bodies overlap"
+
+
 UP = """name: Up
 description: Everything floats upward here. A bar rests under the ceiling.
 table: false
