@@ -27,6 +27,8 @@ from core.solids.tracks import (
 
 MAX_HZ = 1600.0  # beyond the rate of every engine's steps
 
+_SAME = 1e-6  # of a sample; the end of a motion is not one sample more
+
 
 def thinnest(scene: Scene) -> float:
     """Find the smallest extent of all collision shapes of a scene, metres."""
@@ -65,7 +67,8 @@ def _bound_tool_speed(robot: Robot, tool: Tool, trajectory: JointTrajectory) -> 
         return 0.0
 
     end = trajectory.duration
-    times = np.append(np.arange(0.0, end, 1 / SAMPLE_HZ), end)
+    count = math.ceil(end * SAMPLE_HZ - _SAME)
+    times = np.append(np.arange(count) / SAMPLE_HZ, end)
     arm, opening = trajectory.sample(times)
     fingers = finger_values(robot, tool, opening)
 

@@ -44,6 +44,14 @@ def test_fast_and_thin_tools_are_looked_at_more_often(thick, seconds, hz):
     assert sample_hz(PANDA, stick(thick), turn(seconds), thin=1.0) == hz
 
 
+@pytest.mark.parametrize("seconds", [0.28, 2.24, 4.48])
+def test_a_motion_may_last_a_whole_number_of_samples(seconds):
+    """Of a float like 2.24 `np.arange` returns the end too."""
+    hz = sample_hz(PANDA, stick(0.02), turn(seconds), thin=1.0)
+    almost = sample_hz(PANDA, stick(0.02), turn(seconds - 1e-3), thin=1.0)
+    assert hz == almost
+
+
 def test_samples_are_added_where_they_are_wanted():
     film = recording(
         Scene((WALL, body("thing", Box((0.03, 0.03, 0.03)), (0.2, 0, 0.25)))),
