@@ -203,7 +203,7 @@ def filmed(
     if recording is None:
         raise ValueError(f"candidate {candidate.id} can't be filmed: {outcome.error}")
 
-    events = (*outcome.felt, *outcome.looked)
+    events: list[Felt | Looked] = [*outcome.felt, *outcome.looked]
     happened = tuple(sorted(events, key=lambda event: event.at_s))
 
     return Film(task, simulator, candidate.tool, seed, recording, size, happened)
