@@ -31,7 +31,7 @@ from core.interfaces import (
 from core.scene import State
 from core.values.jobs import FEEL_S, STOP_S
 
-LAG_EVERY = 10  # steps between two measurements of the arm's lag
+MEASURE_EVERY = 10  # steps between two measurements of the arm's lag and torques
 _SAME_S = 1e-9  # between instants that are the same but for rounding
 _AHEAD = 8  # readings of guards that are played in a block where the world rewinds
 
@@ -47,7 +47,7 @@ class Schedule:
         ends: (S,) when steps end.
         instants: (S + 1,) when steps begin, and the last one ends.
         samples: (T,) how many steps are done at each instant of the recording, the last of them all; or none.
-        looks: (L,) the steps after which the arm's lag is measured.
+        measures: after how many steps the arm's lag and torques are measured, rising; while it moves, and not before.
         marks: after how many steps a note of the world is needed, rising.
         tick: the steps between two readings of guards.
         targets: of the joints.
@@ -78,10 +78,10 @@ class Schedule:
             every = max(1, round(1 / (job.record_hz * time_step)))
             self.samples = np.append(np.arange(0, self.count, every), self.count)
 
-        first = -(-self.settle // LAG_EVERY) * LAG_EVERY
-        self.looks = np.arange(first, self.count, LAG_EVERY)
-        looked = (self.looks + 1).tolist()
-        self.marks = sorted({*self.samples.tolist(), *looked, self.count})
+        # At multiples, where most recordings have their samples, too: a note serves both.
+        first = (self.settle // MEASURE_EVERY + 1) * MEASURE_EVERY
+        self.measures = range(first, self.count + 1, MEASURE_EVERY)
+        self.marks = sorted({*self.samples.tolist(), *self.measures, self.count})
         self.tick = max(1, round(FEEL_S / time_step))
         self.targets = Targets(job.trajectory, self.instants, time_step)
 
@@ -97,21 +97,24 @@ class Schedule:
             end: how many are done after it.
             readings: after how many of its steps the arm feels.
         """
-        first = bisect_right(self.marks, begin)
-        last = bisect_right(self.marks, end)
-        marks = [mark - begin for mark in self.marks[first:last]]
+
+        def list_within(steps: Sequence[int]) -> list[int]:
+            within = slice(bisect_right(steps, begin), bisect_right(steps, end))
+            return [step - begin for step in steps[within]]
 
         return Block(
             self.targets,
             begin,
             end,
-            marks,
+            list_within(self.marks),
             readings,
+            list_within(self.measures),
         )
 
     def measure_lag(self, arm: Array) -> float:
-        """Measure the largest lag of a joint, radians, from its positions (L, J) after the ``looks``."""
-        wanted, _ = self.job.trajectory.sample(self.ends[self.looks])
+        """Measure the largest lag of a joint, radians, from its positions (L, J) after the ``measures``."""
+        measured = np.array(self.measures, dtype=int)
+        wanted, _ = self.job.trajectory.sample(self.ends[measured - 1])
         return float(np.abs(wanted - np.reshape(arm, wanted.shape)).max(initial=0.0))
 
 
@@ -318,9 +321,9 @@ class Player:
             return Outcome(None, None, error=error)
 
         reached = np.empty(0)
-        looks = [self._notes[look + 1] for look in schedule.looks.tolist()]
-        if looks:
-            reached, _, _ = worlds.read(number, looks)
+        measured = [self._notes[done] for done in schedule.measures]
+        if measured:
+            reached, _, _ = worlds.read(number, measured)
 
         recording = None
         if self.is_filmed:

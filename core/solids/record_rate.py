@@ -15,7 +15,7 @@ from core.geometry import Array, running_sums
 from core.interfaces import JointTrajectory, Recording, Robot
 from core.robot.kinematics import finger_values
 from core.scene import Scene
-from core.solids.rollout_solids import thickness
+from core.solids.rollout_solids import all_solids, thickness
 from core.solids.tracks import (
     SAMPLE_HZ,
     Detour,
@@ -76,9 +76,11 @@ def _bound_tool_speed(robot: Robot, tool: Tool, trajectory: JointTrajectory) -> 
     empty = Scene(())
     still = empty.state().each(lambda array: np.repeat(array[None], len(times), axis=0))
     recording = Recording(times, arm, fingers, still)
-    tracks = follow(empty, robot, tool, recording)
+    count = len(all_solids(empty, robot, tool).items)
+    parts = np.arange(count - len(tool.parts), count)
+    tracks = follow(empty, robot, tool, recording, only=parts)
 
-    return bound_speed(tracks.items[-len(tool.parts) :], times)
+    return bound_speed([tracks.items[number] for number in parts], times)
 
 
 def _round_up(wanted: float) -> float:

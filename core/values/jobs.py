@@ -400,6 +400,7 @@ class Block:
         end: how many are done after it.
         marks: after how many of the block's steps (1 to S, rising) a note of the world is taken.
         readings: after how many of them the arm feels what pushes it.
+        measures: at which of the marks the torques of the arm's motors are read.
     """
 
     targets: Targets
@@ -407,6 +408,7 @@ class Block:
     end: int
     marks: Sequence[int] = ()
     readings: Sequence[int] = ()
+    measures: Sequence[int] = ()
 
     def __len__(self) -> int:
         return self.end - self.begin
@@ -470,8 +472,8 @@ class Passed(NamedTuple):
     Attributes:
         notes: one for each of the block's marks, see `World.note`.
         readings: one for each of the block's readings.
-        torques: the greatest that each motor of the arm applied in the steps that end at marks (J,), N m; None: there
-            are no marks, or the engine does not say.
+        torques: the greatest that each motor of the arm applied in the steps that end at ``measures`` (J,), N m; None:
+            there are none, or the engine does not say.
         error: why the world broke on the way; then the rest means nothing.
     """
 
@@ -534,6 +536,7 @@ class World(ABC):
         torques: list[Any] = []
         orders = block.orders
         marks = frozenset(block.marks)
+        measures = frozenset(block.measures)
         done = 0
 
         for end in sorted({*marks, *block.readings, len(block)}):
@@ -543,8 +546,8 @@ class World(ABC):
             done = end
             if end in marks:
                 notes.append(self.note())
-                if self.tells_torques:
-                    torques.append(self.note_torques())
+            if self.tells_torques and end in measures:
+                torques.append(self.note_torques())
             if end in block.readings:
                 readings.append(Reading(self.joints()[0], *self.pushes()))
 
@@ -585,7 +588,7 @@ class World(ABC):
         return {}
 
     def note_torques(self) -> Any:
-        """Take a snapshot of what the arm's motors applied in the last step; it is taken right after each `note`.
+        """Take a snapshot of what the arm's motors applied in the last step; it is taken right after a `note`.
 
         They are whole torques: what bears the arm's own weight and turns the motors' inertia is in them. By default it
         is the torques (J,), N m; what is faster to get is decoded by `read_torques`.

@@ -38,7 +38,7 @@ class Motors:
         self._discrete = is_discrete(model.opt)
 
     def compute(
-        self, qpos: Array, qvel: Array, targets: Array, speeds: Array, marks: Array
+        self, qpos: Array, qvel: Array, targets: Array, speeds: Array, steps: Array
     ) -> Array:
         """Compute the torques of some of S steps (M, J), N m.
 
@@ -47,13 +47,13 @@ class Motors:
             qvel: speeds, as well (S + 1, V).
             targets: that the servos got (S, J).
             speeds: of the targets (S, J).
-            marks: which steps (M,), counted from 1.
+            steps: which steps (M,), counted from 1.
         """
-        at = marks if self._discrete else marks - 1
+        at = steps if self._discrete else steps - 1
         reached = qpos[at][:, self._positions]
-        springs = self._stiffness * (targets[marks - 1] - reached)
-        missing = speeds[marks - 1] - qvel[marks][:, self._speeds]
-        torques = springs + self._damping * missing + self._bear(qpos[1:], marks - 1)
+        springs = self._stiffness * (targets[steps - 1] - reached)
+        missing = speeds[steps - 1] - qvel[steps][:, self._speeds]
+        torques = springs + self._damping * missing + self._bear(qpos[1:], steps - 1)
 
         clipped: Array = np.clip(torques, -self._most, self._most)
         return clipped

@@ -241,20 +241,20 @@ class World(interfaces.World):
         return self._bonds.loads([done for _, done in notes])
 
     def _find_torques(self, block: Block, first: Array, states: Array) -> Array | None:
-        """Find the greatest torque of each of the arm's motors at a block's marks (J,); None: it has none.
+        """Find the greatest torque of each of the arm's motors at a block's measures (J,); None: it has none.
 
         Args:
             block: that was played.
             first: the state before it (X,).
             states: those after each step (S, X).
         """
-        if not block.marks:
+        if not block.measures:
             return None
 
         qpos, qvel = self._split(np.concatenate([first[None], states]))
         targets = block.arm[self._targeted]
-        marks = np.array(block.marks)
-        torques = self._motors.compute(qpos, qvel, targets, block.speeds, marks)
+        steps = np.array(block.measures)
+        torques = self._motors.compute(qpos, qvel, targets, block.speeds, steps)
         greatest: Array = np.abs(torques).max(axis=0)
         return greatest
 

@@ -135,7 +135,7 @@ def test_what_was_played_ahead_of_a_guard_did_not_happen(world):
     assert [time for time, _ in guards.readings] == pytest.approx([0.1, 0.11, 0.12])
     # 0.1 s of settling, 0.12 s of the motion, 0.2 s of holding.
     assert len(made.orders) == 42
-    assert outcome.torques.tolist() == [42.0] * 7
+    assert outcome.torques.tolist() == [40.0] * 7  # each tenth step is measured
     assert outcome.recording.times[-1] == pytest.approx(0.32)
     np.testing.assert_allclose(outcome.recording.arm[-1], guards.readings[-1][1])
 
