@@ -1,10 +1,12 @@
 """What each word of a scene file means in physics: a goal that is met by a little, and one that is missed by a little.
 
 All of it happens side by side in one scene, `lanes.yaml`, which each engine plays once; what bonds do is in
-`bonds.yaml`, what names a design's fixture in `fixture.yaml`, and the ground and what the robot holds in `ground.yaml`.
-The robot waits meanwhile.
+`bonds.yaml`, what names a design's fixture in `fixture.yaml`, the ground and what the robot holds in `ground.yaml`,
+where shapes and their copies have their faces in `shapes.yaml`, and what soft things do in `softs.yaml`. The robot
+waits meanwhile.
 """
 
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -25,6 +27,7 @@ from core.interfaces import (
 from core.robot.kinematics import arm_of
 from core.solids.contacts import find_contacts, make_trace
 from core.solids.record_rate import MAX_HZ
+from plugins.tasks.file.spec import json_schema
 from plugins.tasks.file.task import FileTask
 from tests.conftest import PYBULLET
 from tests.engines import SIMULATORS, every_simulator, simulator
@@ -37,14 +40,17 @@ BONDS = Path(__file__).parent / "bonds.yaml"
 SOFTS = Path(__file__).parent / "softs.yaml"
 FIXTURE = Path(__file__).parent / "fixture.yaml"
 GROUND = Path(__file__).parent / "ground.yaml"
+SHAPES = Path(__file__).parent / "shapes.yaml"
 GOAL = "{bodies: [tray], raised: 0.09}"
 WITHIN = "{bodies: [pea], inside: fixture}"
 CARRIED = "{bodies: [load], held: true}"
 LIFTED = "{bodies: [puller], raised: 0.09}"
+RISEN = "{bodies: [lift], raised: 0.09}"
 STAYED = (
     "{bodies: [slab], node: 0, place: [0.47, 0.27, null], tolerance: 0.003, rest: true}"
 )
 
+WEIGHED = "{bodies: [tray], raised: 0.09, weight: 3}\n  - {bodies: [far], raised: 0.1}\nevery: true"
 AFTER = "\n  - {bodies: [tray], raised: 0.05, after: 0}\nevery: true"
 AXIS = "{bodies: [vane], axis: [1, 0, 0], points: [1, 0, 0], "
 
@@ -108,12 +114,52 @@ MEANT = [
     ("height of a mark", "{bodies: [pea], inside: deep}", "deep", "shallow"),
 ]  # fmt: skip
 
+# What a rod shows that comes down on it, and where the rod's middle stops, m: 0.01 m above what it meets.
+SHAPED = [
+    ("capsule", "on_capsule", 0.11),
+    ("length of a cylinder", "on_cylinder", 0.09),
+    ("radius of a cylinder", "by_cylinder", 0.01),
+    ("sphere", "on_sphere", 0.07),
+    ("tube", "through_tube", 0.01),
+    ("wall", "on_tube", 0.07),
+    ("floor, left out", "in_cup", 0.014),
+    ("floor", "in_thick", 0.03),
+    ("bottom", "in_bowl", 0.0452),
+    ("handle", "on_handle", 0.077),
+    ("handle, beyond it", "by_handle", 0.01),
+    ("handle, left out", "on_other_handle", 0.077),
+    ("bottle", "in_bottle", 0.014),
+    ("neck", "on_neck", 0.13),
+    ("neck_length", "on_shoulder", 0.0865),
+    ("parts", "on_stairs", 0.07),
+    ("roll and yaw", "on_rolled", 0.03),
+    ("pitch", "on_upright", 0.11),
+    ("at", "on_beside", 0.05),
+    ("grid and spacing", "on_brick", 0.06),
+    ("spacing, left out", "on_tile", 0.0704),
+    ("ring", "on_peg", 0.04),
+    ("heap", "on_lump", 0.055),
+    ("heap, where it ends", "by_lump", 0.03),
+]  # fmt: skip
+NEAR_M = 0.002
+
+JOINED = [
+    ("origin", "{bodies: [flap], place: [0.55, 0.05, null], tolerance: 0.003}", "0.55", "0.556"),
+    ("ball", "{bodies: [bob], place: ['< 0.745', '< -0.055', null], ever: true}", "0.745", "0.735"),
+    ("parent", "{bodies: [rider], raised: 0.097}", "0.097", "0.103"),
+    ("at of a latch", "{joint: catches, to: '> 0.0235'}", "0.0235", "0.0255"),
+]  # fmt: skip
+
 SOFT_SLAB = [
     ("max_height_m", "{bodies: [slab], max_height_m: 0.031}", "0.031", "0.028"),
     ("min_area_m2", "{bodies: [slab], min_area_m2: 0.0035}", "0.0035", "0.0038"),
     ("node", "{bodies: [slab], node: 0, place: [0.47, 0.27, null], tolerance: 0.003}", "0.47", "0.48"),
     ("nodes", "{bodies: [thread], nodes: [0, 8], apart: '> 0.155'}", "0.155", "0.165"),
     ("pinned", "{bodies: [thread], node: 0, place: [0.6, -0.3, 0.3], tolerance: 0.002}", "node: 0", "node: 8"),
+    ("young", "{bodies: [cord], node: 12, place: [null, null, '> 0.2885']}", "0.2885", "0.2925"),
+    ("thickness", "{bodies: [hose], node: 3, place: [null, null, [0.009, 0.011]]}", "[0.009, 0.011]", "[0.011, 0.013]"),
+    ("size and counts of a cloth", "{bodies: [rag], nodes: [0, 19], apart: '> 0.115'}", "0.115", "0.118"),
+    ("friction of what is soft", "{bodies: [sticks], moved: ['< 0.005', null, null]}", "sticks", "slips"),
     ("density of what is soft", "{untouched: [table], by: [slab], max_force_n: 0.5}", "0.5", "0.35"),
 ]  # fmt: skip
 
@@ -131,6 +177,8 @@ BONDED = [
 GROUNDED = [
     ("held", "{bodies: [load], held: true}", "load", "bar"),
     ("floor_height", "{bodies: [fell], place: [null, null, '< -0.178']}", "-0.178", "-0.182"),
+    # It falls for 0.1 s before the robot begins, and by 2.94 m in the second after that.
+    ("gravity", "{bodies: [off], raised: '> -3.1'}", "3.1", "2.8"),
     ("size of the ground", "{bodies: [off], raised: '< -0.5'}", "off", "fell"),
     ("wall of the ground", "{bodies: [low], place: ['< 1.5', null, null]}", "low", "over"),
 ]  # fmt: skip
@@ -145,6 +193,35 @@ FURNISHED = [
     ("max_force_n", "{untouched: [fixture], by: [bar], max_force_n: 1.5}", "1.5", "0.4"),
     ("throughout", "{bodies: [pea], inside: fixture, throughout: true}", "pea", "stray"),
 ]  # fmt: skip
+
+
+# Keys that say nothing of physics, or that other tests play.
+ELSEWHERE = {
+    "in_words", "success_reward",  # what is told, and what counts as solved
+    "color", "colors", "camera", "target", "fov_deg", "height_m", "pictures",  # what is seen
+    "variations",  # test_words, test_task
+    "imports", "prefix", "without", "file", "scale",  # test_task, test_mjcf
+    "tool_kinds", "tool_in_place",  # what designs may be: test_words, test_attacks
+    "poisson",  # passed on to the engine: it has no figure that a scene would show
+}  # fmt: skip
+
+
+def test_every_key_of_the_format_has_a_row_or_a_reason():
+    schema = json_schema()
+    kinds = (schema, *schema["$defs"].values())
+    keys = {key for kind in kinds for key in kind["properties"]}
+    scenes = (LANES, BONDS, SOFTS, FIXTURE, GROUND, SHAPES)
+    rows = (*MEANT, *BONDED, *FURNISHED, *GROUNDED, *SOFT_SLAB, *JOINED)
+    said = "".join(
+        [
+            *(scene.read_text() for scene in scenes),
+            *(row[1] for row in rows),
+            HOLD,
+            WEIGHED,
+        ]
+    )
+    shown = {key for key in keys if re.search(rf"\b{key}:", said)}
+    assert keys - shown == ELSEWHERE
 
 
 def read(folder, goals, scene=LANES, goal=GOAL):
@@ -219,9 +296,34 @@ def check_first_alone_is_met(tasks, played, engine):
     assert missed < 0.999, engine
 
 
+@pytest.mark.parametrize("row", SHAPED, ids=[row[0] for row in SHAPED])
+def test_a_shape_is_where_it_says(tmp_path, row):
+    _, rod, height = row
+    spans = (height - NEAR_M, height + NEAR_M), (height + NEAR_M, height + 3 * NEAR_M)
+    tasks = [
+        read(
+            tmp_path,
+            [f"{{bodies: [{rod}], place: [null, null, {list(span)}]}}"],
+            SHAPES,
+            RISEN,
+        )
+        for span in spans
+    ]
+    for engine in SIMULATORS:
+        check_first_alone_is_met(tasks, play(engine, SHAPES), engine)
+
+
+@pytest.mark.parametrize("row", JOINED, ids=[row[0] for row in JOINED])
+def test_a_joint_means_the_same_in_every_engine(tmp_path, row):
+    _, goal, old, new = row
+    asked = (goal, goal.replace(old, new))
+    tasks = [read(tmp_path, [one], SHAPES, RISEN) for one in asked]
+    for engine in SIMULATORS:
+        check_first_alone_is_met(tasks, play(engine, SHAPES), engine)
+
+
 def test_goals_count_by_their_weight(tmp_path):
-    both = "{bodies: [tray], raised: 0.09, weight: 3}\n  - {bodies: [far], raised: 0.1}\nevery: true"
-    task = read(tmp_path, [both])
+    task = read(tmp_path, [WEIGHED])
     for engine in SIMULATORS:
         start, end, trace = play(engine)
         assert task.reward(start, end, trace) == pytest.approx(0.75, abs=0.01), engine
