@@ -125,30 +125,30 @@ class ArticulatedArm:
             )
             drive.set_drive_target(joint.rest)
 
-    def drive(
-        self,
-        arm: Sequence[float],
-        fingers: float,
-        speeds: Sequence[float],
-        finger_speed: float,
-    ) -> None:
-        """Set the drives for the next step.
+    def lead(
+        self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array
+    ) -> list[list[float]]:
+        """Compute what `drive` takes, for S steps.
 
         Args:
-            arm: targets (J,), radians.
-            fingers: each finger's distance from the middle, metres.
-            speeds: of the arm's targets (J,).
-            finger_speed: of the fingers'.
+            arm: targets (S, J), radians.
+            fingers: each finger's distance from the middle (S,), metres.
+            speeds: of the arm's targets (S, J).
+            finger_speeds: of the fingers' (S,).
         """
+        orders = arm + self._ahead * speeds
+        if self._gripper:
+            ahead = fingers + self._ahead * finger_speeds
+            orders = np.column_stack([orders, *[ahead] * self._fingers])
+
+        listed: list[list[float]] = orders.tolist()
+        return listed
+
+    def drive(self, orders: list[float]) -> None:
+        """Set the drives for the next step."""
         if self._pulled:
             self._pull()
 
-        ahead = self._ahead
-        orders = [
-            target + ahead * speed for target, speed in zip(arm, speeds, strict=True)
-        ]
-        if self._gripper:
-            orders += [fingers + self._ahead * finger_speed] * self._fingers
         if orders == self._orders:
             self._setters[0](orders[0])  # keeps the arm awake
             return

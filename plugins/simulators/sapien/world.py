@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from core.geometry import Array, Vector
-from core.interfaces import Robot, Rollout
+from core.interfaces import Block, Robot, Rollout
 from core.robot.description import beyond
 from core.scene import State
 from plugins.simulators.fresh import FreshWorld
@@ -99,7 +99,24 @@ class World(FreshWorld):
         speeds: Sequence[float],
         finger_speed: float,
     ) -> None:
-        self._robot.drive(arm, fingers, speeds, finger_speed)
+        (order,) = self._robot.lead(
+            np.array([arm]),
+            np.array([fingers]),
+            np.array([speeds]),
+            np.array([finger_speed]),
+        )
+        self.obey(order)
+
+    def orders(self, block: Block) -> list[list[float]]:
+        return self._robot.lead(
+            block.arm[1:],
+            block.fingers[1:],
+            block.speeds,
+            block.finger_speeds,
+        )
+
+    def obey(self, order: list[float]) -> None:
+        self._robot.drive(order)
         self._joints.act()
         self._system.step()
         self._bodies.end_step()

@@ -18,17 +18,17 @@ class Exact(World):
 
     def __init__(self, lag=0.0):
         self.lag = lag
-        self.orders = []
+        self.taken = []
 
     def step(self, arm, fingers, speeds, finger_speed):
-        self.orders.append((arm, fingers, speeds, finger_speed))
+        self.taken.append((arm, fingers, speeds, finger_speed))
 
     def joints(self):
-        arm = np.array(self.orders[-1][0]) if self.orders else np.zeros(7)
+        arm = np.array(self.taken[-1][0]) if self.taken else np.zeros(7)
         return arm - self.lag, np.zeros(2)
 
     def state(self):
-        position = np.array([[0.001 * len(self.orders), 0.0, 0.0]])
+        position = np.array([[0.001 * len(self.taken), 0.0, 0.0]])
         return State(
             ("cube",),
             position,
@@ -52,7 +52,7 @@ def test_it_settles_moves_and_holds():
     np.testing.assert_allclose(times[[0, 10, -1]], [-0.1, 0.0, 0.69])
     world = Exact()
     outcome = play(world, job())
-    assert len(world.orders) == len(times) == 80
+    assert len(world.taken) == len(times) == 80
     assert outcome.start.position("cube")[0] == pytest.approx(0.010)
     assert outcome.end.position("cube")[0] == pytest.approx(0.080)
     assert outcome.error is None
@@ -77,7 +77,7 @@ class Straining(Exact):
     tells_torques = True
 
     def note_torques(self):
-        return np.full(7, -len(self.orders), dtype=float)
+        return np.full(7, -len(self.taken), dtype=float)
 
 
 def test_the_greatest_torques_are_those_of_the_steps_of_the_motion():
@@ -91,10 +91,10 @@ class Rewinding(Straining):
     rewinds = True
 
     def save(self):
-        self.saved = list(self.orders)
+        self.saved = list(self.taken)
 
     def restore(self):
-        self.orders = self.saved
+        self.taken = self.saved
 
     def pushes(self):
         return np.zeros((0, 3)), np.zeros((0, 3))
@@ -134,7 +134,7 @@ def test_what_was_played_ahead_of_a_guard_did_not_happen(world):
     outcome = play(made, job(reactions=guards, record_hz=25))
     assert [time for time, _ in guards.readings] == pytest.approx([0.1, 0.11, 0.12])
     # 0.1 s of settling, 0.12 s of the motion, 0.2 s of holding.
-    assert len(made.orders) == 42
+    assert len(made.taken) == 42
     assert outcome.torques.tolist() == [40.0] * 7  # each tenth step is measured
     assert outcome.recording.times[-1] == pytest.approx(0.32)
     np.testing.assert_allclose(outcome.recording.arm[-1], guards.readings[-1][1])
