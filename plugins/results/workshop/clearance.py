@@ -150,8 +150,8 @@ def margins(robot: Robot, tool: Tool, motion: Sampled) -> list[dict[str, Any]]:
             "to_limit_rad": float(least_room[i]),
             "velocity_share": float(velocity[i]),
             "acceleration_share": float(acceleration[i]),
-            "torque_nm": float(effort[i]),
-            "torque_share": float(effort[i] / limit) if limit > 0 else None,
+            "computed_torque_nm": float(effort[i]),
+            "computed_torque_share": float(effort[i] / limit) if limit > 0 else None,
         }
         rows.append(row)
 

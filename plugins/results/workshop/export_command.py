@@ -129,7 +129,7 @@ def show(result: Export) -> None:
     longer = f"{motion.slower:.3f} times as long as in simulation"
     say(f"the motion takes {motion.times[-1]:.2f} s, {longer}")
     mass = f"payload {result.payload['mass_kg']:g} kg of {task.robot.payload_kg:g}"
-    most = max(result.limits, key=lambda joint: joint["torque_share"] or 0.0)
+    most = max(result.limits, key=lambda joint: joint["computed_torque_share"] or 0.0)
     say(f"{mass}; most torque in {most['joint']}")
     say(*(f"– {verdict}" for verdict in result.verdicts if verdict.passed is None))
     say(*(f"✗ {verdict}" for verdict in result.verdicts if verdict.passed is False))

@@ -65,7 +65,7 @@ def test_the_motion_earns_what_was_simulated(made):
     figures = json.loads((folder / "figures.json").read_text())
     assert figures["rewards"] == {"mujoco": found.replays["mujoco"].reward}
     assert 0 < figures["first_contact_s"] < figures["duration_s"]
-    assert max(joint["torque_share"] for joint in figures["joints"]) < 1
+    assert max(joint["computed_torque_share"] for joint in figures["joints"]) < 1
 
 
 def test_the_tool_is_written_and_earns_the_same_with_its_mount(made):
