@@ -15,6 +15,9 @@ from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.scene_analysis import SceneAnalysis
 from plugins.vlms.offline.subgoals import Subgoal
 
+_TOWARD = (
+    0.8  # how often a body apart from its goal gives the direction of the way there
+)
 _APART_M = 0.03  # two bodies that are nearer give no direction
 
 
@@ -91,7 +94,7 @@ def _choose_base(subgoal: Subgoal, rng: Generator) -> Anchor:
 
     (solid,) = subgoal.solids
     name = solid.body.name
-    if _is_apart(subgoal) and (subgoal.alone or rng.random() < 0.8):
+    if _is_apart(subgoal) and (subgoal.alone or rng.random() < _TOWARD):
         return Anchor(name, toward=reference)
 
     return Anchor(name, axes="anchor")

@@ -3,12 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.random import Generator
 
 K = TypeVar("K", bound=Hashable)
+
+
+_HEAD_TURNS_RAD = np.array([0.0, 0.25, -0.25, 0.5, -0.5]) * np.pi
+_HEAD_TURNS = [
+    0.6,
+    0.1,
+    0.1,
+    0.1,
+    0.1,
+]  # how often each: a head that points ahead is stiffest, and the arm sees it
+
+
+class Range(NamedTuple):
+    """What a measure is drawn from, each value as likely: what may be right, and what evolution is to find out."""
+
+    low: float
+    high: float
+
+    def draw(self, rng: Generator) -> float:
+        """Draw a value."""
+        return rng.uniform(self.low, self.high)
 
 
 def draw(weights: Mapping[K, float], rng: Generator) -> K:
@@ -25,8 +46,7 @@ def draw(weights: Mapping[K, float], rng: Generator) -> K:
 
 def draw_head_turn(rng: Generator) -> float:
     """Draw a turn of a head about z, radians: most often none, or by an eighth or a quarter."""
-    turns = np.array([0.0, 0.25, -0.25, 0.5, -0.5]) * np.pi
-    return float(rng.choice(turns, p=[0.6, 0.1, 0.1, 0.1, 0.1]))
+    return float(rng.choice(_HEAD_TURNS_RAD, p=_HEAD_TURNS))
 
 
 def add_error(

@@ -7,6 +7,7 @@ from numpy.random import Generator
 from core.design import Tool
 from core.geometry import Pose
 from core.interfaces import PAPER, Brief
+from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
 from plugins.vlms.offline.head_sampling import draw_clamp, draw_head
 from plugins.vlms.offline.heads import Head
@@ -23,7 +24,21 @@ from plugins.vlms.offline.tool_building import (
 
 _GUIDED = 0.85  # how often a guided head is chosen where one suits
 _POURS = 0.8  # how often a container with handles is taken by them
+_CLAMPS = 0.5  # how often a gripper has pads that close on bodies, rather than a head on one finger
+_CLAMPS_INTO = 0.9  # how often where bodies leave or enter what is around them: a hand alone gets there
 _SHAFT_KINDS = ("gantry", "slope", "elbow")
+_SHAFTS = [0.6, 0.2, 0.2]  # how often each is drawn
+# A bar's stiffness is that of its material times its thickness to the power of 4: the fourth root would make up for a
+# softer material, and the eighth makes up for half of that, in its logarithm. The rules allow some bending.
+_THICKER = 0.125
+_SHAFT_M = Range(
+    0.012, 0.024
+)  # thick: it bends by little under what the arm bears, and weighs little
+_THIN_SHAFT_M = 0.012  # where it reaches into a container, at most
+_JIB_M = Range(0.01, 0.06)  # above the bodies
+_BEND = Range(
+    0.25, 0.6
+)  # of the way to the head, at which a shaft goes up: clear of the arm and of the bodies
 
 
 class DesignDrawer:
@@ -38,7 +53,7 @@ class DesignDrawer:
     def __init__(self, brief: Brief, rng: Generator) -> None:
         material = brief.representation.material
         ratio = PAPER.young_pa / material.young_pa
-        self.thickness_factor = max(1.0, ratio**0.125)
+        self.thickness_factor = max(1.0, ratio**_THICKER)
         self._gripper = brief.gripper
         self._rng = rng
         self._is_guided: bool | None = None
@@ -60,7 +75,8 @@ class DesignDrawer:
             return draw_head(subgoal, self._rng, self.thickness_factor)
 
         lifts_out = subgoal.is_enclosed and subgoal.rises
-        if self._rng.random() < (0.9 if lifts_out or subgoal.falls_in else 0.5):
+        clamps = _CLAMPS_INTO if lifts_out or subgoal.falls_in else _CLAMPS
+        if self._rng.random() < clamps:
             return draw_clamp(subgoal, self._rng)
 
         return draw_head(subgoal, self._rng, self.thickness_factor)
@@ -101,12 +117,12 @@ class DesignDrawer:
             return build_pourer(head, pose)
 
         rng = self._rng
-        thickness = self.thickness_factor * rng.uniform(0.012, 0.024)
-        kind = _SHAFT_KINDS[rng.choice(3, p=[0.6, 0.2, 0.2])]
+        thickness = self.thickness_factor * _SHAFT_M.draw(rng)
+        kind = _SHAFT_KINDS[rng.choice(3, p=_SHAFTS)]
 
         if head.primitive == "clamp":
             if subgoal.is_enclosed:
-                thickness = min(thickness, 0.012)
+                thickness = min(thickness, _THIN_SHAFT_M)
             return build_clamp(head, pose, thickness)
 
         # To a ceiling the flange points ahead, and nothing is in the shaft's way.
@@ -116,7 +132,7 @@ class DesignDrawer:
 
         # The jib passes over the bodies.
         above = max(subgoal.height + thickness, head.attachment[2])
-        top = pose.position[2] + above + rng.uniform(0.01, 0.06)
-        bend = rng.uniform(0.25, 0.6)
+        top = pose.position[2] + above + _JIB_M.draw(rng)
+        bend = _BEND.draw(rng)
         riser = Shaft("riser", thickness, bend, top)
         return build_tool(head, pose, riser, self._gripper)

@@ -14,6 +14,7 @@ from plugins.vlms.offline.tool_variation import cross, mutate
 from plugins.vlms.offline.written_design import Design
 
 _TRIES = 12
+_LEAST_REWARD = 0.01  # what earned nothing is a parent at times, too
 _CROSSES = 0.4  # how often two different parents are crossed
 
 
@@ -32,7 +33,7 @@ def breed(
         sampler: which knows the rules, and samples fresh plans.
     """
     rng = sampler.rng
-    weights = np.array([max(parent.reward, 0.01) ** 2 for parent in parents])
+    weights = np.array([max(parent.reward, _LEAST_REWARD) ** 2 for parent in parents])
     shares = weights / weights.sum()
 
     for attempt in range(_TRIES):

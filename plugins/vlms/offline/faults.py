@@ -30,6 +30,7 @@ BREAKS_RULES = 1000.0
 
 _MISS_M = 0.005  # error of inverse kinematics that is not a fault
 _PER_METRE = 100.0  # faults for a metre of missed reach
+_TURN_M = 0.2  # of an error of inverse kinematics, for a radian: about what it moves a head by
 _HOPELESS_M = 0.1  # of an error; the waypoints after it are not looked at
 _STEP_M = 0.04  # between collision checks
 _CONTACT_M = 0.001  # a smaller overlap is only a contact
@@ -164,7 +165,7 @@ def _names_moved(subgoals: Sequence[Subgoal]) -> set[str]:
 
 
 def reach_error(rows: Array, arm: Arm, hopeless: float = np.inf) -> float:
-    """Compute the worst error of inverse kinematics over the waypoints, in metres plus 0.2 times radians.
+    """Compute the worst error of inverse kinematics over the waypoints, in metres, and `_TURN_M` for a radian.
 
     Args:
         rows: waypoints, (N, 6) or (N, 7).
@@ -177,7 +178,7 @@ def reach_error(rows: Array, arm: Arm, hopeless: float = np.inf) -> float:
     for row in rows:
         solution = arm.inverse(Pose.xyz_rpy(row[:3], row[3:6]), joints)
         joints = solution.joints
-        worst = max(worst, solution.error_m + 0.2 * solution.error_rad)
+        worst = max(worst, solution.error_m + _TURN_M * solution.error_rad)
         if worst > hopeless:
             break
 

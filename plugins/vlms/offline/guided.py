@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from core.geometry import Array
 from plugins.vlms.offline.boxes import UP, heading_axes
+from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.heads import Head, Motion, make_blade, make_piece
 from plugins.vlms.offline.joint_pushing import make_joint_pusher
 from plugins.vlms.offline.paths import HeadPath
@@ -27,12 +28,58 @@ QUARTERS: list[float] = (np.arange(4) * np.pi / 2).tolist()
 """Headings along the world's axes."""
 
 _TURNED = np.radians(20.0)  # a goal about an orientation that is farther off than this
+_LEVEL = 0.5  # the sine of the steepest axis that a body is turned about
 _STEP_RAD = 0.15  # between waypoints
+_NEARLY_OVER = 0.2  # the sine of turns that are half ones, and have no direction
+_HOLDS_M = 0.003  # bodies that are in each other's height by more hold each other
+_BEHIND_M = 0.02  # the tips of tines come down behind bodies
+_NEARLY_M = 0.03  # places for tines that are so little worse than the best are as good
+_WALL_M = 0.008  # thick, at which tines begin
+_WALL_HEIGHT_M = 0.03  # for a shaft
+_TINE_THICK_M = 0.008  # at most: stiff for their length
+_BELOW_M = 0.001  # tines go in below what they lift
+
+# What carries bodies.
 _CARRIER_TINE_M = 0.009
-_TIPPER_TINE_M = 0.016
-_LIFT_M = 0.2
+_LIFT_M = 0.2  # over what they stand in
+_LIFT_STEP_M = 0.006  # of the check whether they can be lifted
+_ABOVE_GOAL_M = (
+    0.004  # from where that check begins at the goal: they may stand on what is there
+)
+_CARRIER_GAP_M = Range(0.01, 0.02)  # between the wall and the bodies: they sway
+_HIGHER_M = Range(0.0, 0.03)
+_LOWER_M = Range(0.004, 0.012)  # than at the goal, so that tines come free
+_SLOW_M_S = 0.15  # with bodies on the tines
+_SHORT_M = 0.02  # a shorter way is one step
+_ONE_STEP_M_S = 1.0
+
+# What topples bodies.
 _LEAST_TOPPLED = 1.0  # times its length along the push: what is lower slides
-_WALL_M = 0.008
+_TOPPLER_WIDTH = Range(0.5, 1.0)  # of the bodies'
+_TOPPLER_HEIGHT = 0.3  # of the bodies': it meets their upper part alone
+_LEAST_TOPPLER_M = 0.02
+_TOPPLER_THICK_M = Range(0.006, 0.012)
+_TOPPLER_GAP_M = Range(0.01, 0.03)  # behind bodies
+_TOPPLES_AT = Range(
+    0.6, 0.9
+)  # of the bodies' height: high, and not above them as they tilt
+_STROKE = Range(0.6, 1.2)  # of the bodies' length, in which they fall
+_TOPPLE_M_S = Range(0.1, 0.3)
+_LEAVE_M = 0.05  # up
+
+# What tips bodies.
+_TIPPER_TINE_M = 0.016
+_GRIP = Range(0.5, 0.9)  # of the room under bodies that a lip goes in
+_MOST_GRIP_M = 0.04
+_TIPPER_GAP_M = Range(0.006, 0.015)  # between the wall and the bodies
+_HALF_TURN_RAD = 2.0  # what is to be turned by more falls the rest by itself,
+_FALLS_RAD = Range(1.7, 2.3)  # from here on
+_FARTHER_RAD = Range(
+    0.0, 0.15
+)  # what is to be turned by less is turned by a little more
+_LIP = 0.6  # of the room under bodies that it fills
+_BACK_M = 0.06  # it leaves by, and up
+_UP_M = 0.02
 
 
 def needs_guided_head(subgoal: Subgoal) -> bool:
@@ -51,8 +98,8 @@ def needs_guided_head(subgoal: Subgoal) -> bool:
         return True
 
     lower, upper = subgoal.obstacles.bounds
-    above = lower < subgoal.upper - 0.003
-    below = upper > subgoal.lower + 0.003
+    above = lower < subgoal.upper - _HOLDS_M
+    below = upper > subgoal.lower + _HOLDS_M
 
     return bool((above & below).all(axis=1).any())
 
@@ -92,7 +139,7 @@ def _find_turn(subgoal: Subgoal) -> tuple[Array, float] | None:
     axis, angle = turn_to_goal(subgoal.goal, subgoal.solids[0].body)
     if angle < max(_TURNED, np.radians(subgoal.goal.tolerance_deg)):
         return None
-    if abs(axis[2]) > 0.5 * np.linalg.norm(axis) + 1e-6:
+    if abs(axis[2]) > _LEVEL * np.linalg.norm(axis) + 1e-6:
         return None
 
     return axis, angle
@@ -120,7 +167,7 @@ def _draw_lift_point(
         return None
 
     most = max(point.worth for point in points)
-    best = [point for point in points if point.worth > most - 0.03]
+    best = [point for point in points if point.worth > most - _NEARLY_M]
 
     return best[rng.integers(len(best))]
 
@@ -151,8 +198,9 @@ class _Tines:
             motion: of the head.
         """
         across = 2 * self.point.apart + self.width
-        wall_size = (_WALL_M, across, 0.03)
-        wall = make_piece("wall", -_WALL_M / 2, 0.0, 0.015 - self.thick, wall_size)
+        wall_size = (_WALL_M, across, _WALL_HEIGHT_M)
+        middle = _WALL_HEIGHT_M / 2 - self.thick
+        wall = make_piece("wall", -_WALL_M / 2, 0.0, middle, wall_size)
         pieces = [wall]
 
         sides = (1.0, -1.0) if self.point.apart > self.width / 2 else (0.0,)
@@ -163,7 +211,7 @@ class _Tines:
             y = side * self.point.apart
             pieces.append(make_piece(f"tine_{number}", x, y, -self.thick / 2, size))
 
-        attachment = np.array([0.0, 0.0, 0.03 - self.thick])
+        attachment = np.array([0.0, 0.0, _WALL_HEIGHT_M - self.thick])
 
         return Head(
             kind,
@@ -188,7 +236,7 @@ class _Tines:
             wall: the place, (3,).
             ahead: unit vector (3,) along the heading.
         """
-        behind = wall - (self.depth + 0.02) * ahead
+        behind = wall - (self.depth + _BEHIND_M) * ahead
         path.descend(self.subgoal, self.point.heading, behind)
 
         path.go(self.point.heading, wall)
@@ -206,8 +254,8 @@ def _make_carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
     Returns:
         A head with one tine or two.
     """
-    for start in (np.zeros(3), subgoal.shift + 0.004 * UP):
-        if subgoal.is_blocked(_LIFT_M * UP, start, step=0.006):
+    for start in (np.zeros(3), subgoal.shift + _ABOVE_GOAL_M * UP):
+        if subgoal.is_blocked(_LIFT_M * UP, start, step=_LIFT_STEP_M):
             return None
 
     point = _draw_lift_point(subgoal, QUARTERS, _CARRIER_TINE_M, rng)
@@ -217,30 +265,31 @@ def _make_carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
     heading = point.heading
     ahead, _ = heading_axes(heading)
 
-    gap = rng.uniform(0.01, 0.02)  # between the wall and the bodies
+    gap = _CARRIER_GAP_M.draw(rng)
     depth = gap + min(point.depth, np.ptp(subgoal.points @ ahead))
 
-    thick = min(0.008, point.gap / 2)
+    thick = min(_TINE_THICK_M, point.gap / 2)
     tines = _Tines(subgoal, point, _CARRIER_TINE_M, thick, depth)
 
     def carry(path: HeadPath, rng: Generator) -> str:
         """Get under the bodies, lift them, carry them over what holds them, lower them, and leave."""
-        inside = point.rear - gap * ahead - 0.001 * UP
+        inside = point.rear - gap * ahead - _BELOW_M * UP
         tines.enter(path, inside, ahead)
 
-        lifted = inside + 0.001 * UP
-        goal = inside + 0.001 * UP + subgoal.shift
+        lifted = inside + _BELOW_M * UP
+        goal = inside + _BELOW_M * UP + subgoal.shift
         height = max(lifted[2], goal[2]) + _LIFT_M
-        over_start = np.array([*lifted[:2], height + rng.uniform(0.0, 0.03)])
+        over_start = np.array([*lifted[:2], height + _HIGHER_M.draw(rng)])
 
-        over_goal = np.array([*goal[:2], height + rng.uniform(0.0, 0.03)])
-        lowered = goal - rng.uniform(0.004, 0.012) * UP
+        over_goal = np.array([*goal[:2], height + _HIGHER_M.draw(rng)])
+        lowered = goal - _LOWER_M.draw(rng) * UP
 
         for place in (lifted, over_start, over_goal, goal, lowered):
             length = np.linalg.norm(place - path.end)
-            path.move(place, heading, 0.15 if length > 0.02 else 1.0)
+            speed = _SLOW_M_S if length > _SHORT_M else _ONE_STEP_M_S
+            path.move(place, heading, speed)
 
-        path.go(heading, path.end - (depth + 0.02) * ahead, touch=True)
+        path.go(heading, path.end - (depth + _BEHIND_M) * ahead, touch=True)
 
         return (
             "gets tines under the body, lifts it off, carries it over, lowers it and "
@@ -257,7 +306,7 @@ def _find_headings(turn: tuple[Array, float]) -> list[float]:
         turn: see `_find_turn`.
     """
     axis, _ = turn
-    if np.linalg.norm(axis) <= 0.2:
+    if np.linalg.norm(axis) <= _NEARLY_OVER:
         return QUARTERS
 
     x, y, _ = np.cross(axis, UP)
@@ -283,21 +332,22 @@ def _make_toppler(
         return None
 
     blade = make_blade(
-        width=extent.across * rng.uniform(0.5, 1.0),
-        height=max(0.02, 0.3 * subgoal.height),
-        thick=rng.uniform(0.006, 0.012),
+        width=extent.across * _TOPPLER_WIDTH.draw(rng),
+        height=max(_LEAST_TOPPLER_M, _TOPPLER_HEIGHT * subgoal.height),
+        thick=_TOPPLER_THICK_M.draw(rng),
     )
 
     def topple(path: HeadPath, rng: Generator) -> str:
         """Come down behind the bodies' upper part, push until they fall over, and leave."""
-        gap = rng.uniform(0.01, 0.03)
+        gap = _TOPPLER_GAP_M.draw(rng)
         start = (extent.rear - gap) * extent.ahead + extent.middle
-        start = start + (subgoal.lower[2] + rng.uniform(0.6, 0.9) * subgoal.height) * UP
-        stroke = gap + extent.along * rng.uniform(0.6, 1.2)
+        height = subgoal.lower[2] + _TOPPLES_AT.draw(rng) * subgoal.height
+        start = start + height * UP
+        stroke = gap + extent.along * _STROKE.draw(rng)
 
         path.descend(subgoal, extent.heading, start)
-        path.move(start + stroke * extent.ahead, extent.heading, rng.uniform(0.1, 0.3))
-        path.go(extent.heading, start, start + 0.05 * UP, touch=True)
+        path.move(start + stroke * extent.ahead, extent.heading, _TOPPLE_M_S.draw(rng))
+        path.go(extent.heading, start, start + _LEAVE_M * UP, touch=True)
 
         return f"pushes the body over by its upper part, by {stroke:.2f} m"
 
@@ -327,9 +377,9 @@ def _make_tipper(
 
     heading = point.heading
     ahead, _ = heading_axes(heading)
-    grip = min(point.depth * rng.uniform(0.5, 0.9), 0.04)  # under the bodies
+    grip = min(point.depth * _GRIP.draw(rng), _MOST_GRIP_M)  # under the bodies
 
-    gap = rng.uniform(0.006, 0.015)
+    gap = _TIPPER_GAP_M.draw(rng)
     depth = grip + gap  # from the face to the tip
 
     # A point of the opposite edge, about which the bodies turn.
@@ -337,16 +387,17 @@ def _make_tipper(
     pivot = point.rear + (front - point.rear @ ahead) * ahead
     pivot[2] = subgoal.lower[2]
 
-    if most < 2.0:
-        most += rng.uniform(0.0, 0.15)
+    if most < _HALF_TURN_RAD:
+        most += _FARTHER_RAD.draw(rng)
     else:
-        most = rng.uniform(1.7, 2.3)
+        most = _FALLS_RAD.draw(rng)
 
-    tines = _Tines(subgoal, point, _TIPPER_TINE_M, min(0.008, 0.6 * point.gap), depth)
+    thick = min(_TINE_THICK_M, _LIP * point.gap)
+    tines = _Tines(subgoal, point, _TIPPER_TINE_M, thick, depth)
 
     def tip(path: HeadPath, rng: Generator) -> str:
         """Get under the bodies, turn them in steps about their opposite edge, and leave."""
-        end = point.rear + grip * ahead - 0.001 * UP
+        end = point.rear + grip * ahead - _BELOW_M * UP
         tines.enter(path, end - depth * ahead, ahead)
 
         radius = ((pivot - point.rear) @ ahead) - grip
@@ -358,7 +409,7 @@ def _make_tipper(
             turned = Rotation.from_rotvec(np.cross(UP, ahead) * angle).apply(arm)
             path.go(heading, pivot + turned - depth * ahead, touch=True)
 
-        path.go(heading, path.end - 0.06 * ahead + 0.02 * UP, touch=True)
+        path.go(heading, path.end - _BACK_M * ahead + _UP_M * UP, touch=True)
 
         return (
             "raises one side by a lip, and turns the body about its other edge by "

@@ -11,7 +11,7 @@ from numpy.random import Generator
 
 from core.geometry import Array
 from plugins.vlms.offline.boxes import LEVEL, UP
-from plugins.vlms.offline.chance import draw
+from plugins.vlms.offline.chance import Range, draw
 from plugins.vlms.offline.heads import (
     FINGER_OPEN,
     SIDES,
@@ -28,15 +28,111 @@ from plugins.vlms.offline.heads import (
 )
 from plugins.vlms.offline.subgoals import Subgoal
 
-_LONG_M = 0.4  # a body that is longer across its way is lifted by less of it
+# Which head.
+_FALL_M = 0.1  # bodies that go down by more are pushed, and fall
+_STAYS_M = 0.03  # a shorter way on the ground is none
+_LIFTS_BARRED = 0.8  # how often bodies are lifted over what bars their way, which may yield or be passed
+_LIFTS_FALLING = 0.3  # how often bodies that are to fall are lifted over the edge
+_HOOKS_COVERED = 0.8  # how often bodies are hooked that something is above: most heads come from there
+_HOOKS_OTHERS = 0.08
+_PUSHERS = {
+    "blade": 2.0,
+    "peg": 0.7,
+}  # how often each is drawn, in relation to the others
+_ENCLOSERS = {"cage": 3.0, "pen": 1.2, "funnel": 1.0, "wedge": 1.0, "rake": 0.7}
+_ENCLOSER_ROOM_M = 0.02  # beside bodies, for walls around them
+_PASS_M = 0.002  # a head is narrower than the room for it
+
+# Pads of fingers. A hand closes by 0.08 m, and pads begin a little outside of bodies.
+_PAD_ROOM_M = 0.01  # between bodies and open pads, both together, at least
+_MOST_PAD_ROOM_M = min(
+    0.06, 2 * FINGER_OPEN - 0.01
+)  # and at most: the rest is what they press with
+_TIGHT_ROOM_M = Range(
+    0.006, 0.025
+)  # in a container there is little clearance beside them
+_PAD_THICK_M = Range(0.006, 0.014)
+_PAD_LENGTH = Range(0.3, 1.2)  # of the bodies'
+_TIGHT_LENGTH = Range(0.15, 0.4)  # in a container
+_PAD_HEIGHT = Range(0.5, 1.3)  # of the bodies'
+_LEAST_PAD_M = 0.012  # long, to hold what is thin by its width
+_PAD_HEIGHTS_M = (
+    0.02,
+    0.12,
+)  # neither too low to hold, nor so high that it meets the hand
+
+# Heads that push.
+_WALL_M = Range(0.004, 0.012)  # thick, of the stiff default material
+_HEIGHT = Range(0.5, 1.3)  # of the bodies'
+_HEIGHTS_M = (
+    0.02,
+    0.15,
+)  # no lower than a shaft is thick, no higher than a shaft is stiff
+_SPARE_M = Range(0.004, 0.04)  # between bodies and the walls around them, on each side
 _LEAST_M = 0.003  # clearance between a head and the bodies inside it
+_BLADE_WIDTH = Range(0.7, 2.0)  # of the bodies'
+_PEG_M = Range(0.012, 0.035)  # wide
+_PEG_THICK_M = 0.02  # at most
+_CAGE_DEPTH = Range(0.4, 1.1)  # of the bodies' length
+_FUNNEL_DEPTH = Range(0.4, 1.0)
+_SPLAY_RAD = Range(0.1, 0.6)  # what opens by less gathers no more than a cage
+_WEDGE_RAD = Range(
+    0.6, 1.2
+)  # between a wing and the motion: narrower, bodies jam, and wider, they slip out
+_WING = Range(0.6, 1.2)  # of the bodies' width that a wing covers
+_RAKE_WIDTH = Range(1.0, 1.6)  # of the bodies'
+_RAKE_GAP = 0.6  # of the smallest side of a body: it does not pass between tines
+
+# Heads that lift.
+_LIFTER_HEIGHT = Range(0.7, 1.3)  # of the bodies': the wall that they lean on
+_LIFTER_HEIGHTS_M = (0.02, 0.2)
+_LIFTER_DEPTH = Range(0.75, 1.15)  # of the bodies' length: their middle is above it
+_LONG_M = 0.4  # a body that is longer across its way is lifted by less of it
+_LONG_SHARE = Range(0.3, 1.0)  # of that length
+_BY_OVERHANG = 0.8  # how often what has an overhang is carried by it
+_THIN_FORKS = 0.2  # how often tines go under bodies, rather than a floor
+_THIN_TINE = Range(0.08, 0.2)  # wide, in widths of the bodies
+_THIN_INNER = Range(0.4, 0.7)  # between the outer ones, likewise
+_MOST_TINES = 4
+_TINE_M = 0.002  # thick
+_NO_RAILS = 0.3  # how often a floor has none
+_RAIL = Range(0.1, 0.6)  # high, in heights of the bodies
+_FLOOR_ROOM_M = Range(0.005, 0.04)  # that a floor is wider than bodies
+_LEAST_FLOOR = 0.6  # of their width, however little room there is
+_FLOOR_M = Range(0.001, 0.003)  # thick: a body climbs onto it
+_FORK_TINE = Range(0.5, 1.2)  # of the room below an overhang that a tine fills
+_LEAST_FORK_TINE_M = 0.004
+_FORK_THICK = Range(0.3, 0.7)  # of the overhang's height
+_LEAST_THICK_M = 0.002
+_MOST_THICK_M = 0.01
+_BELOW_OVERHANG_M = Range(0.003, 0.02)  # to go in without touching it
+_FORK_ROOM_M = Range(
+    0.004, 0.016
+)  # between the bodies' foot and the tines, both together
+
+# Hooks.
 _HOOK_WAY = (
     1.4  # how long a hook's arm is at most past covered bodies, in lengths of their way
 )
 _HOOK_AHEAD_M = 0.1  # and past others
+_LEAST_AHEAD_M = 0.02
+_COVERED_WAY = Range(0.9, _HOOK_WAY)  # of covered bodies
 # A hook's arm is at least this thick, as a share of its length. A square bar of steel, half a metre long and this
 # thick, bends by 4 mm under 1 N: F L^3 / (3 E I), with I = t^4 / 12. The rules allow 10 mm, with what carries it.
 _HOOK_STOUTNESS = 0.01
+_LEAST_ARM_M = 0.003
+_MOST_ARM_M = 0.014
+_ARM = Range(
+    0.1, 0.25
+)  # of the clearance beside bodies: the rest is for the toe, and for errors
+_ARM_GAP = 0.1  # of that clearance, between arm and bodies
+_MOST_ARM_GAP_M = 0.004
+_TOE = Range(0.5, 0.9)  # of the clearance that is left
+_LEAST_TOE_M = 0.004
+_BEHIND = Range(0.5, 1.0)  # of what a toe is behind, at most
+_TOE_BREADTH = Range(0.4, 0.9)  # of the bodies' side
+_MOST_ROOM_M = 0.1  # more clearance on a side makes it no likelier
+_NO_ROOM_M = 1e-3  # a side without clearance is chosen seldom, and not never
 
 
 def draw_clamp(subgoal: Subgoal, rng: Generator) -> Head:
@@ -51,19 +147,18 @@ def draw_clamp(subgoal: Subgoal, rng: Generator) -> Head:
         A head with a pad for each finger.
     """
     extent = subgoal.extent(subgoal.grip_heading)
-    gap = extent.across + rng.uniform(0.01, min(0.06, 2 * FINGER_OPEN - 0.01))
+    gap = extent.across + rng.uniform(_PAD_ROOM_M, _MOST_PAD_ROOM_M)
 
-    thick = rng.uniform(0.006, 0.014)
-    length = extent.along * rng.uniform(0.3, 1.2)
+    thick = _PAD_THICK_M.draw(rng)
+    length = extent.along * _PAD_LENGTH.draw(rng)
 
-    if subgoal.is_enclosed:  # there is little clearance beside them
-        gap = extent.across + rng.uniform(0.006, 0.025)
+    if subgoal.is_enclosed:
+        gap = extent.across + _TIGHT_ROOM_M.draw(rng)
         thick = thick / 2
-        length = extent.along * rng.uniform(0.15, 0.4)
+        length = extent.along * _TIGHT_LENGTH.draw(rng)
 
-    # Neither too low to hold, nor so high that it meets the hand.
-    height = np.clip(subgoal.height * rng.uniform(0.5, 1.3), 0.02, 0.12)
-    size = (max(0.012, length), thick, height)
+    height = np.clip(subgoal.height * _PAD_HEIGHT.draw(rng), *_PAD_HEIGHTS_M)
+    size = (max(_LEAST_PAD_M, length), thick, height)
 
     pads = []
 
@@ -88,21 +183,22 @@ def draw_head(
         rng: random numbers.
         thickness_factor: how many times as thick as of the stiff default material walls are.
     """
-    falls = subgoal.shift[2] < -0.1
+    falls = subgoal.shift[2] < -_FALL_M
     # A body that falls is pushed horizontally and goes down by itself.
     way = subgoal.shift * LEVEL if falls else subgoal.shift
-    barred = subgoal.length > 0.03 and subgoal.is_blocked(way)
+    barred = subgoal.length > _STAYS_M and subgoal.is_blocked(way)
 
     drawing = _HeadDrawing(subgoal, rng, thickness_factor)
     lifts = (
         subgoal.rises
-        or (barred and rng.random() < 0.8)
-        or (falls and rng.random() < 0.3)
+        or (barred and rng.random() < _LIFTS_BARRED)
+        or (falls and rng.random() < _LIFTS_FALLING)
     )
 
     if lifts:
         return drawing.draw_lifter()
-    if rng.random() < (0.8 if subgoal.is_covered else 0.08):
+    hooks = _HOOKS_COVERED if subgoal.is_covered else _HOOKS_OTHERS
+    if rng.random() < hooks:
         return drawing.draw_hook()
 
     return drawing.draw_pusher()
@@ -140,7 +236,7 @@ class _HeadDrawing:
 
         self._clearances = subgoal.side_clearances(subgoal.heading)
         # of a head that moves behind the bodies
-        self._widest = extent.across + 2 * min(self._clearances) - 0.002
+        self._widest = extent.across + 2 * min(self._clearances) - _PASS_M
 
     def draw_pusher(self) -> Head:
         """Draw a head that moves bodies horizontally, by its face or by enclosing them.
@@ -155,24 +251,17 @@ class _HeadDrawing:
         across = self._across
 
         # Measures that all families have.
-        thick = self._factor * rng.uniform(0.004, 0.012)
+        thick = self._factor * _WALL_M.draw(rng)
 
-        height = self._subgoal.height * rng.uniform(0.5, 1.3)
-        height = np.clip(height, 0.02, 0.15)
+        height = self._subgoal.height * _HEIGHT.draw(rng)
+        height = np.clip(height, *_HEIGHTS_M)
 
-        kinds = {"blade": 2.0, "peg": 0.7}
-        spare = rng.uniform(0.004, 0.04)
+        kinds = _PUSHERS
+        spare = _SPARE_M.draw(rng)
 
         # What encloses needs room for its walls.
-        if self._widest > across + 0.02:
-            kinds |= {
-                "cage": 3.0,
-                "pen": 1.2,
-                "funnel": 1.0,
-                "wedge": 1.0,
-                "rake": 0.7,
-            }
-
+        if self._widest > across + _ENCLOSER_ROOM_M:
+            kinds = _PUSHERS | _ENCLOSERS
             widest_spare = (self._widest - across) / 2 - thick
             spare = max(_LEAST_M, min(spare, widest_spare))
 
@@ -180,34 +269,34 @@ class _HeadDrawing:
 
         match draw(kinds, rng):
             case "blade":
-                width = min(self._widest, across * rng.uniform(0.7, 2.0))
+                width = min(self._widest, across * _BLADE_WIDTH.draw(rng))
                 return make_blade(width, height, thick)
 
             case "peg":
-                side = min(self._widest, rng.uniform(0.012, 0.035))
-                return make_blade(side, height, min(side, 0.02))
+                side = min(self._widest, _PEG_M.draw(rng))
+                return make_blade(side, height, min(side, _PEG_THICK_M))
 
             case "cage":
-                depth = self._along * rng.uniform(0.4, 1.1)
+                depth = self._along * _CAGE_DEPTH.draw(rng)
                 return make_cage(inside, depth, height, thick)
 
             case "pen":
                 return make_pen(inside, self._along + 2 * spare, height, thick)
 
             case "funnel":
-                depth = self._along * rng.uniform(0.4, 1.0)
-                return make_cage(
-                    inside, depth, height, thick, splay=rng.uniform(0.1, 0.6)
-                )
+                depth = self._along * _FUNNEL_DEPTH.draw(rng)
+                splay = _SPLAY_RAD.draw(rng)
+                return make_cage(inside, depth, height, thick, splay)
 
             case "wedge":
-                half_angle = rng.uniform(0.6, 1.2)
-                wing = across * rng.uniform(0.6, 1.2) / np.sin(half_angle)
+                half_angle = _WEDGE_RAD.draw(rng)
+                wing = across * _WING.draw(rng) / np.sin(half_angle)
                 return make_wedge(wing, half_angle, height, thick)
 
             case _:
-                width = min(self._widest, across * rng.uniform(1.0, 1.6))
-                return make_rake(width, height, thick, 0.6 * self._smallest_side())
+                width = min(self._widest, across * _RAKE_WIDTH.draw(rng))
+                gap = _RAKE_GAP * self._smallest_side()
+                return make_rake(width, height, thick, gap)
 
     def _smallest_side(self) -> float:
         """The least side of a body on the ground, metres."""
@@ -226,15 +315,15 @@ class _HeadDrawing:
             A fork or a scoop.
         """
         rng = self._rng
-        height = self._subgoal.height * rng.uniform(0.7, 1.3)
-        height = np.clip(height, 0.02, 0.2)
+        height = self._subgoal.height * _LIFTER_HEIGHT.draw(rng)
+        height = np.clip(height, *_LIFTER_HEIGHTS_M)
 
-        depth = self._along * rng.uniform(0.75, 1.15)
+        depth = self._along * _LIFTER_DEPTH.draw(rng)
 
         # Tines beside the foot carry the overhang, without going under the bodies.
         overhangs, halves = self._subgoal.overhang(self._subgoal.heading)
 
-        if overhangs.any() and rng.random() < 0.8:
+        if overhangs.any() and rng.random() < _BY_OVERHANG:
             lowest = self._subgoal.boxes.bounds[0][:, 2]
             under = lowest[overhangs].min() - self._subgoal.lower[2]
             foot = ~overhangs & (lowest < self._subgoal.lower[2] + under)
@@ -243,24 +332,25 @@ class _HeadDrawing:
         # What is long across is lifted in its middle.
         across = self._across
         if len(self._subgoal.solids) == 1 and across > _LONG_M:
-            across = rng.uniform(0.3, 1.0) * _LONG_M
+            across = _LONG_SHARE.draw(rng) * _LONG_M
 
         # Thin tines under the bodies.
-        if rng.random() < 0.2:
-            tine = across * rng.uniform(0.08, 0.2)
-            inner = across * rng.uniform(0.4, 0.7)
+        if rng.random() < _THIN_FORKS:
+            tine = across * _THIN_TINE.draw(rng)
+            inner = across * _THIN_INNER.draw(rng)
 
-            count = int(rng.integers(2, 5))
-            return make_fork(inner, depth, height, tine, self._factor * 0.002, count)
+            count = int(rng.integers(2, _MOST_TINES + 1))
+            thin = self._factor * _TINE_M
+            return make_fork(inner, depth, height, tine, thin, count)
 
         # A floor under the bodies, most often between rails.
         rail = 0.0
-        if rng.random() >= 0.3:
-            rail = self._subgoal.height * rng.uniform(0.1, 0.6)
+        if rng.random() >= _NO_RAILS:
+            rail = self._subgoal.height * _RAIL.draw(rng)
 
-        width = across + rng.uniform(0.005, 0.04)
-        width = min(width, max(self._widest, 0.6 * across))
-        thick = self._factor * rng.uniform(0.001, 0.003)
+        width = across + _FLOOR_ROOM_M.draw(rng)
+        width = min(width, max(self._widest, _LEAST_FLOOR * across))
+        thick = self._factor * _FLOOR_M.draw(rng)
 
         return make_scoop(width, depth, height, rail, thick)
 
@@ -280,15 +370,16 @@ class _HeadDrawing:
             under: height of the overhang above the foot.
         """
         rng = self._rng
-        tine = (self._across / 2 - foot_half) * rng.uniform(0.5, 1.2)
+        tine = (self._across / 2 - foot_half) * _FORK_TINE.draw(rng)
 
         # They fit below the overhang, and are as high as they can be.
-        thick = under * rng.uniform(0.3, 0.7)
-        thick = np.clip(thick, 0.002, self._factor * 0.01)
-        level = max(0.0, under - thick - rng.uniform(0.003, 0.02))
-        inner = 2 * foot_half + rng.uniform(0.004, 0.016)
+        thick = under * _FORK_THICK.draw(rng)
+        thick = np.clip(thick, _LEAST_THICK_M, self._factor * _MOST_THICK_M)
+        level = max(0.0, under - thick - _BELOW_OVERHANG_M.draw(rng))
+        inner = 2 * foot_half + _FORK_ROOM_M.draw(rng)
+        tine = max(_LEAST_FORK_TINE_M, tine)
 
-        return make_fork(inner, depth, height, max(0.004, tine), thick, level=level)
+        return make_fork(inner, depth, height, tine, thick, level=level)
 
     def draw_hook(self) -> Head:
         """Draw a head that passes beside or over the bodies, and pulls them from behind.
@@ -309,25 +400,25 @@ class _HeadDrawing:
         if subgoal.is_covered:
             longest = self._along + _HOOK_WAY * subgoal.length
 
-        least = max(0.003, _HOOK_STOUTNESS * longest)
-        thick = clearance * self._factor * rng.uniform(0.1, 0.25)
-        thick = np.clip(thick, least, self._factor * 0.014)
+        least = max(_LEAST_ARM_M, _HOOK_STOUTNESS * longest)
+        thick = clearance * self._factor * _ARM.draw(rng)
+        thick = np.clip(thick, least, self._factor * _MOST_ARM_M)
 
-        gap = min(0.004, 0.1 * clearance)
+        gap = min(_MOST_ARM_GAP_M, _ARM_GAP * clearance)
 
         # The toe takes what room is left, and grips up to all of the bodies' side.
         behind = subgoal.height if passes_over else self._across
-        toe = (clearance - thick - gap) * rng.uniform(0.5, 0.9)
-        toe = np.clip(toe, 0.004, behind * rng.uniform(0.5, 1.0))
+        toe = (clearance - thick - gap) * _TOE.draw(rng)
+        toe = np.clip(toe, _LEAST_TOE_M, behind * _BEHIND.draw(rng))
 
         breadth = self._across if passes_over else subgoal.height
-        breadth *= rng.uniform(0.4, 0.9)
+        breadth *= _TOE_BREADTH.draw(rng)
 
         # Where something is above, the whole way is under it.
         if subgoal.is_covered:
-            length = self._along + subgoal.length * rng.uniform(0.9, _HOOK_WAY)
+            length = self._along + subgoal.length * _COVERED_WAY.draw(rng)
         else:
-            length = self._along + rng.uniform(0.02, _HOOK_AHEAD_M)
+            length = self._along + rng.uniform(_LEAST_AHEAD_M, _HOOK_AHEAD_M)
 
         return make_hook(length, toe, breadth, thick, gap, outward)
 
@@ -338,7 +429,7 @@ class _HeadDrawing:
             The clearance there, metres; and a unit vector (3,) from the bodies to the arm.
         """
         clearances = np.array([*self._clearances, self._subgoal.clearance_above])
-        weights = np.minimum(clearances, 0.1) + 1e-3
+        weights = np.minimum(clearances, _MOST_ROOM_M) + _NO_ROOM_M
         chosen = self._rng.choice(3, p=weights / weights.sum())
         outward = np.array([(0.0, -1.0, 0.0), (0.0, 1.0, 0.0), UP])
 

@@ -26,6 +26,15 @@ SIDES = (("left", 1.0), ("right", -1.0))
 _BACK_M = (
     0.008  # thickness of a fork's wall; the shaft's axis is as far behind the face
 )
+_PEG_M = 0.04  # a blade that is no wider is called a peg
+_SPLAYED_RAD = 0.1  # a cage whose walls open by more is called a funnel
+_RAKE_BAR = 0.4  # of a rake's height that its bar has, at most,
+_MOST_BAR_M = 0.02  # and this: bodies meet its tines
+_MOST_TINES = 12
+_SCOOP_WALL_M = 0.004  # thick, at least
+_RAIL = 0.9  # of a scoop's depth: its edge is free
+_TOE_CLEAR_M = 0.004  # between a hook's toe and the bodies that it passes
+_SHAFT_INTO_M = 0.002  # how far the shaft goes into a hook's arm
 _INTO_M = 0.003  # how far the shaft goes into the head
 
 
@@ -127,7 +136,7 @@ def make_blade(width: float, height: float, thick: float) -> Head:
         thick: along the motion.
     """
     wall = make_piece("blade", -thick / 2, 0, height / 2, (thick, width, height))
-    kind = "blade" if width > 0.04 else "peg"
+    kind = "blade" if width > _PEG_M else "peg"
     return _make_head(kind, "push", [wall], height, 0.0, width)
 
 
@@ -199,7 +208,7 @@ def make_cage(
     middle = (depth + thick) / 2 - thick
     walls = _make_wings("wall", (width + thick) / 2, splay, middle, size)
 
-    kind = "cage" if splay < 0.1 else "funnel"
+    kind = "cage" if splay < _SPLAYED_RAD else "funnel"
     widest = width + 2 * depth * np.sin(splay)
     return _make_head(kind, "push", [*back, *walls], height, depth, widest)
 
@@ -242,11 +251,12 @@ def make_rake(
         thick: of bar and tines.
         gap: between two tines, at most.
     """
-    bar = min(0.4 * height, 0.02)
+    bar = min(_RAKE_BAR * height, _MOST_BAR_M)
     bar_size = (thick, width, bar)
     beam = make_piece("beam", -thick / 2, 0.0, height - bar / 2, bar_size)
 
-    count = int(np.clip(np.ceil((width - thick) / (gap + thick)) + 1, 2, 12))
+    gaps = np.ceil((width - thick) / (gap + thick))
+    count = int(np.clip(gaps + 1, 2, _MOST_TINES))
     length = height - bar / 2
     size = (thick, thick, length)
     tines = _make_tines(count, (width - thick) / 2, -thick / 2, length / 2, size)
@@ -292,19 +302,18 @@ def make_scoop(
         rail: height of the rails; not more than ``thick``: there are none.
         thick: of the floor.
     """
-    wall = max(2.0 * thick, 0.004)
+    wall = max(2.0 * thick, _SCOOP_WALL_M)
     tray_size = (depth + wall, width, thick)
     pieces = [
         make_piece("wall", -wall / 2, 0.0, height / 2, (wall, width, height)),
         make_piece("tray", (depth - wall) / 2, 0.0, thick / 2, tray_size),
     ]
     if rail > thick:
-        size = (depth * 0.9, wall, rail)
+        x = depth * _RAIL / 2
+        size = (depth * _RAIL, wall, rail)
         for name, side in SIDES:
             y = side * (width - wall) / 2
-            pieces.append(
-                make_piece(f"{name}_rail", depth * 0.45, y, rail / 2, size, parent=1)
-            )
+            pieces.append(make_piece(f"{name}_rail", x, y, rail / 2, size, parent=1))
 
     return _make_head("scoop", "scoop", pieces, height, depth, width)
 
@@ -374,7 +383,7 @@ def make_hook(
         Piece("probe", Pose(arm_center), (length + thick, thick, thick)),
         Piece("toe", Pose(toe_center), toe_size),
     )
-    front = np.array([length / 2 - thick, 0.0, thick / 2 - 0.002])
+    front = np.array([length / 2 - thick, 0.0, thick / 2 - _SHAFT_INTO_M])
 
     return Head(
         "hook",
@@ -383,5 +392,5 @@ def make_hook(
         arm_center + front,
         length,
         toe,
-        aside=outward * (toe + 0.004),
+        aside=outward * (toe + _TOE_CLEAR_M),
     )

@@ -14,11 +14,19 @@ from numpy.random import Generator
 
 from core.geometry import Array, Pose
 from core.values.joints import PlacedJoint, Placement
+from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.heads import Head, make_piece
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.raycast import find_push_points, frame_along
 from plugins.vlms.offline.subgoals import Subgoal
 
+_BEYOND = Range(
+    0.0, 0.4
+)  # of the way, past the goal: what springs or sticks ends short of it
+_LONGER_M = Range(0.04, 0.07)  # than the way in, for the shaft to stay outside
+_INTO_M = 0.006  # its end, that the shaft meets the rod at
+_TOUCH_M = Range(0.001, 0.004)  # before the body, where the rod begins to push
+_OUT_M = 0.03  # it comes from, before the way in, and draws back at the end
 _STEP_M = 0.045  # between waypoints, of a slider
 _STEP_RAD = 0.15  # and of a hinge
 
@@ -66,7 +74,7 @@ def _find_motion(
         speeds = np.cross(way, subgoal.points - pole[0])
         way = speeds[int(np.linalg.norm(speeds, axis=1).argmax())]
 
-    beyond = missing * rng.uniform(0.0, 0.4)
+    beyond = missing * _BEYOND.draw(rng)
     end = np.clip(subgoal.goal.to + beyond, spec.lower, spec.upper)
     displacements = _find_displacements(subgoal, placed, end)
 
@@ -128,19 +136,19 @@ def make_joint_pusher(
         return None
 
     chosen = points[rng.integers(len(points))]
-    length = chosen.length + rng.uniform(0.04, 0.07)
+    length = chosen.length + _LONGER_M.draw(rng)
     thick = 2 * chosen.half
     rod = make_piece("rod", -length / 2, 0.0, 0.0, (length, thick, thick))
-    attachment = np.array([0.006 - length, 0.0, 0.0])
+    attachment = np.array([_INTO_M - length, 0.0, 0.0])
 
     def push(path: HeadPath, rng: Generator) -> str:
         """Thrust the rod against the body, follow the body's motion, and draw back."""
         turn = frame_along(way)
-        tip = chosen.point - way * rng.uniform(0.001, 0.004)
-        path.descend(subgoal, turn, chosen.point - way * (chosen.length + 0.03))
+        tip = chosen.point - way * _TOUCH_M.draw(rng)
+        path.descend(subgoal, turn, chosen.point - way * (chosen.length + _OUT_M))
         path.go(turn, tip)
         end = path.follow(displacements)
-        path.go(end, end.position - way * 0.03, touch=True)
+        path.go(end, end.position - way * _OUT_M, touch=True)
 
         return f"thrusts a rod of {length:.2f} m against the body, along the way that it is free to go"
 

@@ -19,6 +19,18 @@ from plugins.vlms.offline.subgoals import Subgoal
 
 _PLACES = 40  # end-effector positions that are compared,
 _MORE = 2  # times as many where a tool must do in several layouts
+_SECTOR_RAD = 0.9  # to both sides of home, where the arm works with ease
+_WITHIN_M = 0.02  # the workspace
+_CEILING_RAD = 0.2  # how wrong the turn of a flange is that points ahead
+_YAW_RAD = 0.15  # and that of one that points down
+_DROP_M = 0.03  # of a head below the flange, at least: for a shaft
+_FINGER_DROP_M = (
+    0.18  # below the mount of finger extensions, with the hand and the fingers between
+)
+_DROPS_M = 0.02  # between the least drop and the greatest, at least
+_CLEAR_M = 0.015  # above the scene at home
+_MOST_DROP_M = 0.45  # a longer shaft bends, and swings
+_REACH_IN_M = 0.003  # clearance at home of fingers that reach into a container
 _HAND_M = 0.068  # the hand's height
 _EXCESS = (
     20.0  # what a metre outside the workspace costs, in metres beside the mount's axis
@@ -113,8 +125,9 @@ class HeadPlacer:
         extra_costs = []
 
         for _ in range(_PLACES * (_MORE if self.faults.several else 1)):
-            angle = ahead + rng.uniform(-0.9, 0.9)
-            radius = rng.uniform(workspace.inner + 0.02, workspace.outer - 0.02)
+            angle = ahead + rng.uniform(-_SECTOR_RAD, _SECTOR_RAD)
+            nearest = workspace.inner + _WITHIN_M
+            radius = rng.uniform(nearest, workspace.outer - _WITHIN_M)
             height = start.position[2] + rng.uniform(least, most)
             x, y = start.position[:2]
 
@@ -131,7 +144,7 @@ class HeadPlacer:
         if self.model.draws_up:
             # Pointing down, the flange does not get near a ceiling; here it points ahead.
             outward = workspace.direction(np.array(places[best]))
-            rpy = (0.0, -np.pi / 2, outward + rng.normal(0.0, 0.2))
+            rpy = (0.0, -np.pi / 2, outward + rng.normal(0.0, _CEILING_RAD))
 
         mount = Pose.xyz_rpy(places[best], rpy)
         return mount.inverse() @ start
@@ -171,7 +184,7 @@ class HeadPlacer:
 
         The head points ahead of the end-effector most often. A clamp's turn is the end-effector's.
         """
-        yaw = add_error(draw_head_turn(self.rng), 0.15, self.rng)
+        yaw = add_error(draw_head_turn(self.rng), _YAW_RAD, self.rng)
         if head.primitive == "clamp":
             return float(path.poses[1].rpy[2])
         if self.direction is not None and not works_above_home(path, self.model):
@@ -195,13 +208,13 @@ class HeadPlacer:
             subgoal: what it is for.
         """
         top = path.poses[1].rotation.apply(head.attachment)
-        least = top[2] + (0.18 if self.gripper else 0.03)
+        least = top[2] + (_FINGER_DROP_M if self.gripper else _DROP_M)
         above_path = self.model.home.position[2] - path.lowest
         room = min(self.model.clearance_at_home, above_path)
-        most = max(least + 0.02, min(room - 0.015, 0.45))
+        most = max(least + _DROPS_M, min(room - _CLEAR_M, _MOST_DROP_M))
 
         if works_above_home(path, self.model):
-            least = -0.45
+            least = -_MOST_DROP_M
             most = 0.0
         elif self.direction is not None:
             least = max(least, self.direction.drop)
@@ -209,7 +222,7 @@ class HeadPlacer:
 
         # The hand stays above the container that the fingers reach into.
         if head.primitive == "clamp" and subgoal.is_enclosed:
-            most = max(least, room - 0.003)
+            most = max(least, room - _REACH_IN_M)
             least = min(most, subgoal.clear_height - path.lowest + _HAND_M)
 
         return least, most

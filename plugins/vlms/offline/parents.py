@@ -12,6 +12,9 @@ from core.geometry import Array
 from core.interfaces import Anchor, Seen, Waypoints
 from core.trial import Evaluation
 
+_SCALE = 1.5  # of changes, for the whole reward that is missing
+_LEAST_SCALE = 0.05
+
 
 @dataclass(frozen=True, eq=False)
 class Parent:
@@ -35,8 +38,8 @@ class Parent:
 
     @property
     def scale(self) -> float:
-        """The scale of changes, 0.05 to 1: the better the parent, the smaller."""
-        return float(np.clip(1.5 * (1.0 - self.reward), 0.05, 1.0))
+        """The scale of changes, `_LEAST_SCALE` to 1: the better the parent, the smaller."""
+        return float(np.clip(_SCALE * (1.0 - self.reward), _LEAST_SCALE, 1.0))
 
 
 def find_parents(

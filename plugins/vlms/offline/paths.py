@@ -14,6 +14,9 @@ from plugins.vlms.offline.boxes import UP
 from plugins.vlms.offline.subgoals import Subgoal
 
 _SEGMENT_S = 0.5  # minimum duration of a segment
+_ABOVE_M = (
+    0.03  # everything near, from where a head comes down, and above its place at least
+)
 _MOST_SEGMENTS = 10  # of a straight motion
 
 
@@ -113,7 +116,7 @@ class HeadPath:
             turn: see `go`.
             position: of the head in the world, (3,).
         """
-        rise = max(0.03, subgoal.clear_height - position[2] + 0.03)
+        rise = max(_ABOVE_M, subgoal.clear_height - position[2] + _ABOVE_M)
         self.go(turn, position + rise * UP, position)
 
     def move(

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from core.design import DesignError, Tool
 from core.geometry import Array
-from plugins.vlms.offline.chance import draw
+from plugins.vlms.offline.chance import Range, draw
 from plugins.vlms.offline.parents import Parent
 from plugins.vlms.offline.paths import SampledPlan
 from plugins.vlms.offline.sampler import Sampler
@@ -25,6 +25,33 @@ from plugins.vlms.offline.subgoals import goal_position
 from plugins.vlms.offline.tool_parts import guess_head, lowest_middle, working_part
 
 _LONG_M = 0.035  # a straight motion that is longer is a stroke
+_LEVEL_M = 0.01  # a stroke rises by less than half its length, and this
+_STRAIGHT = 0.9  # the cosine of the largest turn within a stroke
+_KINDS = {
+    "length": 0.2,
+    "shift": 0.25,
+    "height": 0.15,
+    "yaw": 0.1,
+    "slower": 0.05,
+    "faster": 0.05,
+}
+"""How often a plan is varied in each way, in relation to the others."""
+
+_MEASURED = 0.25  # and by what was measured, where something was
+_MISSED_M = 0.001  # what bodies lacked at their goal, at least, that is worth it
+_LONG_ENOUGH_M = 0.02  # a shorter stroke says nothing of how far bodies go with it
+_MISSING = Range(0.6, 1.2)  # of what was missing: bodies slide on, or yield
+_AHEAD = [
+    0.8,
+    0.2,
+]  # how often it is added, or taken away: bodies may have come from the other side
+# The standard deviations of variations of the scale 1.
+_LENGTHS_M = 0.08
+_SHIFTS_M = 0.02
+_SHIFTS = np.array([1.0, 1.0, 0.2])  # less in height: heads are as low as they can be
+_HEIGHTS_M = 0.02
+_TURNS_RAD = 0.2
+_YAW = 5  # its column in a waypoint
 _MOST_ROWS = 60  # of a plan that gets waypoints added
 
 
@@ -121,7 +148,7 @@ def _find_stroke(rows: Array) -> _Stroke:
     """Find the last straight motion of a plan, (N, 6) or (N, 7); a plan without one has its last segment."""
     ways = np.diff(rows[:, :3], axis=0)
     lengths = np.linalg.norm(ways, axis=1)
-    level = np.flatnonzero(lengths > 2 * np.abs(ways[:, 2]) + 0.01).tolist()
+    level = np.flatnonzero(lengths > 2 * np.abs(ways[:, 2]) + _LEVEL_M).tolist()
 
     start = max(0, len(rows) - 2)
     end = len(rows) - 1
@@ -132,7 +159,7 @@ def _find_stroke(rows: Array) -> _Stroke:
 
         while start - 1 in level:
             along = ways[start - 1] @ ways[last]
-            if along <= 0.9 * lengths[start - 1] * lengths[last]:
+            if along <= _STRAIGHT * lengths[start - 1] * lengths[last]:
                 break
 
             start -= 1
@@ -162,43 +189,36 @@ def vary(
     """
     stroke = _find_stroke(plan.rows)
     missing = _measure_missing(parent, analysis)
-    kinds = {
-        "length": 0.2,
-        "shift": 0.25,
-        "height": 0.15,
-        "yaw": 0.1,
-        "slower": 0.05,
-        "faster": 0.05,
-    }
+    kinds = dict(_KINDS)
 
-    if abs(missing) > 0.001 and stroke.length > 0.02:
-        kinds["measure"] = 0.25
+    if abs(missing) > _MISSED_M and stroke.length > _LONG_ENOUGH_M:
+        kinds["measure"] = _MEASURED
 
     scale = parent.scale
     rows = plan.rows.copy()
 
     match draw(kinds, rng):
         case "length":
-            change = _lengthen(rows, stroke, rng.normal(0.0, 0.08 * scale))
+            change = _lengthen(rows, stroke, rng.normal(0.0, _LENGTHS_M * scale))
 
         case "measure":
-            share = rng.uniform(0.6, 1.2) * rng.choice([1.0, -1.0], p=[0.8, 0.2])
+            share = _MISSING.draw(rng) * rng.choice([1.0, -1.0], p=_AHEAD)
             change = _lengthen(rows, stroke, missing * share)
 
         case "shift":
-            shift = rng.normal(0.0, 0.02 * scale, 3) * np.array([1.0, 1.0, 0.2])
+            shift = rng.normal(0.0, _SHIFTS_M * scale, 3) * _SHIFTS
             rows[:, :3] += shift
             change = f"shifted by {np.linalg.norm(shift) * 1000:.1f} mm"
 
         case "height":
-            rise = rng.normal(0.0, 0.02 * scale)
+            rise = rng.normal(0.0, _HEIGHTS_M * scale)
             rows[rng.integers(0, max(1, stroke.start + 1)) :, 2] += rise
             higher = "higher" if rise > 0 else "lower"
             change = f"from some waypoint on {abs(rise) * 1000:.1f} mm {higher}"
 
         case "yaw":
-            turn = rng.normal(0.0, 0.2 * scale)
-            rows[:, 5] += turn
+            turn = rng.normal(0.0, _TURNS_RAD * scale)
+            rows[:, _YAW] += turn
             change = f"turned by {np.degrees(turn):.1f} degrees"
 
         case "slower" if len(rows) < _MOST_ROWS:

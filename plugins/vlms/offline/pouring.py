@@ -13,13 +13,39 @@ from numpy.random import Generator
 
 from core.geometry import Pose
 from plugins.vlms.offline.boxes import UP, heading_axes
+from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.guided import QUARTERS
 from plugins.vlms.offline.heads import SIDES, Head, Piece, make_piece
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.subgoals import Subgoal
 
-_BACK_M = 0.018  # a fork's plate and crossbar, from the flange ahead
+# A fork of channels, from the flange ahead.
+_BACK_M = 0.018  # its plate and crossbar
+_PLATE_M = (0.01, 0.06)  # thick and wide: it bears the container's weight at the flange
+_ABOVE_PLATE_M = 0.07  # that a plate is longer than the channels are below the flange
+_CROSSBAR_M = 0.03  # high
 _LIP_M = 0.004  # thickness of a fork's channels
+_INTO_M = 0.002  # parts reach into each other by this
+_INNER = 0.3  # of a handle, from the container on, that the channel leaves free
+_DROP_M = Range(
+    0.07, 0.12
+)  # of the channels below the flange: clear of the arm, and near its last joint
+_ROOM_M = Range(0.002, 0.005)  # around a handle, on each side
+_GAP_M = Range(0.003, 0.012)  # between the crossbar and the container
+_LONGER_M = Range(-0.03, 0.015)  # channels than handles
+
+# Its way.
+_BEHIND_M = Range(0.01, 0.03)  # the container
+_ABOVE_M = Range(0.06, 0.15)  # from where it comes down
+_TAKE_M_S = Range(0.1, 0.3)
+_CLEAR_M = Range(0.01, 0.06)  # above everything near
+_CARRY_M_S = Range(0.15, 0.4)
+_ASIDE_RAD = Range(-0.5, 0.8)  # of the heading at the goal, by the way from the arm
+_TURN_RAD = Range(2.2, 3.0)  # upside down, and what slopes inward empties, too
+_SIDE = 0.5  # of the drop, aside, so that the container's mouth is above the goal once it is turned
+_LEAST_STEPS = 3  # of the turn: with few it pours at once, with many bit by bit
+_MOST_STEPS = 6
+_SHAKE_M = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,14 +139,14 @@ def make_pourer(
         rng: random numbers.
         thickness_factor: how many times as thick as of the stiff default material the channels are.
     """
-    drop = rng.uniform(0.07, 0.12)
-    room = rng.uniform(0.002, 0.005)
+    drop = _DROP_M.draw(rng)
+    room = _ROOM_M.draw(rng)
 
-    gap = rng.uniform(0.003, 0.012)
+    gap = _GAP_M.draw(rng)
     pourer = _Pourer(
         subgoal,
         handles,
-        length=handles.length + gap + rng.uniform(-0.03, 0.015),
+        length=handles.length + gap + _LONGER_M.draw(rng),
         drop=drop,
         room=room,
         lip=thickness_factor * _LIP_M,
@@ -183,19 +209,20 @@ class _Pourer:
         lip = self.lip
         handles = self.handles
 
-        plate_size = (0.01, 0.06, drop + 0.07)
-        crossbar_size = (0.01, self.width, 0.03)
+        thick, wide = _PLATE_M
+        plate_size = (thick, wide, drop + _ABOVE_PLATE_M)
+        crossbar_size = (thick, self.width, _CROSSBAR_M)
         pieces = [
-            make_piece("plate", 0.005, 0.0, -drop / 2, plate_size),
-            make_piece("crossbar", _BACK_M - 0.005, 0.0, -drop, crossbar_size),
+            make_piece("plate", thick / 2, 0.0, -drop / 2, plate_size),
+            make_piece("crossbar", _BACK_M - thick / 2, 0.0, -drop, crossbar_size),
         ]
 
-        inner = handles.inner + 0.3 * (handles.outer - handles.inner)
+        inner = handles.inner + _INNER * (handles.outer - handles.inner)
         height = handles.high - handles.low + 2 * self.room
-        x = _BACK_M - 0.002 + self.length / 2
+        x = _BACK_M - _INTO_M + self.length / 2
 
-        web_size = (self.length + 0.002, lip, height + 2 * lip)
-        edge_size = (self.length + 0.002, self.outer - inner + 0.002, lip)
+        web_size = (self.length + _INTO_M, lip, height + 2 * lip)
+        edge_size = (self.length + _INTO_M, self.outer - inner + _INTO_M, lip)
 
         for name, side in SIDES:
             y = side * (self.outer + lip / 2)
@@ -220,26 +247,26 @@ class _Pourer:
         # Carry the container to the goal.
         positions = [solid.position for solid in self.subgoal.solids]
         place = np.mean(positions, axis=0) + self.subgoal.shift
-        heading = self.subgoal.workspace.direction(place) + rng.uniform(-0.5, 0.8)
+        heading = self.subgoal.workspace.direction(place) + _ASIDE_RAD.draw(rng)
 
         side = rng.choice([-1.0, 1.0])
-        turn = side * rng.uniform(2.2, 3.0)
+        turn = side * _TURN_RAD.draw(rng)
 
         ahead, left = heading_axes(heading)
         back = self.gap + _BACK_M - self.handles.rear
-        there = place - back * ahead - side * 0.5 * self.drop * left
+        there = place - back * ahead - side * _SIDE * self.drop * left
         there[2] = height
 
-        path.move(there, heading, rng.uniform(0.15, 0.4))
+        path.move(there, heading, _CARRY_M_S.draw(rng))
 
         # Turn it over, and shake it: what sticks to the wall falls then.
-        steps = rng.integers(3, 7)
+        steps = rng.integers(_LEAST_STEPS, _MOST_STEPS + 1)
 
         for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
             pose = Pose.xyz_rpy(there, (share * turn, 0.0, heading))
             path.add(pose, touch=True)
 
-        shaken = there + 0.02 * UP
+        shaken = there + _SHAKE_M * UP
         path.go(path.poses[-1], shaken, there, shaken, touch=True)
 
         degrees = np.degrees(abs(turn))
@@ -266,18 +293,19 @@ class _Pourer:
         grasp = container.center + back * ahead
         grasp[2] = (handles.low + handles.high) / 2 + self.drop
 
-        before = grasp - (self.length + rng.uniform(0.01, 0.03)) * ahead
-        path.go(heading, before + rng.uniform(0.06, 0.15) * UP, before)
+        before = grasp - (self.length + _BEHIND_M.draw(rng)) * ahead
+        path.go(heading, before + _ABOVE_M.draw(rng) * UP, before)
 
-        path.move(grasp, heading, rng.uniform(0.1, 0.3))
+        path.move(grasp, heading, _TAKE_M_S.draw(rng))
 
         # High enough for the container to pass over everything near, upright and on its side.
         upright = grasp[2] - container.lower[2]
         lying = np.ptp(container.points[:, :2], axis=0).min() / 2
         height = self.subgoal.clear_height + max(upright, lying)
 
-        height += rng.uniform(0.01, 0.06)
-        path.move(np.array([*grasp[:2], height]), heading, rng.uniform(0.1, 0.3))
+        height += _CLEAR_M.draw(rng)
+        lifted = np.array([*grasp[:2], height])
+        path.move(lifted, heading, _TAKE_M_S.draw(rng))
         path.hold()
 
         return float(height)

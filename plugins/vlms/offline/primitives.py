@@ -20,7 +20,7 @@ from numpy.random import Generator
 
 from core.geometry import Array, Pose
 from plugins.vlms.offline.boxes import LEVEL, UP
-from plugins.vlms.offline.chance import add_error
+from plugins.vlms.offline.chance import Range, add_error
 from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.subgoals import Subgoal
@@ -28,20 +28,112 @@ from plugins.vlms.offline.subgoals import Subgoal
 PrimitiveMotion = Callable[[HeadPath, Subgoal, Head, Generator], str]
 """Adds waypoints to a path, and says in words what they do."""
 
-# Bodies that go down by more are pushed over an edge.
-_FALL_M = 0.1
+# What heads move past, and how near.
+_CLEAR_M = Range(0.01, 0.05)  # above everything near, on the way down
+_LEAST_RISE_M = 0.03  # a way down is at least so long, to be slow at its end
+_PASS_M = 0.01  # above what is on its way a body is carried, at least
+_OVER_M = (
+    0.03  # above everything near what lies on a scoop is, as it may hang over its edge
+)
+_LEAVE_M = 0.03  # a face backs off by this before it rises
 
-# Bodies whose way on the ground is shorter are only lifted.
-_IN_PLACE_M = 0.03
+# How fast heads move, m/s: the rules allow more, and what is faster throws what it moves.
+_PUSH_M_S = Range(0.1, 0.4)
+_UNDER_M_S = Range(
+    0.08, 0.35
+)  # what is pushed by a scoop's edge rolls away before it lies on it
+_LIFT_M_S = Range(0.1, 0.4)
+_TRAY_LIFT_M_S = Range(0.15, 0.4)
+_TRAY_M_S = Range(0.15, 0.5)
+_CARRY_M_S = Range(0.1, 0.4)  # between fingers
+_RISE_M_S = 0.3  # with bodies between the fingers
+_LOWER_M_S = 0.2
+_SIDE_M_S = 0.1  # past what is close
 
-# How far above what is on its way a body is carried, at least.
-_PASS_M = 0.01
+# How wrong lengths and directions are.
+_GOOD_ERROR = 0.015  # of a length, as a share of it: it may do as it is
+_LARGE_ERROR = 0.18  # and that of most, which evolution is to correct
+_GOOD = 0.3  # how often it is good
+_HEADING_RAD = 0.06  # of a push
+_HEADINGS_OFF = 0.4  # how often it has that error
+_SCOOP_RAD = 0.05  # of a scoop
+_GRIP_RAD = 0.1  # of a hand
+_SLIP = 0.08  # of how far beside the middle a face meets bodies, in their widths
 
-# How often bodies are let fall into a hollow, rather than set down in it: a hand seldom fits.
-_LETS_FALL = 0.7
+# A push.
+_FALL_M = 0.1  # bodies that go down by more are pushed over an edge
+_FALL_WAY = Range(0.4, 1.3)  # of the way to where they fall to: they fly on
+_FALL_M_S = Range(0.5, 2.0)  # as the speed is not critical
+_THROW_WAY_M = Range(0.3, 0.9)  # what is thrown has to get its speed on the way
+_THROW_M_S = 2.0  # as fast as the arm's joints let it be
+_SWING_RAD = Range(-0.8, 0.8)  # of a head about its path, which throws bodies aside
+_BEHIND_M = Range(
+    0.004, 0.03
+)  # bodies: as near as it is sure to come down beside them, and as far as it costs little
+_PEN_M = (
+    0.001  # the least room behind bodies in a pen that is hardly longer than they are
+)
+_GROUND_M = Range(
+    0.002, 0.012
+)  # above the ground: clear of it, and below the middle of what is low
+_HIGHER = Range(0.0, 0.5)  # of their height, that a face meets bodies above their foot
+_HIGH = 0.25  # how often it does
+_LEAVES = 0.4  # how often a head rises at the end, and not the arm with it alone
 
-# Bodies that are so many times as tall as the pads that hold them are gripped above their middle.
-_TALL = 2.0
+# A scoop.
+_IN_PLACE_M = 0.03  # bodies whose way on the ground is shorter are only lifted
+_SIDES_RAD = [
+    0.0,
+    np.pi,
+    np.pi / 2,
+    -np.pi / 2,
+]  # from which they are reached, by the way they have to go
+_SIDES = [
+    0.3,
+    0.5,
+    0.1,
+    0.1,
+]  # how often: from the robot's side mostly, where the arm is not above them
+_FLOOR_M = Range(
+    0.0005, 0.004
+)  # above the ground: a body climbs onto what is no thicker
+_BEFORE_M = Range(0.005, 0.03)  # behind bodies
+_DEPTH = Range(
+    0.85, 1.02
+)  # of its own that a scoop goes under them: to its wall, and a little less or more
+_LIFT_MORE_M = Range(-0.01, 0.03)  # than the goal asks for
+_TILTS = 0.4  # how often a scoop leans back, so that nothing slides off
+_TILT_RAD = Range(
+    0.0, 0.25
+)  # what is flat lies on it up to a slope of its friction, 0.5 or so
+_TIP_RAD = Range(0.5, 1.3)  # so far forward everything slides off
+
+# A hook.
+_TOE_M = Range(0.004, 0.02)  # above the ground
+_SUNK_M = 0.004  # into it, at most, that a toe's middle may be for its height
+_HOOK_BEHIND_M = Range(0.004, 0.02)  # bodies, to where the toe comes in
+_HOOK_BEFORE_M = Range(0.01, 0.04)  # in front of them, from where it comes
+_UNDER_COVER_M = 0.05  # it comes down by, where there is no way from above
+
+# A clamp.
+_HAND_TURNS_RAD = [0.0, np.pi / 2, -np.pi / 2]
+_HAND_TURNS = [
+    0.8,
+    0.1,
+    0.1,
+]  # how often: most often as at home, where the arm has room
+_DRAGS = 0.6  # how often bodies with a free way on the ground are dragged
+_LETS_FALL = 0.7  # how often bodies are let fall into a hollow, rather than set down in it: a hand seldom fits
+_OUT_M = 0.02  # up before a step aside, from under what is above
+_ASIDE_M = 0.04  # and at its end
+_TALL = 2.0  # times as tall as the pads that hold them: such bodies are gripped above their middle
+_TALL_GRIP = Range(0.5, 0.95)  # of their height
+_LOW_GRIP_M = 0.002  # above the ground, at least
+_LOW_GRIP = (
+    0.4  # of their height, at most: others stand by themselves when they are let go
+)
+_SET_DOWN_M = 0.003  # above where bodies stood, so that they don't press on the ground
+_CARRY_MORE_M = Range(0.0, 0.03)  # than they must be lifted to pass
 
 
 def _draw_rise(
@@ -56,10 +148,10 @@ def _draw_rise(
         low: height of the head in the world, metres.
         rng: random numbers.
     Returns:
-        At least 3 cm.
+        At least `_LEAST_RISE_M`.
     """
-    clearance = subgoal.clear_height - low + rng.uniform(0.01, 0.05)
-    return max(0.03, clearance) * UP
+    clearance = subgoal.clear_height - low + _CLEAR_M.draw(rng)
+    return max(_LEAST_RISE_M, clearance) * UP
 
 
 def _draw_about(length: float, rng: Generator) -> float:
@@ -71,7 +163,7 @@ def _draw_about(length: float, rng: Generator) -> float:
     Returns:
         In the unit of the length.
     """
-    error = 0.015 if rng.random() < 0.3 else 0.18
+    error = _GOOD_ERROR if rng.random() < _GOOD else _LARGE_ERROR
     return length * rng.normal(1.0, error)
 
 
@@ -92,23 +184,25 @@ def push(
     Returns:
         What it does, in words, as a part of the sentence that describes the plan.
     """
-    extent = subgoal.extent(add_error(subgoal.heading, 0.06, rng, often=0.4))
+    extent = subgoal.extent(
+        add_error(subgoal.heading, _HEADING_RAD, rng, often=_HEADINGS_OFF)
+    )
 
     # How far behind the bodies the head comes down; a pen comes down around them.
-    gap = max(0.001, (head.depth - extent.along) / 2)
+    gap = max(_PEN_M, (head.depth - extent.along) / 2)
 
     if head.primitive != "surround":
-        gap = rng.uniform(0.004, 0.03)
+        gap = _BEHIND_M.draw(rng)
 
     # How far beside: what has walls must meet the bodies in their middle.
     slip = 0.0
     if head.depth == 0:
-        slip = rng.normal(0.0, 0.08) * extent.across
+        slip = rng.normal(0.0, _SLIP) * extent.across
 
     # How high: clear of the ground, and sometimes well above the bodies' foot.
-    low = subgoal.lower[2] + rng.uniform(0.002, 0.012)
-    if rng.random() < 0.25 and head.primitive == "push":
-        low += rng.uniform(0.0, 0.5) * subgoal.height
+    low = subgoal.lower[2] + _GROUND_M.draw(rng)
+    if rng.random() < _HIGH and head.primitive == "push":
+        low += _HIGHER.draw(rng) * subgoal.height
 
     # The stroke, at the end of which the head may swing to the side.
     length, speed, swing = _draw_stroke(subgoal, rng)
@@ -128,13 +222,13 @@ def push(
         f"{speed:.2f} m/s"
     )
 
-    leaves = rng.random() < 0.4 or len(subgoal.solids) > 1 or subgoal.alone
+    leaves = rng.random() < _LEAVES or len(subgoal.solids) > 1 or subgoal.alone
     if not (leaves or subgoal.is_released):
         return text
 
     # A face backs off first, so that it does not drag the bodies up; walls rise straight around them.
     if head.primitive == "push":
-        end = end - 0.03 * extent.ahead
+        end = end - _LEAVE_M * extent.ahead
         path.go(extent.heading + swing, end, touch=True)
 
     path.go(extent.heading + swing, end + rise, touch=True)
@@ -158,18 +252,18 @@ def _draw_stroke(subgoal: Subgoal, rng: Generator) -> tuple[float, float, float]
 
     # These are drawn in any case, so that the random numbers after them are the same.
     length = _draw_about(subgoal.length, rng)
-    speed = rng.uniform(0.1, 0.4)
+    speed = _PUSH_M_S.draw(rng)
 
     # They go over an edge: neither the way nor the speed is critical.
     if subgoal.shift[2] < -_FALL_M:
-        length = subgoal.length * rng.uniform(0.4, 1.3)
-        speed = rng.uniform(0.5, 2.0)
+        length = subgoal.length * _FALL_WAY.draw(rng)
+        speed = _FALL_M_S.draw(rng)
         return length, speed, 0.0
 
     # They are thrown.
     if distance > subgoal.workspace.farthest:
-        length = rng.uniform(0.3, 0.9)
-        return length, 2.0, rng.uniform(-0.8, 0.8)
+        length = _THROW_WAY_M.draw(rng)
+        return length, _THROW_M_S, _SWING_RAD.draw(rng)
 
     return length, speed, 0.0
 
@@ -196,22 +290,21 @@ def scoop(
     heading = subgoal.heading
 
     if in_place:
-        turns = [0.0, np.pi, np.pi / 2, -np.pi / 2]
-        heading += rng.choice(turns, p=[0.3, 0.5, 0.1, 0.1])
+        heading += rng.choice(_SIDES_RAD, p=_SIDES)
 
-    extent = subgoal.extent(heading + rng.normal(0.0, 0.05))
+    extent = subgoal.extent(heading + rng.normal(0.0, _SCOOP_RAD))
     heading = extent.heading
 
     ahead = extent.ahead
 
     # Slide under the bodies.
     # A head with a level goes under an overhang, not on the ground.
-    low = subgoal.lower[2] + head.level + rng.uniform(0.0005, 0.004)
-    gap = rng.uniform(0.005, 0.03)
-    speed = rng.uniform(0.08, 0.35)
+    low = subgoal.lower[2] + head.level + _FLOOR_M.draw(rng)
+    gap = _BEFORE_M.draw(rng)
+    speed = _UNDER_M_S.draw(rng)
 
     start = (extent.rear - gap - head.depth) * ahead + extent.middle + low * UP
-    under = start + (gap + head.depth * rng.uniform(0.85, 1.02)) * ahead
+    under = start + (gap + head.depth * _DEPTH.draw(rng)) * ahead
 
     path.go(heading, start + _draw_rise(subgoal, low, rng), start)
     path.move(under, heading, speed)
@@ -219,17 +312,17 @@ def scoop(
     path.hold()
 
     # From here on the bodies go along.
-    lift = max(subgoal.shift[2] + rng.uniform(-0.01, 0.03), 0.0)
+    lift = max(subgoal.shift[2] + _LIFT_MORE_M.draw(rng), 0.0)
     rise = _draw_about(lift, rng)
 
     if in_place:
         # Lean back at times, so that nothing slides off.
         tilt = 0.0
-        if rng.random() < 0.4:
-            tilt = -rng.uniform(0.0, 0.25)
+        if rng.random() < _TILTS:
+            tilt = -_TILT_RAD.draw(rng)
 
         lifted = under + rise * UP
-        path.move(lifted, heading, rng.uniform(0.1, 0.4))
+        path.move(lifted, heading, _LIFT_M_S.draw(rng))
         path.add(Pose.xyz_rpy(lifted, (0.0, tilt, heading)), touch=True)
 
         return f"slides under at {speed:.2f} m/s and lifts by {rise:.2f} m"
@@ -257,24 +350,25 @@ def _carry_on_tray(
         What it does, in words, as a part of the sentence that describes the plan.
     """
     under = path.end
-    high = max(rise, subgoal.clear_height - subgoal.lower[2] + 0.03)
+    high = max(rise, subgoal.clear_height - subgoal.lower[2] + _OVER_M)
     if subgoal.is_held:
-        high = max(rise, subgoal.height_on_way - subgoal.lower[2] + 0.03)
+        high = max(rise, subgoal.height_on_way - subgoal.lower[2] + _OVER_M)
 
     lifted = under + high * UP
     there = lifted + subgoal.shift * LEVEL
 
-    path.move(lifted, heading, rng.uniform(0.15, 0.4))
-    path.move(there, heading, rng.uniform(0.15, 0.5))
+    path.move(lifted, heading, _TRAY_LIFT_M_S.draw(rng))
+    path.move(there, heading, _TRAY_M_S.draw(rng))
 
     carried = (
         f"slides under, lifts by {high:.2f} m, carries by {subgoal.length:.2f} m and"
     )
     if subgoal.is_held:
-        path.move(there + (rise - high) * UP, heading, 0.2)
+        path.move(there + (rise - high) * UP, heading, _LOWER_M_S)
         return f"{carried} holds at {rise:.2f} m"
 
-    path.add(Pose.xyz_rpy(there, (0.0, rng.uniform(0.5, 1.3), heading)), touch=True)
+    tipped = (0.0, _TIP_RAD.draw(rng), heading)
+    path.add(Pose.xyz_rpy(there, tipped), touch=True)
     return f"{carried} tips out"
 
 
@@ -306,20 +400,21 @@ def hook(
         edge = extent.middle + subgoal.upper[2] * UP
     else:
         # The toe is as low as it can be, a little above the ground.
-        toe_middle = max(head.pieces[1].size[2] / 2 - 0.004, 0.0)
-        toe_middle += rng.uniform(0.004, 0.02)
+        toe_middle = max(head.pieces[1].size[2] / 2 - _SUNK_M, 0.0)
+        toe_middle += _TOE_M.draw(rng)
 
         beside = extent.left if head.aside[1] > 0 else extent.right
         edge = beside * extent.side + (subgoal.lower[2] + toe_middle) * UP
 
     # Come in from outside of what covers the bodies.
     outside = subgoal.length if subgoal.is_covered else 0.0
-    behind = edge + (extent.rear - rng.uniform(0.004, 0.02)) * ahead
+    behind = edge + (extent.rear - _HOOK_BEHIND_M.draw(rng)) * ahead
 
-    before = edge + (extent.front + outside + rng.uniform(0.01, 0.04)) * ahead
+    way_in = extent.front + outside + _HOOK_BEFORE_M.draw(rng)
+    before = edge + way_in * ahead
 
     # Under a cover there is no way down from above.
-    rise = 0.05 * UP
+    rise = _UNDER_COVER_M * UP
 
     if not subgoal.is_covered:
         rise = _draw_rise(subgoal, subgoal.lower[2], rng)
@@ -330,7 +425,7 @@ def hook(
     # Pull, most often too far or not far enough: that is for evolution to find.
     length = _draw_about(subgoal.length, rng)
     end = edge + (extent.rear + length) * ahead
-    path.move(end, extent.heading, rng.uniform(0.1, 0.4))
+    path.move(end, extent.heading, _PUSH_M_S.draw(rng))
 
     passes = "over" if passes_over else "beside"
 
@@ -355,11 +450,11 @@ def clamp(
         What it does, in words, as a part of the sentence that describes the plan.
     """
     # The fingers are most often turned as at home.
-    turn = rng.choice([0.0, np.pi / 2, -np.pi / 2], p=[0.8, 0.1, 0.1])
+    turn = rng.choice(_HAND_TURNS_RAD, p=_HAND_TURNS)
     if subgoal.extent(turn).across > head.width:
         turn = subgoal.grip_heading
 
-    yaw = add_error(turn, 0.1, rng)  # how the fingers are turned about z
+    yaw = add_error(turn, _GRIP_RAD, rng)  # how the fingers are turned about z
 
     low = subgoal.lower[2] + _draw_grip_height(subgoal, head, rng)
     grasp = np.array([*subgoal.center[:2], low])
@@ -372,7 +467,8 @@ def clamp(
 
     # Bodies with a free way on the ground may be dragged.
     rises = subgoal.rises
-    drags = not rises and not subgoal.is_blocked(subgoal.shift) and rng.random() < 0.6
+    is_free = not rises and not subgoal.is_blocked(subgoal.shift)
+    drags = is_free and rng.random() < _DRAGS
     goal = grasp + _draw_about(1.0, rng) * subgoal.shift * LEVEL
 
     lift = 0.0 if drags else _draw_lift(subgoal, rng)
@@ -381,17 +477,17 @@ def clamp(
     sidestep = subgoal.find_sidestep() if rises else np.zeros(3)
 
     if sidestep.any():
-        path.move(grasp + 0.02 * UP, yaw, 0.2, grip=1.0)
-        path.move(grasp + sidestep + 0.04 * UP, yaw, 0.1, grip=1.0)
+        path.move(grasp + _OUT_M * UP, yaw, _LOWER_M_S, grip=1.0)
+        path.move(grasp + sidestep + _ASIDE_M * UP, yaw, _SIDE_M_S, grip=1.0)
 
         grasp = grasp + sidestep
         goal = goal + sidestep
 
     # Carry or drag them to the goal.
     if not drags:
-        path.move(grasp + lift * UP, yaw, 0.3, grip=1.0)
+        path.move(grasp + lift * UP, yaw, _RISE_M_S, grip=1.0)
 
-    path.move(goal + lift * UP, yaw, rng.uniform(0.1, 0.4), grip=1.0)
+    path.move(goal + lift * UP, yaw, _CARRY_M_S.draw(rng), grip=1.0)
 
     _set_down(path, subgoal, goal, lift, rng)
 
@@ -422,14 +518,14 @@ def _set_down(
     is_held = subgoal.rises or subgoal.is_held
     opens = subgoal.is_released or subgoal.falls_in or not is_held
 
-    height = min(lift, subgoal.shift[2] + 0.003)
+    height = min(lift, subgoal.shift[2] + _SET_DOWN_M)
     if subgoal.falls_in and rng.random() < _LETS_FALL:
         height = lift
 
     yaw = float(path.poses[-1].rpy[2])
     down = goal + height * UP
     if opens or subgoal.length > _IN_PLACE_M:
-        path.move(down, yaw, 0.2, grip=1.0)
+        path.move(down, yaw, _LOWER_M_S, grip=1.0)
 
     if not opens:
         return
@@ -455,9 +551,10 @@ def _draw_grip_height(
     """
     pads = head.attachment[2]
     if subgoal.rises and subgoal.height > _TALL * pads:
-        return float(rng.uniform(0.5, 0.95) * subgoal.height - pads / 2)
+        return float(_TALL_GRIP.draw(rng) * subgoal.height - pads / 2)
 
-    return float(rng.uniform(0.002, max(0.002, 0.4 * subgoal.height)))
+    highest = max(_LOW_GRIP_M, _LOW_GRIP * subgoal.height)
+    return Range(_LOW_GRIP_M, highest).draw(rng)
 
 
 def _draw_lift(subgoal: Subgoal, rng: Generator) -> float:
@@ -475,7 +572,7 @@ def _draw_lift(subgoal: Subgoal, rng: Generator) -> float:
     if subgoal.length > _IN_PLACE_M:
         over_obstacles = subgoal.height_on_way - subgoal.lower[2] + _PASS_M
 
-    return float(max(subgoal.shift[2], over_obstacles)) + rng.uniform(0.0, 0.03)
+    return float(max(subgoal.shift[2], over_obstacles)) + _CARRY_MORE_M.draw(rng)
 
 
 PRIMITIVES: dict[str, PrimitiveMotion] = {

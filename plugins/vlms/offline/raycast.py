@@ -29,6 +29,16 @@ _HALF_M = (0.01, 0.007, 0.004)  # half widths of rods, the stoutest first
 _LONGEST_M = 0.4  # of a rod, from what it passes to the body
 _MOST_LEVELS = 12  # heights of undersides that are looked at
 _GAPS_M = (0.02, 0.012, 0.006)  # heights of gaps below a body, the highest first
+_MOST_WORTH_M = 0.06  # more depth ahead is worth no more,
+_WIDE_M = (
+    0.05  # nor are tines that are farther apart: what they carry is steady by then
+)
+_BARRED_M = 0.025  # to both sides of a way in: what is nearer is passed by the rod
+_ROD_CLEAR_M = 0.002  # beside a rod
+_FREE_M = 0.01  # behind the face that is pushed
+_BEST = 6  # one of so many places is as good as the best
+_LEVEL_M = 0.0015  # an underside is so even
+_TOUCH_M = 0.0016  # what is so near below it is itself
 _LEAST_DEPTH_M = 0.008
 
 
@@ -70,8 +80,8 @@ class LiftPoint:
     @property
     def worth(self) -> float:
         """More for one that is high, wide apart, and far ahead."""
-        ahead = min(self.depth, 0.06)
-        wide = min(self.apart, 0.05)
+        ahead = min(self.depth, _MOST_WORTH_M)
+        wide = min(self.apart, _WIDE_M)
 
         return ahead + wide + self.gap + float(self.rear[2])
 
@@ -216,10 +226,11 @@ def _find_push_points(
     hit = rays.near.min(axis=-1)
 
     blocked = rays.obstacle_near.min(axis=-1, initial=np.inf)
-    passed = minimum_filter(blocked, rays.window(0.025))  # where obstacles begin
+    passed = minimum_filter(blocked, rays.window(_BARRED_M))  # where obstacles begin
 
     for half in _HALF_M:
-        free = minimum_filter(blocked, rays.window(half + 0.002)) > hit + 0.01
+        beside = rays.window(half + _ROD_CLEAR_M)
+        free = minimum_filter(blocked, beside) > hit + _FREE_M
 
         points = []
         for u, v in np.argwhere(np.isfinite(hit) & free).tolist():
@@ -235,7 +246,7 @@ def _find_push_points(
 
         if points:
             points.sort(key=lambda point: point.cost)
-            return points[: max(1, len(points) // 6)]
+            return points[: max(1, len(points) // _BEST)]
 
     return []
 
@@ -297,11 +308,11 @@ class _Underside:
         found: list[LiftPoint] = []
 
         for level in levels[:: -max(1, len(levels) // _MOST_LEVELS)]:
-            underside = np.abs(near - level).min(axis=-1) < 0.0015
+            underside = np.abs(near - level).min(axis=-1) < _LEVEL_M
             widest = self.across[underside].max(initial=0.0)
 
             for gap in _GAPS_M:
-                full = (self._near < level - 0.0016) & (self._far > level - gap)
+                full = (self._near < level - _TOUCH_M) & (self._far > level - gap)
                 filled = full.any(axis=-1)
 
                 for apart in np.arange(0.0, widest + 1e-9, step):

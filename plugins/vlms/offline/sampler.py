@@ -40,6 +40,7 @@ _ANCHORING = 1  # keeps its random numbers apart from others of the same seed
 _TOOL_TRIES = 12
 _PLAN_TRIES = 5
 _MOST_TRIES = 60
+_FARTHER_M = 0.1  # than the least distance from the base, where an arm rises with less ease, and farther out
 _REST_S = 2.0  # what was thrown or rolls comes to rest meanwhile, if it does at all
 _ALONE = 0.8  # how often scattered bodies are moved one by one where a plan must do in several layouts
 
@@ -247,7 +248,7 @@ class Sampler:
         length = max(np.hypot(*outward), 1e-6)
         radii = (
             np.hypot(*workspace.from_axis(home)),
-            round(workspace.inner + 0.1, 2),
+            round(workspace.inner + _FARTHER_M, 2),
             workspace.inner,
         )
 

@@ -17,15 +17,27 @@ from core.geometry import Array, Pose
 from core.goals import reaches
 from core.interfaces import Brief
 from plugins.vlms.offline.boxes import LEVEL, UP
+from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.scene_model import SceneModel, Solid
 from plugins.vlms.offline.subgoals import Subgoal, goal_position
 from plugins.vlms.offline.targets import Target, find_targets, turn_over
 
 _LIFT_M = 0.15  # what is to be held is lifted by this
+_ASIDE_M = 0.1  # how far bodies are moved of which nothing is said
 _AWAY_M = 0.2  # how far a body is moved in a task without goals
 _FREE_M = 0.03  # clearance above a body that nothing lies on
 _NEAR_GOAL_M = 0.05  # bodies that are nearer need no lanes
 _MOST_LANES = 4
+_ALL_AT_ONCE = 0.6  # how often bodies near their goal are moved at once, rather than one of the upper ones
+_AS_HIGH_M = 0.005  # bodies that are lower by less are as easy to get at
+_SPREAD = Range(
+    0.2, 1.0
+)  # of how far lots are apart at the start, that they are in a hollow
+# How far bodies get that only have to get away, in the ways that they have to: with so much more they are sure to.
+_ESCAPE = Range(1.02, 1.4)
+# How often each way: toward the arm's axis, along -x, x, y and -y, away from the axis, and up. An arm pulls with ease.
+_ESCAPES = (2.0, 3.0, 1.0, 1.0, 1.0, 0.5, 1.5)
+_BLOCKED = 0.02  # times as often where something is in the way, which may yield
 # From a hollow's outside: its wall, and what a body is off where it falls.
 _WALL_M = 0.03
 
@@ -141,7 +153,7 @@ class SceneAnalysis:
         if goal.container is not None:
             nearer = rng.uniform() * self._find_nearer(goal.container, solids)
             if len(lanes) > 1:
-                spread = rng.uniform(0.2, 1.0)
+                spread = _SPREAD.draw(rng)
 
         middle = _mean_position(solids)
         subgoals = []
@@ -184,7 +196,7 @@ class SceneAnalysis:
 
         free = free or solids
         tops = np.array([solid.points[:, 2].max() for solid in free])
-        return free[int(rng.choice(np.flatnonzero(tops > tops.max() - 0.005)))]
+        return free[int(rng.choice(np.flatnonzero(tops > tops.max() - _AS_HIGH_M)))]
 
 
 def _draw_shift(subgoal: Subgoal, goal: Target, rng: Generator) -> Array:
@@ -202,7 +214,7 @@ def _draw_shift(subgoal: Subgoal, goal: Target, rng: Generator) -> Array:
     if goal.held:
         return _LIFT_M * UP
 
-    return _draw_escape(subgoal, goal.away or 0.1, rng)
+    return _draw_escape(subgoal, goal.away or _ASIDE_M, rng)
 
 
 def _bounds(solid: Solid) -> tuple[Array, Array]:
@@ -234,7 +246,7 @@ def _draw_lanes(solids: list[Solid], goal: Target, rng: Generator) -> list[list[
     way = goal_position(middle, goal) - middle
     length = np.hypot(*way[:2])
     if length < _NEAR_GOAL_M:
-        if rng.random() < 0.6:
+        if rng.random() < _ALL_AT_ONCE:
             return [solids]
 
         from_top = sorted(solids, key=lambda solid: -solid.position[2])
@@ -268,9 +280,9 @@ def _draw_escape(subgoal: Subgoal, away: float, rng: Generator) -> Array:
     directions = np.array(
         [toward, (-1, 0, 0), (1, 0, 0), (0, 1, 0), (0, -1, 0), -toward, UP]
     )
-    weights = np.array([2.0, 3.0, 1.0, 1.0, 1.0, 0.5, 1.5])
+    weights = np.array(_ESCAPES)
 
-    shifts = away * rng.uniform(1.02, 1.4) * directions
-    weights[[subgoal.is_blocked(shift) for shift in shifts]] *= 0.02
+    shifts = away * _ESCAPE.draw(rng) * directions
+    weights[[subgoal.is_blocked(shift) for shift in shifts]] *= _BLOCKED
     chosen = rng.choice(len(shifts), p=weights / weights.sum())
     return np.asarray(shifts[chosen])

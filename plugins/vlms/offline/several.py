@@ -28,6 +28,7 @@ from plugins.vlms.offline.tool_variation import mutate
 from plugins.vlms.offline.written_design import Design, write_tool
 
 _TRIES = 12
+_WEAK = 1.02  # less what a task earns: how likely it is worked on; one that is done is at times, too
 _FRESH = 0.4  # the chance of a fresh part for a task that is not done
 # Degrees about the mount's axis, one after the other for the tasks.
 _DIRECTIONS = (0, 90, -90, 180)
@@ -170,7 +171,7 @@ class _ToolMaker:
         Args:
             earned: rewards by task, 0..1.
         """
-        weights = 1.02 - np.clip(list(earned.values()), 0.0, 1.0)
+        weights = _WEAK - np.clip(list(earned.values()), 0.0, 1.0)
         chosen = self.rng.choice(len(earned), p=weights / weights.sum())
 
         return list(earned)[int(chosen)]

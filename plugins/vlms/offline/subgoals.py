@@ -24,6 +24,14 @@ _FOOT_M = 0.004  # boxes that begin lower than this are a body's foot,
 _OVERHANG_M = 0.006  # and those that stand out by more than this its overhang
 _GRIP_TURNS = 12  # in half a turn: headings across which fingers may close
 _NARROWER = 0.8  # of the bodies' width at home: what is worth to turn the hand for
+_RISES_M = 0.03  # bodies that have to get up by more are lifted
+_TOUCHES_M = 0.002  # what is above bodies may reach into them by this
+_SHRUNK_M = 0.001  # bodies are smaller by this for collision checks, since what only touches them does not block them
+_STEPS_M = (0.01, 0.02, 0.03, 0.04, 0.06)  # aside, the shortest first
+_STEP_WAYS = 8
+_LEAST_RISE_M = 0.05  # that must be free after a step
+_STEP_UP_M = 0.02  # its end is above its beginning
+_STEP_CLEAR_M = 0.006
 _SUPPORT_M = 0.006  # bodies are lifted by this for collision checks, since their support does not block them
 
 
@@ -160,7 +168,7 @@ class Subgoal:
     @property
     def rises(self) -> bool:
         """Whether the bodies have to be lifted."""
-        return bool(self.shift[2] > 0.03)
+        return bool(self.shift[2] > _RISES_M)
 
     @property
     def heading(self) -> float:
@@ -290,7 +298,7 @@ class Subgoal:
         above = (lower[:, :2] < self.upper[:2]).all(axis=1)
 
         above &= (upper[:, :2] > self.lower[:2]).all(axis=1)
-        above &= lower[:, 2] > self.upper[2] - 0.002
+        above &= lower[:, 2] > self.upper[2] - _TOUCHES_M
 
         return float((lower[above, 2] - self.upper[2]).min(initial=1.0))
 
@@ -327,8 +335,8 @@ class Subgoal:
         shares = np.linspace(0.0, 1.0, steps)[1:, None]
         way = shares * shift + start + _SUPPORT_M * UP
         turns = np.broadcast_to(np.eye(3), (len(way), 3, 3))
-        # What only touches the bodies does not block them.
-        shrunk = Boxes(self.boxes.centers, self.boxes.axes, self.boxes.halves - 0.001)
+        halves = self.boxes.halves - _SHRUNK_M
+        shrunk = Boxes(self.boxes.centers, self.boxes.axes, halves)
 
         return count_overlaps(shrunk.moved_to(way, turns), self.obstacles, margin) > 0
 
@@ -336,19 +344,19 @@ class Subgoal:
         """Find the shortest step (3,) aside, in the air, after which nothing is above the bodies; zero: none helps.
 
         Returns:
-            In the world, metres: one of eight ways, up to 6 cm.
+            In the world, metres: one of `_STEP_WAYS` ways, as short as can be.
         """
         # All the way up from the place beside must be free.
-        rise = max(self.shift[2], 0.05) * UP
+        rise = max(self.shift[2], _LEAST_RISE_M) * UP
         steps = [np.zeros(3)]
 
-        for radius in (0.01, 0.02, 0.03, 0.04, 0.06):
-            for angle in np.arange(8) * np.pi / 4:
+        for radius in _STEPS_M:
+            for angle in np.arange(_STEP_WAYS) * 2 * np.pi / _STEP_WAYS:
                 ahead, _ = heading_axes(angle)
                 steps.append(radius * ahead)
 
         for step in steps:
-            if not self.is_blocked(rise, step + 0.02 * UP, 0.006):
+            if not self.is_blocked(rise, step + _STEP_UP_M * UP, _STEP_CLEAR_M):
                 return step
 
         return np.zeros(3)

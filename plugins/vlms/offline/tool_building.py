@@ -12,6 +12,13 @@ from core.geometry import Array, Box, Color, Pose
 from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.tool_parts import FINGERTIP, MOUNTS
 
+_STEEP = 0.02  # the slope of a bar that counts as upright
+_STRAIGHT_M = 0.02  # a head so near below the mount is borne by a post alone
+_SOCKET_M = (0.05, 0.05, 0.012)  # which covers a flange
+_SLEEVE_M = (0.02, 0.018, 0.024)  # which covers a fingertip
+_INTO_PAD_M = 0.003  # how far a bar goes into a pad
+_FACE_M = 0.008  # from a head's attachment ahead to its face
+
 SHAFTS = {
     "gantry": "a boom and a drop",
     "slope": "a sloping shaft",
@@ -109,7 +116,7 @@ class ToolBuilder:
         way = end - start
         middle = (start + end) / 2
         length = float(np.linalg.norm(way))
-        if np.hypot(way[0], way[1]) < 0.02 * length:
+        if np.hypot(way[0], way[1]) < _STEEP * length:
             upright = (thickness, thickness, length)
             return self.add_box(name, parent, Pose(middle), upright)
 
@@ -152,7 +159,7 @@ class ToolBuilder:
 
         root, start = self._add_root(prefix, thickness, left=left)
 
-        if np.hypot(*(end - start)[:2]) < 0.02:
+        if np.hypot(*(end - start)[:2]) < _STRAIGHT_M:
             top = np.array([*end[:2], start[2] + thickness / 2])
             return self.add_bar(f"{prefix}post", root, top, end, thickness)
 
@@ -182,17 +189,17 @@ class ToolBuilder:
             left: see `add_shaft`.
         """
         if not self._gripper:
-            pose = Pose(np.array([0.0, 0.0, -0.006]))
-            root = self.add_box("socket", RIGID_MOUNT, pose, (0.05, 0.05, 0.012))
+            pose = Pose(np.array([0.0, 0.0, -_SOCKET_M[2] / 2]))
+            root = self.add_box("socket", RIGID_MOUNT, pose, _SOCKET_M)
             return root, np.array([0.0, 0.0, -thickness / 2])
 
         side = -1.0 if left else 1.0
         tip = FINGERTIP * np.array([1.0, side, 1.0])
         mount = GRIPPER_MOUNTS[0 if left else 1]
-        pose = Pose(tip - np.array([0.0, 0.0, 0.012]))
-        root = self.add_box(f"{prefix}sleeve", mount, pose, (0.02, 0.018, 0.024))
+        pose = Pose(tip - np.array([0.0, 0.0, _SLEEVE_M[2] / 2]))
+        root = self.add_box(f"{prefix}sleeve", mount, pose, _SLEEVE_M)
 
-        return root, tip - np.array([0.0, 0.0, 0.024 + thickness / 2])
+        return root, tip - np.array([0.0, 0.0, _SLEEVE_M[2] + thickness / 2])
 
 
 def _shaft_points(shaft: Shaft, start: Array, end: Array) -> list[tuple[str, Array]]:
@@ -234,7 +241,7 @@ def build_clamp(head: Head, pose: Pose, thickness: float) -> Tool:
     shaft = Shaft("gantry", thickness)
     for piece, is_left in zip(head.pieces, (True, False), strict=True):
         pad = pose @ piece.pose
-        top = pad.position + np.array([0.0, 0.0, piece.size[2] / 2 - 0.003])
+        top = pad.position + np.array([0.0, 0.0, piece.size[2] / 2 - _INTO_PAD_M])
         bar = builder.add_shaft(shaft, top, left=is_left)
         builder.add_box(piece.name, bar, pad, piece.size, _FIRST_COLOR)
 
@@ -272,7 +279,7 @@ def build_tool(
     """
     builder = ToolBuilder(gripper)
     # aligns the shaft's front with the head's face
-    flush = np.array([0.008 - shaft.thickness / 2, 0.0, 0.0])
+    flush = np.array([_FACE_M - shaft.thickness / 2, 0.0, 0.0])
     end = pose.apply(head.attachment + flush)
     last = builder.add_shaft(shaft, end, left=True)
     builder.add_head(head, last, pose)

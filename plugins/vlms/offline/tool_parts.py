@@ -17,6 +17,10 @@ from plugins.vlms.offline.heads import FINGER_OPEN, Head, Primitive
 from plugins.vlms.offline.scene_model import HALF_TURN
 from plugins.vlms.offline.subgoals import Subgoal
 
+_TURN_RAD = 0.1  # how wrong the guess of a working side is
+_BACK_WALL_M = 0.01  # of what encloses: what it encloses is before it
+_PAD_DEPTH_M = 0.01  # of pads, and of bare fingers: half of their width
+_MOST_NAME = 24  # characters of a task's name in that of a component
 _LOW_M = 0.015  # boxes this close to a tool's lowest point do its work
 _FINGER_Z = -0.0584  # the fingers' frames below the tool mount, with the hand on
 _BARE_FINGERTIP = np.array([0.0, 0.0, -0.11])  # in the frame of the tool mount
@@ -25,7 +29,7 @@ FINGERTIP = np.array([0.0, FINGER_OPEN + 0.0076, -0.105])
 
 
 def _make_hand() -> Boxes:
-    """Make the boxes of a palm and two fingers."""
+    """Make the boxes of a palm and two fingers, as large as those of the Panda."""
     palm = Pose(np.array([0.0, 0.0, -0.033]))
     placed = [(palm, np.array([0.064, 0.206, 0.066]))]
 
@@ -123,7 +127,7 @@ def task_suffix(task: Task) -> str:
     Args:
         task: whose name may have characters that a component's can't.
     """
-    return re.sub(r"[^\w.-]", "_", task.name, flags=re.ASCII)[:24]
+    return re.sub(r"[^\w.-]", "_", task.name, flags=re.ASCII)[:_MOST_NAME]
 
 
 def find_part(tool: Tool, task: Task) -> Tool:
@@ -170,11 +174,11 @@ def guess_head(
         subgoal: what is to be moved.
         rng: random numbers.
     """
-    turn = draw_head_turn(rng) + rng.normal(0.0, 0.1)
+    turn = draw_head_turn(rng) + rng.normal(0.0, _TURN_RAD)
     encloses = rng.random() < 0.5
 
     if tool.gripper and not tool.components:
-        hand = Head("hand", "clamp", (), np.zeros(3), 0.01, 2 * FINGER_OPEN)
+        hand = Head("hand", "clamp", (), np.zeros(3), _PAD_DEPTH_M, 2 * FINGER_OPEN)
         return PlacedHead(hand, Pose(_BARE_FINGERTIP))
 
     heading = subgoal.heading - turn
@@ -193,7 +197,7 @@ def guess_head(
     depth = 0.0
 
     if subgoal.rises or encloses:
-        depth = max(0.0, np.ptp(along) - 0.01)
+        depth = max(0.0, np.ptp(along) - _BACK_WALL_M)
 
     middle = (across.min() + across.max()) / 2 * side
     x, y = (along.max() - depth) * ahead + middle
@@ -238,5 +242,5 @@ def _guess_pads(tool: Tool) -> PlacedHead | None:
     place = np.array([middle, (left_face + right_face) / 2, lower[low, 2].min()])
     attachment = np.array([0.0, 0.0, height])
     width = right_face - left_face
-    head = Head("pads", "clamp", (), attachment, 0.01, max(0.0, width))
+    head = Head("pads", "clamp", (), attachment, _PAD_DEPTH_M, max(0.0, width))
     return PlacedHead(head, Pose(place))

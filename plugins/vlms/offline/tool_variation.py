@@ -17,11 +17,32 @@ from scipy.spatial.transform import Rotation
 from core.design import Component, Tool
 from core.geometry import Box, Pose, resized
 from plugins.vlms.offline.boxes import Boxes, separations
-from plugins.vlms.offline.chance import draw
+from plugins.vlms.offline.chance import Range, draw
 
 _ADDED_COLOR = (0.56, 0.35, 0.68, 1.0)  # of components that were not in a parent
 _THINNEST_M = 0.001
 _LONGEST_M = 1.5
+_KINDS = {
+    "size": 4.0,  # most often: what a tool consists of is seldom what is wrong with it
+    "shift": 2.0,
+    "turn": 2.0,
+    "add": 1.5,
+}
+"""How often a tool is changed in each way, in relation to the others; removing and replacing count 1."""
+
+# Changes of the scale 1, and of the smallest scale: a change that is too small is none.
+_SHIFT_M = 0.03  # a standard deviation
+_LEAST_SHIFT = 0.2
+_TURN_RAD = Range(0.08, 0.5)
+_LEAST_TURN = 0.3
+_GROWTH = Range(0.1, 0.6)  # the logarithm of a factor
+_LEAST_GROWTH = 0.2
+_REPLACED = 0.5  # the standard deviation of the logarithms of factors of sides
+_LONGEST_REPLACED_M = 0.6
+_ADDED = Range(0.3, 1.0)  # of its parent's sides
+_ADDED_THICK_M = Range(0.01, 0.08)  # off the parent's face
+_ADDED_SIDES_M = (0.004, 0.3)  # the least and the largest
+_BLEND = Range(0.2, 0.8)  # of the way to the other tool: neither is left as it is
 _OVERLAP_M = 0.0005  # of components that were moved until they touch
 _BLENDS = 0.7  # how often tools of equal structure are blended when they are crossed
 _MOST_MOVES = 4  # of a component, until it touches its parent
@@ -44,10 +65,7 @@ def mutate(
     components = [*tool.components]
     count = len(components)
     kinds = {
-        "size": 4.0,
-        "shift": 2.0,
-        "turn": 2.0,
-        "add": 1.5,
+        **_KINDS,
         "remove": float(count > 2),
         "replace": float(count > 1),
     }
@@ -91,7 +109,7 @@ def _shift(
     component = components[number]
     pose = component.pose
 
-    way = rng.normal(0.0, 0.03 * max(scale, 0.2), 3)
+    way = rng.normal(0.0, _SHIFT_M * max(scale, _LEAST_SHIFT), 3)
     moved = Pose(pose.position + way, pose.quaternion)
     components[number] = replace(component, pose=moved)
 
@@ -115,7 +133,7 @@ def _turn(
     axis = rng.integers(3)
 
     sign = rng.choice([-1.0, 1.0])
-    angle = sign * rng.uniform(0.08, 0.5) * max(scale, 0.3)
+    angle = sign * _TURN_RAD.draw(rng) * max(scale, _LEAST_TURN)
     rotation = Rotation.from_rotvec(angle * np.eye(3)[axis])
     turn = Pose.from_rotation(np.zeros(3), rotation)
     components[number] = replace(component, pose=component.pose @ turn)
@@ -137,8 +155,8 @@ def _replace(components: list[Component], rng: Generator) -> str:
     """
     number = _draw_leaf(components, rng)
     component = components[number]
-    sides = component.shape.bounds[1] * np.exp(rng.normal(0.0, 0.5, 3))
-    x, y, z = np.clip(sides, _THINNEST_M, 0.6).tolist()
+    sides = component.shape.bounds[1] * np.exp(rng.normal(0.0, _REPLACED, 3))
+    x, y, z = np.clip(sides, _THINNEST_M, _LONGEST_REPLACED_M).tolist()
 
     name = _free_name("part", components)
     box = Box((x, y, z))
@@ -167,7 +185,7 @@ def _resize(
 
     # Growing and shrinking by the same factor are as likely.
     sign = rng.choice([-1.0, 1.0])
-    factor = np.exp(sign * rng.uniform(0.1, 0.6) * max(scale, 0.2))
+    factor = np.exp(sign * _GROWTH.draw(rng) * max(scale, _LEAST_GROWTH))
 
     component = components[number]
     before = component.shape.bounds[1]
@@ -211,9 +229,9 @@ def _add(components: list[Component], rng: Generator) -> str:
 
     side = rng.choice([-1.0, 1.0])
     size = parent.shape.bounds[1]
-    sides = size * rng.uniform(0.3, 1.0, 3)
-    sides[axis] = rng.uniform(0.01, 0.08)
-    sides = np.clip(sides, 0.004, 0.3)
+    sides = size * rng.uniform(*_ADDED, 3)
+    sides[axis] = _ADDED_THICK_M.draw(rng)
+    sides = np.clip(sides, *_ADDED_SIDES_M)
 
     place = np.zeros(3)
     place[axis] = side * ((size[axis] + sides[axis]) / 2 - _OVERLAP_M)
@@ -284,7 +302,7 @@ def cross(
         As of `mutate`.
     """
     if _structure(first) == _structure(second) and rng.random() < _BLENDS:
-        return _blend(first, second, rng.uniform(0.2, 0.8))
+        return _blend(first, second, _BLEND.draw(rng))
 
     donor = second.components[_draw_leaf(second.components, rng)]
     mount, pose = second.placed()[donor.name]

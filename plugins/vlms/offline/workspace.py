@@ -14,6 +14,12 @@ from core.robot.kinematics import Arm, arm_of, robot_model
 from plugins.vlms.told.reach import Span, span_at
 
 _LOWEST_M = 0.1  # of the end-effector above the ground that bodies stand on
+# Clear of the edges, where the elbow is stretched or folded.
+_FOLDED_M = 0.06
+_EASY = 0.85
+_STRETCHED = 0.94  # and where it still gets, with less ease
+_HIGHEST_M = 1.05  # of the heights at which an arm's reach is looked for
+_HEIGHT_STEP_M = 0.1
 _TOOL_M = 0.55  # what a tool adds to an arm's stretch, at most
 
 
@@ -76,10 +82,9 @@ def compute_workspace(robot: Robot) -> Workspace:
     height = float(model.place_joints(np.array([robot.home]))[1][2, 0, 2])
     span = _find_span(arm_of(stand), height) or Span(0.0, model.reach)
 
-    # Clear of the edges, where the elbow is stretched or folded: by 6 cm inside, and by 15 % outside.
-    inner = round(span.least + 0.06, 2)
-    outer = round(0.85 * span.most, 2)
-    stretch = round(0.94 * span.most, 2)
+    inner = round(span.least + _FOLDED_M, 2)
+    outer = round(_EASY * span.most, 2)
+    stretch = round(_STRETCHED * span.most, 2)
 
     base = robot.base.position
     shoulder = base + np.array([0.0, 0.0, round(height, 2)])
@@ -96,7 +101,7 @@ def _find_span(arm: Arm, height: float) -> Span | None:
     Returns:
         The span with the flange pointing down; None: the arm reaches nothing.
     """
-    heights = np.round(np.arange(0.0, 1.05, 0.1), 3).tolist()
+    heights = np.round(np.arange(0.0, _HIGHEST_M, _HEIGHT_STEP_M), 3).tolist()
     for z in sorted(heights, key=lambda z: abs(z - height)):
         span = span_at(arm, z, 0.0)
         if span is not None:
