@@ -31,6 +31,7 @@ from plugins.tasks.file import (
     photos,
     places,
     tree,
+    vain_goals,
 )
 from plugins.tasks.file import spec as schema
 from plugins.tasks.file.named_files import Files, warn_once
@@ -98,6 +99,7 @@ class FileTask(Task):
             *doubts.find_doubts(self._scene),
             *doubts.find_idle_joints(self._scene),
             *doubts.find_idle_goals(self._scene, self.goals, self.every),
+            *vain_goals.find_too_wide(self.goals, self._scene),
         ]
         for doubt in found:
             warn_once(f"{file}: {doubt}")

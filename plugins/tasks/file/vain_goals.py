@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from core.errors import UsageError
+from core.geometry import Box, Capsule, Cylinder, Sphere
 from core.goals import (
     Away,
     Broken,
@@ -20,13 +21,19 @@ from core.goals import (
     Untouched,
     reaches,
 )
-from core.scene import Scene
+from core.scene import FIXTURE, Scene
 from plugins.tasks.file.kinds import Inside, TurnedBy
 
 HALF_TURN_DEG = 180.0
 """The largest angle between two directions."""
 
 _ROUNDING = 1e-9
+_WHOLE = (
+    Box,
+    Capsule,
+    Cylinder,
+    Sphere,
+)  # shapes in which a ball fits that is as wide as their smallest side
 _MOVED = (Placed, Away, Inside)  # kinds that say how far a body itself has to get
 
 Numbered = Sequence[tuple[int, Goal]]
@@ -91,6 +98,32 @@ def _check_place(goal: Placed) -> None:
                 "a place or a way with null for all of x, y and z asks nothing; give one of them, such as [0.6, null, "
                 "null]"
             )
+
+
+def find_too_wide(goals: Sequence[Goal], scene: Scene) -> Iterator[str]:
+    """Yield a line for each body that does not get into the hollow that it is to end in.
+
+    A body of one round or square shape is looked at, by its smallest side; a design's fixture is not known.
+    """
+    state = scene.state()
+    for goal in reaches(goals):
+        for part in goal.parts:
+            if not isinstance(part, Inside) or part.inside == FIXTURE:
+                continue
+
+            widest = 2 * part.hollow.passage
+            for name in goal.bodies:
+                shapes = [geom.shape for geom in scene[name].collisions]
+                is_known = len(shapes) == 1 and isinstance(shapes[0], _WHOLE)
+                if not is_known or goal.progress(state, state) >= 1.0:
+                    continue
+
+                _, sides = shapes[0].bounds
+                if float(min(sides)) > widest:
+                    way = f"the way in is at most {1000 * widest:.0f} mm wide"
+                    if not widest:
+                        way = "no way leads in"
+                    yield f"{name} does not get into {part.inside}: {way}"
 
 
 def find_circle(after: Mapping[int, int]) -> int | None:
