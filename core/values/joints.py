@@ -162,7 +162,7 @@ class Joint:
             f"its range {span} must be within {MAX_POSITION:g} of 0": (
                 self.limited and max(-least, most) > MAX_POSITION
             ),
-            "its range must be less than a whole turn, or leave it out": (
+            "its range is in radians, and must be less than a whole turn; or leave it out": (
                 turns and most - least >= 2 * math.pi
             ),
             f"rest and start must be numbers up to {MAX_POSITION:g}": not (

@@ -17,6 +17,9 @@ from core.values.doubts import find_doubt
 SEEN = 0.9  # of half a picture's height: what is farther from its middle is hardly seen
 FALLS_M = 0.002  # more than engines need to settle what rests
 HELD_M = 0.01  # a bond holds a point of a body, not one farther from it
+ROUNDED = (
+    0.005  # of an eighth of a turn: 1.57 and 0.785 are so near to what they stand for
+)
 STEPS = 40  # places of a joint that are looked at
 FAR_M = 1.6  # beyond the reach of the longest arms, 1.3 m, with a tool of 0.3 m
 
@@ -83,6 +86,19 @@ def find_idle_joints(scene: Scene) -> Iterator[str]:
                 f"bond {bond.name} holds {bond.body} by a point {1000 * away:.0f} mm from it; its origin is in the "
                 "frame of the body"
             )
+
+
+def find_radians(turns: Mapping[str, Vector]) -> Iterator[str]:
+    """Yield a line for each turn, degrees, that is a quarter or half of one in radians; ``turns`` by what turns."""
+    for name, angles in turns.items():
+        for angle in angles:
+            quarters = abs(angle) / (np.pi / 4)
+            count = round(quarters)
+            if 0 < count <= 4 and abs(quarters - count) < ROUNDED:
+                yield (
+                    f"{name} has rpy_deg {angle:g}, which are degrees: {count * 45} degrees are {angle:g} radians"
+                )
+                break
 
 
 def _turn_upright(gravity: Vector) -> Pose:

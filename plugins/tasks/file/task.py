@@ -13,7 +13,7 @@ import numpy as np
 
 from core.design import Fixture
 from core.errors import UserError
-from core.geometry import Array, Pose
+from core.geometry import Array, Pose, Vector
 from core.goals import goals_reward, reaches
 from core.interfaces import Picture, Task
 from core.robot.kinematics import arm_of
@@ -98,6 +98,7 @@ class FileTask(Task):
         found = [
             *doubts.find_doubts(self._scene),
             *doubts.find_idle_joints(self._scene),
+            *doubts.find_radians(_list_turns(spec)),
             *doubts.find_idle_goals(self._scene, self.goals, self.every),
             *vain_goals.find_too_wide(self.goals, self._scene),
         ]
@@ -305,6 +306,18 @@ class FileTask(Task):
 
     def source(self) -> str:
         return self._text
+
+
+def _list_turns(spec: schema.SceneSpec) -> dict[str, Vector]:
+    """List the turns that a file writes, by what turns."""
+    turns: dict[str, Vector] = {"home": spec.home.rpy_deg}
+    for body in spec.bodies:
+        turns[f"body {body.name}"] = body.rpy_deg
+        for number, part in enumerate(body.parts or ()):
+            turns[f"part {number} of {body.name}"] = part.rpy_deg
+
+    turns |= {f"mark {mark.name}": mark.rpy_deg for mark in spec.marks}
+    return turns | {other.file: other.rpy_deg for other in spec.imports}
 
 
 def _bound_sets(given: Mapping[str, Sequence[float]]) -> Ranges:

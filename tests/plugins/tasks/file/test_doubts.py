@@ -185,6 +185,24 @@ def test_what_is_too_wide_for_an_opening(tmp_path, caplog, shape, vessel, said):
     assert len(caplog.records) == bool(said)
 
 
+@pytest.mark.parametrize(
+    ("angles", "said"),
+    [
+        ("[0, 0, 1.57]", "body ball has rpy_deg 1.57, which are degrees: 90 degrees are 1.57"),
+        ("[-0.785, 0, 0]", "body ball has rpy_deg -0.785, which are degrees: 45 degrees"),
+        ("[0, 3.14159, 0]", "body ball has rpy_deg 3.14159, which are degrees: 180 degrees"),
+        ("[0, 1.5, 0]", ""),
+        ("[0, 0, 90]", ""),
+    ],
+)  # fmt: skip
+def test_degrees_that_look_like_radians(tmp_path, caplog, angles, said):
+    ball = "{name: ball, sphere: 0.02,"
+    assert ball in DRAWER
+    task_of(tmp_path, DRAWER.replace(ball, f"{ball} rpy_deg: {angles},"), "none")
+    assert said in caplog.text
+    assert len(caplog.records) == bool(said)
+
+
 UP = """name: Up
 description: Everything floats upward here. A bar rests under the ceiling.
 table: false
