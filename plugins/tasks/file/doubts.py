@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose, Vector
-from core.goals import Goal, Placed, Reach, reaches
+from core.goals import Goal, Kept, Placed, Reach, reaches
 from core.robot.solids import body_solids
 from core.scene import Body, Camera, Scene, Soft, State
 from core.values.doubts import find_doubt
@@ -54,6 +54,10 @@ def find_doubts(scene: Scene) -> Iterator[str]:
             yield from find_doubt(where, "density", body.mass / volume)
         if body.name in hanging or any(body.velocity) or not any(scene.gravity):
             continue
+
+        weight = body.mass * float(np.linalg.norm(scene.gravity))
+        if 0 < body.breaks_n < weight:
+            yield f"body {body.name} weighs {weight:.3g} N, and breaks at {body.breaks_n:g} N where it lies"
 
         gap = _gap_below(body.name, below)
         if gap > FALLS_M:
@@ -128,6 +132,9 @@ def find_idle_goals(scene: Scene, goals: Sequence[Goal], every: bool) -> Iterato
     weights = sum(goal.weight for goal in wanted)
 
     for number, goal in enumerate(goals):
+        if isinstance(goal, Kept):
+            moving = [name for name in goal.keep if scene[name].launched]
+            yield from (f"{name} is to be kept, and begins to move" for name in moving)
         if not isinstance(goal, Reach):
             continue
 

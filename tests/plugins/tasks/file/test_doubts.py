@@ -186,6 +186,24 @@ def test_what_is_too_wide_for_an_opening(tmp_path, caplog, shape, vessel, said):
 
 
 @pytest.mark.parametrize(
+    ("key", "said"),
+    [
+        ("breaks_n: 0.97", "body ball weighs 0.981 N, and breaks at 0.97 N where it lies"),
+        ("breaks_n: 0.99", ""),
+        ("velocity: [0.1, 0, 0]", "ball is to be kept, and begins to move"),
+    ],
+)  # fmt: skip
+def test_what_is_lost_before_the_robot_moves(tmp_path, caplog, key, said):
+    ball = "{name: ball, sphere: 0.02,"
+    text = DRAWER.replace(ball, f"{ball} {key},").replace(
+        "null]}", "null], keep: [ball]}"
+    )
+    task_of(tmp_path, text, "none")
+    assert said in caplog.text
+    assert len(caplog.records) == bool(said)
+
+
+@pytest.mark.parametrize(
     ("angles", "said"),
     [
         ("[0, 0, 1.57]", "body ball has rpy_deg 1.57, which are degrees: 90 degrees are 1.57"),
