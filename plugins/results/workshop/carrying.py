@@ -31,7 +31,7 @@ from core.interfaces import (
 )
 from core.plugins import PluginPart
 from core.scene import Scene
-from core.support.cli import say
+from core.support.cli import expand, path_exists, say
 from plugins.results.chosen import chosen_evaluations
 from plugins.results.workshop.dry_run import DryRun
 from plugins.results.workshop.policy import Limits, Move, Policy, Stopped
@@ -119,11 +119,24 @@ def dump_settings(cfg: DictConfig, task: PluginPart[Task]) -> dict[str, Any]:
     sections = ("robot", "tool", "material", "rollout")
     settings = {key: OmegaConf.to_container(cfg[key], resolve=True) for key in sections}
     return {
-        "task": {"name": task.name, **dict(task.settings)},
+        "task": {"name": task.name, **_name_files(dict(task.settings))},
         **settings,
+        "robot": _name_files(settings["robot"]),
         "seed": cfg.seed,
         "rate_hz": cfg.rate_hz,
     }
+
+
+def _name_files(settings: Any) -> dict[str, Any]:
+    """Return settings with whole paths of files, since a plan is carried out in a folder of its own."""
+    named = dict(settings)
+    for key, value in settings.items():
+        if key == "name" or not isinstance(value, str) or not path_exists(value):
+            continue
+        if expand(value).is_file():
+            named[key] = str(expand(value).absolute())
+
+    return named
 
 
 def load_export(folder: Path) -> Exported:

@@ -1,21 +1,33 @@
 """Exported plans on an arm: here one that follows exactly, and feels a block where its mount comes low."""
 
 import importlib.util
+import json
 import py_compile
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import create_autospec
 
 import numpy as np
 import pytest
+from omegaconf import OmegaConf
 
+from core.config.compose import task_parts
 from core.design import Candidate
 from core.designs.planning import resolve
 from core.interfaces import RolloutSettings
 from core.robot.kinematics import arm_of
 from plugins.actions.anchored import AnchoredActions
-from plugins.results.workshop.carrying import Exported, carry_out
+from plugins.results.workshop.carrying import (
+    DESIGN,
+    SETTINGS,
+    Exported,
+    carry_out,
+    dump_settings,
+    load_export,
+)
+from plugins.results.workshop.export_command import configured
 from plugins.results.workshop.policy import Limits, Policy, Stopped
 from plugins.results.workshop.texts import write_plan_programs
 from plugins.robots.arms import panda, ur10
@@ -128,6 +140,18 @@ def test_a_loop_ends_once_its_goal_is_seen():
     policy, driver, _ = carry(Cubes(), lambda: next(pictures), HIGH, loop)
     assert len(policy.looks) == 2
     assert len(driver.places) == 2
+
+
+def test_a_plan_for_a_scene_file_is_read_in_a_folder_of_its_own(tmp_path, monkeypatch):
+    design = json.loads(Path("tests/tasks/scenes/press_button.json").read_text())
+    words = ["task=file", "task.file=tasks/scenes/press_button.yaml", "tool=boxes"]
+    cfg = configured([*words, "designs=any.json"])
+    (part,) = task_parts(cfg)
+    settings = OmegaConf.to_yaml(OmegaConf.create(dump_settings(cfg, part)))
+    (tmp_path / SETTINGS).write_text(settings)
+    (tmp_path / DESIGN).write_text(json.dumps(design))
+    monkeypatch.chdir(tmp_path)
+    assert load_export(tmp_path).scene["button"].mass == 0.08
 
 
 @pytest.mark.parametrize(
