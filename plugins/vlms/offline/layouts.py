@@ -101,7 +101,7 @@ def keeps_rules(tool: Tool, brief: Brief, layouts: Sequence[Layout]) -> bool:
     try:
         check_tool(material.made(tool), brief.task.robot, material)
         for layout in layouts:
-            layout.spawn.check(tool)
+            layout.spawn.check_start(tool)
     except DesignError:
         return False
 

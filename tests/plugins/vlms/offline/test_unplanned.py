@@ -5,11 +5,17 @@ from pathlib import Path
 
 import pytest
 
+from core.design import DesignError
 from core.goals import reaches
+from core.interfaces import Brief
+from core.plugins import installed
 from plugins.tasks.file.goals import KINDS
 from plugins.tasks.file.task import FileTask
+from plugins.vlms.offline.layouts import make_layouts
+from plugins.vlms.offline.sampler import Sampler
 from plugins.vlms.offline.targets import find_targets
 from plugins.vlms.offline.unplanned import find_unplanned
+from tests.panda import on_panda
 
 DOCS = Path(__file__).parents[4] / "docs" / "models.md"
 GOAL = "{bodies: [ball], place: [0.6, 0.2, null]}"
@@ -108,3 +114,19 @@ def test_the_page_of_models_lists_what_is_named(named):
     (sentence,) = re.findall(r"it does not plan for [^.]*\.", text)
     listed = set(re.findall(r"`([a-z0-9_]+)`", sentence))
     assert listed == {key for key, (lines, _) in named.items() if lines}
+
+
+def test_a_goal_that_names_a_fixture_does_not_cost_its_designs_their_tries(tmp_path):
+    """The embedded designer brings no fixture: its tools are rejected where they are tried, and say why."""
+    file = tmp_path / "scene.yaml"
+    text = SCENE.replace("\njoints:", REGION)
+    file.write_text(text.replace(GOAL, MORE["fixture"]))
+    task = on_panda(FileTask(str(file)))
+    tools = installed().create("tool", "urdf")
+    actions = installed().create("action", "waypoints")
+    brief = Brief(task, 0, tools, False, 1, 1, 0, 0, 0, actions=actions)
+    sampler = Sampler(brief, make_layouts(brief))
+    tool = sampler.invent().tool
+    assert sampler.accepts(tool)
+    with pytest.raises(DesignError, match="name the fixture, and the design has none"):
+        sampler.layout.spawn.check(tool)
