@@ -86,7 +86,7 @@ def prepare(
             resolve=partial(resolve, plan, task, seed, settings, scene),
             perceive=lookout.look,
             report=lookout.report,
-            go_on=partial(_plan_on, task, settings),
+            go_on=partial(_plan_on, task, tool, settings),
             check=partial(check_motion, task, tool, scene, settings),
         )
         reactions = call_part(plan, "make_reactions", Reactions, planned)
@@ -110,10 +110,25 @@ def prepare(
 
 
 def _plan_on(
-    task: Task, settings: RolloutSettings, waypoints: Waypoints, begin: Begin
+    task: Task,
+    tool: Tool,
+    settings: RolloutSettings,
+    waypoints: Waypoints,
+    begin: Begin,
 ) -> Motion:
-    """Plan the motion of a task's robot through waypoints, from where it stopped."""
-    return plan_task_motion(waypoints, task, settings, begin)
+    """Plan the motion of a task's robot through waypoints, from where it stopped.
+
+    Raises:
+        DesignError: there is none, or it drives the arm through itself, and that is forbidden.
+    """
+    motion = plan_task_motion(waypoints, task, settings, begin)
+    if settings.penetration == "forbid":
+        collision = find_self_collision(task.robot, tool, motion.trajectory)
+        if collision is not None:
+            where = collision.describe(motion.arrivals)
+            raise DesignError(f"on from there, {where}; {collision.mend}")
+
+    return motion
 
 
 class Stage:

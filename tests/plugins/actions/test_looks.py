@@ -13,6 +13,7 @@ from core.goals import Placed
 from core.interfaces import Perception, RolloutSettings, Seen, Sighted
 from core.scene import Body
 from core.simulation.attempt import Stage, plan_attempt, prepare
+from core.simulation.play import play as play_all
 from plugins.actions.anchored import AnchoredActions, AnchoredPlan
 from plugins.actions.blocks import Cost
 from plugins.conformance.scenery import GREY, box, stick
@@ -334,3 +335,21 @@ def test_a_plan_is_outlined_with_the_most_that_it_can_come_to():
         "  look",
         "at most 13 waypoints, 11 looks, 0 guards; what follows a look is not checked before it is played",
     ]
+
+
+INTO_ARM = {"offset": [0.4, 0.0, 0.6], "rpy": [0.0, 1.6, 0.0]}
+
+
+def test_where_the_arm_would_go_through_itself_after_a_look_the_motion_ends():
+    """A plan that would at once is refused."""
+    where = condition(Cubes(), simulator("mujoco"))
+    plans = [read(HIGH, INTO_ARM, HIGH), read(HIGH, LOOK, INTO_ARM, HIGH)]
+    candidates = [Candidate(stick(0.4), plan) for plan in plans]
+    refused, ended = play_all(where, candidates)
+
+    assert refused.status == "rejected"
+    assert "'stick' is" in refused.reason
+    assert ended.status == "ok"
+    (warning,) = ended.warnings
+    assert warning.startswith("after look 1: on from there, the tool's 'stick' is")
+    assert ended.motion_s < 1.5  # it stays where it looked
