@@ -86,9 +86,13 @@ class AnchoredPlan(ActionPlan):
         if self.looks:
             check_names(self.steps, seen)
 
+        return self._walk(seen).waypoints()
+
+    def _walk(self, seen: Seen) -> Walk:
+        """Carry the steps out in a layout."""
         walk = Walk(seen, self.gripper)
         walk.run(self.steps)
-        return walk.waypoints()
+        return walk
 
     @property
     def waypoints(self) -> list[Step]:
@@ -127,15 +131,10 @@ class AnchoredPlan(ActionPlan):
 
     @property
     def anchors(self) -> tuple[Anchor, ...]:
-        return tuple(
-            Anchor(
-                step.anchor,
-                step.axes,
-                step.toward,
-                step.share,
-            )
-            for step in self.waypoints
-        )
+        return _list_anchors(self.waypoints)
+
+    def find_anchors(self, seen: Seen) -> tuple[Anchor, ...]:
+        return _list_anchors(self._walk(seen).steps)
 
     @property
     def turns(self) -> Array:
@@ -287,6 +286,19 @@ class AnchoredActions(ActionRepresentation):
             plan.steps, lambda step: replace(step, **next(waiting))
         )
         return replace(plan, steps=steps)
+
+
+def _list_anchors(steps: Sequence[Step]) -> tuple[Anchor, ...]:
+    """List what waypoints stand by."""
+    return tuple(
+        Anchor(
+            step.anchor,
+            step.axes,
+            step.toward,
+            step.share,
+        )
+        for step in steps
+    )
 
 
 def _tempi(plan: AnchoredPlan) -> list[tuple[int, str, float]]:

@@ -39,7 +39,7 @@ _CONTACT_M = 0.001  # a smaller overlap is only a contact
 class FaultCounter:
     """Counts the faults of plans for a brief.
 
-        faults = FaultCounter(brief, layouts, PlanWriter(brief.actions, layouts[0]))
+        faults = FaultCounter(brief, layouts, PlanWriter(brief, layouts[0]))
         does = faults.count(tool, plan, subgoals) == 0.0
 
     Args:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +24,7 @@ class Layout:
     """A layout of a brief's task.
 
     Attributes:
-        seen: the poses of bodies that a plan sees.
+        seen: the poses of bodies that a plan sees, and what judges them.
         analysis: its bodies and goals.
         spawn: the rules for where a tool may be at the start.
     """
@@ -35,11 +35,11 @@ class Layout:
         Raises:
             NothingToMove: see `SceneAnalysis`.
         """
-        poses = _see(brief)
+        self.seen = _see(brief)
         if turn is not None:
-            poses = {name: turn @ pose for name, pose in poses.items()}
+            poses = {name: turn @ pose for name, pose in self.seen.poses.items()}
+            self.seen = replace(self.seen, poses=poses)
 
-        self.seen = Seen(poses)
         self.analysis = SceneAnalysis(brief, turn)
         self.spawn = SpawnRules(brief.task, brief.scene_seed)
 
@@ -65,11 +65,11 @@ def _choose_unlike(brief: Brief) -> list[Brief]:
     """Choose briefs of layouts that are as unlike this one and each other as can be, with the same bodies."""
     alike = []
     places = []
-    names = list(_see(brief))
+    names = list(_see(brief).poses)
 
     for i in range(_DRAWN):
         other = replace(brief, scene_seed=brief.scene_seed + i)
-        poses = _see(other)
+        poses = _see(other).poses
         if list(poses) == names:
             alike.append(other)
             places.append(np.ravel([pose.matrix[:3] for pose in poses.values()]))
@@ -83,9 +83,9 @@ def _choose_unlike(brief: Brief) -> list[Brief]:
     return [alike[number] for number in chosen[1:]]
 
 
-def _see(brief: Brief) -> Mapping[str, Pose]:
-    """Return the poses that a plan sees in a brief's layout."""
-    return look(brief.task, brief.scene_seed, Perception()).poses
+def _see(brief: Brief) -> Seen:
+    """Return what a plan sees in a brief's layout, without noise."""
+    return look(brief.task, brief.scene_seed, Perception())
 
 
 def keeps_rules(tool: Tool, brief: Brief, layouts: Sequence[Layout]) -> bool:

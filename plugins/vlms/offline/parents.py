@@ -66,7 +66,7 @@ def find_parents(
 
         plan = candidate.plan.resolve(seen)
         kept = _find_unguarded(plan)
-        given = candidate.plan.anchors
+        given = candidate.plan.find_anchors(seen)
         if len(given) != len(plan.poses):
             given = (Anchor(),) * len(plan.poses)
 

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fnmatch import filter as filter_names
+from itertools import groupby
+from string import digits
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from core.design import Tool
+from core.design import DesignError, Tool
 from core.geometry import Array
-from core.interfaces import ActionRepresentation, Anchor, Waypoints
+from core.goals import Reach
+from core.interfaces import Anchor, Brief, Waypoints
 from plugins.vlms.offline.layouts import Layout
 from plugins.vlms.offline.paths import SampledPlan
 from plugins.vlms.offline.tool_parts import tool_boxes
@@ -20,14 +24,28 @@ _DIGITS = 5  # hundredths of a millimetre
 _LOW_M = 0.05  # a tool that is less high over the ground works there
 _BEYOND_M = 0.012  # how far below the ground a touch is looked for
 _TOUCH_MPS = 0.05
+_RISE_M = 0.15  # above the last waypoint, where a plan looks
+_MOST_ROUNDS = 3
+_MOST_BODIES = 8  # that a block for each of them takes
+_WORLD = Anchor().name
 
 
 class PlanWriter:
-    """Writes plans that were made for a layout."""
+    """Writes plans that were made for a layout.
 
-    def __init__(self, actions: ActionRepresentation, layout: Layout) -> None:
-        self._actions = actions
+    Args:
+        brief: says how plans are written, and the goals.
+        layout: of the brief's task.
+    """
+
+    def __init__(self, brief: Brief, layout: Layout) -> None:
+        self._actions = brief.actions
         self._layout = layout
+        self._reaches = [
+            number
+            for number, goal in enumerate(brief.task.goals)
+            if isinstance(goal, Reach)
+        ]
 
     def write(self, rows: Array, anchors: Sequence[Anchor]) -> list[Any]:
         """Write waypoints, (N, 6) or (N, 7), by what they stand by.
@@ -74,6 +92,103 @@ class PlanWriter:
         }
 
         return steps
+
+    def write_with_looks(self, plan: SampledPlan) -> list[Any]:
+        """Write a plan that looks at its end, and is done again while its goal is not seen to be reached.
+
+        What moves bodies one by one does so for those that are not seen in place. It is written as it is if no goal
+        that can be seen is open, if it has a gripper, which may hold what it is about, or if its rounds would be too
+        many.
+
+        Args:
+            plan: of the layout.
+        """
+        plain = self.write(plan.rows, plan.anchors)
+        goal = self._find_goal(plan)
+        gripper = plan.rows.shape[1] > 6
+        if goal is None or gripper:
+            return plain
+
+        steps = [*self._write_round(plan, plain, goal), {"look": True}]
+        for rounds in range(_MOST_ROUNDS, 1, -1):
+            block = {"repeat": steps, "until_seen": {"goal": goal}, "at_most": rounds}
+            try:
+                self._actions.parse([block], gripper=gripper)
+            except DesignError:
+                continue
+            return [block]
+
+        return plain
+
+    def _write_round(
+        self, plan: SampledPlan, steps: Sequence[dict[str, Any]], goal: int
+    ) -> list[dict[str, Any]]:
+        """Write a plan as a round of a loop, at whose end the arm hides less.
+
+        Args:
+            plan: of the layout.
+            steps: of the plan, as they are written.
+            goal: the number of the goal that it is for.
+        """
+        names = [anchor.name for anchor in plan.anchors]
+        begin = next((k for k, name in enumerate(names) if name != _WORLD), 0)
+        runs = [(name, len(list(run))) for name, run in groupby(names[begin:])]
+        bodies = [name for name, _ in runs]
+
+        pattern = self._find_pattern(bodies, goal)
+        if pattern is None:
+            return [*steps, *self._rise(plan, len(steps))]
+
+        end = begin + runs[0][1]
+        stage = [*steps[begin:end], *self._rise(plan, end)]
+        each = {
+            "each": pattern,
+            "do": [step | {"anchor": "it"} for step in stage],
+            "until_seen": {"goal": goal},
+            "at_most": min(len(bodies), _MOST_BODIES),
+        }
+        return [*steps[:begin], each]
+
+    def _rise(self, plan: SampledPlan, end: int) -> list[dict[str, Any]]:
+        """Write a waypoint above the last one of a part of a plan; none, if that is high already.
+
+        Args:
+            plan: of the layout.
+            end: how many waypoints the part has.
+        """
+        low = float(plan.rows[:end, 2].min())
+        last = plan.rows[end - 1 : end].copy()
+        if last[0, 2] > low + _RISE_M / 2:
+            return []
+
+        last[0, 2] += _RISE_M
+        return self.write(last, plan.anchors[end - 1 : end])
+
+    def _find_goal(self, plan: SampledPlan) -> int | None:
+        """Find the goal that a plan is for: the last open one that has what it stands by, or else the last open one."""
+        seen = self._layout.seen
+        assert seen.judge is not None
+        used = {anchor.name for anchor in plan.anchors}
+        is_open = []
+        for number in self._reaches:
+            if seen.judge.left(number, seen.poses):
+                is_open.append((bool(used & {*seen.judge.names(number)}), number))
+
+        return max(is_open)[1] if is_open else None
+
+    def _find_pattern(self, bodies: Sequence[str], goal: int) -> str | None:
+        """Find a pattern that means several bodies, each named once, and no others; None: it is not so.
+
+        Args:
+            bodies: that a plan's parts stand by.
+            goal: the number of the goal that must be about them.
+        """
+        seen = self._layout.seen
+        assert seen.judge is not None
+        pattern = f"{bodies[0].rstrip(digits)}*" if bodies else ""
+        meant = filter_names([*seen.poses], pattern)
+        alone = len(bodies) > 1 and sorted(bodies) == sorted(meant)
+        return pattern if alone and {*bodies} <= {*seen.judge.names(goal)} else None
 
     def _heights(self, rows: Array, tool: Tool) -> npt.NDArray[np.float64]:
         """Compute how high a tool's lowest point is over the bodies' lowest one, at each waypoint, (N,).

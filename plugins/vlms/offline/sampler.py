@@ -89,7 +89,7 @@ class Sampler:
         self.analysis = self.layout.analysis
         self.model = self.analysis.world
         self.rng = np.random.default_rng(brief.seed)
-        self.writer = PlanWriter(brief.actions, self.layout)
+        self.writer = PlanWriter(brief, self.layout)
         self._layouts = layouts
         self._faults = FaultCounter(brief, layouts, self.writer)
         self._placer = HeadPlacer(

@@ -95,16 +95,23 @@ def write_design(
     texts = [f"{i}: {plan.text}" for i, plan in enumerate(design.plans, start=1)]
     fields["action_description"] = " | ".join(texts)
 
-    # Where guards are known, every other plan has one.
-    writer = sampler.writer
-    action_sets = []
-    for number, plan in enumerate(design.plans):
-        if sampler.brief.actions.guards and number % 2 == 0:
-            action_sets.append(writer.write_with_guard(plan, design.tool))
-        else:
-            action_sets.append(writer.write(plan.rows, plan.anchors))
-
-    fields["action_sets"] = action_sets
+    fields["action_sets"] = [
+        _write_plan(number, plan, design.tool, sampler)
+        for number, plan in enumerate(design.plans)
+    ]
     if design.parents:
         fields["parents"] = design.parents
     return fields
+
+
+def _write_plan(
+    number: int, plan: SampledPlan, tool: Tool, sampler: Sampler
+) -> list[Any]:
+    """Write the plan of a number. Where guards are known, every other plan has one; where looks are, others look."""
+    actions = sampler.brief.actions
+    writer = sampler.writer
+    if actions.guards and number % 2 == 0:
+        return writer.write_with_guard(plan, tool)
+    if actions.looks and (actions.guards or number % 2 == 0):
+        return writer.write_with_looks(plan)
+    return writer.write(plan.rows, plan.anchors)

@@ -177,3 +177,50 @@ def test_tools_for_varied_layouts_reach_the_bodies_there():
         for plan in plans
     ]
     assert np.mean(missed, axis=1).min() < 0.2
+
+
+def test_every_other_plan_looks_and_is_done_again():
+    given = brief("BringCube", actions=AnchoredActions(looks=True), n_action=4)
+    found = candidates(given, answer(given))
+    plain = candidates(given, answer(replace(given, actions=AnchoredActions())))
+    seen = look(given.task, 0, Perception())
+
+    assert [c.plan.looks for c in found] == [True, False, True, False]
+    for looking, once in zip(found, plain, strict=True):
+        rows = looking.plan.resolve(seen).poses
+        count = len(once.plan.steps)
+        np.testing.assert_array_equal(rows[:count], once.plan.resolve(seen).poses)
+        if looking.plan.looks:
+            (block,) = looking.plan.dump()
+            assert block["until_seen"] == {"goal": 0}
+            assert block["repeat"][-1] == {"look": True}
+            assert rows[-1, 2] > rows[:, 2].min() + 0.07  # the arm hides less
+
+
+def test_scattered_bodies_are_moved_as_they_are_seen_one_by_one():
+    """Offspring of such a plan stand by the bodies, too."""
+    given = brief("CleanTable", "wide", AnchoredActions(looks=True), n_tool=4, seed=0)
+    found = [c for c in candidates(given, answer(given)) if c.plan.looks]
+    each = [c for c in found if "each" in c.plan.dump()[0]["repeat"][0]]
+    assert each
+
+    seen = look(given.task, 0, Perception())
+    block = each[0].plan.dump()[0]["repeat"][0]
+    bodies = seen.judge.names(0)
+    assert {*seen.judge.left(0, seen.poses)} <= {*bodies}
+    assert {step["anchor"] for step in block["do"]} == {"it"}
+    anchors = each[0].plan.find_anchors(seen)
+    assert {anchor.name for anchor in anchors} == {*seen.judge.left(0, seen.poses)}
+
+    elites = (tried_once(each[0], "ok", 0.9),)
+    offspring = replace(given, elites=elites, n_tool=1)
+    (first, _) = candidates(offspring, answer(offspring))
+    assert first.problem is None
+    assert {anchor.name for anchor in first.plan.find_anchors(seen)} <= {*bodies}
+
+
+def test_what_a_gripper_holds_is_not_done_again():
+    given = brief("LiftBox", actions=AnchoredActions(looks=True), gripper=True)
+    assert not any(c.plan.looks for c in candidates(given, answer(given)))
+    without = replace(given, gripper=False)
+    assert any(c.plan.looks for c in candidates(without, answer(without)))
