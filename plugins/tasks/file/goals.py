@@ -283,10 +283,8 @@ def describe(goal: Goal) -> str:
     if not isinstance(goal, Reach):
         return _ask(goal)
 
-    enough = goal.enough or 0
-    share = f"{100 * enough:g} %" if isinstance(enough, float) else f"{enough:g}"
     when = {
-        f"of these bodies {share} are enough": enough > 0,
+        _say_enough(goal): goal.enough is not None,
         "must end at rest": goal.rest,
         "must end held by the robot, touching nothing fixed (half counts if it is only touched)": goal.held,
         "must end released, touched by no part of the robot, nor by what touches it": goal.released,
@@ -299,6 +297,19 @@ def describe(goal: Goal) -> str:
     asked += [words for words, applies in when.items() if applies]
     described = f"{_subject(goal)} {'; '.join(filter(None, asked))}"
     return f"{goal.name}: {described}" if goal.name else described
+
+
+def _say_enough(goal: Reach) -> str:
+    """Say how many of a goal's bodies are enough."""
+    is_share = isinstance(goal.enough, float)
+    if goal.enough == 1 and is_share:
+        return "all of these bodies are needed"
+    if goal.enough == 1:
+        return "one of these bodies is enough"
+
+    enough = goal.enough or 0
+    share = f"{100 * enough:g} %" if is_share else f"{enough:g}"
+    return f"of these bodies {share} are enough"
 
 
 def _subject(goal: Reach) -> str:

@@ -120,6 +120,20 @@ def test_every_kind_has_its_words_or_says_where_they_belong():
         describe(strange(("cup",)))
 
 
+@pytest.mark.parametrize(
+    ("enough", "said"),
+    [
+        (1.0, "all of these bodies are needed"),
+        (1, "one of these bodies is enough"),
+        (0.8, "of these bodies 80 % are enough"),
+        (3, "of these bodies 3 are enough"),
+    ],
+)
+def test_how_many_are_enough_is_said_in_words(enough, said):
+    (goal,) = read_entry({"bodies": ("a", "b", "c"), "away": 0.1, "enough": enough})
+    assert describe(goal).endswith(f"; {said}")
+
+
 def test_a_body_that_faces_another_is_said_in_words():
     (goal,) = read_entry({"bodies": ("lamp",), "facing": "book", "axis": (0, 1, 0)})
     assert goal == Facing(("lamp",), facing="book", axis=(0, 1, 0))

@@ -204,6 +204,23 @@ MISTAKES = [
 ]  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("line", "name", "value", "left_out"),
+    [
+        ("tool_in_place: true", "tool_in_place", True, False),
+        ("success_reward: 0.6", "success_reward", 0.6, 0.95),
+        ("in_words: A cup  and grains.", "in_words", "A cup and grains.", ""),
+        ("hold_s: 2.5", "hold_s", 2.5, 0.0),
+        ("every: true", "every", True, False),
+    ],
+)
+def test_what_a_file_says_of_the_whole_task_is_the_tasks(
+    read, line, name, value, left_out
+):
+    assert getattr(read(GOAL, f"{line}\n{WORDS}"), name) == value
+    assert getattr(read(GOAL), name) == left_out
+
+
 # Goals that look as if they could not be met, and can.
 MEETABLE = [
     "{joint: runner, to: 0.245}",
