@@ -212,7 +212,7 @@ def check_motion(
 
     if seconds > most:
         raise DesignError(
-            f"the motion takes {seconds:.0f} s under the arm's limits, more than {most:.0f} s; use fewer waypoints"
+            f"the motion takes {seconds:.1f} s under the arm's limits, more than {most:.0f} s; use fewer waypoints"
         )
 
     if settings.penetration == "ignore" and not settings.observe:

@@ -486,11 +486,13 @@ def _describe_fault(error: ValidationError, where: str) -> str:
     faults = error.errors(include_url=False)
     unknown = [item for item in faults if item["type"] == "unexpected_keyword_argument"]
     first = (unknown or faults)[0]
-    place = ".".join(str(part) for part in first["loc"])
+    place = str(first["loc"][0])
     if unknown:
         names = [known.name for known in fields(Sighting)]
         return str(choices("field", place, names, where))
 
+    if place == "goal":
+        return f"{where}: goal: give its number, from 0, or its name"
     return f"{where}: {place[:100]}: {first['msg']}"
 
 

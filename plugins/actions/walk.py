@@ -366,6 +366,12 @@ def _check_sighting(wanted: Sighting, seen: Seen) -> None:
         return
 
     _check_pattern(wanted.body, seen)
+    count = len(match_names(wanted.body, list(seen.poses)))
+    if wanted.body != IT and wanted.enough > count:
+        raise DesignError(
+            f"the plan: 'enough' is {wanted.enough}, and of {wanted.body!r} there are {count}"
+        )
+
     for name in wanted.names:
         _check_name(name, seen)
 

@@ -198,6 +198,7 @@ def test_a_ball_that_rolls_across_the_table_is_met_and_stopped(engine):
         ([{**LOOP, "until_seen": {"body": "cube_1"}}], "say one of at, inside and"),
         ([{**LOOP, "until_seen": {"body": "cube_1", "at": "mark"}}], "needs 'within'"),
         ([{**LOOP, "until_seen": {"boddy": "cube_1"}}], "did you mean 'body'"),
+        ([{**LOOP, "until_seen": {"goal": True}}], "goal: give its number, from 0"),
         ([{**LOOP, "repeat": [LOOK, {**LOOP, "repeat": [LOOK, LOOP]}]}], "at most 2"),
         ([{"each": 3, "do": [OVER], "until_seen": {"goal": 0}}], "must be a name"),
         ([{"each": "cube*", "do": [], "until_seen": {"goal": 0}}], "between 1 and"),
@@ -233,6 +234,10 @@ def test_what_a_plan_can_come_to_is_known_from_its_tree():
         ({"goal": "lid"}, "no goal 'lid' to reach"),
         ({"body": "bottle*", "above": 0.1}, "no body 'bottle*'; possible: cube_1"),
         ({"body": "cube_1", "inside": "box"}, "no anchor 'box'"),
+        (
+            {"body": "cube*", "above": 0.1, "enough": 3},
+            "'enough' is 3, and of 'cube*' there are 2",
+        ),
     ],
 )
 def test_conditions_about_what_is_not_there_reject_the_plan_before_it_is_played(
