@@ -15,6 +15,7 @@ from core.search.setup import build_search
 from core.store.reader import StoredRun
 from plugins.results.toolbox.toolbox_command import main as toolbox
 from tests.core.run_folders import hook, write_run
+from tests.plugins.tasks.file.test_scenes import SCENES
 
 LONG_POST = Tool(
     (
@@ -125,3 +126,17 @@ def test_a_model_that_is_told_no_numbers_gets_none_by_a_plan(library):
     cfg = load("config", [*SMALL, *words, "vlm=mailbox"])
     with pytest.raises(UsageError, match=r"prompt\.told=pictures holds these back"):
         build_designer(cfg, part(MODEL, cfg.vlm).create(), event_hub())
+
+
+@pytest.mark.slow
+def test_kept_tools_without_the_fixture_that_goals_name_are_refused(library, tmp_path):
+    (funnel,) = [scene for scene in SCENES if scene.stem == "UseFunnel"]
+    file = tmp_path / "named.yaml"
+    file.write_text(funnel.read_text().replace("inside: bottle", "inside: fixture"))
+    words = ["tool=known", f"tool.library={library}", "task=file", f"task.file={file}"]
+    cfg = load("config", [*SMALL[1:], *words])
+    designer, _ = build_designer(cfg, part(MODEL, cfg.vlm).create(), event_hub())
+    problems = [candidate.problem for candidate in designer.first_tools.design()]
+    assert len(problems) == 2
+    for problem in problems:
+        assert "the goals of UseFunnel name the fixture, and the design has" in problem

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from types import SimpleNamespace
 
 import pytest
 
@@ -17,6 +18,8 @@ from plugins.results.toolbox.held_tools import find_tools
 from plugins.results.toolbox.library import read_library
 from plugins.results.toolbox.toolbox_command import main, write
 from tests.core.run_folders import hook, write_run
+from tests.panda import PANDA
+from tests.plugins.tasks.file.test_scenes import SCENES
 
 pytestmark = pytest.mark.slow
 
@@ -159,3 +162,17 @@ def test_mistakes_are_one_line(folders, tmp_path):
     ):
         with pytest.raises((UsageError, UserError), match=said):
             main([*words, f"output={tmp_path / 'out'}"])
+
+
+def test_a_task_whose_goals_name_a_fixture_is_not_for_a_tool_without_one(tmp_path):
+    """It is left out of the table, and does not end the command."""
+    (funnel,) = [scene for scene in SCENES if scene.stem == "UseFunnel"]
+    text = funnel.read_text()
+    file = tmp_path / "scene.yaml"
+    held = SimpleNamespace(tool=hook(0.2), representation=SimpleNamespace(robot=PANDA))
+    config = SimpleNamespace(seed=0)
+    for goal, starts in (("bottle", True), ("fixture", False)):
+        file.write_text(text.replace("inside: bottle", f"inside: {goal}"))
+        assert (
+            trials._starts(held, config, {"name": "file", "file": str(file)}) == starts
+        )
