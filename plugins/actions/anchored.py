@@ -46,6 +46,7 @@ from plugins.actions.blocks import (
     list_items,
     list_waypoints,
     outline,
+    parts_of,
 )
 from plugins.actions.reactions import PlannedReactions
 from plugins.actions.steps import (
@@ -54,6 +55,7 @@ from plugins.actions.steps import (
     MAX_SECONDS,
     MAX_SPEED,
     PROPERTIES,
+    UNTIMED,
     Step,
 )
 from plugins.actions.walk import Walk, check_names
@@ -348,6 +350,36 @@ def _check_order(plan: AnchoredPlan) -> None:
             )
 
         guarded = guarded or bool(item.until)
+
+    _check_meets(plan.steps)
+
+
+def _check_meets(items: Sequence[Item], before: int = 0) -> int:
+    """Refuse a waypoint that meets a body after a way whose time is not known; after a block it may be known.
+
+    Args:
+        items: a list of steps.
+        before: how many waypoints are written before it.
+
+    Returns:
+        How many are written up to its end.
+    """
+    number = before
+    timed = True
+
+    for item in items:
+        if not isinstance(item, Step):
+            timed = True
+            for part in parts_of(item):
+                number = _check_meets(part, number)
+            continue
+
+        number += 1
+        if item.meet and not timed:
+            raise DesignError(f"waypoint {number}: {UNTIMED}")
+        timed = timed and item.is_timed
+
+    return number
 
 
 def _plain(schema: dict[str, Any]) -> dict[str, Any]:

@@ -46,6 +46,9 @@ MAX_BEYOND_M = 0.2
 MAX_SPEED = 10.0
 MAX_SECONDS = 60.0
 
+UNTIMED = "'meet' needs 'seconds' of each way since the last look, and no guard there"
+"""Why a body can't be met."""
+
 _UNKNOWN = "unexpected_keyword_argument"
 _BEYOND = ("less_than_equal", "greater_than_equal")
 _APART_M = 1e-3  # a direction needs two anchors that are farther apart
@@ -166,6 +169,11 @@ class Step:
             return None
 
         return Guard(self.until, self.newtons, self.otherwise)
+
+    @property
+    def is_timed(self) -> bool:
+        """Whether its time is known: a guard may end earlier, and a way without seconds has a time of its own."""
+        return bool(self.seconds) and not self.until
 
     @property
     def names(self) -> tuple[str, ...]:

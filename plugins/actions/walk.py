@@ -25,7 +25,7 @@ from plugins.actions.blocks import (
     list_items,
     match_names,
 )
-from plugins.actions.steps import HERE, IT, RESERVED, Step, place_anchor
+from plugins.actions.steps import HERE, IT, RESERVED, UNTIMED, Step, place_anchor
 
 FLAT_M = 0.01
 """What is thinner is a flat mark, and what stands on it up to `OVER_M` is inside."""
@@ -200,9 +200,8 @@ class Walk:
         self._rows.append(row)
         self.steps.append(step)
         if self._since is not None:
-            # A guard may end earlier, and ways without seconds have a time of their own.
-            timed = step.seconds and not step.until
-            self._since = self._since + step.seconds + step.wait if timed else None
+            spent = self._since + step.seconds + step.wait
+            self._since = spent if step.is_timed else None
 
     def _feel(self, step: Step, pose: Pose, where: str) -> None:
         """Take what a guard felt; where that is not known yet, it ends at its waypoint."""
@@ -239,9 +238,7 @@ class Walk:
             )
 
         if self._since is None:
-            raise DesignError(
-                f"{where}: 'meet' needs 'seconds' of each way since the last look, and no guard there"
-            )
+            raise DesignError(f"{where}: {UNTIMED}")
 
         before, last = (place_anchor(name, Seen(s.poses), where) for s in taken[-2:])
         velocity = (last.position - before.position) / (taken[-1].at_s - taken[-2].at_s)

@@ -134,7 +134,9 @@ def test_what_moves_is_met_where_it_will_be():
     # 0.1 m in the first second; looked at after 1 s, known at 1.5 s, met at 2.5 s.
     waypoints = read(HIGH, LOOK, meet).resolve(seen(moved))
     np.testing.assert_allclose(waypoints.poses[-1, :2], [0.5, -0.05])
-    slow = read(HIGH, LOOK, HIGH, meet)
+    near = {"body": "cube_1", "at": "cube_2", "within": 0.01}
+    maybe = {"choose": near, "then": [LOOK], "otherwise": [HIGH]}
+    slow = read(HIGH, LOOK, maybe, meet)
     with pytest.raises(DesignError, match="needs 'seconds' of each way since the last"):
         slow.resolve(seen(moved))
 
@@ -206,6 +208,10 @@ def test_a_ball_that_rolls_across_the_table_is_met_and_stopped(engine):
         ([LOOP | {"choose": {"goal": 0}}], "give one of repeat and choose, not both"),
         ([{**OVER, "meet": True}], "'meet' needs the 'seconds'"),
         ([{**OVER, "meet": True, "seconds": 1.0}], "'meet' needs a look before"),
+        (
+            [HIGH, LOOK, HIGH, {**OVER, "meet": True, "seconds": 1.0}],
+            "waypoint 3: 'meet' needs 'seconds' of each way since the last look",
+        ),
         ([{"repeat": 3, "until_seen": {"goal": 0}, "at_most": 1}], "a list of steps"),
     ],
 )
