@@ -17,9 +17,8 @@ from core.values.doubts import find_doubt
 SEEN = 0.9  # of half a picture's height: what is farther from its middle is hardly seen
 FALLS_M = 0.002  # more than engines need to settle what rests
 HELD_M = 0.01  # a bond holds a point of a body, not one farther from it
-ROUNDED = (
-    0.005  # of an eighth of a turn: 1.57 and 0.785 are so near to what they stand for
-)
+# Of an eighth of a turn: 1.57 and 0.785 are so near to what they stand for.
+ROUNDED = 0.005
 STEPS = 40  # places of a joint that are looked at
 FAR_M = 1.6  # beyond the reach of the longest arms, 1.3 m, with a tool of 0.3 m
 

@@ -28,12 +28,8 @@ HALF_TURN_DEG = 180.0
 """The largest angle between two directions."""
 
 _ROUNDING = 1e-9
-_WHOLE = (
-    Box,
-    Capsule,
-    Cylinder,
-    Sphere,
-)  # shapes in which a ball fits that is as wide as their smallest side
+# Shapes in which a ball fits that is as wide as their smallest side.
+_WHOLE = (Box, Capsule, Cylinder, Sphere)
 _MOVED = (Placed, Away, Inside)  # kinds that say how far a body itself has to get
 
 Numbered = Sequence[tuple[int, Goal]]
