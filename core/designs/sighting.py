@@ -35,11 +35,15 @@ class SceneJudge:
         return self._find(goal).subjects(self._start)
 
     def left(self, goal: int | str, poses: Mapping[str, Pose]) -> tuple[str, ...]:
-        """See `core.interfaces.Judge`. Speeds, and what the robot touches, can't be seen, and don't count."""
+        """See `core.interfaces.Judge`. Speeds, and what the robot touches, can't be seen, and don't count.
+
+        Marks and fixed bodies do not move: where they are seen now says better where the goal is than the first look.
+        """
         wanted = self._find(goal)
         now = self._state(poses)
-        names = wanted.subjects(self._start)
-        left = tuple(n for n in names if not wanted.is_in_place(n, self._start, now))
+        start = replace(self._start, places=now.places)
+        names = wanted.subjects(start)
+        left = tuple(n for n in names if not wanted.is_in_place(n, start, now))
 
         if len(names) - len(left) >= wanted.count_enough(len(names)):
             return ()

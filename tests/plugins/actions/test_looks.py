@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from core.design import Candidate, DesignError, Tool
+from core.designs.sighting import SceneJudge
 from core.geometry import Box, Pose, Sphere
 from core.goals import Placed
 from core.interfaces import Perception, RolloutSettings, Seen, Sighted
@@ -103,6 +104,20 @@ def test_a_loop_ends_where_its_condition_is_seen_to_hold():
     assert places(waypoints) == [[0.45, 0], [0.6, 0.1], [0.45, 0]]
     assert [look.where for look in waypoints.looks] == ["round 1", "round 2"]
     assert len(plan.resolve(seen(apart, apart, apart))) == 5  # three rounds
+
+
+def test_a_goal_is_judged_by_where_its_mark_is_seen_now():
+    """The first look was 10 cm wrong, and the mark does not move."""
+    task = Cubes()
+    scene = task.scene(0)
+    right = {body.name: body.pose for body in scene.bodies}
+    wrong = {**right, "mark": Pose(np.array([0.7, 0.0, 0.0]))}
+    there = Pose(np.array([0.6, 0.0, 0.02]))
+    reached = {**right, "cube_1": there, "cube_2": there}
+
+    judge = SceneJudge(task, scene, wrong)
+    assert judge.left(0, reached) == ()
+    assert judge.left(0, {**reached, "mark": wrong["mark"]}) == ("cube_1", "cube_2")
 
 
 def test_the_bodies_of_a_block_are_those_that_are_left_the_nearest_first():
