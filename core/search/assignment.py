@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Protocol
 
 from core.design import Candidate, Tool
-from core.designs.rules import given_tool
 from core.errors import UserError, choices
 from core.interfaces import (
     ActionRepresentation,
@@ -66,6 +65,9 @@ class Assignment:
         Raises:
             UserError: there is no tool for this task, or it breaks a rule.
         """
+        # Strategies import this module, and lists of plugins have no need of what checks tools.
+        from core.designs.rules import given_tool
+
         return given_tool(self.representation, self.task)
 
 
