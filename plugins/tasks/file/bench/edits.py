@@ -1,4 +1,4 @@
-"""Change a scene file that somebody wrote: one entry, and all else stays as it is."""
+"""Change a scene file that a person wrote: one entry, and all else stays as it is."""
 
 from __future__ import annotations
 

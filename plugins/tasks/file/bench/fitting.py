@@ -80,7 +80,7 @@ def fit_seen(
         return fit
 
     best, slopes = _solve(problem, np.zeros(problem.size))
-    # How well somebody points shows in what is left.
+    # How well a person points shows in what is left.
     problem.pixel_px = _estimate_error(problem, best, slopes)
     problem.keep_apart(best)
     best, slopes = _solve(problem, best)
