@@ -2,7 +2,8 @@
 
 For a task, or a scene file that lies in the folder ``looking``, that folder's designs file has the best plan written by
 hand without looks, called ``once``, and the best with them, ``looks``. It prints the mean and the worst reward of both
-in unseen layouts, and the processor time of a rollout. ``camera=hand`` puts the camera into the hand.
+in unseen layouts, and the processor time of a rollout. ``camera=hand`` puts the camera into the hand, and ``yaw=0.01``
+makes it err in turns, too, radians, as with ``protocol=varied``.
 
 For a task without such a file the reference plan is played once as it is, and once in a loop: after it the tool rises,
 the plan looks, and goes through all of it again until the task's first goal is seen to be reached, three times at most.
@@ -42,6 +43,7 @@ class Settings:
     sims: list[str] = field(default_factory=lambda: ["mujoco", "sapien"])
     layouts: int = 20
     noise: list[float] = field(default_factory=lambda: [0.01, 0.02])
+    yaw: float = 0.0
     camera: str = "fixed"
     first: int = FIRST
 
@@ -53,7 +55,7 @@ def main() -> None:
         part = find_task(name)
         candidates = [*list_candidates(name, part.create())]
         for noise in given.noise:
-            perception = Perception(position=noise, camera=given.camera)
+            perception = Perception(noise, given.yaw, camera=given.camera)
             for sim in given.sims:
                 for label, candidate in candidates:
                     line = measure(part, sim, perception, given, candidate)
