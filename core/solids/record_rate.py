@@ -76,8 +76,8 @@ def _bound_tool_speed(robot: Robot, tool: Tool, trajectory: JointTrajectory) -> 
     empty = Scene(())
     still = empty.state().each(lambda array: np.repeat(array[None], len(times), axis=0))
     recording = Recording(times, arm, fingers, still)
-    count = len(all_solids(empty, robot, tool).items)
-    parts = np.arange(count - len(tool.parts), count)
+    solids = len(all_solids(empty, robot, tool).items)
+    parts = np.arange(solids - len(tool.parts), solids)
     tracks = follow(empty, robot, tool, recording, only=parts)
 
     return bound_speed([tracks.items[number] for number in parts], times)

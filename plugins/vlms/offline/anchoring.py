@@ -15,9 +15,8 @@ from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.scene_analysis import SceneAnalysis
 from plugins.vlms.offline.subgoals import Subgoal
 
-_TOWARD = (
-    0.8  # how often a body apart from its goal gives the direction of the way there
-)
+# How often a body apart from its goal gives the direction of the way there.
+_TOWARD = 0.8
 _APART_M = 0.03  # two bodies that are nearer give no direction
 
 

@@ -12,13 +12,8 @@ K = TypeVar("K", bound=Hashable)
 
 
 _HEAD_TURNS_RAD = np.array([0.0, 0.25, -0.25, 0.5, -0.5]) * np.pi
-_HEAD_TURNS = [
-    0.6,
-    0.1,
-    0.1,
-    0.1,
-    0.1,
-]  # how often each: a head that points ahead is stiffest, and the arm sees it
+# How often each: a head that points ahead is stiffest, and the arm sees it.
+_HEAD_TURNS = [0.6, 0.1, 0.1, 0.1, 0.1]
 
 
 class Range(NamedTuple):

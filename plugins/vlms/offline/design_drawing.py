@@ -31,14 +31,12 @@ _SHAFTS = [0.6, 0.2, 0.2]  # how often each is drawn
 # A bar's stiffness is that of its material times its thickness to the power of 4: the fourth root would make up for a
 # softer material, and the eighth makes up for half of that, in its logarithm. The rules allow some bending.
 _THICKER = 0.125
-_SHAFT_M = Range(
-    0.012, 0.024
-)  # thick: it bends by little under what the arm bears, and weighs little
+# Thick: it bends by little under what the arm bears, and weighs little.
+_SHAFT_M = Range(0.012, 0.024)
 _THIN_SHAFT_M = 0.012  # where it reaches into a container, at most
 _JIB_M = Range(0.01, 0.06)  # above the bodies
-_BEND = Range(
-    0.25, 0.6
-)  # of the way to the head, at which a shaft goes up: clear of the arm and of the bodies
+# Of the way to the head, at which a shaft goes up: clear of the arm and of the bodies.
+_BEND = Range(0.25, 0.6)
 
 
 class DesignDrawer:

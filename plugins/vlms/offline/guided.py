@@ -43,9 +43,8 @@ _BELOW_M = 0.001  # tines go in below what they lift
 _CARRIER_TINE_M = 0.009
 _LIFT_M = 0.2  # over what they stand in
 _LIFT_STEP_M = 0.006  # of the check whether they can be lifted
-_ABOVE_GOAL_M = (
-    0.004  # from where that check begins at the goal: they may stand on what is there
-)
+# From where that check begins at the goal: they may stand on what is there.
+_ABOVE_GOAL_M = 0.004
 _CARRIER_GAP_M = Range(0.01, 0.02)  # between the wall and the bodies: they sway
 _HIGHER_M = Range(0.0, 0.03)
 _LOWER_M = Range(0.004, 0.012)  # than at the goal, so that tines come free
@@ -60,9 +59,8 @@ _TOPPLER_HEIGHT = 0.3  # of the bodies': it meets their upper part alone
 _LEAST_TOPPLER_M = 0.02
 _TOPPLER_THICK_M = Range(0.006, 0.012)
 _TOPPLER_GAP_M = Range(0.01, 0.03)  # behind bodies
-_TOPPLES_AT = Range(
-    0.6, 0.9
-)  # of the bodies' height: high, and not above them as they tilt
+# Of the bodies' height: high, and not above them as they tilt.
+_TOPPLES_AT = Range(0.6, 0.9)
 _STROKE = Range(0.6, 1.2)  # of the bodies' length, in which they fall
 _TOPPLE_M_S = Range(0.1, 0.3)
 _LEAVE_M = 0.05  # up
@@ -74,9 +72,8 @@ _MOST_GRIP_M = 0.04
 _TIPPER_GAP_M = Range(0.006, 0.015)  # between the wall and the bodies
 _HALF_TURN_RAD = 2.0  # what is to be turned by more falls the rest by itself,
 _FALLS_RAD = Range(1.7, 2.3)  # from here on
-_FARTHER_RAD = Range(
-    0.0, 0.15
-)  # what is to be turned by less is turned by a little more
+# What is to be turned by less is turned by a little more.
+_FARTHER_RAD = Range(0.0, 0.15)
 _LIP = 0.6  # of the room under bodies that it fills
 _BACK_M = 0.06  # it leaves by, and up
 _UP_M = 0.02

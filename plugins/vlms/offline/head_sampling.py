@@ -35,39 +35,31 @@ _LIFTS_BARRED = 0.8  # how often bodies are lifted over what bars their way, whi
 _LIFTS_FALLING = 0.3  # how often bodies that are to fall are lifted over the edge
 _HOOKS_COVERED = 0.8  # how often bodies are hooked that something is above: most heads come from there
 _HOOKS_OTHERS = 0.08
-_PUSHERS = {
-    "blade": 2.0,
-    "peg": 0.7,
-}  # how often each is drawn, in relation to the others
+# How often each is drawn, in relation to the others.
+_PUSHERS = {"blade": 2.0, "peg": 0.7}
 _ENCLOSERS = {"cage": 3.0, "pen": 1.2, "funnel": 1.0, "wedge": 1.0, "rake": 0.7}
 _ENCLOSER_ROOM_M = 0.02  # beside bodies, for walls around them
 _PASS_M = 0.002  # a head is narrower than the room for it
 
 # Pads of fingers. A hand closes by 0.08 m, and pads begin a little outside of bodies.
 _PAD_ROOM_M = 0.01  # between bodies and open pads, both together, at least
-_MOST_PAD_ROOM_M = min(
-    0.06, 2 * FINGER_OPEN - 0.01
-)  # and at most: the rest is what they press with
-_TIGHT_ROOM_M = Range(
-    0.006, 0.025
-)  # in a container there is little clearance beside them
+# At most: the rest of the way is what pads press with.
+_MOST_PAD_ROOM_M = min(0.06, 2 * FINGER_OPEN - 0.01)
+# In a container there is little clearance beside them.
+_TIGHT_ROOM_M = Range(0.006, 0.025)
 _PAD_THICK_M = Range(0.006, 0.014)
 _PAD_LENGTH = Range(0.3, 1.2)  # of the bodies'
 _TIGHT_LENGTH = Range(0.15, 0.4)  # in a container
 _PAD_HEIGHT = Range(0.5, 1.3)  # of the bodies'
 _LEAST_PAD_M = 0.012  # long, to hold what is thin by its width
-_PAD_HEIGHTS_M = (
-    0.02,
-    0.12,
-)  # neither too low to hold, nor so high that it meets the hand
+# Neither too low to hold, nor so high that it meets the hand.
+_PAD_HEIGHTS_M = (0.02, 0.12)
 
 # Heads that push.
 _WALL_M = Range(0.004, 0.012)  # thick, of the stiff default material
 _HEIGHT = Range(0.5, 1.3)  # of the bodies'
-_HEIGHTS_M = (
-    0.02,
-    0.15,
-)  # no lower than a shaft is thick, no higher than a shaft is stiff
+# No lower than a shaft is thick, no higher than a shaft is stiff.
+_HEIGHTS_M = (0.02, 0.15)
 _SPARE_M = Range(0.004, 0.04)  # between bodies and the walls around them, on each side
 _LEAST_M = 0.003  # clearance between a head and the bodies inside it
 _BLADE_WIDTH = Range(0.7, 2.0)  # of the bodies'
@@ -76,9 +68,8 @@ _PEG_THICK_M = 0.02  # at most
 _CAGE_DEPTH = Range(0.4, 1.1)  # of the bodies' length
 _FUNNEL_DEPTH = Range(0.4, 1.0)
 _SPLAY_RAD = Range(0.1, 0.6)  # what opens by less gathers no more than a cage
-_WEDGE_RAD = Range(
-    0.6, 1.2
-)  # between a wing and the motion: narrower, bodies jam, and wider, they slip out
+# Between a wing and the motion: narrower, bodies jam, and wider, they slip out.
+_WEDGE_RAD = Range(0.6, 1.2)
 _WING = Range(0.6, 1.2)  # of the bodies' width that a wing covers
 _RAKE_WIDTH = Range(1.0, 1.6)  # of the bodies'
 _RAKE_GAP = 0.6  # of the smallest side of a body: it does not pass between tines
@@ -106,14 +97,12 @@ _FORK_THICK = Range(0.3, 0.7)  # of the overhang's height
 _LEAST_THICK_M = 0.002
 _MOST_THICK_M = 0.01
 _BELOW_OVERHANG_M = Range(0.003, 0.02)  # to go in without touching it
-_FORK_ROOM_M = Range(
-    0.004, 0.016
-)  # between the bodies' foot and the tines, both together
+# Between the bodies' foot and the tines, both together.
+_FORK_ROOM_M = Range(0.004, 0.016)
 
 # Hooks.
-_HOOK_WAY = (
-    1.4  # how long a hook's arm is at most past covered bodies, in lengths of their way
-)
+# How long a hook's arm is at most past covered bodies, in lengths of their way.
+_HOOK_WAY = 1.4
 _HOOK_AHEAD_M = 0.1  # and past others
 _LEAST_AHEAD_M = 0.02
 _COVERED_WAY = Range(0.9, _HOOK_WAY)  # of covered bodies
@@ -122,9 +111,8 @@ _COVERED_WAY = Range(0.9, _HOOK_WAY)  # of covered bodies
 _HOOK_STOUTNESS = 0.01
 _LEAST_ARM_M = 0.003
 _MOST_ARM_M = 0.014
-_ARM = Range(
-    0.1, 0.25
-)  # of the clearance beside bodies: the rest is for the toe, and for errors
+# Of the clearance beside bodies: the rest is for the toe, and for errors.
+_ARM = Range(0.1, 0.25)
 _ARM_GAP = 0.1  # of that clearance, between arm and bodies
 _MOST_ARM_GAP_M = 0.004
 _TOE = Range(0.5, 0.9)  # of the clearance that is left

@@ -23,9 +23,8 @@ Size = tuple[float, float, float]
 
 FINGER_OPEN = 0.04  # finger extensions are for a hand of the Panda's size, with fingers that open by this
 SIDES = (("left", 1.0), ("right", -1.0))
-_BACK_M = (
-    0.008  # thickness of a fork's wall; the shaft's axis is as far behind the face
-)
+# Thickness of a fork's wall; the shaft's axis is as far behind the face.
+_BACK_M = 0.008
 _PEG_M = 0.04  # a blade that is no wider is called a peg
 _SPLAYED_RAD = 0.1  # a cage whose walls open by more is called a funnel
 _RAKE_BAR = 0.4  # of a rake's height that its bar has, at most,

@@ -20,9 +20,8 @@ from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.raycast import find_push_points, frame_along
 from plugins.vlms.offline.subgoals import Subgoal
 
-_BEYOND = Range(
-    0.0, 0.4
-)  # of the way, past the goal: what springs or sticks ends short of it
+# Of the way, past the goal: what springs or sticks ends short of it.
+_BEYOND = Range(0.0, 0.4)
 _LONGER_M = Range(0.04, 0.07)  # than the way in, for the shaft to stay outside
 _INTO_M = 0.006  # its end, that the shaft meets the rod at
 _TOUCH_M = Range(0.001, 0.004)  # before the body, where the rod begins to push

@@ -24,20 +24,17 @@ _WITHIN_M = 0.02  # the workspace
 _CEILING_RAD = 0.2  # how wrong the turn of a flange is that points ahead
 _YAW_RAD = 0.15  # and that of one that points down
 _DROP_M = 0.03  # of a head below the flange, at least: for a shaft
-_FINGER_DROP_M = (
-    0.18  # below the mount of finger extensions, with the hand and the fingers between
-)
+# Below the mount of finger extensions, with the hand and the fingers between.
+_FINGER_DROP_M = 0.18
 _DROPS_M = 0.02  # between the least drop and the greatest, at least
 _CLEAR_M = 0.015  # above the scene at home
 _MOST_DROP_M = 0.45  # a longer shaft bends, and swings
 _REACH_IN_M = 0.003  # clearance at home of fingers that reach into a container
 _HAND_M = 0.068  # the hand's height
-_EXCESS = (
-    20.0  # what a metre outside the workspace costs, in metres beside the mount's axis
-)
-_DOUBT = (
-    0.15  # the most that a place costs by chance, so that it is not always the same one
-)
+# What a metre outside the workspace costs, in metres beside the mount's axis.
+_EXCESS = 20.0
+# The most that a place costs by chance, so that it is not always the same one.
+_DOUBT = 0.15
 
 HeadWay = tuple[Array, Array]  # positions (N, 3) and turns (N, 3, 3) along a path
 

@@ -14,9 +14,8 @@ from plugins.vlms.offline.boxes import UP
 from plugins.vlms.offline.subgoals import Subgoal
 
 _SEGMENT_S = 0.5  # minimum duration of a segment
-_ABOVE_M = (
-    0.03  # everything near, from where a head comes down, and above its place at least
-)
+# Everything near, from where a head comes down, and above its place at least.
+_ABOVE_M = 0.03
 _MOST_SEGMENTS = 10  # of a straight motion
 
 

@@ -41,10 +41,8 @@ _MEASURED = 0.25  # and by what was measured, where something was
 _MISSED_M = 0.001  # what bodies lacked at their goal, at least, that is worth it
 _LONG_ENOUGH_M = 0.02  # a shorter stroke says nothing of how far bodies go with it
 _MISSING = Range(0.6, 1.2)  # of what was missing: bodies slide on, or yield
-_AHEAD = [
-    0.8,
-    0.2,
-]  # how often it is added, or taken away: bodies may have come from the other side
+# How often it is added, or taken away: bodies may have come from the other side.
+_AHEAD = [0.8, 0.2]
 # The standard deviations of variations of the scale 1.
 _LENGTHS_M = 0.08
 _SHIFTS_M = 0.02

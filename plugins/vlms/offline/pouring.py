@@ -27,9 +27,8 @@ _CROSSBAR_M = 0.03  # high
 _LIP_M = 0.004  # thickness of a fork's channels
 _INTO_M = 0.002  # parts reach into each other by this
 _INNER = 0.3  # of a handle, from the container on, that the channel leaves free
-_DROP_M = Range(
-    0.07, 0.12
-)  # of the channels below the flange: clear of the arm, and near its last joint
+# Of the channels below the flange: clear of the arm, and near its last joint.
+_DROP_M = Range(0.07, 0.12)
 _ROOM_M = Range(0.002, 0.005)  # around a handle, on each side
 _GAP_M = Range(0.003, 0.012)  # between the crossbar and the container
 _LONGER_M = Range(-0.03, 0.015)  # channels than handles

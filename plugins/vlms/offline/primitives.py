@@ -32,16 +32,14 @@ PrimitiveMotion = Callable[[HeadPath, Subgoal, Head, Generator], str]
 _CLEAR_M = Range(0.01, 0.05)  # above everything near, on the way down
 _LEAST_RISE_M = 0.03  # a way down is at least so long, to be slow at its end
 _PASS_M = 0.01  # above what is on its way a body is carried, at least
-_OVER_M = (
-    0.03  # above everything near what lies on a scoop is, as it may hang over its edge
-)
+# How far above everything near a scoop's load is, as it may hang over its edge.
+_OVER_M = 0.03
 _LEAVE_M = 0.03  # a face backs off by this before it rises
 
 # How fast heads move, m/s: the rules allow more, and what is faster throws what it moves.
 _PUSH_M_S = Range(0.1, 0.4)
-_UNDER_M_S = Range(
-    0.08, 0.35
-)  # what is pushed by a scoop's edge rolls away before it lies on it
+# What is pushed by a scoop's edge rolls away before it lies on it.
+_UNDER_M_S = Range(0.08, 0.35)
 _LIFT_M_S = Range(0.1, 0.4)
 _TRAY_LIFT_M_S = Range(0.15, 0.4)
 _TRAY_M_S = Range(0.15, 0.5)
@@ -67,45 +65,31 @@ _FALL_M_S = Range(0.5, 2.0)  # as the speed is not critical
 _THROW_WAY_M = Range(0.3, 0.9)  # what is thrown has to get its speed on the way
 _THROW_M_S = 2.0  # as fast as the arm's joints let it be
 _SWING_RAD = Range(-0.8, 0.8)  # of a head about its path, which throws bodies aside
-_BEHIND_M = Range(
-    0.004, 0.03
-)  # bodies: as near as it is sure to come down beside them, and as far as it costs little
-_PEN_M = (
-    0.001  # the least room behind bodies in a pen that is hardly longer than they are
-)
-_GROUND_M = Range(
-    0.002, 0.012
-)  # above the ground: clear of it, and below the middle of what is low
+# Behind bodies: as near as it is sure to come down beside them, and as far as it costs little.
+_BEHIND_M = Range(0.004, 0.03)
+# The least room behind bodies in a pen that is hardly longer than they are.
+_PEN_M = 0.001
+# Above the ground: clear of it, and below the middle of what is low.
+_GROUND_M = Range(0.002, 0.012)
 _HIGHER = Range(0.0, 0.5)  # of their height, that a face meets bodies above their foot
 _HIGH = 0.25  # how often it does
 _LEAVES = 0.4  # how often a head rises at the end, and not the arm with it alone
 
 # A scoop.
 _IN_PLACE_M = 0.03  # bodies whose way on the ground is shorter are only lifted
-_SIDES_RAD = [
-    0.0,
-    np.pi,
-    np.pi / 2,
-    -np.pi / 2,
-]  # from which they are reached, by the way they have to go
-_SIDES = [
-    0.3,
-    0.5,
-    0.1,
-    0.1,
-]  # how often: from the robot's side mostly, where the arm is not above them
-_FLOOR_M = Range(
-    0.0005, 0.004
-)  # above the ground: a body climbs onto what is no thicker
+# The sides from which bodies are reached, by the way they have to go.
+_SIDES_RAD = [0.0, np.pi, np.pi / 2, -np.pi / 2]
+# How often each is drawn: the robot's side mostly, where the arm is not above them.
+_SIDES = [0.3, 0.5, 0.1, 0.1]
+# Above the ground: a body climbs onto what is no thicker.
+_FLOOR_M = Range(0.0005, 0.004)
 _BEFORE_M = Range(0.005, 0.03)  # behind bodies
-_DEPTH = Range(
-    0.85, 1.02
-)  # of its own that a scoop goes under them: to its wall, and a little less or more
+# Of its own depth that a scoop goes under bodies: to its wall, and a little less or more.
+_DEPTH = Range(0.85, 1.02)
 _LIFT_MORE_M = Range(-0.01, 0.03)  # than the goal asks for
 _TILTS = 0.4  # how often a scoop leans back, so that nothing slides off
-_TILT_RAD = Range(
-    0.0, 0.25
-)  # what is flat lies on it up to a slope of its friction, 0.5 or so
+# What is flat lies on it up to a slope of its friction, 0.5 or so.
+_TILT_RAD = Range(0.0, 0.25)
 _TIP_RAD = Range(0.5, 1.3)  # so far forward everything slides off
 
 # A hook.
@@ -117,11 +101,8 @@ _UNDER_COVER_M = 0.05  # it comes down by, where there is no way from above
 
 # A clamp.
 _HAND_TURNS_RAD = [0.0, np.pi / 2, -np.pi / 2]
-_HAND_TURNS = [
-    0.8,
-    0.1,
-    0.1,
-]  # how often: most often as at home, where the arm has room
+# How often each is drawn: most often as at home, where the arm has room.
+_HAND_TURNS = [0.8, 0.1, 0.1]
 _DRAGS = 0.6  # how often bodies with a free way on the ground are dragged
 _LETS_FALL = 0.7  # how often bodies are let fall into a hollow, rather than set down in it: a hand seldom fits
 _OUT_M = 0.02  # up before a step aside, from under what is above
@@ -129,9 +110,8 @@ _ASIDE_M = 0.04  # and at its end
 _TALL = 2.0  # times as tall as the pads that hold them: such bodies are gripped above their middle
 _TALL_GRIP = Range(0.5, 0.95)  # of their height
 _LOW_GRIP_M = 0.002  # above the ground, at least
-_LOW_GRIP = (
-    0.4  # of their height, at most: others stand by themselves when they are let go
-)
+# Of the bodies' height, at most: others stand by themselves when they are let go.
+_LOW_GRIP = 0.4
 _SET_DOWN_M = 0.003  # above where bodies stood, so that they don't press on the ground
 _CARRY_MORE_M = Range(0.0, 0.03)  # than they must be lifted to pass
 

@@ -29,10 +29,9 @@ _HALF_M = (0.01, 0.007, 0.004)  # half widths of rods, the stoutest first
 _LONGEST_M = 0.4  # of a rod, from what it passes to the body
 _MOST_LEVELS = 12  # heights of undersides that are looked at
 _GAPS_M = (0.02, 0.012, 0.006)  # heights of gaps below a body, the highest first
-_MOST_WORTH_M = 0.06  # more depth ahead is worth no more,
-_WIDE_M = (
-    0.05  # nor are tines that are farther apart: what they carry is steady by then
-)
+_MOST_WORTH_M = 0.06  # more depth ahead is worth no more
+# Tines that are farther apart are worth no more: what they carry is steady by then.
+_WIDE_M = 0.05
 _BARRED_M = 0.025  # to both sides of a way in: what is nearer is passed by the rod
 _ROD_CLEAR_M = 0.002  # beside a rod
 _FREE_M = 0.01  # behind the face that is pushed

@@ -30,9 +30,8 @@ _NEAR_GOAL_M = 0.05  # bodies that are nearer need no lanes
 _MOST_LANES = 4
 _ALL_AT_ONCE = 0.6  # how often bodies near their goal are moved at once, rather than one of the upper ones
 _AS_HIGH_M = 0.005  # bodies that are lower by less are as easy to get at
-_SPREAD = Range(
-    0.2, 1.0
-)  # of how far lots are apart at the start, that they are in a hollow
+# Of how far lots are apart at the start, that they are in a hollow.
+_SPREAD = Range(0.2, 1.0)
 # How far bodies get that only have to get away, in the ways that they have to: with so much more they are sure to.
 _ESCAPE = Range(1.02, 1.4)
 # How often each way: toward the arm's axis, along -x, x, y and -y, away from the axis, and up. An arm pulls with ease.
