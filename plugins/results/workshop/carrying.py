@@ -34,6 +34,7 @@ from core.scene import Scene
 from core.support.cli import expand, path_exists, say
 from plugins.results.chosen import chosen_evaluations
 from plugins.results.workshop.dry_run import DryRun
+from plugins.results.workshop.parting import describe_parting
 from plugins.results.workshop.policy import Limits, Move, Policy, Stopped
 from plugins.results.workshop.replay import PlayedMotion, play_motion
 
@@ -104,9 +105,23 @@ class Exported:
         Raises:
             UserError: there is no such engine, or it can't play the plan.
         """
-        sim = engines([engine])[engine]
-        where = Condition(self.task, sim, self.layout, self.settings, engine=engine)
+        where = self._condition(engine)
         return play_motion(where, self.scene, self.tool, self.dry_run(speed))
+
+    def describe_parting(self, engine: str, replay: PlayedMotion) -> str:
+        """Say at which guard or look a dry run first differs from the search; empty: at none.
+
+        Args:
+            engine: in which it was played.
+            replay: what came of it.
+        """
+        assert replay.reactions is not None
+        where = self._condition(engine)
+        return describe_parting(where, self.candidate, self.scene, replay.reactions)
+
+    def _condition(self, engine: str) -> Condition:
+        sim = engines([engine])[engine]
+        return Condition(self.task, sim, self.layout, self.settings, engine=engine)
 
 
 def dump_settings(cfg: DictConfig, task: PluginPart[Task]) -> dict[str, Any]:

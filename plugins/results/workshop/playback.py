@@ -30,6 +30,7 @@ from plugins.results.workshop.carrying import dump_settings
 from plugins.results.workshop.dry_run import DryRun
 from plugins.results.workshop.export import Export
 from plugins.results.workshop.motion import Sampled
+from plugins.results.workshop.parting import describe_parting
 from plugins.results.workshop.printing import Check
 from plugins.results.workshop.replay import PlayedMotion, play_in_all
 from plugins.results.workshop.settings import Fit
@@ -85,7 +86,7 @@ def make_export(
     check = compare_rewards(f"motion{several}", "as exported", rewards, searched)
     checks = [check]
     if dry_run is not None:
-        checks.append(_check_reactions(replays))
+        checks.append(_check_reactions(conditions, candidate, scene, replays))
     elif check.passed is False:
         lost = find_loss(conditions, scene, candidate.tool, planned, searched, motion)
         checks = [check._replace(found=f"{check.found}; {lost}")]
@@ -246,8 +247,20 @@ def _find_played(replays: Mapping[str, PlayedMotion]) -> Motion:
     return first.reactions.motion
 
 
-def _check_reactions(replays: Mapping[str, PlayedMotion]) -> Check:
-    """Say what the dry run of a plan felt and saw; it fails where the plan did not come to its end."""
+def _check_reactions(
+    conditions: Mapping[str, Condition],
+    candidate: Candidate,
+    scene: Scene,
+    replays: Mapping[str, PlayedMotion],
+) -> Check:
+    """Say what the dry run of a plan felt and saw; it fails where the plan did not come to its end.
+
+    Args:
+        conditions: the task in each engine.
+        candidate: has the plan.
+        scene: of the layout.
+        replays: what came of the dry run in each engine.
+    """
     rows = []
     passed = True
     for engine, replay in replays.items():
@@ -259,6 +272,10 @@ def _check_reactions(replays: Mapping[str, PlayedMotion]) -> Check:
         if reactions.problem:
             passed = False
             row += f" ({reactions.problem})"
+
+        parting = describe_parting(conditions[engine], candidate, scene, reactions)
+        if parting:
+            row += f" ({parting})"
 
         rows.append(row)
 

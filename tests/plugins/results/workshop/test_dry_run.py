@@ -9,7 +9,10 @@ from core.design import Candidate
 from core.interfaces import Perception, RolloutSettings
 from core.simulation.attempt import prepare
 from plugins.actions.anchored import AnchoredActions
+from plugins.results.workshop import policy
 from plugins.results.workshop.dry_run import DryRun
+from plugins.results.workshop.motion import Sampled
+from plugins.results.workshop.parting import describe_parting
 from plugins.results.workshop.replay import play_motion
 from tests.engines import every_simulator, simulator
 from tests.playing import condition
@@ -68,6 +71,49 @@ def test_looks_and_rounds_are_those_of_the_search():
         )
     plan = exported.reactions.motion.plan
     np.testing.assert_allclose(plan, searched.reactions.motion.plan, atol=1e-6)
+
+
+def play_unsmoothed(trajectory, arm, rate_hz, speed):
+    still = np.zeros_like(trajectory.arm)
+    return Sampled(trajectory.times, trajectory.arm, still, still, trajectory.fingers)
+
+
+def test_along_the_planned_path_it_is_equal_to_the_search(monkeypatch):
+    monkeypatch.setattr(policy, "sample", play_unsmoothed)
+    monkeypatch.setattr(policy, "STEP_S", 0.0)
+    noise = {"perception": Perception(position=0.01)}
+    exported = carry_out(Cubes(), HIGH, LOOP, LOOK, **noise).reactions
+    searched = search(Cubes(), HIGH, LOOP, LOOK, **noise).reactions
+    assert exported.looked == searched.looked
+    trajectory = exported.motion.trajectory
+    np.testing.assert_array_equal(trajectory.arm, searched.motion.trajectory.arm)
+    np.testing.assert_array_equal(trajectory.times, searched.motion.trajectory.times)
+
+
+def test_where_it_parts_from_the_search_is_said():
+    task = Cubes()
+    steps = (HIGH, LOOP, LOOK)
+    where = condition(task, simulator("mujoco"))
+    played = carry_out(task, *steps).reactions
+    looked = played.looked
+
+    def describe(*seen):
+        reactions = SimpleNamespace(felt=(), looked=seen)
+        return describe_parting(where, candidate(*steps), task.scene(0), reactions)
+
+    assert describe(*looked) == ""
+    later = [look._replace(at_s=look.at_s + 0.1) for look in looked]
+    assert describe(*later) == ""
+    hidden = looked[1]._replace(hidden=("cube_1",))
+    said = describe(looked[0], hidden, looked[2])
+    assert said.startswith("differs from the search: after waypoint 2 look 2 at")
+    assert (
+        "hidden from the camera: cube_1; in the search: after waypoint 2 look 2" in said
+    )
+    assert describe(*looked[:2]).startswith("differs from the search: it ended before")
+    assert describe(*looked, looked[2]._replace(at_s=99.0)).endswith(
+        "; the search ended before"
+    )
 
 
 def test_a_guard_that_never_fires_ends_the_plan_or_goes_on():
