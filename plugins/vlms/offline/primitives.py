@@ -408,8 +408,13 @@ def hook(
     path.move(end, extent.heading, _PUSH_M_S.draw(rng))
 
     passes = "over" if passes_over else "beside"
+    text = f"passes {passes}, gets behind and pulls by {length:.2f} m"
+    if not subgoal.is_released:
+        return text
 
-    return f"passes {passes}, gets behind and pulls by {length:.2f} m"
+    path.go(extent.heading, end - _LEAVE_M * ahead, touch=True)
+
+    return f"{text}, then backs off"
 
 
 def clamp(

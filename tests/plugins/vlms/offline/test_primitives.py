@@ -37,6 +37,11 @@ TRAY = """
   - {name: tray, cup: {radius: 0.15, length: 0.08, wall: 0.004}, position: [0.8, 0, 0.04], fixed: true}
 """
 
+SHELF = """
+  - {name: parcel, box: [0.06, 0.1, 0.05], position: [0.8, 0, 0.025], mass: 0.25}
+  - {name: board, box: [0.4, 0.5, 0.02], position: [0.75, 0, 0.13], fixed: true}
+"""
+
 
 @pytest.fixture
 def ask(tmp_path):
@@ -212,3 +217,17 @@ def test_bodies_get_apart_or_together_from_the_first_one(analyse, apart, least, 
     first = analysis.model.solids["cube_0"].position
     assert solid.body.name == "cube_1"
     assert least < np.linalg.norm(solid.position + subgoal.shift - first) < most
+
+
+@pytest.mark.parametrize("released", ["true", "false"])
+def test_a_hook_backs_off_from_what_it_must_let_go(ask, released):
+    goal = f'{{bodies: [parcel], place: ["< 0.5", null, null], released: {released}}}'
+    brief = ask(SHELF, goal, gripper=False)
+    rng = np.random.default_rng(0)
+    (subgoal,) = SceneAnalysis(brief).draw_subgoals(rng)
+    heads = [draw_head(subgoal, rng, 1.0) for _ in range(PLANS)]
+    hook = next(head for head in heads if head.kind == "hook")
+    path = HeadPath()
+    PRIMITIVES["hook"](path, subgoal, hook, rng)
+    before, end = (pose.position for pose in path.poses[-2:])
+    assert (end[0] > before[0] + 0.02) == (released == "true")
