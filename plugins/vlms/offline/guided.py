@@ -19,7 +19,7 @@ from core.geometry import Array
 from plugins.vlms.offline.boxes import UP, heading_axes
 from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.heads import Head, Motion, make_blade, make_piece
-from plugins.vlms.offline.joint_pushing import make_joint_pusher
+from plugins.vlms.offline.joint_pushing import make_joint_mover
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.raycast import LiftPoint, find_lift_point
 from plugins.vlms.offline.subgoals import Subgoal, turn_to_goal
@@ -108,11 +108,11 @@ def make_guided_head(subgoal: Subgoal, rng: Generator) -> Head | None:
         subgoal: with one body.
         rng: random numbers.
     Returns:
-        A rod, a lip or tines, by what the goal asks.
+        A rod, a hook, a lip or tines, by what the goal asks.
     """
     goal = subgoal.goal
     if goal is not None and goal.joint is not None:
-        return make_joint_pusher(subgoal, goal.joint, rng)
+        return make_joint_mover(subgoal, goal.joint, rng)
 
     turn = _find_turn(subgoal)
     if turn is not None:

@@ -1,13 +1,13 @@
-"""Push a body along the motion that its joint leaves it, with a rod that rays find a way in for.
+"""Move a body as its joint lets it, with a rod that pushes or a hook that pulls; rays find a way in for them.
 
-The rod meets the body where it goes the farthest along its first way, or in its middle on a slider, and then moves as
-the body moves: along a line, or about the hinge.
+The rod or the hook meets the body where it goes the farthest along its first way, or in its middle on a slider, and
+then moves as the body moves: along a line, or about the hinge.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import Generator
@@ -15,9 +15,15 @@ from numpy.random import Generator
 from core.geometry import Array, Pose
 from core.values.joints import PlacedJoint, Placement
 from plugins.vlms.offline.chance import Range
-from plugins.vlms.offline.heads import Head, make_piece
+from plugins.vlms.offline.heads import Head, make_hook, make_piece
 from plugins.vlms.offline.paths import HeadPath
-from plugins.vlms.offline.raycast import find_push_points, frame_along
+from plugins.vlms.offline.raycast import (
+    HookPoint,
+    PushPoint,
+    find_hook_points,
+    find_push_points,
+    frame_along,
+)
 from plugins.vlms.offline.subgoals import Subgoal
 
 # Of the way, past the goal: what springs or sticks ends short of it.
@@ -28,6 +34,11 @@ _TOUCH_M = Range(0.001, 0.004)  # before the body, where the rod begins to push
 _OUT_M = 0.03  # it comes from, before the way in, and draws back at the end
 _STEP_M = 0.045  # between waypoints, of a slider
 _STEP_RAD = 0.15  # and of a hinge
+_HOOKS = 0.4  # how often a body is pulled that can be pushed, too
+_TURNS_ALONG = (
+    0.5  # how often a hook turns with a hinge, rather than only follow its edge
+)
+_GAP_M = 0.003  # between a hook's arm and the edge that it passes
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,12 +123,12 @@ def _find_displacements(
     return displacements
 
 
-def make_joint_pusher(
+def make_joint_mover(
     subgoal: Subgoal,
     joint: str,
     rng: Generator,
 ) -> Head | None:
-    """Make a rod that pushes a body along the motion that its joint leaves it; None: it gets nowhere.
+    """Make a rod or a hook that moves a body as its joint lets it; None: neither gets to it.
 
     Args:
         subgoal: with one body, which has the joint.
@@ -128,13 +139,28 @@ def make_joint_pusher(
     if motion is None:
         return None
 
-    way = motion.way
-    displacements = motion.displacements
-    points = find_push_points(subgoal, way, motion.pole)
-    if not points:
-        return None
+    pushes = find_push_points(subgoal, motion.way, motion.pole)
+    pulls = find_hook_points(subgoal, motion.way, motion.pole)
+    if pulls and (not pushes or rng.random() < _HOOKS):
+        return _make_hook(subgoal, motion, pulls[rng.integers(len(pulls))], rng)
+    if pushes:
+        return _make_rod(subgoal, motion, pushes[rng.integers(len(pushes))], rng)
 
-    chosen = points[rng.integers(len(points))]
+    return None
+
+
+def _make_rod(
+    subgoal: Subgoal, motion: _JointMotion, chosen: PushPoint, rng: Generator
+) -> Head:
+    """Make a rod that pushes a body at a point.
+
+    Args:
+        subgoal: with the body.
+        motion: of the body.
+        chosen: the point.
+        rng: random numbers.
+    """
+    way = motion.way
     length = chosen.length + _LONGER_M.draw(rng)
     thick = 2 * chosen.half
     rod = make_piece("rod", -length / 2, 0.0, 0.0, (length, thick, thick))
@@ -146,9 +172,54 @@ def make_joint_pusher(
         tip = chosen.point - way * _TOUCH_M.draw(rng)
         path.descend(subgoal, turn, chosen.point - way * (chosen.length + _OUT_M))
         path.go(turn, tip)
-        end = path.follow(displacements)
+        end = path.follow(motion.displacements)
         path.go(end, end.position - way * _OUT_M, touch=True)
 
         return f"thrusts a rod of {length:.2f} m against the body, along the way that it is free to go"
 
     return Head("rod", "guided", (rod,), attachment, 0.0, thick, motion=push)
+
+
+def _make_hook(
+    subgoal: Subgoal, motion: _JointMotion, chosen: HookPoint, rng: Generator
+) -> Head:
+    """Make a hook that pulls a body by the edge of a face.
+
+    Args:
+        subgoal: with the body.
+        motion: of the body.
+        chosen: a point of the edge.
+        rng: random numbers.
+    """
+    way = motion.way
+    length = chosen.length + _LONGER_M.draw(rng)
+    thick = 2 * chosen.half
+    head = make_hook(length, chosen.toe, thick, thick, _GAP_M, chosen.outward)
+    attachment = (_GAP_M + chosen.half) * chosen.outward
+    attachment[0] = length - _INTO_M
+    turns = motion.pole is None or rng.random() < _TURNS_ALONG
+
+    def pull(path: HeadPath, rng: Generator) -> str:
+        """Bring the hook in beside the edge, get behind it, follow the body's motion, and let go of it."""
+        turn = frame_along(way)
+        beside = turn.apply(head.aside)
+        behind = chosen.point - way * _TOUCH_M.draw(rng)
+        outside = chosen.point + beside + way * (chosen.length + _OUT_M)
+        path.descend(subgoal, turn, outside)
+        path.go(turn, behind + beside, behind)
+
+        if turns:
+            path.follow(motion.displacements)
+        else:
+            edges = [shift.apply(behind) for shift in motion.displacements]
+            path.go(turn, *edges, touch=True)
+
+        end = path.poses[-1]
+        back = end.rotation.apply([-_OUT_M, 0.0, 0.0])
+        path.go(end, end.position + back, touch=True)
+
+        return f"gets a hook of {length:.2f} m behind an edge of the body, and pulls it the way that it is free to go"
+
+    return replace(
+        head, primitive="guided", attachment=attachment, aside=np.zeros(3), motion=pull
+    )

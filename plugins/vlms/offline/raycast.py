@@ -1,20 +1,22 @@
-"""Find by rays where a rod can push a body, and where tines get under it.
+"""Find by rays where a rod can push a body, where a hook can pull it, and where tines get under it.
 
 Parallel rays go through the layout on a grid around the bodies. Where each enters and leaves each box says what one
 would meet there. A rod fits at a point that is hit where a ray meets the bodies before anything else, and so do all
-rays within the rod's width. Tines fit under an underside, as rays find it that go up, along lanes in which nothing is
-just below it.
+rays within the rod's width. A hook fits where a face has room behind it, and beside it is an opening for the hook to
+come in by, from the side to which it pulls. Tines fit under an underside, as rays find it that go up, along lanes in
+which nothing is just below it.
 
 What was found is kept: it is the same for all subgoals of the same bodies.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import minimum_filter
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from core.geometry import Array, Pose
 from plugins.vlms.offline.boxes import UP, Boxes, heading_axes
@@ -36,7 +38,13 @@ _BARRED_M = 0.025  # to both sides of a way in: what is nearer is passed by the 
 _ROD_CLEAR_M = 0.002  # beside a rod
 _FREE_M = 0.01  # behind the face that is pushed
 _BEST = 6  # one of so many places is as good as the best
-_LEVEL_M = 0.0015  # an underside is so even
+_HOOK_RAYS = 120  # side by side: openings are narrow
+_HOOK_CLEAR_M = 0.003  # beside a hook's arm, and behind its toe
+_TOES_M = (0.006, 0.03)  # how far a hook's toe reaches past an edge
+_EDGE_RAYS = 2  # from a face to the opening beside it, at most
+_IN_FRONT_M = 0.1  # of the bodies: what is farther away bars no way in
+_PER_LENGTH = 0.5  # metres of cost for one of a hook's arm
+_LEVEL_M = 0.0015  # a face is so even
 _TOUCH_M = 0.0016  # what is so near below it is itself
 _LEAST_DEPTH_M = 0.008
 
@@ -54,6 +62,27 @@ class PushPoint:
 
     point: Array
     half: float
+    length: float
+    cost: float
+
+
+@dataclass(frozen=True, eq=False)
+class HookPoint:
+    """A point on the edge of a face that a hook can pull from behind.
+
+    Attributes:
+        point: in the world, (3,).
+        outward: from the face to the opening beside it, a unit vector (3,) in the frame along the pull.
+        half: half of the hook's thickness, metres.
+        toe: how far the hook reaches past the edge, metres.
+        length: how long its arm must be to end outside of what is around the point, metres.
+        cost: the less, the better the bodies are pulled there.
+    """
+
+    point: Array
+    outward: Array
+    half: float
+    toe: float
     length: float
     cost: float
 
@@ -111,12 +140,13 @@ class _Rays:
         obstacle_far: as ``far``, of all other bodies.
     """
 
-    def __init__(self, subgoal: Subgoal, way: Array) -> None:
+    def __init__(self, subgoal: Subgoal, way: Array, most: int = _MOST_RAYS) -> None:
         """Cast rays along ``way`` (3,) on a grid that goes a little beyond the bodies.
 
         Args:
             subgoal: the bodies, around which the rays go.
             way: along the rays, in the world.
+            most: rays side by side.
         """
         self.turn = frame_along(way)
         points = self.turn.inverse().apply(subgoal.points)
@@ -124,7 +154,7 @@ class _Rays:
 
         upper = points.max(axis=0) + _AROUND_M
         counts = np.ceil((upper - lower)[1:] / _GRID_M).astype(int)
-        counts = np.minimum(counts, _MOST_RAYS)
+        counts = np.minimum(counts, most)
 
         self.axes = [
             np.linspace(lower[1], upper[1], counts[0]),
@@ -236,11 +266,7 @@ def _find_push_points(
             point = rays.point(u, v, hit[u, v])
             length = np.clip(hit[u, v] - passed[u, v], 0.0, _LONGEST_M)
 
-            if pole is None:  # how far it is beside the bodies' centre
-                cost = float(np.linalg.norm(np.cross(way, point - subgoal.center)))
-            else:  # how little they move along the way there
-                cost = float(-np.cross(pole[1], point - pole[0]) @ way)
-
+            cost = _cost_of_point(point, subgoal, way, pole)
             points.append(PushPoint(point, half, length, cost))
 
         if points:
@@ -248,6 +274,183 @@ def _find_push_points(
             return points[: max(1, len(points) // _BEST)]
 
     return []
+
+
+def _cost_of_point(
+    point: Array, subgoal: Subgoal, way: Array, pole: Array | None
+) -> float:
+    """Compute how far a point (3,) is beside the bodies' centre; with a pole, how little they move along the way there.
+
+    Args:
+        point: where the bodies are met.
+        subgoal: the bodies.
+        way: along which they are moved, (3,).
+        pole: see `find_push_points`.
+    """
+    if pole is None:
+        return float(np.linalg.norm(np.cross(way, point - subgoal.center)))
+
+    return float(-np.cross(pole[1], point - pole[0]) @ way)
+
+
+def find_hook_points(
+    subgoal: Subgoal,
+    way: Array,
+    pole: Array | None = None,
+) -> list[HookPoint]:
+    """Find where a hook that comes in against the way can pull the bodies along it, the best first.
+
+    Args:
+        subgoal: the bodies.
+        way: along which they are pulled, (3,).
+        pole: see `find_push_points`.
+
+    Returns:
+        The best sixth of all points, for the stoutest hook that fits; empty: none fits.
+    """
+    key = ("hook", *map(id, subgoal.solids), repr((way, pole)))
+    return subgoal.model.find_once(key, lambda: _find_hook_points(subgoal, way, pole))
+
+
+def _find_hook_points(
+    subgoal: Subgoal,
+    way: Array,
+    pole: Array | None,
+) -> list[HookPoint]:
+    """Search for what `find_hook_points` returns, from the stoutest hook to the thinnest.
+
+    Args:
+        subgoal: the bodies.
+        way: along which they are pulled, (3,).
+        pole: see `find_push_points`.
+    """
+    edges = _Edges(subgoal, way)
+
+    for half in _HALF_M:
+        points = []
+        for point, outward, toe, length in edges.find(half):
+            cost = _cost_of_point(point, subgoal, way, pole) + _PER_LENGTH * length
+            points.append(HookPoint(point, outward, half, toe, length, cost))
+
+        if points:
+            points.sort(key=lambda point: point.cost)
+            return points[: max(1, len(points) // _BEST)]
+
+    return []
+
+
+class _Edges:
+    """Edges of faces that a hook can get behind, as rays find them that go along the pull."""
+
+    def __init__(self, subgoal: Subgoal, way: Array) -> None:
+        """Cast rays along ``way`` (3,) through a subgoal's bodies.
+
+        Args:
+            subgoal: the bodies.
+            way: along which they are pulled.
+        """
+        self._rays = _Rays(subgoal, way, _HOOK_RAYS)
+        rays = self._rays
+        self._near = np.concatenate([rays.near, rays.obstacle_near], axis=-1)
+        self._far = np.concatenate([rays.far, rays.obstacle_far], axis=-1)
+
+        # What is far in front of the bodies does not count.
+        self._front = rays.far.max() + _IN_FRONT_M
+        ends = np.where(self._near < self._front, self._far, -np.inf).max(axis=-1)
+        self._ends = maximum_filter(ends, rays.window(_BARRED_M))
+
+    def find(self, half: float) -> Iterator[tuple[Array, Array, float, float]]:
+        """Yield a point of each edge, the way (3,) outward, how far a toe reaches, and how long the arm must be.
+
+        Args:
+            half: half of the hook's thickness, metres.
+        """
+        near = self._rays.near
+        levels = np.unique(near[np.isfinite(near)].round(3))
+
+        for level in levels[:: max(1, len(levels) // _MOST_LEVELS)].tolist():
+            rear = level - 2 * (half + _HOOK_CLEAR_M)
+            behind = (self._near < level - _TOUCH_M) & (self._far > rear)
+            faces = np.abs(near - level).min(axis=-1) < _LEVEL_M
+            faces &= ~behind.any(axis=-1)
+            barred = (self._near < self._front) & (self._far > rear)
+            openings = ~barred.any(axis=-1)
+
+            if faces.any() and openings.any():
+                for axis in (0, 1):
+                    for sign in (1, -1):
+                        yield from self._find_along(
+                            faces, openings, level, half, axis, sign
+                        )
+
+    def _find_along(
+        self,
+        faces: Mask,
+        openings: Mask,
+        level: float,
+        half: float,
+        axis: int,
+        sign: int,
+    ) -> Iterator[tuple[Array, Array, float, float]]:
+        """Yield the edges of faces that have an opening beside them on one side.
+
+        Args:
+            faces: the rays that meet a face with room behind it, (U, V).
+            openings: the rays on which nothing bars the way in, (U, V).
+            level: of the faces along the rays, metres.
+            half: see `find`.
+            axis: of the grid, along which the opening is beside the face.
+            sign: on which side of it.
+        """
+        rays = self._rays
+        window = [1, 1]
+        window[1 - axis] = rays.window(half + _HOOK_CLEAR_M)[1 - axis]
+        wide = minimum_filter(faces, window)
+        free = minimum_filter(openings, window)
+
+        step = rays.steps[axis]
+        covered = step * _count_run(wide, axis, -sign)
+        room = step * _count_run(free, axis, sign) - 2 * (half + _HOOK_CLEAR_M)
+        least, most = _TOES_M
+
+        for u, v in np.argwhere(wide & (covered >= least)).tolist():
+            place = np.array([u, v])
+            for count in range(1, _EDGE_RAYS + 1):
+                place[axis] += sign
+                if not 0 <= place[axis] < free.shape[axis]:
+                    break
+                if not free[tuple(place)]:
+                    continue
+
+                toe = min(covered[u, v], room[tuple(place)], most)
+                length = self._ends[tuple(place)] - level
+                if toe >= least and length <= _LONGEST_M:
+                    outward = np.zeros(3)
+                    outward[1 + axis] = sign
+                    edge = rays.point(u, v, level)
+                    edge = edge + rays.turn.apply(outward) * step * count / 2
+                    yield edge, outward, float(toe), max(0.0, float(length))
+
+                break
+
+
+def _count_run(mask: Mask, axis: int, sign: int) -> Array:
+    """Count how many rays in a row are set from each one on, itself included, (U, V).
+
+    Args:
+        mask: of rays, (U, V).
+        axis: of the grid, along which they are counted.
+        sign: in which direction.
+    """
+    lines = np.moveaxis(mask, axis, 0)[::-sign]
+    runs = np.zeros(lines.shape)
+    run = np.zeros(lines.shape[1:])
+
+    for number, line in enumerate(lines):
+        run = np.where(line, run + 1, 0)
+        runs[number] = run
+
+    return np.moveaxis(runs[::-sign], 0, axis)
 
 
 def find_lift_point(

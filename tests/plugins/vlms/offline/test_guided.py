@@ -48,6 +48,8 @@ def test_what_lies_free_needs_none_of_these_strokes(name):
     ("name", "least"),
     [
         ("lay_down", 0.95),
+        ("open_chest", 0.95),
+        ("open_drawer", 0.95),
         ("press_plunger", 0.95),
         ("turn_plate", 0.95),
         ("InsertPlug", 0.95),
