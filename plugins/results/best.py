@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterable
 from pathlib import Path
 
 from core.design import Candidate
 from core.designs.planning import resolve
 from core.errors import RAISED, UserError
 from core.events import INTERRUPTED, Result, Run
-from core.interfaces import EvolutionStrategy, Simulator, Task
+from core.interfaces import EvolutionStrategy, Felt, Looked, Simulator, Task
 from core.robot.trajectory import plan_task_motion
 from core.simulation.pictures import filmed, report_missing, save_film
 from core.support.progress import busy
 from plugins.results.artifacts import save_design, save_files
+from plugins.results.pages.runs import EVENTS
 
 
 def save_best(result: Result, run: Run, strategy: EvolutionStrategy) -> None:
@@ -72,5 +74,13 @@ def _save_film(
         with busy("drawing the film of the best design"):
             film = filmed(task, simulator, candidate, run.seed, run.settings)
             save_film(film, folder / "rollout.gif")
+            save_events(film.happened, folder)
     except RAISED as error:
         report_missing("film", error)
+
+
+def save_events(happened: Iterable[Felt | Looked], folder: Path) -> None:
+    """Write what a film says on its way, a line for each look and guard; no file where there was none."""
+    lines = [f"{event}\n" for event in happened]
+    if lines:
+        (folder / EVENTS).write_text("".join(lines), encoding="utf-8")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -23,6 +23,12 @@ from core.trial import NOTHING
 RESULT = "result.json"
 HYDRA = ".hydra"
 MAX_BYTES = 100_000  # of a scene file
+EVENTS = "events.txt"
+"""Beside a film: what its looks saw and how its guards ended, a line each."""
+
+MAX_EVENTS = 64
+"""Of a film; a plan comes to at most 40 looks and 24 guards."""
+
 MAX_DEPTH = 6
 """Of a run's folder below one that the user names."""
 
@@ -94,6 +100,22 @@ class FinishedRun:
         best = self.folder / "best"
         files = [best / "rollout.gif", *sorted(best.glob("*/rollout.gif"))]
         return [file for file in files if self._holds(file)]
+
+    def events(self) -> Iterator[tuple[str, str]]:
+        """Yield the task of each look and guard of the best candidate, and what came of it, as films say it."""
+        for film in self.films():
+            task = self.task if film.parent.name == "best" else film.parent.name
+            file = film.with_name(EVENTS)
+            if not self._holds(file):
+                continue
+
+            try:
+                text = read_untrusted(file, MAX_BYTES).decode(errors="replace")
+            except UserError:
+                continue
+
+            for line in text.splitlines()[:MAX_EVENTS]:
+                yield task, short(line)
 
     def _holds(self, file: Path) -> bool:
         return file.is_file() and file.resolve().is_relative_to(self.folder.resolve())

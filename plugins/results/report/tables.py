@@ -53,6 +53,7 @@ def tables(results: Results) -> list[Table]:
         tools(results),
         runs(results),
         unseen_failures(results),
+        looks_and_guards(results),
         left_out(results),
         models(results),
         costs(results),
@@ -370,6 +371,16 @@ def unseen_failures(results: Results) -> Rows:
                     drawn,
                     film if failed.film else "",
                 )
+
+
+@_table("task|method|seed:0|candidate|number:0|what was seen or felt|run")
+def looks_and_guards(results: Results) -> Rows:
+    """What the looks of the best candidates saw, and how their guards ended, as their films say it."""
+    for g in results.groups:
+        for run in g.runs:
+            for number, (task, event) in enumerate(run.events(), start=1):
+                candidate = run.best.candidate
+                yield task, g.method, run.seed, candidate, number, event, _link(run)
 
 
 @_table(

@@ -6,6 +6,8 @@ import re
 import numpy as np
 import pytest
 
+from core.interfaces import Felt, Looked
+from plugins.results.best import save_events
 from plugins.results.report.report_command import report
 from tests.core.run_folders import edit, result, write_run
 
@@ -109,3 +111,29 @@ def test_runs_that_were_shown_lessons_stand_beside_those_that_were_not(tmp_path)
     assert (row["lessons per run"], row["examples per run"]) == ("2.0", "1.0")
     assert (row["average of the best"], row["average without"]) == ("0.8", "0.5")
     assert float(row["difference"]) == pytest.approx(0.3)
+
+
+def test_the_page_lists_what_the_film_says_of_looks_and_guards(tmp_path):
+    left = (("cube (goal 0)", ("cube",)),)
+    looked = Looked(1, 1.5, 2, "round 1", ("<mark>",), left)
+    felt = Felt(3, 2.25, "touch", 6.0)
+    folder = tmp_path / "run"
+    write_run(folder)
+    best = folder / "best"
+    best.mkdir(exist_ok=True)
+    (best / "rollout.gif").write_bytes(b"GIF89a")
+    save_events([looked, felt], best)
+    report([folder], tmp_path / "out")
+
+    rows = read_csv(tmp_path / "out" / "data" / "looks_and_guards.csv")
+    assert [row["number"] for row in rows] == ["1", "2"]
+    assert [row["what was seen or felt"] for row in rows] == [str(looked), str(felt)]
+    page = (tmp_path / "out" / "index.html").read_text()
+    assert "look 1 at 1.50 s, round 1: cube (goal 0): cube not in place" in page
+    assert "hidden from the camera: &lt;mark&gt;" in page
+    assert "waypoint 3: touch at 2.25 s, with 6.0 N at the flange" in page
+
+
+def test_a_film_without_looks_and_guards_has_no_file_of_them(tmp_path):
+    save_events([], tmp_path)
+    assert not [*tmp_path.iterdir()]
