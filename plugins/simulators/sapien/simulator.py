@@ -21,9 +21,8 @@ class SapienSimulator(FreshWorlds[Weighed], DrawingSimulator):
 
     title = "SAPIEN"
     failures = (RuntimeError,)  # of PhysX
-    # SAPIEN does not tell the forces of PhysX's joints. What is lighter than 0.2 g stops too soon: of 0.05 g it slides
-    # two thirds of its way, of 0.03 g a fifth.
-    supports = FreshWorlds.supports - {Ability.BONDS, Ability.LIGHT_BODIES}
+    # What is lighter than 0.2 g stops too soon: of 0.05 g it slides two thirds of its way, of 0.03 g a fifth.
+    supports = FreshWorlds.supports - {Ability.LIGHT_BODIES}
 
     def __init__(
         self,

@@ -14,6 +14,7 @@ from core.interfaces import Block, Robot, Rollout
 from core.robot.description import beyond
 from core.scene import State
 from plugins.simulators.fresh import FreshWorld
+from plugins.simulators.sapien.bonds import Bonds
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.forces import Forces, pushes
 from plugins.simulators.sapien.joints import Joints
@@ -42,6 +43,9 @@ class World(FreshWorld):
 
     PhysX does not tell friction, so `pushes` are without it.
 
+    Attributes:
+        bonds: those of the scene; None: it has none.
+
     Args:
         weighed: the scene.
         robot: the arm.
@@ -50,6 +54,8 @@ class World(FreshWorld):
         time_step: seconds.
         settings: of the engine.
     """
+
+    bonds: Bonds | None = None
 
     def __init__(
         self,
@@ -85,6 +91,8 @@ class World(FreshWorld):
         )
         self._robot = ArticulatedArm(setup, robot, tool, job.trajectory)
         self._held = robot, tool
+        if weighed.scene.bonds:
+            self.bonds = Bonds(setup, weighed, self._bodies.components)
         if job.forces and job.record_hz > 0:
             self.impulses = Forces(self._system, weighed.scene, setup.things)
 
@@ -145,6 +153,8 @@ class World(FreshWorld):
         self._robot.launch()
         self._bodies.launch()
         self._joints.begin()
+        if self.bonds is not None:
+            self.bonds.launch()
 
     def joints(self) -> tuple[Array, Array]:
         return self._robot.joints()

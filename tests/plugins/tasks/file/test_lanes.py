@@ -15,10 +15,8 @@ import numpy as np
 import pytest
 
 from core.design import Component, Fixture, Tool
-from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import (
-    Ability,
     JointTrajectory,
     Rollout,
     RolloutSettings,
@@ -29,7 +27,6 @@ from core.solids.contacts import find_contacts, make_trace
 from core.solids.record_rate import MAX_HZ
 from plugins.tasks.file.spec import json_schema
 from plugins.tasks.file.task import FileTask
-from tests.conftest import PYBULLET
 from tests.engines import SIMULATORS, every_simulator, simulator
 from tests.faults import candidate
 from tests.panda import on_panda
@@ -343,7 +340,7 @@ def test_a_word_of_soft_things_means_what_it_says(tmp_path, row):
 
 
 @pytest.mark.parametrize("row", BONDED, ids=[row[0] for row in BONDED])
-def test_a_bond_means_the_same_in_every_engine_that_has_them(tmp_path, row):
+def test_a_bond_means_the_same_in_every_engine(tmp_path, row):
     _, goal, old, new = row
     missed = goal.replace(old, new)
     tasks = [
@@ -351,19 +348,7 @@ def test_a_bond_means_the_same_in_every_engine_that_has_them(tmp_path, row):
         for asked in (goal, missed)
     ]
     for engine in SIMULATORS:
-        if Ability.BONDS not in simulator(engine).supports:
-            continue
         check_first_alone_is_met(tasks, play(engine, BONDS), engine)
-
-
-def test_an_engine_that_measures_no_bonds_says_so():
-    with pytest.raises(UserError) as error:
-        play("sapien", BONDS)
-
-    line = str(error.value)
-    assert line.startswith("Bonds: sim=sapien does not support bonds that break (bears")
-    advice = "; use sim=mujoco or sim=pybullet" if PYBULLET else "; use sim=mujoco"
-    assert line.endswith(advice)
 
 
 @pytest.mark.parametrize("row", FURNISHED, ids=[row[0] for row in FURNISHED])
