@@ -398,8 +398,8 @@ def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
         for name, values in taken.loads.items():
             loads[name][number] = clock.read(values, early=True)
 
-    # An engine that measures no forces has none where things touch.
-    measured = bool(forces) or not touching
+    # An engine that measures no forces has none where things touch, and none on bonds.
+    measured = bool(forces or loads) or not touching
     clearances = {
         name: np.array([world.approaches.get(name, _TOUCHED).gap_m for world in worlds])
         for name in bodies

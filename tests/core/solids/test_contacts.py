@@ -238,3 +238,15 @@ def test_a_trace_of_worlds_that_end_at_different_times_keeps_what_broke():
     assert trace[1].strain("glue").shape == trace.times.shape
     with pytest.raises(KeyError, match="wall"):
         trace.strain("wall")
+
+
+def test_a_bond_has_its_load_where_what_it_holds_is_touched_and_not_pressed():
+    cube = body("cube", CUBE, (0.2, 0, 0))
+    wall = body("wall", Box((0.1, 1.0, 1.0)), (0.55, 0, 0), mass=0.0)
+    scene = Scene((wall, cube), bonds=(Bond("glue", "cube", 5.0),))
+    film = recording(scene, {"cube": there_and_back(0)}, hz=50)
+    film = replace(film, loads={"glue": np.full(21, 2.0)})
+    trace = make_trace(scene, [find_contacts(scene, PANDA, ROD, film)])
+    assert trace.touched("cube", "wall").all()
+    assert trace.force_n("cube").max() == 0
+    assert trace.strain("glue").max() == pytest.approx(0.4)
