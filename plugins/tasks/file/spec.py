@@ -80,6 +80,7 @@ WORDS = {
 }
 
 Length = Annotated[float, Field(gt=limits.SHORTEST_M, le=limits.LONGEST_M)]
+Gap = Annotated[float, Field(ge=0, le=limits.LONGEST_M)]
 Coordinate = Annotated[float, Field(ge=-limits.LONGEST_M, le=limits.LONGEST_M)]
 Place = tuple[Coordinate, Coordinate, Coordinate]
 Wanted = tuple[Coordinate | None, Coordinate | None, Coordinate | None]
@@ -327,8 +328,8 @@ class RepeatSpec(_Spec):
     """How many in layers, as many in each as lie within the radius around the position."""
     radius: Length | None = None
     """Of the circle on which their middles are, or within which, m."""
-    spacing: Length | tuple[Length, Length, Length] | None = None
-    """From one middle to the next, m; if left out they nearly touch."""
+    spacing: Length | tuple[Gap, Gap, Gap] | None = None
+    """From one middle to the next, m; if left out they nearly touch. Where a grid has one only it may be 0."""
 
     @check_whole(mode="after")
     def _one_way(self) -> Self:
@@ -337,6 +338,12 @@ class RepeatSpec(_Spec):
             raise ValueError("needs one of grid, ring, heap")
         if (self.radius is None) != (given == ["grid"]):
             raise ValueError("a ring and a heap need a radius, and a grid has none")
+
+        numbers = self.grid or (2, 2, 2)
+        spacing = self.spacing if isinstance(self.spacing, tuple) else ()
+        for axis, gap, number in zip("xyz", spacing, numbers, strict=False):
+            if number > 1 and gap < limits.SHORTEST_M:
+                raise ValueError(f"needs a spacing above 0 along {axis}")
 
         return self
 

@@ -195,6 +195,7 @@ MISTAKES = [
     ("ground: {", "floor: false\nground: {", "ground says nothing where floor is false"),
     ("heap: 24", "heap: 240", "repeat.heap: must be less than or equal to 200"),
     ("heap: 24", "heap: 180", "a scene can have 200 bodies, not 204"),
+    ("heap: 24", "heap: 24, spacing: [0.02, 0, 0.02]", "needs a spacing above 0 along y"),
     ("heap: 24", "ring: 3, heap: 2", "needs one of grid, ring, heap"),
     ("{ring: 6, radius: 0.05}", "{ring: 6}", "a ring and a heap need a radius"),
     ("size: [4, 3], ", "", "a wall needs a size"),
