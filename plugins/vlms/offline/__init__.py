@@ -10,7 +10,7 @@ An answer comes about by rejection sampling, and later by a genetic algorithm. E
   of any origin, the lowest boxes are taken for its head (`tools`).
 - The motion. A motion primitive (`primitives`) is a way of using a head: push, scoop, hook or clamp. It adds waypoints
   to a `HeadPath` (`paths`). Where a joint, another body or a container leaves one way only, heads have motions of
-  their own (`guided`, `joint_pushing`, `pouring`); `raycast` finds where they get in.
+  their own (`guided`, `reaching_in`, `pouring`); `raycast` finds where they get in.
 - The search. The `Sampler` draws subgoals, a head, a path and a mount, counts the `faults` of what came of it, and
   keeps the sample with the fewest. `evolve` breeds from `parents`: `tool_variation` and `plan_variation`.
 - The answer. `anchoring` and `plan_writing` write plans that move with the layout, `written_design` a tool with its

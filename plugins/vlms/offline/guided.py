@@ -2,8 +2,8 @@
 
 A carrier gets two tines under a body, lifts it out of what it stands in, and lowers it at the goal. A tipper gets a lip
 under one side of a body, and turns it over its opposite edge; without room for it, a blade pushes the body over by its
-upper part. Rays through the scene find where there is room for them. For a body on a joint see `joint_pushing`, for
-bodies in a loose container `pouring`.
+upper part. Rays through the scene find where there is room for them. For a body on a joint, or
+one to be broken, see `reaching_in`, for bodies in a loose container `pouring`.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from core.geometry import Array
 from plugins.vlms.offline.boxes import UP, heading_axes
 from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.heads import Head, Motion, make_blade, make_piece
-from plugins.vlms.offline.joint_pushing import make_joint_mover
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.raycast import LiftPoint, find_lift_point
+from plugins.vlms.offline.reaching_in import make_joint_mover, make_presser
 from plugins.vlms.offline.subgoals import Subgoal, turn_to_goal
 
 QUARTERS: list[float] = (np.arange(4) * np.pi / 2).tolist()
@@ -80,7 +80,7 @@ _UP_M = 0.02
 
 
 def needs_guided_head(subgoal: Subgoal) -> bool:
-    """Report whether the subgoal's only body hangs from a joint, is to be turned, or stands in or around another.
+    """Report whether the subgoal's only body hangs from a joint, is to be turned or broken, or stands in another.
 
     Args:
         subgoal: of any bodies.
@@ -91,7 +91,7 @@ def needs_guided_head(subgoal: Subgoal) -> bool:
     goal = subgoal.goal
     if goal is None or len(subgoal.solids) > 1:
         return False
-    if goal.joint is not None or _find_turn(subgoal) is not None:
+    if goal.joint is not None or goal.breaks or _find_turn(subgoal) is not None:
         return True
 
     lower, upper = subgoal.obstacles.bounds
@@ -113,6 +113,8 @@ def make_guided_head(subgoal: Subgoal, rng: Generator) -> Head | None:
     goal = subgoal.goal
     if goal is not None and goal.joint is not None:
         return make_joint_mover(subgoal, goal.joint, rng)
+    if goal is not None and goal.breaks:
+        return make_presser(subgoal, rng)
 
     turn = _find_turn(subgoal)
     if turn is not None:

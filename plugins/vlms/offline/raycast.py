@@ -36,7 +36,7 @@ _MOST_WORTH_M = 0.06  # more depth ahead is worth no more
 _WIDE_M = 0.05
 _BARRED_M = 0.025  # to both sides of a way in: what is nearer is passed by the rod
 _ROD_CLEAR_M = 0.002  # beside a rod
-_FREE_M = 0.01  # behind the face that is pushed
+_FREE_M = 0.01  # behind the face that is pushed: it gives way
 _BEST = 6  # one of so many places is as good as the best
 _HOOK_RAYS = 120  # side by side: openings are narrow
 _HOOK_CLEAR_M = 0.003  # beside a hook's arm, and behind its toe
@@ -222,6 +222,7 @@ def find_push_points(
     subgoal: Subgoal,
     way: Array,
     pole: Array | None = None,
+    free: float = _FREE_M,
 ) -> list[PushPoint]:
     """Find where a rod can push the bodies, the best first.
 
@@ -231,18 +232,22 @@ def find_push_points(
         subgoal: the bodies.
         way: along which they are pushed, (3,).
         pole: a point of an axis that they turn about, and its direction, (2, 3).
+        free: how much room there must be behind the face that is pushed, metres; 0: they may stand against something.
 
     Returns:
         The best sixth of all points on which a rod of the stoutest width that fits gets; empty: none fits.
     """
-    key = ("push", *map(id, subgoal.solids), repr((way, pole)))
-    return subgoal.model.find_once(key, lambda: _find_push_points(subgoal, way, pole))
+    key = ("push", *map(id, subgoal.solids), repr((way, pole, free)))
+    return subgoal.model.find_once(
+        key, lambda: _find_push_points(subgoal, way, pole, free)
+    )
 
 
 def _find_push_points(
     subgoal: Subgoal,
     way: Array,
     pole: Array | None,
+    free: float,
 ) -> list[PushPoint]:
     """Search for what `find_push_points` returns, from the stoutest rod to the thinnest.
 
@@ -250,6 +255,7 @@ def _find_push_points(
         subgoal: the bodies.
         way: along which they are pushed, (3,).
         pole: see `find_push_points`.
+        free: see there.
     """
     rays = _Rays(subgoal, way)
     hit = rays.near.min(axis=-1)
@@ -259,10 +265,10 @@ def _find_push_points(
 
     for half in _HALF_M:
         beside = rays.window(half + _ROD_CLEAR_M)
-        free = minimum_filter(blocked, beside) > hit + _FREE_M
+        fits = minimum_filter(blocked, beside) > hit + free
 
         points = []
-        for u, v in np.argwhere(np.isfinite(hit) & free).tolist():
+        for u, v in np.argwhere(np.isfinite(hit) & fits).tolist():
             point = rays.point(u, v, hit[u, v])
             length = np.clip(hit[u, v] - passed[u, v], 0.0, _LONGEST_M)
 

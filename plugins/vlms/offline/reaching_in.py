@@ -1,5 +1,6 @@
 """Move a body as its joint lets it, with a rod that pushes or a hook that pulls; rays find a way in for them.
 
+A rod presses what is to be broken, too: from above, or from a side of the world.
 The rod or the hook meets the body where it goes the farthest along its first way, or in its middle on a slider, and
 then moves as the body moves: along a line, or about the hinge.
 """
@@ -14,6 +15,7 @@ from numpy.random import Generator
 
 from core.geometry import Array, Pose
 from core.values.joints import PlacedJoint, Placement
+from plugins.vlms.offline.boxes import UP
 from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.heads import Head, make_hook, make_piece
 from plugins.vlms.offline.paths import HeadPath
@@ -35,15 +37,19 @@ _OUT_M = 0.03  # it comes from, before the way in, and draws back at the end
 _STEP_M = 0.045  # between waypoints, of a slider
 _STEP_RAD = 0.15  # and of a hinge
 _HOOKS = 0.4  # how often a body is pulled that can be pushed, too
-_TURNS_ALONG = (
-    0.5  # how often a hook turns with a hinge, rather than only follow its edge
-)
+_PRESS_M = Range(0.01, 0.03)  # into what is to be broken, which does not give way,
+_SHOVE_M = Range(0.03, 0.2)  # and along what a bond holds
+_SIDES = ((1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (-1.0, 0.0))
+_FROM_ABOVE = 0.6  # how often a thing is pressed from there, rather than from a side
+_PRESSES_BOUND = 0.5  # how often what a bond holds is pressed: other heads tear at it
+# How often a hook turns with a hinge, rather than only follow its edge.
+_TURNS_ALONG = 0.5
 _GAP_M = 0.003  # between a hook's arm and the edge that it passes
 
 
 @dataclass(frozen=True, eq=False)
-class _JointMotion:
-    """How a joint's body gets to its goal, and a little beyond.
+class _Stroke:
+    """How a body gets to its goal, and a little beyond.
 
     Attributes:
         way: which way it goes at first, a unit vector (3,).
@@ -60,7 +66,7 @@ def _find_motion(
     subgoal: Subgoal,
     joint: str,
     rng: Generator,
-) -> _JointMotion | None:
+) -> _Stroke | None:
     """Find the motion to the goal of a subgoal with a joint; None: of a ball joint, or one that is there.
 
     Args:
@@ -88,7 +94,7 @@ def _find_motion(
     end = np.clip(subgoal.goal.to + beyond, spec.lower, spec.upper)
     displacements = _find_displacements(subgoal, placed, end)
 
-    return _JointMotion(way / np.linalg.norm(way), pole, displacements)
+    return _Stroke(way / np.linalg.norm(way), pole, displacements)
 
 
 def _find_displacements(
@@ -149,8 +155,39 @@ def make_joint_mover(
     return None
 
 
+def make_presser(subgoal: Subgoal, rng: Generator) -> Head | None:
+    """Make a rod that presses a body until it breaks, or a bond that holds it; None: it gets nowhere, or not this time.
+
+    Args:
+        subgoal: with one body, free or fixed.
+        rng: random numbers.
+    """
+    body = subgoal.solids[0].body
+    bonds = subgoal.model.scene.bonds
+    holds = any(body.name in (bond.body, bond.parent) for bond in bonds)
+    if holds and rng.random() >= _PRESSES_BOUND:
+        return None
+
+    depth = (_SHOVE_M if holds else _PRESS_M).draw(rng)
+
+    ways = [np.array([*side, 0.0]) for side in _SIDES]
+    ways.insert(0 if rng.random() < _FROM_ABOVE else len(ways), -UP)
+    if holds:
+        ways = [ways[number] for number in rng.permutation(len(ways))]
+
+    for way in ways:
+        points = find_push_points(subgoal, way, free=0.0)
+        if points:
+            steps = max(1, int(np.ceil(depth / _STEP_M)))
+            shifts = [Pose(depth * (i + 1) / steps * way) for i in range(steps)]
+            motion = _Stroke(way, None, shifts)
+            return _make_rod(subgoal, motion, points[rng.integers(len(points))], rng)
+
+    return None
+
+
 def _make_rod(
-    subgoal: Subgoal, motion: _JointMotion, chosen: PushPoint, rng: Generator
+    subgoal: Subgoal, motion: _Stroke, chosen: PushPoint, rng: Generator
 ) -> Head:
     """Make a rod that pushes a body at a point.
 
@@ -181,7 +218,7 @@ def _make_rod(
 
 
 def _make_hook(
-    subgoal: Subgoal, motion: _JointMotion, chosen: HookPoint, rng: Generator
+    subgoal: Subgoal, motion: _Stroke, chosen: HookPoint, rng: Generator
 ) -> Head:
     """Make a hook that pulls a body by the edge of a face.
 

@@ -8,7 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from core.geometry import Array, Pose, Vector
-from core.goals import Away, Goal, JointAt, Kept, Reach, Span, Turned, Untouched
+from core.goals import (
+    Away,
+    Broken,
+    Goal,
+    JointAt,
+    Kept,
+    Reach,
+    Span,
+    Turned,
+    Untouched,
+)
 from core.scene import Scene
 from core.values.states import State
 
@@ -37,6 +47,7 @@ class Target:
         joint: that is to get ``to`` a position, m or rad.
         reference: the body or mark by which place and points are given.
         container: the body in whose hollow they are to end; None: there is none.
+        breaks: whether a force on them is to break them, or a bond that holds them.
     """
 
     bodies: tuple[str, ...]
@@ -53,6 +64,7 @@ class Target:
     to: float = 0.0
     reference: str | None = None
     container: str | None = None
+    breaks: bool = False
 
 
 def find_targets(goal: Reach, scene: Scene) -> list[Target]:
@@ -140,6 +152,10 @@ def _read_away(part: Away, scene: Scene) -> Wanted:
     return {"away": part.away}
 
 
+def _read_broken(part: Broken, scene: Scene) -> Wanted:
+    return {"breaks": True}
+
+
 def _read_joint(part: JointAt, scene: Scene) -> Wanted:
     return {"joint": part.joint, "to": part.aim(scene.state())}
 
@@ -197,6 +213,7 @@ def _unit(vector: Array) -> Array:
 READERS: Mapping[type[Goal], Callable[..., Wanted]] = {
     Reach: _read_nothing,
     Away: _read_away,
+    Broken: _read_broken,
     JointAt: _read_joint,
     Turned: _read_turn,
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.goals import Broken, Limit, Reach, limits, needs_fixture, reaches
+from core.goals import Limit, Reach, limits, needs_fixture, reaches
 from core.interfaces import Task
 from core.scene import Scene, State
 from plugins.vlms.offline.subgoals import turn_to_goal
@@ -32,19 +32,18 @@ def find_unplanned(task: Task, seed: int) -> list[str]:
         parts += goal.parts
 
     balls = [joint.name for joint in scene.joints if joint.kind == "ball"]
-    is_guided = any(target.joint or target.axis for target in targets)
+    is_guided = any(target.joint or target.axis or target.breaks for target in targets)
 
     several = task.every and len(reached) > 1
 
     cases = {
         "a ball joint's position": any(t.joint in balls for t in targets),
         "a turn about the vertical": any(_turns_level(t, scene) for t in targets),
-        "breaking things": any(isinstance(goal, Broken) for goal in reached),
         "a fixture": any(needs_fixture(goal) for goal in task.goals),
         "a time limit": any(goal.by_s is not None for goal in reached),
         "what a soft body does as it gives way": bool(scene.softs),
         "the place of a node": any(getattr(p, "node", None) is not None for p in parts),
-        "a second goal, where one is a joint's or a turn (each tool is made for one)": several
+        "a second goal, where one is a joint's, a turn or a break (each tool is made for one)": several
         and is_guided,
         "anything but its first free body, as the task has no goals": not targets,
     }

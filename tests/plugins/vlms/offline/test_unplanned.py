@@ -92,7 +92,8 @@ def named(tmp_path_factory):
         task = FileTask(str(file))
         scene = task.scene(0)
         targets = [t for g in reaches(task.goals) for t in find_targets(g, scene)]
-        aimless = [t for t in targets if not (t.place or t.away or t.axis or t.joint)]
+        aims = [t.place or t.away or t.axis or t.joint or t.breaks for t in targets]
+        aimless = [target for target, aim in zip(targets, aims, strict=True) if not aim]
         lines = find_unplanned(task, 0)
         found[key] = [line for line in lines if "gives way" not in line], aimless
 
