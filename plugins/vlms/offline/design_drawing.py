@@ -14,6 +14,7 @@ from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.mounting import works_above_home
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.pouring import find_handles, make_pourer
+from plugins.vlms.offline.reaching_in import make_straight_mover
 from plugins.vlms.offline.subgoals import Subgoal
 from plugins.vlms.offline.tool_building import (
     Shaft,
@@ -23,6 +24,8 @@ from plugins.vlms.offline.tool_building import (
 )
 
 _GUIDED = 0.85  # how often a guided head is chosen where one suits
+_GUIDED_FINGER = 0.5  # and on one finger of a gripper
+_STRAIGHT = 0.3  # how often what is enclosed is moved straight to its goal, by what gets in to it
 _POURS = 0.8  # how often a container with handles is taken by them
 _CLAMPS = 0.5  # how often a gripper has pads that close on bodies, rather than a head on one finger
 _CLAMPS_INTO = 0.9  # how often where bodies leave or enter what is around them: a hand alone gets there
@@ -63,6 +66,7 @@ class DesignDrawer:
 
         return (
             self._draw_guided_head(subgoal)
+            or self._draw_straight_head(subgoal)
             or self._draw_pourer(subgoal)
             or draw_head(subgoal, self._rng, self.thickness_factor)
         )
@@ -71,6 +75,11 @@ class DesignDrawer:
         """Draw a head for a gripper: pads that close on the bodies, or one head on the left finger."""
         if subgoal.model.draws_up:  # pads hang from the hand
             return draw_head(subgoal, self._rng, self.thickness_factor)
+
+        if needs_guided_head(subgoal) and self._rng.random() < _GUIDED_FINGER:
+            head = make_guided_head(subgoal, self._rng)
+            if head is not None:
+                return head
 
         lifts_out = subgoal.is_enclosed and subgoal.rises
         clamps = _CLAMPS_INTO if lifts_out or subgoal.falls_in else _CLAMPS
@@ -87,6 +96,16 @@ class DesignDrawer:
             self._is_guided = self._rng.random() < _GUIDED
 
         return make_guided_head(subgoal, self._rng) if self._is_guided else None
+
+    def _draw_straight_head(self, subgoal: Subgoal) -> Head | None:
+        """Draw a head that gets in to a body and moves it straight; None: nothing is around it, or not this time."""
+        is_alone = len(subgoal.solids) == 1 and subgoal.goal is not None
+        if subgoal.rises or not (is_alone and subgoal.is_enclosed):
+            return None
+        if self._rng.random() >= _STRAIGHT:
+            return None
+
+        return make_straight_mover(subgoal, self._rng)
 
     def _draw_pourer(self, subgoal: Subgoal) -> Head | None:
         """Draw a head for the handles of the bodies' container; None: it has none, or not this time."""

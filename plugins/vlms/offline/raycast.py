@@ -35,6 +35,7 @@ _MOST_WORTH_M = 0.06  # more depth ahead is worth no more
 # Tines that are farther apart are worth no more: what they carry is steady by then.
 _WIDE_M = 0.05
 _BARRED_M = 0.025  # to both sides of a way in: what is nearer is passed by the rod
+_LEVEL_WAY = 0.5  # the sine of the steepest way that is level
 _ROD_CLEAR_M = 0.002  # beside a rod
 _FREE_M = 0.01  # behind the face that is pushed: it gives way
 _BEST = 6  # one of so many places is as good as the best
@@ -261,7 +262,13 @@ def _find_push_points(
     hit = rays.near.min(axis=-1)
 
     blocked = rays.obstacle_near.min(axis=-1, initial=np.inf)
-    passed = minimum_filter(blocked, rays.window(_BARRED_M))  # where obstacles begin
+    # Where obstacles begin: what begins far before, such as a table, is beside all of the way.
+    begins = rays.obstacle_near
+    begins = np.where(begins > hit.min() - _LONGEST_M, begins, np.inf)
+    begins = begins.min(axis=-1, initial=np.inf)
+    passed = minimum_filter(begins, rays.window(_BARRED_M))
+    if abs(way[2]) < _LEVEL_WAY:  # the shaft comes from above
+        passed = np.minimum.accumulate(passed[:, ::-1], axis=1)[:, ::-1]
 
     for half in _HALF_M:
         beside = rays.window(half + _ROD_CLEAR_M)

@@ -1,6 +1,7 @@
 """Move a body as its joint lets it, with a rod that pushes or a hook that pulls; rays find a way in for them.
 
-A rod presses what is to be broken, too: from above, or from a side of the world.
+A rod presses what is to be broken, too: from above, or from a side of the world. What is free and enclosed is moved
+straight to its goal.
 The rod or the hook meets the body where it goes the farthest along its first way, or in its middle on a slider, and
 then moves as the body moves: along a line, or about the hinge.
 """
@@ -15,7 +16,7 @@ from numpy.random import Generator
 
 from core.geometry import Array, Pose
 from core.values.joints import PlacedJoint, Placement
-from plugins.vlms.offline.boxes import UP
+from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.heads import Head, make_hook, make_piece
 from plugins.vlms.offline.paths import HeadPath
@@ -30,10 +31,13 @@ from plugins.vlms.offline.subgoals import Subgoal
 
 # Of the way, past the goal: what springs or sticks ends short of it.
 _BEYOND = Range(0.0, 0.4)
+_SHARE = Range(0.9, 1.15)  # of the way of what is free
 _LONGER_M = Range(0.04, 0.07)  # than the way in, for the shaft to stay outside
 _INTO_M = 0.006  # its end, that the shaft meets the rod at
 _TOUCH_M = Range(0.001, 0.004)  # before the body, where the rod begins to push
 _OUT_M = 0.03  # it comes from, before the way in, and draws back at the end
+_FROM_NEAR = 0.4  # how often it comes there from a little above: what is near may be high, and not be in its way
+_RISE_M = Range(0.03, 0.1)
 _STEP_M = 0.045  # between waypoints, of a slider
 _STEP_RAD = 0.15  # and of a hinge
 _HOOKS = 0.4  # how often a body is pulled that can be pushed, too
@@ -55,11 +59,13 @@ class _Stroke:
         way: which way it goes at first, a unit vector (3,).
         pole: of a hinge, a point of its axis and its direction, (2, 3).
         displacements: of the body in the world, one after another.
+        stays: whether the tool is to stay, as a spring would bring the body back.
     """
 
     way: Array
     pole: Array | None
     displacements: Sequence[Pose]
+    stays: bool = False
 
 
 def _find_motion(
@@ -94,7 +100,10 @@ def _find_motion(
     end = np.clip(subgoal.goal.to + beyond, spec.lower, spec.upper)
     displacements = _find_displacements(subgoal, placed, end)
 
-    return _Stroke(way / np.linalg.norm(way), pole, displacements)
+    springs_back = spec.stiffness > 0 and not spec.latches
+    stays = springs_back and not subgoal.is_released
+
+    return _Stroke(way / np.linalg.norm(way), pole, displacements, stays)
 
 
 def _find_displacements(
@@ -145,6 +154,38 @@ def make_joint_mover(
     if motion is None:
         return None
 
+    return _make_mover(subgoal, motion, rng)
+
+
+def make_straight_mover(subgoal: Subgoal, rng: Generator) -> Head | None:
+    """Make a rod or a hook that moves a body straight to its goal on the level; None: neither gets to it.
+
+    Args:
+        subgoal: with one body, which is free.
+        rng: random numbers.
+    """
+    if subgoal.length < _STEP_M:
+        return None
+
+    way = subgoal.shift * LEVEL / subgoal.length
+    motion = _Stroke(way, None, _go_straight(way, subgoal.length * _SHARE.draw(rng)))
+    return _make_mover(subgoal, motion, rng)
+
+
+def _go_straight(way: Array, length: float) -> list[Pose]:
+    """Return displacements along a way (3,), one after another, up to a length in metres."""
+    count = max(1, int(np.ceil(length / _STEP_M)))
+    return [Pose(length * (i + 1) / count * way) for i in range(count)]
+
+
+def _make_mover(subgoal: Subgoal, motion: _Stroke, rng: Generator) -> Head | None:
+    """Make a rod or a hook for a motion; None: neither gets to the body.
+
+    Args:
+        subgoal: with the body.
+        motion: of the body.
+        rng: random numbers.
+    """
     pushes = find_push_points(subgoal, motion.way, motion.pole)
     pulls = find_hook_points(subgoal, motion.way, motion.pole)
     if pulls and (not pushes or rng.random() < _HOOKS):
@@ -178,12 +219,28 @@ def make_presser(subgoal: Subgoal, rng: Generator) -> Head | None:
     for way in ways:
         points = find_push_points(subgoal, way, free=0.0)
         if points:
-            steps = max(1, int(np.ceil(depth / _STEP_M)))
-            shifts = [Pose(depth * (i + 1) / steps * way) for i in range(steps)]
-            motion = _Stroke(way, None, shifts)
+            motion = _Stroke(way, None, _go_straight(way, depth))
             return _make_rod(subgoal, motion, points[rng.integers(len(points))], rng)
 
     return None
+
+
+def _approach(
+    path: HeadPath, subgoal: Subgoal, turn: Pose, outside: Array, rng: Generator
+) -> None:
+    """Come down to where a way in begins: from above everything near, or from a little above it.
+
+    Args:
+        path: that waypoints are added to.
+        subgoal: with the body.
+        turn: of the head.
+        outside: the place, (3,).
+        rng: random numbers.
+    """
+    if rng.random() < _FROM_NEAR:
+        path.go(turn, outside + _RISE_M.draw(rng) * UP, outside)
+    else:
+        path.descend(subgoal, turn, outside)
 
 
 def _make_rod(
@@ -204,13 +261,15 @@ def _make_rod(
     attachment = np.array([_INTO_M - length, 0.0, 0.0])
 
     def push(path: HeadPath, rng: Generator) -> str:
-        """Thrust the rod against the body, follow the body's motion, and draw back."""
+        """Thrust the rod against the body, follow the body's motion, and draw back unless it is to stay."""
         turn = frame_along(way)
         tip = chosen.point - way * _TOUCH_M.draw(rng)
-        path.descend(subgoal, turn, chosen.point - way * (chosen.length + _OUT_M))
+        outside = chosen.point - way * (chosen.length + _OUT_M)
+        _approach(path, subgoal, turn, outside, rng)
         path.go(turn, tip)
         end = path.follow(motion.displacements)
-        path.go(end, end.position - way * _OUT_M, touch=True)
+        if not motion.stays:
+            path.go(end, end.position - way * _OUT_M, touch=True)
 
         return f"thrusts a rod of {length:.2f} m against the body, along the way that it is free to go"
 
@@ -237,12 +296,12 @@ def _make_hook(
     turns = motion.pole is None or rng.random() < _TURNS_ALONG
 
     def pull(path: HeadPath, rng: Generator) -> str:
-        """Bring the hook in beside the edge, get behind it, follow the body's motion, and let go of it."""
+        """Bring the hook in beside the edge, get behind it, follow the body, and let go unless it is to stay."""
         turn = frame_along(way)
         beside = turn.apply(head.aside)
         behind = chosen.point - way * _TOUCH_M.draw(rng)
         outside = chosen.point + beside + way * (chosen.length + _OUT_M)
-        path.descend(subgoal, turn, outside)
+        _approach(path, subgoal, turn, outside, rng)
         path.go(turn, behind + beside, behind)
 
         if turns:
@@ -251,9 +310,10 @@ def _make_hook(
             edges = [shift.apply(behind) for shift in motion.displacements]
             path.go(turn, *edges, touch=True)
 
-        end = path.poses[-1]
-        back = end.rotation.apply([-_OUT_M, 0.0, 0.0])
-        path.go(end, end.position + back, touch=True)
+        if not motion.stays:
+            end = path.poses[-1]
+            back = end.rotation.apply([-_OUT_M, 0.0, 0.0])
+            path.go(end, end.position + back, touch=True)
 
         return f"gets a hook of {length:.2f} m behind an edge of the body, and pulls it the way that it is free to go"
 
