@@ -14,7 +14,7 @@ from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.mounting import works_above_home
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.pouring import find_handles, make_pourer
-from plugins.vlms.offline.reaching_in import make_straight_mover
+from plugins.vlms.offline.reaching_in import make_handle_lifter, make_straight_mover
 from plugins.vlms.offline.subgoals import Subgoal
 from plugins.vlms.offline.tool_building import (
     Shaft,
@@ -25,7 +25,9 @@ from plugins.vlms.offline.tool_building import (
 
 _GUIDED = 0.85  # how often a guided head is chosen where one suits
 _GUIDED_FINGER = 0.5  # and on one finger of a gripper
-_STRAIGHT = 0.3  # how often what is enclosed is moved straight to its goal, by what gets in to it
+_IN_PLACE_M = 0.03  # a shorter way on the ground is none
+_STRAIGHT = 0.4  # how often such a head is chosen for a handle, or for what is deep in something:
+_DEEP_M = 0.25  # lower than things near it by more, so that no shaft comes down to it
 _POURS = 0.8  # how often a container with handles is taken by them
 _CLAMPS = 0.5  # how often a gripper has pads that close on bodies, rather than a head on one finger
 _CLAMPS_INTO = 0.9  # how often where bodies leave or enter what is around them: a hand alone gets there
@@ -98,14 +100,20 @@ class DesignDrawer:
         return make_guided_head(subgoal, self._rng) if self._is_guided else None
 
     def _draw_straight_head(self, subgoal: Subgoal) -> Head | None:
-        """Draw a head that gets in to a body and moves it straight; None: nothing is around it, or not this time."""
+        """Draw a head that gets in to a body or a handle, and moves it straight; None: there is no way, or no need.
+
+        Nor is there one every time: other heads may do as well.
+        """
         is_alone = len(subgoal.solids) == 1 and subgoal.goal is not None
-        if subgoal.rises or not (is_alone and subgoal.is_enclosed):
-            return None
-        if self._rng.random() >= _STRAIGHT:
+        by_handle = subgoal.rises and subgoal.length < _IN_PLACE_M
+        deep = not (subgoal.rises or subgoal.is_covered)
+        deep = deep and subgoal.height_around > _DEEP_M
+
+        if not (is_alone and (by_handle or deep)) or self._rng.random() >= _STRAIGHT:
             return None
 
-        return make_straight_mover(subgoal, self._rng)
+        make = make_handle_lifter if by_handle else make_straight_mover
+        return make(subgoal, self._rng)
 
     def _draw_pourer(self, subgoal: Subgoal) -> Head | None:
         """Draw a head for the handles of the bodies' container; None: it has none, or not this time."""

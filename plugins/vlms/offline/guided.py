@@ -31,6 +31,7 @@ _TURNED = np.radians(20.0)  # a goal about an orientation that is farther off th
 _LEVEL = 0.5  # the sine of the steepest axis that a body is turned about
 _STEP_RAD = 0.15  # between waypoints
 _NEARLY_OVER = 0.2  # the sine of turns that are half ones, and have no direction
+_UNDERSIDE_M = 0.002  # above bodies' lowest point, their own underside at most
 _HOLDS_M = 0.003  # bodies that are in each other's height by more hold each other
 _BEHIND_M = 0.02  # the tips of tines come down behind bodies
 _NEARLY_M = 0.03  # places for tines that are so little worse than the best are as good
@@ -80,7 +81,7 @@ _UP_M = 0.02
 
 
 def needs_guided_head(subgoal: Subgoal) -> bool:
-    """Report whether the subgoal's only body hangs from a joint, is to be turned or broken, or stands in another.
+    """Report whether the subgoal's only body is on a joint, to be turned or broken, in another, or on a smaller one.
 
     Args:
         subgoal: of any bodies.
@@ -92,6 +93,8 @@ def needs_guided_head(subgoal: Subgoal) -> bool:
     if goal is None or len(subgoal.solids) > 1:
         return False
     if goal.joint is not None or goal.breaks or _find_turn(subgoal) is not None:
+        return True
+    if subgoal.rises and _stands_off(subgoal):
         return True
 
     lower, upper = subgoal.obstacles.bounds
@@ -142,6 +145,13 @@ def _find_turn(subgoal: Subgoal) -> tuple[Array, float] | None:
         return None
 
     return axis, angle
+
+
+def _stands_off(subgoal: Subgoal) -> bool:
+    """Report whether the bodies' own underside is free beside what they stand on, so that tines get below it."""
+    points = [find_lift_point(subgoal, turn, _CARRIER_TINE_M) for turn in QUARTERS]
+    lowest = subgoal.lower[2] + _UNDERSIDE_M
+    return any(point is not None and point.rear[2] < lowest for point in points)
 
 
 def _draw_lift_point(
@@ -253,8 +263,9 @@ def _make_carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
     Returns:
         A head with one tine or two.
     """
+    loaded = replace(subgoal, solids=(*subgoal.solids, *subgoal.riders))
     for start in (np.zeros(3), subgoal.shift + _ABOVE_GOAL_M * UP):
-        if subgoal.is_blocked(_LIFT_M * UP, start, step=_LIFT_STEP_M):
+        if loaded.is_blocked(_LIFT_M * UP, start, step=_LIFT_STEP_M):
             return None
 
     point = _draw_lift_point(subgoal, QUARTERS, _CARRIER_TINE_M, rng)
@@ -270,12 +281,19 @@ def _make_carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
     thick = min(_TINE_THICK_M, point.gap / 2)
     tines = _Tines(subgoal, point, _CARRIER_TINE_M, thick, depth)
 
+    is_raised = subgoal.length < _SHORT_M and not subgoal.is_released
+    stays = subgoal.is_held or (is_raised and subgoal.rises)
+
     def carry(path: HeadPath, rng: Generator) -> str:
-        """Get under the bodies, lift them, carry them over what holds them, lower them, and leave."""
+        """Get under the bodies, lift them, carry them over what holds them, and lower them; leave what is not held."""
         inside = point.rear - gap * ahead - _BELOW_M * UP
         tines.enter(path, inside, ahead)
 
         lifted = inside + _BELOW_M * UP
+        if stays and is_raised:
+            path.move(inside + subgoal.shift, heading, _SLOW_M_S)
+            return "gets tines under the body, lifts it and holds it"
+
         goal = inside + _BELOW_M * UP + subgoal.shift
         height = max(lifted[2], goal[2]) + _LIFT_M
         over_start = np.array([*lifted[:2], height + _HIGHER_M.draw(rng)])
@@ -283,10 +301,17 @@ def _make_carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
         over_goal = np.array([*goal[:2], height + _HIGHER_M.draw(rng)])
         lowered = goal - _LOWER_M.draw(rng) * UP
 
-        for place in (lifted, over_start, over_goal, goal, lowered):
+        places = [lifted, over_start, over_goal, goal]
+        if not stays:
+            places.append(lowered)
+
+        for place in places:
             length = np.linalg.norm(place - path.end)
             speed = _SLOW_M_S if length > _SHORT_M else _ONE_STEP_M_S
             path.move(place, heading, speed)
+
+        if stays:
+            return "gets tines under the body, lifts it off, and carries it over"
 
         path.go(heading, path.end - (depth + _BEHIND_M) * ahead, touch=True)
 

@@ -40,7 +40,8 @@ _ROD_CLEAR_M = 0.002  # beside a rod
 _FREE_M = 0.01  # behind the face that is pushed: it gives way
 _BEST = 6  # one of so many places is as good as the best
 _HOOK_RAYS = 120  # side by side: openings are narrow
-_HOOK_CLEAR_M = 0.003  # beside a hook's arm, and behind its toe
+_THIN_HOOK_M = 0.003  # half of the thickness of a hook where no rod fits
+_HOOK_CLEAR_M = 0.002  # beside a hook's arm, and behind its toe
 _TOES_M = (0.006, 0.03)  # how far a hook's toe reaches past an edge
 _EDGE_RAYS = 2  # from a face to the opening beside it, at most
 _IN_FRONT_M = 0.1  # of the bodies: what is farther away bars no way in
@@ -338,10 +339,14 @@ def _find_hook_points(
         pole: see `find_push_points`.
     """
     edges = _Edges(subgoal, way)
+    tips = pole is None and way[2] > _LEVEL_WAY  # what is lifted from below its middle
 
-    for half in _HALF_M:
+    for half in (*_HALF_M, _THIN_HOOK_M):
         points = []
         for point, outward, toe, length in edges.find(half):
+            if tips and point[2] < subgoal.center[2]:
+                continue
+
             cost = _cost_of_point(point, subgoal, way, pole) + _PER_LENGTH * length
             points.append(HookPoint(point, outward, half, toe, length, cost))
 
@@ -384,8 +389,8 @@ class _Edges:
         for level in levels[:: max(1, len(levels) // _MOST_LEVELS)].tolist():
             rear = level - 2 * (half + _HOOK_CLEAR_M)
             behind = (self._near < level - _TOUCH_M) & (self._far > rear)
-            faces = np.abs(near - level).min(axis=-1) < _LEVEL_M
-            faces &= ~behind.any(axis=-1)
+            rooms = ~behind.any(axis=-1)
+            faces = rooms & (np.abs(near - level).min(axis=-1) < _LEVEL_M)
             barred = (self._near < self._front) & (self._far > rear)
             openings = ~barred.any(axis=-1)
 
@@ -393,13 +398,12 @@ class _Edges:
                 for axis in (0, 1):
                     for sign in (1, -1):
                         yield from self._find_along(
-                            faces, openings, level, half, axis, sign
+                            (faces, rooms, openings), level, half, axis, sign
                         )
 
     def _find_along(
         self,
-        faces: Mask,
-        openings: Mask,
+        masks: tuple[Mask, Mask, Mask],
         level: float,
         half: float,
         axis: int,
@@ -408,8 +412,8 @@ class _Edges:
         """Yield the edges of faces that have an opening beside them on one side.
 
         Args:
-            faces: the rays that meet a face with room behind it, (U, V).
-            openings: the rays on which nothing bars the way in, (U, V).
+            masks: (U, V) each, the rays that meet a face with room behind it, those with such room at its level, and
+                those on which nothing bars the way in.
             level: of the faces along the rays, metres.
             half: see `find`.
             axis: of the grid, along which the opening is beside the face.
@@ -418,11 +422,10 @@ class _Edges:
         rays = self._rays
         window = [1, 1]
         window[1 - axis] = rays.window(half + _HOOK_CLEAR_M)[1 - axis]
-        wide = minimum_filter(faces, window)
-        free = minimum_filter(openings, window)
+        wide, behind, free = (minimum_filter(mask, window) for mask in masks)
 
         step = rays.steps[axis]
-        covered = step * _count_run(wide, axis, -sign)
+        covered = step * _count_run(behind, axis, -sign)
         room = step * _count_run(free, axis, sign) - 2 * (half + _HOOK_CLEAR_M)
         least, most = _TOES_M
 

@@ -32,6 +32,7 @@ from plugins.vlms.offline.subgoals import Subgoal
 # Of the way, past the goal: what springs or sticks ends short of it.
 _BEYOND = Range(0.0, 0.4)
 _SHARE = Range(0.9, 1.15)  # of the way of what is free
+_HIGHER_M = Range(0.0, 0.04)  # than a body is to be raised: it hangs lower at first
 _LONGER_M = Range(0.04, 0.07)  # than the way in, for the shaft to stay outside
 _INTO_M = 0.006  # its end, that the shaft meets the rod at
 _TOUCH_M = Range(0.001, 0.004)  # before the body, where the rod begins to push
@@ -170,6 +171,22 @@ def make_straight_mover(subgoal: Subgoal, rng: Generator) -> Head | None:
     way = subgoal.shift * LEVEL / subgoal.length
     motion = _Stroke(way, None, _go_straight(way, subgoal.length * _SHARE.draw(rng)))
     return _make_mover(subgoal, motion, rng)
+
+
+def make_handle_lifter(subgoal: Subgoal, rng: Generator) -> Head | None:
+    """Make a hook that lifts a body by what stands out of it, such as a handle; None: it has nothing of the kind.
+
+    Args:
+        subgoal: with one body, which is to be held in the air above where it is.
+        rng: random numbers.
+    """
+    points = find_hook_points(subgoal, UP)
+    if not points:
+        return None
+
+    height = subgoal.shift[2] + _HIGHER_M.draw(rng)
+    motion = _Stroke(UP, None, _go_straight(UP, height), stays=True)
+    return _make_hook(subgoal, motion, points[rng.integers(len(points))], rng)
 
 
 def _go_straight(way: Array, length: float) -> list[Pose]:

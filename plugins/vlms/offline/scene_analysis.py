@@ -14,8 +14,9 @@ import numpy as np
 from numpy.random import Generator
 
 from core.geometry import Array, Pose
-from core.goals import reaches
+from core.goals import Reach, reaches
 from core.interfaces import Brief
+from core.scene import State
 from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.scene_model import SceneModel, Solid
@@ -39,6 +40,7 @@ _ESCAPES = (2.0, 3.0, 1.0, 1.0, 1.0, 0.5, 1.5)
 _BLOCKED = 0.02  # times as often where something is in the way, which may yield
 # From a hollow's outside: its wall, and what a body is off where it falls.
 _WALL_M = 0.03
+_ALIKE_M = 0.06  # two ways that differ by less are one
 
 
 class NothingToMove(ValueError):
@@ -74,12 +76,16 @@ class SceneAnalysis:
         groups: dict[int, list[Target]] = {}
         for number, goal in enumerate(reaches(brief.task.goals)):
             group = groups.setdefault(0 if brief.task.every else number, [])
+            if brief.task.every and _is_met(goal, scene.state()):
+                continue
+
             targets = find_targets(goal, scene)
             if upright is not None:
                 targets = [turn_over(target, upright) for target in targets]
             group += targets
 
-        self.groups = [group for group in groups.values() if group]
+        self.groups = [self._leave_out_riders(group) for group in groups.values()]
+        self.groups = [group for group in self.groups if group]
         if self.groups:
             return
 
@@ -90,6 +96,39 @@ class SceneAnalysis:
             )
 
         self.groups = [[Target((scene.free[0].name,), away=_AWAY_M)]]
+
+    def _leave_out_riders(self, group: list[Target]) -> list[Target]:
+        """Return the goals of a group without those whose bodies are taken along by what they stand on.
+
+        Args:
+            group: goals that must be reached together, in the model.
+        """
+        return [
+            target
+            for target in group
+            if not any(self._takes_along(other, target) for other in group)
+        ]
+
+    def _takes_along(self, carrier: Target, rider: Target) -> bool:
+        """Report whether all of a goal's bodies stand on or in a body of another, which goes as far as they have to.
+
+        Args:
+            carrier: a goal with the body below.
+            rider: the other one.
+        """
+        if carrier is rider or len(carrier.bodies) > 1 or carrier.place is None:
+            return False
+
+        below = self.model.solids[carrier.bodies[0]]
+        shift = goal_position(below.position, carrier) - below.position
+        for name in rider.bodies:
+            body = self.model.solids[name]
+            place = goal_position(body.position, rider)
+            goes_along = np.linalg.norm(shift - place + body.position) < _ALIKE_M
+            if not (body.stands_on(below) and rider.place and goes_along):
+                return False
+
+        return True
 
     @property
     def goals(self) -> list[Target]:
@@ -196,6 +235,14 @@ class SceneAnalysis:
         free = free or solids
         tops = np.array([solid.points[:, 2].max() for solid in free])
         return free[int(rng.choice(np.flatnonzero(tops > tops.max() - _AS_HIGH_M)))]
+
+
+def _is_met(goal: Reach, state: State) -> bool:
+    """Report whether a goal asks only what is so at the start, so that others must not undo it."""
+    if goal.held or not any(goal.all_measures(b, state) for b in goal.subjects(state)):
+        return False
+
+    return all(goal.is_in_place(b, state, state) for b in goal.subjects(state))
 
 
 def _draw_shift(subgoal: Subgoal, goal: Target, rng: Generator) -> Array:

@@ -21,6 +21,7 @@ _THINNEST_M = 1e-4  # of a box around a flat shape
 HALF_TURN = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, np.pi, 0.0))
 """About y, after which what was below is above."""
 
+_ON_M = 0.005  # above what a body stands on, its foot at most
 _OCTAGON = 4  # boxes, of which a cylinder's is made
 
 
@@ -42,6 +43,15 @@ class Solid:
     def position(self) -> Array:
         """The origin of the body's frame in the world, (3,)."""
         return self.body.pose.position
+
+    def stands_on(self, below: Solid) -> bool:
+        """Report whether its middle is over another body, and its foot on top of it or lower."""
+        lower = below.points.min(axis=0)
+        upper = below.points.max(axis=0)
+        foot = self.points.min(axis=0)
+        middle = (foot + self.points.max(axis=0)) / 2
+        over = (middle > lower)[:2].all() and (middle < upper)[:2].all()
+        return bool(over and lower[2] < middle[2] and foot[2] < upper[2] + _ON_M)
 
     @classmethod
     def from_body(cls, body: Body) -> Solid:

@@ -121,6 +121,17 @@ class Subgoal:
             if solid not in self.solids
         )
 
+    @property
+    def riders(self) -> list[Solid]:
+        """The loose bodies that stand on or in these, and go along."""
+        return [
+            solid
+            for solid in self.model.solids.values()
+            if solid not in self.solids
+            and not solid.body.fixed
+            and any(solid.stands_on(below) for below in self.solids)
+        ]
+
     @cached_property
     def clear_height(self) -> float:
         """The height above everything near the bodies' way, in the world, metres."""
@@ -310,9 +321,14 @@ class Subgoal:
     @property
     def is_enclosed(self) -> bool:
         """Whether obstacles near where the bodies are now are much higher, so that they are reached from above."""
+        return self.height_around > _ENCLOSED_M
+
+    @cached_property
+    def height_around(self) -> float:
+        """How far obstacles near where the bodies are now are higher, metres."""
         lower, upper = self.model.boxes.bounds
         near = self._is_near(lower, upper, np.zeros(3))
-        return float(upper[near, 2].max() - self.upper[2]) > _ENCLOSED_M
+        return float(upper[near, 2].max() - self.upper[2])
 
     def is_blocked(
         self,
