@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.random import Generator
 
-from core.geometry import Array
+from core.geometry import Array, Sphere
 from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.chance import Range, draw
 from plugins.vlms.offline.heads import (
@@ -86,6 +86,13 @@ _THIN_TINE = Range(0.08, 0.2)  # wide, in widths of the bodies
 _THIN_INNER = Range(0.4, 0.7)  # between the outer ones, likewise
 _MOST_TINES = 4
 _TINE_M = 0.002  # thick
+_STRADDLES = 0.7  # how often tines go below a ball beside its foot
+_STRADDLE_UNDER_M = 0.003  # that tines are above the ground
+_STRADDLE = 0.6  # of a ball's radius, as high as tines are at most
+_STRADDLE_ROOM = Range(1.02, 1.2)  # between tines, of what the ball is wide there
+_STRADDLE_WIDEST = 1.8  # of its radius, or it falls through
+_STRADDLE_DEPTH = Range(0.9, 1.2)  # of its width
+_STRADDLE_TINE_M = 0.008
 _NO_RAILS = 0.3  # how often a floor has none
 _RAIL = Range(0.1, 0.6)  # high, in heights of the bodies
 _FLOOR_ROOM_M = Range(0.005, 0.04)  # that a floor is wider than bodies
@@ -317,6 +324,10 @@ class _HeadDrawing:
             foot = ~overhangs & (lowest < self._subgoal.lower[2] + under)
             return self._draw_fork(height, depth, halves[foot].max(), under)
 
+        radius = self._find_radius()
+        if radius is not None and rng.random() < _STRADDLES:
+            return self._draw_straddler(radius, height)
+
         # What is long across is lifted in its middle.
         across = self._across
         if len(self._subgoal.solids) == 1 and across > _LONG_M:
@@ -341,6 +352,33 @@ class _HeadDrawing:
         thick = self._factor * _FLOOR_M.draw(rng)
 
         return make_scoop(width, depth, height, rail, thick)
+
+    def _find_radius(self) -> float | None:
+        """Return the radius of the only body, a ball, metres; None: it is none, or there are several."""
+        if len(self._subgoal.solids) > 1:
+            return None
+
+        shapes = [geom.shape for geom in self._subgoal.solids[0].body.collisions]
+        if len(shapes) == 1 and isinstance(shapes[0], Sphere):
+            return float(shapes[0].radius)
+
+        return None
+
+    def _draw_straddler(self, radius: float, height: float) -> Head:
+        """Draw a fork whose tines go below a ball beside where it touches the ground: it would roll from a floor.
+
+        Args:
+            radius: of the ball.
+            height: of the fork's wall.
+        """
+        rng = self._rng
+        thick = self._factor * _TINE_M
+        top = min(thick + _STRADDLE_UNDER_M, _STRADDLE * radius)
+        inner = 2 * np.sqrt(radius**2 - (radius - top) ** 2) * _STRADDLE_ROOM.draw(rng)
+        inner = min(inner, _STRADDLE_WIDEST * radius)
+        depth = 2 * radius * _STRADDLE_DEPTH.draw(rng)
+
+        return make_fork(inner, depth, height, _STRADDLE_TINE_M, thick)
 
     def _draw_fork(
         self,

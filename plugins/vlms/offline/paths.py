@@ -121,7 +121,7 @@ class HeadPath:
     def move(
         self,
         end: Array,
-        heading: float,
+        turn: float | Pose,
         speed: float,
         *,
         grip: float = 0.0,
@@ -130,7 +130,7 @@ class HeadPath:
 
         Args:
             end: position of the head in the world, (3,).
-            heading: radians about z.
+            turn: see `go`.
             speed: as a segment has its minimum duration.
             grip: the gripper's value.
         """
@@ -139,7 +139,7 @@ class HeadPath:
         count = int(np.clip(np.ceil(seconds), 1, _MOST_SEGMENTS))
 
         for share in np.linspace(0.0, 1.0, count + 1)[1:]:
-            self.go(heading, start + share * (end - start), grip=grip, touch=True)
+            self.go(turn, start + share * (end - start), grip=grip, touch=True)
 
     def follow(self, displacements: Iterable[Pose]) -> Pose:
         """Move the head as a body moves, by displacements in the world; return where the head ends."""

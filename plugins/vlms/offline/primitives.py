@@ -23,7 +23,7 @@ from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.chance import Range, add_error
 from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.paths import HeadPath
-from plugins.vlms.offline.subgoals import Subgoal
+from plugins.vlms.offline.subgoals import Extent, Subgoal
 
 PrimitiveMotion = Callable[[HeadPath, Subgoal, Head, Generator], str]
 """Adds waypoints to a path, and says in words what they do."""
@@ -90,6 +90,10 @@ _LIFT_MORE_M = Range(-0.01, 0.03)  # than the goal asks for
 _TILTS = 0.4  # how often a scoop leans back, so that nothing slides off
 # What is flat lies on it up to a slope of its friction, 0.5 or so.
 _TILT_RAD = Range(0.0, 0.25)
+_LEAN_RAD = Range(0.0, 0.35)  # what carries bodies to a hollow
+_TO_EDGE = Range(
+    0.0, 1.2
+)  # of the way from their middle to its edge: they fall off there
 _TIP_RAD = Range(0.5, 1.3)  # so far forward everything slides off
 
 # A hook.
@@ -307,13 +311,14 @@ def scoop(
 
         return f"slides under at {speed:.2f} m/s and lifts by {rise:.2f} m"
 
-    return _carry_on_tray(path, subgoal, heading, rise, rng)
+    return _carry_on_tray(path, subgoal, head, extent, rise, rng)
 
 
 def _carry_on_tray(
     path: HeadPath,
     subgoal: Subgoal,
-    heading: float,
+    head: Head,
+    extent: Extent,
     rise: float,
     rng: Generator,
 ) -> str:
@@ -322,13 +327,15 @@ def _carry_on_tray(
     Args:
         path: that waypoints are added to; at its end the head is under the bodies.
         subgoal: what is carried.
-        heading: of the head, radians about z.
+        head: that it lies on.
+        extent: of the bodies, along the heading of the head.
         rise: how far the bodies are to rise, metres.
         rng: random numbers.
 
     Returns:
         What it does, in words, as a part of the sentence that describes the plan.
     """
+    heading = extent.heading
     under = path.end
     high = max(rise, subgoal.clear_height - subgoal.lower[2] + _OVER_M)
     if subgoal.is_held:
@@ -337,14 +344,22 @@ def _carry_on_tray(
     lifted = under + high * UP
     there = lifted + subgoal.shift * LEVEL
 
-    path.move(lifted, heading, _TRAY_LIFT_M_S.draw(rng))
-    path.move(there, heading, _TRAY_M_S.draw(rng))
+    turn = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, heading))
+    if subgoal.falls_in:
+        # It leans back, so that nothing rolls off, and its edge is over the hollow where it tips.
+        turn = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, -_LEAN_RAD.draw(rng), heading))
+        path.go(turn, under, touch=True)
+        middle = (extent.rear + extent.front) / 2 - under @ extent.ahead
+        there = there - _TO_EDGE.draw(rng) * (head.depth - middle) * extent.ahead
+
+    path.move(lifted, turn, _TRAY_LIFT_M_S.draw(rng))
+    path.move(there, turn, _TRAY_M_S.draw(rng))
 
     carried = (
         f"slides under, lifts by {high:.2f} m, carries by {subgoal.length:.2f} m and"
     )
     if subgoal.is_held:
-        path.move(there + (rise - high) * UP, heading, _LOWER_M_S)
+        path.move(there + (rise - high) * UP, turn, _LOWER_M_S)
         return f"{carried} holds at {rise:.2f} m"
 
     tipped = (0.0, _TIP_RAD.draw(rng), heading)

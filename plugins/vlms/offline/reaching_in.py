@@ -32,6 +32,7 @@ from plugins.vlms.offline.subgoals import Subgoal
 # Of the way, past the goal: what springs or sticks ends short of it.
 _BEYOND = Range(0.0, 0.4)
 _SHARE = Range(0.9, 1.15)  # of the way of what is free
+_BESIDE_M = 0.07  # of a handle, from the middle of what hangs from it
 _HIGHER_M = Range(0.0, 0.04)  # than a body is to be raised: it hangs lower at first
 _LONGER_M = Range(0.04, 0.07)  # than the way in, for the shaft to stay outside
 _INTO_M = 0.006  # its end, that the shaft meets the rod at
@@ -181,12 +182,19 @@ def make_handle_lifter(subgoal: Subgoal, rng: Generator) -> Head | None:
         rng: random numbers.
     """
     points = find_hook_points(subgoal, UP)
+    points = [point for point in points if _hangs_well(point, subgoal)]
     if not points:
         return None
 
     height = subgoal.shift[2] + _HIGHER_M.draw(rng)
     motion = _Stroke(UP, None, _go_straight(UP, height), stays=True)
     return _make_hook(subgoal, motion, points[rng.integers(len(points))], rng)
+
+
+def _hangs_well(point: HookPoint, subgoal: Subgoal) -> bool:
+    """Report whether bodies that hang from a point are little beside it, so that they tip little."""
+    beside = (point.point - subgoal.center) * LEVEL
+    return bool(np.linalg.norm(beside) < _BESIDE_M)
 
 
 def _go_straight(way: Array, length: float) -> list[Pose]:
