@@ -8,12 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from core.geometry import Sphere
 from core.interfaces import Simulator
 from core.scene import Drive, Joint, Latch, Scene
 from plugins.conformance.cases import Case, Measure, compare, play
 from plugins.conformance.checking import near
 from plugins.conformance.releases import BLOCK, BLOCK_KG
-from plugins.conformance.scenery import FAR, cube, ground
+from plugins.conformance.scenery import FAR, cube, ground, make_body
 from plugins.conformance.worlds import GRAVITY
 
 
@@ -59,3 +60,17 @@ def check_launched_body_flies(simulator: Simulator) -> None:
     near("where a cube is 0.5 s after its launch, m", position, due, 0.03)
     turning = played.states.angular_velocities[-1, 0]
     near("the spin of a launched cube, rad/s", turning, spin, 0.08)
+
+
+def check_spinning_ball_is_braked(simulator: Simulator) -> None:
+    """A ball that spins on the spot is braked by the torque of rolling friction: its arm times the weight."""
+    radius = 0.05
+    arm = 1e-4
+    spin = 5.0
+    lying = make_body("ball", Sphere(radius), (FAR[0], FAR[1], radius), mass=0.1)
+    ball = replace(lying, rolling_friction=arm, spin=(0.0, 0.0, spin))
+    played = play(simulator, Scene((ground(), ball)), 2.0, settle_s=0.3)
+
+    due = spin - 2.0 * arm * GRAVITY / (0.4 * radius**2)
+    turning = played.states.angular_velocities[-1, 0, 2]
+    near("the spin of a ball after 2 s, rad/s", turning, due, 0.15)

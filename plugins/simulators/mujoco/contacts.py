@@ -149,7 +149,8 @@ def _set_contact(spec: Element, collider: Collider, number: int, tools: float) -
     if collider.role is Role.SCENE and not collider.free:
         friction = mean_friction(friction, tools)
         geom.priority = 1
-    geom.friction = [friction, 0.0, collider.surface.rolling]
+    rolling = collider.surface.rolling
+    geom.friction = [friction, rolling, rolling]
     geom.condim = _dimensions(collider.surface.rolling)
     geom.solref = _reference(spec)
     geom.solimp = IMPEDANCE
@@ -168,7 +169,7 @@ def _add_pair(
         geomname1=first.geom.name,
         geomname2=second.geom.name,
         condim=_dimensions(rolling),
-        friction=[friction, friction, 0.0, rolling, rolling],
+        friction=[friction, friction, rolling, rolling, rolling],
         solref=_rebound(spec, restitution) or _reference(spec),
         # Stiffness, which friction has none of, and damping.
         solreffriction=[-1.0, -slip_rate],

@@ -35,9 +35,11 @@ def dynamics_of(body: Body, jointed: bool) -> dict[str, float]:
 
     # PyBullet multiplies the two bodies' friction, where ours is the geometric mean; and rolling friction by the
     # other's lateral one, which is mostly 0.5.
+    rolling = arm / np.sqrt(0.5)
     return {
         "lateralFriction": np.sqrt(body.friction),
-        "rollingFriction": arm / np.sqrt(0.5),
+        "rollingFriction": rolling,
+        "spinningFriction": rolling,
         "restitution": body.restitution,
         "linearDamping": 0.0,
         "angularDamping": 0.0,
