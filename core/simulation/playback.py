@@ -178,7 +178,8 @@ class Player:
         if reactions is None:
             return schedule.block(self.done, self.done + left)
 
-        left = min(schedule.find_step(reactions.looks_at) - self.done, left)
+        looks = schedule.find_step(reactions.looks_at) - self.done
+        left = min(max(looks, 0), left)
         if reactions.since == math.inf:
             return schedule.block(self.done, self.done + left)
 
@@ -242,10 +243,10 @@ class Player:
             return False
         if self._stopped_at is not None:
             return False
-        if self.schedule.find_step(reactions.looks_at) != self.done:
-            return False
         if reactions.looks_at == math.inf:
             return False
+        if self.schedule.find_step(reactions.looks_at) > self.done:
+            return False  # where a guard ends the way to the look, its last reading may come after that
 
         now = float(self.schedule.instants[self.done])
         arm, fingers, states = worlds.read(number, [worlds.note()[number]])

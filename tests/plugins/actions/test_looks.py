@@ -316,6 +316,29 @@ def test_a_look_takes_its_time_and_sees_with_noise_of_its_own():
     )
 
 
+@pytest.mark.parametrize("seconds", [0.05, 0.053, 0.056])
+def test_a_look_may_follow_a_short_way_with_a_guard(seconds):
+    """The guard's last reading may come after the arm has got there."""
+    guarded = {"until": "force", "newtons": 200, "seconds": seconds}
+    ways = [{**HIGH, "offset": [0.45, 0.0, z], **guarded} for z in (0.499, 0.498)]
+    played = play(HIGH, *ways, LOOK, OVER)
+    (looked,) = played.outcome.looked
+    assert looked.waypoint == 3
+    assert [felt.fired for felt in played.outcome.felt] == ["", ""]
+
+
+def test_where_a_guard_in_the_air_ended_is_known_after_the_next_look():
+    """So a plan may take a place that is between what two looks saw."""
+    guarded = {**OVER, "until": "force", "newtons": 200}
+    between = {"anchor": "here", "toward": "cube_1", "share": 0.5}
+    settings = {"perception": Perception(position=0.01)}
+    end = {**between, "offset": [0.0, 0.0, 0.0]}
+    played = play(guarded, LOOK, OVER, end, **settings)
+    first, second, mean = played.job.reactions.motion.plan[:, :2]
+    assert np.abs(second - first).max() > 0.001
+    np.testing.assert_allclose(mean, (first + second) / 2, atol=1e-6)
+
+
 def test_what_the_tool_hides_keeps_its_last_place():
     plate = box("plate", (0.4, 0.4, 0.02), (0.0, 0.0, -0.1), mass=0.01)
     camera = SimpleNamespace(position=(0.5, 0.2, 1.5), target=(0.5, 0.2, 0.0))
