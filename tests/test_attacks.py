@@ -34,7 +34,7 @@ STOPPED_BY = {
         0.011,
         [1.0, 0.6],
     ),  # 51 mm, as it was, for a ring of 40 mm
-    "SweepCards": ("tasks.hardtoolbench.sweep_cards.PRESS_N", math.inf, [6 / 13]),
+    "SweepCards": ("tasks.hardtoolbench.sweep_cards.PRESS_N", math.inf, [3 / 13]),
 }
 
 
