@@ -2,8 +2,8 @@
 
 A carrier gets two tines under a body, lifts it out of what it stands in, and lowers it at the goal. A tipper gets a lip
 under one side of a body, and turns it over its opposite edge; without room for it, a blade pushes the body over by its
-upper part. Rays through the scene find where there is room for them. For a body on a joint, or
-one to be broken, see `reaching_in`, for bodies in a loose container `pouring`.
+upper part. A pen turns a body about the vertical. Rays through the scene find where there is room for them. For a body
+on a joint, or one to be broken, see `reaching_in`, for bodies in a loose container `pouring`.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ import numpy as np
 from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
-from core.geometry import Array
-from plugins.vlms.offline.boxes import UP, heading_axes
+from core.geometry import Array, Pose
+from plugins.vlms.offline.boxes import LEVEL, UP, heading_axes
 from plugins.vlms.offline.chance import Range
-from plugins.vlms.offline.heads import Head, Motion, make_blade, make_piece
+from plugins.vlms.offline.heads import Head, Motion, make_blade, make_pen, make_piece
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.raycast import LiftPoint, find_lift_point
 from plugins.vlms.offline.reaching_in import make_joint_mover, make_presser
@@ -66,6 +66,13 @@ _STROKE = Range(0.6, 1.2)  # of the bodies' length, in which they fall
 _TOPPLE_M_S = Range(0.1, 0.3)
 _LEAVE_M = 0.05  # up
 
+# What turns bodies about the vertical.
+_PEN_SPARE_M = Range(0.002, 0.006)  # on each side
+_PEN_HEIGHT = Range(0.5, 0.9)  # of the bodies'
+_PEN_HEIGHTS_M = (0.02, 0.12)
+_PEN_ABOVE_M = Range(0.003, 0.008)  # the ground
+_PLAY_RAD = Range(0.0, 0.12)
+
 # What tips bodies.
 _TIPPER_TINE_M = 0.016
 _GRIP = Range(0.5, 0.9)  # of the room under bodies that a lip goes in
@@ -93,6 +100,8 @@ def needs_guided_head(subgoal: Subgoal) -> bool:
     if goal is None or len(subgoal.solids) > 1:
         return False
     if goal.joint is not None or goal.breaks or _find_turn(subgoal) is not None:
+        return True
+    if _find_yaw(subgoal) is not None:
         return True
     if subgoal.rises and _stands_off(subgoal):
         return True
@@ -123,6 +132,10 @@ def make_guided_head(subgoal: Subgoal, rng: Generator) -> Head | None:
     if turn is not None:
         return _make_tipper(subgoal, turn, rng) or _make_toppler(subgoal, turn, rng)
 
+    yaw = _find_yaw(subgoal)
+    if yaw is not None:
+        return _make_turner(subgoal, yaw, rng)
+
     return _make_carrier(subgoal, rng)
 
 
@@ -135,16 +148,43 @@ def _find_turn(subgoal: Subgoal) -> tuple[Array, float] | None:
     Returns:
         The axis (3,), level or nearly so, as long as the angle's sine; and the angle, radians.
     """
+    turn = _find_any_turn(subgoal)
+    return None if turn is None or _is_upright(turn[0]) else turn
+
+
+def _find_yaw(subgoal: Subgoal) -> float | None:
+    """Find the angle by which the bodies are to be turned about the vertical, radians; None: not so.
+
+    Args:
+        subgoal: of which the first body counts.
+    """
+    turn = _find_any_turn(subgoal)
+    if turn is None or not _is_upright(turn[0]):
+        return None
+
+    axis, angle = turn
+    return float(np.sign(axis[2]) * angle)
+
+
+def _find_any_turn(subgoal: Subgoal) -> tuple[Array, float] | None:
+    """Find how the bodies are to be turned, about whatever axis; see `_find_turn`.
+
+    Args:
+        subgoal: of which the first body counts.
+    """
     if subgoal.goal is None or subgoal.goal.axis is None:
         return None
 
     axis, angle = turn_to_goal(subgoal.goal, subgoal.solids[0].body)
     if angle < max(_TURNED, np.radians(subgoal.goal.tolerance_deg)):
         return None
-    if abs(axis[2]) > _LEVEL * np.linalg.norm(axis) + 1e-6:
-        return None
 
     return axis, angle
+
+
+def _is_upright(axis: Array) -> bool:
+    """Report whether the axis (3,) of a turn is steep."""
+    return bool(abs(axis[2]) > _LEVEL * np.linalg.norm(axis) + 1e-6)
 
 
 def _stands_off(subgoal: Subgoal) -> bool:
@@ -376,6 +416,49 @@ def _make_toppler(
         return f"pushes the body over by its upper part, by {stroke:.2f} m"
 
     return replace(blade, primitive="guided", motion=topple)
+
+
+def _make_turner(subgoal: Subgoal, yaw: float, rng: Generator) -> Head:
+    """Make a pen that comes down around bodies, and turns them about the vertical; it may then push them on.
+
+    Args:
+        subgoal: the body.
+        yaw: the angle, radians.
+        rng: random numbers.
+    """
+    extent = subgoal.extent(subgoal.grip_heading)
+    spare = _PEN_SPARE_M.draw(rng)
+    pen = make_pen(
+        width=extent.across + 2 * spare,
+        depth=extent.along + 2 * spare,
+        height=np.clip(subgoal.height * _PEN_HEIGHT.draw(rng), *_PEN_HEIGHTS_M),
+        thick=_TOPPLER_THICK_M.draw(rng),
+    )
+
+    def turn(path: HeadPath, rng: Generator) -> str:
+        """Come down around the bodies, turn about their middle, push them to their place, and leave."""
+        middle = (extent.front + extent.rear) / 2 * extent.ahead + extent.middle
+        start = middle - (extent.along / 2 + spare) * extent.ahead
+        start = start + (subgoal.lower[2] + _PEN_ABOVE_M.draw(rng)) * UP
+        path.descend(subgoal, extent.heading, start)
+
+        # A little farther, as they have room in it.
+        whole = yaw + np.sign(yaw) * _PLAY_RAD.draw(rng)
+        steps = int(np.ceil(abs(whole) / _STEP_RAD))
+        about = Pose(middle)
+        turns = [
+            about @ Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, angle)) @ about.inverse()
+            for angle in np.linspace(0.0, whole, steps + 1)[1:]
+        ]
+        end = path.follow(turns)
+        if subgoal.goal is not None and subgoal.goal.place is not None:
+            path.move(end.position + subgoal.shift * LEVEL, end, _TOPPLE_M_S.draw(rng))
+
+        path.go(end, path.end + (subgoal.height + _LEAVE_M) * UP, touch=True)
+
+        return f"comes down around the body, and turns it by {np.degrees(whole):.0f} degrees"
+
+    return replace(pen, primitive="guided", motion=turn)
 
 
 def _make_tipper(

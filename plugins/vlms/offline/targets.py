@@ -11,6 +11,7 @@ from core.geometry import Array, Pose, Vector
 from core.goals import (
     Away,
     Broken,
+    Facing,
     Goal,
     JointAt,
     Kept,
@@ -23,6 +24,8 @@ from core.scene import Scene
 from core.values.states import State
 
 _FAR_DEG = 100.0  # plans aim by a tenth of it within a span of angles
+_OVER_DEG = 120.0  # a turn by more is one over an edge
+_LEAST_OFF_DEG = 3.0
 _ALONG = 1e-3  # of a vector across a pole: it is along it
 
 _FAR_M = 0.3  # and of distances between bodies
@@ -91,6 +94,9 @@ def find_targets(goal: Reach, scene: Scene) -> list[Target]:
 
         if is_planned(part):
             read = READERS.get(type(part), _read_nothing)
+            if _angles(part) is not None:
+                read = _read_turn_by
+
             wanted |= read(part, scene)
 
     return [
@@ -137,7 +143,9 @@ def is_planned(goal: Goal) -> bool:
         return True
     if isinstance(goal, Untouched):
         return not (goal.by or goal.max_force_n)
-    if type(goal) in READERS or _spaces(goal) is not None:
+    if type(goal) in READERS:
+        return True
+    if _spaces(goal) is not None or _angles(goal) is not None:
         return True
 
     return isinstance(goal, Reach) and type(goal).place_of is not Reach.place_of
@@ -189,6 +197,42 @@ def _read_turn(part: Turned, scene: Scene) -> Wanted:
     return wanted | {"points": tuple(turned.tolist()), "tolerance_deg": off}
 
 
+def _read_facing(part: Facing, scene: Scene) -> Wanted:
+    """Read a turn on the level, from where the first body is to what it is to face."""
+    body = scene[part.subjects(scene.state())[0]]
+    way = scene[part.facing].pose.position - body.pose.position
+    if np.hypot(*way[:2]) < _ALONG:
+        return {}
+
+    return {
+        "axis": part.axis,
+        "points": (float(way[0]), float(way[1]), 0.0),
+        "tolerance_deg": part.tolerance_deg,
+    }
+
+
+def _read_turn_by(part: Reach, scene: Scene) -> Wanted:
+    """Read a turn by an angle, about whatever axis: over where that is far, and else about the vertical."""
+    angles = _angles(part)
+    assert angles is not None
+    body = scene[part.subjects(scene.state())[0]]
+    angle = np.radians(angles.aim(0.0, _FAR_DEG))
+
+    back = body.pose.rotation.inv()
+    now = np.array([1.0, 0.0, 0.0])
+    points = np.array([np.cos(angle), np.sin(angle), 0.0])
+    if np.degrees(angle) > _OVER_DEG:
+        now = np.array([0.0, 0.0, 1.0])
+        points = np.array([np.sin(angle), 0.0, np.cos(angle)])
+
+    off = np.degrees(angle) - angles.aim(0.0, 0.0)
+    return {
+        "axis": tuple(back.apply(now).tolist()),
+        "points": tuple(points.tolist()),
+        "tolerance_deg": float(max(abs(off), _LEAST_OFF_DEG)),
+    }
+
+
 def _find_aside(pole: Array, position: Array) -> Array:
     """Find a direction (3,) across a pole: away from the world's middle, or up where that is along the pole.
 
@@ -214,6 +258,7 @@ READERS: Mapping[type[Goal], Callable[..., Wanted]] = {
     Reach: _read_nothing,
     Away: _read_away,
     Broken: _read_broken,
+    Facing: _read_facing,
     JointAt: _read_joint,
     Turned: _read_turn,
 }
@@ -241,6 +286,12 @@ def _spaces(goal: Goal) -> Span | None:
     """Return how far bodies are to be from each other, m; None: the goal asks no such thing."""
     spaces: Span | None = getattr(goal, "apart", None)
     return None if getattr(goal, "nodes", ()) else spaces
+
+
+def _angles(goal: Goal) -> Span | None:
+    """Return by which angle bodies are to be turned from their start, degrees; None: the goal asks no such thing."""
+    angles: Span | None = getattr(goal, "turned_deg", None)
+    return angles
 
 
 def _find_those_that_stay(goal: Reach, state: State) -> tuple[str, ...]:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from core.goals import Limit, Reach, limits, needs_fixture, reaches
 from core.interfaces import Task
-from core.scene import Scene, State
-from plugins.vlms.offline.subgoals import turn_to_goal
+from core.scene import State
 from plugins.vlms.offline.targets import Target, find_targets, is_planned
 
 
@@ -38,7 +35,6 @@ def find_unplanned(task: Task, seed: int) -> list[str]:
 
     cases = {
         "a ball joint's position": any(t.joint in balls for t in targets),
-        "a turn about the vertical": any(_turns_level(t, scene) for t in targets),
         "a fixture": any(needs_fixture(goal) for goal in task.goals),
         "a time limit": any(goal.by_s is not None for goal in reached),
         "what a soft body does as it gives way": bool(scene.softs),
@@ -84,20 +80,3 @@ def _name_limit(limit: Limit) -> str:
         return "a limit of force"
 
     return f"what must hold {type(limit).__name__.lower()}"
-
-
-def _turns_level(goal: Target, scene: Scene) -> bool:
-    """Report whether a goal's axis must turn about the vertical.
-
-    Args:
-        goal: with an axis, or without.
-        scene: which has the goal's bodies.
-    """
-    if goal.axis is None or not goal.bodies:
-        return False
-
-    axis, _ = turn_to_goal(goal, scene[goal.bodies[0]])
-    length = np.linalg.norm(axis)
-    is_fulfilled = length <= np.sin(np.radians(goal.tolerance_deg))
-
-    return not is_fulfilled and abs(axis[2]) > 0.5 * length

@@ -53,6 +53,7 @@ def test_what_lies_free_needs_none_of_these_strokes(name):
         ("open_chest", 0.95),
         ("open_drawer", 0.95),
         ("press_plunger", 0.95),
+        ("turn_box", 0.95),
         ("turn_plate", 0.95),
         ("InsertPlug", 0.95),
     ],
