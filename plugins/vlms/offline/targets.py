@@ -216,16 +216,17 @@ def _read_turn_by(part: Reach, scene: Scene) -> Wanted:
     angles = _angles(part)
     assert angles is not None
     body = scene[part.subjects(scene.state())[0]]
-    angle = np.radians(angles.aim(0.0, _FAR_DEG))
+    least = angles.aim(0.0, 0.0)
+    angle = np.radians(angles.aim(0.0 if least < _OVER_DEG else 180.0, _FAR_DEG))
 
     back = body.pose.rotation.inv()
     now = np.array([1.0, 0.0, 0.0])
     points = np.array([np.cos(angle), np.sin(angle), 0.0])
-    if np.degrees(angle) > _OVER_DEG:
+    if least >= _OVER_DEG:
         now = np.array([0.0, 0.0, 1.0])
         points = np.array([np.sin(angle), 0.0, np.cos(angle)])
 
-    off = np.degrees(angle) - angles.aim(0.0, 0.0)
+    off = np.degrees(angle) - least
     return {
         "axis": tuple(back.apply(now).tolist()),
         "points": tuple(points.tolist()),
