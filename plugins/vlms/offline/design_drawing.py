@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from numpy.random import Generator
 
 from core.design import Tool
@@ -14,7 +16,11 @@ from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.mounting import works_above_home
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.pouring import find_handles, make_pourer
-from plugins.vlms.offline.reaching_in import make_handle_lifter, make_straight_mover
+from plugins.vlms.offline.reaching_in import (
+    join_rods,
+    make_handle_lifter,
+    make_straight_mover,
+)
 from plugins.vlms.offline.subgoals import Subgoal
 from plugins.vlms.offline.tool_building import (
     Shaft,
@@ -26,6 +32,7 @@ from plugins.vlms.offline.tool_building import (
 _GUIDED = 0.85  # how often a guided head is chosen where one suits
 _GUIDED_FINGER = 0.5  # and on one finger of a gripper
 _IN_PLACE_M = 0.03  # a shorter way on the ground is none
+_ROD_TRIES = 4  # of one rod for several subgoals
 _STRAIGHT = 0.4  # how often such a head is chosen for a handle, or for what is deep in something:
 _DEEP_M = 0.25  # lower than things near it by more, so that no shaft comes down to it
 _POURS = 0.8  # how often a container with handles is taken by them
@@ -60,6 +67,20 @@ class DesignDrawer:
         self._gripper = brief.gripper
         self._rng = rng
         self._is_guided: bool | None = None
+
+    def draw_head_for_all(self, subgoals: Sequence[Subgoal]) -> Head:
+        """Draw a head for the subgoal with the most bodies, or a rod for all of them, where rods can do them.
+
+        Args:
+            subgoals: in the order in which they are reached.
+        """
+        if len(subgoals) > 1 and all(needs_guided_head(part) for part in subgoals):
+            for _ in range(_ROD_TRIES):
+                rod = join_rods([self.draw_head(subgoal) for subgoal in subgoals])
+                if rod is not None:
+                    return rod
+
+        return self.draw_head(max(subgoals, key=lambda part: len(part.solids)))
 
     def draw_head(self, subgoal: Subgoal) -> Head:
         """Draw a head that moves the subgoal's bodies."""

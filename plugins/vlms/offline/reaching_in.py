@@ -18,7 +18,7 @@ from core.geometry import Array, Pose
 from core.values.joints import PlacedJoint, Placement
 from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.chance import Range
-from plugins.vlms.offline.heads import Head, make_hook, make_piece
+from plugins.vlms.offline.heads import Head, Motion, make_hook, make_piece
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.raycast import (
     HookPoint,
@@ -31,6 +31,9 @@ from plugins.vlms.offline.subgoals import Subgoal
 
 # Of the way, past the goal: what springs or sticks ends short of it.
 _BEYOND = Range(0.0, 0.4)
+ROD = "rod"
+"""The kind of a head that is one."""
+
 _SHARE = Range(0.9, 1.15)  # of the way of what is free
 _BESIDE_M = 0.07  # of a handle, from the middle of what hangs from it
 _HIGHER_M = Range(0.0, 0.04)  # than a body is to be raised: it hangs lower at first
@@ -281,9 +284,6 @@ def _make_rod(
     """
     way = motion.way
     length = chosen.length + _LONGER_M.draw(rng)
-    thick = 2 * chosen.half
-    rod = make_piece("rod", -length / 2, 0.0, 0.0, (length, thick, thick))
-    attachment = np.array([_INTO_M - length, 0.0, 0.0])
 
     def push(path: HeadPath, rng: Generator) -> str:
         """Thrust the rod against the body, follow the body's motion, and draw back unless it is to stay."""
@@ -298,7 +298,46 @@ def _make_rod(
 
         return f"thrusts a rod of {length:.2f} m against the body, along the way that it is free to go"
 
-    return Head("rod", "guided", (rod,), attachment, 0.0, thick, motion=push)
+    return _make_rod_head(length, 2 * chosen.half, push)
+
+
+def join_rods(heads: Sequence[Head]) -> Head | None:
+    """Join rods for several subgoals: as long as the longest and as thin as the thinnest; None: some is no rod.
+
+    Args:
+        heads: one for each subgoal, in the order in which they are reached.
+    """
+    if any(head.kind != ROD for head in heads):
+        return None
+
+    length = max(head.pieces[0].size[0] for head in heads)
+    thick = min(head.width for head in heads)
+    motions = [head.motion for head in heads if head.motion is not None]
+
+    def do_all(path: HeadPath, rng: Generator) -> str:
+        """Do what each rod is for, one after another."""
+        texts = []
+        for number, motion in enumerate(motions):
+            if number > 0:
+                path.end_stage()
+            texts.append(motion(path, rng))
+
+        return "; then ".join(texts)
+
+    return _make_rod_head(length, thick, do_all)
+
+
+def _make_rod_head(length: float, thick: float, motion: Motion) -> Head:
+    """Make a rod whose tip is at the origin.
+
+    Args:
+        length: of the rod, metres.
+        thick: of the rod, metres.
+        motion: of the head.
+    """
+    rod = make_piece(ROD, -length / 2, 0.0, 0.0, (length, thick, thick))
+    attachment = np.array([_INTO_M - length, 0.0, 0.0])
+    return Head(ROD, "guided", (rod,), attachment, 0.0, thick, motion=motion)
 
 
 def _make_hook(

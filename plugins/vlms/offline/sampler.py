@@ -153,7 +153,7 @@ class Sampler:
         """Sample a tool and a plan, and count their faults, up to ``enough``."""
         subgoals = self._draw_subgoals()
         largest = max(subgoals, key=lambda subgoal: len(subgoal.solids))
-        head = drawer.draw_head(largest)
+        head = drawer.draw_head_for_all(subgoals)
         path = self._make_path(subgoals, head)
         pose = head.mount_pose
 

@@ -31,7 +31,9 @@ def find_unplanned(task: Task, seed: int) -> list[str]:
     balls = [joint.name for joint in scene.joints if joint.kind == "ball"]
     is_guided = any(target.joint or target.axis or target.breaks for target in targets)
 
-    several = task.every and len(reached) > 1
+    # One rod does several joints, and breaks several things.
+    by_rod = all(target.joint or target.breaks for target in targets)
+    several = task.every and len(reached) > 1 and not by_rod
 
     cases = {
         "a ball joint's position": any(t.joint in balls for t in targets),

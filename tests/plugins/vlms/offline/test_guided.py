@@ -55,6 +55,7 @@ def test_what_lies_free_needs_none_of_these_strokes(name):
         ("press_plunger", 0.95),
         ("turn_box", 0.95),
         ("turn_plate", 0.95),
+        ("two_buttons", 0.95),
         ("InsertPlug", 0.95),
     ],
 )
