@@ -277,9 +277,9 @@ class Player:
 
         now = float(schedule.instants[self.done])
         self._asks_at = now + STOP_S
-        start = self._read_state(worlds, number, schedule.settle)
-        arm, fingers, states = worlds.read(number, [note])
-        if not ending.is_solved(start, arm[0], fingers[0], states[0]):
+        notes = [self._notes[schedule.settle], note]
+        arm, fingers, states = worlds.read(number, notes)
+        if not ending.is_solved(states[0], arm[1], fingers[1], states[1]):
             self._solved_at = math.inf
             return
 
@@ -302,9 +302,9 @@ class Player:
     def _keep(self, block: Block, passed: Passed, count: int) -> None:
         """Keep the notes of so many of a block's steps."""
         self.error = self.error or passed.error
-        for mark, note in zip(block.marks, passed.notes, strict=True):
-            if mark <= count:
-                self._notes[block.begin + mark] = note
+        happened = bisect_right(block.marks, count)
+        steps = [block.begin + mark for mark in block.marks[:happened]]
+        self._notes.update(zip(steps, passed.notes[:happened], strict=True))
 
     def conclude(self, worlds: Worlds, number: int) -> Outcome:
         """Make the outcome of what was played in one of the worlds.
@@ -315,26 +315,29 @@ class Player:
             return Outcome(None, None, error=self.error)
 
         schedule = self.schedule
-        start = self._read_state(worlds, number, schedule.settle)
-        end = self._read_state(worlds, number, schedule.count)
+        steps = sorted({schedule.settle, *schedule.marks})
+        arm, fingers, states = worlds.read(
+            number, [self._notes[done] for done in steps]
+        )
+        start = states[steps.index(schedule.settle)]
+        end = states[-1]
         if not all(np.isfinite(array).all() for array in end.arrays[:3]):
             error = "the simulation blew up: a body's state is not finite"
             return Outcome(None, None, error=error)
 
-        reached = np.empty(0)
-        measured = [self._notes[done] for done in schedule.measures]
-        if measured:
-            reached, _, _ = worlds.read(number, measured)
-
         recording = None
         if self.is_filmed:
-            recording = self._develop(worlds, number)
+            sampled = np.searchsorted(steps, schedule.samples)
+            recording = self._develop(
+                worlds, number, (arm[sampled], fingers[sampled], states[sampled])
+            )
 
+        measured = np.searchsorted(steps, schedule.measures)
         reactions = schedule.job.reactions
         return Outcome(
             start,
             end,
-            schedule.measure_lag(reached),
+            schedule.measure_lag(arm[measured]),
             recording=recording,
             felt=reactions.felt if reactions else (),
             looked=reactions.looked if reactions else (),
@@ -342,21 +345,15 @@ class Player:
             torques=self._torques,
         )
 
-    def _read_state(self, worlds: Worlds, number: int, done: int) -> State:
-        """Read the free bodies' state after so many steps."""
-        _, _, states = worlds.read(number, [self._notes[done]])
-        return states[0]
-
-    def _develop(self, worlds: Worlds, number: int) -> Recording:
-        """Make the recording."""
+    def _develop(
+        self, worlds: Worlds, number: int, seen: tuple[Array, Array, State]
+    ) -> Recording:
+        """Make the recording of what was seen at its samples."""
         schedule = self.schedule
         notes = [self._notes[sample] for sample in schedule.samples.tolist()]
         instants = schedule.instants[schedule.samples]
-        recording = Recording(
-            instants,
-            *worlds.read(number, notes),
-            loads=worlds.loads(number, notes),
-        )
+        loads = worlds.loads(number, notes)
+        recording = Recording(instants, *seen, loads=loads)
         if not schedule.job.forces:
             return recording
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from core.errors import unknown
 from core.geometry import Array, Pose, step_lengths
@@ -173,8 +174,8 @@ class State:
             self.angular_velocities,
         )
 
-    def __getitem__(self, index: int) -> State:
-        """One world (or time) of many."""
+    def __getitem__(self, index: int | npt.NDArray[np.intp]) -> State:
+        """One world (or time) of many, or several of them."""
         return self.each(lambda array: array[index])
 
     def each(self, change: Callable[[Array], Array]) -> State:

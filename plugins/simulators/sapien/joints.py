@@ -121,6 +121,11 @@ class Joints:
             )
             self._acting += _hold(hinge, time_step, tracking_rate)
 
+    @property
+    def move_by_themselves(self) -> bool:
+        """Whether there is anything to set before a step."""
+        return bool(self._acting)
+
     def begin(self) -> None:
         """Begin the time of drives."""
         self._begun = True

@@ -169,10 +169,15 @@ class Bodies:
         if not np.allclose(packed, expected, atol=1e-5):
             raise RuntimeError(UNKNOWN_PACK)
 
+    @property
+    def brake(self) -> bool:
+        """Whether any has rolling friction."""
+        return self._brake_every > 0
+
     def end_step(self) -> None:
-        """Update the brakes; call it after each time step."""
+        """Update the brakes; call it after each time step, where bodies ``brake``."""
         self._steps += 1
-        if self._brake_every and self._steps % self._brake_every == 0:
+        if self._steps % self._brake_every == 0:
             self._brakes.adjust(self._unpack([self.snapshot()])[0, :, 7:10])
 
     def launch(self) -> None:

@@ -125,9 +125,13 @@ class World(FreshWorld):
 
     def obey(self, order: list[float]) -> None:
         self._robot.drive(order)
-        self._joints.act()
+        if self._joints.move_by_themselves:
+            self._joints.act()
+
         self._system.step()
-        self._bodies.end_step()
+        if self._bodies.brake:
+            self._bodies.end_step()
+
         self.end_step()
 
     def note_torques(self) -> TorqueNote:
