@@ -189,6 +189,12 @@ def _is_upright(axis: Array) -> bool:
 
 def _stands_off(subgoal: Subgoal) -> bool:
     """Report whether the bodies' own underside is free beside what they stand on, so that tines get below it."""
+    lower, upper = subgoal.obstacles.bounds
+    borne = np.abs(upper[:, 2] - subgoal.lower[2]) < _HOLDS_M
+    wide = (lower < subgoal.lower)[:, :2] & (upper > subgoal.upper)[:, :2]
+    if (borne & wide.all(axis=1)).any():  # rays would take long
+        return False
+
     points = [find_lift_point(subgoal, turn, _CARRIER_TINE_M) for turn in QUARTERS]
     lowest = subgoal.lower[2] + _UNDERSIDE_M
     return any(point is not None and point.rear[2] < lowest for point in points)

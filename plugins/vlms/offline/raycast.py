@@ -26,6 +26,7 @@ Mask = npt.NDArray[np.bool_]
 
 _GRID_M = 0.003  # between rays
 _MOST_RAYS = 50  # side by side
+_MOST_CROSSINGS = 1e6  # of rays and boxes
 _AROUND_M = 0.04  # how far beside the bodies rays pass
 _HALF_M = (0.01, 0.007, 0.004)  # half widths of rods, the stoutest first
 _LONGEST_M = 0.4  # of a rod, from what it passes to the body
@@ -155,8 +156,13 @@ class _Rays:
         lower = points.min(axis=0) - _AROUND_M
 
         upper = points.max(axis=0) + _AROUND_M
+        beside = self._find_beside(subgoal.obstacles, lower, upper)
+
+        # The more boxes, the fewer rays: all crossings are computed at once.
+        boxes = len(subgoal.boxes.centers) + len(beside.centers)
+        affordable = max(_MOST_RAYS, int(np.sqrt(_MOST_CROSSINGS / boxes)))
         counts = np.ceil((upper - lower)[1:] / _GRID_M).astype(int)
-        counts = np.minimum(counts, most)
+        counts = np.minimum(counts, min(most, affordable))
 
         self.axes = [
             np.linspace(lower[1], upper[1], counts[0]),
@@ -165,7 +171,23 @@ class _Rays:
 
         self.steps = [(axis[1] - axis[0]) for axis in self.axes]
         self.near, self.far = self._cross(subgoal.boxes)
-        self.obstacle_near, self.obstacle_far = self._cross(subgoal.obstacles)
+        self.obstacle_near, self.obstacle_far = self._cross(beside)
+
+    def _find_beside(self, boxes: Boxes, lower: Array, upper: Array) -> Boxes:
+        """Return the boxes that some ray may meet.
+
+        Args:
+            boxes: in the world.
+            lower: corner (3,) of what the rays go through, in their frame.
+            upper: the other corner.
+        """
+        near = np.ones(len(boxes.centers), dtype=bool)
+        for axis in (1, 2):
+            way = self.turn.rotation_matrix[:, axis]
+            low, high = boxes.ranges_along(way, np.zeros(3))
+            near &= (low < upper[axis]) & (high > lower[axis])
+
+        return boxes[near]
 
     def starts(self) -> Array:
         """Return the origins of all rays in their frame, (U, V, 3)."""
@@ -504,7 +526,8 @@ class _Underside:
         self._heading = heading
         self._ahead, side = (axis[:2] for axis in heading_axes(heading))
 
-        self._rays = _Rays(subgoal, UP)
+        key = ("up", *map(id, subgoal.solids))
+        self._rays = subgoal.model.find_once(key, lambda: _Rays(subgoal, UP))
         rays = self._rays
         self._near = np.concatenate([rays.near, rays.obstacle_near], axis=-1)
         self._far = np.concatenate([rays.far, rays.obstacle_far], axis=-1)
