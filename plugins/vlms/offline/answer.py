@@ -19,17 +19,22 @@ from plugins.vlms.offline.written_design import (
 )
 
 
-def answer(brief: Brief) -> dict[str, Any]:
+def answer(brief: Brief, *, looks_near: bool = False) -> dict[str, Any]:
     """Make the document for one brief.
+
+    Args:
+        brief: what is asked for.
+        looks_near: whether plans that look do so before the tool comes down, too.
 
     Raises:
         NothingToMove: see `SceneAnalysis`.
         DesignError: plans can't be written as the brief asks.
     """
     if len(brief.task.parts) > 1:
-        return answer_several(brief)
+        return answer_several(brief, looks_near=looks_near)
 
     sampler = Sampler(brief, make_layouts(brief))
+    sampler.looks_near = looks_near
     parents = find_parents(brief.elites, brief.gripper, sampler.layout.seen)
     designs = [_make_design(sampler, parents) for _ in range(brief.n_tool)]
 

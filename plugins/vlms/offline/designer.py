@@ -28,16 +28,22 @@ class OfflineDesigner(VLM):
     """Designs tools and plans by classical means, from the scene's geometry and the task's goals.
 
     It uses no language model: it reads a request's brief, not its messages, and returns the document that a model is
-    asked for. The same brief gets the same answer.
+    asked for. The same brief gets the same answer, with the same camera.
     """
 
     model = "offline (embedded designer, no language model)"
     criticises = False
     sees = False
 
+    def __init__(self) -> None:
+        self._looks_near = False
+
     @hookimpl(trylast=True)
     def run_started(self, run: Run) -> None:
-        """Say which settings change nothing, and what of the goals no plan is made for."""
+        """Say which settings change nothing, and what of the goals no plan is made for; note where the camera is."""
+        # A fixed camera sees no better from nearer.
+        self._looks_near = run.settings.perception.camera == "hand"
+
         unread = _list_unread(run)
         if unread:
             say(
@@ -60,7 +66,7 @@ class OfflineDesigner(VLM):
         """See `VLM.complete`. A brief that can't be answered gets a reply with the reason."""
         for request in requests:
             try:
-                document = answer(request.brief)
+                document = answer(request.brief, looks_near=self._looks_near)
             except (NothingToMove, DesignError) as error:
                 yield Reply(request.id, "", self.model, error=str(error))
                 continue

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from core.design import Tool
+from core.design import DesignError, Tool
 from core.geometry import Array
-from core.interfaces import Anchor, Seen, Waypoints
+from core.interfaces import ActionPlan, Anchor, Seen, Sighted, Waypoints
 from core.trial import Evaluation
 
 _SCALE = 1.5  # of changes, for the whole reward that is missing
 _LEAST_SCALE = 0.05
+_LATER_ROUND = re.compile(r"round ([2-9]|\d\d)")  # where a look stands in a plan
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +51,7 @@ def find_parents(
 ) -> list[Parent]:
     """Return the elites with a gripper tool, or those with a rigid one; their plans as they are in this layout.
 
-    A waypoint that ends by a guard is left out, and so is the way back from it.
+    A waypoint that ends by a guard is left out, and so is the way back from it. Of a loop the first round counts.
 
     Args:
         evaluations: of elites, the best first.
@@ -64,9 +66,10 @@ def find_parents(
         if tool is None or tool.gripper != gripper:
             continue
 
-        plan = candidate.plan.resolve(seen)
-        kept = _find_unguarded(plan)
-        given = candidate.plan.find_anchors(seen)
+        known_then, end = _see_first_round(candidate.plan, seen)
+        plan = candidate.plan.resolve(known_then)
+        kept = [i for i in _find_unguarded(plan) if i < end]
+        given = candidate.plan.find_anchors(known_then)
         if len(given) != len(plan.poses):
             given = (Anchor(),) * len(plan.poses)
 
@@ -90,6 +93,36 @@ def find_parents(
         )
 
     return parents
+
+
+def _see_first_round(plan: ActionPlan, seen: Seen) -> tuple[Seen, int]:
+    """See a layout as a plan does in the first round of its loops, if nothing moves.
+
+    Args:
+        plan: that may look.
+        seen: the layout before the motion.
+
+    Returns:
+        The layout with what those looks see, and how many waypoints there are before the next round.
+    """
+    known = seen
+    waypoints = plan.resolve(seen)
+    taken = 0
+
+    while len(waypoints.looks) > taken:
+        if _LATER_ROUND.search(waypoints.looks[taken].where):
+            last = max(taken - 1, 0)
+            return known, waypoints.looks[last].after
+
+        taken += 1
+        looking = replace(seen, looks=(Sighted(seen.poses),) * taken)
+        try:
+            waypoints = plan.resolve(looking)
+        except DesignError:
+            return known, len(plan.resolve(known))
+        known = looking
+
+    return known, len(waypoints)
 
 
 def _find_unguarded(plan: Waypoints) -> list[int]:

@@ -25,6 +25,7 @@ _LOW_M = 0.05  # a tool that is less high over the ground works there
 _BEYOND_M = 0.012  # how far below the ground a touch is looked for
 _TOUCH_MPS = 0.05
 _RISE_M = 0.15  # above the last waypoint, where a plan looks
+_ABOVE_M = 0.02  # by which the waypoint before a descent is higher, at least
 _MOST_ROUNDS = 3
 _MOST_BODIES = 8  # that a block for each of them takes
 _WORLD = Anchor().name
@@ -93,7 +94,7 @@ class PlanWriter:
 
         return steps
 
-    def write_with_looks(self, plan: SampledPlan) -> list[Any]:
+    def write_with_looks(self, plan: SampledPlan, near: bool) -> list[Any]:
         """Write a plan that looks at its end, and is done again while its goal is not seen to be reached.
 
         What moves bodies one by one does so for those that are not seen in place. It is written as it is if no goal
@@ -102,6 +103,7 @@ class PlanWriter:
 
         Args:
             plan: of the layout.
+            near: whether it looks before the tool comes down to what it touches, too.
         """
         plain = self.write(plan.rows, plan.anchors)
         goal = self._find_goal(plan)
@@ -109,45 +111,92 @@ class PlanWriter:
         if goal is None or gripper:
             return plain
 
-        steps = [*self._write_round(plan, plain, goal), {"look": True}]
-        for rounds in range(_MOST_ROUNDS, 1, -1):
-            block = {"repeat": steps, "until_seen": {"goal": goal}, "at_most": rounds}
-            try:
-                self._actions.parse([block], gripper=gripper)
-            except DesignError:
-                continue
-            return [block]
+        condition = self._write_condition(goal)
+        if condition is None:
+            return plain
+
+        for looks_near in (True, False) if near else (False,):
+            steps = [*self._write_round(plan, plain, goal, looks_near), {"look": True}]
+            for rounds in range(_MOST_ROUNDS, 1, -1):
+                block = {"repeat": steps, "until_seen": condition, "at_most": rounds}
+                try:
+                    self._actions.parse([block], gripper=gripper)
+                except DesignError:
+                    continue
+                return [block]
 
         return plain
 
+    def _write_condition(self, goal: int) -> dict[str, Any] | None:
+        """Write what must be seen so that a plan is not done again; None: it can't be said.
+
+        That is the goal. Of several bodies that are to be held up, one that is up is enough: the others would not come
+        with it, and a tool that goes down again loses what it holds, or presses it into the table.
+
+        Args:
+            goal: the number of the goal.
+        """
+        seen = self._layout.seen
+        assert seen.judge is not None
+        names = {*seen.judge.names(goal)}
+
+        for target in self._layout.analysis.goals:
+            place = target.place
+            several = len(target.bodies) > 1 and not target.any
+            if not several or not names >= {*target.bodies} or place is None:
+                continue
+
+            lies_m = max(seen.poses[name].position[2] for name in target.bodies)
+            in_the_air = place[:2] == (None, None) and place[2] is not None
+            if not in_the_air or place[2] - lies_m < _RISE_M:
+                continue
+
+            pattern = self._find_pattern(target.bodies, goal)
+            if pattern is None:
+                return None
+
+            above = round(float(lies_m + place[2]) / 2, _DIGITS)
+            return {"body": pattern, "above": above, "enough": 1}
+
+        return {"goal": goal}
+
     def _write_round(
-        self, plan: SampledPlan, steps: Sequence[dict[str, Any]], goal: int
+        self,
+        plan: SampledPlan,
+        plain: Sequence[dict[str, Any]],
+        goal: int,
+        near: bool,
     ) -> list[dict[str, Any]]:
         """Write a plan as a round of a loop, at whose end the arm hides less.
 
         Args:
             plan: of the layout.
-            steps: of the plan, as they are written.
+            plain: its steps, as they are written without a look.
             goal: the number of the goal that it is for.
+            near: whether it looks before the tool comes down.
         """
         names = [anchor.name for anchor in plan.anchors]
         begin = next((k for k, name in enumerate(names) if name != _WORLD), 0)
         runs = [(name, len(list(run))) for name, run in groupby(names[begin:])]
         bodies = [name for name, _ in runs]
+        looks = _find_descents(plan) if near else []
 
         pattern = self._find_pattern(bodies, goal)
         if pattern is None:
-            return [*steps, *self._rise(plan, len(steps))]
+            steps = _insert_looks(plain, looks)
+            return [*steps, *self._rise(plan, len(plain))]
 
         end = begin + runs[0][1]
-        stage = [*steps[begin:end], *self._rise(plan, end)]
+        stage = [step | {"anchor": "it"} for step in plain[begin:end]]
+        within = [k - begin for k in looks if begin < k < end]
+        rise = [step | {"anchor": "it"} for step in self._rise(plan, end)]
         each = {
             "each": pattern,
-            "do": [step | {"anchor": "it"} for step in stage],
+            "do": [*_insert_looks(stage, within), *rise],
             "until_seen": {"goal": goal},
             "at_most": min(len(bodies), _MOST_BODIES),
         }
-        return [*steps[:begin], each]
+        return [*plain[:begin], each]
 
     def _rise(self, plan: SampledPlan, end: int) -> list[dict[str, Any]]:
         """Write a waypoint above the last one of a part of a plan; none, if that is high already.
@@ -209,3 +258,40 @@ class PlanWriter:
         by_waypoint = bottoms.reshape(len(turns), len(tool.components))
 
         return np.asarray(by_waypoint.min(axis=1, initial=np.inf) - min(grounds))
+
+
+def _find_descents(plan: SampledPlan) -> list[int]:
+    """Find the waypoints at which the tool is down, from above, before it touches what it moves: their numbers.
+
+    The waypoint before each stands by the same as it does.
+
+    Args:
+        plan: of the layout.
+    """
+    found = []
+    for touch in range(2, len(plan.touching)):
+        begins = plan.touching[touch] and not plan.touching[touch - 1]
+        if not begins:
+            continue
+
+        above = touch - 2
+        down = touch - 1
+        falls = plan.rows[above, 2] - plan.rows[down, 2] > _ABOVE_M
+        anchor = plan.anchors[above]
+        if falls and anchor.name != _WORLD and anchor == plan.anchors[down]:
+            found.append(down)
+
+    return found
+
+
+def _insert_looks(
+    steps: Sequence[dict[str, Any]], numbers: Sequence[int]
+) -> list[dict[str, Any]]:
+    """Insert a look before each of the steps of these numbers."""
+    inserted: list[dict[str, Any]] = []
+    for number, step in enumerate(steps):
+        if number in numbers:
+            inserted.append({"look": True})
+        inserted.append(step)
+
+    return inserted

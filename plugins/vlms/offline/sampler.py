@@ -72,6 +72,9 @@ class Sampler:
 
     Its random numbers are those of the brief's seed: the same calls in the same order give the same designs.
 
+    Attributes:
+        looks_near: whether plans that look do so before the tool comes down, too.
+
     Args:
         brief: what is asked for.
         layouts: the one that plans are made for, and others in which they must do.
@@ -90,6 +93,7 @@ class Sampler:
         self.model = self.analysis.world
         self.rng = np.random.default_rng(brief.seed)
         self.writer = PlanWriter(brief, self.layout)
+        self.looks_near = False
         self._layouts = layouts
         self._faults = FaultCounter(brief, layouts, self.writer)
         self._placer = HeadPlacer(

@@ -35,8 +35,12 @@ _DIRECTIONS = (0, 90, -90, 180)
 _ABOVE_M = 0.02  # clearance of all parts above the highest body below home
 
 
-def answer_several(brief: Brief) -> dict[str, Any]:
+def answer_several(brief: Brief, *, looks_near: bool = False) -> dict[str, Any]:
     """Make the document for a brief that asks for tools for several tasks.
+
+    Args:
+        brief: what is asked for.
+        looks_near: see `plugins.vlms.offline.answer.answer`.
 
     Raises:
         NothingToMove: see `SceneAnalysis`; in all of the tasks.
@@ -47,9 +51,13 @@ def answer_several(brief: Brief) -> dict[str, Any]:
     for part in brief.task.parts:
         alone = replace(brief, task=part)
         try:
-            samplers[part.name] = Sampler(alone, [Layout(alone)])
+            sampler = Sampler(alone, [Layout(alone)])
         except NothingToMove as error:
             reasons.append(f"{part.name}: {error}")
+            continue
+
+        sampler.looks_near = looks_near
+        samplers[part.name] = sampler
 
     if not samplers:
         raise NothingToMove("; ".join(reasons))

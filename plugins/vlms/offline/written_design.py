@@ -113,5 +113,5 @@ def _write_plan(
     if actions.guards and number % 2 == 0:
         return writer.write_with_guard(plan, tool)
     if actions.looks and (actions.guards or number % 2 == 0):
-        return writer.write_with_looks(plan)
+        return writer.write_with_looks(plan, near=sampler.looks_near)
     return writer.write(plan.rows, plan.anchors)

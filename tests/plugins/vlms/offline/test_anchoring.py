@@ -1,20 +1,24 @@
 """The embedded designer's anchored plans: they mean what was computed, and move with the layout."""
 
+import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from core.designs.planning import look
 from core.designs.reading import read_designs
-from core.interfaces import Brief, Perception, RolloutSettings
+from core.interfaces import Brief, Perception, Request, RolloutSettings
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 from plugins.actions.anchored import AnchoredActions
 from plugins.actions.waypoints import WaypointActions
 from plugins.conformance.evaluations import tried_once
 from plugins.vlms.offline.answer import answer
+from plugins.vlms.offline.designer import OfflineDesigner
 from plugins.vlms.offline.faults import reach_error
+from plugins.vlms.offline.parents import find_parents
 from tests.panda import on_panda
 from tests.playing import evaluate_batch
 from tests.rare import rare
@@ -187,7 +191,8 @@ def test_every_other_plan_looks_and_is_done_again():
 
     assert [c.plan.looks for c in found] == [True, False, True, False]
     for looking, once in zip(found, plain, strict=True):
-        rows = looking.plan.resolve(seen).poses
+        parents = find_parents([tried_once(looking, "ok", 0.9)], False, seen)
+        rows = parents[0].rows
         count = len(once.plan.steps)
         np.testing.assert_array_equal(rows[:count], once.plan.resolve(seen).poses)
         if looking.plan.looks:
@@ -195,6 +200,62 @@ def test_every_other_plan_looks_and_is_done_again():
             assert block["until_seen"] == {"goal": 0}
             assert block["repeat"][-1] == {"look": True}
             assert rows[-1, 2] > rows[:, 2].min() + 0.07  # the arm hides less
+
+
+def test_with_a_camera_in_the_hand_a_plan_looks_before_its_tool_comes_down():
+    given = brief("BringCube", actions=AnchoredActions(looks=True), n_tool=4)
+    seen = look(given.task, 0, Perception())
+    found = candidates(given, answer(given, looks_near=True))
+    plain = candidates(given, answer(given))
+    looking = 0
+
+    for candidate, loop in zip(found, plain, strict=True):
+        if not candidate.plan.looks:
+            continue
+
+        (block,) = candidate.plan.dump()
+        steps = block["repeat"]
+        near = steps.index({"look": True})
+        if near < len(steps) - 1:
+            looking += 1
+            above = steps[near - 1]
+            down = steps[near + 1]
+            assert above["anchor"] == down["anchor"]
+            assert above["offset"][2] > down["offset"][2] + 0.02
+            del steps[near]
+
+        assert [block] == loop.plan.dump()
+
+        # What is bred from it knows what comes after that look, and one round.
+        (parent,) = find_parents([tried_once(candidate, "ok", 0.9)], False, seen)
+        (once,) = find_parents([tried_once(loop, "ok", 0.9)], False, seen)
+        np.testing.assert_array_equal(parent.rows, once.rows)
+        assert len(parent.rows) == len(steps) - 1
+
+    assert looking >= 2
+
+
+@pytest.mark.parametrize("camera", ["fixed", "hand"])
+def test_the_designer_reads_where_the_camera_of_its_run_is(camera):
+    given = brief("BringCube", actions=AnchoredActions(looks=True))
+    settings = RolloutSettings(perception=Perception(camera=camera))
+    run = SimpleNamespace(config={}, task=given.task, seed=0, settings=settings)
+    designer = OfflineDesigner()
+    designer.run_started(run)
+    (reply,) = designer.complete([Request("r", given, (), {}, 1.0)])
+    assert json.loads(reply.text) == answer(given, looks_near=camera == "hand")
+
+
+def test_what_holds_bodies_up_does_not_go_down_again():
+    given = brief("GatherSpheres", actions=AnchoredActions(looks=True), n_tool=2)
+    found = [c for c in candidates(given, answer(given)) if c.plan.looks]
+    assert found
+    for candidate in found:
+        (block,) = candidate.plan.dump()
+        condition = block["until_seen"]
+        assert condition["body"] == "sphere_*"
+        assert condition["enough"] == 1
+        assert 0.1 < condition["above"] < 0.3
 
 
 def test_scattered_bodies_are_moved_as_they_are_seen_one_by_one():
@@ -208,9 +269,10 @@ def test_scattered_bodies_are_moved_as_they_are_seen_one_by_one():
     block = each[0].plan.dump()[0]["repeat"][0]
     bodies = seen.judge.names(0)
     assert {*seen.judge.left(0, seen.poses)} <= {*bodies}
-    assert {step["anchor"] for step in block["do"]} == {"it"}
-    anchors = each[0].plan.find_anchors(seen)
-    assert {anchor.name for anchor in anchors} == {*seen.judge.left(0, seen.poses)}
+    assert {step.get("anchor", "it") for step in block["do"]} == {"it"}
+    (parent,) = find_parents([tried_once(each[0], "ok", 0.9)], False, seen)
+    names = {anchor.name for anchor in parent.anchors}
+    assert names == {*seen.judge.left(0, seen.poses)}
 
     elites = (tried_once(each[0], "ok", 0.9),)
     offspring = replace(given, elites=elites, n_tool=1)
