@@ -17,6 +17,7 @@ from plugins.vlms.offline.mounting import works_above_home
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.pouring import find_handles, make_pourer
 from plugins.vlms.offline.reaching_in import (
+    find_handle_points,
     join_rods,
     make_handle_lifter,
     make_straight_mover,
@@ -125,16 +126,20 @@ class DesignDrawer:
 
         Nor is there one every time: other heads may do as well.
         """
-        is_alone = len(subgoal.solids) == 1 and subgoal.goal is not None
-        by_handle = subgoal.rises and subgoal.length < _IN_PLACE_M
-        deep = not (subgoal.rises or subgoal.is_covered)
-        deep = deep and subgoal.height_around > _DEEP_M
-
-        if not (is_alone and (by_handle or deep)) or self._rng.random() >= _STRAIGHT:
+        if subgoal.goal is None or len(subgoal.solids) > 1:
             return None
 
-        make = make_handle_lifter if by_handle else make_straight_mover
-        return make(subgoal, self._rng)
+        in_place = subgoal.length < _IN_PLACE_M
+        by_handle = subgoal.rises and in_place and bool(find_handle_points(subgoal))
+        is_deep = subgoal.height_around > _DEEP_M and not subgoal.is_covered
+        is_deep = is_deep and not subgoal.rises
+
+        if not (by_handle or is_deep) or self._rng.random() >= _STRAIGHT:
+            return None
+        if by_handle:
+            return make_handle_lifter(subgoal, self._rng)
+
+        return make_straight_mover(subgoal, self._rng)
 
     def _draw_pourer(self, subgoal: Subgoal) -> Head | None:
         """Draw a head for the handles of the bodies' container; None: it has none, or not this time."""

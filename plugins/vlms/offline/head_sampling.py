@@ -86,6 +86,8 @@ _THIN_TINE = Range(0.08, 0.2)  # wide, in widths of the bodies
 _THIN_INNER = Range(0.4, 0.7)  # between the outer ones, likewise
 _MOST_TINES = 4
 _TINE_M = 0.002  # thick
+_BALL_ROOM_M = 0.02  # beside a ball, for tines to go below it
+_ON_GROUND_M = 0.006  # what is no higher than a ball's foot bears it
 _STRADDLES = 0.7  # how often tines go below a ball beside its foot
 _STRADDLE_UNDER_M = 0.003  # that tines are above the ground
 _STRADDLE = 0.6  # of a ball's radius, as high as tines are at most
@@ -354,11 +356,15 @@ class _HeadDrawing:
         return make_scoop(width, depth, height, rail, thick)
 
     def _find_radius(self) -> float | None:
-        """Return the radius of the only body, a ball, metres; None: it is none, or there are several."""
-        if len(self._subgoal.solids) > 1:
+        """Return the radius of the only body, a ball that lies free, metres; None: there is no such ball alone."""
+        subgoal = self._subgoal
+        lower, upper = subgoal.obstacles.bounds
+        beside = lower < subgoal.upper + _BALL_ROOM_M * LEVEL
+        beside &= upper > subgoal.lower - _BALL_ROOM_M * LEVEL + _ON_GROUND_M * UP
+        if len(subgoal.solids) > 1 or beside.all(axis=1).any():
             return None
 
-        shapes = [geom.shape for geom in self._subgoal.solids[0].body.collisions]
+        shapes = [geom.shape for geom in subgoal.solids[0].body.collisions]
         if len(shapes) == 1 and isinstance(shapes[0], Sphere):
             return float(shapes[0].radius)
 

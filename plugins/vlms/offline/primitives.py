@@ -345,7 +345,7 @@ def _carry_on_tray(
     there = lifted + subgoal.shift * LEVEL
 
     turn = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, heading))
-    if subgoal.falls_in:
+    if subgoal.falls_in and len(subgoal.solids) == 1:
         # It leans back, so that nothing rolls off, and its edge is over the hollow where it tips.
         turn = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, -_LEAN_RAD.draw(rng), heading))
         path.go(turn, under, touch=True)

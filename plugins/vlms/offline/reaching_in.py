@@ -177,18 +177,24 @@ def make_straight_mover(subgoal: Subgoal, rng: Generator) -> Head | None:
     return _make_mover(subgoal, motion, rng)
 
 
-def make_handle_lifter(subgoal: Subgoal, rng: Generator) -> Head | None:
-    """Make a hook that lifts a body by what stands out of it, such as a handle; None: it has nothing of the kind.
+def find_handle_points(subgoal: Subgoal) -> list[HookPoint]:
+    """Find where a hook lifts a body by what stands out of it, such as a handle; empty: it has nothing of the kind.
+
+    Args:
+        subgoal: with one body.
+    """
+    points = find_hook_points(subgoal, UP)
+    return [point for point in points if _hangs_well(point, subgoal)]
+
+
+def make_handle_lifter(subgoal: Subgoal, rng: Generator) -> Head:
+    """Make a hook that lifts a body by a handle, which it has.
 
     Args:
         subgoal: with one body, which is to be held in the air above where it is.
         rng: random numbers.
     """
-    points = find_hook_points(subgoal, UP)
-    points = [point for point in points if _hangs_well(point, subgoal)]
-    if not points:
-        return None
-
+    points = find_handle_points(subgoal)
     height = subgoal.shift[2] + _HIGHER_M.draw(rng)
     motion = _Stroke(UP, None, _go_straight(UP, height), stays=True)
     return _make_hook(subgoal, motion, points[rng.integers(len(points))], rng)

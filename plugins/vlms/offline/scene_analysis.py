@@ -239,10 +239,15 @@ class SceneAnalysis:
 
 def _is_met(goal: Reach, state: State) -> bool:
     """Report whether a goal asks only what is so at the start, so that others must not undo it."""
-    if goal.held or not any(goal.all_measures(b, state) for b in goal.subjects(state)):
+    asked = [
+        measure
+        for body in goal.subjects(state)
+        for measure in goal.all_measures(body, state)
+    ]
+    if goal.held or not asked:
         return False
 
-    return all(goal.is_in_place(b, state, state) for b in goal.subjects(state))
+    return all(float(measure.left(state)) <= 0 for measure in asked)
 
 
 def _draw_shift(subgoal: Subgoal, goal: Target, rng: Generator) -> Array:

@@ -231,3 +231,11 @@ def test_a_hook_backs_off_from_what_it_must_let_go(ask, released):
     PRIMITIVES["hook"](path, subgoal, hook, rng)
     before, end = (pose.position for pose in path.poses[-2:])
     assert (end[0] > before[0] + 0.02) == (released == "true")
+
+
+def test_of_goals_that_must_all_be_reached_one_that_is_met_is_left_out(analyse):
+    met = "{bodies: [cube], place: [null, 0, null], tolerance: 0.05}"
+    wanted = "{bodies: [cube], moved: [-0.2, null, null]}"
+    analysis = analyse(CUP, f"{met}\n  - {wanted}\nevery: true")
+    (subgoal,) = analysis.draw_subgoals(np.random.default_rng(0))
+    assert subgoal.shift[0] < -0.15
