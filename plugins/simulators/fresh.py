@@ -120,15 +120,19 @@ class FreshWorlds(SteppingSimulator, Generic[Prepared]):
     def prepare(self, scene: Scene) -> Prepared:
         """Prepare a scene to be placed in one world after another."""
 
+    def choose_time_step(self, scene: Scene) -> float:
+        """Return the time step that a scene's bodies need, s."""
+        return self._time_step
+
     @abstractmethod
     def place(
         self, prepared: Prepared, robot: Robot, job: Rollout, time_step: float
     ) -> FreshWorld:
-        """Build a job's world, with the time step, s, that its tool needs."""
+        """Build a job's world, with the time step, s, that its scene and tool need."""
 
     def build(self, robot: Robot, scene: Scene, job: Rollout) -> FreshWorld:
         if self._prepared is None or self._prepared[0] is not scene:
             self._prepared = (scene, self.prepare(scene))
 
-        time_step = choose_step(job.tool, self._time_step)
+        time_step = choose_step(job.tool, self.choose_time_step(scene))
         return self.place(self._prepared[1], robot, job, time_step)

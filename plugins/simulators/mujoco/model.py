@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from core.design import Tool
 from core.robot.description import assembled
-from core.scene import Body, Scene, Soft
-from core.solids.rollout_solids import thickness
+from core.scene import Scene, Soft
 from core.values.robots import Robot
 from plugins.simulators.mujoco import contacts
 from plugins.simulators.mujoco.bonds import add_bonds
@@ -17,12 +16,11 @@ from plugins.simulators.mujoco.robot import add_servos, load, set_gains
 from plugins.simulators.mujoco.shapes import Element, add_geom
 from plugins.simulators.mujoco.softs import add_softs, hull_boxes
 from plugins.simulators.rolling import rollers
-from plugins.simulators.steps import choose_step
+from plugins.simulators.steps import choose_step, spare_cards
 
 MAX_TIME_STEP = 0.005  # s; above, contacts get soft
 # m, of what is searched for a contact: at MuJoCo's own, 1e-6, lying cylinders roll by themselves.
 CCD_TOLERANCE = 1e-10
-CARD_M = 0.004  # thinner bodies that fall on each other pass through, as they move 2 mm in a usual step
 
 
 def compile_model(
@@ -68,7 +66,7 @@ def _choose_time_step(scene: Scene, time_step: float) -> float:
     Soft solids are as good at twice the step, for half the time; ropes that fall would pass through things, and cloths
     sink into what they lie on.
     Bodies that hang from moving ones gain energy in proportion to the step, so theirs is half as long. So is that of
-    cards: what falls by a few centimetres sinks so far into another at once that it may be pushed out below.
+    cards.
     """
     if scene.softs and all(soft.form.kind == "solid" for soft in scene.softs):
         time_step = min(2 * time_step, MAX_TIME_STEP)
@@ -77,15 +75,7 @@ def _choose_time_step(scene: Scene, time_step: float) -> float:
         if joint.parent is not None and not scene[joint.parent].fixed:
             return time_step / 2
 
-    if sum(map(_is_card, scene.free)) > 1:
-        return time_step / 2
-    return time_step
-
-
-def _is_card(body: Body) -> bool:
-    """Report whether a body is one thin shape."""
-    shapes = [part.shape for part in body.collisions]
-    return len(shapes) == 1 and thickness(shapes[0]) < CARD_M
+    return spare_cards(scene, time_step)
 
 
 def build_spec(

@@ -8,6 +8,7 @@ from plugins.simulators.fresh import FreshWorlds
 from plugins.simulators.rendering import DrawingSimulator
 from plugins.simulators.sapien.physx_bodies import Weighed
 from plugins.simulators.sapien.world import Settings, World
+from plugins.simulators.steps import spare_cards
 
 
 class SapienSimulator(FreshWorlds[Weighed], DrawingSimulator):
@@ -35,6 +36,9 @@ class SapienSimulator(FreshWorlds[Weighed], DrawingSimulator):
 
     def prepare(self, scene: Scene) -> Weighed:
         return Weighed(scene)
+
+    def choose_time_step(self, scene: Scene) -> float:
+        return spare_cards(scene, self._time_step)
 
     def place(
         self, prepared: Weighed, robot: Robot, job: Rollout, time_step: float

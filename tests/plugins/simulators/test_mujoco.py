@@ -102,29 +102,6 @@ def test_joints_close_in_on_their_targets_at_the_tracking_rate(time_step, rate):
     np.testing.assert_allclose(found, rate, rtol=0.25)
 
 
-def test_cards_that_fall_on_cards_lie_on_them():
-    """From 5 cm, a little tilted and aside: with the usual step 6 of these 12 fall through."""
-    rng = np.random.default_rng(3)
-    card = Box((0.04, 0.03, 0.003))
-    cards = []
-    for number in range(12):
-        x = 0.4 + 0.12 * (number % 4)
-        y = -0.3 + 0.2 * (number // 4)
-        aside = rng.uniform(-0.012, 0.012, 2)
-        tilt = rng.uniform(-0.3, 0.3, 2)
-        place = (x + aside[0], y + aside[1], 0.05)
-        low = Body.of(f"low_{number}", card, (x, y, 0.0016), mass=0.005, color=GREY)
-        high = Body.of(
-            f"high_{number}", card, place, mass=0.005, color=GREY, rpy=(*tilt, 0)
-        )
-        cards += [low, high]
-
-    after = end(wait(mujoco(), table(), *cards, seconds=0.6))
-    for number in range(12):
-        above = after.position(f"high_{number}") - after.position(f"low_{number}")
-        assert above[2] > 0
-
-
 def test_a_world_that_explodes_is_an_error_and_nothing_else(
     tmp_path, monkeypatch, capfd
 ):

@@ -12,7 +12,7 @@ from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
 from core.scene import Body, floor, table
 from plugins.conformance.scenery import GREY, cube, stick
-from plugins.conformance.worlds import BARE, HAND, Bodies, end, film, move, still
+from plugins.conformance.worlds import BARE, HAND, Bodies, end, film, move, still, wait
 from tests.engines import every_simulator, simulator
 from tests.packages import without
 from tests.panda import FINGER_OPEN
@@ -57,6 +57,30 @@ def test_numbers_that_make_no_sense(engine):
     ):
         with pytest.raises(UserError, match=setting):
             made(engine, **{setting: value})
+
+
+@every_simulator
+def test_cards_that_fall_on_cards_lie_on_them(engine):
+    """From 5 cm, a little tilted and aside: with the usual step 6 of these 12 fall through in MuJoCo, 1 in SAPIEN."""
+    rng = np.random.default_rng(9)
+    card = Box((0.04, 0.03, 0.003))
+    cards = []
+    for number in range(12):
+        x = 0.4 + 0.12 * (number % 4)
+        y = -0.3 + 0.2 * (number // 4)
+        aside = rng.uniform(-0.012, 0.012, 2)
+        tilt = rng.uniform(-0.3, 0.3, 2)
+        place = (x + aside[0], y + aside[1], 0.05)
+        low = Body.of(f"low_{number}", card, (x, y, 0.0016), mass=0.005, color=GREY)
+        high = Body.of(
+            f"high_{number}", card, place, mass=0.005, color=GREY, rpy=(*tilt, 0)
+        )
+        cards += [low, high]
+
+    after = end(wait(simulator(engine), table(), *cards, seconds=0.6))
+    for number in range(12):
+        above = after.position(f"high_{number}") - after.position(f"low_{number}")
+        assert above[2] > 0
 
 
 @pytest.mark.parametrize(
