@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
-from core.design import DesignError, Tool
+from core.design import DesignError, Fixture, Tool
 from core.designs.planning import look
 from core.designs.rules import check_tool
 from core.designs.start import SpawnRules
 from core.geometry import Pose
 from core.interfaces import ActionRepresentation, Brief, Perception, Seen
 from plugins.vlms.offline.anchoring import find_turn
+from plugins.vlms.offline.funnels import make_funnels
 from plugins.vlms.offline.scene_analysis import SceneAnalysis
 
 _OTHERS = 4  # layouts beside the first one
@@ -27,10 +29,16 @@ class Layout:
         seen: the poses of bodies that a plan sees, and what judges them.
         analysis: its bodies and goals.
         spawn: the rules for where a tool may be at the start.
+        fixture: what designs add to the scene.
     """
 
-    def __init__(self, brief: Brief, turn: Pose | None = None) -> None:
-        """Read a brief. With a ``turn`` everything but the robot is moved by it.
+    def __init__(
+        self,
+        brief: Brief,
+        turn: Pose | None = None,
+        fixture: Fixture | None = None,
+    ) -> None:
+        """Read a brief. With a ``turn`` everything but the robot is moved by it. Designs add the ``fixture``.
 
         Raises:
             NothingToMove: see `SceneAnalysis`.
@@ -40,7 +48,8 @@ class Layout:
             poses = {name: turn @ pose for name, pose in self.seen.poses.items()}
             self.seen = replace(self.seen, poses=poses)
 
-        self.analysis = SceneAnalysis(brief, turn)
+        self.fixture = fixture
+        self.analysis = SceneAnalysis(brief, turn, fixture)
         self.spawn = SpawnRules(brief.task, brief.scene_seed)
 
 
@@ -53,12 +62,26 @@ def make_layouts(brief: Brief) -> list[Layout]:
     layout = Layout(brief)
     can_anchor = type(brief.actions).anchor is not ActionRepresentation.anchor
     if not (brief.task.ranges and can_anchor):
-        return [layout]
+        return [_furnish(brief, layout)]
 
     turn = find_turn(layout.analysis, layout.seen)
     if turn is not None:
         layout = Layout(brief, turn)
     return [layout, *(Layout(other) for other in _choose_unlike(brief))]
+
+
+def _furnish(brief: Brief, layout: Layout) -> Layout:
+    """Return the layout with a funnel, where the task has a place for one, and the same where not."""
+    region = brief.task.fixture
+    if region is None or brief.task.ranges:
+        return layout
+
+    for funnel in make_funnels(region, layout.analysis):
+        with suppress(DesignError):  # it is in something
+            layout.spawn.check_start(Tool(fixture=funnel))
+            return Layout(brief, fixture=funnel)
+
+    return layout
 
 
 def _choose_unlike(brief: Brief) -> list[Brief]:

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.random import Generator
 
+from core.design import Fixture
 from core.geometry import Array, Pose
 from core.goals import Reach, reaches
 from core.interfaces import Brief
@@ -56,22 +57,27 @@ class SceneAnalysis:
         groups: goals that must be reached together, in the model.
     """
 
-    def __init__(self, brief: Brief, turn: Pose | None = None) -> None:
-        """Read a brief; for ``turn`` see `SceneModel`.
+    def __init__(
+        self,
+        brief: Brief,
+        turn: Pose | None = None,
+        fixture: Fixture | None = None,
+    ) -> None:
+        """Read a brief; for ``turn`` and ``fixture`` see `SceneModel`.
 
         For a task without goals, the goal is to move its first free body.
 
         Raises:
             NothingToMove: there are no goals and all bodies are fixed.
         """
-        self.world = SceneModel(brief, turn)
+        self.world = SceneModel(brief, turn, fixture=fixture)
         self.model = self.world
         self._gripper = brief.gripper
         scene = self.world.scene
 
         upright = self.world.find_upright()
         if upright is not None:
-            self.model = SceneModel(brief, turn, upright)
+            self.model = SceneModel(brief, turn, upright, fixture)
 
         groups: dict[int, list[Target]] = {}
         for number, goal in enumerate(reaches(brief.task.goals)):

@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from core.design import Fixture, Tool
 from core.geometry import Array, Cylinder, Mesh, Pose, Shape
 from core.interfaces import Brief
 from core.scene import Body, Scene, Soft
@@ -137,13 +138,15 @@ class SceneModel:
         brief: Brief,
         turn: Pose | None = None,
         upright: Pose | None = None,
+        fixture: Fixture | None = None,
     ) -> None:
-        """Read a brief's layout.
+        """Read a brief's layout, with a ``fixture`` that designs add to it.
 
         With a ``turn`` everything but the robot is moved by it, so that the world's axes are those of what the bodies
         are taken by. By ``upright`` the bodies alone are moved.
         """
-        self.scene = brief.task.scene(brief.scene_seed)
+        furniture = Tool(fixture=fixture)
+        self.scene = brief.task.scene(brief.scene_seed).furnished(furniture)
         self.home = brief.task.home
         self.workspace = compute_workspace(brief.task.robot)
         self.turned = turn is not None

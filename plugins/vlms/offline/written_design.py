@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from core.design import Tool
+from core.designs.tool_fields import dump_fixture
 from core.interfaces import ToolRepresentation
 from plugins.vlms.offline.paths import SampledPlan
 from plugins.vlms.offline.sampler import FreshDesign, Sampler
@@ -92,6 +93,10 @@ def write_design(
     """
     representation = sampler.brief.representation
     fields = write_tool(design, representation, is_given=is_given)
+    if not is_given:
+        fixture = sampler.layout.fixture or design.tool.fixture
+        fields |= dump_fixture(replace(design.tool, fixture=fixture), representation)
+
     texts = [f"{i}: {plan.text}" for i, plan in enumerate(design.plans, start=1)]
     fields["action_description"] = " | ".join(texts)
 
