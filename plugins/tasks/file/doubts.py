@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from core.designs.rules import MAX_MOUNT_GAP_M
 from core.geometry import Array, Pose, Vector
 from core.goals import Goal, Kept, Placed, Reach, reaches
 from core.robot.solids import body_solids
-from core.scene import Body, Camera, Scene, Soft, State
+from core.scene import Body, Camera, Region, Scene, Soft, State
 from core.values.doubts import find_doubt
 
 SEEN = 0.9  # of half a picture's height: what is farther from its middle is hardly seen
@@ -102,6 +103,25 @@ def find_radians(turns: Mapping[str, Vector]) -> Iterator[str]:
                     f"{name} has rpy_deg {angle:g}, which are degrees: {count * 45} degrees are {angle:g} radians"
                 )
                 break
+
+
+def find_empty_place(scene: Scene, place: Region | None) -> Iterator[str]:
+    """Yield a line if nothing that is fixed reaches the place for a fixture, which must stand on something."""
+    if place is None:
+        return
+
+    low = np.array(place.low) - MAX_MOUNT_GAP_M
+    high = np.array(place.high) + MAX_MOUNT_GAP_M
+    for body in scene.bodies:
+        if body.fixed and body.collisions:
+            bottom, top = bound(body)
+            if (bottom < high).all() and (top > low).all():
+                return
+
+    yield (
+        f"nothing that is fixed reaches the place for a fixture, {place.low} to {place.high}: a fixture must stand on "
+        "something; enlarge its box, or lower it"
+    )
 
 
 def _turn_upright(gravity: Vector) -> Pose:

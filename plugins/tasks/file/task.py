@@ -98,6 +98,7 @@ class FileTask(Task):
         found = [
             *doubts.find_doubts(self._scene),
             *doubts.find_idle_joints(self._scene),
+            *doubts.find_empty_place(self._scene, self.fixture),
             *doubts.find_radians(_list_turns(spec)),
             *doubts.find_idle_goals(self._scene, self.goals, self.every),
             *vain_goals.find_too_wide(self.goals, self._scene),

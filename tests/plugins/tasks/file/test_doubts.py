@@ -4,7 +4,7 @@ import pytest
 
 from core.search.builder import check_starts
 from plugins.new.packages import write_scene
-from plugins.tasks.file.doubts import find_doubts, find_idle_goals
+from plugins.tasks.file.doubts import find_doubts, find_empty_place, find_idle_goals
 from tests.panda import on_panda
 from tests.plugins.tasks.file.test_task import task_of
 
@@ -59,6 +59,19 @@ def test_a_run_says_at_once_what_overlaps(tmp_path, text, caplog, old, new, said
     check_starts(on_panda(task_of(tmp_path, text, "none")))
     assert said in caplog.text
     assert ("overlap" in caplog.text) == bool(said)
+
+
+@pytest.mark.parametrize(
+    ("height", "said"), [(0.0505, 0), (0.0535, 1)], ids=["1 mm above", "3 mm above"]
+)
+def test_a_place_for_a_fixture_reaches_something_fixed(tmp_path, text, height, said):
+    """Down to 2 mm above the table a fixture may stand on it."""
+    place = f"fixture: {{box: [0.1, 0.1, 0.099], position: [0.5, 0.3, {height}]}}\n"
+    task = task_of(tmp_path, f"{place}{text}", "none")
+    found = list(find_empty_place(task.scene(0), task.fixture))
+    assert len(found) == said
+    assert all("must stand on something" in line for line in found)
+    assert not list(find_empty_place(task.scene(0), None))
 
 
 def test_a_run_says_at_once_what_this_arm_does_not_reach(tmp_path, text, caplog):
