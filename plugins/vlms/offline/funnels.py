@@ -19,15 +19,14 @@ _SLOPE = np.radians(35.0)  # bodies slide down it at a coefficient of friction o
 _ABOVE_M = 0.001  # the rim that it stands on
 _NARROWER_M = 0.001  # than the opening, at each side
 _BELOW_M = 0.002  # bodies that are pushed over its edge
-_INSIDE_M = (
-    0.003  # of the place for it: a plate that leans reaches out by its thickness
-)
+# From the edge of its place: a plate that leans reaches out by its thickness.
+_INSIDE_M = 0.003
 _LEAST_M = 0.02  # what it adds to each side of an opening
 _SMALLER = 0.8  # than one for which there is no room
 _STEP_M = 0.002  # in which an opening is measured
 _DEPTH_M = 0.002  # below a rim, at which it is measured
 _WIDEST_M = 0.2  # half of the widest opening
-_SIDES = ((0, 1), (1, 1), (0, -1), (1, -1))  # the axes of the world, and which way
+_SIDES = 4
 
 
 def make_funnels(region: Region, analysis: SceneAnalysis) -> Iterator[Fixture]:
@@ -100,7 +99,7 @@ def _find_room(
 
 
 def _build(middle: Array, half: float, wider: float) -> Fixture:
-    """Build four plates that lean outward from a square.
+    """Build plates that lean outward from the sides of a square, along the world's axes.
 
     Args:
         middle: of the square (3,).
@@ -110,19 +109,18 @@ def _build(middle: Array, half: float, wider: float) -> Fixture:
     builder = ToolBuilder(gripper=False)
     length = wider / float(np.cos(_SLOPE))
     width = 2 * (half + wider)
-    thin = _THICK_M / 2 * np.array([-np.sin(_SLOPE), np.cos(_SLOPE)])
-    out, up = (
-        np.array([half, 0.0]) + np.array([wider, wider * np.tan(_SLOPE)]) / 2 + thin
-    )
-    out += _THICK_M * np.sin(_SLOPE)
 
-    parent = RIGID_MOUNT
-    for number, (axis, sign) in enumerate(_SIDES):
-        yaw = axis * np.pi / 2 + (np.pi if sign < 0 else 0.0)
-        turn = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw))
-        plate = turn @ Pose.xyz_rpy((out, 0.0, up), (0.0, -_SLOPE, 0.0))
+    # The middle of a plate whose upper face begins at the square, and whose lowest edge is level with it.
+    out = half + (wider + _THICK_M * np.sin(_SLOPE)) / 2
+    up = (wider * np.tan(_SLOPE) + _THICK_M * np.cos(_SLOPE)) / 2
+    leaning = Pose.xyz_rpy((out, 0.0, up), (0.0, -_SLOPE, 0.0))
+
+    parent = RIGID_MOUNT  # and then the plate before, which it meets at a corner
+    for number in range(_SIDES):
+        turn = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, number * np.pi / 2))
+        name = f"plate_{number + 1}"
         parent = builder.add_box(
-            f"plate_{number + 1}", parent, plate, (length, width, _THICK_M)
+            name, parent, turn @ leaning, (length, width, _THICK_M)
         )
 
     return Fixture(builder.build("funnel", "four plates over an opening"), Pose(middle))

@@ -32,10 +32,10 @@ def test_a_funnel_is_set_up_over_the_bottle_and_catches_balls(tmp_path):
         np.testing.assert_allclose(fixture.pose.position[:2], [0.75, 0.0])
 
     sim = installed().create("sim", "mujoco")
-    caught = [each.reward for each in evaluate_batch(task, sim, designs)]
+    caught = [tried.reward for tried in evaluate_batch(task, sim, designs)]
     bare = furnished(tmp_path, "")
     alone = candidates(brief(bare))
-    missed = [each.reward for each in evaluate_batch(bare, sim, alone)]
+    missed = [tried.reward for tried in evaluate_batch(bare, sim, alone)]
     assert max(caught) == 1.0
     assert np.mean(caught) > np.mean(missed) + 0.3
 
