@@ -83,9 +83,8 @@ class Bonds(bonds.Bonds):
         super().__init__(scene.bonds)
         self._time_step = setup.time_step
         self._articulations: list[Any] = []
-        self._order: list[
-            int
-        ] = []  # numbers of the bonds, as the articulations have them
+        # Numbers of the bonds, as the articulations have them.
+        self._order: list[int] = []
         self._held: dict[int, _Held] = {}
         self._carried: list[_Carried] = []
 
