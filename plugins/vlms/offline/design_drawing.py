@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from numpy.random import Generator
 
 from core.design import Tool
@@ -46,6 +47,12 @@ _SHAFTS = [0.6, 0.2, 0.2]  # how often each is drawn
 _THICKER = 0.125
 # Thick: it bends by little under what the arm bears, and weighs little.
 _SHAFT_M = Range(0.012, 0.024)
+_LIGHTER = (
+    0.85  # what a drawer's lightness is multiplied by after a tool that is too heavy
+)
+_LEAST_LIGHTNESS = (
+    0.4  # what is thinner bends too far, and what is lower or narrower does little
+)
 _THIN_SHAFT_M = 0.012  # where it reaches into a container, at most
 _JIB_M = Range(0.01, 0.06)  # above the bodies
 # Of the way to the head, at which a shaft goes up: clear of the arm and of the bodies.
@@ -59,12 +66,14 @@ class DesignDrawer:
 
     Attributes:
         thickness_factor: how many times as thick as of the stiff default material parts are, so that they bend little.
+        lightness: the share of their measures that parts keep, where bodies do not need all; 1: not for its weight.
     """
 
     def __init__(self, brief: Brief, rng: Generator) -> None:
         material = brief.representation.material
         ratio = PAPER.young_pa / material.young_pa
         self.thickness_factor = max(1.0, ratio**_THICKER)
+        self.lightness = 1.0
         self._gripper = brief.gripper
         self._rng = rng
         self._is_guided: bool | None = None
@@ -92,13 +101,13 @@ class DesignDrawer:
             self._draw_guided_head(subgoal)
             or self._draw_straight_head(subgoal)
             or self._draw_pourer(subgoal)
-            or draw_head(subgoal, self._rng, self.thickness_factor)
+            or self._draw_free_head(subgoal)
         )
 
     def _draw_finger_head(self, subgoal: Subgoal) -> Head:
         """Draw a head for a gripper: pads that close on the bodies, or one head on the left finger."""
         if subgoal.model.draws_up:  # pads hang from the hand
-            return draw_head(subgoal, self._rng, self.thickness_factor)
+            return self._draw_free_head(subgoal)
 
         if needs_guided_head(subgoal) and self._rng.random() < _GUIDED_FINGER:
             head = make_guided_head(subgoal, self._rng)
@@ -110,7 +119,19 @@ class DesignDrawer:
         if self._rng.random() < clamps:
             return draw_clamp(subgoal, self._rng)
 
-        return draw_head(subgoal, self._rng, self.thickness_factor)
+        return self._draw_free_head(subgoal)
+
+    def _draw_free_head(self, subgoal: Subgoal) -> Head:
+        """Draw a head for bodies that may be pushed, lifted or hooked from anywhere."""
+        return draw_head(subgoal, self._rng, self.thickness_factor, self.lightness)
+
+    def make_lighter(self) -> bool:
+        """Make what is drawn from now on lighter; False: it is as light as it is drawn."""
+        if self.lightness <= _LEAST_LIGHTNESS:
+            return False
+
+        self.lightness *= _LIGHTER
+        return True
 
     def _draw_guided_head(self, subgoal: Subgoal) -> Head | None:
         """Draw a head for what leaves one way only; None: it is free, or there is no way in, or not this time."""
@@ -169,6 +190,7 @@ class DesignDrawer:
 
         rng = self._rng
         thickness = self.thickness_factor * _SHAFT_M.draw(rng)
+        thickness *= np.sqrt(self.lightness)
         kind = _SHAFT_KINDS[rng.choice(3, p=_SHAFTS)]
 
         if head.primitive == "clamp":

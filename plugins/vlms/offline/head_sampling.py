@@ -16,6 +16,7 @@ from plugins.vlms.offline.heads import (
     FINGER_OPEN,
     SIDES,
     Head,
+    add_stem,
     make_blade,
     make_cage,
     make_fork,
@@ -105,6 +106,7 @@ _LEAST_FORK_TINE_M = 0.004
 _FORK_THICK = Range(0.3, 0.7)  # of the overhang's height
 _LEAST_THICK_M = 0.002
 _MOST_THICK_M = 0.01
+_BEAM_M = 0.015  # thick, in place of a light fork's wall
 _BELOW_OVERHANG_M = Range(0.003, 0.02)  # to go in without touching it
 # Between the bodies' foot and the tines, both together.
 _FORK_ROOM_M = Range(0.004, 0.016)
@@ -172,6 +174,7 @@ def draw_head(
     subgoal: Subgoal,
     rng: Generator,
     thickness_factor: float,
+    lightness: float = 1.0,
 ) -> Head:
     """Draw a head of a suitable family at random, sized by the bodies.
 
@@ -179,13 +182,14 @@ def draw_head(
         subgoal: what is to be moved.
         rng: random numbers.
         thickness_factor: how many times as thick as of the stiff default material walls are.
+        lightness: the share of their measures that parts keep, where bodies do not need all; 1: not for its weight.
     """
     falls = subgoal.shift[2] < -_FALL_M
     # A body that falls is pushed horizontally and goes down by itself.
     way = subgoal.shift * LEVEL if falls else subgoal.shift
     barred = subgoal.length > _STAYS_M and subgoal.is_blocked(way)
 
-    drawing = _HeadDrawing(subgoal, rng, thickness_factor)
+    drawing = _HeadDrawing(subgoal, rng, thickness_factor, lightness)
     lifts = (
         subgoal.rises
         or (barred and rng.random() < _LIFTS_BARRED)
@@ -204,7 +208,7 @@ def draw_head(
 class _HeadDrawing:
     """Draws heads of three kinds for a subgoal: what pushes, lifts or hooks its bodies.
 
-        drawing = _HeadDrawing(subgoal, rng, thickness_factor=1.0)
+        drawing = _HeadDrawing(subgoal, rng, thickness_factor=1.0, lightness=1.0)
         head = drawing.draw_pusher()
 
     Each call draws another head. All lengths are in metres.
@@ -215,6 +219,7 @@ class _HeadDrawing:
         subgoal: Subgoal,
         rng: Generator,
         thickness_factor: float,
+        lightness: float,
     ) -> None:
         """Measure the bodies along the way that they have to go, and the room beside them.
 
@@ -222,10 +227,12 @@ class _HeadDrawing:
             subgoal: what is to be moved.
             rng: random numbers.
             thickness_factor: see `draw_head`.
+            lightness: see `draw_head`.
         """
         self._subgoal = subgoal
         self._rng = rng
         self._factor = thickness_factor
+        self._lightness = lightness
 
         extent = subgoal.extent(subgoal.heading)
         self._along = extent.along
@@ -250,7 +257,7 @@ class _HeadDrawing:
         # Measures that all families have.
         thick = self._factor * _WALL_M.draw(rng)
 
-        height = self._subgoal.height * _HEIGHT.draw(rng)
+        height = self._subgoal.height * _HEIGHT.draw(rng) * self._lightness
         height = np.clip(height, *_HEIGHTS_M)
 
         kinds = _PUSHERS
@@ -315,7 +322,8 @@ class _HeadDrawing:
         height = self._subgoal.height * _LIFTER_HEIGHT.draw(rng)
         height = np.clip(height, *_LIFTER_HEIGHTS_M)
 
-        depth = self._along * _LIFTER_DEPTH.draw(rng)
+        share = max(_LIFTER_DEPTH.low, _LIFTER_DEPTH.draw(rng) * self._lightness)
+        depth = self._along * share
 
         # Tines beside the foot carry the overhang, without going under the bodies.
         overhangs, halves = self._subgoal.overhang(self._subgoal.heading)
@@ -342,7 +350,7 @@ class _HeadDrawing:
 
             count = int(rng.integers(2, _MOST_TINES + 1))
             thin = self._factor * _TINE_M
-            return make_fork(inner, depth, height, tine, thin, count)
+            return self._make_fork(inner, depth, height, tine, thin, count)
 
         # A floor under the bodies, most often between rails.
         rail = 0.0
@@ -353,7 +361,12 @@ class _HeadDrawing:
         width = min(width, max(self._widest, _LEAST_FLOOR * across))
         thick = self._factor * _FLOOR_M.draw(rng)
 
-        return make_scoop(width, depth, height, rail, thick)
+        if self._lightness == 1.0:
+            return make_scoop(width, depth, height, rail, thick)
+
+        low = max(_LIFTER_HEIGHTS_M[0], height * self._lightness)
+        scoop = make_scoop(width, depth, low, rail, thick)
+        return add_stem(scoop, height, self._factor * _BEAM_M)
 
     def _find_radius(self) -> float | None:
         """Return the radius of the only body, a ball that lies free, metres; None: there is no such ball alone."""
@@ -384,7 +397,7 @@ class _HeadDrawing:
         inner = min(inner, _STRADDLE_WIDEST * radius)
         depth = 2 * radius * _STRADDLE_DEPTH.draw(rng)
 
-        return make_fork(inner, depth, height, _STRADDLE_TINE_M, thick)
+        return self._make_fork(inner, depth, height, _STRADDLE_TINE_M, thick)
 
     def _draw_fork(
         self,
@@ -409,9 +422,27 @@ class _HeadDrawing:
         thick = np.clip(thick, _LEAST_THICK_M, self._factor * _MOST_THICK_M)
         level = max(0.0, under - thick - _BELOW_OVERHANG_M.draw(rng))
         inner = 2 * foot_half + _FORK_ROOM_M.draw(rng)
-        tine = max(_LEAST_FORK_TINE_M, tine)
+        tine = max(_LEAST_FORK_TINE_M, tine * self._lightness)
 
-        return make_fork(inner, depth, height, tine, thick, level=level)
+        return self._make_fork(inner, depth, height, tine, thick, level=level)
+
+    def _make_fork(
+        self,
+        inner: float,
+        depth: float,
+        height: float,
+        tine: float,
+        thick: float,
+        count: int = 2,
+        level: float = 0.0,
+    ) -> Head:
+        """Make a fork, with the arguments of `make_fork`; a light one has a beam with a stem in place of its wall."""
+        if self._lightness == 1.0:
+            return make_fork(inner, depth, height, tine, thick, count, level)
+
+        beam = self._factor * _BEAM_M
+        fork = make_fork(inner, depth, beam, tine, thick, count, level, back=beam)
+        return add_stem(fork, max(height, beam), beam)
 
     def draw_hook(self) -> Head:
         """Draw a head that passes beside or over the bodies, and pulls them from behind.

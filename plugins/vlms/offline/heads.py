@@ -325,6 +325,7 @@ def make_fork(
     thick: float,
     count: int = 2,
     level: float = 0.0,
+    back: float = _BACK_M,
 ) -> Head:
     """Make flat tines ahead of a wall.
 
@@ -336,17 +337,34 @@ def make_fork(
         thick: of each.
         count: of tines.
         level: see `Head`.
+        back: thickness of the wall.
     """
     width = inner + 2 * tine
-    wall_size = (_BACK_M, width, height)
-    wall = make_piece("wall", -_BACK_M / 2, 0.0, height / 2, wall_size)
-    size = (depth + _BACK_M, tine, thick)
-    x = (depth - _BACK_M) / 2
+    wall_size = (back, width, height)
+    wall = make_piece("wall", -back / 2, 0.0, height / 2, wall_size)
+    size = (depth + back, tine, thick)
+    x = (depth - back) / 2
     tines = _make_tines(count, (inner + tine) / 2, x, thick / 2, size)
     pieces = [wall, *tines]
     head = _make_head("fork", "scoop", pieces, height, depth, width)
 
     return replace(head, level=level)
+
+
+def add_stem(head: Head, height: float, thick: float) -> Head:
+    """Put a stem on a head, so that the shaft is attached as high as to a higher wall, for less weight.
+
+    Args:
+        head: whose first piece is a wall or a beam.
+        height: of the stem above the head's foot.
+        thick: both sides of the stem.
+    """
+    stem = make_piece("stem", -thick / 2, 0.0, height / 2, (thick, thick, height))
+    first, *others = head.pieces
+    moved = (replace(piece, parent=piece.parent + 1) for piece in others)
+    attachment = np.array([-_BACK_M, 0.0, height - _INTO_M])
+
+    return replace(head, pieces=(stem, first, *moved), attachment=attachment)
 
 
 def make_hook(

@@ -12,6 +12,7 @@ from core.design import DesignError, Fixture, Tool
 from core.designs.planning import look
 from core.designs.rules import check_tool
 from core.designs.start import SpawnRules
+from core.designs.statics import check_weight
 from core.geometry import Pose
 from core.interfaces import ActionRepresentation, Brief, Perception, Seen
 from plugins.vlms.offline.anchoring import find_turn
@@ -109,6 +110,23 @@ def _choose_unlike(brief: Brief) -> list[Brief]:
 def _see(brief: Brief) -> Seen:
     """Return what a plan sees in a brief's layout, without noise."""
     return look(brief.task, brief.scene_seed, Perception())
+
+
+def is_too_heavy(tool: Tool, brief: Brief) -> bool:
+    """Report whether a tool weighs more than its material's budget or the arm allow.
+
+    Args:
+        tool: of any origin.
+        brief: which has the material and the arm.
+    """
+    material = brief.representation.material
+
+    try:
+        check_weight(material.made(tool), brief.task.robot, material)
+    except DesignError:
+        return True
+
+    return False
 
 
 def keeps_rules(tool: Tool, brief: Brief, layouts: Sequence[Layout]) -> bool:

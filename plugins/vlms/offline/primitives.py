@@ -300,9 +300,9 @@ def scoop(
     rise = _draw_about(lift, rng)
 
     if in_place:
-        # Lean back at times, so that nothing slides off.
+        # Lean back at times, so that nothing slides off: below an overhang nothing does.
         tilt = 0.0
-        if rng.random() < _TILTS:
+        if rng.random() < _TILTS and head.level == 0.0:
             tilt = -_TILT_RAD.draw(rng)
 
         lifted = under + rise * UP

@@ -28,7 +28,7 @@ from plugins.vlms.offline.anchoring import choose_anchors
 from plugins.vlms.offline.design_drawing import DesignDrawer
 from plugins.vlms.offline.faults import BREAKS_RULES, FaultCounter
 from plugins.vlms.offline.heads import Head
-from plugins.vlms.offline.layouts import Layout, keeps_rules
+from plugins.vlms.offline.layouts import Layout, is_too_heavy, keeps_rules
 from plugins.vlms.offline.mounting import HeadDirection, HeadPlacer, works_above_home
 from plugins.vlms.offline.paths import HeadPath, SampledPlan
 from plugins.vlms.offline.plan_writing import PlanWriter
@@ -156,6 +156,19 @@ class Sampler:
     ) -> tuple[FreshDesign, float]:
         """Sample a tool and a plan, and count their faults, up to ``enough``."""
         subgoals = self._draw_subgoals()
+        head, path, pose, tool = self._draw_tool(drawer, subgoals)
+        while is_too_heavy(tool, self.brief) and drawer.make_lighter():
+            head, path, pose, tool = self._draw_tool(drawer, subgoals)
+
+        plan, fault = self._make_plan(tool, pose, path, subgoals, enough)
+        if fault < enough and not self.accepts(tool):
+            fault += BREAKS_RULES
+        return FreshDesign(tool, PlacedHead(head, pose), plan), fault
+
+    def _draw_tool(
+        self, drawer: DesignDrawer, subgoals: Sequence[Subgoal]
+    ) -> tuple[Head, HeadPath, Pose, Tool]:
+        """Draw a head, its path, its pose in the frame of the tool mount, and the tool that has it."""
         largest = max(subgoals, key=lambda subgoal: len(subgoal.solids))
         head = drawer.draw_head_for_all(subgoals)
         path = self._make_path(subgoals, head)
@@ -164,11 +177,7 @@ class Sampler:
         if pose is None:
             pose = self._placer.place(path, head, largest)
 
-        tool = drawer.build(head, pose, path, largest)
-        plan, fault = self._make_plan(tool, pose, path, subgoals, enough)
-        if fault < enough and not self.accepts(tool):
-            fault += BREAKS_RULES
-        return FreshDesign(tool, PlacedHead(head, pose), plan), fault
+        return head, path, pose, drawer.build(head, pose, path, largest)
 
     def _draw_subgoals(self) -> list[Subgoal]:
         """Draw what a plan is to do.

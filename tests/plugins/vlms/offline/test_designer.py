@@ -327,6 +327,17 @@ def test_tools_of_a_soft_material_are_stout_enough(task):
     assert any("of pla, 1 N" in str(candidate.problem) for candidate in read[URDF])
 
 
+@pytest.mark.parametrize("name", ["ElevatePlate", "LiftBox"])
+def test_tools_are_as_light_as_a_budget_of_material_asks_for(name):
+    """Without a budget, forks for the box weigh up to 1.5 kg of PLA."""
+    light = installed().create("tool", "urdf")
+    light.material = Material("pla", 1240, 0.2, 1.2, 0.5, 2.5e9, 26e6, most_g=400)
+    task = installed().create("task", name)
+    answered = reply(brief(task, n_tool=4, n_action=1, representation=light))
+    read = read_designs(json.loads(answered.text), light, task)
+    assert [candidate.problem for candidate in read] == [None] * 4
+
+
 def test_what_no_plan_is_made_for_is_named():
     bodies = tuple(
         Body.of(name, Cylinder(0.03, 0.1), (0.7, 0, 0.05), mass=1.0, color=RED)
