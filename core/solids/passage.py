@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,6 +37,9 @@ SKIN_M = 0.005
 BODY_SKIN = 0.5
 BODY_SKIN_M = 0.01
 SAME = 0.9  # cosine of two directions that are about the same
+_HALVINGS = (
+    5  # of the way between two looks, to see whether the way out turns gradually
+)
 DEEP_S = 0.06  # a hard blow may penetrate deeper, for this long, up to the far side or this depth
 BLOW_M = 0.025  # a fall of more than a metre, 5 m/s in an engine's step of 5 ms
 # Of two bodies, the engine pushes one out of the other within a few of its steps.
@@ -70,6 +73,19 @@ class Instant(NamedTuple):
             value += share * (values[k + 1] - value)
 
         return value
+
+    def middle(self, earlier: Instant) -> Instant:
+        """Return the instant midway from an earlier one, by the numbers of the samples."""
+        total = self.sample + self.share + earlier.sample + earlier.share
+        sample = int(total / 2)
+        return Instant(sample, total / 2 - sample)
+
+
+class Sight(NamedTuple):
+    """A look, and its instant."""
+
+    instant: Instant
+    look: Look
 
 
 class Depths(NamedTuple):
@@ -159,18 +175,57 @@ def find_passage(
     course = Course(near, ways, depths)
     instants = times.tolist()
     instant: Instant | None = Instant(course.near[0])
+    before: Sight | None = None
 
     while instant is not None:
-        now = instant.read(instants)
-        look = pair.look(*instant)
-        passage = encounter.judge(look, instant, now)
+        now = Sight(instant, pair.look(*instant))
 
-        if passage is not None:
-            return passage
+        for sight in _look_between(pair, before, now, depths.skin):
+            time_s = sight.instant.read(instants)
+            passage = encounter.judge(sight.look, sight.instant, time_s)
+            if passage is not None:
+                return passage
 
-        instant = course.find_next(instant, look.depth)
+        before = now
+        instant = course.find_next(instant, now.look.depth)
 
     return encounter.cut
+
+
+def _look_between(
+    pair: Pair,
+    before: Sight | None,
+    now: Sight,
+    skin: float,
+    halvings: int = _HALVINGS,
+) -> Iterator[Sight]:
+    """Look between two looks, where the way out has turned far: a ball rounds an edge gradually, a sheet cuts at once.
+
+    Args:
+        pair: the two solids.
+        before: the earlier look; None: there is none.
+        now: the later one.
+        skin: deeper than this the side counts, metres.
+        halvings: how often the way between them may be halved.
+
+    Yields:
+        The looks between, in order, and then the later one.
+    """
+    if before is not None and halvings > 0 and now.look.depth >= skin:
+        directions = turned_with(before.look, now.look)
+        if not _is_same(now.look, directions):
+            middle = now.instant.middle(before.instant)
+            between = Sight(middle, pair.look(*middle))
+            yield from _look_between(pair, before, between, skin, halvings - 1)
+            yield from _look_between(pair, between, now, skin, halvings - 1)
+            return
+
+    yield now
+
+
+def _is_same(look: Look, directions: Sequence[Array]) -> bool:
+    """Report whether the way out is about one of the directions (3,)."""
+    return max(float(look.out @ way) for way in directions) > SAME
 
 
 class Encounter:
@@ -231,7 +286,7 @@ class Encounter:
             self.side = look
         elif self.side is not None:
             directions = turned_with(self.side, look)
-            if max(float(look.out @ way) for way in directions) > SAME:
+            if _is_same(look, directions):
                 self.side = look
             elif self.cut is None:
                 overlaps = [overlap(self.pair, look, way) for way in directions]

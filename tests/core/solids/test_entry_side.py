@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from core.design import Tool
-from core.geometry import Box, Cylinder, Pose
+from core.geometry import Box, Cylinder, Pose, Sphere
 from core.scene import Body, Geom, Scene, table
 from core.solids.penetration import findings
 from plugins.results.workshop.tracks import robot_tracks
@@ -140,6 +140,32 @@ def test_a_cube_that_falls_onto_a_thin_wall_and_slides_off():
         [fall, straight((0.5275, 0, low - 0.006), (0.5325, 0, low - 0.05), 20)]
     )
     assert findings(scene, PANDA, ROD, recording(scene, {"cube": path}, hz=HZ)) == []
+
+
+# Where the middle of a leg's knob is from the inner edge of a rim, (aside, up), mm, a step of 2.5 ms after the other.
+GLANCE = [
+    (2.4, 18.8),
+    (2.07, 11.3),
+    (0.66, 3.87),
+    (0.95, 0.83),
+    (2.12, -1.5),
+    (3.47, -4.0),
+    (5.01, -7.0),
+    (7.6, -10.0),
+]
+
+
+@pytest.mark.parametrize(("aside", "texts"), [(0.0, 0), (-0.003, 1)])
+def test_a_ball_that_falls_onto_a_rim_and_glances_off_it(aside, texts):
+    """At 3 m/s it is 8 mm deep in two steps, and rounds the edge; 3 mm farther in its middle goes through the rim."""
+    rim = body("rim", Box((0.5, 0.006, 0.1)), (0.5, -0.003, 0.05), mass=0.0)
+    scene = Scene((rim, body("ball", Sphere(0.009), (0.5, 0.0, 0.2))))
+    glance = 0.001 * np.array(GLANCE) + (aside, 0.1)
+    along = np.full(len(glance), 0.5)
+    path = np.column_stack([along, glance])
+    fall = straight((*path[0, :2], path[0, 2] + 0.1), path[0], 14)
+    found = penetrations(scene, recording(scene, {"ball": [*fall, *path]}, hz=HZ))
+    assert len(found) == texts
 
 
 def test_a_sheet_that_cuts_into_a_finger_is_found():
