@@ -11,6 +11,7 @@ from core.design import Tool
 from core.geometry import Pose
 from core.interfaces import PAPER, Brief
 from plugins.vlms.offline.chance import Range
+from plugins.vlms.offline.clips import find_rims, make_clip_lifter, make_clip_pourer
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
 from plugins.vlms.offline.head_sampling import draw_clamp, draw_head
 from plugins.vlms.offline.heads import Head
@@ -37,7 +38,9 @@ _IN_PLACE_M = 0.03  # a shorter way on the ground is none
 _ROD_TRIES = 4  # of one rod for several subgoals
 _STRAIGHT = 0.4  # how often such a head is chosen for a handle, or for what is deep in something:
 _DEEP_M = 0.25  # lower than things near it by more, so that no shaft comes down to it
-_POURS = 0.8  # how often a container with handles is taken by them
+_POURS = 0.8  # how often a container is turned over that bodies are in
+_CLIPS = 0.5  # how often an open vessel hangs from a clip on its rim
+_CLIPS_STEADY = 0.9  # and one that must not tilt
 _CLAMPS = 0.5  # how often a gripper has pads that close on bodies, rather than a head on one finger
 _CLAMPS_INTO = 0.9  # how often where bodies leave or enter what is around them: a hand alone gets there
 _SHAFT_KINDS = ("gantry", "slope", "elbow")
@@ -101,6 +104,7 @@ class DesignDrawer:
             self._draw_guided_head(subgoal)
             or self._draw_straight_head(subgoal)
             or self._draw_pourer(subgoal)
+            or self._draw_clip(subgoal)
             or self._draw_free_head(subgoal)
         )
 
@@ -151,7 +155,8 @@ class DesignDrawer:
             return None
 
         in_place = subgoal.length < _IN_PLACE_M
-        by_handle = subgoal.rises and in_place and bool(find_handle_points(subgoal))
+        by_handle = subgoal.rises and in_place and not subgoal.goal.steady
+        by_handle = by_handle and bool(find_handle_points(subgoal))
         is_deep = subgoal.height_around > _DEEP_M and not subgoal.is_covered
         is_deep = is_deep and not subgoal.rises
 
@@ -163,12 +168,26 @@ class DesignDrawer:
         return make_straight_mover(subgoal, self._rng)
 
     def _draw_pourer(self, subgoal: Subgoal) -> Head | None:
-        """Draw a head for the handles of the bodies' container; None: it has none, or not this time."""
-        handles = find_handles(subgoal)
-        if handles is None or self._rng.random() >= _POURS:
+        """Draw a head that pours from the bodies' loose container; None: they are in none, or not this time."""
+        if subgoal.loose_container is None:
             return None
 
+        handles = find_handles(subgoal)
+        if self._rng.random() >= _POURS:
+            return None
+        if handles is None:
+            return make_clip_pourer(subgoal, self._rng)
+
         return make_pourer(subgoal, handles, self._rng, self.thickness_factor)
+
+    def _draw_clip(self, subgoal: Subgoal) -> Head | None:
+        """Draw a clip for the rim of a vessel that is to be carried; None: it is none, or not this time."""
+        if subgoal.goal is None or len(subgoal.solids) > 1 or not find_rims(subgoal):
+            return None
+        if self._rng.random() >= (_CLIPS_STEADY if subgoal.goal.steady else _CLIPS):
+            return None
+
+        return make_clip_lifter(subgoal, self._rng)
 
     def build(
         self,
@@ -185,12 +204,15 @@ class DesignDrawer:
             path: of the head.
             subgoal: that the head was drawn for.
         """
-        if head.mount_pose is not None:
+        if head.primitive == "pour":
             return build_pourer(head, pose)
 
         rng = self._rng
         thickness = self.thickness_factor * _SHAFT_M.draw(rng)
         thickness *= np.sqrt(self.lightness)
+        if head.mount_pose is not None:
+            return build_tool(head, pose, Shaft("slope", thickness), self._gripper)
+
         kind = _SHAFT_KINDS[rng.choice(3, p=_SHAFTS)]
 
         if head.primitive == "clamp":

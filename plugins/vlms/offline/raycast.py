@@ -19,7 +19,7 @@ import numpy.typing as npt
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from core.geometry import Array, Pose
-from plugins.vlms.offline.boxes import UP, Boxes, heading_axes
+from plugins.vlms.offline.boxes import LEVEL, UP, Boxes, heading_axes
 from plugins.vlms.offline.subgoals import Subgoal
 
 Mask = npt.NDArray[np.bool_]
@@ -210,17 +210,8 @@ class _Rays:
         starts = self.starts()[:, :, None] - centers
         inside = np.einsum("nik,uvni->uvnk", axes, starts)
 
-        slopes = axes[:, 0]  # of a ray, along each of a box's axes
-        slopes = np.where(np.abs(slopes) < 1e-9, 1e-9, slopes)
-        low = (-boxes.halves - inside) / slopes
-
-        high = (boxes.halves - inside) / slopes
-        near = np.minimum(low, high).max(axis=-1)
-
-        far = np.maximum(low, high).min(axis=-1)
-        missed = near >= far
-
-        return np.where(missed, np.inf, near), np.where(missed, -np.inf, far)
+        # A ray's slopes are along each of a box's axes.
+        return _cross_slabs(inside, axes[:, 0], boxes.halves)
 
     def window(self, half: float) -> tuple[int, ...]:
         """Count the rays within ``half`` metres of one, along both axes."""
@@ -240,6 +231,43 @@ class _Rays:
             depth: the coordinate along the ray, metres.
         """
         return self.turn.apply([depth, self.axes[0][u], self.axes[1][v]])
+
+
+def _cross_slabs(inside: Array, slopes: Array, halves: Array) -> tuple[Array, Array]:
+    """Compute where rays enter and leave boxes; inf and -inf where a ray misses a box.
+
+    Args:
+        inside: where each ray begins, in the frame of each box, (..., N, 3).
+        slopes: of the rays along each of a box's axes, (N, 3).
+        halves: half of the boxes' sides, (N, 3).
+
+    Returns:
+        Depths along the rays, (..., N) each.
+    """
+    slopes = np.where(np.abs(slopes) < 1e-9, 1e-9, slopes)
+    low = (-halves - inside) / slopes
+
+    high = (halves - inside) / slopes
+    near = np.minimum(low, high).max(axis=-1)
+
+    far = np.maximum(low, high).min(axis=-1)
+    missed = near >= far
+
+    return np.where(missed, np.inf, near), np.where(missed, -np.inf, far)
+
+
+def find_profile(subgoal: Subgoal, line: Array) -> Array:
+    """Find how high the bodies are at points (K, 3) of the ground, in the world; -inf where there is none of them.
+
+    Args:
+        subgoal: the bodies.
+        line: the points, whose heights do not count.
+    """
+    boxes = subgoal.boxes
+    starts = line * LEVEL + subgoal.upper[2] * UP
+    inside = np.einsum("nik,vni->vnk", boxes.axes, starts[:, None] - boxes.centers)
+    near, _ = _cross_slabs(inside, -boxes.axes[:, 2], boxes.halves)
+    return np.asarray(subgoal.upper[2] - near.min(axis=-1))
 
 
 def find_push_points(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.random import Generator
@@ -22,7 +23,7 @@ from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.scene_model import SceneModel, Solid
 from plugins.vlms.offline.subgoals import Subgoal, goal_position
-from plugins.vlms.offline.targets import Target, find_targets, turn_over
+from plugins.vlms.offline.targets import Target, find_steady, find_targets, turn_over
 
 _LIFT_M = 0.15  # what is to be held is lifted by this
 _ASIDE_M = 0.1  # how far bodies are moved of which nothing is said
@@ -79,13 +80,17 @@ class SceneAnalysis:
         if upright is not None:
             self.model = SceneModel(brief, turn, upright, fixture)
 
+        steady = find_steady(brief.task.goals, scene)
         groups: dict[int, list[Target]] = {}
         for number, goal in enumerate(reaches(brief.task.goals)):
             group = groups.setdefault(0 if brief.task.every else number, [])
             if brief.task.every and _is_met(goal, scene.state()):
                 continue
 
-            targets = find_targets(goal, scene)
+            targets = [
+                replace(target, steady=not steady.isdisjoint(target.bodies))
+                for target in find_targets(goal, scene)
+            ]
             if upright is not None:
                 targets = [turn_over(target, upright) for target in targets]
             group += targets

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from core.goals import (
     Span,
     Turned,
     Untouched,
+    limits,
 )
 from core.scene import Scene
 from core.values.states import State
@@ -51,6 +52,7 @@ class Target:
         reference: the body or mark by which place and points are given.
         container: the body in whose hollow they are to end; None: there is none.
         breaks: whether a force on them is to break them, or a bond that holds them.
+        steady: whether an axis of theirs must point the same way all the time.
     """
 
     bodies: tuple[str, ...]
@@ -68,6 +70,7 @@ class Target:
     reference: str | None = None
     container: str | None = None
     breaks: bool = False
+    steady: bool = False
 
 
 def find_targets(goal: Reach, scene: Scene) -> list[Target]:
@@ -111,6 +114,24 @@ def find_targets(goal: Reach, scene: Scene) -> list[Target]:
         )
         for place, bodies in groups.items()
     ]
+
+
+def find_steady(goals: Iterable[Goal], scene: Scene) -> set[str]:
+    """Name the bodies of which an axis must point the same way all the time.
+
+    Args:
+        goals: of a task; limits of any kind may be among them.
+        scene: which has the bodies.
+    """
+    names: set[str] = set()
+    for limit in limits(goals):
+        lasting = getattr(limit, "what", None)
+        if isinstance(lasting, Reach) and any(
+            isinstance(part, Turned) for part in lasting.parts
+        ):
+            names |= {*lasting.subjects(scene.state())}
+
+    return names
 
 
 def turn_over(target: Target, turn: Pose) -> Target:

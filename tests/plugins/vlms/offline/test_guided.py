@@ -41,6 +41,21 @@ def test_what_lies_free_needs_none_of_these_strokes(name):
     assert not needs_guided_head(subgoal(installed().create("task", name)))
 
 
+def test_a_vessel_that_must_not_tilt_hangs_from_a_clip_on_its_rim():
+    designs = candidates(brief(scene("upright_mug"), n_tool=4, n_action=1))
+    kinds = [design.tool.name.split("_")[-1] for design in designs]
+    assert kinds.count("clip") >= 3
+    assert "hook" not in kinds
+
+
+@pytest.mark.slow
+def test_a_cup_without_handles_is_poured_from():
+    designs = candidates(brief(scene("pour_cup"), n_tool=8, n_action=1, seed=5))
+    sim = installed().create("sim", "mujoco")
+    tried = evaluate_batch(scene("pour_cup"), sim, designs)
+    assert max(evaluation.reward for evaluation in tried) >= 0.95
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "least"),
@@ -56,6 +71,7 @@ def test_what_lies_free_needs_none_of_these_strokes(name):
         ("turn_box", 0.95),
         ("turn_plate", 0.95),
         ("two_buttons", 0.95),
+        ("upright_mug", 0.95),
         ("InsertPlug", 0.95),
     ],
 )
