@@ -50,9 +50,9 @@ _SHAFTS = [0.6, 0.2, 0.2]  # how often each is drawn
 _THICKER = 0.125
 # Thick: it bends by little under what the arm bears, and weighs little.
 _SHAFT_M = Range(0.012, 0.024)
-_LIGHTER = (
-    0.85  # what a drawer's lightness is multiplied by after a tool that is too heavy
-)
+_HEAVY = 3  # so many tools that are too heavy are no chance
+# What a drawer's lightness is multiplied by after each tool that is too heavy.
+_LIGHTER = 0.85
 _LEAST_LIGHTNESS = (
     0.4  # what is thinner bends too far, and what is lower or narrower does little
 )
@@ -77,6 +77,7 @@ class DesignDrawer:
         ratio = PAPER.young_pa / material.young_pa
         self.thickness_factor = max(1.0, ratio**_THICKER)
         self.lightness = 1.0
+        self._heavy = 0  # tools so far
         self._gripper = brief.gripper
         self._rng = rng
         self._is_guided: bool | None = None
@@ -130,8 +131,9 @@ class DesignDrawer:
         return draw_head(subgoal, self._rng, self.thickness_factor, self.lightness)
 
     def make_lighter(self) -> bool:
-        """Make what is drawn from now on lighter; False: it is as light as it is drawn."""
-        if self.lightness <= _LEAST_LIGHTNESS:
+        """Draw lighter tools from now on, after one that is too heavy; False: not yet, or as light as can be."""
+        self._heavy += 1
+        if self._heavy < _HEAVY or self.lightness <= _LEAST_LIGHTNESS:
             return False
 
         self.lightness *= _LIGHTER

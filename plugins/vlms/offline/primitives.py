@@ -276,7 +276,10 @@ def scoop(
     if in_place:
         heading += rng.choice(_SIDES_RAD, p=_SIDES)
 
-    extent = subgoal.extent(heading + rng.normal(0.0, _SCOOP_RAD))
+    # Between tines below an overhang the foot has little room: they would push it, turned by more.
+    under_overhang = head.level > 0.0
+    error = rng.normal(0.0, _SCOOP_RAD)
+    extent = subgoal.extent(heading if under_overhang else heading + error)
     heading = extent.heading
 
     ahead = extent.ahead
@@ -300,10 +303,14 @@ def scoop(
     rise = _draw_about(lift, rng)
 
     if in_place:
-        # Lean back at times, so that nothing slides off: below an overhang nothing does.
+        # Lean back at times, so that nothing slides off.
         tilt = 0.0
-        if rng.random() < _TILTS and head.level == 0.0:
+        if rng.random() < _TILTS:
             tilt = -_TILT_RAD.draw(rng)
+
+        # What hangs by an overhang does not slide off, and leaning would move it.
+        if under_overhang:
+            tilt = 0.0
 
         lifted = under + rise * UP
         path.move(lifted, heading, _LIFT_M_S.draw(rng))
