@@ -20,7 +20,7 @@ from plugins.vlms.offline.boxes import LEVEL, UP, heading_axes
 from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.heads import Head, Motion, make_blade, make_pen, make_piece
 from plugins.vlms.offline.paths import HeadPath
-from plugins.vlms.offline.raycast import LiftPoint, find_lift_point
+from plugins.vlms.offline.raycast import LEVEL_M, LiftPoint, find_lift_point
 from plugins.vlms.offline.reaching_in import make_joint_mover, make_presser
 from plugins.vlms.offline.subgoals import Subgoal, turn_to_goal
 
@@ -75,6 +75,8 @@ _PLAY_RAD = Range(0.0, 0.12)
 
 # What tips bodies.
 _TIPPER_TINE_M = 0.016
+_ROUND_TINE_M = 0.006
+_ROUND_M = 0.015  # that the underside of what is round rises over a tine
 _GRIP = Range(0.5, 0.9)  # of the room under bodies that a lip goes in
 _MOST_GRIP_M = 0.04
 _TIPPER_GAP_M = Range(0.006, 0.015)  # between the wall and the bodies
@@ -205,6 +207,7 @@ def _draw_lift_point(
     headings: Sequence[float],
     tine: float,
     rng: Generator,
+    uneven: float = 0.0,
 ) -> LiftPoint | None:
     """Draw one of the best places for tines ``tine`` metres wide; None: there is none.
 
@@ -213,10 +216,12 @@ def _draw_lift_point(
         headings: along which tines may go, radians about z.
         tine: width of each, metres.
         rng: random numbers.
+        uneven: how much higher what is round may be over a tine, metres; 0: what is even is looked for.
     Returns:
         At random from those that are nearly as good as the best.
     """
-    found = [find_lift_point(subgoal, heading, tine) for heading in headings]
+    uneven = uneven or LEVEL_M
+    found = [find_lift_point(subgoal, heading, tine, uneven) for heading in headings]
     points = [point for point in found if point is not None]
     if not points:
         return None
@@ -484,7 +489,11 @@ def _make_tipper(
     """
     _, most = turn
     headings = _find_headings(turn)
-    point = _draw_lift_point(subgoal, headings, _TIPPER_TINE_M, rng)
+    width = _TIPPER_TINE_M
+    point = _draw_lift_point(subgoal, headings, width, rng)
+    if point is None:  # what is round lies between two tines
+        width = _ROUND_TINE_M
+        point = _draw_lift_point(subgoal, headings, width, rng, _ROUND_M)
     if point is None:
         return None
 
@@ -506,7 +515,7 @@ def _make_tipper(
         most = _FALLS_RAD.draw(rng)
 
     thick = min(_TINE_THICK_M, _LIP * point.gap)
-    tines = _Tines(subgoal, point, _TIPPER_TINE_M, thick, depth)
+    tines = _Tines(subgoal, point, width, thick, depth)
 
     def tip(path: HeadPath, rng: Generator) -> str:
         """Get under the bodies, turn them in steps about their opposite edge, and leave."""

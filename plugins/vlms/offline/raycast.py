@@ -47,7 +47,9 @@ _TOES_M = (0.006, 0.03)  # how far a hook's toe reaches past an edge
 _EDGE_RAYS = 2  # from a face to the opening beside it, at most
 _IN_FRONT_M = 0.1  # of the bodies: what is farther away bars no way in
 _PER_LENGTH = 0.5  # metres of cost for one of a hook's arm
-_LEVEL_M = 0.0015  # a face is so even
+LEVEL_M = 0.0015
+"""A face is so even."""
+
 _TOUCH_M = 0.0016  # what is so near below it is itself
 _LEAST_DEPTH_M = 0.008
 
@@ -440,7 +442,7 @@ class _Edges:
             rear = level - 2 * (half + _HOOK_CLEAR_M)
             behind = (self._near < level - _TOUCH_M) & (self._far > rear)
             rooms = ~behind.any(axis=-1)
-            faces = rooms & (np.abs(near - level).min(axis=-1) < _LEVEL_M)
+            faces = rooms & (np.abs(near - level).min(axis=-1) < LEVEL_M)
             barred = (self._near < self._front) & (self._far > rear)
             openings = ~barred.any(axis=-1)
 
@@ -523,6 +525,7 @@ def find_lift_point(
     subgoal: Subgoal,
     heading: float,
     tine: float,
+    uneven: float = LEVEL_M,
 ) -> LiftPoint | None:
     """Find where tines ``tine`` metres wide get under the bodies along a heading; None: nowhere.
 
@@ -530,9 +533,12 @@ def find_lift_point(
         subgoal: the bodies.
         heading: along which the tines go, radians about z.
         tine: the width of each, metres.
+        uneven: how much higher the underside may be than where it is lowest above a tine, metres.
     """
-    key = ("lift", *map(id, subgoal.solids), heading, tine)
-    return subgoal.model.find_once(key, lambda: _Underside(subgoal, heading).find(tine))
+    key = ("lift", *map(id, subgoal.solids), heading, tine, uneven)
+    return subgoal.model.find_once(
+        key, lambda: _Underside(subgoal, heading).find(tine, uneven)
+    )
 
 
 class _Underside:
@@ -564,8 +570,8 @@ class _Underside:
         self.along = places @ self._ahead
         self.across = np.abs(places @ side)
 
-    def find(self, tine: float) -> LiftPoint | None:
-        """Find the best place for tines of this width; None: there is none.
+    def find(self, tine: float, uneven: float) -> LiftPoint | None:
+        """Find the best place for tines of this width; None: there is none. See `find_lift_point`.
 
         It looks at some heights of undersides, from the highest down, at gaps below each, and at pairs of lanes beside
         the middle.
@@ -577,7 +583,8 @@ class _Underside:
         found: list[LiftPoint] = []
 
         for level in levels[:: -max(1, len(levels) // _MOST_LEVELS)]:
-            underside = np.abs(near - level).min(axis=-1) < _LEVEL_M
+            above = (near > level - LEVEL_M) & (near < level + uneven)
+            underside = above.any(axis=-1)
             widest = self.across[underside].max(initial=0.0)
 
             for gap in _GAPS_M:

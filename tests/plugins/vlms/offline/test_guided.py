@@ -68,6 +68,7 @@ def test_a_cup_without_handles_is_poured_from():
         ("open_chest", 0.95),
         ("open_drawer", 0.95),
         ("press_plunger", 0.95),
+        ("stand_up", 0.95),
         ("turn_box", 0.95),
         ("turn_plate", 0.95),
         ("two_buttons", 0.95),
