@@ -133,7 +133,23 @@ def count_overlaps(
     b: Boxes,
     margin: float = 0.0,
 ) -> int:
-    """Count the pairs, a box of each, that are closer than ``margin`` metres (negative: that overlap by more).
+    """Count the pairs that `find_overlaps` finds.
+
+    Args:
+        a: N boxes.
+        b: M boxes in the same frame.
+        margin: of distance, metres.
+    """
+    first, _ = find_overlaps(a, b, margin)
+    return len(first)
+
+
+def find_overlaps(
+    a: Boxes,
+    b: Boxes,
+    margin: float = 0.0,
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Find the pairs, a box of each, that are closer than ``margin`` metres (negative: that overlap by more).
 
     Pairs whose bounding boxes are apart are left out before the others are measured.
 
@@ -142,7 +158,7 @@ def count_overlaps(
         b: M boxes in the same frame.
         margin: of distance, metres.
     Returns:
-        Of N M pairs, those that are too close.
+        The numbers in ``a``, and those in ``b``, of the pairs that are too close.
     """
     lower, upper = a.bounds
     other_lower, other_upper = b.bounds
@@ -154,7 +170,8 @@ def count_overlaps(
     first, second = np.nonzero(near)
     gaps, _ = separations(a[first], b[second])
 
-    return int((gaps < margin).sum())
+    close = gaps < margin
+    return first[close], second[close]
 
 
 def separations(a: Boxes, b: Boxes) -> tuple[Array, Array]:

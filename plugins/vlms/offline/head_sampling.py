@@ -12,6 +12,7 @@ from numpy.random import Generator
 from core.geometry import Array, Sphere
 from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.chance import Range, draw
+from plugins.vlms.offline.detours import find_detour, make_leader
 from plugins.vlms.offline.heads import (
     FINGER_OPEN,
     SIDES,
@@ -32,6 +33,7 @@ from plugins.vlms.offline.subgoals import Subgoal
 # Which head.
 _FALL_M = 0.1  # bodies that go down by more are pushed, and fall
 _STAYS_M = 0.03  # a shorter way on the ground is none
+_GOES_AROUND = 0.5  # how often a body is led around what bars its way
 _LIFTS_BARRED = 0.8  # how often bodies are lifted over what bars their way, which may yield or be passed
 _LIFTS_FALLING = 0.3  # how often bodies that are to fall are lifted over the edge
 _HOOKS_COVERED = 0.8  # how often bodies are hooked that something is above: most heads come from there
@@ -188,6 +190,11 @@ def draw_head(
     # A body that falls is pushed horizontally and goes down by itself.
     way = subgoal.shift * LEVEL if falls else subgoal.shift
     barred = subgoal.length > _STAYS_M and subgoal.is_blocked(way)
+
+    if barred and not (falls or subgoal.rises) and len(subgoal.solids) == 1:
+        detour = find_detour(subgoal)
+        if detour is not None and rng.random() < _GOES_AROUND:
+            return make_leader(subgoal, detour, rng)
 
     drawing = _HeadDrawing(subgoal, rng, thickness_factor, lightness)
     lifts = (

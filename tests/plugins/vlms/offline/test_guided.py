@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from core.plugins import installed
+from plugins.vlms.offline.detours import find_detour
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
 from tests.benchmarks.measuring import SOLUTIONS
 from tests.playing import evaluate_batch
@@ -41,6 +42,20 @@ def test_what_lies_free_needs_none_of_these_strokes(name):
     assert not needs_guided_head(subgoal(installed().create("task", name)))
 
 
+def test_a_body_is_led_around_a_wall_but_not_out_of_a_closed_one(tmp_path):
+    detour = find_detour(subgoal(scene("out_of_u")))
+    assert detour is not None
+    assert detour[0][1] > 0.12  # out of the opening, which is at the left
+    assert detour[-1][:2] == pytest.approx([-0.2, 0.1])
+
+    file = tmp_path / "closed.yaml"
+    text = (SCENES / "free" / "out_of_u.yaml").read_text()
+    wall = "      - {box: [0.14, 0.02, 0.08], position: [0, -0.13, 0.04]}\n"
+    file.write_text(text.replace(wall, wall + wall.replace("-0.13", "0.13")))
+    closed = installed().create("task", "file", file=str(file))
+    assert find_detour(subgoal(closed)) is None
+
+
 def test_a_vessel_that_must_not_tilt_hangs_from_a_clip_on_its_rim():
     designs = candidates(brief(scene("upright_mug"), n_tool=4, n_action=1))
     kinds = [design.tool.name.split("_")[-1] for design in designs]
@@ -67,6 +82,7 @@ def test_a_cup_without_handles_is_poured_from():
         ("lift_plate", 0.95),
         ("open_chest", 0.95),
         ("open_drawer", 0.95),
+        ("out_of_u", 0.95),
         ("press_plunger", 0.95),
         ("stand_up", 0.95),
         ("turn_box", 0.95),

@@ -1,0 +1,197 @@
+"""Lead a body around what bars its way on the ground, in a pen: four walls without a floor.
+
+The way is the shortest one over a grid on which the pen, which does not turn, touches nothing. Of its places those are
+kept between which it goes straight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+from numpy.random import Generator
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+
+from core.geometry import Array
+from plugins.vlms.offline.boxes import LEVEL, UP, Boxes, find_overlaps
+from plugins.vlms.offline.chance import Range
+from plugins.vlms.offline.heads import Head, make_pen
+from plugins.vlms.offline.paths import HeadPath
+from plugins.vlms.offline.subgoals import Subgoal
+
+_GRID_M = 0.01
+_AROUND_M = 0.25  # of where the body is and of its goal, that the way may go
+_WALL_M = 0.005  # thick
+_SPARE_M = Range(0.002, 0.006)  # between the body and a wall
+_CLEAR_M = 0.003  # between the pen and what it passes
+_ABOVE_M = Range(0.003, 0.006)  # the ground
+_HEIGHT = Range(0.6, 1.0)  # of the body's
+_HEIGHTS_M = (0.02, 0.12)
+_LEAD_M_S = Range(0.08, 0.2)
+_LEAVE_M = 0.05  # up, above the body
+_NEIGHBOURS = ((1, 0), (0, 1), (1, 1), (1, -1))  # and those across from them
+
+
+def find_detour(subgoal: Subgoal) -> list[Array] | None:
+    """Find the way of a pen with the bodies around what bars the straight one; None: there is none.
+
+    Args:
+        subgoal: the bodies, which go over the ground.
+
+    Returns:
+        Shifts (3,) from where the bodies are, one after another.
+    """
+    key = ("detour", *map(id, subgoal.solids), repr(subgoal.shift))
+    return subgoal.model.find_once(key, lambda: _find_detour(subgoal))
+
+
+def make_leader(subgoal: Subgoal, detour: list[Array], rng: Generator) -> Head:
+    """Make a pen that comes down around bodies, and leads them along a detour.
+
+    Args:
+        subgoal: the bodies.
+        detour: see `find_detour`.
+        rng: random numbers.
+    """
+    extent = subgoal.extent(0.0)
+    spare = _SPARE_M.draw(rng)
+    pen = make_pen(
+        width=extent.across + 2 * spare,
+        depth=extent.along + 2 * spare,
+        height=float(np.clip(subgoal.height * _HEIGHT.draw(rng), *_HEIGHTS_M)),
+        thick=_WALL_M,
+    )
+
+    def lead(path: HeadPath, rng: Generator) -> str:
+        """Come down around the bodies, go from place to place, and leave them."""
+        start = subgoal.center * LEVEL - pen.depth / 2 * extent.ahead
+        start = start + (subgoal.lower[2] + _ABOVE_M.draw(rng)) * UP
+        speed = _LEAD_M_S.draw(rng)
+        path.descend(subgoal, extent.heading, start)
+        for shift in detour:
+            path.move(start + shift, extent.heading, speed)
+
+        leave = path.end + (subgoal.height + _LEAVE_M) * UP
+        path.go(extent.heading, leave, touch=True)
+        return f"comes down around the body, and leads it around what is in its way, in {len(detour)} straight parts"
+
+    return replace(pen, primitive="guided", motion=lead)
+
+
+def _find_detour(subgoal: Subgoal) -> list[Array] | None:
+    """Search for what `find_detour` returns."""
+    here = subgoal.center[:2]
+    there = here + subgoal.shift[:2]
+    low = np.minimum(here, there) - _AROUND_M
+    counts = np.ceil((np.maximum(here, there) + _AROUND_M - low) / _GRID_M).astype(int)
+    free = _find_free(subgoal, low, counts + 1)
+
+    first = np.round((here - low) / _GRID_M).astype(int)
+    last = np.round((there - low) / _GRID_M).astype(int)
+    if not (free[tuple(first)] and free[tuple(last)]):
+        return None
+
+    cells = _find_shortest(free, first, last)
+    if cells is None:
+        return None
+
+    corners = _keep_corners(cells, free)
+    shifts = [np.append((corner - first) * _GRID_M, 0.0) for corner in corners[1:-1]]
+    return [*shifts, subgoal.shift * LEVEL]
+
+
+def _find_free(
+    subgoal: Subgoal, low: Array, counts: npt.NDArray[np.int64]
+) -> npt.NDArray[np.bool_]:
+    """Find at which places of a grid a pen around the bodies touches nothing.
+
+    Args:
+        subgoal: the bodies.
+        low: the corner of the grid, (2,).
+        counts: of its places along x and y.
+    """
+    margin = _SPARE_M.high + _WALL_M + _CLEAR_M
+    size = subgoal.upper - subgoal.lower + 2 * margin * LEVEL
+    bottom = subgoal.lower[2] + _ABOVE_M.low
+    middle = bottom + size[2] / 2
+    x, y = np.meshgrid(*(np.arange(count) for count in counts), indexing="ij")
+    places = np.stack([x.ravel(), y.ravel()], axis=1) * _GRID_M + low
+    centers = np.column_stack([places, np.full(len(places), middle)])
+    axes = np.broadcast_to(np.eye(3), (len(places), 3, 3))
+    halves = np.broadcast_to(size / 2, centers.shape)
+
+    taken, _ = find_overlaps(Boxes(centers, axes, halves), subgoal.obstacles)
+    free = np.ones(len(places), dtype=bool)
+    free[taken] = False
+    return free.reshape(x.shape)
+
+
+def _find_shortest(
+    free: npt.NDArray[np.bool_],
+    first: npt.NDArray[np.int64],
+    last: npt.NDArray[np.int64],
+) -> npt.NDArray[np.int64] | None:
+    """Find the shortest way between two places of a grid over free ones, (N, 2); None: there is none.
+
+    Args:
+        free: places, (U, V).
+        first: the place where it begins, (2,).
+        last: the place where it ends, (2,).
+    """
+    numbers = np.arange(free.size).reshape(free.shape)
+    starts = []
+    ends = []
+    lengths = []
+    u, v = np.nonzero(free)
+    for way in _NEIGHBOURS:
+        near = np.stack([u, v], axis=1) + way
+        inside = np.array(((near >= 0) & (near < free.shape)).all(axis=1))
+        inside[inside] = free[tuple(near[inside].T)]
+        starts.append(numbers[u, v][inside])
+        ends.append(numbers[tuple(near[inside].T)])
+        lengths.append(np.full(inside.sum(), np.hypot(*way)))
+
+    places = (np.concatenate(starts), np.concatenate(ends))
+    graph = coo_array((np.concatenate(lengths), places), shape=(free.size, free.size))
+    begin = numbers[tuple(first)]
+    distances, before = dijkstra(
+        graph.tocsr(), directed=False, indices=begin, return_predecessors=True
+    )
+
+    number = numbers[tuple(last)]
+    if not np.isfinite(distances[number]):
+        return None
+
+    passed = [int(number)]
+    while passed[-1] != begin:
+        passed.append(int(before[passed[-1]]))
+
+    return np.stack(np.unravel_index(passed[::-1], free.shape), axis=1)
+
+
+def _keep_corners(
+    cells: npt.NDArray[np.int64], free: npt.NDArray[np.bool_]
+) -> list[npt.NDArray[np.int64]]:
+    """Keep those places of a way between which the straight one is free.
+
+    Args:
+        cells: of the way, (N, 2).
+        free: places, (U, V).
+    """
+    corners = [cells[0]]
+    number = 0
+    while number < len(cells) - 1:
+        farthest = number + 1
+        for other in range(len(cells) - 1, number, -1):
+            steps = int(2 * np.abs(cells[other] - cells[number]).max()) + 1
+            line = np.linspace(cells[number], cells[other], steps).round().astype(int)
+            if free[tuple(line.T)].all():
+                farthest = other
+                break
+
+        corners.append(cells[farthest])
+        number = farthest
+
+    return corners
