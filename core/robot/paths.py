@@ -122,7 +122,7 @@ def join_knots(knots: Array, arm: Arm) -> JointPath:
     """
     count = len(knots)
     s = np.linspace(0.0, 1.0, count)
-    path = make_interp_spline(s, knots, min(3, count - 1))
+    path = make_interp_spline(s, knots, min(3, count - 1), check_finite=False)
 
     # A spline stays among its control points: most need no closer look.
     if (path.c >= arm.lower).all() and (path.c <= arm.upper).all():

@@ -147,15 +147,20 @@ def _limit_change(square: list[float], allowed: list[float]) -> list[float]:
         square: (S,) squared speeds; they are changed.
         allowed: (S - 1,) differences.
     """
-    for k, change in enumerate(allowed):
-        most = square[k] + change
-        if most < square[k + 1]:
-            square[k + 1] = most
+    last = square[0]
+    for k, change in enumerate(allowed, start=1):
+        last += change
+        if last < square[k]:
+            square[k] = last
+        else:
+            last = square[k]
 
     for k in reversed(range(len(allowed))):
-        most = square[k + 1] + allowed[k]
-        if most < square[k]:
-            square[k] = most
+        last += allowed[k]
+        if last < square[k]:
+            square[k] = last
+        else:
+            last = square[k]
 
     return square
 

@@ -315,11 +315,12 @@ class Player:
             return Outcome(None, None, error=self.error)
 
         schedule = self.schedule
-        steps = sorted({schedule.settle, *schedule.marks})
+        noted = sorted({schedule.settle, *schedule.marks})
         arm, fingers, states = worlds.read(
-            number, [self._notes[done] for done in steps]
+            number, [self._notes[done] for done in noted]
         )
-        start = states[steps.index(schedule.settle)]
+        steps = np.array(noted)
+        start = states[noted.index(schedule.settle)]
         end = states[-1]
         if not all(np.isfinite(array).all() for array in end.arrays[:3]):
             error = "the simulation blew up: a body's state is not finite"

@@ -296,6 +296,6 @@ def _bound_robots_speed(tracks: Tracks) -> float:
         The speed, m/s.
     """
     count = min(len(tracks.times) - 1, round(0.1 * SAMPLE_HZ))
-    robots = [track for track in tracks.items if track.owner == ROBOT]
+    robots = [track.travel for track in tracks.items if track.owner == ROBOT]
 
     return bound_speed(robots, tracks.times, max(1, count))

@@ -13,7 +13,7 @@ import numpy as np
 from core.design import Tool
 from core.geometry import Array, running_sums
 from core.interfaces import JointTrajectory, Recording, Robot
-from core.robot.kinematics import finger_values
+from core.robot.kinematics import finger_values, robot_model
 from core.scene import Scene
 from core.solids.rollout_solids import all_solids, thickness
 from core.solids.tracks import (
@@ -21,12 +21,13 @@ from core.solids.tracks import (
     Detour,
     Indices,
     bound_speed,
-    follow,
     lengths,
+    travel_of,
 )
 
 MAX_HZ = 1600.0  # beyond the rate of every engine's steps
 
+_EMPTY = Scene(())
 _SAME = 1e-6  # of a sample; the end of a motion is not one sample more
 
 
@@ -73,14 +74,12 @@ def _bound_tool_speed(robot: Robot, tool: Tool, trajectory: JointTrajectory) -> 
     fingers = finger_values(robot, tool, opening)
 
     # The motion as it is commanded, in a scene without bodies.
-    empty = Scene(())
-    still = empty.state().each(lambda array: np.repeat(array[None], len(times), axis=0))
-    recording = Recording(times, arm, fingers, still)
-    solids = len(all_solids(empty, robot, tool).items)
-    parts = np.arange(solids - len(tool.parts), solids)
-    tracks = follow(empty, robot, tool, recording, only=parts)
+    solids = all_solids(_EMPTY, robot, tool)
+    parts = np.arange(len(solids.items))[-len(tool.parts) :]
+    model = robot_model(robot, tool)
+    rotations, positions = model.place_joints(model.order(arm, fingers))
 
-    return bound_speed([tracks.items[number] for number in parts], times)
+    return bound_speed(travel_of(solids, parts, rotations, positions), times)
 
 
 def _round_up(wanted: float) -> float:
@@ -182,14 +181,21 @@ def _average(times: Array, values: Array, samples: Indices) -> Array:
 def detours(recording: Recording, samples: Indices) -> Detour:
     """How far the robot and each free body get from the straight way between two of the `coarse_samples`, at most."""
     states = recording.states
-    fingers = _deviate(recording.fingers, samples).max(axis=1, initial=0.0)
-    joints = _deviate(recording.arm, samples).sum(axis=1)
-    moved = lengths(_deviate(states.positions, samples))
-    turned = 2 * lengths(_deviate(states.quaternions, samples))
+    count = len(recording.times)
+    places = states.positions.reshape(count, -1)
+    turns = states.quaternions.reshape(count, -1)
+    # All numbers at once: NumPy's calls take longer than its sums.
+    parts = [recording.arm, recording.fingers, places, turns]
+    ends = np.cumsum([part.shape[1] for part in parts[:-1]])
+    strayed = _deviate(np.concatenate(parts, axis=1), samples)
+    arm, fingers, places, turns = np.split(strayed, ends, axis=1)
 
+    looks = len(samples)
+    moved = lengths(places.reshape(looks, -1, 3))
+    turned = 2 * lengths(turns.reshape(looks, -1, 4))
     return Detour(
-        moved=np.column_stack([fingers, moved]).T,
-        turned=np.column_stack([joints, turned]).T,
+        moved=np.column_stack([fingers.max(axis=1, initial=0.0), moved]).T,
+        turned=np.column_stack([arm.sum(axis=1), turned]).T,
     )
 
 
@@ -197,11 +203,11 @@ def _deviate(values: Array, samples: Indices) -> Array:
     """Measure how far values get from the straight way from a sample to the next, at most.
 
     Args:
-        values: (T, ...) at all instants.
+        values: (T, N) at all instants.
         samples: (S,) the numbers of some of them.
 
     Returns:
-        Deviations (S, ...); 0 after the last sample.
+        Deviations (S, N); 0 after the last sample.
     """
     known = values[samples]
     if len(known) == len(values):
@@ -210,7 +216,6 @@ def _deviate(values: Array, samples: Indices) -> Array:
     numbers = np.arange(len(values))
     before = np.searchsorted(samples[1:-1], numbers, side="right")
     shares = (numbers - samples[before]) / np.diff(samples)[before]
-    shares = shares.reshape(-1, *np.ones(values.ndim - 1, dtype=int))
-    straight = known[before] + shares * np.diff(known, axis=0)[before]
+    straight = known[before] + shares[:, None] * np.diff(known, axis=0)[before]
 
     return np.maximum.reduceat(np.abs(values - straight), samples)

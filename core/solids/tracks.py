@@ -215,19 +215,18 @@ def angles(rotations: Array, after: Array) -> Array:
     return 2 * np.arcsin(np.minimum(chords / math.sqrt(8), 1.0))
 
 
-def bound_speed(tracks: Sequence[Track], times: Array, count: int = 1) -> float:
+def bound_speed(travels: Sequence[Array], times: Array, count: int = 1) -> float:
     """Bound the speed of any point of solids.
 
     Args:
-        tracks: of the solids, at T samples.
+        travels: (T,) of each solid, how far any of its points has moved at T samples, metres, at most.
         times: (T,) of the samples, seconds.
         count: of the intervals that it is averaged over.
 
     Returns:
         The speed, m/s.
     """
-    ways = [track.travel for track in tracks]
-    travel = np.reshape(ways, (-1, len(times)))
+    travel = np.reshape(travels, (-1, len(times)))
     moved = travel[:, count:] - travel[:, :-count]
     speeds = moved / (times[count:] - times[:-count])
 
@@ -259,7 +258,7 @@ def follow(
     turns, shifts = _body_frames(recording.states)
 
     moving = solids.moving
-    resting = np.flatnonzero(solids.frames == WORLD)
+    resting = solids.resting
     if only is not None:
         moving = np.intersect1d(moving, only)
 
@@ -274,13 +273,16 @@ def follow(
     moved = _place_solids(solids, moving, *frames, aside)
     count = len(solids.items)
     # Kept as they lie in memory.
-    rows = Rows(*(np.zeros_like(v, shape=(count, *v.shape[1:])) for v in moved))
+    rows = Rows(*(np.empty_like(v, shape=(count, *v.shape[1:])) for v in moved))
+    left_out = np.setdiff1d(solids.moving, moving) if only is not None else ()
 
     for values, those_moved, those_at_rest in zip(
         rows, moved, _rest(solids), strict=True
     ):
         values[moving] = those_moved
         values[resting] = those_at_rest
+        if len(left_out):
+            values[left_out] = 0.0
 
     tracks = [Track(solids, k, rows) for k in range(count)]
     return Tracks(solids, rows, tracks, recording.times)
@@ -298,7 +300,7 @@ def _body_frames(states: State) -> tuple[Array, Array]:
 @lru_cache(maxsize=8)
 def _rest(solids: Solids) -> Rows:
     """Place the solids that never move, at a single sample."""
-    numbers = np.flatnonzero(solids.frames == WORLD)
+    numbers = solids.resting
     rotations = np.eye(3)[None, None]
     positions = np.zeros((1, 1, 3))
     straight = np.zeros((len(numbers), 1))
@@ -322,14 +324,7 @@ def _place_solids(
         positions: (F, T, 3) of the frames.
         aside: (N, T) how far each gets from the straight way, metres, by which its bounding box is wider.
     """
-    frames = solids.frames[numbers]
-    rotations, positions = place(
-        rotations[frames],
-        positions[frames],
-        solids.rotations[numbers],
-        solids.positions[numbers],
-    )
-    rotations[solids.radii[numbers] < np.inf] = np.eye(3)
+    rotations, positions = _place_frames(solids, numbers, rotations, positions)
 
     # The bounding boxes, on the way to the next sample too.
     middles = positions + rotate(rotations, solids.middles[numbers])
@@ -342,12 +337,7 @@ def _place_solids(
     low -= aside[..., None]
     high += aside[..., None]
 
-    # How far they move and turn until then.
-    turned = np.zeros_like(aside)
-    turned[:, :-1] = angles(rotations[:, :-1], rotations[:, 1:])
-    ways = solids.reaches[numbers, None] * turned
-    ways[:, :-1] += lengths(positions[:, 1:] - positions[:, :-1])
-
+    turned, ways = _measure_ways(solids, numbers, rotations, positions)
     return Rows(
         rotations,
         positions,
@@ -358,3 +348,48 @@ def _place_solids(
         ways,
         turned,
     )
+
+
+def travel_of(
+    solids: Solids, numbers: Indices, rotations: Array, positions: Array
+) -> list[Array]:
+    """Measure how far some solids travel in frames that move, as a `Track` would know it.
+
+    Args:
+        solids: in their frames.
+        numbers: (N,) of those that are measured.
+        rotations: (F, T, 3, 3) of the frames.
+        positions: (F, T, 3) of the frames.
+
+    Returns:
+        For each an upper bound (T,) of how far any of its points has moved since the first sample, metres.
+    """
+    placed = _place_frames(solids, numbers, rotations, positions)
+    _, ways = _measure_ways(solids, numbers, *placed)
+    return [running_sums(way[:-1]) for way in ways]
+
+
+def _place_frames(
+    solids: Solids, numbers: Indices, rotations: Array, positions: Array
+) -> tuple[Array, Array]:
+    """Place the frames of some solids: (N, T, 3, 3) and (N, T, 3). That of a ball does not turn."""
+    frames = solids.frames[numbers]
+    rotations, positions = place(
+        rotations[frames],
+        positions[frames],
+        solids.rotations[numbers],
+        solids.positions[numbers],
+    )
+    rotations[solids.radii[numbers] < np.inf] = np.eye(3)
+    return rotations, positions
+
+
+def _measure_ways(
+    solids: Solids, numbers: Indices, rotations: Array, positions: Array
+) -> tuple[Array, Array]:
+    """Measure how far some solids turn and move until the next sample: (N, T) each, see `Rows`."""
+    turned = np.zeros(positions.shape[:2])
+    turned[:, :-1] = angles(rotations[:, :-1], rotations[:, 1:])
+    ways = solids.reaches[numbers, None] * turned
+    ways[:, :-1] += lengths(positions[:, 1:] - positions[:, :-1])
+    return turned, ways

@@ -168,7 +168,7 @@ class World(interfaces.World):
         known = self._settled
         measured = meter is not None
         if known is None or not known.serves(self._held, len(block), measured=measured):
-            states = self._run(block)
+            states = self._run(block)[1:]
             data = mujoco.MjData(self._model)
             mujoco.mj_copyData(data, self._model, self._data)
             contacts = [*meter.pack()] if meter is not None else []
@@ -196,17 +196,17 @@ class World(interfaces.World):
             mujoco.FatalError: MuJoCo refuses to go on.
             FloatingPointError: the world diverged.
         """
-        first = self._read_state()
         if not block.readings:
             states = self._run(block)
-            torques = self._find_torques(block, first, states)
-            return Passed(self._take_notes(block, states), torques=torques)
+            torques = self._find_torques(block, states)
+            return Passed(self._take_notes(block, states[1:]), torques=torques)
 
         sensed = np.empty((len(block), self._model.nsensordata))
         with self._feeler.on():
             states = self._run(block, sensed)
 
-        torques = self._find_torques(block, first, states)
+        torques = self._find_torques(block, states)
+        states = states[1:]
         qpos, _ = self._split(states)
         readings = []
         for end in block.readings:
@@ -240,18 +240,17 @@ class World(interfaces.World):
     def loads(self, notes: Sequence[_Note]) -> Mapping[str, Array]:
         return self._bonds.loads([done for _, done in notes])
 
-    def _find_torques(self, block: Block, first: Array, states: Array) -> Array | None:
+    def _find_torques(self, block: Block, states: Array) -> Array | None:
         """Find the greatest torque of each of the arm's motors at a block's measures (J,); None: it has none.
 
         Args:
             block: that was played.
-            first: the state before it (X,).
-            states: those after each step (S, X).
+            states: before the first step, and after each (S + 1, X).
         """
         if not block.measures:
             return None
 
-        qpos, qvel = self._split(np.concatenate([first[None], states]))
+        qpos, qvel = self._split(states)
         targets = block.arm[self._targeted]
         steps = np.array(block.measures)
         torques = self._motors.compute(qpos, qvel, targets, block.speeds, steps)
@@ -282,7 +281,7 @@ class World(interfaces.World):
         return qpos, qvel
 
     def _run(self, block: Block, sensed: Array | None = None) -> Array:
-        """Take the steps of a block, and return the states after each (S, X).
+        """Take the steps of a block, and return the states before the first, and after each (S + 1, X).
 
         Args:
             block: says the targets.
@@ -293,7 +292,8 @@ class World(interfaces.World):
         """
         data = self._data
         first = self._read_state()
-        states = np.empty((len(block), len(first)))
+        states = np.empty((len(block) + 1, len(first)))
+        states[0] = first
         if not len(block):
             return states
 
@@ -307,7 +307,7 @@ class World(interfaces.World):
         with warnings_caught() as warnings:
             stepped = self._meter is not None or self._scene.bonds
             if self._moving.latched or stepped:
-                self._step_singly(states, controls, sensed)
+                self._step_singly(states[1:], controls, sensed)
             else:
                 rollout(
                     self._model,
@@ -315,7 +315,7 @@ class World(interfaces.World):
                     first[None],
                     controls[None],
                     initial_warmstart=data.qacc_warmstart.copy()[None],
-                    state=states[None],
+                    state=states[None, 1:],
                     sensordata=None if sensed is None else sensed[None],
                 )
 
