@@ -453,6 +453,7 @@ class Fitness(ABC):
     """
 
     races: bool = False  # its score is the mean reward of the layouts, in the engine where that is the lowest
+    finals_check: bool = False  # its `finals` check the winner: they choose no elites, and nearly as much is enough
 
     @abstractmethod
     def conditions(self) -> Sequence[Condition]:
@@ -466,10 +467,11 @@ class Fitness(ABC):
         """
 
     def finals(self) -> Iterator[Sequence[Condition]]:
-        """Yield further layouts without end, of each the conditions in all engines.
+        """Yield further layouts, perhaps without end, of each the conditions in all engines.
 
         They decide between candidates that earn alike. For how long are the search's settings (`Budget.final_s`,
-        `Budget.elite_s`). Without any the distance decides.
+        `Budget.elite_s`). Without any the distance decides. Where they only check (`finals_check`), a reward that is a
+        share `HOLDS` of the search's highest loses nothing, and the distance decides between those that lose nothing.
         """
         return iter(())
 

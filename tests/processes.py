@@ -15,6 +15,7 @@ SMALL = [
     "budget.n_tool=2",
     "budget.n_action=3",
     "budget.n_iteration=1",
+    "budget.final_s=0",
 ]
 SMALL += ["film=false", "seed=5", "prompt.picture=false", "listener=[progress]"]
 PATIENCE_S = 180

@@ -27,6 +27,7 @@ TINY = [
     "budget.n_tool=2",
     "budget.n_action=2",
     "budget.n_iteration=1",
+    "budget.final_s=0",
 ]
 TINY += ["film=false", "seed=5"]
 

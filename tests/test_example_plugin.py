@@ -20,6 +20,7 @@ SMALL = [
     "budget.n_tool=1",
     "budget.n_action=2",
     "budget.n_iteration=1",
+    "budget.final_s=0",
     "film=false",
 ]
 

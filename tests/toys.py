@@ -272,6 +272,7 @@ def composed(overrides: tuple[str, ...]) -> DictConfig:
         "budget.n_tool=2",
         "budget.n_action=3",
         "budget.n_iteration=1",
+        "budget.final_s=0",
         "budget.k_top=3",
     ]
     fixed = [

@@ -72,7 +72,7 @@ def evolve(
             if candidates.limit is not None:
                 break
             evaluate([*fitness.recombine(tried)])
-            if elites:
+            if elites and not fitness.finals_check:
                 race.follow(tried, elites)
             generation = _make_generation(generations, tried, tie)
             candidates.allowance.settle(generation.evaluations)

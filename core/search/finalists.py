@@ -26,7 +26,7 @@ from core.interfaces import Fitness
 from core.search.trials import Trials, make_score
 from core.support.progress import busy
 from core.trial import Condition, Evaluation, Trial, best_first
-from core.values.efforts import Held
+from core.values.efforts import HOLDS, Held
 
 WIDTH = 8  # trials in an engine at once
 SEARCH_WIDTH = 16  # in the search, where many candidates are alike
@@ -62,7 +62,7 @@ class Race:
         layouts: the conditions of each, without end or not.
         fitness: combines what was earned in a layout.
         trials: the scheduler.
-        tie: rewards that miss 1 by no more lose nothing.
+        tie: the difference that counts as none.
         width: how many trials there are in an engine at once.
         tell: hears of each runner that was tried.
         spent: rollouts, with those that were known.
@@ -78,6 +78,7 @@ class Race:
 
     def __post_init__(self) -> None:
         self._drawn: list[Sequence[Condition]] = []
+        self._slack = self.tie  # rewards that miss 1 by no more lose nothing
         self._say: Callable[[int], None] = lambda spent: None
         self._followed = 0
         self._leaders: list[Evaluation] = []
@@ -177,7 +178,7 @@ class Race:
             losses = {}
             for engine, rewards in by_engine.items():
                 lost = 1.0 - rewards[place]
-                losses[engine] = lost if lost > self.tie else 0.0
+                losses[engine] = lost if lost > self._slack else 0.0
 
             runner.finals.losses[number] = losses
             runner.finals.trials[number] = trials[place * size : (place + 1) * size]
@@ -291,6 +292,10 @@ class Race:
         alike = _find_alike(result.ranking, self.tie)
         if not (rollouts and alike and self.draw(1)):
             return replace(result, winner=result.ranking[0])
+
+        if self.fitness.finals_check:
+            highest = max(evaluation.reward for evaluation in alike)
+            self._slack = max(self.tie, 1 - HOLDS * highest)
 
         began = self.spent
         end = began + rollouts

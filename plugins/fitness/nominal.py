@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import count
 
 from core.design import Candidate
+from core.errors import UsageError
 from core.interfaces import Condition, Fitness, Score, Trial
 from plugins.fitness.robustness import Perturbation, PerturbationRange
 
@@ -14,12 +14,21 @@ from plugins.fitness.robustness import Perturbation, PerturbationRange
 class Nominal(Fitness):
     """The reward in the run's engine, in the scene as the task has it.
 
+    Of those that earn alike the winner is the one with the shortest way that holds in small changes of the scene.
+
     Args:
         condition: the task, its layout, its engine, and how plans are executed.
-        changes: candidates that earn alike are tried with small changes of the scene, too, which decide between them.
+        changes: of the scene, with how many candidates that earn alike are tried; these decide between them.
+
+    Raises:
+        UsageError: a negative number.
     """
 
-    def __init__(self, condition: Condition, changes: bool = False) -> None:
+    finals_check = True
+
+    def __init__(self, condition: Condition, changes: int = 16) -> None:
+        if changes < 0:
+            raise UsageError(f"fitness.changes must be at least 0, got {changes}")
         self._condition = condition
         self._changes = changes
 
@@ -30,10 +39,7 @@ class Nominal(Fitness):
         return Score(trials[0].reward)
 
     def finals(self) -> Iterator[list[Condition]]:
-        """Yield the scene with one small change after the other, if these are asked for."""
-        if not self._changes:
-            return
-
-        for seed in count():
+        """Yield the scene with one small change after the other."""
+        for seed in range(self._changes):
             change = Perturbation(PerturbationRange(), seed)
             yield [replace(self._condition, change=change)]

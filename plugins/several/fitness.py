@@ -34,6 +34,7 @@ class Together(Fitness):
 
     def __init__(self, by_task: Mapping[str, Fitness], combine: str) -> None:
         self.by_task = by_task
+        self.finals_check = any(judge.finals_check for judge in by_task.values())
         self._combine = combine
 
     def conditions(self) -> list[Condition]:
@@ -71,9 +72,9 @@ class Together(Fitness):
         return Score(reward, figures, shown[lowest], tuple(warnings))
 
     def finals(self) -> Iterator[list[Condition]]:
-        """Yield the next conditions of each task together, without end."""
-        endless = [judge.finals() for judge in self.by_task.values()]
-        for alike in zip(*endless, strict=False):
+        """Yield the next conditions of each task together, until one has no more."""
+        further = [judge.finals() for judge in self.by_task.values()]
+        for alike in zip(*further, strict=False):
             yield list(chain(*alike))
 
     def perturbed(self, conditions: Sequence[Condition]) -> list[Condition]:

@@ -24,6 +24,7 @@ TINY = [
         "budget.n_tool=1",
         "budget.n_action=1",
         "budget.n_iteration=0",
+        "budget.final_s=0",
     ),
     *("executor.workers=1", "film=false", "listener=[]"),
 ]

@@ -21,7 +21,7 @@ from core.hooks import hookimpl
 from core.plugins import TASK, installed
 from core.store.figures import failed_layouts
 from core.support.cli import print_table, say
-from core.support.text import by_reason, clean, hydra_word, number
+from core.support.text import by_reason, clean, count_words, hydra_word, number
 from core.trial import NOTHING, Evaluation, best_tools
 from core.values.efforts import PERTURBED, holds
 
@@ -288,6 +288,15 @@ def _tied(result: Result, best: Evaluation) -> Iterator[str]:
 
     A reward within ``evolution.tie`` of the highest one counts as equal to it (`core.trial.ranked`).
     """
+    changed = [trial for trial in best.finals.in_order() if trial.where.change]
+    if changed:
+        rewards = [trial.reward for trial in changed]
+        where = f"in {count_words(len(changed), 'small change')} of the scene"
+        mean = number(fmean(rewards), 3)
+        least = number(min(rewards), 3)
+        yield f"{where} {best.candidate.id} earned {mean} on the mean, {least} at least"
+        return
+
     if len(result.finals) > 1:
         tried = f"{len(result.finals)} candidates were tried in more layouts"
         yield f"{tried}; {best.candidate.id} held best{_count_held(best)}"

@@ -69,6 +69,7 @@ class Buildable(Fitness):
 
         self._printer = Printer(list(plate_mm), min_wall_mm)
         self._inner = inner.create(condition=condition)
+        self.finals_check = self._inner.finals_check
         self._condition = condition
         self._examination = Examination(
             material, tuple(plate_mm), min_wall_mm, safety, margin_m

@@ -108,6 +108,39 @@ def test_the_one_that_holds_wins_and_the_shorter_way_only_among_those_alike():
     assert result(narrow, wide).best.candidate.agent == 0
 
 
+@pytest.mark.parametrize("narrow", [fails_in(5), fails_in(12)])
+def test_where_there_are_few_further_layouts_the_shortest_way_that_holds_in_all_wins(
+    narrow,
+):
+    fitness = Several()
+    designs = [(1.0, 0.5, narrow), (1.0, 0.9, fails_in()), (1.0, 0.7, fails_in())]
+    few = itertools.islice(fitness.finals(), 16)
+    choice = Race(few, fitness, Trials(Inline(), play=earn), TIE).choose(
+        result(*designs), 480
+    )
+    assert choice.winner.candidate.agent == 2
+    assert choice.winner.finals.count_held().held == 16
+    longer = choice.finals[result(*designs).ranking[2].candidate.id]
+    assert len(longer["a"]) == 1, "where the narrow one failed, and nowhere else"
+
+
+@pytest.mark.parametrize(("least", "won"), [("0.86", 0), ("0.85", 1)])
+def test_where_finals_only_check_nineteen_twentieths_of_the_highest_are_enough(
+    least, won
+):
+    fitness = Several()
+    fitness.finals_check = True
+    rewards = " ".join(["0.89", least])
+    shorter = (0.9, 0.5, f"a {rewards} b {rewards}")
+    longer = (0.9, 0.7, "a 0.9 b 0.9")
+    few = itertools.islice(fitness.finals(), 16)
+    choice = Race(few, fitness, Trials(Inline(), play=earn), TIE).choose(
+        result(shorter, longer), 480
+    )
+    assert choice.winner.candidate.agent == won
+    assert len(choice.finals) == 1 + won
+
+
 def test_of_27_that_fail_in_the_same_layouts_the_one_that_holds_is_found():
     designs = [(1.0, 0.5 + n / 100, fails_in(9, 20, 41, 63)) for n in range(27)]
     designs[19] = (1.0, 0.9, fails_in())

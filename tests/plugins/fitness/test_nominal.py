@@ -1,13 +1,14 @@
 """The reward of one rollout."""
 
-from itertools import islice
-
 import numpy as np
+import pytest
 from omegaconf import OmegaConf
 
 from core.config.compose import load, part
 from core.design import Candidate, Tool
+from core.errors import UsageError
 from core.interfaces import Condition, Score, Trial, Waypoints
+from plugins.fitness.nominal import Nominal
 from plugins.fitness.robustness import Perturbation, PerturbationRange
 from tests.playing import Named
 
@@ -23,18 +24,21 @@ def test_nominal_is_the_default_and_its_score_is_the_reward_of_its_only_trial():
     assert nominal.score(
         candidate, [Trial(condition.where, candidate.id, reward=0.4)]
     ) == Score(0.4)
-    assert not list(nominal.finals())
 
 
-def test_with_changes_those_that_earn_alike_are_tried_in_one_changed_scene_after_the_other():
+def test_those_that_earn_alike_are_tried_in_as_many_changed_scenes_as_are_asked_for():
     condition = Condition(Named(), Named())
-    nominal = part(
-        "fitness", OmegaConf.create({"name": "nominal", "changes": True})
-    ).create(condition=condition)
-    assert nominal.conditions() == [condition]
+    for changes in (0, 3):
+        settings = OmegaConf.create({"name": "nominal", "changes": changes})
+        nominal = part("fitness", settings).create(condition=condition)
+        assert nominal.conditions() == [condition]
+        assert nominal.finals_check
 
-    finals = [where for (where,) in islice(nominal.finals(), 3)]
-    assert [where.change for where in finals] == [
-        Perturbation(PerturbationRange(), seed) for seed in range(3)
-    ]
-    assert len({where.where for where in finals} | {condition.where}) == 4
+        finals = [where for (where,) in nominal.finals()]
+        assert [where.change for where in finals] == [
+            Perturbation(PerturbationRange(), seed) for seed in range(changes)
+        ]
+        assert len({where.where for where in finals} | {condition.where}) == changes + 1
+
+    with pytest.raises(UsageError, match=r"fitness.changes must be at least 0, got -1"):
+        Nominal(condition, -1)
