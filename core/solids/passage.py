@@ -37,9 +37,8 @@ SKIN_M = 0.005
 BODY_SKIN = 0.5
 BODY_SKIN_M = 0.01
 SAME = 0.9  # cosine of two directions that are about the same
-_HALVINGS = (
-    5  # of the way between two looks, to see whether the way out turns gradually
-)
+# How often the way between two looks is halved, to see whether the way out turns gradually.
+_HALVINGS = 5
 DEEP_S = 0.06  # a hard blow may penetrate deeper, for this long, up to the far side or this depth
 BLOW_M = 0.025  # a fall of more than a metre, 5 m/s in an engine's step of 5 ms
 # Of two bodies, the engine pushes one out of the other within a few of its steps.

@@ -53,9 +53,8 @@ _SHAFT_M = Range(0.012, 0.024)
 _HEAVY = 3  # so many tools that are too heavy are no chance
 # What a drawer's lightness is multiplied by after each tool that is too heavy.
 _LIGHTER = 0.85
-_LEAST_LIGHTNESS = (
-    0.4  # what is thinner bends too far, and what is lower or narrower does little
-)
+# What is thinner bends too far, and what is lower or narrower does little.
+_LEAST_LIGHTNESS = 0.4
 _THIN_SHAFT_M = 0.012  # where it reaches into a container, at most
 _JIB_M = Range(0.01, 0.06)  # above the bodies
 # Of the way to the head, at which a shaft goes up: clear of the arm and of the bodies.
