@@ -214,10 +214,8 @@ def _measure(cfg: DictConfig) -> _Demand:
     budget = designer.assignment.budget
     finals = (0, 0)
     if next(iter(fitness.finals()), None) is not None:
-        finals = (
-            rollouts_in(fitness, budget.elite_s),
-            rollouts_in(fitness, budget.final_s),
-        )
+        elites = 0 if fitness.finals_check else rollouts_in(fitness, budget.elite_s)
+        finals = (elites, rollouts_in(fitness, budget.final_s))
 
     prompt = None
     if reads_words(cfg):
