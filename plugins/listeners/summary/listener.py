@@ -22,7 +22,7 @@ from core.plugins import TASK, installed
 from core.store.figures import failed_layouts
 from core.support.cli import print_table, say
 from core.support.text import by_reason, clean, count_words, hydra_word, number
-from core.trial import NOTHING, Evaluation, best_tools
+from core.trial import NOTHING, Evaluation, Trial, best_tools
 from core.values.efforts import PERTURBED, holds
 
 if TYPE_CHECKING:
@@ -288,21 +288,15 @@ def _tied(result: Result, best: Evaluation) -> Iterator[str]:
 
     A reward within ``evolution.tie`` of the highest one counts as equal to it (`core.trial.ranked`).
     """
-    changed = [trial for trial in best.finals.in_order() if trial.where.change]
+    finals = best.finals.in_order()
+    changed = [trial for trial in finals if trial.where.change is not None]
     if changed:
-        rewards = [trial.reward for trial in changed]
-        where = f"in {count_words(len(changed), 'small change')} of the scene"
-        mean = number(fmean(rewards), 3)
-        least = number(min(rewards), 3)
-        yield f"{where} {best.candidate.id} earned {mean} on the mean, {least} at least"
-        return
-
-    if len(result.finals) > 1:
+        yield _describe_changes(best, changed)
+    elif len(result.finals) > 1:
         tried = f"{len(result.finals)} candidates were tried in more layouts"
         yield f"{tried}; {best.candidate.id} held best{_count_held(best)}"
         return
-
-    if best.finals.count:
+    elif finals:
         yield f"{best.candidate.id} held best in more layouts{_count_held(best)}"
         return
 
@@ -310,8 +304,20 @@ def _tied(result: Result, best: Evaluation) -> Iterator[str]:
     reward = number(highest.reward, 3)
     if reward != number(best.reward, 3):
         earned = f"{highest.candidate.id} earned {reward}"
-        first = "the shortest distance goes first"
+        which = (
+            "the shortest distance that holds" if changed else "the shortest distance"
+        )
+        first = f"{which} goes first"
         yield f"{earned}; rewards within evolution.tie of it count as equal, and {first}"
+
+
+def _describe_changes(best: Evaluation, changed: Sequence[Trial]) -> str:
+    """Say what the best earned with small changes of the scene."""
+    rewards = [trial.reward for trial in changed]
+    where = f"in {count_words(len(changed), 'small change')} of the scene"
+    mean = number(fmean(rewards), 3)
+    least = number(min(rewards), 3)
+    return f"{where} {best.candidate.id} earned {mean} on the mean, {least} at least"
 
 
 def _count_held(best: Evaluation) -> str:
