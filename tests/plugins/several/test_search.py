@@ -38,6 +38,7 @@ def found(tmp_path_factory):
         "budget.n_tool=2",
         "budget.n_action=1",
         "budget.n_iteration=1",
+        "budget.final_s=0",
     ]
     words = [
         *sizes,
