@@ -22,7 +22,7 @@ from core.solids.tracks import (
     Indices,
     bound_speed,
     lengths,
-    travel_of,
+    measure_travels,
 )
 
 MAX_HZ = 1600.0  # beyond the rate of every engine's steps
@@ -79,7 +79,7 @@ def _bound_tool_speed(robot: Robot, tool: Tool, trajectory: JointTrajectory) -> 
     model = robot_model(robot, tool)
     rotations, positions = model.place_joints(model.order(arm, fingers))
 
-    return bound_speed(travel_of(solids, parts, rotations, positions), times)
+    return bound_speed(measure_travels(solids, parts, rotations, positions), times)
 
 
 def _round_up(wanted: float) -> float:

@@ -350,7 +350,7 @@ def _place_solids(
     )
 
 
-def travel_of(
+def measure_travels(
     solids: Solids, numbers: Indices, rotations: Array, positions: Array
 ) -> list[Array]:
     """Measure how far some solids travel in frames that move, as a `Track` would know it.

@@ -50,7 +50,7 @@ _SHAFTS = [0.6, 0.2, 0.2]  # how often each is drawn
 _THICKER = 0.125
 # Thick: it bends by little under what the arm bears, and weighs little.
 _SHAFT_M = Range(0.012, 0.024)
-_HEAVY = 3  # so many tools that are too heavy are no chance
+_HEAVY = 3  # where so many tools were too heavy, that is no chance
 # What a drawer's lightness is multiplied by after each tool that is too heavy.
 _LIGHTER = 0.85
 # What is thinner bends too far, and what is lower or narrower does little.

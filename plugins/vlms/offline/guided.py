@@ -207,7 +207,7 @@ def _draw_lift_point(
     headings: Sequence[float],
     tine: float,
     rng: Generator,
-    uneven: float = 0.0,
+    uneven: float = LEVEL_M,
 ) -> LiftPoint | None:
     """Draw one of the best places for tines ``tine`` metres wide; None: there is none.
 
@@ -216,11 +216,10 @@ def _draw_lift_point(
         headings: along which tines may go, radians about z.
         tine: width of each, metres.
         rng: random numbers.
-        uneven: how much higher what is round may be over a tine, metres; 0: what is even is looked for.
+        uneven: how much higher their underside may be over a tine, metres.
     Returns:
         At random from those that are nearly as good as the best.
     """
-    uneven = uneven or LEVEL_M
     found = [find_lift_point(subgoal, heading, tine, uneven) for heading in headings]
     points = [point for point in found if point is not None]
     if not points:
