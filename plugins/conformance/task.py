@@ -113,8 +113,12 @@ def check_rewards_work_for_one_world_or_many(task: Task) -> None:
 def reward_for(
     task: Task, first: State, last: State, trace: Trace | None = None
 ) -> Array:
-    """What a task pays; without a ``trace`` nothing touched anything in between."""
-    between_them = Trace.of(first, last, forces={}) if trace is None else trace
+    """What a task pays; without a ``trace`` nothing touched anything in between, and nothing was strained."""
+    between_them = trace
+    if between_them is None:
+        unstrained = np.zeros((*first.positions.shape[:-2], 2))
+        strains = dict.fromkeys(task.scene(SEEDS[0]).breakable, unstrained)
+        between_them = Trace.of(first, last, forces={}, strains=strains)
 
     return np.asarray(reward_of(task, first, last, between_them))
 
