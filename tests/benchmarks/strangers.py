@@ -4,6 +4,7 @@
 scenes lie in the folder ``strangers`` beside this file: tasks as people write them after reading the docs of scene
 files, of the kinds that benchmarks of manipulation and tests of tool use have. Without names all are searched. A line
 says the best reward, rollouts and seconds; below 0.9 also what the best attempt did. The runs stay in ``folder``.
+With ``stop=0.9`` a search ends after the generation in which it reached that.
 """
 
 from __future__ import annotations
@@ -19,8 +20,12 @@ from core.errors import UsageError, choices
 from core.support.cli import answer_help, command
 from tests.benchmarks import measuring
 
-USAGE = "usage: python -m tests.benchmarks.strangers [NAME ...] [seeds=N,...] [budget=NAME] [sim=NAME] [folder=FOLDER]"
+USAGE = (
+    "usage: python -m tests.benchmarks.strangers [NAME ...] [seeds=N,...] [budget=NAME] [sim=NAME] [workers=N] "
+    "[stop=REWARD] [folder=FOLDER]"
+)
 SCENES = Path(__file__).parent / "strangers"
+WAITING = " ..."  # the end of a line that says how far something is
 WISHED = 0.9  # a reward from which on a tool does what was asked
 HEAD = (
     f"{'scene':16} seed  reward  rollouts  seconds  below {WISHED:g}: what the best did"
@@ -33,6 +38,7 @@ class Settings:
     budget: str = "quick"
     sim: str = "mujoco"
     workers: int = 1
+    stop: float | None = None
     folder: str = "strangers"
 
 
@@ -92,7 +98,10 @@ def search(file: Path, seed: int, given: Settings) -> Row:
 
     scene = ("task=file", f"task.file={file}", f"sim={given.sim}", f"seed={seed}")
     workers = f"executor.workers={given.workers}"
-    size = (f"budget={given.budget}", workers, "listener=[]", "film=false")
+    size = [f"budget={given.budget}", workers, "listener=[]", "film=false"]
+    if given.stop is not None:
+        size.append(f"budget.stop_reward={given.stop}")
+
     run = call("core.run", *scene, *size, f"hydra.run.dir={folder}")
     if run.returncode:
         return Row(file.stem, seed, note=run.stderr.strip())
@@ -103,7 +112,8 @@ def search(file: Path, seed: int, given: Settings) -> Row:
     if best["reward"] >= WISHED:
         return Row(file.stem, seed, *figures)
 
-    notes = [*watch(folder, scene), *run.stderr.splitlines()]
+    lines = run.stderr.splitlines()
+    notes = [*watch(folder, scene), *(x for x in lines if not x.endswith(WAITING))]
     return Row(file.stem, seed, *figures, "; ".join(notes))
 
 

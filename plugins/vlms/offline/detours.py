@@ -1,7 +1,7 @@
-"""Lead a body around what bars its way on the ground, in a pen: four walls without a floor.
+"""Lead a body around what bars its way on the ground, or a hole in it, in a pen: four walls without a floor.
 
-The way is the shortest one over a grid on which the pen, which does not turn, touches nothing. Of its places those are
-kept between which it goes straight.
+The way is the shortest one over a grid on which the pen, which does not turn, touches nothing, and the body stands on
+as much as where it is now. Of its places those are kept between which it goes straight.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from plugins.vlms.offline.boxes import LEVEL, UP, Boxes, find_overlaps
 from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.heads import Head, make_pen
 from plugins.vlms.offline.paths import HeadPath
+from plugins.vlms.offline.raycast import find_tops
 from plugins.vlms.offline.subgoals import Subgoal
 
 _GRID_M = 0.01
@@ -31,6 +32,9 @@ _HEIGHT = Range(0.6, 1.0)  # of the body's
 _HEIGHTS_M = (0.02, 0.12)
 _LEAD_M_S = Range(0.08, 0.2)
 _LEAVE_M = 0.05  # up, above the body
+_GROUND_M = 0.01  # a body stands on what is no farther below its foot
+_STANDS = 0.8  # of the way from its middle to its corners: what is below these places bears it
+_FALL_M = 0.01  # what has to get lower by more is to fall
 _NEIGHBOURS = ((1, 0), (0, 1), (1, 1), (1, -1))  # and those across from them
 
 
@@ -45,6 +49,24 @@ def find_detour(subgoal: Subgoal) -> list[Array] | None:
     """
     key = ("detour", *map(id, subgoal.solids), repr(subgoal.shift))
     return subgoal.model.find_once(key, lambda: _find_detour(subgoal))
+
+
+def loses_ground(subgoal: Subgoal) -> bool:
+    """Report whether bodies that are to end as high as they are now come over a hole, or an edge, on the straight way.
+
+    Args:
+        subgoal: the bodies, which go over the ground.
+    """
+    goal = subgoal.goal
+    if goal is None or goal.place is None or goal.joint is not None:
+        return False
+    if goal.place[2] is None or subgoal.shift[2] < -_FALL_M:
+        return False
+
+    count = max(2, int(np.ceil(subgoal.length / _GRID_M)) + 1)
+    shares = np.linspace(0.0, 1.0, count)[:, None]
+    places = subgoal.center[:2] + shares * subgoal.shift[:2]
+    return not bool(_find_borne(subgoal, places).all())
 
 
 def make_leader(subgoal: Subgoal, detour: list[Array], rng: Generator) -> Head:
@@ -123,9 +145,39 @@ def _find_free(
     halves = np.broadcast_to(size / 2, centers.shape)
 
     taken, _ = find_overlaps(Boxes(centers, axes, halves), subgoal.obstacles)
-    free = np.ones(len(places), dtype=bool)
+    free = _find_borne(subgoal, places)
     free[taken] = False
     return free.reshape(x.shape)
+
+
+def _find_borne(subgoal: Subgoal, places: Array) -> npt.NDArray[np.bool_]:
+    """Find at which places the bodies stand on something wherever they do so now, (K,).
+
+    Args:
+        subgoal: the bodies.
+        places: of their middle, on the level, (K, 2).
+    """
+    reach = _STANDS * (subgoal.upper - subgoal.lower)[:2] / 2
+    corners = np.array([(0, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)]) * reach
+    stands = _find_standing(subgoal, subgoal.center[:2] + corners)
+
+    borne = np.ones(len(places), dtype=bool)
+    for corner in corners[stands]:
+        borne &= _find_standing(subgoal, places + corner)
+
+    return borne
+
+
+def _find_standing(subgoal: Subgoal, points: Array) -> npt.NDArray[np.bool_]:
+    """Find at which points something is below the bodies' foot, or around it, (K,).
+
+    Args:
+        subgoal: the bodies.
+        points: on the level, (K, 2).
+    """
+    foot = np.full(len(points), subgoal.lower[2])
+    tops = find_tops(subgoal.obstacles, np.column_stack([points, foot + _GROUND_M]))
+    return np.asarray(tops > foot - _GROUND_M)
 
 
 def _find_shortest(

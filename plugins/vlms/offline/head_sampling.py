@@ -12,7 +12,7 @@ from numpy.random import Generator
 from core.geometry import Array, Sphere
 from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.chance import Range, draw
-from plugins.vlms.offline.detours import find_detour, make_leader
+from plugins.vlms.offline.detours import find_detour, loses_ground, make_leader
 from plugins.vlms.offline.heads import (
     FINGER_OPEN,
     SIDES,
@@ -189,7 +189,9 @@ def draw_head(
     falls = subgoal.shift[2] < -_FALL_M
     # A body that falls is pushed horizontally and goes down by itself.
     way = subgoal.shift * LEVEL if falls else subgoal.shift
-    barred = subgoal.length > _STAYS_M and subgoal.is_blocked(way)
+    barred = subgoal.length > _STAYS_M and (
+        subgoal.is_blocked(way) or loses_ground(subgoal)
+    )
 
     if barred and not (falls or subgoal.rises) and len(subgoal.solids) == 1:
         detour = find_detour(subgoal)

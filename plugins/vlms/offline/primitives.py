@@ -21,6 +21,7 @@ from numpy.random import Generator
 from core.geometry import Array, Pose
 from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.chance import Range, add_error
+from plugins.vlms.offline.detours import loses_ground
 from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.subgoals import Extent, Subgoal
@@ -474,7 +475,8 @@ def clamp(
 
     # Bodies with a free way on the ground may be dragged.
     rises = subgoal.rises
-    is_free = not rises and not subgoal.is_blocked(subgoal.shift)
+    is_barred = subgoal.is_blocked(subgoal.shift) or loses_ground(subgoal)
+    is_free = not rises and not is_barred
     drags = is_free and rng.random() < _DRAGS
     goal = grasp + _draw_about(1.0, rng) * subgoal.shift * LEVEL
 

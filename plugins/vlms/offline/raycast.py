@@ -265,11 +265,21 @@ def find_profile(subgoal: Subgoal, line: Array) -> Array:
         subgoal: the bodies.
         line: the points, whose heights do not count.
     """
-    boxes = subgoal.boxes
     starts = line * LEVEL + subgoal.upper[2] * UP
+    return find_tops(subgoal.boxes, starts)
+
+
+def find_tops(boxes: Boxes, starts: Array) -> Array:
+    """Find how high boxes are below points (K, 3), or around them, in the world; -inf where there is none.
+
+    Args:
+        boxes: in the world.
+        starts: the points, from which rays go down.
+    """
     inside = np.einsum("nik,vni->vnk", boxes.axes, starts[:, None] - boxes.centers)
-    near, _ = _cross_slabs(inside, -boxes.axes[:, 2], boxes.halves)
-    return np.asarray(subgoal.upper[2] - near.min(axis=-1))
+    near, far = _cross_slabs(inside, -boxes.axes[:, 2], boxes.halves)
+    near = np.where(far > 0.0, near, np.inf)
+    return np.asarray(starts[:, 2] - near.min(axis=-1, initial=np.inf))
 
 
 def find_push_points(

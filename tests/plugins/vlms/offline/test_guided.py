@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.plugins import installed
-from plugins.vlms.offline.detours import find_detour
+from plugins.vlms.offline.detours import find_detour, loses_ground
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
 from tests.benchmarks.measuring import SOLUTIONS
 from tests.playing import evaluate_batch
@@ -54,6 +54,20 @@ def test_a_body_is_led_around_a_wall_but_not_out_of_a_closed_one(tmp_path):
     file.write_text(text.replace(wall, wall + wall.replace("-0.13", "0.13")))
     closed = installed().create("task", "file", file=str(file))
     assert find_detour(subgoal(closed)) is None
+
+
+def test_a_body_is_led_around_a_hole_in_what_it_lies_on(tmp_path):
+    found = subgoal(scene("past_hole"))
+    assert loses_ground(found)
+    detour = find_detour(found)
+    assert detour is not None
+    assert max(abs(found.center[1] + shift[1]) for shift in detour) > 0.07
+
+    file = tmp_path / "falls.yaml"
+    text = (SCENES / "free" / "past_hole.yaml").read_text()
+    file.write_text(text.replace('"> 0.05"', "null"))
+    falls = installed().create("task", "file", file=str(file))
+    assert not loses_ground(subgoal(falls))
 
 
 def test_a_vessel_that_must_not_tilt_hangs_from_a_clip_on_its_rim():
