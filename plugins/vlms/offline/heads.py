@@ -411,3 +411,15 @@ def make_hook(
         toe,
         aside=outward * (toe + _TOE_CLEAR_M),
     )
+
+
+def add_second_toe(head: Head, ahead: float) -> Head:
+    """Give a hook a toe before the bodies, too, so that it pushes them back.
+
+    Args:
+        head: a hook, whose second piece is its toe.
+        ahead: of the first toe, metres.
+    """
+    _, toe = head.pieces
+    pose = Pose(toe.pose.position + np.array([ahead, 0.0, 0.0]))
+    return replace(head, pieces=(*head.pieces, Piece("second_toe", pose, toe.size)))

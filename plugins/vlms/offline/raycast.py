@@ -282,6 +282,26 @@ def find_tops(boxes: Boxes, starts: Array) -> Array:
     return np.asarray(starts[:, 2] - near.min(axis=-1, initial=np.inf))
 
 
+def find_thickness(boxes: Boxes, point: Array, way: Array) -> float:
+    """Find how far boxes go on from a point of a face, without a gap, metres.
+
+    Args:
+        boxes: in the world.
+        point: of a face that is met from behind, (3,).
+        way: from there through the boxes, a unit vector (3,).
+    """
+    inside = np.einsum("nik,ni->nk", boxes.axes, point - boxes.centers)
+    slopes = np.einsum("nik,i->nk", boxes.axes, way)
+    near, far = _cross_slabs(inside, slopes, boxes.halves)
+
+    end = LEVEL_M
+    for number in np.argsort(near):
+        if near[number] <= end + _TOUCH_M:
+            end = max(end, float(far[number]))
+
+    return end
+
+
 def find_push_points(
     subgoal: Subgoal,
     way: Array,

@@ -3,7 +3,7 @@
 A rod presses what is to be broken, too: from above, or from a side of the world. What is free and enclosed is moved
 straight to its goal.
 The rod or the hook meets the body where it goes the farthest along its first way, or in its middle on a slider, and
-then moves as the body moves: along a line, or about the hinge.
+then moves as the body moves: along a line, or about the hinge. What is to come back then has a second toe before it.
 """
 
 from __future__ import annotations
@@ -18,13 +18,20 @@ from core.geometry import Array, Pose
 from core.values.joints import PlacedJoint, Placement
 from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.chance import Range
-from plugins.vlms.offline.heads import Head, Motion, make_hook, make_piece
+from plugins.vlms.offline.heads import (
+    Head,
+    Motion,
+    add_second_toe,
+    make_hook,
+    make_piece,
+)
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.raycast import (
     HookPoint,
     PushPoint,
     find_hook_points,
     find_push_points,
+    find_thickness,
     frame_along,
 )
 from plugins.vlms.offline.subgoals import Subgoal
@@ -54,6 +61,7 @@ _PRESSES_BOUND = 0.5  # how often what a bond holds is pressed: other heads tear
 # How often a hook turns with a hinge, rather than only follow its edge.
 _TURNS_ALONG = 0.5
 _GAP_M = 0.003  # between a hook's arm and the edge that it passes
+_PLAY_M = 0.006  # between its two toes and the body, both together
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,12 +73,14 @@ class _Stroke:
         pole: of a hinge, a point of its axis and its direction, (2, 3).
         displacements: of the body in the world, one after another.
         stays: whether the tool is to stay, as a spring would bring the body back.
+        returns: whether the body turns back on its way.
     """
 
     way: Array
     pole: Array | None
     displacements: Sequence[Pose]
     stays: bool = False
+    returns: bool = False
 
 
 def _find_motion(
@@ -103,25 +113,38 @@ def _find_motion(
 
     beyond = missing * _BEYOND.draw(rng)
     end = np.clip(subgoal.goal.to + beyond, spec.lower, spec.upper)
-    displacements = _find_displacements(subgoal, placed, end)
+    displacements = _find_displacements(subgoal, placed, spec.start, end)
 
     springs_back = spec.stiffness > 0 and not spec.latches
-    stays = springs_back and not subgoal.is_released
+    later = () if springs_back else subgoal.goal.later
+    lets_back = subgoal.is_released or subgoal.goal.ever or bool(subgoal.goal.later)
+    legs = np.diff([spec.start, subgoal.goal.to, *later])
+    for position in later:
+        displacements += _find_displacements(subgoal, placed, end, position)
+        end = position
 
-    return _Stroke(way / np.linalg.norm(way), pole, displacements, stays)
+    return _Stroke(
+        way / np.linalg.norm(way),
+        pole,
+        displacements,
+        stays=springs_back and not lets_back,
+        returns=bool((legs * missing < 0).any()),
+    )
 
 
 def _find_displacements(
     subgoal: Subgoal,
     placed: PlacedJoint,
+    begin: float,
     end: float,
 ) -> list[Pose]:
-    """Compute the displacements of a joint's body on the way to a position of the joint.
+    """Compute the displacements of a joint's body on the way from a position of the joint to another one.
 
     Args:
         subgoal: with one body, which has the joint.
         placed: the joint in its layout.
-        end: the position that it gets, metres or radians.
+        begin: the position that it has, metres or radians.
+        end: the position that it gets.
     """
     joint = placed.joint
     parent = Pose()
@@ -131,12 +154,12 @@ def _find_displacements(
 
     resting = Placement.at_rest(parent)
     step = _STEP_RAD if joint.kind == "hinge" else _STEP_M
-    count = max(2, int(np.ceil(abs(end - joint.start) / step)))
+    count = max(2, int(np.ceil(abs(end - begin) / step)))
 
     back = subgoal.solids[0].body.pose.inverse()
 
     displacements = []
-    for position in np.linspace(joint.start, end, count + 1)[1:]:
+    for position in np.linspace(begin, end, count + 1)[1:]:
         place = placed.carry(np.asarray(position), np.zeros(()), resting)
         displacements.append(Pose(place.position, place.quaternion) @ back)
 
@@ -222,7 +245,7 @@ def _make_mover(subgoal: Subgoal, motion: _Stroke, rng: Generator) -> Head | Non
     """
     pushes = find_push_points(subgoal, motion.way, motion.pole)
     pulls = find_hook_points(subgoal, motion.way, motion.pole)
-    if pulls and (not pushes or rng.random() < _HOOKS):
+    if pulls and (motion.returns or not pushes or rng.random() < _HOOKS):
         return _make_hook(subgoal, motion, pulls[rng.integers(len(pulls))], rng)
     if pushes:
         return _make_rod(subgoal, motion, pushes[rng.integers(len(pushes))], rng)
@@ -360,7 +383,15 @@ def _make_hook(
     way = motion.way
     length = chosen.length + _LONGER_M.draw(rng)
     thick = 2 * chosen.half
+    if motion.returns:
+        inside = chosen.point - _GAP_M * frame_along(way).apply(chosen.outward)
+        along = find_thickness(subgoal.boxes, inside, way)
+        length = max(length, along + _PLAY_M + 2 * thick)
+
     head = make_hook(length, chosen.toe, thick, thick, _GAP_M, chosen.outward)
+    if motion.returns:
+        head = add_second_toe(head, along + _PLAY_M + thick)
+
     attachment = (_GAP_M + chosen.half) * chosen.outward
     attachment[0] = length - _INTO_M
     turns = motion.pole is None or rng.random() < _TURNS_ALONG
@@ -380,7 +411,7 @@ def _make_hook(
             edges = [shift.apply(behind) for shift in motion.displacements]
             path.go(turn, *edges, touch=True)
 
-        if not motion.stays:
+        if not (motion.stays or motion.returns):
             end = path.poses[-1]
             back = end.rotation.apply([-_OUT_M, 0.0, 0.0])
             path.go(end, end.position + back, touch=True)

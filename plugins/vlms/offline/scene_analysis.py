@@ -84,16 +84,14 @@ class SceneAnalysis:
         groups: dict[int, list[Target]] = {}
         for number, goal in enumerate(reaches(brief.task.goals)):
             group = groups.setdefault(0 if brief.task.every else number, [])
-            if brief.task.every and _is_met(goal, scene.state()):
-                continue
-
+            is_met = brief.task.every and _is_met(goal, scene.state())
             targets = [
                 replace(target, steady=not steady.isdisjoint(target.bodies))
                 for target in find_targets(goal, scene)
             ]
             if upright is not None:
                 targets = [turn_over(target, upright) for target in targets]
-            group += targets
+            _add_targets(group, targets, is_met)
 
         self.groups = [self._leave_out_riders(group) for group in groups.values()]
         self.groups = [group for group in self.groups if group]
@@ -246,6 +244,24 @@ class SceneAnalysis:
         free = free or solids
         tops = np.array([solid.points[:, 2].max() for solid in free])
         return free[int(rng.choice(np.flatnonzero(tops > tops.max() - _AS_HIGH_M)))]
+
+
+def _add_targets(group: list[Target], targets: Sequence[Target], is_met: bool) -> None:
+    """Add targets to those that must be reached together; those of a joint that has one are later positions of it.
+
+    Args:
+        group: is changed.
+        targets: of the next goal.
+        is_met: whether they are reached at the start, so that others must not undo it.
+    """
+    for target in targets:
+        joints = [other.joint for other in group]
+        if target.joint is not None and target.joint in joints:
+            number = joints.index(target.joint)
+            later = (*group[number].later, target.to)
+            group[number] = replace(group[number], later=later)
+        elif not is_met:
+            group.append(target)
 
 
 def _is_met(goal: Reach, state: State) -> bool:

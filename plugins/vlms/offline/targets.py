@@ -49,10 +49,12 @@ class Target:
         away: how far each is to get from its start, m.
         axis: an axis of the bodies' frames that is to end along ``points``, within ``tolerance_deg`` degrees.
         joint: that is to get ``to`` a position, m or rad.
+        later: positions that the joint is to get to after that, one after another.
         reference: the body or mark by which place and points are given.
         container: the body in whose hollow they are to end; None: there is none.
         breaks: whether a force on them is to break them, or a bond that holds them.
         steady: whether an axis of theirs must point the same way all the time.
+        ever: whether it is enough to be there at some time, so that they may be let back.
     """
 
     bodies: tuple[str, ...]
@@ -67,10 +69,12 @@ class Target:
     tolerance_deg: float = 10.0
     joint: str | None = None
     to: float = 0.0
+    later: tuple[float, ...] = ()
     reference: str | None = None
     container: str | None = None
     breaks: bool = False
     steady: bool = False
+    ever: bool = False
 
 
 def find_targets(goal: Reach, scene: Scene) -> list[Target]:
@@ -85,7 +89,7 @@ def find_targets(goal: Reach, scene: Scene) -> list[Target]:
 
         groups.setdefault(_find_place(goal, body, state), []).append(body)
 
-    wanted = dict[str, object]()
+    wanted: Wanted = {"ever": goal.ever}
     for part in goal.parts:
         reference = getattr(part, "at", None)
         if reference is not None:
