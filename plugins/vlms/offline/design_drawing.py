@@ -10,6 +10,7 @@ from numpy.random import Generator
 from core.design import Tool
 from core.geometry import Pose
 from core.interfaces import PAPER, Brief
+from plugins.vlms.offline.catching import make_catcher, needs_catcher
 from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.clips import find_rims, make_clip_lifter, make_clip_pourer
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
@@ -32,6 +33,7 @@ from plugins.vlms.offline.tool_building import (
     build_tool,
 )
 
+_CATCHES = 0.9  # how often what moves by itself is waited for
 _GUIDED = 0.85  # how often a guided head is chosen where one suits
 _GUIDED_FINGER = 0.5  # and on one finger of a gripper
 _IN_PLACE_M = 0.03  # a shorter way on the ground is none
@@ -99,6 +101,8 @@ class DesignDrawer:
         """Draw a head that moves the subgoal's bodies."""
         if self._gripper:
             return self._draw_finger_head(subgoal)
+        if needs_catcher(subgoal) and self._rng.random() < _CATCHES:
+            return make_catcher(subgoal, self._rng)
 
         return (
             self._draw_guided_head(subgoal)

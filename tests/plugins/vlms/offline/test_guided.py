@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from core.plugins import installed
+from plugins.vlms.offline.catching import needs_catcher
 from plugins.vlms.offline.detours import find_detour, loses_ground
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
 from tests.benchmarks.measuring import SOLUTIONS
@@ -70,6 +71,12 @@ def test_a_body_is_led_around_a_hole_in_what_it_lies_on(tmp_path):
     assert not loses_ground(subgoal(falls))
 
 
+def test_what_comes_alone_is_caught():
+    assert needs_catcher(subgoal(scene("catch_ball")))
+    assert not needs_catcher(subgoal(scene("out_of_u")))  # at rest
+    assert not needs_catcher(subgoal(scene("StopCart")))  # others come, too
+
+
 def test_a_vessel_that_must_not_tilt_hangs_from_a_clip_on_its_rim():
     designs = candidates(brief(scene("upright_mug"), n_tool=4, n_action=1))
     kinds = [design.tool.name.split("_")[-1] for design in designs]
@@ -97,6 +104,7 @@ def test_a_cup_without_handles_is_poured_from():
         ("open_chest", 0.95),
         ("open_drawer", 0.95),
         ("out_of_u", 0.95),
+        ("catch_ball", 0.95),
         ("past_hole", 0.95),
         ("press_and_let_go", 0.95),
         ("press_plunger", 0.95),
