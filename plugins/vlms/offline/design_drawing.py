@@ -38,6 +38,8 @@ _GUIDED = 0.85  # how often a guided head is chosen where one suits
 _GUIDED_FINGER = 0.5  # and on one finger of a gripper
 _IN_PLACE_M = 0.03  # a shorter way on the ground is none
 _ROD_TRIES = 4  # of one rod for several subgoals
+# Everything near, where one rod turns from one body to the next: in other layouts it may be higher.
+_ABOVE_M = 0.12
 _STRAIGHT = 0.4  # how often such a head is chosen for a handle, or for what is deep in something:
 _DEEP_M = 0.25  # lower than things near it by more, so that no shaft comes down to it
 _POURS = 0.8  # how often a container is turned over that bodies are in
@@ -90,8 +92,10 @@ class DesignDrawer:
             subgoals: in the order in which they are reached.
         """
         if len(subgoals) > 1 and all(needs_guided_head(part) for part in subgoals):
+            height = _ABOVE_M + max(part.clear_height for part in subgoals)
             for _ in range(_ROD_TRIES):
-                rod = join_rods([self.draw_head(subgoal) for subgoal in subgoals])
+                heads = [self.draw_head(subgoal) for subgoal in subgoals]
+                rod = join_rods(heads, height)
                 if rod is not None:
                     return rod
 

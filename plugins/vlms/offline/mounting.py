@@ -13,7 +13,7 @@ from core.geometry import Array, Pose
 from plugins.vlms.offline.chance import add_error, draw_head_turn
 from plugins.vlms.offline.faults import FaultCounter
 from plugins.vlms.offline.heads import Head
-from plugins.vlms.offline.paths import HeadPath
+from plugins.vlms.offline.paths import FAR_TURN_RAD, HeadPath
 from plugins.vlms.offline.scene_model import SceneModel
 from plugins.vlms.offline.subgoals import Subgoal
 
@@ -68,6 +68,21 @@ def works_above_home(path: HeadPath, model: SceneModel) -> bool:
         return True
 
     return path.lowest > float(model.home.position[2])
+
+
+def _find_middle_turn(path: HeadPath) -> float:
+    """Find the middle of the turns about z that a head makes on its path, radians; 0: it turns little.
+
+    Args:
+        path: of the head, whose first turn counts as 0.
+    """
+    start = path.poses[1].rotation.inv()
+    wrapped = [(pose.rotation * start).as_euler("ZYX")[0] for pose in path.poses]
+    turns = np.unwrap(wrapped)
+    if np.ptp(turns) < FAR_TURN_RAD:
+        return 0.0
+
+    return float(turns.min() + turns.max()) / 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,6 +197,8 @@ class HeadPlacer:
         The head points ahead of the end-effector most often. A clamp's turn is the end-effector's.
         """
         yaw = add_error(draw_head_turn(self.rng), _YAW_RAD, self.rng)
+        if head.motion is not None:
+            yaw -= _find_middle_turn(path)
         if head.primitive == "clamp":
             return float(path.poses[1].rpy[2])
         if self.direction is not None and not works_above_home(path, self.model):

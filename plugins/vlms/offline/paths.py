@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose
 from core.interfaces import Anchor
@@ -17,6 +18,8 @@ _SEGMENT_S = 0.5  # minimum duration of a segment
 # Everything near, from where a head comes down, and above its place at least.
 _ABOVE_M = 0.03
 _MOST_SEGMENTS = 10  # of a straight motion
+FAR_TURN_RAD = 1.6
+"""A head turns far from here on: an arm gets there by few of its postures."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +150,31 @@ class HeadPath:
         for displacement in displacements:
             self.add(displacement @ head, touch=True)
         return self.poses[-1]
+
+    def turn_above(self, number: int, height: float) -> None:
+        """Insert waypoints before another one, if the head turns far to it: up, halfway around, and above its place.
+
+        Halfway says which way round: an arm may go either way by half a turn, and only one may be within its limits.
+
+        Args:
+            number: of the other one.
+            height: of the head on the way, at least, metres.
+        """
+        before = self.poses[number - 1]
+        after = self.poses[number]
+        turn = (after.rotation * before.rotation.inv()).as_rotvec()
+        if np.linalg.norm(turn) < FAR_TURN_RAD:
+            return
+
+        top = max(height, before.position[2], after.position[2])
+        for share in (1.0, 0.5, 0.0):
+            position = share * before.position + (1 - share) * after.position
+            position[2] = top
+            rotation = Rotation.from_rotvec((1 - share) * turn) * before.rotation
+            self.poses.insert(number, Pose.from_rotation(position, rotation))
+            self.grips.insert(number, self.grips[number - 1])
+            self.touching.insert(number, False)
+            number += 1
 
     def wait(self, seconds: float) -> None:
         """Stay at the last waypoint of a path with anchors: it is repeated, and each segment has its minimum duration.

@@ -330,11 +330,12 @@ def _make_rod(
     return _make_rod_head(length, 2 * chosen.half, push)
 
 
-def join_rods(heads: Sequence[Head]) -> Head | None:
+def join_rods(heads: Sequence[Head], height: float) -> Head | None:
     """Join rods for several subgoals: as long as the longest and as thin as the thinnest; None: some is no rod.
 
     Args:
         heads: one for each subgoal, in the order in which they are reached.
+        height: above everything near, where the rod turns around, metres.
     """
     if any(head.kind != ROD for head in heads):
         return None
@@ -344,12 +345,16 @@ def join_rods(heads: Sequence[Head]) -> Head | None:
     motions = [head.motion for head in heads if head.motion is not None]
 
     def do_all(path: HeadPath, rng: Generator) -> str:
-        """Do what each rod is for, one after another."""
-        texts = []
-        for number, motion in enumerate(motions):
-            if number > 0:
-                path.end_stage()
+        """Do what each rod is for, one after another; come out of each way in."""
+        texts = [motions[0](path, rng)]
+        outside = path.poses[1]
+        for motion in motions[1:]:
+            path.add(outside, touch=True)
+            path.end_stage()
+            begin = len(path.poses)
             texts.append(motion(path, rng))
+            outside = path.poses[begin + 1]
+            path.turn_above(begin, height)
 
         return "; then ".join(texts)
 

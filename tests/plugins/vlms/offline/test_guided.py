@@ -84,6 +84,18 @@ def test_a_vessel_that_must_not_tilt_hangs_from_a_clip_on_its_rim():
     assert "hook" not in kinds
 
 
+def test_one_rod_turns_by_quarters_from_one_joint_to_one_the_other_way():
+    designs = candidates(brief(scene("TwoStations"), n_tool=4, n_action=1))
+    rods = [design for design in designs if design.tool.name.endswith("rod")]
+    assert len(rods) >= 3
+
+    for design in rods:
+        turns = np.unwrap(design.plan.poses[:, 5])
+        assert np.ptp(turns) > 3.0
+        assert np.abs(np.diff(turns)).max() < 1.7
+        assert abs(turns.max() + turns.min()) / 2 < 2.0  # what was drawn, at most
+
+
 @pytest.mark.slow
 def test_a_cup_without_handles_is_poured_from():
     designs = candidates(brief(scene("pour_cup"), n_tool=8, n_action=1, seed=5))
@@ -115,6 +127,7 @@ def test_a_cup_without_handles_is_poured_from():
         ("two_buttons", 0.95),
         ("upright_mug", 0.95),
         ("InsertPlug", 0.95),
+        ("TwoStations", 0.95),
     ],
 )
 def test_fresh_designs_earn(name, least):
