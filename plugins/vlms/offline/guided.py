@@ -16,11 +16,17 @@ from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose
+from core.scene import Soft
 from plugins.vlms.offline.boxes import LEVEL, UP, heading_axes
 from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.heads import Head, Motion, make_blade, make_pen, make_piece
 from plugins.vlms.offline.paths import HeadPath
-from plugins.vlms.offline.raycast import LEVEL_M, LiftPoint, find_lift_point
+from plugins.vlms.offline.raycast import (
+    LEVEL_M,
+    LiftPoint,
+    find_lift_point,
+    find_tops,
+)
 from plugins.vlms.offline.reaching_in import make_joint_mover, make_presser
 from plugins.vlms.offline.subgoals import Subgoal, turn_to_goal
 
@@ -48,6 +54,9 @@ _LIFT_STEP_M = 0.006  # of the check whether they can be lifted
 _ABOVE_GOAL_M = 0.004
 _CARRIER_GAP_M = Range(0.01, 0.02)  # between the wall and the bodies: they sway
 _HIGHER_M = Range(0.0, 0.03)
+_DROOP_FROM_M = 0.002  # below what is soft, from where the ground is looked for
+_DROOP_MORE_M = 0.01  # lower than its ends hang
+_ABOVE_GROUND_M = 0.015  # for tines below what hangs down
 _LOWER_M = Range(0.004, 0.012)  # than at the goal, so that tines come free
 _SLOW_M_S = 0.15  # with bodies on the tines
 _SHORT_M = 0.02  # a shorter way is one step
@@ -331,17 +340,19 @@ def _make_carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
     thick = min(_TINE_THICK_M, point.gap / 2)
     tines = _Tines(subgoal, point, _CARRIER_TINE_M, thick, depth)
 
+    droop = _find_droop(subgoal, point)
+
     is_raised = subgoal.length < _SHORT_M and not subgoal.is_released
     stays = subgoal.is_held or (is_raised and subgoal.rises)
 
     def carry(path: HeadPath, rng: Generator) -> str:
         """Get under the bodies, lift them, carry them over what holds them, and lower them; leave what is not held."""
         inside = point.rear - gap * ahead - _BELOW_M * UP
-        tines.enter(path, inside, ahead)
+        tines.enter(path, inside - droop * UP, ahead)
 
         lifted = inside + _BELOW_M * UP
         if stays and is_raised:
-            path.move(inside + subgoal.shift, heading, _SLOW_M_S)
+            path.move(inside + subgoal.shift + droop * UP, heading, _SLOW_M_S)
             return "gets tines under the body, lifts it and holds it"
 
         goal = inside + _BELOW_M * UP + subgoal.shift
@@ -371,6 +382,32 @@ def _make_carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
         )
 
     return tines.make_head("tines", carry)
+
+
+def _find_droop(subgoal: Subgoal, point: LiftPoint) -> float:
+    """Find how far what is soft hangs down beside what it lies on, at most, metres; 0 of what is stiff.
+
+    Args:
+        subgoal: the body.
+        point: where tines get below it, as it lies at the start.
+    """
+    if not isinstance(subgoal.solids[0].body, Soft):
+        return 0.0
+
+    lower, upper = subgoal.obstacles.bounds
+    bears = np.abs(upper[:, 2] - subgoal.lower[2]) < _HOLDS_M
+    bears &= (lower < subgoal.upper)[:, :2].all(axis=1)
+    bears &= (upper > subgoal.lower)[:, :2].all(axis=1)
+    if not bears.any():
+        return 0.0
+
+    beyond = np.maximum(
+        subgoal.upper - upper[bears].max(axis=0),
+        lower[bears].min(axis=0) - subgoal.lower,
+    )
+    ground = find_tops(subgoal.obstacles, (point.rear - _DROOP_FROM_M * UP)[None])[0]
+    room = point.rear[2] - ground - _ABOVE_GROUND_M
+    return float(np.clip(beyond[:2].max() + _DROOP_MORE_M, 0.0, max(room, 0.0)))
 
 
 def _find_headings(turn: tuple[Array, float]) -> list[float]:
