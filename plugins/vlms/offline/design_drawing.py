@@ -16,6 +16,7 @@ from plugins.vlms.offline.clips import find_rims, make_clip_lifter, make_clip_po
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
 from plugins.vlms.offline.head_sampling import draw_clamp, draw_head
 from plugins.vlms.offline.heads import Head
+from plugins.vlms.offline.ladling import find_vessel, make_ladle
 from plugins.vlms.offline.mounting import works_above_home
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.pouring import find_handles, make_pourer
@@ -43,6 +44,7 @@ _ABOVE_M = 0.12
 _STRAIGHT = 0.4  # how often such a head is chosen for a handle, or for what is deep in something:
 _DEEP_M = 0.25  # lower than things near it by more, so that no shaft comes down to it
 _POURS = 0.8  # how often a container is turned over that bodies are in
+_LADLES = 0.8  # how often what lies in a fixed vessel is scooped out of it
 _CLIPS = 0.5  # how often an open vessel hangs from a clip on its rim
 _CLIPS_STEADY = 0.9  # and one that must not tilt
 _CLAMPS = 0.5  # how often a gripper has pads that close on bodies, rather than a head on one finger
@@ -112,6 +114,7 @@ class DesignDrawer:
             self._draw_guided_head(subgoal)
             or self._draw_straight_head(subgoal)
             or self._draw_pourer(subgoal)
+            or self._draw_ladle(subgoal)
             or self._draw_clip(subgoal)
             or self._draw_free_head(subgoal)
         )
@@ -188,6 +191,14 @@ class DesignDrawer:
             return make_clip_pourer(subgoal, self._rng)
 
         return make_pourer(subgoal, handles, self._rng, self.thickness_factor)
+
+    def _draw_ladle(self, subgoal: Subgoal) -> Head | None:
+        """Draw a scoop for what lies in a fixed vessel; None: nothing does, or there is no room, or not this time."""
+        vessel = find_vessel(subgoal)
+        if vessel is None or self._rng.random() >= _LADLES:
+            return None
+
+        return make_ladle(subgoal, vessel, self._rng)
 
     def _draw_clip(self, subgoal: Subgoal) -> Head | None:
         """Draw a clip for the rim of a vessel that is to be carried; None: it is none, or not this time."""

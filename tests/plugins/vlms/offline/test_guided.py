@@ -9,6 +9,7 @@ from core.plugins import installed
 from plugins.vlms.offline.catching import needs_catcher
 from plugins.vlms.offline.detours import find_detour, loses_ground
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
+from plugins.vlms.offline.ladling import find_vessel
 from tests.benchmarks.measuring import SOLUTIONS
 from tests.playing import evaluate_batch
 from tests.plugins.vlms.offline.test_designer import analysis, brief, candidates
@@ -77,6 +78,23 @@ def test_what_comes_alone_is_caught():
     assert not needs_catcher(subgoal(scene("StopCart")))  # others come, too
 
 
+def test_what_lies_in_a_fixed_vessel_is_ladled_out_but_not_what_has_a_way_out(
+    tmp_path,
+):
+    found = subgoal(scene("ladle_beans"))
+    vessel = find_vessel(found)
+    assert vessel is not None
+    assert vessel.body.name == "dish"
+
+    file = tmp_path / "open.yaml"
+    text = (SCENES / "free" / "ladle_beans.yaml").read_text()
+    wall = "      - {box: [0.006, 0.16, 0.05], position: [-0.083, 0, 0.025]}\n"
+    assert wall in text
+    file.write_text(text.replace(wall, ""))
+    opened = installed().create("task", "file", file=str(file))
+    assert find_vessel(subgoal(opened)) is None
+
+
 def test_a_vessel_that_must_not_tilt_hangs_from_a_clip_on_its_rim():
     designs = candidates(brief(scene("upright_mug"), n_tool=4, n_action=1))
     kinds = [design.tool.name.split("_")[-1] for design in designs]
@@ -94,6 +112,14 @@ def test_one_rod_turns_by_quarters_from_one_joint_to_one_the_other_way():
         assert np.ptp(turns) > 3.0
         assert np.abs(np.diff(turns)).max() < 1.7
         assert abs(turns.max() + turns.min()) / 2 < 2.0  # what was drawn, at most
+
+
+@pytest.mark.slow
+def test_beans_are_ladled():
+    task = scene("ladle_beans")
+    designs = candidates(brief(task, n_tool=4, n_action=2, seed=3))
+    sim = installed().create("sim", "mujoco")
+    assert max(e.reward for e in evaluate_batch(task, sim, designs)) >= 0.7
 
 
 @pytest.mark.slow
