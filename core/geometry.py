@@ -54,7 +54,9 @@ def step_lengths(points: Array) -> Array:
 
 def running_sums(values: Array) -> Array:
     """Sum up the first 0, 1, ... of values (N,): (N + 1,)."""
-    return np.append(0.0, np.cumsum(values))
+    sums = np.zeros(len(values) + 1)
+    np.cumsum(values, out=sums[1:])
+    return sums
 
 
 # Single rotations, in plain numbers. SciPy's `Rotation` is made for many at once, and takes ten times as long for one.

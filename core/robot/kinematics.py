@@ -18,6 +18,8 @@ from core.geometry import Array, Pose
 from core.robot.description import assemble, joint_name
 from core.values.robots import Robot
 
+_LONGEST_SLIDE_M = 10.0  # of a joint without limits
+
 
 class RobotModel:
     """The kinematic model of an arm with what its tool adds: the gripper, and the tool's own joints.
@@ -49,7 +51,7 @@ class RobotModel:
         known = [*robot.arm_joints, *robot.finger_joints, *loose]
         self._columns = [known.index(name) for name in self.model.names[1:]]
 
-        self._rotations, self._positions = _view_frames(self.data.oMi)
+        self._frames = _view_frames(self.data.oMi)
 
     @cached_property
     def reach(self) -> float:
@@ -59,6 +61,23 @@ class RobotModel:
         links = [np.linalg.norm(pose.position) for _, pose in self.links.values()]
 
         return chain + float(max(links))
+
+    @cached_property
+    def spans(self) -> list[float]:
+        """How far each joint's frame can be from that of the joint before it, metres; the world's is 0."""
+        spans = []
+        for joint, placement in zip(
+            self.model.joints, self.model.jointPlacements, strict=True
+        ):
+            span = float(np.linalg.norm(placement.translation))
+            if "JointModelP" in joint.shortname():  # it slides
+                lower = self.model.lowerPositionLimit[joint.idx_q]
+                upper = self.model.upperPositionLimit[joint.idx_q]
+                span += min(max(abs(lower), abs(upper)), _LONGEST_SLIDE_M)
+
+            spans.append(span)
+
+        return spans
 
     def order(self, arm: Array, fingers: Array) -> Array:
         """Order joints as the model has them.
@@ -81,29 +100,29 @@ class RobotModel:
         Returns:
             Rotations (J, T, 3, 3) and positions (J, T, 3).
         """
-        rotations = np.empty((self.model.njoints, len(joints), 3, 3))
-        positions = np.empty((self.model.njoints, len(joints), 3))
-
+        frames = np.empty((len(joints), *self._frames.shape))
         for k, values in enumerate(joints):
             pin.forwardKinematics(self.model, self.data, values)
-            rotations[:, k] = self._rotations
-            positions[:, k] = self._positions
+            frames[k] = self._frames
 
-        return rotations, positions
+        # Pinocchio has rotations by column, and the position behind them.
+        shape = (*frames.shape[:2], 3, 3)
+        rotations = frames[..., :9].reshape(shape).transpose(1, 0, 3, 2)
+        return rotations.copy(), frames[..., 9:].swapaxes(0, 1).copy()
 
 
-def _view_frames(frames: Any) -> tuple[Array, Array]:
-    """View the rotations (J, 3, 3) and positions (J, 3) of Pinocchio's frames, which it keeps up to date.
+def _view_frames(frames: Any) -> Array:
+    """View Pinocchio's frames (J, 12), which it keeps up to date: a rotation's columns, and the position.
 
-    They lie one after another in memory. To copy frame by frame makes the search for passages a third slower.
+    They lie one after another in memory: all are copied at once, which is twice as fast as parts of them.
     """
     first, second, *_ = frames
-    rotation = first.rotation
-    position = first.translation
-    step = second.translation.ctypes.data - position.ctypes.data
-    rotations = as_strided(rotation, (len(frames), 3, 3), (step, *rotation.strides))
+    begin = first.rotation.ctypes.data
+    step = second.rotation.ctypes.data - begin
+    assert first.rotation.strides == (8, 24)
+    assert first.translation.ctypes.data == begin + 72
 
-    return rotations, as_strided(position, (len(frames), 3), (step, *position.strides))
+    return as_strided(first.rotation, (len(frames), 12), (step, 8))
 
 
 def robot_model(robot: Robot, tool: Tool) -> RobotModel:
@@ -435,20 +454,27 @@ class Arm:
         return q, error, count
 
     def home_for(self, pose: Pose) -> Array:
-        """Find the joints with which the arm starts at ``pose``.
+        """Find the joints (J,) with which the arm starts at ``pose``; they are read-only.
 
         Raises:
             UserError: the pose is out of reach.
         """
-        solution = self.inverse(pose, self.home)
-        if solution.error_m > 1e-3 or solution.error_rad > 1e-2:
-            where = ", ".join(f"{number:g}" for number in pose.position)
-            raise UserError(
-                f"robot {self.robot.name} can't reach the task's home ({where}), by {solution.error_m:.3f} m and "
-                f"{solution.error_rad:.2f} rad; place it elsewhere with robot.base=[x,y,z,yaw], or choose another robot"
-            )
+        return _find_home(self, pose)
 
-        return solution.joints
+
+@lru_cache(maxsize=16)  # all plans of a task begin there
+def _find_home(arm: Arm, pose: Pose) -> Array:
+    """Find the joints of `Arm.home_for`."""
+    solution = arm.inverse(pose, arm.home)
+    if solution.error_m > 1e-3 or solution.error_rad > 1e-2:
+        where = ", ".join(f"{number:g}" for number in pose.position)
+        raise UserError(
+            f"robot {arm.robot.name} can't reach the task's home ({where}), by {solution.error_m:.3f} m and "
+            f"{solution.error_rad:.2f} rad; place it elsewhere with robot.base=[x,y,z,yaw], or choose another robot"
+        )
+
+    solution.joints.setflags(write=False)
+    return solution.joints
 
 
 @lru_cache(maxsize=8)

@@ -86,12 +86,16 @@ def time_leg(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
 
     timed = _time_at_rest(leg, arm, speed)
     late = timed.times[-1] > leg.asked[0] + _EXACT_S
-    moves = float(np.ptp(leg.knots, axis=0).max()) >= _STILL_RAD
 
-    if late and leg.hurried and moves:
+    if late and leg.hurried and _moves(leg):
         return _time_fastest(leg, arm, speed)
 
     return timed
+
+
+def _moves(leg: Leg) -> bool:
+    """Report whether a joint turns so far on a leg that TOPP-RA finds a timing."""
+    return float(np.ptp(leg.knots, axis=0).max()) >= _STILL_RAD
 
 
 def _time_at_rest(leg: Leg, arm: Arm, speed: float) -> TimedLeg:
@@ -258,12 +262,15 @@ def _sample_evenly(s: Array, rate: Array, lasts: Array) -> tuple[Array, Array]:
     """
     instants = running_sums(lasts)
     duration = instants[-1]
-    times = np.linspace(0.0, duration, max(2, math.ceil(duration / _SAMPLE_S) + 1))[1:]
+    count = max(1, math.ceil(duration / _SAMPLE_S))
+    # As `np.linspace` computes them, without the first.
+    times = np.arange(1.0, count + 1) * (duration / count)
+    times[-1] = duration
 
-    step = np.searchsorted(instants, times, side="right") - 1
+    step = instants.searchsorted(times, side="right") - 1
     step = np.minimum(step, len(lasts) - 1)
     since = times - instants[step]
 
     growth = (rate[step + 1] - rate[step]) / lasts[step] / 2
     along = s[step] + rate[step] * since + growth * since**2
-    return times, np.clip(along, 0.0, 1.0)
+    return times, np.minimum(np.maximum(along, 0.0), 1.0)

@@ -166,24 +166,31 @@ def _join_legs(
         The trajectory, and when each waypoint is reached (N,), seconds.
     """
     opening = arm.robot.opening_m
-    trajectory = JointTrajectory(
-        np.zeros(1), legs[0].knots[:1], opening * (1 - legs[0].grips[:1])
-    )
+    begun = 0.0
+    times = [np.zeros(1)]
+    joints = [legs[0].knots[:1]]
+    closed = [legs[0].grips[:1]]
     reached = list[float]()
 
     for leg in legs:
         timed = time_leg(leg, arm, speed)
-        began = trajectory.duration
-        reached += [began + seconds for seconds in timed.reached]
-
-        targets = np.clip(timed.joints, arm.lower, arm.upper)
-        closed = _close_fingers(leg.grips, timed.times, timed.reached)
-        fingers = opening * (1 - closed)
-        trajectory = trajectory.extended(timed.times, targets, fingers)
+        reached += [begun + seconds for seconds in timed.reached]
+        times.append(begun + timed.times)
+        joints.append(np.minimum(np.maximum(timed.joints, arm.lower), arm.upper))
+        closed.append(_close_fingers(leg.grips, timed.times, timed.reached))
+        begun = float(times[-1][-1])
 
         if leg.wait_s > 0:
-            trajectory = trajectory.held(leg.wait_s)
+            begun += leg.wait_s
+            times.append(np.array([begun]))
+            joints.append(joints[-1][-1:])
+            closed.append(closed[-1][-1:])
 
+    trajectory = JointTrajectory(
+        np.concatenate(times),
+        np.concatenate(joints),
+        opening * (1 - np.concatenate(closed)),
+    )
     return trajectory, np.array(reached)
 
 
