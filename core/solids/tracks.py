@@ -249,7 +249,7 @@ def follow(
         tool: what it holds.
         recording: how all of them move.
         detour: how far they get from the straight way between two samples, which widens their bounding boxes.
-        only: of the solids that move, the numbers of those that are followed; tracks of others are zeros. None: all.
+        only: the numbers of the solids that are followed, in any shape; tracks of others are zeros. None: all.
     """
     solids = all_solids(scene, robot, tool)
     model = robot_model(robot, tool)
@@ -257,10 +257,14 @@ def follow(
     rotations, positions = model.place_joints(joints)
     turns, shifts = _body_frames(recording.states)
 
-    moving = solids.moving
-    resting = solids.resting
+    wanted = np.ones(len(solids.items), dtype=bool)
     if only is not None:
-        moving = np.intersect1d(moving, only)
+        wanted[:] = False
+        wanted[only] = True
+
+    moving = solids.moving[wanted[solids.moving]]
+    at_rest = wanted[solids.resting]
+    resting = solids.resting[at_rest]
 
     aside = np.zeros((len(moving), len(recording.times)))
     if detour is not None:
@@ -273,16 +277,14 @@ def follow(
     moved = _place_solids(solids, moving, *frames, aside)
     count = len(solids.items)
     # Kept as they lie in memory.
-    rows = Rows(*(np.empty_like(v, shape=(count, *v.shape[1:])) for v in moved))
-    left_out = np.setdiff1d(solids.moving, moving) if only is not None else ()
+    make = np.empty_like if only is None else np.zeros_like
+    rows = Rows(*(make(v, shape=(count, *v.shape[1:])) for v in moved))
 
     for values, those_moved, those_at_rest in zip(
         rows, moved, _rest(solids), strict=True
     ):
         values[moving] = those_moved
-        values[resting] = those_at_rest
-        if len(left_out):
-            values[left_out] = 0.0
+        values[resting] = those_at_rest[at_rest]
 
     tracks = [Track(solids, k, rows) for k in range(count)]
     return Tracks(solids, rows, tracks, recording.times)
