@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -14,11 +14,14 @@ from core.geometry import Array
 from core.interfaces import JointTrajectory, Robot
 from core.robot.description import beyond, joint_name
 from plugins.simulators.links import bearers, friction_of
-from plugins.simulators.pybullet.engine import Client
+from plugins.simulators.pybullet.engine import Client, read_rows
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.robot import driven_links, joint_numbers, load_robot
 
 _HELD = 1e4  # N m or N, of a motor that holds a joint of the tool
+
+Orders = tuple[list[float], list[float]]
+"""The targets of all motors, and the speeds of these."""
 
 
 class ArticulatedArm:
@@ -71,7 +74,7 @@ class ArticulatedArm:
 
         self._gains = [gain] * len(driven)
         self._velocity_gains = [1.0] * len(driven)
-        self._orders: tuple[list[float], list[float]] | None = None
+        self._orders: Orders | None = None
         self._states: Sequence[tuple[Any, ...]] = ()  # of the last snapshot
 
         targets = [*start.arm[0], *([start.fingers[0]] * self._fingers)]
@@ -143,26 +146,27 @@ class ArticulatedArm:
             if joint.stiffness > 0:
                 self._springs.append((number, joint))
 
-    def drive(
-        self,
-        arm: Sequence[float],
-        fingers: float,
-        speeds: Sequence[float],
-        finger_speed: float,
-    ) -> None:
-        """Set motors and springs for the next step.
+    def lead(
+        self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array
+    ) -> Iterator[Orders]:
+        """Yield what `drive` takes, for S steps; one by one, since many lists would busy Python's collector.
 
         Args:
-            arm: targets (J,), radians.
-            fingers: each finger's distance from the middle, metres.
-            speeds: of the arm's targets (J,).
-            finger_speed: of the fingers'.
+            arm: targets (S, J), radians.
+            fingers: each finger's distance from the middle (S,), metres.
+            speeds: of the arm's targets (S, J).
+            finger_speeds: of the fingers' (S,).
         """
-        targets = [*arm, *[fingers] * self._fingers]
-        velocities = [*speeds, *[finger_speed] * self._fingers]
-        orders = (targets, velocities)
+        targets = np.column_stack([arm, *[fingers] * self._fingers])
+        velocities = np.column_stack([speeds, *[finger_speeds] * self._fingers])
+        listed = map(np.ndarray.tolist, targets), map(np.ndarray.tolist, velocities)
+        return zip(*listed, strict=True)
+
+    def drive(self, orders: Orders) -> None:
+        """Set motors and springs for the next step."""
         if orders != self._orders:  # motors keep their targets
             self._orders = orders
+            targets, velocities = orders
             p.setJointMotorControlArray(  # names would cost half a microsecond a step
                 self.number,
                 self._joints,
@@ -199,7 +203,7 @@ class ArticulatedArm:
 
         Fingers that no tool hangs from are not moved, and have 0.
         """
-        rows = np.array(snapshots)
+        rows = read_rows(snapshots)
         count = len(self._joints)
         arm = rows[:, : self._arm]
         loose = rows[:, count:]

@@ -19,7 +19,10 @@ Place = tuple[int, int]
 class Mechanism:
     """The joints between the bodies of a world: friction, dampers, springs, latches and drives.
 
-    Call `drive` before each step, and `launch` once, when the robot's motion begins.
+    Call `drive` before each step if it acts, and `launch` once, when the robot's motion begins.
+
+    Attributes:
+        acts: whether any joint is driven, sprung or latched.
 
     Args:
         client: the world.
@@ -49,6 +52,8 @@ class Mechanism:
                 self._driven.append((place, joint, joint.drive))
             if joint.stiffness or joint.latches:
                 self._pulled.append((place, joint))
+
+        self.acts = bool(self._driven or self._pulled)
 
     def _resist(self, place: Place, joint: Joint) -> None:
         """Set a motor at rest, which is dry friction; PyBullet's own would hold the joint."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from core.design import Tool
 from core.geometry import Array
-from core.interfaces import Robot, Rollout
+from core.interfaces import Block, Robot, Rollout
 from core.scene import State
 from plugins.simulators.forces import Thing
 from plugins.simulators.fresh import FreshWorld
-from plugins.simulators.pybullet.arm import ArticulatedArm
+from plugins.simulators.pybullet.arm import ArticulatedArm, Orders
 from plugins.simulators.pybullet.bonds import Bonds
 from plugins.simulators.pybullet.engine import Client
 from plugins.simulators.pybullet.engine import pybullet as p
@@ -123,15 +123,30 @@ class World(FreshWorld):
         speeds: Sequence[float],
         finger_speed: float,
     ) -> None:
-        self._arm.drive(
-            arm,
-            fingers,
-            speeds,
-            finger_speed,
+        (orders,) = self._arm.lead(
+            np.array([arm]),
+            np.array([fingers]),
+            np.array([speeds]),
+            np.array([finger_speed]),
         )
-        self._mechanism.drive()
+        self.obey(orders)
+
+    def orders(self, block: Block) -> Iterator[Orders]:
+        return self._arm.lead(
+            block.arm[1:],
+            block.fingers[1:],
+            block.speeds,
+            block.finger_speeds,
+        )
+
+    def obey(self, order: Orders) -> None:
+        self._arm.drive(order)
+        if self._mechanism.acts:
+            self._mechanism.drive()
+
         p.stepSimulation(self.client.number)
-        self.end_step()
+        if self.counts_steps:
+            self.end_step()
 
     def launch(self) -> None:
         self._arm.launch()

@@ -89,6 +89,9 @@ class World(FreshWorld):
             time_step,
             settings.tracking_rate,
         )
+        # Asked once: before each step, a property would cost as much as what it asks for.
+        self._acts = self._joints.move_by_themselves
+        self._brakes = self._bodies.brake
         self._robot = ArticulatedArm(setup, robot, tool, job.trajectory)
         self._held = robot, tool
         if weighed.scene.bonds:
@@ -125,14 +128,14 @@ class World(FreshWorld):
 
     def obey(self, order: list[float]) -> None:
         self._robot.drive(order)
-        if self._joints.move_by_themselves:
+        if self._acts:
             self._joints.act()
 
         self._system.step()
-        if self._bodies.brake:
+        if self._brakes:
             self._bodies.end_step()
-
-        self.end_step()
+        if self.counts_steps:
+            self.end_step()
 
     def note_torques(self) -> TorqueNote:
         return self._robot.note_torques()
