@@ -26,8 +26,8 @@ from plugins.simulators.mujoco.shapes import Element
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
-_Note = tuple[Array, int]
-"""A snapshot: MuJoCo's state (X,), and how many steps the job has done."""
+_Note = int
+"""A snapshot: how many steps the job has done. The world keeps the states after all of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +85,8 @@ class World(interfaces.World):
         discrete = is_discrete(model.opt)
         self._targeted = slice(1, None) if discrete else slice(None, -1)
 
+        # After each step of a job, the first before them all; they are overwritten by the next job.
+        self._states = np.empty((1, mujoco.mj_stateSize(model, _STATE)))
         self._settled: _Settled | None = None
         self._held = np.empty(0)
         self._meter: Meter | None = None
@@ -168,7 +170,7 @@ class World(interfaces.World):
         known = self._settled
         measured = meter is not None
         if known is None or not known.serves(self._held, len(block), measured=measured):
-            states = self._run(block)[1:]
+            states = self._run(block)[1:].copy()
             data = mujoco.MjData(self._model)
             mujoco.mj_copyData(data, self._model, self._data)
             contacts = [*meter.pack()] if meter is not None else []
@@ -186,8 +188,9 @@ class World(interfaces.World):
             self._bonds.begin(known.bonds)
             if meter is not None:
                 meter.begin(known.measured)
+            self._find_states(block)[1:] = known.states
 
-        return Passed(self._take_notes(block, known.states))
+        return Passed(self._take_notes(block))
 
     def advance(self, block: Block) -> Passed:
         """Take the steps of a block.
@@ -199,22 +202,21 @@ class World(interfaces.World):
         if not block.readings:
             states = self._run(block)
             torques = self._find_torques(block, states)
-            return Passed(self._take_notes(block, states[1:]), torques=torques)
+            return Passed(self._take_notes(block), torques=torques)
 
         sensed = np.empty((len(block), self._model.nsensordata))
         with self._feeler.on():
             states = self._run(block, sensed)
 
         torques = self._find_torques(block, states)
-        states = states[1:]
-        qpos, _ = self._split(states)
+        qpos, _ = self._split(states[1:])
         readings = []
         for end in block.readings:
             arm, _ = self._joints.read(qpos[end - 1 : end])
             pushes = self._feeler.pushes(sensed[end - self._tick : end])
             readings.append(Reading(arm[0], *pushes))
 
-        return Passed(self._take_notes(block, states), readings, torques)
+        return Passed(self._take_notes(block), readings, torques)
 
     def save(self) -> None:
         mujoco.mj_copyData(self._saved, self._model, self._data)
@@ -225,20 +227,22 @@ class World(interfaces.World):
         self._done, self._moved = self._saved_at
 
     def note(self) -> _Note:
-        return self._read_state(), self._done
+        self._make_room(self._done)
+        self._states[self._done] = self._read_state()
+        return self._done
 
     def read(self, notes: Sequence[_Note]) -> tuple[Array, Array, State]:
-        qpos, qvel = self._split(np.array([state for state, _ in notes]))
+        qpos, qvel = self._split(self._states[np.array(notes)])
         return *self._joints.read(qpos), self._moving.state(qpos, qvel)
 
     def contact_forces(
         self, notes: Sequence[_Note], instants: Array
     ) -> tuple[Mapping[tuple[str, str], Array], Pushes | None]:
         assert self._meter is not None
-        return self._meter.mean_forces(np.array([done for _, done in notes]))
+        return self._meter.mean_forces(np.array(notes))
 
     def loads(self, notes: Sequence[_Note]) -> Mapping[str, Array]:
-        return self._bonds.loads([done for _, done in notes])
+        return self._bonds.loads(notes)
 
     def _find_torques(self, block: Block, states: Array) -> Array | None:
         """Find the greatest torque of each of the arm's motors at a block's measures (J,); None: it has none.
@@ -257,12 +261,23 @@ class World(interfaces.World):
         greatest: Array = np.abs(torques).max(axis=0)
         return greatest
 
-    def _take_notes(self, block: Block, states: Array) -> list[_Note]:
-        """Make the notes of a block that has just been played, from the states after its steps (S, X)."""
+    def _take_notes(self, block: Block) -> list[_Note]:
+        """Make the notes of a block that has just been played."""
         self._done = block.end
         self._moved += len(block)
-        marks = np.array(block.marks, dtype=int)
-        return [*zip(states[marks - 1], (block.begin + marks).tolist(), strict=True)]
+        return [block.begin + mark for mark in block.marks]
+
+    def _find_states(self, block: Block) -> Array:
+        """Return where a block's states are kept: before the first step, and after each (S + 1, X)."""
+        self._make_room(block.end)
+        return self._states[block.begin : block.end + 1]
+
+    def _make_room(self, steps: int) -> None:
+        """Make room for the states after so many steps."""
+        known = self._states
+        if steps >= len(known):
+            self._states = np.empty((2 * steps + 1, known.shape[1]))
+            self._states[: len(known)] = known
 
     def _read_state(self) -> Array:
         """Read MuJoCo's state (X,)."""
@@ -292,7 +307,7 @@ class World(interfaces.World):
         """
         data = self._data
         first = self._read_state()
-        states = np.empty((len(block) + 1, len(first)))
+        states = self._find_states(block)
         states[0] = first
         if not len(block):
             return states
