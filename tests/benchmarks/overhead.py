@@ -1,8 +1,10 @@
 """Did a change cost time beside the engine's steps? ``python -m tests.benchmarks.overhead BEFORE AFTER``.
 
 Each of two commits is checked out into a temporary folder and measured there by its own
-`tests.benchmarks.throughput`, in turns and with the packages that are installed here. The table has the mean over
-``rounds`` for each engine: workers x wall time / the engine's time, its least and greatest, and candidates per second.
+`tests.benchmarks.throughput`, in turns and with the packages that are installed here. Both try the same designs, those
+of the first commit's embedded designer: other motions take the engine another time. With ``designs=own`` each tries
+those of its own. The table has the mean over ``rounds`` for each engine: workers x wall time / the engine's time, its
+least and greatest, and candidates per second.
 """
 
 from __future__ import annotations
@@ -22,20 +24,45 @@ from typing import Any
 
 from rich.table import Table
 
-from core.errors import UsageError, UserError
+from core.errors import UsageError, UserError, choices
 from core.support.cli import command
 from tests.benchmarks import measuring
 
 USAGE = (
     "usage: python -m tests.benchmarks.overhead BEFORE AFTER [sims=NAME,NAME,...] [tasks=NAME,...] [rounds=N] "
-    "[workers=N] [tools=N] [plans=N]"
+    "[workers=N] [tools=N] [plans=N] [designs=before|own]"
 )
 ROOT = Path(__file__).parents[2]
+DESIGNS = ("before", "own")
+
+# What a commit's benchmark is started by: its designer answers with what a file has, or the file gets its answer.
+_WITH_REPLY = """
+import runpy, sys
+from dataclasses import replace
+from pathlib import Path
+from core.plugins import installed
+
+file = Path(sys.argv.pop(1))
+designer = type(installed().create("vlm", "offline"))
+ask = designer.complete
+
+def complete(self, requests):
+    (reply,) = ask(self, requests)
+    if not file.exists():
+        file.write_text(reply.text)
+    return [replace(reply, text=file.read_text())]
+
+designer.complete = complete
+runpy.run_module("tests.benchmarks.throughput", run_name="__main__", alter_sys=True)
+"""
 
 
 @dataclass
 class Settings:
-    """``tools`` and ``plans`` are those of a population; each round measures it once at each commit."""
+    """``tools`` and ``plans`` are those of a population; each round measures it once at each commit.
+
+    ``designs``: whose are tried: those of the commit ``before`` at both, or each commit's ``own``.
+    """
 
     sims: list[str] = field(default_factory=lambda: ["pybullet", "sapien", "mujoco"])
     tasks: list[str] = field(default_factory=lambda: ["BringCube"])
@@ -43,6 +70,7 @@ class Settings:
     workers: int | None = None
     tools: int = 20
     plans: int = 10
+    designs: str = "before"
 
 
 def main(words: list[str]) -> None:
@@ -54,6 +82,8 @@ def main(words: list[str]) -> None:
     given = measuring.settings(words[2:], Settings)
     if given.rounds < 1:
         raise UsageError(f"rounds must be at least 1, got {given.rounds}")
+    if given.designs not in DESIGNS:
+        raise choices("designs", given.designs, DESIGNS)
     table = Table("task", "engine", "commit", "overhead", "driving", "candidates/s")
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -128,6 +158,10 @@ def measure(tree: Path, task: str, sim: str, given: Settings) -> dict[str, Any]:
         UserError: it broke.
     """
     output = tree / "throughput.json"
+    starter = ["-m", "tests.benchmarks.throughput"]
+    if given.designs == "before":
+        starter = ["-c", _WITH_REPLY, str(tree.parent / f"{task}.reply")]
+
     words = [
         f"task={task}",
         f"sim={sim}",
@@ -136,7 +170,7 @@ def measure(tree: Path, task: str, sim: str, given: Settings) -> dict[str, Any]:
     ]
     words += [f"workers={measuring.workers(given.workers)}", f"output={output}"]
     done = subprocess.run(
-        [sys.executable, "-m", "tests.benchmarks.throughput", *words],
+        [sys.executable, *starter, *words],
         cwd=tree,
         env=os.environ | {"PYTHONPATH": str(tree)},
         capture_output=True,
