@@ -1,7 +1,8 @@
 """Lead a body around what bars its way on the ground, or a hole in it, in a pen: four walls without a floor.
 
 The way is the shortest one over a grid on which the pen, which does not turn, touches nothing, and the body stands on
-as much as where it is now. Of its places those are kept between which it goes straight.
+as much as where it is now. Of its places those are kept between which it goes straight. Where no pen gets, as into a
+narrow slot, a blade pushes: across it first, and then along it.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from scipy.sparse.csgraph import dijkstra
 from core.geometry import Array
 from plugins.vlms.offline.boxes import LEVEL, UP, Boxes, find_overlaps
 from plugins.vlms.offline.chance import Range
-from plugins.vlms.offline.heads import Head, make_pen
+from plugins.vlms.offline.heads import Head, make_blade, make_pen
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.raycast import find_tops
 from plugins.vlms.offline.subgoals import Subgoal
@@ -35,6 +36,12 @@ _LEAVE_M = 0.05  # up, above the body
 _GROUND_M = 0.01  # a body stands on what is no farther below its foot
 _STANDS = 0.8  # of the way from its middle to its corners: what is below these places bears it
 _FALL_M = 0.01  # what has to get lower by more is to fall
+_LEAST_LEG_M = 0.02  # of two pushes
+_BLADE = Range(0.7, 0.9)  # of the narrower side of the body
+_BLADE_THICK_M = Range(0.006, 0.012)
+_BLADE_HEIGHT = Range(0.4, 0.7)  # of the body's
+_BEHIND_M = Range(0.006, 0.015)
+_PUSH_M_S = Range(0.06, 0.15)
 _NEIGHBOURS = ((1, 0), (0, 1), (1, 1), (1, -1))  # and those across from them
 
 
@@ -100,6 +107,64 @@ def make_leader(subgoal: Subgoal, detour: list[Array], rng: Generator) -> Head:
         return f"comes down around the body, and leads it around what is in its way, in {len(detour)} straight parts"
 
     return replace(pen, primitive="guided", motion=lead)
+
+
+def find_two_pushes(subgoal: Subgoal) -> tuple[Array, Array] | None:
+    """Find two shifts (3,) along the world's axes that lead bodies to their goal, one after the other; None: no way.
+
+    Args:
+        subgoal: the bodies, which go over the ground.
+    """
+    for axis in (1, 0):
+        across = np.zeros(3)
+        across[axis] = subgoal.shift[axis]
+        along = subgoal.shift * LEVEL - across
+        if min(np.linalg.norm(across), np.linalg.norm(along)) < _LEAST_LEG_M:
+            continue
+        if not (subgoal.is_blocked(across) or subgoal.is_blocked(along, across)):
+            return across, along
+
+    return None
+
+
+def make_two_pushes(
+    subgoal: Subgoal, legs: tuple[Array, Array], rng: Generator
+) -> Head:
+    """Make a blade that pushes bodies from two sides, one after the other.
+
+    Args:
+        subgoal: the bodies.
+        legs: see `find_two_pushes`.
+        rng: random numbers.
+    """
+    narrow = float((subgoal.upper - subgoal.lower)[:2].min())
+    height = subgoal.height * _BLADE_HEIGHT.draw(rng)
+    blade = make_blade(
+        width=narrow * _BLADE.draw(rng),
+        height=float(np.clip(height, *_HEIGHTS_M)),
+        thick=_BLADE_THICK_M.draw(rng),
+    )
+
+    def push_twice(path: HeadPath, rng: Generator) -> str:
+        """Come down behind the bodies, push them, rise, and do so on another side."""
+        moved = np.zeros(3)
+        for leg in legs:
+            extent = subgoal.extent(float(np.arctan2(leg[1], leg[0])))
+            gap = _BEHIND_M.draw(rng)
+            low = subgoal.lower[2] + _ABOVE_M.draw(rng)
+            rear = (extent.rear - gap) * extent.ahead + extent.middle + moved
+            start = rear * LEVEL + low * UP
+            end = start + leg + gap * extent.ahead
+            path.descend(subgoal, extent.heading, start)
+            path.move(end, extent.heading, _PUSH_M_S.draw(rng))
+            back = end - gap * extent.ahead
+            high = max(subgoal.clear_height, back[2]) + _LEAVE_M
+            path.go(extent.heading, back, back * LEVEL + high * UP, touch=True)
+            moved = moved + leg
+
+        return "pushes the body across first, and then along into its place"
+
+    return replace(blade, primitive="guided", motion=push_twice)
 
 
 def _find_detour(subgoal: Subgoal) -> list[Array] | None:

@@ -12,7 +12,13 @@ from numpy.random import Generator
 from core.geometry import Array, Sphere
 from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.chance import Range, draw
-from plugins.vlms.offline.detours import find_detour, loses_ground, make_leader
+from plugins.vlms.offline.detours import (
+    find_detour,
+    find_two_pushes,
+    loses_ground,
+    make_leader,
+    make_two_pushes,
+)
 from plugins.vlms.offline.heads import (
     FINGER_OPEN,
     SIDES,
@@ -34,6 +40,7 @@ from plugins.vlms.offline.subgoals import Subgoal
 _FALL_M = 0.1  # bodies that go down by more are pushed, and fall
 _STAYS_M = 0.03  # a shorter way on the ground is none
 _GOES_AROUND = 0.5  # how often a body is led around what bars its way
+_PUSHES_TWICE = 0.7  # how often it is pushed across and along, where no pen gets
 _LIFTS_BARRED = 0.8  # how often bodies are lifted over what bars their way, which may yield or be passed
 _LIFTS_FALLING = 0.3  # how often bodies that are to fall are lifted over the edge
 _HOOKS_COVERED = 0.8  # how often bodies are hooked that something is above: most heads come from there
@@ -197,6 +204,10 @@ def draw_head(
         detour = find_detour(subgoal)
         if detour is not None and rng.random() < _GOES_AROUND:
             return make_leader(subgoal, detour, rng)
+
+        legs = find_two_pushes(subgoal) if detour is None else None
+        if legs is not None and rng.random() < _PUSHES_TWICE:
+            return make_two_pushes(subgoal, legs, rng)
 
     drawing = _HeadDrawing(subgoal, rng, thickness_factor, lightness)
     lifts = (

@@ -7,7 +7,7 @@ import pytest
 
 from core.plugins import installed
 from plugins.vlms.offline.catching import needs_catcher
-from plugins.vlms.offline.detours import find_detour, loses_ground
+from plugins.vlms.offline.detours import find_detour, find_two_pushes, loses_ground
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
 from plugins.vlms.offline.ladling import find_vessel
 from tests.benchmarks.measuring import SOLUTIONS
@@ -70,6 +70,16 @@ def test_a_body_is_led_around_a_hole_in_what_it_lies_on(tmp_path):
     file.write_text(text.replace('"> 0.05"', "null"))
     falls = installed().create("task", "file", file=str(file))
     assert not loses_ground(subgoal(falls))
+
+
+def test_a_body_is_pushed_across_and_then_into_a_slot():
+    found = subgoal(scene("into_slot"))
+    assert find_detour(found) is None
+    legs = find_two_pushes(found)
+    assert legs is not None
+    assert legs[0] == pytest.approx([0.0, 0.09, 0.0])
+    assert legs[1] == pytest.approx([0.22, 0.0, 0.0])
+    assert find_two_pushes(subgoal(scene("out_of_u"))) is None
 
 
 def test_what_comes_alone_is_caught():
@@ -143,6 +153,7 @@ def test_a_cup_without_handles_is_poured_from():
         ("open_drawer", 0.95),
         ("out_of_u", 0.95),
         ("catch_ball", 0.95),
+        ("into_slot", 0.95),
         ("lift_cloth", 0.95),
         ("past_hole", 0.95),
         ("press_and_let_go", 0.95),
