@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields, replace
 from typing import Any
 
@@ -114,7 +114,7 @@ def read_entry(given: Given) -> Entry:
 
     idle = sorted((known & given.keys()) - used)
     if idle:
-        raise ValueError(f"{idle[0]} says nothing in a goal with {', '.join(kinds)}")
+        raise ValueError(_explain_idle(idle[0], kinds))
 
     reached = [goal for goal in goals if isinstance(goal, Reach)]
     limits = [goal for goal in goals if not isinstance(goal, Reach)]
@@ -205,6 +205,23 @@ FILLS: Mapping[str, Callable[[Any, Given], dict[str, Any]]] = {
     "turned_deg": _fill_angle,
 }
 """What makes those fields of a kind that an entry has otherwise, by its key: of its value, and of the whole entry."""
+
+
+def _explain_idle(key: str, kinds: Iterable[str]) -> str:
+    """Say that a key means nothing beside others, and with which it does.
+
+    Args:
+        key: of an entry.
+        kinds: keys of the kinds that the entry has.
+    """
+    goes_with = [
+        other
+        for other, kind in KINDS.items()
+        if key in {field.name for field in fields(kind)}  # type: ignore[arg-type]
+    ]
+    text = f"{key} says nothing in a goal with {', '.join(kinds)}"
+    return f"{text}; it goes with {' or '.join(goes_with)}" if goes_with else text
+
 
 TAKES: Mapping[str, set[str]] = {
     "joint": {"change"},
