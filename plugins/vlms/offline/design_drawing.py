@@ -13,6 +13,7 @@ from core.interfaces import PAPER, Brief
 from plugins.vlms.offline.catching import make_catcher, needs_catcher
 from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.clips import find_rims, make_clip_lifter, make_clip_pourer
+from plugins.vlms.offline.cups import draw_cup, suits_cup
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
 from plugins.vlms.offline.head_sampling import draw_clamp, draw_head
 from plugins.vlms.offline.heads import Head
@@ -47,6 +48,7 @@ _POURS = 0.8  # how often a container is turned over that bodies are in
 _LADLES = 0.8  # how often what lies in a fixed vessel is scooped out of it
 _CLIPS = 0.5  # how often an open vessel hangs from a clip on its rim
 _CLIPS_STEADY = 0.9  # and one that must not tilt
+_CUPS = 0.6  # how often what stands flat is tipped into a cup
 _CLAMPS = 0.5  # how often a gripper has pads that close on bodies, rather than a head on one finger
 _CLAMPS_INTO = 0.9  # how often where bodies leave or enter what is around them: a hand alone gets there
 _SHAFT_KINDS = ("gantry", "slope", "elbow")
@@ -116,6 +118,7 @@ class DesignDrawer:
             or self._draw_pourer(subgoal)
             or self._draw_ladle(subgoal)
             or self._draw_clip(subgoal)
+            or self._draw_cup(subgoal)
             or self._draw_free_head(subgoal)
         )
 
@@ -208,6 +211,13 @@ class DesignDrawer:
             return None
 
         return make_clip_lifter(subgoal, self._rng)
+
+    def _draw_cup(self, subgoal: Subgoal) -> Head | None:
+        """Draw a cup for a body that must be lifted and that nothing gets below; None: it is none, or not this time."""
+        if not suits_cup(subgoal) or self._rng.random() >= _CUPS:
+            return None
+
+        return draw_cup(subgoal, self._rng, self.thickness_factor)
 
     def build(
         self,

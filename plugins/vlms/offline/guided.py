@@ -19,6 +19,7 @@ from core.geometry import Array, Pose
 from core.scene import Soft
 from plugins.vlms.offline.boxes import LEVEL, UP, heading_axes
 from plugins.vlms.offline.chance import Range
+from plugins.vlms.offline.cups import make_flipper
 from plugins.vlms.offline.heads import Head, Motion, make_blade, make_pen, make_piece
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.raycast import (
@@ -141,7 +142,11 @@ def make_guided_head(subgoal: Subgoal, rng: Generator) -> Head | None:
 
     turn = _find_turn(subgoal)
     if turn is not None:
-        return _make_tipper(subgoal, turn, rng) or _make_toppler(subgoal, turn, rng)
+        return (
+            _make_tipper(subgoal, turn, rng)
+            or _make_toppler(subgoal, turn, rng)
+            or (make_flipper(subgoal, rng) if turn[1] > _HALF_TURN_RAD else None)
+        )
 
     yaw = _find_yaw(subgoal)
     if yaw is not None:

@@ -16,7 +16,9 @@ from numpy.random import Generator
 from core.geometry import Array, Pose
 from plugins.vlms.offline.paths import HeadPath
 
-Primitive = Literal["push", "surround", "scoop", "hook", "clamp", "guided", "pour"]
+Primitive = Literal[
+    "push", "surround", "scoop", "hook", "clamp", "cup", "guided", "pour"
+]
 Motion = Callable[[HeadPath, Generator], str]
 """Adds the waypoints of a motion to a path, and says what it does."""
 Size = tuple[float, float, float]
@@ -35,6 +37,7 @@ _RAIL = 0.9  # of a scoop's depth: its edge is free
 _TOE_CLEAR_M = 0.004  # between a hook's toe and the bodies that it passes
 _SHAFT_INTO_M = 0.002  # how far the shaft goes into a hook's arm
 _INTO_M = 0.003  # how far the shaft goes into the head
+_KNOB_M = 0.018  # each side: a shaft that ends in it does not come out below
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,6 +286,55 @@ def make_pen(
     pieces = [*around.pieces, front]
 
     return _make_head("pen", "surround", pieces, height, depth, width)
+
+
+def make_cup(
+    width: float,
+    depth: float,
+    height: float,
+    thick: float,
+) -> Head:
+    """Make four walls below a lid with a knob for the shaft; the first three measures are inside.
+
+    Args:
+        width: inside, across the motion.
+        depth: inside, along the motion.
+        height: of the walls.
+        thick: of walls and lid.
+    """
+    top = height + thick
+    knob_size = (_KNOB_M, _KNOB_M, _KNOB_M)
+    knob = make_piece("knob", depth / 2, 0.0, top + _KNOB_M / 2, knob_size)
+    lid_size = (depth + 2 * thick, width + 2 * thick, thick)
+    lid = make_piece("lid", depth / 2, 0.0, height + thick / 2, lid_size)
+    pen = make_pen(width, depth, height, thick)
+    walls = [replace(wall, parent=1) for wall in pen.pieces]
+    attachment = np.array([depth / 2, 0.0, top + _KNOB_M - _INTO_M])
+
+    return Head("cup", "cup", (knob, lid, *walls), attachment, depth, width)
+
+
+def make_ring(
+    width: float,
+    depth: float,
+    height: float,
+    thick: float,
+) -> Head:
+    """Make four walls with a knob for the shaft on the rear one; the first three measures are inside.
+
+    Args:
+        width: inside, across the motion.
+        depth: inside, along the motion.
+        height: of the walls.
+        thick: of the walls.
+    """
+    knob_size = (_KNOB_M, _KNOB_M, _KNOB_M)
+    knob = make_piece("knob", -_KNOB_M / 2, 0.0, height + _KNOB_M / 2, knob_size)
+    rear, *others = make_pen(width, depth, height, thick).pieces
+    walls = [replace(wall, parent=wall.parent + 1) for wall in others]
+    attachment = np.array([-_KNOB_M / 2, 0.0, height + _KNOB_M - _INTO_M])
+
+    return Head("ring", "guided", (knob, rear, *walls), attachment, depth, width)
 
 
 def make_scoop(

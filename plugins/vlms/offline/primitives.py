@@ -5,6 +5,7 @@
     scoop     down behind the bodies, and under them  up; or up, over to the goal, and tipped out
     hook      down before the bodies, and past them   behind them, and back
     clamp     down with the bodies between the pads   closed, over to the goal, and opened
+    cup       down over a body                        tipped with it, over to the goal, and back
     ========  ======================================  ==========================================
 
 What a waypoint's place depends on is drawn at random: how far behind, how fast, how far. Lengths are wrong by much at
@@ -21,6 +22,7 @@ from numpy.random import Generator
 from core.geometry import Array, Pose
 from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.chance import Range, add_error
+from plugins.vlms.offline.cups import tip_in
 from plugins.vlms.offline.detours import loses_ground
 from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.paths import HeadPath
@@ -590,5 +592,6 @@ PRIMITIVES: dict[str, PrimitiveMotion] = {
     "scoop": scoop,
     "hook": hook,
     "clamp": clamp,
+    "cup": tip_in,
 }
 """The motions of heads that have none of their own, by primitive."""

@@ -8,6 +8,8 @@ import pytest
 from core.plugins import installed
 from plugins.vlms.offline.catching import needs_catcher
 from plugins.vlms.offline.detours import find_detour, find_two_pushes, loses_ground
+from plugins.vlms.offline.cups import is_turned_by_walls, suits_cup
+from plugins.vlms.offline.detours import find_detour, loses_ground
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
 from plugins.vlms.offline.ladling import find_vessel
 from tests.benchmarks.measuring import SOLUTIONS
@@ -132,6 +134,32 @@ def test_beans_are_ladled():
     assert max(e.reward for e in evaluate_batch(task, sim, designs)) >= 0.7
 
 
+def test_what_stands_flat_is_tipped_into_a_cup_unless_it_must_stay_upright(tmp_path):
+    assert suits_cup(subgoal(scene("lift_book")))
+    assert suits_cup(subgoal(scene("stack_cubes")))
+
+    file = tmp_path / "upright.yaml"
+    text = (SCENES / "free" / "lift_book.yaml").read_text()
+    file.write_text(
+        text
+        + "  - {bodies: [book], axis: [0, 0, 1], tolerance_deg: 20, throughout: true}\n"
+    )
+    upright = installed().create("task", "file", file=str(file))
+    assert not suits_cup(subgoal(upright))
+
+
+@pytest.mark.parametrize(("height", "turns"), [(0.023, True), (0.017, False)])
+def test_walls_turn_no_body_that_is_very_flat(tmp_path, height, turns):
+    file = tmp_path / "flat.yaml"
+    text = (SCENES / "free" / "lift_book.yaml").read_text()
+    text = text.replace("0.15, 0.03]", f"0.12, {height}]").replace(
+        "0.015]", f"{height / 2}]"
+    )
+    file.write_text(text)
+    flat = installed().create("task", "file", file=str(file))
+    assert is_turned_by_walls(subgoal(flat)) == turns
+
+
 @pytest.mark.slow
 def test_a_cup_without_handles_is_poured_from():
     designs = candidates(brief(scene("pour_cup"), n_tool=8, n_action=1, seed=5))
@@ -147,6 +175,7 @@ def test_a_cup_without_handles_is_poured_from():
         ("ball_in_cup", 0.95),
         ("crack_nut", 0.95),
         ("lay_down", 0.95),
+        ("lift_book", 0.95),
         ("lift_bucket", 0.95),
         ("lift_plate", 0.95),
         ("open_chest", 0.95),
@@ -158,6 +187,7 @@ def test_a_cup_without_handles_is_poured_from():
         ("past_hole", 0.95),
         ("press_and_let_go", 0.95),
         ("press_plunger", 0.95),
+        ("stack_cubes", 0.95),
         ("stand_up", 0.95),
         ("there_and_back", 0.95),
         ("turn_box", 0.95),
