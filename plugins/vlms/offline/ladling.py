@@ -121,6 +121,9 @@ def make_ladle(subgoal: Subgoal, vessel: Solid, rng: Generator) -> Head | None:
     heading = QUARTERS[rng.integers(len(QUARTERS))]
     middle = (vessel.points.min(axis=0) + vessel.points.max(axis=0)) / 2
     floor = float(find_tops(vessel.boxes, middle[None])[0])
+    if not np.isfinite(floor):
+        return None
+
     middle = middle * LEVEL + floor * UP
     rim = float(vessel.points[:, 2].max())
 
