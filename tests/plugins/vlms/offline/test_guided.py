@@ -7,9 +7,8 @@ import pytest
 
 from core.plugins import installed
 from plugins.vlms.offline.catching import needs_catcher
-from plugins.vlms.offline.detours import find_detour, find_two_pushes, loses_ground
 from plugins.vlms.offline.cups import is_turned_by_walls, suits_cup
-from plugins.vlms.offline.detours import find_detour, loses_ground
+from plugins.vlms.offline.detours import find_detour, find_two_pushes, loses_ground
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
 from plugins.vlms.offline.ladling import find_vessel
 from tests.benchmarks.measuring import SOLUTIONS

@@ -17,7 +17,7 @@ from plugins.vlms.offline.targets import find_targets
 from plugins.vlms.offline.unplanned import find_unplanned
 from tests.panda import on_panda
 
-DOCS = Path(__file__).parents[4] / "docs" / "models.md"
+DOCS = Path(__file__).parents[4] / "docs" / "designer.md"
 GOAL = "{bodies: [ball], place: [0.6, 0.2, null]}"
 SCENE = f"""
 name: Mixed
@@ -110,7 +110,7 @@ def test_each_kind_of_goal_is_planned_for_or_named(named, key):
     assert bool(lines) == bool(aimless)
 
 
-def test_the_page_of_models_lists_what_is_named(named):
+def test_the_page_of_the_designer_lists_what_is_named(named):
     text = DOCS.read_text()
     (sentence,) = re.findall(r"it does not plan for [^.]*\.", text)
     listed = set(re.findall(r"`([a-z0-9_]+)`", sentence))
