@@ -214,7 +214,8 @@ class DesignDrawer:
 
     def _draw_cup(self, subgoal: Subgoal) -> Head | None:
         """Draw a cup for a body that must be lifted and that nothing gets below; None: it is none, or not this time."""
-        if not suits_cup(subgoal) or self._rng.random() >= _CUPS:
+        suits = suits_cup(subgoal) and not needs_guided_head(subgoal)
+        if not suits or self._rng.random() >= _CUPS:
             return None
 
         return draw_cup(subgoal, self._rng, self.thickness_factor)

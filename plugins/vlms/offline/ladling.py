@@ -104,7 +104,8 @@ def _has_walls(vessel: Solid) -> bool:
         ahead, _ = heading_axes(turn)
         places = middle * LEVEL + steps[:, None] * ahead
         tops = find_tops(vessel.boxes, places + vessel.points[:, 2].max() * UP)
-        if tops.max() < tops[0] + _LEAST_WALL_M:
+        has_floor = np.isfinite(tops[0])
+        if not has_floor or tops.max() < tops[0] + _LEAST_WALL_M:
             return False
 
     return True
@@ -121,9 +122,6 @@ def make_ladle(subgoal: Subgoal, vessel: Solid, rng: Generator) -> Head | None:
     heading = QUARTERS[rng.integers(len(QUARTERS))]
     middle = (vessel.points.min(axis=0) + vessel.points.max(axis=0)) / 2
     floor = float(find_tops(vessel.boxes, middle[None])[0])
-    if not np.isfinite(floor):
-        return None
-
     middle = middle * LEVEL + floor * UP
     rim = float(vessel.points[:, 2].max())
 
