@@ -20,6 +20,7 @@ from core.scene import Soft
 from plugins.vlms.offline.boxes import LEVEL, UP, heading_axes
 from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.cups import make_flipper
+from plugins.vlms.offline.hanging import LIFT_M, Ways, find_gap_past, find_ways, hangs
 from plugins.vlms.offline.heads import Head, Motion, make_blade, make_pen, make_piece
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.raycast import (
@@ -49,10 +50,6 @@ _BELOW_M = 0.001  # tines go in below what they lift
 
 # What carries bodies.
 _CARRIER_TINE_M = 0.009
-_LIFT_M = 0.2  # over what they stand in
-_LIFT_STEP_M = 0.006  # of the check whether they can be lifted
-# From where that check begins at the goal: they may stand on what is there.
-_ABOVE_GOAL_M = 0.004
 _CARRIER_GAP_M = Range(0.01, 0.02)  # between the wall and the bodies: they sway
 _HIGHER_M = Range(0.0, 0.03)
 _DROOP_FROM_M = 0.002  # below what is soft, from where the ground is looked for
@@ -62,6 +59,11 @@ _LOWER_M = Range(0.004, 0.012)  # than at the goal, so that tines come free
 _SLOW_M_S = 0.15  # with bodies on the tines
 _SHORT_M = 0.02  # a shorter way is one step
 _ONE_STEP_M_S = 1.0
+
+# What hangs:
+_THIN_M = 0.006  # it may be as thin as this above a tine
+_HUNG_ROUND_M = 0.004  # that the underside of a ring rises over a tine
+_TIPS_M = 0.02  # of tines, past it
 
 # What topples bodies.
 _LEAST_TOPPLED = 1.0  # times its length along the push: what is lower slides
@@ -116,6 +118,8 @@ def needs_guided_head(subgoal: Subgoal) -> bool:
     if _find_yaw(subgoal) is not None:
         return True
     if subgoal.rises and _stands_off(subgoal):
+        return True
+    if goal.place is not None and hangs(subgoal):
         return True
 
     lower, upper = subgoal.obstacles.bounds
@@ -317,7 +321,7 @@ class _Tines:
 
 
 def _make_carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
-    """Make tines that lift a body out of what it stands in, carry it over, and lower it at the goal.
+    """Make tines that lift a body out of what it stands in or hangs on, carry it over, and lower it at the goal.
 
     None: something is in the way of lifting or lowering it, or there is no place for tines.
 
@@ -328,50 +332,67 @@ def _make_carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
         A head with one tine or two.
     """
     loaded = replace(subgoal, solids=(*subgoal.solids, *subgoal.riders))
-    for start in (np.zeros(3), subgoal.shift + _ABOVE_GOAL_M * UP):
-        if loaded.is_blocked(_LIFT_M * UP, start, step=_LIFT_STEP_M):
-            return None
+    ways = find_ways(loaded)
+    if ways is None:
+        return None
 
-    point = _draw_lift_point(subgoal, QUARTERS, _CARRIER_TINE_M, rng)
+    heading = ways.heading
+    if heading is None:
+        point = _draw_lift_point(subgoal, QUARTERS, _CARRIER_TINE_M, rng)
+    else:
+        point = find_lift_point(
+            subgoal, heading, _CARRIER_TINE_M, _HUNG_ROUND_M, _THIN_M
+        )
     if point is None:
         return None
 
-    heading = point.heading
-    ahead, _ = heading_axes(heading)
-
+    ahead, _ = heading_axes(point.heading)
+    length = np.ptp(subgoal.points @ ahead)
     gap = _CARRIER_GAP_M.draw(rng)
-    depth = gap + min(point.depth, np.ptp(subgoal.points @ ahead))
-
+    depth = gap + min(point.depth, length)
     thick = min(_TINE_THICK_M, point.gap / 2)
+
+    if heading is not None:
+        gap += find_gap_past(subgoal, point, -thick, _WALL_HEIGHT_M)
+        depth = gap + length + _TIPS_M
+
     tines = _Tines(subgoal, point, _CARRIER_TINE_M, thick, depth)
+    return tines.make_head("tines", _Carrying(tines, ways, gap).carry)
 
-    droop = _find_droop(subgoal, point)
 
-    is_raised = subgoal.length < _SHORT_M and not subgoal.is_released
-    stays = subgoal.is_held or (is_raised and subgoal.rises)
+@dataclass(frozen=True, eq=False)
+class _Carrying:
+    """How tines carry bodies to their goal.
 
-    def carry(path: HeadPath, rng: Generator) -> str:
+    Attributes:
+        tines: with the bodies.
+        ways: how the bodies get off what they are in, and into what they are to be in.
+        gap: between the wall of the tines and the bodies, metres.
+    """
+
+    tines: _Tines
+    ways: Ways
+    gap: float
+
+    def carry(self, path: HeadPath, rng: Generator) -> str:
         """Get under the bodies, lift them, carry them over what holds them, and lower them; leave what is not held."""
-        inside = point.rear - gap * ahead - _BELOW_M * UP
-        tines.enter(path, inside - droop * UP, ahead)
+        subgoal = self.tines.subgoal
+        point = self.tines.point
+        heading = point.heading
+        ahead, _ = heading_axes(heading)
+        is_raised = subgoal.length < _SHORT_M and not subgoal.is_released
+        stays = subgoal.is_held or (is_raised and subgoal.rises)
+
+        inside = point.rear - self.gap * ahead - _BELOW_M * UP
+        droop = _find_droop(subgoal, point)
+        self.tines.enter(path, inside - droop * UP, ahead)
 
         lifted = inside + _BELOW_M * UP
         if stays and is_raised:
             path.move(inside + subgoal.shift + droop * UP, heading, _SLOW_M_S)
             return "gets tines under the body, lifts it and holds it"
 
-        goal = inside + _BELOW_M * UP + subgoal.shift
-        height = max(lifted[2], goal[2]) + _LIFT_M
-        over_start = np.array([*lifted[:2], height + _HIGHER_M.draw(rng)])
-
-        over_goal = np.array([*goal[:2], height + _HIGHER_M.draw(rng)])
-        lowered = goal - _LOWER_M.draw(rng) * UP
-
-        places = [lifted, over_start, over_goal, goal]
-        if not stays:
-            places.append(lowered)
-
-        for place in places:
+        for place in self._find_places(lifted, stays, rng):
             length = np.linalg.norm(place - path.end)
             speed = _SLOW_M_S if length > _SHORT_M else _ONE_STEP_M_S
             path.move(place, heading, speed)
@@ -379,14 +400,40 @@ def _make_carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
         if stays:
             return "gets tines under the body, lifts it off, and carries it over"
 
-        path.go(heading, path.end - (depth + _BEHIND_M) * ahead, touch=True)
+        leave = path.end - (self.tines.depth + _BEHIND_M) * ahead
+        path.go(heading, leave, touch=True)
 
         return (
             "gets tines under the body, lifts it off, carries it over, lowers it and "
             "leaves"
         )
 
-    return tines.make_head("tines", carry)
+    def _find_places(self, lifted: Array, stays: bool, rng: Generator) -> list[Array]:
+        """Find the places of the head, (3,) each, from where the bodies are on it to where it lets go of them.
+
+        Args:
+            lifted: the first one.
+            stays: whether the bodies stay in hand.
+            rng: random numbers.
+        """
+        off, on = self.ways
+        goal = lifted + self.tines.subgoal.shift
+        height = max(lifted[2], goal[2]) + LIFT_M
+        over_start = np.array([*(lifted + off)[:2], height + _HIGHER_M.draw(rng)])
+        over_goal = np.array([*(goal + on)[:2], height + _HIGHER_M.draw(rng)])
+        lowered = goal - _LOWER_M.draw(rng) * UP
+
+        places = [lifted]
+        if off.any():
+            places += [lifted + off * UP, lifted + off]
+        places += [over_start, over_goal]
+        if on.any():
+            places += [goal + on, goal + on * UP]
+        places.append(goal)
+        if not stays:
+            places.append(lowered)
+
+        return places
 
 
 def _find_droop(subgoal: Subgoal, point: LiftPoint) -> float:

@@ -556,6 +556,7 @@ def find_lift_point(
     heading: float,
     tine: float,
     uneven: float = LEVEL_M,
+    shortest: float = _LEAST_DEPTH_M,
 ) -> LiftPoint | None:
     """Find where tines ``tine`` metres wide get under the bodies along a heading; None: nowhere.
 
@@ -564,10 +565,11 @@ def find_lift_point(
         heading: along which the tines go, radians about z.
         tine: the width of each, metres.
         uneven: how much higher the underside may be than where it is lowest above a tine, metres.
+        shortest: how far ahead it is free, at least, metres.
     """
-    key = ("lift", *map(id, subgoal.solids), heading, tine, uneven)
+    key = ("lift", *map(id, subgoal.solids), heading, tine, uneven, shortest)
     return subgoal.model.find_once(
-        key, lambda: _Underside(subgoal, heading).find(tine, uneven)
+        key, lambda: _Underside(subgoal, heading).find(tine, uneven, shortest)
     )
 
 
@@ -600,7 +602,7 @@ class _Underside:
         self.along = places @ self._ahead
         self.across = np.abs(places @ side)
 
-    def find(self, tine: float, uneven: float) -> LiftPoint | None:
+    def find(self, tine: float, uneven: float, shortest: float) -> LiftPoint | None:
         """Find the best place for tines of this width; None: there is none. See `find_lift_point`.
 
         It looks at some heights of undersides, from the highest down, at gaps below each, and at pairs of lanes beside
@@ -629,9 +631,11 @@ class _Underside:
                         continue
 
                     rear, front = ends
-                    place = np.array([*(self._center[:2] + rear * self._ahead), level])
-
                     depth = front - rear
+                    if depth <= shortest:
+                        continue
+
+                    place = np.array([*(self._center[:2] + rear * self._ahead), level])
                     found.append(
                         LiftPoint(self._heading, place, float(apart), gap, depth)
                     )
@@ -639,7 +643,7 @@ class _Underside:
         return max(found, key=lambda point: point.worth, default=None)
 
     def _find_ends(self, underside: Mask, filled: Mask) -> tuple[float, float] | None:
-        """Find where a gap begins and ends along the heading; None: it is too short.
+        """Find where a gap begins and ends along the heading; None: there is none.
 
         Args:
             underside: the rays that meet the underside above the gap, (U, V).
@@ -654,7 +658,7 @@ class _Underside:
         ahead = self.along[underside & (self.along < stop)]
         front = ahead.max(initial=rear)
 
-        if stop > rear and front - rear > _LEAST_DEPTH_M:
+        if stop > rear:
             return rear, front
 
         return None

@@ -10,6 +10,7 @@ from plugins.vlms.offline.catching import needs_catcher
 from plugins.vlms.offline.cups import is_turned_by_walls, suits_cup
 from plugins.vlms.offline.detours import find_detour, find_two_pushes, loses_ground
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
+from plugins.vlms.offline.hanging import find_ways, hangs
 from plugins.vlms.offline.ladling import find_vessel
 from tests.benchmarks.measuring import SOLUTIONS
 from tests.playing import evaluate_batch
@@ -106,6 +107,20 @@ def test_what_lies_in_a_fixed_vessel_is_ladled_out_but_not_what_has_a_way_out(
     assert find_vessel(subgoal(opened)) is None
 
 
+def test_what_hangs_on_a_peg_gets_off_it_and_onto_another_along_it():
+    found = subgoal(scene("HangRing"))
+    assert hangs(found)
+    ways = find_ways(found)
+    assert ways is not None
+    for way in ways:
+        assert way[0] < -0.1  # pegs point toward the robot
+        assert abs(way[1]) < 1e-6
+        assert way[2] > 0.012  # over the lip
+
+    assert ways.heading == pytest.approx(0.0)
+    assert not hangs(subgoal(scene("InsertPlug")))
+
+
 def test_a_vessel_that_must_not_tilt_hangs_from_a_clip_on_its_rim():
     designs = candidates(brief(scene("upright_mug"), n_tool=4, n_action=1))
     kinds = [design.tool.name.split("_")[-1] for design in designs]
@@ -193,6 +208,7 @@ def test_a_cup_without_handles_is_poured_from():
         ("turn_plate", 0.95),
         ("two_buttons", 0.95),
         ("upright_mug", 0.95),
+        ("HangRing", 0.95),
         ("InsertPlug", 0.95),
         ("TwoStations", 0.95),
     ],
