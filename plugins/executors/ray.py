@@ -213,6 +213,8 @@ class RayExecutor(Executor):
             }
 
         self._connected = True  # perhaps in part only
+        # The public switch, RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER=0, is read when Ray is imported: too late if it has been
+        # before, and it would hold for a cluster that the process joins later. So what it sets is set.
         constants = self._ray._private.ray_constants
         usual = constants.ENABLE_RAY_CLUSTER
         # A cluster that is started here listens on 127.0.0.1 only, as on macOS and Windows, not on all addresses.
