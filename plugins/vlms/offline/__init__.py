@@ -8,9 +8,10 @@ An answer comes about by rejection sampling, and later by a genetic algorithm. E
 - The tool. A `Head` (`heads`, `head_sampling`) is its working end, such as a blade, a scoop or a hook, sized by a
   subgoal. `tool_building` adds a shaft that connects it to the mount, `mounting` chooses where it is there. In a tool
   of any origin, the lowest boxes are taken for its head (`tools`).
-- The motion. A motion primitive (`primitives`) is a way of using a head: push, scoop, hook or clamp. It adds waypoints
-  to a `HeadPath` (`paths`). Where a joint, another body or a container leaves one way only, heads have motions of
-  their own (`guided`, `reaching_in`, `pouring`); `raycast` finds where they get in.
+- The motion. A motion primitive (`primitives`) is a way of using a head: push, scoop, hook, clamp or cup. It adds
+  waypoints to a `HeadPath` (`paths`). Where a joint, another body or a container leaves one way only, heads have their
+  own motions (`guided`, `hanging`, `reaching_in`, `pouring`, `ladling`); `raycast` finds where they get in. So have
+  those for what lies free and asks for more than a primitive (`clips`, `cups`, `detours`, `catching`).
 - The search. The `Sampler` draws subgoals, a head, a path and a mount, counts the `faults` of what came of it, and
   keeps the sample with the fewest. `evolve` breeds from `parents`: `tool_variation` and `plan_variation`.
 - The answer. `anchoring` and `plan_writing` write plans that move with the layout, `written_design` a tool with its

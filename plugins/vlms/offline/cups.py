@@ -21,14 +21,14 @@ from scipy.spatial.transform import Rotation
 from core.geometry import Array, Pose, Sphere
 from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.chance import Range
-from plugins.vlms.offline.heads import Head, Piece, make_cup, make_ring
+from plugins.vlms.offline.heads import Head, Piece, add_stem, make_cup, make_pen
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.subgoals import Extent, Subgoal
 
 # Which bodies.
 _MOST_M = 0.25  # their sides
 _SHORT_M = 0.03  # a shorter way on the level is none
-_FALL_M = 0.1
+_FALL_M = 0.1  # bodies that go down by more are pushed over an edge
 _ASIDES_RAD = np.radians(np.arange(-45.0, 46.0, 3.0))  # of headings that are tried
 _SMALLER = 0.99  # of the ground that bodies take up along another heading, where that one counts
 
@@ -39,6 +39,7 @@ _ROOM = Range(0.4, 0.8)  # such as this share of it
 _PLATE_M = 0.004  # thick, of the stiff default material
 _WALLS = Range(0.75, 1.0)  # of the bodies' height
 _LEAST_WALL_M = 0.012
+_STEM_M = 0.018  # of a ring: thick, and above its walls
 _OFF_M = Range(0.002, 0.004)  # above the ground, at any time
 _LID_M = Range(0.001, 0.004)  # above bodies
 _FLANGE_M = Range(0.13, 0.24)  # from the lid, or from the ring
@@ -53,9 +54,8 @@ _LOWER_M_S = 0.1
 _MORE_M = Range(0.0, 0.03)  # than bodies must be lifted
 _PASS_M = Range(0.01, 0.03)  # above what is on the way
 _LEAVE_M = 0.05  # up from what was set down
-_STANDS_RAD = Range(
-    1.2, 1.45
-)  # turned by so much, bodies stand in the ring, and are moved
+# Turned by so much, bodies stand in the ring, and are moved.
+_STANDS_RAD = Range(1.2, 1.45)
 _FALLS_RAD = Range(1.75, 2.8)  # from here on they fall out of it
 _RETURNS = Range(0.0, 1.1)  # of the way by which they get ahead as they fall over
 _BACK_M = 0.04  # a ring leaves by, and up
@@ -71,7 +71,7 @@ def suits_cup(subgoal: Subgoal) -> bool:
     if goal is None or len(subgoal.solids) > 1 or subgoal.riders:
         return False
 
-    falls = subgoal.shift[2] < -_FALL_M  # such bodies are pushed over an edge
+    falls = subgoal.shift[2] < -_FALL_M
     moves = subgoal.length > _SHORT_M and not falls
     # What bars the way of one of several may be another of them, and yields.
     barred = moves and not subgoal.alone and subgoal.is_blocked(subgoal.shift)
@@ -217,7 +217,7 @@ def make_flipper(subgoal: Subgoal, rng: Generator) -> Head:
         subgoal: with one body, lower than it is long.
         rng: random numbers.
     """
-    ring = _draw_walls(make_ring, subgoal, rng, subgoal.height, _PLATE_M)
+    ring = _draw_walls(_make_ring, subgoal, rng, subgoal.height, _PLATE_M)
     extent = subgoal.extent(_find_heading(subgoal, _read_side(ring)))
 
     def flip(path: HeadPath, rng: Generator) -> str:
@@ -249,13 +249,20 @@ def make_flipper(subgoal: Subgoal, rng: Generator) -> Head:
     return replace(ring, motion=flip)
 
 
+def _make_ring(width: float, depth: float, height: float, thick: float) -> Head:
+    """Make a pen with a stem for the shaft on its rear wall; see `make_pen`."""
+    pen = make_pen(width, depth, height, thick)
+    stemmed = add_stem(pen, height + _STEM_M, _STEM_M)
+    return replace(stemmed, kind="ring", primitive="guided")
+
+
 def _draw_side(rng: Generator) -> float:
     """Draw to which side, seen from the arm, a cup tips: 1 is left."""
     return float(rng.choice([-1.0, 1.0]))
 
 
 def _find_heading(subgoal: Subgoal, side: float) -> float:
-    """Find the heading across the way from the arm, or near it, along a side of the body, the shorter the better.
+    """Find the heading across the way from the arm, or near it, along which bounds of the body are smallest.
 
     Args:
         subgoal: with one body.
@@ -278,7 +285,7 @@ def _hang(head: Head, side: float, rng: Generator) -> Head:
     """Hang a head from the flange, which is tilted back against the way that it will turn.
 
     Args:
-        head: a cup or a pen.
+        head: a cup or a ring.
         side: see `_draw_side`.
         rng: random numbers.
     """

@@ -314,29 +314,6 @@ def make_cup(
     return Head("cup", "cup", (knob, lid, *walls), attachment, depth, width)
 
 
-def make_ring(
-    width: float,
-    depth: float,
-    height: float,
-    thick: float,
-) -> Head:
-    """Make four walls with a knob for the shaft on the rear one; the first three measures are inside.
-
-    Args:
-        width: inside, across the motion.
-        depth: inside, along the motion.
-        height: of the walls.
-        thick: of the walls.
-    """
-    knob_size = (_KNOB_M, _KNOB_M, _KNOB_M)
-    knob = make_piece("knob", -_KNOB_M / 2, 0.0, height + _KNOB_M / 2, knob_size)
-    rear, *others = make_pen(width, depth, height, thick).pieces
-    walls = [replace(wall, parent=wall.parent + 1) for wall in others]
-    attachment = np.array([-_KNOB_M / 2, 0.0, height + _KNOB_M - _INTO_M])
-
-    return Head("ring", "guided", (knob, rear, *walls), attachment, depth, width)
-
-
 def make_scoop(
     width: float,
     depth: float,

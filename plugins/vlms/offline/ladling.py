@@ -37,9 +37,8 @@ _RAIL = Range(0.3, 0.5)  # high, of its depth
 _THICK_M = 0.002
 _OVER_RIM_M = Range(0.01, 0.03)  # that its wall is higher than the rim
 _FLOOR_M = Range(0.0005, 0.002)  # above the vessel's
-_MOUNT_RAD = Range(
-    0.5, 0.8
-)  # of its edge down, where the flange points down: between digging and level
+# Of its edge down, where the flange points down: between digging and level.
+_MOUNT_RAD = Range(0.5, 0.8)
 _DIG_RAD = Range(0.8, 1.3)  # as it comes in along a wall, so that it lands on no body
 _SWEEP_STEPS = 5
 _LEVEL_AT = 0.7  # of the sweep: from here on it is level
@@ -47,16 +46,14 @@ _LEAN_RAD = Range(0.2, 0.45)
 _LEAN_UP_M = 0.03
 _ABOVE_M = Range(0.03, 0.06)  # everything, as it is carried
 _DIG_M_S = Range(0.05, 0.15)
-_SPARES = Range(
-    0.8, 1.8
-)  # of a body's size, before the opposite wall, so that none is crushed
+# Of a body's size, before the opposite wall, so that none is crushed.
+_SPARES = Range(0.8, 1.8)
 _CARRY_M_S = Range(0.15, 0.35)
 _TIP_RAD = Range(1.0, 1.4)
 _TIP_STEPS = 3
 _OVER_HOLLOW_M = 0.012  # its edge is above the rim, as it tips
-_EDGE = Range(
-    -0.5, 0.2
-)  # of the hollow's half width, ahead of its middle, where the edge is
+# Of the hollow's half width, ahead of its middle, where the edge is.
+_EDGE = Range(-0.5, 0.2)
 _ROUNDS = (1, 2, 3)
 _HOLD_COUNT = 2  # waypoints while the bodies slide off
 
