@@ -8,14 +8,12 @@ from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import (
     BSpline,
     CubicSpline,
     PchipInterpolator,
     make_interp_spline,
 )
-from scipy.linalg.lapack import dgbtrf, dgbtrs
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from core.geometry import Array, running_sums, step_lengths
@@ -127,7 +125,8 @@ def join_knots(knots: Array, arm: Arm) -> JointPath:
         arm: gives the limits.
     """
     count = len(knots)
-    path = _interpolate(knots)
+    s = np.linspace(0.0, 1.0, count)
+    path = make_interp_spline(s, knots, min(3, count - 1), check_finite=False)
 
     # A spline stays among its control points: most need no closer look.
     if (path.c >= arm.lower).all() and (path.c <= arm.upper).all():
@@ -138,56 +137,9 @@ def join_knots(knots: Array, arm: Arm) -> JointPath:
     above = joints > arm.upper + _ROUNDING_RAD
 
     if (below | above).any():
-        return PchipInterpolator(np.linspace(0.0, 1.0, count), knots, axis=0)
+        return PchipInterpolator(s, knots, axis=0)
 
     return path
-
-
-class _Basis(NamedTuple):
-    """What splines through equally many knots share: the matrix of their equations, factored by LAPACK.
-
-    Attributes:
-        degree: of the splines; their matrix has as many diagonals on either side.
-        knots: the splines' own (T,), in [0, 1].
-        factors: of the banded matrix.
-        pivots: of the factors.
-    """
-
-    degree: int
-    knots: Array
-    factors: Array
-    pivots: npt.NDArray[np.int32]
-
-
-@lru_cache(maxsize=128)  # of about 1 to 40 kB; most ways have some tens of knots
-def _find_basis(count: int) -> _Basis:
-    """Factor the equations of splines through so many knots, evenly from 0 to 1."""
-    s = np.linspace(0.0, 1.0, count)
-    degree = min(3, count - 1)
-    spline = make_interp_spline(s, s, degree)
-    matrix = BSpline.design_matrix(s, spline.t, degree).toarray()
-
-    # LAPACK's storage of a banded matrix, with room for its factors on top.
-    banded = np.zeros((3 * degree + 1, count))
-    for row, column in np.argwhere(matrix).tolist():
-        banded[2 * degree + row - column, column] = matrix[row, column]
-
-    factors, pivots, _ = dgbtrf(banded, degree, degree)
-    return _Basis(degree, spline.t, factors, pivots)
-
-
-def _interpolate(knots: Array) -> BSpline:
-    """Make what `make_interp_spline` makes of evenly spaced knots (K, J), to the bit, in a fifth of the time."""
-    basis = _find_basis(len(knots))
-    solved = knots
-    if basis.degree > 1:
-        solved, _ = dgbtrs(
-            basis.factors, basis.degree, basis.degree, knots, basis.pivots
-        )
-
-    return BSpline.construct_fast(
-        basis.knots, np.ascontiguousarray(solved), basis.degree
-    )
 
 
 @lru_cache(maxsize=128)

@@ -262,10 +262,7 @@ def _sample_evenly(s: Array, rate: Array, lasts: Array) -> tuple[Array, Array]:
     """
     instants = running_sums(lasts)
     duration = instants[-1]
-    count = max(1, math.ceil(duration / _SAMPLE_S))
-    # As `np.linspace` computes them, without the first.
-    times = np.arange(1.0, count + 1) * (duration / count)
-    times[-1] = duration
+    times = np.linspace(0.0, duration, max(2, math.ceil(duration / _SAMPLE_S) + 1))[1:]
 
     step = instants.searchsorted(times, side="right") - 1
     step = np.minimum(step, len(lasts) - 1)
