@@ -132,6 +132,10 @@ class DesignDrawer:
             if head is not None:
                 return head
 
+        straight = self._draw_straight_head(subgoal) if subgoal.slides_out else None
+        if straight is not None:
+            return straight
+
         lifts_out = subgoal.is_enclosed and subgoal.rises
         clamps = _CLAMPS_INTO if lifts_out or subgoal.falls_in else _CLAMPS
         if self._rng.random() < clamps:
@@ -174,8 +178,9 @@ class DesignDrawer:
         by_handle = by_handle and bool(find_handle_points(subgoal))
         is_deep = subgoal.height_around > _DEEP_M and not subgoal.is_covered
         is_deep = is_deep and not subgoal.rises
+        slides = subgoal.slides_out
 
-        if not (by_handle or is_deep) or self._rng.random() >= _STRAIGHT:
+        if not (by_handle or is_deep or slides) or self._rng.random() >= _STRAIGHT:
             return None
         if by_handle:
             return make_handle_lifter(subgoal, self._rng)

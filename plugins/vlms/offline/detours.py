@@ -67,7 +67,7 @@ def loses_ground(subgoal: Subgoal) -> bool:
     goal = subgoal.goal
     if goal is None or goal.place is None or goal.joint is not None:
         return False
-    if goal.place[2] is None or subgoal.shift[2] < -_FALL_M:
+    if goal.place[2] is None or goal.over_edge or subgoal.shift[2] < -_FALL_M:
         return False
 
     count = max(2, int(np.ceil(subgoal.length / _GRID_M)) + 1)

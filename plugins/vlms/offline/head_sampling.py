@@ -37,7 +37,6 @@ from plugins.vlms.offline.heads import (
 from plugins.vlms.offline.subgoals import Subgoal
 
 # Which head.
-_FALL_M = 0.1  # bodies that go down by more are pushed, and fall
 _STAYS_M = 0.03  # a shorter way on the ground is none
 _GOES_AROUND = 0.5  # how often a body is led around what bars its way
 _PUSHES_TWICE = 0.7  # how often it is pushed across and along, where no pen gets
@@ -193,7 +192,7 @@ def draw_head(
         thickness_factor: how many times as thick as of the stiff default material walls are.
         lightness: the share of their measures that parts keep, where bodies do not need all; 1: not for its weight.
     """
-    falls = subgoal.shift[2] < -_FALL_M
+    falls = subgoal.falls
     # A body that falls is pushed horizontally and goes down by itself.
     way = subgoal.shift * LEVEL if falls else subgoal.shift
     barred = subgoal.length > _STAYS_M and (

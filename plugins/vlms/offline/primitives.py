@@ -62,8 +62,8 @@ _GRIP_RAD = 0.1  # of a hand
 _SLIP = 0.08  # of how far beside the middle a face meets bodies, in their widths
 
 # A push.
-_FALL_M = 0.1  # bodies that go down by more are pushed over an edge
 _FALL_WAY = Range(0.4, 1.3)  # of the way to where they fall to: they fly on
+_EDGE_WAY = Range(1.0, 1.2)  # of the way over an edge: no less
 _FALL_M_S = Range(0.5, 2.0)  # as the speed is not critical
 _THROW_WAY_M = Range(0.3, 0.9)  # what is thrown has to get its speed on the way
 _THROW_M_S = 2.0  # as fast as the arm's joints let it be
@@ -74,6 +74,7 @@ _BEHIND_M = Range(0.004, 0.03)
 _PEN_M = 0.001
 # Above the ground: clear of it, and below the middle of what is low.
 _GROUND_M = Range(0.002, 0.012)
+_MIDDLE = 0.5  # of the height of what goes over an edge: it may be flat
 _HIGHER = Range(0.0, 0.5)  # of their height, that a face meets bodies above their foot
 _HIGH = 0.25  # how often it does
 _LEAVES = 0.4  # how often a head rises at the end, and not the arm with it alone
@@ -187,7 +188,11 @@ def push(
         slip = rng.normal(0.0, _SLIP) * extent.across
 
     # How high: clear of the ground, and sometimes well above the bodies' foot.
-    low = subgoal.lower[2] + _GROUND_M.draw(rng)
+    above = _GROUND_M.draw(rng)
+    if subgoal.goal is not None and subgoal.goal.over_edge:
+        above = min(above, _MIDDLE * subgoal.height)
+
+    low = subgoal.lower[2] + above
     if rng.random() < _HIGH and head.primitive == "push":
         low += _HIGHER.draw(rng) * subgoal.height
 
@@ -241,8 +246,12 @@ def _draw_stroke(subgoal: Subgoal, rng: Generator) -> tuple[float, float, float]
     length = _draw_about(subgoal.length, rng)
     speed = _PUSH_M_S.draw(rng)
 
-    # They go over an edge: neither the way nor the speed is critical.
-    if subgoal.shift[2] < -_FALL_M:
+    # They go over an edge that is known: slowly, so that they take nothing else along.
+    if subgoal.goal is not None and subgoal.goal.over_edge:
+        return subgoal.length * _EDGE_WAY.draw(rng), speed, 0.0
+
+    # They go over some edge: neither the way nor the speed is critical.
+    if subgoal.falls:
         length = subgoal.length * _FALL_WAY.draw(rng)
         speed = _FALL_M_S.draw(rng)
         return length, speed, 0.0

@@ -74,6 +74,7 @@ class _Stroke:
         displacements: of the body in the world, one after another.
         stays: whether the tool is to stay, as a spring would bring the body back.
         returns: whether the body turns back on its way.
+        through: how far a rod follows the body into what is around it, metres.
     """
 
     way: Array
@@ -81,6 +82,7 @@ class _Stroke:
     displacements: Sequence[Pose]
     stays: bool = False
     returns: bool = False
+    through: float = 0.0
 
 
 def _find_motion(
@@ -196,7 +198,9 @@ def make_straight_mover(subgoal: Subgoal, rng: Generator) -> Head | None:
         return None
 
     way = subgoal.shift * LEVEL / subgoal.length
-    motion = _Stroke(way, None, _go_straight(way, subgoal.length * _SHARE.draw(rng)))
+    length = subgoal.length * _SHARE.draw(rng)
+    through = length if subgoal.slides_out else 0.0
+    motion = _Stroke(way, None, _go_straight(way, length), through=through)
     return _make_mover(subgoal, motion, rng)
 
 
@@ -312,7 +316,7 @@ def _make_rod(
         rng: random numbers.
     """
     way = motion.way
-    length = chosen.length + _LONGER_M.draw(rng)
+    length = chosen.length + motion.through + _LONGER_M.draw(rng)
 
     def push(path: HeadPath, rng: Generator) -> str:
         """Thrust the rod against the body, follow the body's motion, and draw back unless it is to stay."""

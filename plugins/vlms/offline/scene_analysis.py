@@ -21,6 +21,7 @@ from core.interfaces import Brief
 from core.scene import State
 from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.chance import Range
+from plugins.vlms.offline.edges import lead_over_edge
 from plugins.vlms.offline.scene_model import SceneModel, Solid
 from plugins.vlms.offline.subgoals import Subgoal, goal_position
 from plugins.vlms.offline.targets import Target, find_steady, find_targets, turn_over
@@ -181,6 +182,8 @@ class SceneAnalysis:
         solids = [model.solids[name] for name in goal.bodies]
         if goal.any and len(solids) > 1:
             solids = [self._draw_easiest(solids, rng)]
+
+        goal = lead_over_edge(Subgoal(solids, np.zeros(3), model), goal, rng)
 
         # Of several bodies in one grip some are lost over the rim.
         fills = goal.container is not None and len(solids) <= _MOST_LANES

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.geometry import Array
-from core.scene import Body
+from core.scene import Body, Soft
 from plugins.vlms.offline.boxes import UP, Boxes, count_overlaps, heading_axes
 from plugins.vlms.offline.scene_model import SceneModel, Solid
 from plugins.vlms.offline.targets import Target
@@ -24,6 +24,7 @@ _FOOT_M = 0.004  # boxes that begin lower than this are a body's foot,
 _OVERHANG_M = 0.006  # and those that stand out by more than this its overhang
 _GRIP_TURNS = 12  # in half a turn: headings across which fingers may close
 _NARROWER = 0.8  # of the bodies' width at home: what is worth to turn the hand for
+_FALLS_M = 0.1  # bodies that go down by more are pushed, and fall
 _RISES_M = 0.03  # bodies that have to get up by more are lifted
 _TOUCHES_M = 0.002  # what is above bodies may reach into them by this
 _SHRUNK_M = 0.001  # bodies are smaller by this for collision checks, since what only touches them does not block them
@@ -32,6 +33,7 @@ _STEP_WAYS = 8
 _LEAST_RISE_M = 0.05  # that must be free after a step
 _STEP_UP_M = 0.02  # its end is above its beginning
 _STEP_CLEAR_M = 0.006
+_LIFT_M = 0.002  # by which bodies rise that nothing keeps down
 _SUPPORT_M = 0.006  # bodies are lifted by this for collision checks, since their support does not block them
 
 
@@ -177,6 +179,12 @@ class Subgoal:
         )
 
     @property
+    def falls(self) -> bool:
+        """Whether the bodies are to fall over an edge, so that only their way on the level is theirs to be pushed."""
+        over_edge = self.goal is not None and self.goal.over_edge
+        return bool(over_edge or self.shift[2] < -_FALLS_M)
+
+    @property
     def rises(self) -> bool:
         """Whether the bodies have to be lifted."""
         return bool(self.shift[2] > _RISES_M)
@@ -317,6 +325,18 @@ class Subgoal:
     def is_covered(self) -> bool:
         """Whether an obstacle is close above the bodies."""
         return self.clearance_above < _COVERED_M
+
+    @cached_property
+    def slides_out(self) -> bool:
+        """Whether an obstacle keeps the bodies from being lifted, and they get straight to their goal as they are."""
+        if self.goal is None or self.goal.joint is not None or len(self.solids) > 1:
+            return False
+        if isinstance(self.solids[0].body, Soft):  # it gives way
+            return False
+        if self.rises or self.length < _NO_WAY_M or not self.is_blocked(_LIFT_M * UP):
+            return False
+
+        return not self.is_blocked(self.shift, -_SUPPORT_M * UP)
 
     @property
     def is_enclosed(self) -> bool:

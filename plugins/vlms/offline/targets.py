@@ -55,6 +55,7 @@ class Target:
         breaks: whether a force on them is to break them, or a bond that holds them.
         steady: whether an axis of theirs must point the same way all the time.
         ever: whether it is enough to be there at some time, so that they may be let back.
+        over_edge: whether the place is beyond an edge, over which they fall.
     """
 
     bodies: tuple[str, ...]
@@ -75,6 +76,7 @@ class Target:
     breaks: bool = False
     steady: bool = False
     ever: bool = False
+    over_edge: bool = False
 
 
 def find_targets(goal: Reach, scene: Scene) -> list[Target]:

@@ -14,6 +14,7 @@ from plugins.vlms.offline.head_sampling import draw_clamp, draw_head
 from plugins.vlms.offline.layouts import make_layouts
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.primitives import PRIMITIVES
+from plugins.vlms.offline.reaching_in import make_straight_mover
 from plugins.vlms.offline.sampler import Sampler
 from plugins.vlms.offline.scene_analysis import SceneAnalysis
 from plugins.vlms.offline.tool_building import build_clamp
@@ -239,3 +240,89 @@ def test_of_goals_that_must_all_be_reached_one_that_is_met_is_left_out(analyse):
     analysis = analyse(CUP, f"{met}\n  - {wanted}\nevery: true")
     (subgoal,) = analysis.draw_subgoals(np.random.default_rng(0))
     assert subgoal.shift[0] < -0.15
+
+
+BOARD_M = 0.02
+SCRAPS = f"""
+  - {{name: board, box: [0.2, 0.3, {BOARD_M}], position: [0.6, 0, {BOARD_M / 2}], fixed: true}}
+  - {{name: jar, cylinder: {{radius: 0.03, length: 0.1}}, position: [0.6, 0.12, 0.0701], mass: 0.2}}
+  - name: scrap
+    box: [0.02, 0.02, 0.004]
+    position: [0.54, -0.06, 0.0221]
+    mass: 0.001
+    repeat: {{grid: [3, 3, 1], spacing: 0.04}}
+"""
+PILE = """
+  - {name: lower, box: [0.1, 0.03, 0.02], position: [0.6, 0, 0.11], mass: 0.03}
+  - {name: upper, box: [0.1, 0.1, 0.02], position: [0.6, 0, 0.1301], mass: 0.1}
+  - {name: stand, box: [0.12, 0.12, 0.1], position: [0.6, 0, 0.05], fixed: true}
+"""
+PLUG = """
+  - name: wall
+    fixed: true
+    position: [0.7, 0, 0]
+    parts:
+      - {box: [0.06, 0.3, 0.13], position: [0, 0, 0.065]}
+      - {box: [0.06, 0.3, 0.1], position: [0, 0, 0.212]}
+      - {box: [0.06, 0.134, 0.032], position: [0, 0.083, 0.146]}
+      - {box: [0.06, 0.134, 0.032], position: [0, -0.083, 0.146]}
+  - name: plug
+    position: [0.69, 0, 0.1455]
+    mass: 0.05
+    parts:
+      - {box: [0.08, 0.03, 0.03]}
+      - {box: [0.02, 0.06, 0.06], position: [-0.05, 0, 0]}
+"""
+
+
+def test_what_must_get_lower_is_pushed_over_an_edge_that_is_free(analyse):
+    goal = '{bodies: ["scrap_*"], place: [null, null, "< 0.01"]}'
+    analysis = analyse(SCRAPS, goal, gripper=False)
+    rng = np.random.default_rng(0)
+    lefts = 0
+    for _ in range(PLANS):
+        for subgoal in analysis.draw_subgoals(rng):
+            assert subgoal.falls
+            ends = subgoal.points[:, :2] + subgoal.shift[:2] - [0.6, 0]
+            assert (np.abs(ends) > [0.1, 0.15]).all(axis=0).any()
+            lefts += subgoal.shift[1] > 0.1  # where the jar is
+
+            path = HeadPath()
+            head = draw_head(subgoal, rng, 1.0)
+            if head.primitive == "push":
+                PRIMITIVES["push"](path, subgoal, head, rng)
+                lowest = min(pose.position[2] for pose in path.poses)
+                assert lowest < BOARD_M + 0.004
+
+    assert lefts < PLANS / 10
+
+
+def test_what_may_fall_over_where_it_stands_is_led_to_no_edge(analyse):
+    analysis = analyse(POST, '{bodies: [post], place: [null, null, "< 0.1"]}')
+    (subgoal,) = analysis.draw_subgoals(np.random.default_rng(0))
+    assert not subgoal.falls or subgoal.length < 0.01
+
+
+@pytest.mark.parametrize(
+    ("bodies", "name", "way", "kind"),
+    [(PILE, "lower", '"> 0.1"', "rod"), (PLUG, "plug", '"< -0.1"', "hook")],
+)
+def test_what_is_kept_down_and_gets_out_straight_gets_a_rod_or_a_hook(
+    ask, bodies, name, way, kind
+):
+    brief = ask(bodies, f"{{bodies: [{name}], moved: [{way}, null, null]}}", False)
+    (subgoal,) = SceneAnalysis(brief).draw_subgoals(np.random.default_rng(0))
+    assert subgoal.slides_out
+
+    rng = np.random.default_rng(0)
+    heads = [make_straight_mover(subgoal, rng) for _ in range(10)]
+    lengths = [head.pieces[0].size[0] for head in heads if head.kind == kind]
+    assert lengths
+    if kind == "rod":  # it follows the body through what is around it
+        assert min(lengths) > 0.1
+
+
+def test_what_can_be_lifted_needs_neither(analyse):
+    analysis = analyse(CUP, "{bodies: [cube], at: cup, place: [0.2, 0, null]}")
+    (subgoal,) = analysis.draw_subgoals(np.random.default_rng(0))
+    assert not subgoal.slides_out
