@@ -28,7 +28,6 @@ from plugins.vlms.offline.subgoals import Extent, Subgoal
 # Which bodies.
 _MOST_M = 0.25  # their sides
 _SHORT_M = 0.03  # a shorter way on the level is none
-_FALL_M = 0.1  # bodies that go down by more are pushed over an edge
 _ASIDES_RAD = np.radians(np.arange(-45.0, 46.0, 3.0))  # of headings that are tried
 _SMALLER = 0.99  # of the ground that bodies take up along another heading, where that one counts
 
@@ -71,8 +70,7 @@ def suits_cup(subgoal: Subgoal) -> bool:
     if goal is None or len(subgoal.solids) > 1 or subgoal.riders:
         return False
 
-    falls = subgoal.shift[2] < -_FALL_M
-    moves = subgoal.length > _SHORT_M and not falls
+    moves = subgoal.length > _SHORT_M and not subgoal.falls
     # What bars the way of one of several may be another of them, and yields.
     barred = moves and not subgoal.alone and subgoal.is_blocked(subgoal.shift)
     keeps_upright = goal.steady or (subgoal.is_held and goal.axis is not None)
