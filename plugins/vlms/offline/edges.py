@@ -31,7 +31,7 @@ def lead_over_edge(subgoal: Subgoal, goal: Target, rng: Generator) -> Target:
         return goal
 
     x, y, height = goal.place
-    if not (x is None and y is None) or height is None:
+    if x is not None or y is not None or height is None:
         return goal
 
     bounds = _find_bearing(subgoal, height)

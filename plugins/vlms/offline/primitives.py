@@ -189,7 +189,7 @@ def push(
 
     # How high: clear of the ground, and sometimes well above the bodies' foot.
     above = _GROUND_M.draw(rng)
-    if subgoal.goal is not None and subgoal.goal.over_edge:
+    if subgoal.over_edge:
         above = min(above, _MIDDLE * subgoal.height)
 
     low = subgoal.lower[2] + above
@@ -247,7 +247,7 @@ def _draw_stroke(subgoal: Subgoal, rng: Generator) -> tuple[float, float, float]
     speed = _PUSH_M_S.draw(rng)
 
     # They go over an edge that is known: slowly, so that they take nothing else along.
-    if subgoal.goal is not None and subgoal.goal.over_edge:
+    if subgoal.over_edge:
         return subgoal.length * _EDGE_WAY.draw(rng), speed, 0.0
 
     # They go over some edge: neither the way nor the speed is critical.

@@ -179,10 +179,14 @@ class Subgoal:
         )
 
     @property
+    def over_edge(self) -> bool:
+        """Whether the goal is a place beyond a known edge; see `Target.over_edge`."""
+        return self.goal is not None and self.goal.over_edge
+
+    @property
     def falls(self) -> bool:
-        """Whether the bodies are to fall over an edge, so that only their way on the level is theirs to be pushed."""
-        over_edge = self.goal is not None and self.goal.over_edge
-        return bool(over_edge or self.shift[2] < -_FALLS_M)
+        """Whether the bodies are to fall over an edge: they are pushed on the level, and go down by themselves."""
+        return bool(self.over_edge or self.shift[2] < -_FALLS_M)
 
     @property
     def rises(self) -> bool:
