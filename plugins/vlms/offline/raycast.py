@@ -36,6 +36,7 @@ _MOST_WORTH_M = 0.06  # more depth ahead is worth no more
 # Tines that are farther apart are worth no more: what they carry is steady by then.
 _WIDE_M = 0.05
 _BARRED_M = 0.025  # to both sides of a way in: what is nearer is passed by the rod
+_ROOF_M = 0.4  # above all rays, up to where something keeps a shaft from coming down
 _LEVEL_WAY = 0.5  # the sine of the steepest way that is level
 _ROD_CLEAR_M = 0.002  # beside a rod
 _FREE_M = 0.01  # behind the face that is pushed: it gives way
@@ -63,12 +64,14 @@ class PushPoint:
         half: half of the rod's width, metres.
         length: how long it must be to stay outside of what is around the point, metres.
         cost: the less, the better the bodies are pushed there.
+        under: how far before the point what is high above its way begins, where no shaft comes down; -inf: nothing is.
     """
 
     point: Array
     half: float
     length: float
     cost: float
+    under: float = -np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,6 +237,26 @@ class _Rays:
         """
         return self.turn.apply([depth, self.axes[0][u], self.axes[1][v]])
 
+    def cross_roofs(self, boxes: Boxes) -> tuple[Array, Array]:
+        """Find where what is above all rays begins and ends, for each row of them, of N boxes that are so high.
+
+        Args:
+            boxes: in the world.
+
+        Returns:
+            Depths along the rays, (U, N) each; inf and -inf where a box is beside a row.
+        """
+        forward, side, up = self.turn.rotation_matrix.T
+        top = self.axes[1][-1]
+        low, _ = boxes.ranges_along(up, np.zeros(3))
+        roofs = boxes[(low > top) & (low < top + _ROOF_M)]
+
+        right, left = roofs.ranges_along(side, np.zeros(3))
+        begin, end = roofs.ranges_along(forward, np.zeros(3))
+        row = self.axes[0][:, None]
+        above = (right < row + _BARRED_M) & (left > row - _BARRED_M)
+        return np.where(above, begin, np.inf), np.where(above, end, -np.inf)
+
 
 def _cross_slabs(inside: Array, slopes: Array, halves: Array) -> tuple[Array, Array]:
     """Compute where rays enter and leave boxes; inf and -inf where a ray misses a box.
@@ -350,8 +373,13 @@ def _find_push_points(
     begins = np.where(begins > hit.min() - _LONGEST_M, begins, np.inf)
     begins = begins.min(axis=-1, initial=np.inf)
     passed = minimum_filter(begins, rays.window(_BARRED_M))
+    roofs = np.full(len(hit), np.inf)
     if abs(way[2]) < _LEVEL_WAY:  # the shaft comes from above
         passed = np.minimum.accumulate(passed[:, ::-1], axis=1)[:, ::-1]
+        roofs, _ = rays.cross_roofs(subgoal.obstacles)
+        roofs = np.where(roofs > hit.min() - _LONGEST_M, roofs, np.inf)
+        roofs = roofs.min(axis=-1, initial=np.inf)
+        passed = np.minimum(passed, roofs[:, None])
 
     for half in _HALF_M:
         beside = rays.window(half + _ROD_CLEAR_M)
@@ -363,7 +391,8 @@ def _find_push_points(
             length = np.clip(hit[u, v] - passed[u, v], 0.0, _LONGEST_M)
 
             cost = _cost_of_point(point, subgoal, way, pole)
-            points.append(PushPoint(point, half, length, cost))
+            under = hit[u, v] - roofs[u]
+            points.append(PushPoint(point, half, length, cost, under))
 
         if points:
             points.sort(key=lambda point: point.cost)
@@ -458,6 +487,11 @@ class _Edges:
         self._front = rays.far.max() + _IN_FRONT_M
         ends = np.where(self._near < self._front, self._far, -np.inf).max(axis=-1)
         self._ends = maximum_filter(ends, rays.window(_BARRED_M))
+        if abs(way[2]) < _LEVEL_WAY:
+            begins, roofs = rays.cross_roofs(subgoal.obstacles)
+            roofs = np.where(begins < self._front, roofs, -np.inf)
+            roofs = roofs.max(axis=-1, initial=-np.inf)
+            self._ends = np.maximum(self._ends, roofs[:, None])
 
     def find(self, half: float) -> Iterator[tuple[Array, Array, float, float]]:
         """Yield a point of each edge, the way (3,) outward, how far a toe reaches, and how long the arm must be.

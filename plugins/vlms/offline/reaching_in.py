@@ -316,7 +316,12 @@ def _make_rod(
         rng: random numbers.
     """
     way = motion.way
-    length = chosen.length + motion.through + _LONGER_M.draw(rng)
+    farthest = max(
+        float((shift.apply(chosen.point) - chosen.point) @ way)
+        for shift in motion.displacements
+    )
+    length = max(chosen.length + motion.through, chosen.under + farthest)
+    length += _LONGER_M.draw(rng)
 
     def push(path: HeadPath, rng: Generator) -> str:
         """Thrust the rod against the body, follow the body's motion, and draw back unless it is to stay."""

@@ -202,6 +202,7 @@ def test_a_cup_without_handles_is_poured_from():
         ("past_hole", 0.95),
         ("press_and_let_go", 0.95),
         ("press_plunger", 0.95),
+        ("shut_under_shelf", 0.95),
         ("stack_cubes", 0.95),
         ("stand_up", 0.95),
         ("there_and_back", 0.95),
