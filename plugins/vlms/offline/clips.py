@@ -137,7 +137,7 @@ class _Crossing(NamedTuple):
 
 
 def _cross_wall(heights: Array, foot: float) -> _Crossing | None:
-    """Find the first wall along a line that has a hollow behind it; None: there is none.
+    """Find the first wall along a line that has a hollow behind it, before another wall; None: there is none.
 
     Args:
         heights: along the line, (K,).
@@ -156,6 +156,10 @@ def _cross_wall(heights: Array, foot: float) -> _Crossing | None:
     inside = heights[last:][: int(_ROOM_M / _STEP_M)]
     depth = top - float(inside.max(initial=-np.inf))
     if not np.isfinite(depth) or depth < _LEAST_DEPTH_M:
+        return None
+
+    other_wall = float(heights[last:].max())
+    if other_wall < top - depth + _LEAST_DEPTH_M:  # a bow has none
         return None
 
     return _Crossing(first, last, top, depth)

@@ -15,6 +15,7 @@ from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.clips import find_rims, make_clip_lifter, make_clip_pourer
 from plugins.vlms.offline.cups import draw_cup, suits_cup
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
+from plugins.vlms.offline.hanging import find_ways
 from plugins.vlms.offline.head_sampling import draw_clamp, draw_head
 from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.ladling import find_vessel, make_ladle
@@ -22,8 +23,10 @@ from plugins.vlms.offline.mounting import works_above_home
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.pouring import find_handles, make_pourer
 from plugins.vlms.offline.reaching_in import (
+    find_bow_points,
     find_handle_points,
     join_rods,
+    make_bow_carrier,
     make_handle_lifter,
     make_straight_mover,
 )
@@ -44,6 +47,7 @@ _ROD_TRIES = 4  # of one rod for several subgoals
 _ABOVE_M = 0.12
 _STRAIGHT = 0.4  # how often such a head is chosen for a handle, or for what is deep in something:
 _DEEP_M = 0.25  # lower than things near it by more, so that no shaft comes down to it
+_BY_BOW = 0.7  # how often a body that has a bow over its middle is carried by it
 _POURS = 0.8  # how often a container is turned over that bodies are in
 _LADLES = 0.8  # how often what lies in a fixed vessel is scooped out of it
 _CLIPS = 0.5  # how often an open vessel hangs from a clip on its rim
@@ -114,6 +118,7 @@ class DesignDrawer:
 
         return (
             self._draw_guided_head(subgoal)
+            or self._draw_bow_carrier(subgoal)
             or self._draw_straight_head(subgoal)
             or self._draw_pourer(subgoal)
             or self._draw_ladle(subgoal)
@@ -186,6 +191,21 @@ class DesignDrawer:
             return make_handle_lifter(subgoal, self._rng)
 
         return make_straight_mover(subgoal, self._rng)
+
+    def _draw_bow_carrier(self, subgoal: Subgoal) -> Head | None:
+        """Draw a hook for a bow by which a body is carried to its place; None: it has none, or not this time."""
+        goal = subgoal.goal
+        if goal is None or goal.place is None or len(subgoal.solids) > 1:
+            return None
+        if subgoal.length < _IN_PLACE_M or not find_bow_points(subgoal):
+            return None
+
+        ways = find_ways(subgoal)
+        is_free = ways is not None and not (ways.off.any() or ways.on.any())
+        if not is_free or self._rng.random() >= _BY_BOW:
+            return None
+
+        return make_bow_carrier(subgoal, self._rng)
 
     def _draw_pourer(self, subgoal: Subgoal) -> Head | None:
         """Draw a head that pours from the bodies' loose container; None: they are in none, or not this time."""

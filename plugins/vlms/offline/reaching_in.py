@@ -43,6 +43,8 @@ ROD = "rod"
 
 _SHARE = Range(0.9, 1.15)  # of the way of what is free
 _BESIDE_M = 0.07  # of a handle, from the middle of what hangs from it
+_LEVEL_M = 0.015  # of a bow, from the middle of what hangs from it without a tilt
+_OVER_M = Range(0.02, 0.05)  # what is on the way: what hangs sways
 _HIGHER_M = Range(0.0, 0.04)  # than a body is to be raised: it hangs lower at first
 _LONGER_M = Range(0.04, 0.07)  # than the way in, for the shaft to stay outside
 _INTO_M = 0.006  # its end, that the shaft meets the rod at
@@ -75,6 +77,7 @@ class _Stroke:
         stays: whether the tool is to stay, as a spring would bring the body back.
         returns: whether the body turns back on its way.
         through: how far a rod follows the body into what is around it, metres.
+        hangs: whether the body hangs from a hook, which leaves as it came in once the body stands.
     """
 
     way: Array
@@ -83,6 +86,7 @@ class _Stroke:
     stays: bool = False
     returns: bool = False
     through: float = 0.0
+    hangs: bool = False
 
 
 def _find_motion(
@@ -224,6 +228,48 @@ def make_handle_lifter(subgoal: Subgoal, rng: Generator) -> Head:
     points = find_handle_points(subgoal)
     height = subgoal.shift[2] + _HIGHER_M.draw(rng)
     motion = _Stroke(UP, None, _go_straight(UP, height), stays=True)
+    return _make_hook(subgoal, motion, points[rng.integers(len(points))], rng)
+
+
+def find_bow_points(subgoal: Subgoal) -> list[HookPoint]:
+    """Find where a hook gets through a bow above a body's middle, so that the body hangs from it; empty: nowhere.
+
+    Args:
+        subgoal: with one body.
+    """
+    points = find_hook_points(subgoal, UP)
+    return [point for point in points if _hangs_level(point, subgoal)]
+
+
+def _hangs_level(point: HookPoint, subgoal: Subgoal) -> bool:
+    """Report whether the toe of a hook gets from a point to below a bow that is over the bodies' middle."""
+    outward = frame_along(UP).apply(point.outward)
+    beside = (point.point - subgoal.center) * LEVEL
+    off = beside @ outward
+    across = np.linalg.norm(beside - off * outward)
+    return bool(across < _LEVEL_M and -_LEVEL_M < off < point.toe)
+
+
+def make_bow_carrier(subgoal: Subgoal, rng: Generator) -> Head:
+    """Make a hook that carries a body by a bow, which it has, and sets it down at its goal.
+
+    Args:
+        subgoal: with one body, whose goal is a place.
+        rng: random numbers.
+    """
+    points = find_bow_points(subgoal)
+    high = max(subgoal.shift[2], subgoal.height_on_way - subgoal.lower[2])
+    high += _OVER_M.draw(rng)
+    down = subgoal.shift[2] - high
+
+    lifted = _go_straight(UP, high)
+    over = _go_straight(subgoal.shift * LEVEL / subgoal.length, subgoal.length)
+    ways = [*lifted, *(lifted[-1] @ step for step in over)]
+    end = ways[-1]
+    if not subgoal.is_held:
+        ways += [end @ step for step in _go_straight(-UP, -down)]
+
+    motion = _Stroke(UP, None, ways, stays=subgoal.is_held, hangs=True)
     return _make_hook(subgoal, motion, points[rng.integers(len(points))], rng)
 
 
@@ -425,7 +471,10 @@ def _make_hook(
             edges = [shift.apply(behind) for shift in motion.displacements]
             path.go(turn, *edges, touch=True)
 
-        if not (motion.stays or motion.returns):
+        if motion.hangs and not motion.stays:
+            out = path.end + beside
+            path.go(turn, out, out + (subgoal.height + _OUT_M) * UP, touch=True)
+        elif not (motion.stays or motion.returns):
             end = path.poses[-1]
             back = end.rotation.apply([-_OUT_M, 0.0, 0.0])
             path.go(end, end.position + back, touch=True)

@@ -7,11 +7,13 @@ import pytest
 
 from core.plugins import installed
 from plugins.vlms.offline.catching import needs_catcher
+from plugins.vlms.offline.clips import find_rims
 from plugins.vlms.offline.cups import is_turned_by_walls, suits_cup
 from plugins.vlms.offline.detours import find_detour, find_two_pushes, loses_ground
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
 from plugins.vlms.offline.hanging import find_ways, hangs
 from plugins.vlms.offline.ladling import find_vessel
+from plugins.vlms.offline.reaching_in import find_bow_points
 from tests.benchmarks.measuring import SOLUTIONS
 from tests.playing import evaluate_batch
 from tests.plugins.vlms.offline.test_designer import analysis, brief, candidates
@@ -128,6 +130,33 @@ def test_a_vessel_that_must_not_tilt_hangs_from_a_clip_on_its_rim():
     assert "hook" not in kinds
 
 
+def test_a_body_hangs_from_a_bow_over_its_middle_and_not_from_one_beside_it(tmp_path):
+    assert find_bow_points(subgoal(scene("carry_basket")))
+
+    file = tmp_path / "beside.yaml"
+    text = (SCENES / "free" / "carry_basket.yaml").read_text()
+    for place in ("[0, 0.075, 0.11]", "[0, -0.075, 0.11]", "[0, 0, 0.155]"):
+        assert place in text
+        text = text.replace(place, place.replace("[0,", "[0.05,"))
+
+    file.write_text(text)
+    beside = installed().create("task", "file", file=str(file))
+    assert not find_bow_points(subgoal(beside))
+
+
+def test_a_bow_is_no_rim(tmp_path):
+    assert find_rims(subgoal(scene("carry_basket")))  # its walls have one
+
+    file = tmp_path / "lid.yaml"
+    lines = (SCENES / "free" / "carry_basket.yaml").read_text().splitlines()
+    flat = [line for line in lines if "0.01, 0.06]" not in line]
+    assert len(flat) == len(lines) - 2
+    file.write_text("\n".join(flat))
+    lid = installed().create("task", "file", file=str(file))
+    assert find_bow_points(subgoal(lid))
+    assert not find_rims(subgoal(lid))
+
+
 def test_one_rod_turns_by_quarters_from_one_joint_to_one_the_other_way():
     designs = candidates(brief(scene("TwoStations"), n_tool=4, n_action=1))
     rods = [design for design in designs if design.tool.name.endswith("rod")]
@@ -187,6 +216,7 @@ def test_a_cup_without_handles_is_poured_from():
     ("name", "least"),
     [
         ("ball_in_cup", 0.95),
+        ("carry_basket", 0.95),
         ("crack_nut", 0.95),
         ("lay_down", 0.95),
         ("lift_book", 0.95),
