@@ -8,6 +8,7 @@ arm that points down tilts by a right angle to both.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -19,9 +20,15 @@ from core.geometry import Array, Pose
 from plugins.vlms.offline.boxes import LEVEL, UP, heading_axes
 from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.guided import QUARTERS
-from plugins.vlms.offline.heads import Head, Motion, make_piece
+from plugins.vlms.offline.heads import Head, Motion, Piece, make_piece
 from plugins.vlms.offline.paths import HeadPath
 from plugins.vlms.offline.raycast import find_profile
+from plugins.vlms.offline.sheltered import (
+    find_depth,
+    find_passage,
+    find_rise,
+    is_sheltered,
+)
 from plugins.vlms.offline.subgoals import Subgoal
 
 # The rim, as rays find it that come down along lines near the vessel's axis.
@@ -53,6 +60,12 @@ _LOWER_M_S = 0.1
 _PASS_M = Range(0.01, 0.03)  # above what is on the way
 _SAG_M = 0.004  # that a vessel hangs lower than the clip went up
 _SHORT_M = 0.03  # a shorter way on the level is none
+_IN_M = 0.004  # above the rim, where the plates go in
+# Above its place, where a vessel goes in below something: it hangs askew.
+_INS_M = (0.03, 0.02, 0.01)
+_HEADROOM_M = 0.03  # above it, for the clip
+_ARM_M = 0.07  # from the shaft to the middle of the flange, which is outside, too
+_BAR_M = Range(0.03, 0.06)  # from what is above to the shaft
 _LEAVE_M = 0.05  # up from what was set down
 _ASIDE_RAD = Range(-0.3, 0.3)  # of the side to which it pours, by the way from the arm
 _POUR_RAD = Range(1.75, 2.2)  # past the level, so that what does not roll slides out
@@ -184,6 +197,11 @@ def make_clip_lifter(vessel: Subgoal, rng: Generator) -> Head:
         rng: random numbers.
     """
     rims = find_rims(vessel)
+    if is_sheltered(vessel):
+        below = _make_clip_below(vessel, rims, rng)
+        if below is not None:
+            return below
+
     clip = _draw_clip(vessel, rims[rng.integers(len(rims))], rng)
 
     def carry(path: HeadPath, rng: Generator) -> str:
@@ -215,6 +233,68 @@ def make_clip_lifter(vessel: Subgoal, rng: Generator) -> Head:
         )
 
     return clip.make_head(carry)
+
+
+def _make_clip_below(
+    vessel: Subgoal, rims: Sequence[Rim], rng: Generator
+) -> Head | None:
+    """Make a clip for a vessel below something, with a bar back to a shaft that stays outside; None: there is no way.
+
+    Args:
+        vessel: the subgoal of moving it.
+        rims: where a clip may be put on.
+        rng: random numbers.
+    """
+    ways = []
+    for rim in rims:
+        passage = find_passage(vessel, rim.heading, _INS_M, _HEADROOM_M)
+        if passage is not None:
+            ways.append((rim, passage))
+
+    if not ways:
+        return None
+
+    rim, passage = ways[rng.integers(len(ways))]
+    depth = max(
+        find_depth(vessel, rim.point, rim.heading, shift)
+        for shift in (np.zeros(3), vessel.shift)
+    )
+    bar = depth + _BAR_M.draw(rng)
+    clip = replace(_draw_clip(vessel, rim, rng), bar=bar)
+
+    def carry(path: HeadPath, rng: Generator) -> str:
+        """Put the clip on, bring the vessel out, carry it over, bring it in, set it down and leave."""
+        turn = clip.take(path, rng, passage.off)
+        here = path.end
+        there = here + vessel.shift
+        out = here + passage.off
+        before = there + passage.on
+        over = (before - out) * LEVEL
+        rise = (passage.rise + _SAG_M) * UP
+        high = _SAG_M + max(
+            passage.rise,
+            vessel.shift[2] + passage.rise,
+            find_rise(vessel, passage.off, over, _PASS_M.draw(rng)),
+        )
+
+        path.move(here + rise, turn, _LIFT_M_S.draw(rng))
+        if passage.off.any():
+            path.move(out + rise, turn, _LOWER_M_S)
+        path.move(out + high * UP, turn, _LIFT_M_S.draw(rng))
+        path.move(out + high * UP + over, turn, _CARRY_M_S.draw(rng))
+        path.move(before + rise, turn, _LOWER_M_S)
+        if passage.on.any():
+            path.move(there + rise, turn, _LOWER_M_S)
+
+        path.move(there, turn, _LOWER_M_S)
+        if not vessel.is_held:
+            free = there + (clip.length + passage.rise) * UP
+            leave = free + passage.on
+            path.go(rim.heading, there, free, leave, leave + _LEAVE_M * UP, touch=True)
+
+        return "hangs the vessel from a clip on its rim, and brings it out or in below what is above"
+
+    return replace(clip.make_head(carry), behind=bar + _ARM_M)
 
 
 def make_clip_pourer(subgoal: Subgoal, rng: Generator) -> Head | None:
@@ -317,17 +397,20 @@ class _Clip:
         rim: where the clip is put on.
         length: of the plates below the rim.
         slot: between them.
+        bar: how far behind the wall its shaft is, on a bar; 0: the shaft is above the bridge.
     """
 
     vessel: Subgoal
     rim: Rim
     length: float
     slot: float
+    bar: float = 0.0
 
     @property
     def attachment(self) -> Array:
         """Where the shaft meets the bridge, (3,)."""
-        return np.array([self.slot / 2, 0.0, _OVER_M + _BRIDGE_M - _INTO_M])
+        x = -self.bar if self.bar else self.slot / 2
+        return np.array([x, 0.0, _OVER_M + _BRIDGE_M - _INTO_M])
 
     @property
     def corners(self) -> Array:
@@ -355,11 +438,17 @@ class _Clip:
         outside = -spare - _PLATE_M / 2
         inside = self.slot - spare + _PLATE_M / 2
         middle = self.rim.wall / 2
-        pieces = (
-            make_piece("bridge", middle, 0.0, _OVER_M + _BRIDGE_M / 2, bridge),
+        over = _OVER_M + _BRIDGE_M / 2
+        pieces: tuple[Piece, ...] = (
+            make_piece("bridge", middle, 0.0, over, bridge),
             make_piece("outer_plate", outside, 0.0, z, plate),
             make_piece("inner_plate", inside, 0.0, z, plate),
         )
+        if self.bar:
+            along = (self.bar + 2 * _HALF_M, width, _BRIDGE_M)
+            bar = make_piece("bar", -self.bar / 2, 0.0, over, along)
+            first, *plates = pieces
+            pieces = (bar, first, *(replace(piece, parent=1) for piece in plates))
 
         return Head(
             "clip",
@@ -371,14 +460,23 @@ class _Clip:
             motion=motion,
         )
 
-    def take(self, path: HeadPath, rng: Generator) -> Pose:
+    def take(
+        self, path: HeadPath, rng: Generator, outside: Array | None = None
+    ) -> Pose:
         """Come down onto the rim, and tilt until both plates pinch the wall; return how the clip is turned then.
 
         Args:
             path: that waypoints are added to.
             rng: random numbers.
+            outside: from there to where the clip comes from, on the level, (3,) metres; None or zeros: from above.
         """
-        path.descend(self.vessel, self.rim.heading, self.rim.point)
+        if outside is not None and outside.any():
+            above = self.rim.point + (self.length + _IN_M) * UP
+            path.descend(self.vessel, self.rim.heading, above + outside)
+            path.go(self.rim.heading, above, self.rim.point)
+        else:
+            path.descend(self.vessel, self.rim.heading, self.rim.point)
+
         slack = np.arctan2(self.slot - self.rim.wall, self.length)
         pitch = -slack - _PINCH_RAD.draw(rng)
         turn = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, pitch, self.rim.heading))

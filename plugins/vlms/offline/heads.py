@@ -72,6 +72,8 @@ class Head:
         aside: of a hook, the offset (3,) at which it passes the bodies before it is behind them.
         motion: of a head that has its own.
         mount_pose: of a head that needs no shaft, its pose in the frame of the tool mount.
+        behind: how far behind its origin the tool mount is to be, as something is above the head where it works; None:
+            anywhere.
     """
 
     kind: str
@@ -84,6 +86,7 @@ class Head:
     aside: Array = field(default_factory=lambda: np.zeros(3))
     motion: Motion | None = None
     mount_pose: Pose | None = None
+    behind: float | None = None
 
 
 def make_piece(

@@ -150,7 +150,7 @@ class HeadPlacer:
             places.append((x, y, height))
             extra_costs.append(rng.uniform(0.0, _DOUBT))
 
-        costs = self._cost(np.array(places), start, ways)
+        costs = self._cost(np.array(places), start, ways, head.behind)
         best = int(np.argmin(costs + extra_costs))
         rpy = (0.0, 0.0, yaw)
         if self.model.draws_up:
@@ -166,6 +166,7 @@ class HeadPlacer:
         places: Array,
         start: Pose,
         ways: Sequence[HeadWay],
+        behind: float | None,
     ) -> Array:
         """Judge places of the end-effector at the path's start.
 
@@ -173,10 +174,11 @@ class HeadPlacer:
             places: (P, 3) in the world, metres.
             start: the head's pose there.
             ways: of the head, in each layout.
+            behind: see `Head`.
 
         Returns:
             Costs (P,): how far the head is from the mount's axis in metres, and `_EXCESS` for each metre that the
-            end-effector leaves the workspace by.
+            end-effector leaves the workspace by, or is less behind the head than it is to be.
         """
         apart = start.position - places
         # The end-effector in the frame of the head, and how far the head is from its axis.
@@ -184,6 +186,9 @@ class HeadPlacer:
         aside = np.hypot(*apart[:, :2].T)
 
         excess = np.zeros(len(places))
+        if behind is not None:
+            excess += np.maximum(0.0, behind + back[:, 0])
+
         for positions, turns in ways:
             points = positions + np.einsum("nij,pj->pni", turns, back)
             excess += self.model.workspace.excess(points)

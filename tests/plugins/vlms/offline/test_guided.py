@@ -14,6 +14,7 @@ from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
 from plugins.vlms.offline.hanging import find_ways, hangs
 from plugins.vlms.offline.ladling import find_vessel
 from plugins.vlms.offline.reaching_in import find_bow_points
+from plugins.vlms.offline.sheltered import find_depth, find_passage, is_sheltered
 from tests.benchmarks.measuring import SOLUTIONS
 from tests.playing import evaluate_batch
 from tests.plugins.vlms.offline.test_designer import analysis, brief, candidates
@@ -157,6 +158,27 @@ def test_a_bow_is_no_rim(tmp_path):
     assert not find_rims(subgoal(lid))
 
 
+def test_a_cup_gets_between_two_boards_from_before_them(tmp_path):
+    found = subgoal(scene("cup_in_shelf"))
+    assert is_sheltered(found)
+    passage = find_passage(found, 0.0, rises=(0.02,), headroom=0.03)
+    assert passage is not None
+    assert not passage.off.any()
+    assert passage.on[0] < -0.06  # before the boards, with all of the cup
+    assert find_passage(found, np.pi / 2, rises=(0.02,), headroom=0.03) is None
+    assert (
+        0.02 < find_depth(found, found.center, 0.0, found.shift) < 0.07
+    )  # to their edge
+
+    file = tmp_path / "open.yaml"
+    text = (SCENES / "free" / "cup_in_shelf.yaml").read_text()
+    board = "      - {box: [0.16, 0.4, 0.02], position: [0, 0, 0.31]}\n"
+    assert board in text
+    file.write_text(text.replace(board, ""))
+    opened = installed().create("task", "file", file=str(file))
+    assert not is_sheltered(subgoal(opened))
+
+
 def test_one_rod_turns_by_quarters_from_one_joint_to_one_the_other_way():
     designs = candidates(brief(scene("TwoStations"), n_tool=4, n_action=1))
     rods = [design for design in designs if design.tool.name.endswith("rod")]
@@ -217,6 +239,8 @@ def test_a_cup_without_handles_is_poured_from():
     [
         ("ball_in_cup", 0.95),
         ("carry_basket", 0.95),
+        ("cup_in_shelf", 0.95),
+        ("cup_out_of_shelf", 0.95),
         ("crack_nut", 0.95),
         ("lay_down", 0.95),
         ("lift_book", 0.95),
