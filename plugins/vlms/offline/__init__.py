@@ -11,7 +11,7 @@ An answer comes about by rejection sampling, and later by a genetic algorithm. E
 - The motion. A motion primitive (`primitives`) is a way of using a head: push, scoop, hook, clamp or cup. It adds
   waypoints to a `HeadPath` (`paths`). Where a joint, another body or a container leaves one way only, heads have their
   own motions (`guided`, `hanging`, `reaching_in`, `pouring`, `ladling`); `raycast` finds where they get in. So have
-  those for what lies free and asks for more than a primitive (`clips`, `cups`, `detours`, `catching`).
+  those for what lies free and asks for more than a primitive (`clips`, `cups`, `detours`, `catching`, `hand_turning`).
   What must get lower than what it stands on goes over an edge (`edges`), and what is to end below something goes in
   from the side (`sheltered`).
 - The search. The `Sampler` draws subgoals, a head, a path and a mount, counts the `faults` of what came of it, and

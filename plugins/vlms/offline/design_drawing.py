@@ -15,6 +15,7 @@ from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.clips import find_rims, make_clip_lifter, make_clip_pourer
 from plugins.vlms.offline.cups import draw_cup, suits_cup
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
+from plugins.vlms.offline.hand_turning import make_turning_clamp, turns_in_hand
 from plugins.vlms.offline.hanging import find_ways
 from plugins.vlms.offline.head_sampling import draw_clamp, draw_head
 from plugins.vlms.offline.heads import Head
@@ -41,6 +42,7 @@ from plugins.vlms.offline.tool_building import (
 _CATCHES = 0.9  # how often what moves by itself is waited for
 _GUIDED = 0.85  # how often a guided head is chosen where one suits
 _GUIDED_FINGER = 0.5  # and on one finger of a gripper
+_TURNS_IN_HAND = 0.8  # how often a body that is to be turned is turned between pads
 _IN_PLACE_M = 0.03  # a shorter way on the ground is none
 _ROD_TRIES = 4  # of one rod for several subgoals
 # Everything near, where one rod turns from one body to the next: in other layouts it may be higher.
@@ -67,7 +69,7 @@ _HEAVY = 3  # where so many tools were too heavy, that is no chance
 _LIGHTER = 0.85
 # What is thinner bends too far, and what is lower or narrower does little.
 _LEAST_LIGHTNESS = 0.4
-_THIN_SHAFT_M = 0.012  # where it reaches into a container, at most
+_THIN_SHAFT_M = 0.012  # where it reaches into a container, or no pad is as high as what it holds, at most
 _JIB_M = Range(0.01, 0.06)  # above the bodies
 # Of the way to the head, at which a shaft goes up: clear of the arm and of the bodies.
 _BEND = Range(0.25, 0.6)
@@ -131,6 +133,9 @@ class DesignDrawer:
         """Draw a head for a gripper: pads that close on the bodies, or one head on the left finger."""
         if subgoal.model.draws_up:  # pads hang from the hand
             return self._draw_free_head(subgoal)
+
+        if turns_in_hand(subgoal) and self._rng.random() < _TURNS_IN_HAND:
+            return make_turning_clamp(subgoal, self._rng)
 
         if needs_guided_head(subgoal) and self._rng.random() < _GUIDED_FINGER:
             head = make_guided_head(subgoal, self._rng)
@@ -266,13 +271,13 @@ class DesignDrawer:
         rng = self._rng
         thickness = self.thickness_factor * _SHAFT_M.draw(rng)
         thickness *= np.sqrt(self.lightness)
-        if head.mount_pose is not None:
+        if head.mount_pose is not None and head.primitive != "clamp":
             return build_tool(head, pose, Shaft("slope", thickness), self._gripper)
 
         kind = _SHAFT_KINDS[rng.choice(3, p=_SHAFTS)]
 
         if head.primitive == "clamp":
-            if subgoal.is_enclosed:
+            if subgoal.is_enclosed or head.motion is not None:
                 thickness = min(thickness, _THIN_SHAFT_M)
             return build_clamp(head, pose, thickness)
 

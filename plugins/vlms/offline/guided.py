@@ -113,7 +113,7 @@ def needs_guided_head(subgoal: Subgoal) -> bool:
     goal = subgoal.goal
     if goal is None or len(subgoal.solids) > 1:
         return False
-    if goal.joint is not None or goal.breaks or _find_turn(subgoal) is not None:
+    if goal.joint is not None or goal.breaks or find_level_turn(subgoal) is not None:
         return True
     if _find_yaw(subgoal) is not None:
         return True
@@ -144,7 +144,7 @@ def make_guided_head(subgoal: Subgoal, rng: Generator) -> Head | None:
     if goal is not None and goal.breaks:
         return make_presser(subgoal, rng)
 
-    turn = _find_turn(subgoal)
+    turn = find_level_turn(subgoal)
     if turn is not None:
         return (
             _make_tipper(subgoal, turn, rng)
@@ -159,7 +159,7 @@ def make_guided_head(subgoal: Subgoal, rng: Generator) -> Head | None:
     return _make_carrier(subgoal, rng)
 
 
-def _find_turn(subgoal: Subgoal) -> tuple[Array, float] | None:
+def find_level_turn(subgoal: Subgoal) -> tuple[Array, float] | None:
     """Find how the bodies are to be turned; None: not at all, or about an axis that is not level.
 
     Args:
@@ -187,7 +187,7 @@ def _find_yaw(subgoal: Subgoal) -> float | None:
 
 
 def _find_any_turn(subgoal: Subgoal) -> tuple[Array, float] | None:
-    """Find how the bodies are to be turned, about whatever axis; see `_find_turn`.
+    """Find how the bodies are to be turned, about whatever axis; see `find_level_turn`.
 
     Args:
         subgoal: of which the first body counts.
@@ -466,7 +466,7 @@ def _find_headings(turn: tuple[Array, float]) -> list[float]:
     """Find the headings along which the top of bodies goes in a turn, radians: all quarters for half a turn.
 
     Args:
-        turn: see `_find_turn`.
+        turn: see `find_level_turn`.
     """
     axis, _ = turn
     if np.linalg.norm(axis) <= _NEARLY_OVER:
@@ -485,7 +485,7 @@ def _make_toppler(
 
     Args:
         subgoal: the body.
-        turn: see `_find_turn`.
+        turn: see `find_level_turn`.
         rng: random numbers.
     """
     headings = _find_headings(turn)
@@ -569,7 +569,7 @@ def _make_tipper(
 
     Args:
         subgoal: the body.
-        turn: see `_find_turn`.
+        turn: see `find_level_turn`.
         rng: random numbers.
 
     Returns:

@@ -11,6 +11,7 @@ from plugins.vlms.offline.clips import find_rims
 from plugins.vlms.offline.cups import is_turned_by_walls, suits_cup
 from plugins.vlms.offline.detours import find_detour, find_two_pushes, loses_ground
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
+from plugins.vlms.offline.hand_turning import turns_in_hand
 from plugins.vlms.offline.hanging import find_ways, hangs
 from plugins.vlms.offline.ladling import find_vessel
 from plugins.vlms.offline.reaching_in import find_bow_points
@@ -223,6 +224,29 @@ def test_walls_turn_no_body_that_is_very_flat(tmp_path, height, turns):
     file.write_text(text)
     flat = installed().create("task", "file", file=str(file))
     assert is_turned_by_walls(subgoal(flat)) == turns
+
+
+@pytest.mark.parametrize("name", ["brush_in_jar", "turn_cup", "stand_up"])
+def test_pads_turn_what_is_to_be_turned_or_to_get_in_by_its_end(name):
+    assert turns_in_hand(subgoal(scene(name)))
+
+
+def test_pads_turn_nothing_that_fits_in_as_it_lies(tmp_path):
+    file = tmp_path / "short.yaml"
+    text = (SCENES / "free" / "brush_in_jar.yaml").read_text()
+    file.write_text(text.replace("0.15, 0.012]", "0.05, 0.012]"))
+    short = installed().create("task", "file", file=str(file))
+    assert not turns_in_hand(subgoal(short))
+    assert not turns_in_hand(subgoal(scene("stack_cubes")))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["brush_in_jar", "turn_cup"])
+def test_a_gripper_turns_a_body_between_its_pads(name):
+    task = scene(name)
+    designs = candidates(brief(task, gripper=True, n_tool=4, n_action=1, seed=3))
+    sim = installed().create("sim", "mujoco")
+    assert max(e.reward for e in evaluate_batch(task, sim, designs)) >= 0.95
 
 
 @pytest.mark.slow
