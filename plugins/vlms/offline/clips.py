@@ -22,7 +22,7 @@ from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.guided import QUARTERS
 from plugins.vlms.offline.heads import Head, Motion, Piece, make_piece
 from plugins.vlms.offline.paths import HeadPath
-from plugins.vlms.offline.raycast import find_profile
+from plugins.vlms.offline.raycast import find_profile, find_tops
 from plugins.vlms.offline.sheltered import (
     find_depth,
     find_passage,
@@ -63,6 +63,9 @@ _SHORT_M = 0.03  # a shorter way on the level is none
 _IN_M = 0.004  # above the rim, where the plates go in
 # Above its place, where a vessel goes in below something: it hangs askew.
 _INS_M = (0.03, 0.02, 0.01)
+_MOST_GAP_M = (
+    0.03  # below a place that is given within bounds, to what bears the vessel
+)
 _HEADROOM_M = 0.03  # above it, for the clip
 _ARM_M = 0.07  # from the shaft to the middle of the flange, which is outside, too
 _BAR_M = Range(0.03, 0.06)  # from what is above to the shaft
@@ -266,14 +269,14 @@ def _make_clip_below(
         """Put the clip on, bring the vessel out, carry it over, bring it in, set it down and leave."""
         turn = clip.take(path, rng, passage.off)
         here = path.end
-        there = here + vessel.shift
+        there = here + vessel.shift - _find_gap(vessel) * UP
         out = here + passage.off
         before = there + passage.on
         over = (before - out) * LEVEL
         rise = (passage.rise + _SAG_M) * UP
         high = _SAG_M + max(
             passage.rise,
-            vessel.shift[2] + passage.rise,
+            there[2] - here[2] + passage.rise,
             find_rise(vessel, passage.off, over, _PASS_M.draw(rng)),
         )
 
@@ -295,6 +298,18 @@ def _make_clip_below(
         return "hangs the vessel from a clip on its rim, and brings it out or in below what is above"
 
     return replace(clip.make_head(carry), behind=bar + _ARM_M)
+
+
+def _find_gap(vessel: Subgoal) -> float:
+    """Find how far above what is to bear it a vessel is at its goal, metres; 0: that is far below, or unknown.
+
+    Args:
+        vessel: the subgoal of moving it, to a place that may be higher or lower than where it stands.
+    """
+    foot = vessel.center + vessel.shift
+    top = float(find_tops(vessel.obstacles, foot[None])[0])
+    gap = float(vessel.lower[2] + vessel.shift[2] - top)
+    return gap if 0.0 < gap < _MOST_GAP_M else 0.0
 
 
 def make_clip_pourer(subgoal: Subgoal, rng: Generator) -> Head | None:
