@@ -63,9 +63,7 @@ _SHORT_M = 0.03  # a shorter way on the level is none
 _IN_M = 0.004  # above the rim, where the plates go in
 # Above its place, where a vessel goes in below something: it hangs askew.
 _INS_M = (0.03, 0.02, 0.01)
-_MOST_GAP_M = (
-    0.03  # below a place that is given within bounds, to what bears the vessel
-)
+_MOST_GAP_M = 0.03  # below a vessel at its place, to what is to bear it
 _HEADROOM_M = 0.03  # above it, for the clip
 _ARM_M = 0.07  # from the shaft to the middle of the flange, which is outside, too
 _BAR_M = Range(0.03, 0.06)  # from what is above to the shaft
