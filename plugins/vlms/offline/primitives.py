@@ -74,7 +74,7 @@ _BEHIND_M = Range(0.004, 0.03)
 _PEN_M = 0.001
 # Above the ground: clear of it, and below the middle of what is low.
 _GROUND_M = Range(0.002, 0.012)
-_MIDDLE = 0.5  # of the height of what goes over an edge: it may be flat
+_MIDDLE = 0.5  # of the height of what is flat, or goes over an edge, at most
 _HIGHER = Range(0.0, 0.5)  # of their height, that a face meets bodies above their foot
 _HIGH = 0.25  # how often it does
 _LEAVES = 0.4  # how often a head rises at the end, and not the arm with it alone
@@ -189,7 +189,7 @@ def push(
 
     # How high: clear of the ground, and sometimes well above the bodies' foot.
     above = _GROUND_M.draw(rng)
-    if subgoal.over_edge:
+    if subgoal.over_edge or subgoal.height < _GROUND_M.high:
         above = min(above, _MIDDLE * subgoal.height)
 
     low = subgoal.lower[2] + above

@@ -250,6 +250,14 @@ def test_a_gripper_turns_a_body_between_its_pads(name):
 
 
 @pytest.mark.slow
+def test_what_is_flat_is_pushed_below_its_top():
+    task = scene("coins_off_counter")
+    designs = candidates(brief(task, n_tool=4, n_action=1, seed=5))
+    sim = installed().create("sim", "mujoco")
+    assert max(e.reward for e in evaluate_batch(task, sim, designs)) >= 0.95
+
+
+@pytest.mark.slow
 def test_a_cup_without_handles_is_poured_from():
     designs = candidates(brief(scene("pour_cup"), n_tool=8, n_action=1, seed=5))
     sim = installed().create("sim", "mujoco")
