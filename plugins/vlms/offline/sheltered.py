@@ -6,7 +6,7 @@ It is lifted and lowered before the shelf, and goes in and out on the level, alo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,7 +45,13 @@ def is_sheltered(subgoal: Subgoal) -> bool:
     if goal is None or goal.place is None or goal.joint is not None:
         return False
 
-    return _is_below(subgoal, np.zeros(3)) or _is_below(subgoal, subgoal.shift)
+    loaded = _load(subgoal)
+    return _is_below(loaded, np.zeros(3)) or _is_below(loaded, loaded.shift)
+
+
+def _load(subgoal: Subgoal) -> Subgoal:
+    """Return the subgoal with all that stands on its bodies or in them, which is in no way."""
+    return replace(subgoal, solids=(*subgoal.solids, *subgoal.riders))
 
 
 def _is_below(subgoal: Subgoal, place: Array) -> bool:
@@ -65,10 +71,11 @@ def find_passage(
         headroom: that must be free above that, for what carries them, metres.
     """
     ahead, _ = heading_axes(heading)
+    loaded = _load(subgoal)
     for rise in rises:
         above = (rise + headroom) * UP
-        off = _find_way_out(subgoal, above, ahead)
-        on = _find_way_out(subgoal, subgoal.shift + above, ahead)
+        off = _find_way_out(loaded, above, ahead)
+        on = _find_way_out(loaded, loaded.shift + above, ahead)
         if off is not None and on is not None:
             return Passage(heading, -off * ahead, -on * ahead, rise)
 
@@ -124,9 +131,10 @@ def find_rise(subgoal: Subgoal, start: Array, shift: Array, margin: float) -> fl
         shift: on the level, (3,) metres.
         margin: to what they pass.
     """
+    loaded = _load(subgoal)
     for rise in np.arange(margin, _ROOF_M, _STEP_M).tolist():
         above = start + rise * UP
-        if not subgoal.is_blocked(shift, above, margin, step=_FINE_M):
+        if not loaded.is_blocked(shift, above, margin, step=_FINE_M):
             return float(rise)
 
     return _ROOF_M

@@ -175,9 +175,11 @@ def test_a_cup_gets_between_two_boards_from_before_them(tmp_path):
     text = (SCENES / "free" / "cup_in_shelf.yaml").read_text()
     board = "      - {box: [0.16, 0.4, 0.02], position: [0, 0, 0.31]}\n"
     assert board in text
-    file.write_text(text.replace(board, ""))
+    pea = "  - {name: pea, sphere: 0.01, position: [0.5, -0.1, 0.0142], mass: 0.01}\n"
+    text = text.replace(board, "")
+    file.write_text(text.replace("  - name: shelf\n", pea + "  - name: shelf\n"))
     opened = installed().create("task", "file", file=str(file))
-    assert not is_sheltered(subgoal(opened))
+    assert not is_sheltered(subgoal(opened))  # what is in a cup is not above it
 
 
 def test_one_rod_turns_by_quarters_from_one_joint_to_one_the_other_way():
