@@ -10,18 +10,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
+from scipy.spatial.transform import Rotation
 
 from core.design import Tool
 from core.geometry import Array, Pose
 from plugins.vlms.offline.boxes import LEVEL, UP, heading_axes
 from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.guided import QUARTERS
+from plugins.vlms.offline.hanging import Way, find_way_onto_peg
 from plugins.vlms.offline.heads import Head, Motion, Piece, make_piece
 from plugins.vlms.offline.paths import HeadPath
+from plugins.vlms.offline.pegs import find_swing
 from plugins.vlms.offline.raycast import find_profile, find_tops
 from plugins.vlms.offline.sheltered import (
     find_depth,
@@ -68,6 +72,9 @@ _HEADROOM_M = 0.03  # above it, for the clip
 _ARM_M = 0.07  # from the shaft to the middle of the flange, which is outside, too
 _BAR_M = Range(0.03, 0.06)  # from what is above to the shaft
 _LEAVE_M = 0.05  # up from what was set down
+_TURN_STEP_RAD = 0.3  # of a vessel that is turned on its way
+_SWINGS = 8  # segments, in which what hangs comes to rest
+_LET_GO_M = Range(0.005, 0.011)  # lower than where a vessel hangs, so that a peg has it
 _ASIDE_RAD = Range(-0.3, 0.3)  # of the side to which it pours, by the way from the arm
 _POUR_RAD = Range(1.75, 2.2)  # past the level, so that what does not roll slides out
 _STREAM_M = Range(0.0, 0.03)  # that bodies fly on from the mouth's edge
@@ -198,6 +205,14 @@ def make_clip_lifter(vessel: Subgoal, rng: Generator) -> Head:
         rng: random numbers.
     """
     rims = find_rims(vessel)
+    onto = find_way_onto_peg(vessel)
+    if onto is not None:
+        # Across from the handle, a vessel sinks out of the clip when the handle bears it.
+        handle = (vessel.center - vessel.solids[0].position) * LEVEL
+        rim = min(rims, key=lambda rim: float(rim.point @ handle))
+        clip = _draw_clip(vessel, rim, rng)
+        return clip.make_head(partial(_hang_on_peg, clip, onto))
+
     if is_sheltered(vessel):
         below = _make_clip_below(vessel, rims, rng)
         if below is not None:
@@ -234,6 +249,59 @@ def make_clip_lifter(vessel: Subgoal, rng: Generator) -> Head:
         )
 
     return clip.make_head(carry)
+
+
+def _hang_on_peg(clip: _Clip, onto: Way, path: HeadPath, rng: Generator) -> str:
+    """Put the clip on, lift the vessel, turn it, get it onto a peg by its handle, and leave it there.
+
+    Args:
+        clip: for the vessel.
+        onto: from where it hangs to where it can be lifted.
+        path: that waypoints are added to.
+        rng: random numbers.
+    """
+    vessel = clip.vessel
+    turn = clip.take(path, rng)
+    here = path.end
+    over = vessel.shift[2] + onto.whole[2]
+    over = max(over, vessel.height_on_way - vessel.lower[2])
+    lift = (over + _SAG_M + _PASS_M.draw(rng)) * UP
+    path.move(here + lift, turn, _LIFT_M_S.draw(rng))
+
+    about = Pose(vessel.solids[0].position)
+    steps = int(np.ceil(abs(vessel.yaw) / _TURN_STEP_RAD))
+    turns = [
+        about @ Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, angle)) @ about.inverse()
+        for angle in np.linspace(0.0, vessel.yaw, steps + 1)[1:]
+    ]
+    turned = path.follow(turns)
+
+    hung = turned.position - lift + vessel.shift + _SAG_M * UP
+    beside = hung + onto.whole
+    above = np.array([*beside[:2], turned.position[2]])
+    path.move(above, turned, _CARRY_M_S.draw(rng))
+    let_go = _LET_GO_M.draw(rng)
+    for place in (beside, hung + onto.rise * UP, hung - let_go * UP):
+        path.move(place, turned, _LOWER_M_S)
+
+    swing = find_swing(vessel)
+    if swing is not None:  # let go at once, it would swing for long
+        about = Pose(swing.middle)
+        steps = int(np.ceil(np.linalg.norm(swing.turn) / _TURN_STEP_RAD))
+        turned = path.follow(
+            about @ Pose.from_rotation(np.zeros(3), turn) @ about.inverse()
+            for turn in Rotation.from_rotvec(
+                np.linspace(0.0, 1.0, steps + 1)[1:, None] * swing.turn
+            )
+        )
+
+    upright = Rotation.from_rotvec(clip.rim.heading * UP)
+    loosened = turned.rotation * turn.rotation.inv() * upright
+    leave = loosened.apply((clip.length + _LEAVE_M) * UP)
+    loose = Pose.from_rotation(path.end, loosened)
+    path.go(loose, path.end, path.end + leave, touch=True)
+    path.go(loose, *[path.end] * _SWINGS)
+    return "hangs the vessel from a clip on its rim, and on a peg by its handle"
 
 
 def _make_clip_below(

@@ -16,7 +16,7 @@ from plugins.vlms.offline.clips import find_rims, make_clip_lifter, make_clip_po
 from plugins.vlms.offline.cups import draw_cup, suits_cup
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
 from plugins.vlms.offline.hand_turning import make_turning_clamp, turns_in_hand
-from plugins.vlms.offline.hanging import find_ways
+from plugins.vlms.offline.hanging import find_way_onto_peg, find_ways
 from plugins.vlms.offline.head_sampling import draw_clamp, draw_head
 from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.ladling import find_vessel, make_ladle
@@ -119,7 +119,8 @@ class DesignDrawer:
             return make_catcher(subgoal, self._rng)
 
         return (
-            self._draw_guided_head(subgoal)
+            self._draw_hanger(subgoal)
+            or self._draw_guided_head(subgoal)
             or self._draw_bow_carrier(subgoal)
             or self._draw_straight_head(subgoal)
             or self._draw_pourer(subgoal)
@@ -133,6 +134,10 @@ class DesignDrawer:
         """Draw a head for a gripper: pads that close on the bodies, or one head on the left finger."""
         if subgoal.model.draws_up:  # pads hang from the hand
             return self._draw_free_head(subgoal)
+
+        hanger = self._draw_hanger(subgoal)
+        if hanger is not None:
+            return hanger
 
         if turns_in_hand(subgoal) and self._rng.random() < _TURNS_IN_HAND:
             return make_turning_clamp(subgoal, self._rng)
@@ -165,6 +170,15 @@ class DesignDrawer:
 
         self.lightness *= _LIGHTER
         return True
+
+    def _draw_hanger(self, subgoal: Subgoal) -> Head | None:
+        """Draw a clip for the rim of a vessel that is to hang on a peg; None: it is not, or it has no rim."""
+        if subgoal.goal is None or len(subgoal.solids) > 1:
+            return None
+        if find_way_onto_peg(subgoal) is None or not find_rims(subgoal):
+            return None
+
+        return make_clip_lifter(subgoal, self._rng)
 
     def _draw_guided_head(self, subgoal: Subgoal) -> Head | None:
         """Draw a head for what leaves one way only; None: it is free, or there is no way in, or not this time."""
@@ -206,7 +220,7 @@ class DesignDrawer:
             return None
 
         ways = find_ways(subgoal)
-        is_free = ways is not None and not (ways.off.any() or ways.on.any())
+        is_free = ways is not None and ways.off.is_free and ways.on.is_free
         if not is_free or self._rng.random() >= _BY_BOW:
             return None
 

@@ -30,13 +30,12 @@ from plugins.vlms.offline.raycast import (
     find_tops,
 )
 from plugins.vlms.offline.reaching_in import make_joint_mover, make_presser
-from plugins.vlms.offline.subgoals import Subgoal, turn_to_goal
+from plugins.vlms.offline.subgoals import Subgoal, is_upright, turn_to_goal
 
 QUARTERS: list[float] = (np.arange(4) * np.pi / 2).tolist()
 """Headings along the world's axes."""
 
 _TURNED = np.radians(20.0)  # a goal about an orientation that is farther off than this
-_LEVEL = 0.5  # the sine of the steepest axis that a body is turned about
 _STEP_RAD = 0.15  # between waypoints
 _NEARLY_OVER = 0.2  # the sine of turns that are half ones, and have no direction
 _UNDERSIDE_M = 0.002  # above bodies' lowest point, their own underside at most
@@ -169,7 +168,7 @@ def find_level_turn(subgoal: Subgoal) -> tuple[Array, float] | None:
         The axis (3,), level or nearly so, as long as the angle's sine; and the angle, radians.
     """
     turn = _find_any_turn(subgoal)
-    return None if turn is None or _is_upright(turn[0]) else turn
+    return None if turn is None or is_upright(turn[0]) else turn
 
 
 def _find_yaw(subgoal: Subgoal) -> float | None:
@@ -179,7 +178,7 @@ def _find_yaw(subgoal: Subgoal) -> float | None:
         subgoal: of which the first body counts.
     """
     turn = _find_any_turn(subgoal)
-    if turn is None or not _is_upright(turn[0]):
+    if turn is None or not is_upright(turn[0]):
         return None
 
     axis, angle = turn
@@ -200,11 +199,6 @@ def _find_any_turn(subgoal: Subgoal) -> tuple[Array, float] | None:
         return None
 
     return axis, angle
-
-
-def _is_upright(axis: Array) -> bool:
-    """Report whether the axis (3,) of a turn is steep."""
-    return bool(abs(axis[2]) > _LEVEL * np.linalg.norm(axis) + 1e-6)
 
 
 def _stands_off(subgoal: Subgoal) -> bool:
@@ -419,16 +413,18 @@ class _Carrying:
         off, on = self.ways
         goal = lifted + self.tines.subgoal.shift
         height = max(lifted[2], goal[2]) + LIFT_M
-        over_start = np.array([*(lifted + off)[:2], height + _HIGHER_M.draw(rng)])
-        over_goal = np.array([*(goal + on)[:2], height + _HIGHER_M.draw(rng)])
+        beside_start = lifted + off.whole
+        beside_goal = goal + on.whole
+        over_start = np.array([*beside_start[:2], height + _HIGHER_M.draw(rng)])
+        over_goal = np.array([*beside_goal[:2], height + _HIGHER_M.draw(rng)])
         lowered = goal - _LOWER_M.draw(rng) * UP
 
         places = [lifted]
-        if off.any():
-            places += [lifted + off * UP, lifted + off]
+        if not off.is_free:
+            places += [lifted + off.rise * UP, beside_start]
         places += [over_start, over_goal]
-        if on.any():
-            places += [goal + on, goal + on * UP]
+        if not on.is_free:
+            places += [beside_goal, goal + on.rise * UP]
         places.append(goal)
         if not stays:
             places.append(lowered)

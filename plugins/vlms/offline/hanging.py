@@ -8,6 +8,7 @@ import numpy as np
 
 from core.geometry import Array
 from plugins.vlms.offline.boxes import UP, heading_axes
+from plugins.vlms.offline.pegs import find_pegs, find_swing
 from plugins.vlms.offline.raycast import LiftPoint
 from plugins.vlms.offline.subgoals import Subgoal
 
@@ -24,22 +25,50 @@ _SPARE_M = 0.014  # higher, since bodies sink between tines
 _HEADINGS: list[float] = (np.arange(16) * np.pi / 8).tolist()
 
 
+class Way(NamedTuple):
+    """How bodies get from a place to where they can be lifted.
+
+    Attributes:
+        rise: a little up, metres; 0 where they can be lifted at once.
+        aside: and then aside, (3,) metres; zeros where they can be lifted at once.
+    """
+
+    rise: float
+    aside: Array
+
+    @property
+    def is_free(self) -> bool:
+        """Whether they can be lifted at once."""
+        return not self.aside.any()
+
+    @property
+    def whole(self) -> Array:
+        """From the place to where they can be lifted, (3,) metres."""
+        return self.rise * UP + self.aside
+
+
+_AT_ONCE = Way(0.0, np.zeros(3))
+
+
 class Ways(NamedTuple):
     """How bodies get off what they are in, and into what they are to be in.
 
     Attributes:
-        off: from where they are to where they can be lifted, (3,) metres: a little up, and aside; zeros: at once.
+        off: from where they are to where they can be lifted.
         on: the same from the goal, the other way round.
     """
 
-    off: Array
-    on: Array
+    off: Way
+    on: Way
 
     @property
     def heading(self) -> float | None:
         """The heading along which tines go in, against the way off, radians; None: along any."""
-        way = self.off if self.off.any() else self.on
-        return float(np.arctan2(-way[1], -way[0])) if way.any() else None
+        way = self.on if self.off.is_free else self.off
+        if way.is_free:
+            return None
+
+        return float(np.arctan2(-way.aside[1], -way.aside[0]))
 
 
 def hangs(subgoal: Subgoal) -> bool:
@@ -55,23 +84,48 @@ def hangs(subgoal: Subgoal) -> bool:
         return False
 
     way = _find_way(subgoal, np.zeros(3))
-    return way is not None and bool(way.any())
+    return way is not None and not way.is_free
+
+
+def find_way_onto_peg(subgoal: Subgoal) -> Way | None:
+    """Find the way off a peg that a body is to hang on, and to be let go on; None: it is not, or hangs now.
+
+    Args:
+        subgoal: with one body.
+    """
+    if not _goes_onto_peg(subgoal):
+        return None
+
+    ways = find_ways(subgoal)
+    if ways is None or ways.on.is_free or not ways.off.is_free:
+        return None
+
+    return ways.on
+
+
+def _goes_onto_peg(subgoal: Subgoal) -> bool:
+    """Report whether a body is to hang on a peg, by a hole, and to be let go there."""
+    if not (subgoal.rises and subgoal.is_released):
+        return False
+
+    return find_swing(subgoal) is not None
 
 
 def find_ways(subgoal: Subgoal) -> Ways | None:
     """Find how bodies are lifted, and lowered at their goal; None: something is in the way.
 
     Args:
-        subgoal: the bodies, with what stands on them. Only those that hang may go aside.
+        subgoal: the bodies, with what stands on them. Only those that hang, or are to hang, may go aside.
     """
     goal = subgoal.shift + _ABOVE_GOAL_M * UP
     ways = []
-    for start in (np.zeros(3), goal):
-        if not _is_covered(subgoal, start):
-            ways.append(np.zeros(3))
+    for moved, start in ((subgoal, np.zeros(3)), (subgoal.turned, goal)):
+        if not _is_covered(moved, start):
+            ways.append(_AT_ONCE)
             continue
 
-        way = _find_way(subgoal, start) if hangs(subgoal) else None
+        hung = hangs(subgoal) or _goes_onto_peg(subgoal)
+        way = _find_way(moved, start) if hung else None
         if way is None:
             return None
         ways.append(way)
@@ -84,25 +138,26 @@ def _is_covered(subgoal: Subgoal, start: Array) -> bool:
     return subgoal.is_blocked(LIFT_M * UP, start, step=_STEP_M)
 
 
-def _find_way(subgoal: Subgoal, start: Array) -> Array | None:
-    """Find how bodies get to where they can be lifted, see `Ways`; None: they do not.
+def _find_way(subgoal: Subgoal, start: Array) -> Way | None:
+    """Find how bodies get to where they can be lifted; None: they do not.
 
     Args:
         subgoal: the bodies.
         start: from where, beside where they are, (3,) metres.
     """
     if not _is_covered(subgoal, start):
-        return np.zeros(3)
+        return _AT_ONCE
 
+    asides = [_OFF_M * heading_axes(heading)[0] for heading in _HEADINGS]
+    asides += [_OFF_M * peg.axis for peg in find_pegs(subgoal)]
     for rise in _RISES_M:
         if subgoal.is_blocked(rise * UP, start, step=_STEP_M):
             return None
 
         raised = start + rise * UP
-        for heading in _HEADINGS:
-            ahead, _ = heading_axes(heading)
-            if not subgoal.is_blocked(_OFF_M * ahead, raised, step=_STEP_M):
-                return np.asarray((rise + _SPARE_M) * UP + _OFF_M * ahead)
+        for aside in asides:
+            if not subgoal.is_blocked(aside, raised, step=_STEP_M):
+                return Way(rise + _SPARE_M, aside)
 
     return None
 

@@ -292,6 +292,22 @@ def find_profile(subgoal: Subgoal, line: Array) -> Array:
     return find_tops(subgoal.boxes, starts)
 
 
+def cross_lines(boxes: Boxes, starts: Array, way: Array) -> tuple[Array, Array]:
+    """Find where lines enter and leave boxes; inf and -inf where one misses a box.
+
+    Args:
+        boxes: N boxes in the world.
+        starts: a point of each line, (K, 3).
+        way: unit vector (3,) along all lines.
+
+    Returns:
+        From the points along the way, (K, N) each, metres.
+    """
+    inside = np.einsum("nik,vni->vnk", boxes.axes, starts[:, None] - boxes.centers)
+    slopes = np.einsum("nik,i->nk", boxes.axes, way)
+    return _cross_slabs(inside, slopes, boxes.halves)
+
+
 def find_tops(boxes: Boxes, starts: Array) -> Array:
     """Find how high boxes are below points (K, 3), or around them, in the world; -inf where there is none.
 

@@ -22,6 +22,7 @@ from core.scene import State
 from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.edges import lead_over_edge
+from plugins.vlms.offline.pegs import hang_on_peg
 from plugins.vlms.offline.scene_model import SceneModel, Solid
 from plugins.vlms.offline.subgoals import Subgoal, goal_position
 from plugins.vlms.offline.targets import Target, find_steady, find_targets, turn_over
@@ -183,7 +184,8 @@ class SceneAnalysis:
         if goal.any and len(solids) > 1:
             solids = [self._draw_easiest(solids, rng)]
 
-        goal = lead_over_edge(Subgoal(solids, np.zeros(3), model), goal, rng)
+        still = Subgoal(solids, np.zeros(3), model)
+        goal = hang_on_peg(still, lead_over_edge(still, goal, rng), rng)
 
         # Of several bodies in one grip some are lost over the rim.
         fills = goal.container is not None and len(solids) <= _MOST_LANES

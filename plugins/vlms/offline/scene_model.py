@@ -45,6 +45,12 @@ class Solid:
         """The origin of the body's frame in the world, (3,)."""
         return self.body.pose.position
 
+    def moved_by(self, by: Pose) -> Solid:
+        """Return the body moved by a pose in the world."""
+        body = replace(self.body, pose=by @ self.body.pose)
+        boxes = self.boxes.moved_to(by.position[None], by.rotation_matrix[None])
+        return Solid(by.apply(self.points), boxes, body)
+
     def stands_on(self, below: Solid) -> bool:
         """Report whether its middle is over another body, and its foot on top of it or lower."""
         lower = below.points.min(axis=0)

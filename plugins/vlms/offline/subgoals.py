@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from core.geometry import Array
+from core.geometry import Array, Pose
 from core.scene import Body, Soft
 from plugins.vlms.offline.boxes import UP, Boxes, count_overlaps, heading_axes
 from plugins.vlms.offline.scene_model import SceneModel, Solid
@@ -34,6 +34,7 @@ _LEAST_RISE_M = 0.05  # that must be free after a step
 _STEP_UP_M = 0.02  # its end is above its beginning
 _STEP_CLEAR_M = 0.006
 _LIFT_M = 0.002  # by which bodies rise that nothing keeps down
+_LEVEL_SINE = 0.5  # of the steepest axis that a body is turned about
 _SUPPORT_M = 0.006  # bodies are lifted by this for collision checks, since their support does not block them
 
 
@@ -205,6 +206,31 @@ class Subgoal:
             return round(angle / (np.pi / 2)) * np.pi / 2
 
         return angle
+
+    @property
+    def yaw(self) -> float:
+        """By how much the goal wants the first body turned about the vertical, radians; 0: not so."""
+        if self.goal is None or self.goal.axis is None:
+            return 0.0
+
+        axis, angle = turn_to_goal(self.goal, self.solids[0].body)
+        return float(np.sign(axis[2]) * angle) if is_upright(axis) else 0.0
+
+    @property
+    def turned(self) -> Subgoal:
+        """The same with its bodies turned by the yaw about the first one's origin."""
+        if self.yaw == 0.0:
+            return self
+
+        origin = self.solids[0].position
+        about = Pose(origin)
+        by = (
+            about
+            @ Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, self.yaw))
+            @ about.inverse()
+        )
+        turned = [solid.moved_by(by) for solid in self.solids]
+        return replace(self, solids=turned)
 
     def extent(self, heading: float) -> Extent:
         """Measure the bodies along a heading and across it.
@@ -437,3 +463,8 @@ def turn_to_goal(goal: Target, body: Body) -> tuple[Array, float]:
     angle = float(np.arccos(np.clip(now @ wanted, -1.0, 1.0)))
 
     return np.cross(now, wanted), angle
+
+
+def is_upright(axis: Array) -> bool:
+    """Report whether the axis (3,) of a turn is steep."""
+    return bool(abs(axis[2]) > _LEVEL_SINE * np.linalg.norm(axis) + 1e-6)

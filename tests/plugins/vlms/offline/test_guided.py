@@ -12,7 +12,7 @@ from plugins.vlms.offline.cups import is_turned_by_walls, suits_cup
 from plugins.vlms.offline.detours import find_detour, find_two_pushes, loses_ground
 from plugins.vlms.offline.guided import make_guided_head, needs_guided_head
 from plugins.vlms.offline.hand_turning import turns_in_hand
-from plugins.vlms.offline.hanging import find_ways, hangs
+from plugins.vlms.offline.hanging import find_way_onto_peg, find_ways, hangs
 from plugins.vlms.offline.ladling import find_vessel
 from plugins.vlms.offline.reaching_in import find_bow_points
 from plugins.vlms.offline.sheltered import find_depth, find_passage, is_sheltered
@@ -117,12 +117,37 @@ def test_what_hangs_on_a_peg_gets_off_it_and_onto_another_along_it():
     ways = find_ways(found)
     assert ways is not None
     for way in ways:
-        assert way[0] < -0.1  # pegs point toward the robot
-        assert abs(way[1]) < 1e-6
-        assert way[2] > 0.012  # over the lip
+        assert way.whole[0] < -0.1  # pegs point toward the robot
+        assert abs(way.whole[1]) < 1e-6
+        assert way.whole[2] > 0.012  # over the lip
 
     assert ways.heading == pytest.approx(0.0)
     assert not hangs(subgoal(scene("InsertPlug")))
+
+
+def test_a_mug_is_turned_and_hung_on_a_peg_by_its_handle(tmp_path):
+    found = subgoal(scene("onto_peg"))
+    assert abs(found.yaw) == pytest.approx(np.pi / 2, abs=0.3)
+    place = found.solids[0].position + found.shift
+    assert place[2] > 0.25  # beside the peg
+    onto = find_way_onto_peg(found)
+    assert onto is not None
+    assert onto.aside[0] < -0.1  # it points toward the robot
+
+    # The peg is found by a place near it, too.
+    file = tmp_path / "near.yaml"
+    text = (SCENES / "free" / "onto_peg.yaml").read_text()
+    x, y, z = (place + 0.03).round(3).tolist()
+    file.write_text(text.replace('[null, null, "> 0.15"]', f"[{x}, {y}, {z}]"))
+    near = subgoal(installed().create("task", "file", file=str(file)))
+    assert find_way_onto_peg(near) is not None
+    assert near.yaw == pytest.approx(found.yaw)
+
+    file = tmp_path / "no_handle.yaml"
+    file.write_text(text.replace("mug: {", "cup: {"))
+    cup = installed().create("task", "file", file=str(file))
+    assert find_way_onto_peg(subgoal(cup)) is None
+    assert subgoal(cup).yaw == 0.0
 
 
 def test_a_vessel_that_must_not_tilt_hangs_from_a_clip_on_its_rim():
@@ -286,6 +311,7 @@ def test_a_cup_without_handles_is_poured_from():
         ("catch_ball", 0.95),
         ("from_under", 0.95),
         ("into_slot", 0.95),
+        ("onto_peg", 0.95),
         ("lift_cloth", 0.95),
         ("past_hole", 0.95),
         ("press_and_let_go", 0.95),
