@@ -325,8 +325,7 @@ def _make_carrier(subgoal: Subgoal, rng: Generator) -> Head | None:
     Returns:
         A head with one tine or two.
     """
-    loaded = replace(subgoal, solids=(*subgoal.solids, *subgoal.riders))
-    ways = find_ways(loaded)
+    ways = find_ways(subgoal.loaded)
     if ways is None:
         return None
 

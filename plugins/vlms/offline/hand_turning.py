@@ -24,12 +24,10 @@ from plugins.vlms.offline.subgoals import Subgoal
 
 # Which bodies, and how far.
 _WIDEST_M = 0.2  # between pads
-_LONG = (
-    1.5  # times as long as wide and as high: what is to get into a hollow by its end
-)
-_FITS_M = (
-    0.01  # beside the end of what gets into a hollow, both sides and walls together
-)
+# Times as long as wide and as high: what is to get into a hollow by its end.
+_LONG = 1.5
+# Beside the end of what gets into a hollow, both sides and walls together.
+_FITS_M = 0.01
 _NEARLY_OVER = 0.2  # the sine of turns that are half ones, and have no direction
 _FAR_RAD = 2.0  # what is to be turned by more falls the rest
 # From so near on, of how far it may lean and still fall back on its foot, it falls by itself.

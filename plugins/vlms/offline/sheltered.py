@@ -6,7 +6,7 @@ It is lifted and lowered before the shelf, and goes in and out on the level, alo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -45,13 +45,8 @@ def is_sheltered(subgoal: Subgoal) -> bool:
     if goal is None or goal.place is None or goal.joint is not None:
         return False
 
-    loaded = _load(subgoal)
+    loaded = subgoal.loaded
     return _is_below(loaded, np.zeros(3)) or _is_below(loaded, loaded.shift)
-
-
-def _load(subgoal: Subgoal) -> Subgoal:
-    """Return the subgoal with all that stands on its bodies or in them, which is in no way."""
-    return replace(subgoal, solids=(*subgoal.solids, *subgoal.riders))
 
 
 def _is_below(subgoal: Subgoal, place: Array) -> bool:
@@ -71,7 +66,7 @@ def find_passage(
         headroom: that must be free above that, for what carries them, metres.
     """
     ahead, _ = heading_axes(heading)
-    loaded = _load(subgoal)
+    loaded = subgoal.loaded
     for rise in rises:
         above = (rise + headroom) * UP
         off = _find_way_out(loaded, above, ahead)
@@ -131,7 +126,7 @@ def find_rise(subgoal: Subgoal, start: Array, shift: Array, margin: float) -> fl
         shift: on the level, (3,) metres.
         margin: to what they pass.
     """
-    loaded = _load(subgoal)
+    loaded = subgoal.loaded
     for rise in np.arange(margin, _ROOF_M, _STEP_M).tolist():
         above = start + rise * UP
         if not loaded.is_blocked(shift, above, margin, step=_FINE_M):

@@ -135,6 +135,11 @@ class Subgoal:
             and any(solid.stands_on(below) for below in self.solids)
         ]
 
+    @property
+    def loaded(self) -> Subgoal:
+        """The same with its riders, which are in no way."""
+        return replace(self, solids=(*self.solids, *self.riders))
+
     @cached_property
     def clear_height(self) -> float:
         """The height above everything near the bodies' way, in the world, metres."""
