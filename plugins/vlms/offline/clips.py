@@ -268,13 +268,8 @@ def _hang_on_peg(clip: _Clip, onto: Way, path: HeadPath, rng: Generator) -> str:
     lift = (over + _SAG_M + _PASS_M.draw(rng)) * UP
     path.move(here + lift, turn, _LIFT_M_S.draw(rng))
 
-    about = Pose(vessel.solids[0].position)
-    steps = int(np.ceil(abs(vessel.yaw) / _TURN_STEP_RAD))
-    turns = [
-        about @ Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, angle)) @ about.inverse()
-        for angle in np.linspace(0.0, vessel.yaw, steps + 1)[1:]
-    ]
-    turned = path.follow(turns)
+    origin = vessel.solids[0].position
+    turned = path.turn_about(origin, vessel.yaw * UP, _TURN_STEP_RAD)
 
     hung = turned.position - lift + vessel.shift + _SAG_M * UP
     beside = hung + onto.whole
@@ -286,14 +281,7 @@ def _hang_on_peg(clip: _Clip, onto: Way, path: HeadPath, rng: Generator) -> str:
 
     swing = find_swing(vessel)
     if swing is not None:  # let go at once, it would swing for long
-        about = Pose(swing.middle)
-        steps = int(np.ceil(np.linalg.norm(swing.turn) / _TURN_STEP_RAD))
-        turned = path.follow(
-            about @ Pose.from_rotation(np.zeros(3), turn) @ about.inverse()
-            for turn in Rotation.from_rotvec(
-                np.linspace(0.0, 1.0, steps + 1)[1:, None] * swing.turn
-            )
-        )
+        turned = path.turn_about(swing.middle, swing.turn, _TURN_STEP_RAD)
 
     upright = Rotation.from_rotvec(clip.rim.heading * UP)
     loosened = turned.rotation * turn.rotation.inv() * upright

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
-from core.geometry import Array, Pose
+from core.geometry import Array
 from core.scene import Soft
 from plugins.vlms.offline.boxes import LEVEL, UP, heading_axes
 from plugins.vlms.offline.chance import Range
@@ -538,13 +538,7 @@ def _make_turner(subgoal: Subgoal, yaw: float, rng: Generator) -> Head:
 
         # A little farther, as they have room in it.
         whole = yaw + np.sign(yaw) * _PLAY_RAD.draw(rng)
-        steps = int(np.ceil(abs(whole) / _STEP_RAD))
-        about = Pose(middle)
-        turns = [
-            about @ Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, angle)) @ about.inverse()
-            for angle in np.linspace(0.0, whole, steps + 1)[1:]
-        ]
-        end = path.follow(turns)
+        end = path.turn_about(middle, whole * UP, _STEP_RAD)
         if subgoal.goal is not None and subgoal.goal.place is not None:
             path.move(end.position + subgoal.shift * LEVEL, end, _TOPPLE_M_S.draw(rng))
 

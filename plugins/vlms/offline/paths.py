@@ -151,6 +151,22 @@ class HeadPath:
             self.add(displacement @ head, touch=True)
         return self.poses[-1]
 
+    def turn_about(self, middle: Array, turn: Array, step: float) -> Pose:
+        """Turn the head as a body turns about a point, in steps; return where the head ends.
+
+        Args:
+            middle: the point in the world, (3,).
+            turn: (3,) along the axis, as long as the angle, radians.
+            step: of each waypoint, at most, radians.
+        """
+        about = Pose(middle)
+        steps = int(np.ceil(np.linalg.norm(turn) / step))
+        parts = Rotation.from_rotvec(np.linspace(0.0, 1.0, steps + 1)[1:, None] * turn)
+        return self.follow(
+            about @ Pose.from_rotation(np.zeros(3), part) @ about.inverse()
+            for part in parts
+        )
+
     def turn_above(self, number: int, height: float) -> None:
         """Insert waypoints before another one, if the head turns far to it: up, halfway around, and above its place.
 

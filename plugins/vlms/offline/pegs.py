@@ -23,16 +23,18 @@ _SLENDER = 3.0  # times as long as thick, at least
 _STEEP = 0.6  # the upward part of its direction is less: nothing hangs on a steep one
 _LEAST_PEG_M = 0.03
 _MOST_THICK_M = 0.04
-_SAME_M = 1e-4
+_SAME_M = 1e-4  # between the tips of boxes that are one peg
 _BEYOND_M = 0.01  # from its free end there is nothing so near
 _OVER = Range(0.3, 0.6)  # of its length, from its free end, at which bodies hang
+_NEAR_M = 0.06  # to the place that is asked for
 
-# A hole, as lines along the peg find it.
-_CELL_M = 0.002  # between lines
+# How a body is turned to hang there.
 _YAWS: list[float] = (np.arange(-11, 12) * np.pi / 12).tolist()
 _TURN_COSTS = 1e-5  # square metres of room that a turn by a radian is worth
 _AXIS = (1.0, 0.0, 0.0)  # of a body, which a turn is given by
-_NEAR_M = 0.06  # to the place that is asked for
+
+# A hole, as lines along the peg find it.
+_CELL_M = 0.002  # between lines
 _MOST_CELLS = 150  # of a side
 _ROOM_M = 0.002  # between a peg and the hole's edge, when it goes in
 _IN_EYE_M = 0.02  # from its hole, that a peg is in it

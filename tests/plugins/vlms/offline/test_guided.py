@@ -192,9 +192,8 @@ def test_a_cup_gets_between_two_boards_from_before_them(tmp_path):
     assert not passage.off.any()
     assert passage.on[0] < -0.06  # before the boards, with all of the cup
     assert find_passage(found, np.pi / 2, rises=(0.02,), headroom=0.03) is None
-    assert (
-        0.02 < find_depth(found, found.center, 0.0, found.shift) < 0.07
-    )  # to their edge
+    to_edge = find_depth(found, found.center, 0.0, found.shift)
+    assert 0.02 < to_edge < 0.07
 
     file = tmp_path / "open.yaml"
     text = (SCENES / "free" / "cup_in_shelf.yaml").read_text()
