@@ -518,8 +518,9 @@ class Executor(ABC):
     ) -> Iterator[tuple[A, B | Exception]]:
         """Yield each chunk with its result, in the order in which they finish.
 
-        The result is an exception where the function raised one or its worker died. ``chunks`` is read no faster than
-        workers need chunks. For a function with a ``batch`` above 1 chunks are large, and one worker is enough.
+        The result is an exception where the function raised one or its worker died. A chunk that has ``pieces``, as a
+        run's have, may be tried and yielded piece by piece. ``chunks`` is read no faster than workers need chunks. For
+        a function with a ``batch`` above 1 chunks are large, and one worker is enough.
         """
 
     @abstractmethod

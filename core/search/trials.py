@@ -46,7 +46,7 @@ class Chunk:
     def __iter__(self) -> Iterator[Candidate]:
         return iter(self.candidates)
 
-    def split(self, size: int) -> Iterator[Chunk]:
+    def pieces(self, size: int) -> Iterator[Chunk]:
         """Yield chunks of at most ``size`` candidates."""
         for begin in range(0, len(self), size):
             yield Chunk(self.condition, self.candidates[begin : begin + size])
@@ -115,7 +115,7 @@ class Trials:
         try:
             broken = yield from self._play(player, chunks)
             for size in sizes:
-                pieces = chain.from_iterable(chunk.split(size) for chunk, _ in broken)
+                pieces = chain.from_iterable(chunk.pieces(size) for chunk, _ in broken)
                 broken = yield from self._play(player, pieces)
 
             for chunk, error in broken:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import pickle
 import queue
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from dataclasses import dataclass
 from functools import partial
-from itertools import islice
-from typing import TypeVar
+from itertools import chain, islice
+from typing import Generic, Protocol, Self, TypeVar, runtime_checkable
 
 from core.errors import Fault, UsageError, check_positive, fault
 from core.interfaces import CHUNK
@@ -26,6 +28,16 @@ class _Raised:
     error: Exception
 
 
+@runtime_checkable
+class Divisible(Protocol):
+    """A chunk that can be dealt out in pieces."""
+
+    def __len__(self) -> int: ...
+
+    def pieces(self, size: int) -> Iterator[Self]:
+        """Yield chunks of at most ``size`` members."""
+
+
 def time_limit(timeout_s: float | None, chunk: object) -> float | None:
     """Return the seconds that a chunk may take: ``timeout_s`` for every ten candidates begun; None: no limit.
 
@@ -36,55 +48,114 @@ def time_limit(timeout_s: float | None, chunk: object) -> float | None:
     return None if timeout_s is None else timeout_s * max(1, -(-count // CHUNK))
 
 
+class _Supply(Generic[A]):
+    """Chunks for workers, read ahead of them.
+
+    Once all are read, no worker takes more than an equal share of what is left: none is idle while another one works
+    through a long last chunk.
+
+    Args:
+        chunks: at most two for each worker are read whose result was not taken yet.
+        workers: how many there are.
+    """
+
+    def __init__(self, chunks: Iterable[A], workers: int) -> None:
+        self._source = iter(chunks)
+        self._workers = workers
+        # A chunk holds it until its result is taken.
+        self._room = threading.Semaphore(2 * workers)
+        self._read: deque[A] = deque()
+        self._changed = threading.Condition()
+        self._ended = False
+        self._stopped = False
+
+    def read(self) -> None:
+        """Read chunks as long as there are any, and while there is room."""
+        while self._room.acquire() and not self._stopped:
+            chunks = [*islice(self._source, 1)]
+            with self._changed:
+                self._read += chunks
+                self._ended = not chunks
+                self._changed.notify_all()
+
+            if not chunks:
+                return
+
+    def make_room(self) -> None:
+        """Let one more chunk be read: the result of an earlier one is taken."""
+        self._room.release()
+
+    def take(self) -> list[A]:
+        """Wait for the next chunk, or a piece of it; none: there are no more."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._read or self._ended or self._stopped)
+            if self._stopped or not self._read:
+                return []
+
+            chunk = self._read.popleft()
+            if self._ended and isinstance(chunk, Divisible):
+                chunk, *others = chunk.pieces(self._share(chunk))
+                self._read.extendleft(reversed(others))
+
+            return [chunk]
+
+    def _share(self, chunk: Divisible) -> int:
+        """Compute a worker's share of a chunk and what comes after it."""
+        left = len(chunk)
+        for other in self._read:
+            if isinstance(other, Sized):
+                left += len(other)
+
+        return max(1, math.ceil(left / self._workers))
+
+    def stop(self) -> None:
+        """Let no chunk be taken any more."""
+        with self._changed:
+            self._stopped = True
+            self._changed.notify_all()
+
+        self._room.release()
+
+
 def dispatch(
     workers: Sequence[Callable[[A], B | Exception]], chunks: Iterable[A]
 ) -> Iterator[tuple[A, B | Exception]]:
     """Yield each chunk with a worker's result, in the order in which they finish.
 
-    Each worker has a thread, which reads its next chunk when it is free. So results come while the next chunk is
-    awaited. At most two chunks for each worker are read and not yet taken. What a worker or ``chunks`` raises is raised
-    here.
+    Each worker has a thread, and one reads ``chunks``. So results come while the next chunk is awaited. The last ones
+    are dealt out in pieces, if they are `Divisible`, and yielded so (see `_Supply`). What a worker or ``chunks`` raises
+    is raised here.
     """
-    source = iter(chunks)
-    reading = threading.Lock()
+    supply = _Supply(chunks, len(workers))
     results: queue.SimpleQueue[tuple[A, B | Exception] | _Raised | None] = (
         queue.SimpleQueue()
     )
-    # A chunk holds it until its result is taken.
-    room = threading.Semaphore(2 * len(workers))
-    stop = threading.Event()
 
     def serve(worker: Callable[[A], B | Exception]) -> None:
-        while room.acquire() and not stop.is_set():
-            with reading:
-                taken = [] if stop.is_set() else [*islice(source, 1)]
-
-            if not taken or stop.is_set():
-                return
-
-            (chunk,) = taken
+        for chunk in chain.from_iterable(iter(supply.take, [])):
             results.put((chunk, worker(chunk)))
 
     def end(error: Exception | None) -> None:
         results.put(_Raised(error) if error is not None else None)
 
-    serving = len(workers)
+    threads: list[tuple[Callable[[], None], str]] = [(supply.read, "chunks")]
+    threads += [(partial(serve, worker), "worker") for worker in workers]
+    running = len(threads)
     try:
-        for worker in workers:
-            run_in_thread(partial(serve, worker), end, "worker")
+        for function, name in threads:
+            run_in_thread(function, end, name)
 
-        while serving:
+        while running:
             result = results.get()
             if result is None:
-                serving -= 1
+                running -= 1
             elif isinstance(result, _Raised):
                 raise result.error
             else:
-                room.release()
+                supply.make_room()
                 yield result
     finally:
-        stop.set()
-        room.release(len(workers))
+        supply.stop()
 
 
 def check_limits(workers: int | None, timeout_s: float | None) -> None:

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rich.progress import track
+from rich.progress import Progress
 
 from core.config.compose import load, node, part
 from core.design import Candidate
@@ -121,20 +121,20 @@ def population(
 
     began = time.perf_counter()
     tried = executor.map(clock, chunks)
-    shown = track(
-        tried,
-        total=len(chunks),
-        console=measuring.console,
-        disable=not measuring.console.is_terminal,
-    )
     total: Counter[str] = Counter()
     statuses: Counter[str] = Counter()
-    for _, result in shown:
-        if isinstance(result, Exception):
-            raise result
-        trials, took = result
-        total.update(took)
-        statuses.update(trial.status for trial in trials)
+    shown = Progress(
+        console=measuring.console, disable=not measuring.console.is_terminal
+    )
+    with shown:
+        bar = shown.add_task("rollouts", total=len(candidates))
+        for _, result in tried:
+            if isinstance(result, Exception):
+                raise result
+            trials, took = result
+            total.update(took)
+            statuses.update(trial.status for trial in trials)
+            shown.advance(bar, len(trials))
     wall = time.perf_counter() - began
 
     all_time = workers * wall

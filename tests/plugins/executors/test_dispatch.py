@@ -1,7 +1,10 @@
 import threading
 import time
+from collections import Counter
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from core.interfaces import CHUNK
 from plugins.executors.dispatch import dispatch, time_limit
@@ -71,3 +74,62 @@ def test_a_thread_that_ends_is_not_waited_for(end, where):
     with pytest.raises((type(end), RuntimeError)) as caught:
         list(dispatch([work, work], chunks()))
     assert type(end).__name__ in f"{caught.value!r}"
+
+
+class Numbers(tuple):
+    """A chunk of numbers."""
+
+    def pieces(self, size):
+        for begin in range(0, len(self), size):
+            yield Numbers(self[begin : begin + size])
+
+
+@settings(deadline=None, max_examples=50)
+@given(
+    lengths=st.lists(st.integers(1, 12), max_size=12),
+    workers=st.integers(1, 5),
+)
+def test_each_member_of_a_chunk_is_worked_on_once(lengths, workers):
+    chunks = [
+        Numbers((number, k) for k in range(n)) for number, n in enumerate(lengths)
+    ]
+    results = [*dispatch([lambda chunk: chunk] * workers, chunks)]
+    assert all(chunk == result for chunk, result in results)
+    assert Counter(n for chunk, _ in results for n in chunk) == Counter(sum(chunks, ()))
+
+
+def test_workers_share_the_last_chunk():
+    """All begin a piece of it before any of them ends one."""
+    count = 4
+    all_read = threading.Event()
+    all_begun = threading.Barrier(count)
+
+    def chunks():
+        yield from [Numbers([0])] * count
+        yield Numbers(range(1, count + 1))
+        all_read.set()
+
+    def work(chunk):
+        if chunk == (0,):
+            all_read.wait(timeout=10)
+            time.sleep(0.1)
+        else:
+            all_begun.wait(timeout=10)
+
+        return len(chunk)
+
+    results = [result for _, result in dispatch([work] * count, chunks())]
+    assert results == [1] * (2 * count)
+
+
+def test_chunks_that_others_follow_stay_whole():
+    may_end = threading.Event()
+
+    def chunks():
+        yield Numbers(range(8))
+        may_end.wait()
+
+    results = dispatch([len, len], chunks())
+    assert next(results) == (Numbers(range(8)), 8)
+    may_end.set()
+    assert [*results] == []
