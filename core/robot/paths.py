@@ -8,12 +8,14 @@ from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy.interpolate import (
     BSpline,
     CubicSpline,
     PchipInterpolator,
     make_interp_spline,
 )
+from scipy.linalg.lapack import dgbtrf, dgbtrs
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from core.geometry import Array, running_sums, step_lengths
@@ -26,6 +28,7 @@ APART_M = 1e-6  # waypoints nearer than this are one place
 _LEVER_M = 0.2  # a turn of 1 rad is as long as this
 _ROUNDING_RAD = 1e-9
 
+Indices = npt.NDArray[np.intp]
 JointPath = BSpline | PchipInterpolator  # joints (J,) over s in [0, 1]
 
 
@@ -125,8 +128,7 @@ def join_knots(knots: Array, arm: Arm) -> JointPath:
         arm: gives the limits.
     """
     count = len(knots)
-    s = np.linspace(0.0, 1.0, count)
-    path = make_interp_spline(s, knots, min(3, count - 1), check_finite=False)
+    path = _prepare_spline(count).solve(knots)
 
     # A spline stays among its control points: most need no closer look.
     if (path.c >= arm.lower).all() and (path.c <= arm.upper).all():
@@ -137,9 +139,52 @@ def join_knots(knots: Array, arm: Arm) -> JointPath:
     above = joints > arm.upper + _ROUNDING_RAD
 
     if (below | above).any():
-        return PchipInterpolator(s, knots, axis=0)
+        return PchipInterpolator(np.linspace(0.0, 1.0, count), knots, axis=0)
 
     return path
+
+
+class _SplineEquations(NamedTuple):
+    """The equations of a spline through evenly spaced places, factorised.
+
+    Attributes:
+        degree: of the spline.
+        knots: the spline's own.
+        factors: of the band matrix, as LAPACK's ``gbtrf`` packs them.
+        pivots: the order of its rows.
+    """
+
+    degree: int
+    knots: Array
+    factors: Array
+    pivots: Indices
+
+    def solve(self, values: Array) -> BSpline:
+        """Return the spline through values (K, J), to the last bit that of `make_interp_spline`."""
+        band = self.degree
+        found, _ = dgbtrs(self.factors, band, band, values, self.pivots)
+        # What the constructor checks is so.
+        return BSpline.construct_fast(
+            self.knots, np.ascontiguousarray(found), self.degree
+        )
+
+
+@lru_cache(
+    maxsize=128
+)  # most of the time of `make_interp_spline` goes to what is the same for all paths
+def _prepare_spline(count: int) -> _SplineEquations:
+    """Prepare the equations of a spline through so many places: cubic, or of a lower degree where they are few."""
+    band = min(3, count - 1)
+    s = np.linspace(0.0, 1.0, count)
+    knots = make_interp_spline(s, np.zeros(count), band).t
+    matrix = BSpline.design_matrix(s, knots, band).toarray()
+    packed = np.zeros((3 * band + 1, count), order="F")
+    for offset in range(-band, band + 1):
+        columns = slice(max(offset, 0), count + min(offset, 0))
+        packed[2 * band - offset, columns] = np.diagonal(matrix, offset)
+
+    factors, pivots, _ = dgbtrf(packed, band, band)
+    return _SplineEquations(band, knots, factors, pivots)
 
 
 @lru_cache(maxsize=128)
