@@ -13,7 +13,7 @@ An answer comes about by rejection sampling, and later by a genetic algorithm. E
   own motions (`guided`, `hanging`, `reaching_in`, `pouring`, `ladling`); `raycast` finds where they get in. So have
   those for what lies free and asks for more than a primitive (`clips`, `cups`, `detours`, `catching`, `hand_turning`).
   What must get lower than what it stands on goes over an edge (`edges`), and what is to end below something goes in
-  from the side (`sheltered`). What is to stay higher by itself is hung on a peg (`pegs`).
+  from the side (`sheltered`, `below_roof`). What is to stay higher by itself is hung on a peg (`pegs`).
 - The search. The `Sampler` draws subgoals, a head, a path and a mount, counts the `faults` of what came of it, and
   keeps the sample with the fewest. `evolve` breeds from `parents`: `tool_variation` and `plan_variation`.
 - The answer. `anchoring` and `plan_writing` write plans that move with the layout, `written_design` a tool with its

@@ -90,7 +90,7 @@ def is_turned_by_walls(subgoal: Subgoal) -> bool:
     if not shapes or all(isinstance(shape, Sphere) for shape in shapes):
         return False
 
-    extent = subgoal.extent(_find_heading(subgoal, 1.0))
+    extent = subgoal.extent(find_heading(subgoal, 1.0))
     large = max(subgoal.height, extent.across) > _MOST_M
     return not large and _find_room(subgoal, extent, subgoal.height) > _LEAST_ROOM_M
 
@@ -104,32 +104,52 @@ def draw_cup(subgoal: Subgoal, rng: Generator, thickness_factor: float) -> Head:
         thickness_factor: how many times as thick as of the stiff default material walls are.
     """
     height = subgoal.height * _WALLS.draw(rng)
-    return _draw_walls(make_cup, subgoal, rng, height, _PLATE_M * thickness_factor)
+    side = draw_side(rng)
+    heading = find_heading(subgoal, side)
+    thick = _PLATE_M * thickness_factor
+    walls = _draw_walls(make_cup, subgoal, heading, rng, height, thick)
+    return hang(walls, side, _TILT_RAD.draw(rng), rng)
+
+
+def draw_plain_cup(
+    subgoal: Subgoal, heading: float, rng: Generator, thickness_factor: float
+) -> Head:
+    """Draw a cup for a body that does not hang from a flange yet.
+
+    Args:
+        subgoal: with one body.
+        heading: along which the body is tipped, radians about z.
+        rng: random numbers.
+        thickness_factor: see `draw_cup`.
+    """
+    height = subgoal.height * _WALLS.draw(rng)
+    thick = _PLATE_M * thickness_factor
+    return _draw_walls(make_cup, subgoal, heading, rng, height, thick)
 
 
 def _draw_walls(
     make: Callable[[float, float, float, float], Head],
     subgoal: Subgoal,
+    heading: float,
     rng: Generator,
     height: float,
     thick: float,
 ) -> Head:
-    """Draw walls around a body, and hang them from the flange.
+    """Draw walls around a body.
 
     Args:
         make: makes a head of its width, depth and height, inside, and the walls' thickness, metres.
         subgoal: with the body.
+        heading: along which the body is tipped, radians about z.
         rng: random numbers.
         height: of the walls, metres.
         thick: of the walls, metres.
     """
-    side = _draw_side(rng)
-    extent = subgoal.extent(_find_heading(subgoal, side))
+    extent = subgoal.extent(heading)
     spare = _SPARE_M.draw(rng)
     room = _find_room(subgoal, extent, height) * _ROOM.draw(rng)
     along = extent.along + min(2 * spare, room)
-    walls = make(extent.across + 2 * spare, along, max(_LEAST_WALL_M, height), thick)
-    return _hang(walls, side, rng)
+    return make(extent.across + 2 * spare, along, max(_LEAST_WALL_M, height), thick)
 
 
 def _find_room(subgoal: Subgoal, extent: Extent, height: float) -> float:
@@ -159,14 +179,8 @@ def tip_in(path: HeadPath, subgoal: Subgoal, head: Head, rng: Generator) -> str:
         What it does, in words, as a part of the sentence that describes the plan.
     """
     angle = _TIP_RAD.draw(rng)
-    extent = subgoal.extent(_find_heading(subgoal, _read_side(head)))
-    lid = head.pieces[1]
-    inside = lid.pose.position[2] - lid.size[2] / 2
-    foot = max(
-        subgoal.upper[2] + _LID_M.draw(rng) - inside,
-        subgoal.lower[2] + _OFF_M.draw(rng),
-    )
-    poses = _turn_over_edge(subgoal, extent, head, foot, angle)
+    extent = subgoal.extent(find_heading(subgoal, _read_side(head)))
+    poses = tip_over_edge(subgoal, extent, head, angle, rng)
     text = f"tips the body into a cup by {np.degrees(angle):.0f} degrees"
 
     path.descend(subgoal, poses[0], poses[0].position)
@@ -208,6 +222,27 @@ def tip_in(path: HeadPath, subgoal: Subgoal, head: Head, rng: Generator) -> str:
     return f"{text}, carries it by {subgoal.length:.2f} m and {verb}"
 
 
+def tip_over_edge(
+    subgoal: Subgoal, extent: Extent, cup: Head, angle: float, rng: Generator
+) -> list[Pose]:
+    """Tip a cup with a body about the body's foremost edge; return poses of the cup, the first one over the body.
+
+    Args:
+        subgoal: with the body.
+        extent: along the heading.
+        cup: around the body.
+        angle: at the end, radians.
+        rng: random numbers.
+    """
+    lid = cup.pieces[1]
+    inside = lid.pose.position[2] - lid.size[2] / 2
+    foot = max(
+        subgoal.upper[2] + _LID_M.draw(rng) - inside,
+        subgoal.lower[2] + _OFF_M.draw(rng),
+    )
+    return _turn_over_edge(subgoal, extent, cup, foot, angle)
+
+
 def make_flipper(subgoal: Subgoal, rng: Generator) -> Head:
     """Make a ring that turns a flat body over.
 
@@ -215,8 +250,12 @@ def make_flipper(subgoal: Subgoal, rng: Generator) -> Head:
         subgoal: with one body, lower than it is long.
         rng: random numbers.
     """
-    ring = _draw_walls(_make_ring, subgoal, rng, subgoal.height, _PLATE_M)
-    extent = subgoal.extent(_find_heading(subgoal, _read_side(ring)))
+    side = draw_side(rng)
+    extent = subgoal.extent(find_heading(subgoal, side))
+    walls = _draw_walls(
+        _make_ring, subgoal, extent.heading, rng, subgoal.height, _PLATE_M
+    )
+    ring = hang(walls, side, _TILT_RAD.draw(rng), rng)
 
     def flip(path: HeadPath, rng: Generator) -> str:
         """Come down around the body, turn it over its edge, move it as it stands, let it fall, and leave."""
@@ -254,17 +293,17 @@ def _make_ring(width: float, depth: float, height: float, thick: float) -> Head:
     return replace(stemmed, kind="ring", primitive="guided")
 
 
-def _draw_side(rng: Generator) -> float:
+def draw_side(rng: Generator) -> float:
     """Draw to which side, seen from the arm, a cup tips: 1 is left."""
     return float(rng.choice([-1.0, 1.0]))
 
 
-def _find_heading(subgoal: Subgoal, side: float) -> float:
+def find_heading(subgoal: Subgoal, side: float) -> float:
     """Find the heading across the way from the arm, or near it, along which bounds of the body are smallest.
 
     Args:
         subgoal: with one body.
-        side: see `_draw_side`.
+        side: see `draw_side`.
     """
     across = subgoal.workspace.direction(subgoal.center) + side * np.pi / 2
     best = across
@@ -279,22 +318,23 @@ def _find_heading(subgoal: Subgoal, side: float) -> float:
     return float(best)
 
 
-def _hang(head: Head, side: float, rng: Generator) -> Head:
+def hang(head: Head, side: float, tilt: float, rng: Generator) -> Head:
     """Hang a head from the flange, which is tilted back against the way that it will turn.
 
     Args:
         head: a cup or a ring.
-        side: see `_draw_side`.
+        side: see `draw_side`.
+        tilt: of the flange, radians.
         rng: random numbers.
     """
     # The flange is not turned about itself.
-    tilted = Pose.xyz_rpy(head.attachment, (0.0, -_TILT_RAD.draw(rng), 0.0))
+    tilted = Pose.xyz_rpy(head.attachment, (0.0, -tilt, 0.0))
     turned = Pose.xyz_rpy(_FLANGE_M.draw(rng) * UP, (0.0, 0.0, -side * np.pi / 2))
     return replace(head, mount_pose=(tilted @ turned).inverse())
 
 
 def _read_side(head: Head) -> float:
-    """Read to which side a head tips; see `_hang`."""
+    """Read to which side a head tips; see `hang`."""
     assert head.mount_pose is not None
     return float(np.sign(head.mount_pose.rotation_matrix[1, 0]))
 

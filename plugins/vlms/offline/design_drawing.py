@@ -10,6 +10,11 @@ from numpy.random import Generator
 from core.design import Tool
 from core.geometry import Pose
 from core.interfaces import PAPER, Brief
+from plugins.vlms.offline.below_roof import (
+    goes_below,
+    make_reaching_clamp,
+    make_shelver,
+)
 from plugins.vlms.offline.catching import make_catcher, needs_catcher
 from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.clips import find_rims, make_clip_lifter, make_clip_pourer
@@ -55,6 +60,7 @@ _LADLES = 0.8  # how often what lies in a fixed vessel is scooped out of it
 _CLIPS = 0.5  # how often an open vessel hangs from a clip on its rim
 _CLIPS_STEADY = 0.9  # and one that must not tilt
 _CUPS = 0.6  # how often what stands flat is tipped into a cup
+_BELOW = 0.8  # how often a body is brought in below something
 _CLAMPS = 0.5  # how often a gripper has pads that close on bodies, rather than a head on one finger
 _CLAMPS_INTO = 0.9  # how often where bodies leave or enter what is around them: a hand alone gets there
 _SHAFT_KINDS = ("gantry", "slope", "elbow")
@@ -138,6 +144,11 @@ class DesignDrawer:
         hanger = self._draw_hanger(subgoal)
         if hanger is not None:
             return hanger
+
+        below = goes_below(subgoal) and self._rng.random() < _BELOW
+        reaching = make_reaching_clamp(subgoal, self._rng) if below else None
+        if reaching is not None:
+            return reaching
 
         if turns_in_hand(subgoal) and self._rng.random() < _TURNS_IN_HAND:
             return make_turning_clamp(subgoal, self._rng)
@@ -259,10 +270,13 @@ class DesignDrawer:
     def _draw_cup(self, subgoal: Subgoal) -> Head | None:
         """Draw a cup for a body that must be lifted and that nothing gets below; None: it is none, or not this time."""
         suits = suits_cup(subgoal) and not needs_guided_head(subgoal)
-        if not suits or self._rng.random() >= _CUPS:
+        below = suits and goes_below(subgoal)
+        if not suits or self._rng.random() >= (_BELOW if below else _CUPS):
             return None
 
-        return draw_cup(subgoal, self._rng, self.thickness_factor)
+        arguments = (subgoal, self._rng, self.thickness_factor)
+        shelver = make_shelver(*arguments) if below else None
+        return shelver or draw_cup(*arguments)
 
     def build(
         self,

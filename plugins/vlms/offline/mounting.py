@@ -122,7 +122,7 @@ class HeadPlacer:
         start = path.poses[1]
         yaw = self._draw_yaw(path, head)
         least, most = self._find_drops(path, head, subgoal)
-        from_above = head.primitive == "clamp" and subgoal.is_enclosed
+        from_above = self._reaches_in(head, subgoal)
 
         # The head's positions (N, 3) and turns (N, 3, 3) along the path, in each layout.
         rows = path.to_rows(Pose(), self.gripper)
@@ -239,9 +239,17 @@ class HeadPlacer:
             least = max(least, self.direction.drop)
             most = least
 
+        if head.primitive == "clamp" and head.behind is not None:
+            most = least + _DROPS_M
+
         # The hand stays above the container that the fingers reach into.
-        if head.primitive == "clamp" and subgoal.is_enclosed:
+        if self._reaches_in(head, subgoal):
             most = max(least, room - _REACH_IN_M)
             least = min(most, subgoal.clear_height - path.lowest + _HAND_M)
 
         return least, most
+
+    def _reaches_in(self, head: Head, subgoal: Subgoal) -> bool:
+        """Report whether fingers reach from above into what is around bodies."""
+        from_above = head.primitive == "clamp" and head.behind is None
+        return from_above and subgoal.is_enclosed

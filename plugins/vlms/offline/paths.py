@@ -144,28 +144,32 @@ class HeadPath:
         for share in np.linspace(0.0, 1.0, count + 1)[1:]:
             self.go(turn, start + share * (end - start), grip=grip, touch=True)
 
-    def follow(self, displacements: Iterable[Pose]) -> Pose:
+    def follow(self, displacements: Iterable[Pose], *, grip: float = 0.0) -> Pose:
         """Move the head as a body moves, by displacements in the world; return where the head ends."""
         head = self.poses[-1]
         for displacement in displacements:
-            self.add(displacement @ head, touch=True)
+            self.add(displacement @ head, grip=grip, touch=True)
         return self.poses[-1]
 
-    def turn_about(self, middle: Array, turn: Array, step: float) -> Pose:
+    def turn_about(
+        self, middle: Array, turn: Array, step: float, *, grip: float = 0.0
+    ) -> Pose:
         """Turn the head as a body turns about a point, in steps; return where the head ends.
 
         Args:
             middle: the point in the world, (3,).
             turn: (3,) along the axis, as long as the angle, radians.
             step: of each waypoint, at most, radians.
+            grip: the gripper's value.
         """
         about = Pose(middle)
         steps = int(np.ceil(np.linalg.norm(turn) / step))
         parts = Rotation.from_rotvec(np.linspace(0.0, 1.0, steps + 1)[1:, None] * turn)
-        return self.follow(
+        displacements = (
             about @ Pose.from_rotation(np.zeros(3), part) @ about.inverse()
             for part in parts
         )
+        return self.follow(displacements, grip=grip)
 
     def turn_above(self, number: int, height: float) -> None:
         """Insert waypoints before another one, if the head turns far to it: up, halfway around, and above its place.

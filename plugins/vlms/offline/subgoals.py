@@ -116,22 +116,23 @@ class Subgoal:
         self.workspace = self.model.workspace
 
     @cached_property
+    def others(self) -> list[Solid]:
+        """All other bodies, also where these are moved or turned."""
+        names = {solid.body.name for solid in self.solids}
+        return [solid for name, solid in self.model.solids.items() if name not in names]
+
+    @cached_property
     def obstacles(self) -> Boxes:
         """The boxes of all other bodies."""
-        return Boxes.concatenate(
-            solid.boxes
-            for solid in self.model.solids.values()
-            if solid not in self.solids
-        )
+        return Boxes.concatenate(solid.boxes for solid in self.others)
 
     @property
     def riders(self) -> list[Solid]:
         """The loose bodies that stand on or in these, and go along."""
         return [
             solid
-            for solid in self.model.solids.values()
-            if solid not in self.solids
-            and not solid.body.fixed
+            for solid in self.others
+            if not solid.body.fixed
             and any(solid.stands_on(below) for below in self.solids)
         ]
 

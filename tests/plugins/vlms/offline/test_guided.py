@@ -1,11 +1,14 @@
 """The embedded designer's guided strokes: found by rays, chosen by what holds a body, and useful in an engine."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from core.geometry import Pose
 from core.plugins import installed
+from plugins.vlms.offline.below_roof import goes_below
 from plugins.vlms.offline.catching import needs_catcher
 from plugins.vlms.offline.clips import find_rims
 from plugins.vlms.offline.cups import is_turned_by_walls, suits_cup
@@ -264,6 +267,34 @@ def test_pads_turn_nothing_that_fits_in_as_it_lies(tmp_path):
     short = installed().create("task", "file", file=str(file))
     assert not turns_in_hand(subgoal(short))
     assert not turns_in_hand(subgoal(scene("stack_cubes")))
+
+
+def test_a_box_is_brought_in_below_a_roof(tmp_path):
+    found = subgoal(scene("box_in_shelf"))
+    assert goes_below(found)
+
+    # Where it was is no obstacle to it once it is turned.
+    by = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, 0.5))
+    turned = replace(found, solids=[solid.moved_by(by) for solid in found.solids])
+    assert turned.others == found.others
+    assert not turned.riders
+
+    file = tmp_path / "open.yaml"
+    text = (SCENES / "free" / "box_in_shelf.yaml").read_text()
+    roof = "      - {box: [0.2, 0.36, 0.015], position: [0, 0, 0.3925]}\n"
+    assert roof in text
+    file.write_text(text.replace(roof, ""))
+    opened = installed().create("task", "file", file=str(file))
+    assert not goes_below(subgoal(opened))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gripper", [False, True])
+def test_a_box_comes_to_lie_on_a_board_below_a_roof(gripper):
+    task = scene("box_in_shelf")
+    designs = candidates(brief(task, gripper=gripper, n_tool=4, n_action=1, seed=3))
+    sim = installed().create("sim", "mujoco")
+    assert max(e.reward for e in evaluate_batch(task, sim, designs)) >= 0.95
 
 
 @pytest.mark.slow
