@@ -1,7 +1,7 @@
 """Draw a head for a subgoal: its family, and its measures by what is to be moved and what is around.
 
-Bodies that must rise, or have something in their way, are lifted. Those that something is above are mostly hooked, all
-others mostly pushed. The families of heads are in `heads`.
+Bodies that must rise, or have something in their way, are lifted. Those that something is above are mostly hooked,
+also past what is in their way, and all others mostly pushed. The families of heads are in `heads`.
 """
 
 from __future__ import annotations
@@ -209,9 +209,11 @@ def draw_head(
             return make_two_pushes(subgoal, legs, rng)
 
     drawing = _HeadDrawing(subgoal, rng, thickness_factor, lightness)
+    # Below a roof nothing comes down, nor is anything lifted over what bars its way.
+    may_lift = not subgoal.is_covered
     lifts = (
         subgoal.rises
-        or (barred and rng.random() < _LIFTS_BARRED)
+        or (barred and may_lift and rng.random() < _LIFTS_BARRED)
         or (falls and rng.random() < _LIFTS_FALLING)
     )
 
