@@ -8,7 +8,7 @@ World frame: x forward from the arm's base, y left, z up; metres, kilograms, rad
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import TypedDict
@@ -33,6 +33,7 @@ from core.values.joints import (
     Joint as Joint,
     Latch as Latch,
     PlacedJoint,
+    Placement,
 )
 from core.values.margins import Margin as Margin
 from core.values.softs import (
@@ -434,6 +435,46 @@ class Scene:
         if tool is None or tool.fixture is None:
             return self
         return _furnish(self, tool)
+
+    def with_starts(self, starts: Mapping[str, float]) -> Scene:
+        """Return the scene whose joints, by name, start elsewhere; bodies that hang from them go along.
+
+        Raises:
+            ValueError: a joint can't start there.
+        """
+        poses = {body.name: body.pose for body in self.bodies}
+
+        for placed in self.ordered_joints:
+            joint = placed.joint
+            value: Array = np.array(starts.get(joint.name, joint.start))
+            speed: Array = np.zeros(())
+            if joint.kind == "ball":
+                value = np.array([1.0, 0.0, 0.0, 0.0])
+                speed = np.zeros(3)
+
+            parent = Pose()
+            if joint.parent is not None:
+                parent = poses[joint.parent]
+
+            moved = placed.carry(value, speed, Placement.at_rest(parent))
+            poses[joint.body] = Pose(moved.position, moved.quaternion)
+
+        joints = []
+        for joint in self.joints:
+            start = starts.get(joint.name, joint.start)
+            joints.append(replace(joint, start=start))
+
+        return replace(self.with_poses(poses), joints=tuple(joints))
+
+    def with_poses(self, poses: Mapping[str, Pose]) -> Scene:
+        """Return the scene with bodies at other poses, by name; marks that they carry go along."""
+        placed = {body.name: body.pose for body in self.bodies}
+        placed.update(poses)
+        for mark, (carrier, offset) in self.carried.items():
+            placed[mark] = placed[carrier] @ offset
+
+        bodies = [replace(body, pose=placed[body.name]) for body in self.bodies]
+        return replace(self, bodies=tuple(bodies))
 
     def complete(self, state: State) -> State:
         """Add the places of fixed bodies and marks, and the joints, to a state of free bodies, as rewards get it."""

@@ -9,10 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from core.errors import UsageError, UserError, choices
-from core.geometry import Array, Pose
+from core.geometry import Pose
 from core.goals import needs_fixture
 from core.scene import FIXTURE, Body, Color, Region, Scene, Soft, table
-from core.values.joints import Placement
 from plugins.tasks.file.body_building import (
     build_body,
     build_ground,
@@ -232,41 +231,6 @@ def _find_joint(spec: SceneSpec, message: str) -> Where:
             return ("bonds", number)
 
     return ()
-
-
-def with_starts(scene: Scene, starts: Mapping[str, float]) -> Scene:
-    """Return a scene whose joints, by name, start elsewhere; bodies that hang from them go along.
-
-    Raises:
-        ValueError: a joint can't start there.
-    """
-    poses = {body.name: body.pose for body in scene.bodies}
-
-    for placed in scene.ordered_joints:
-        joint = placed.joint
-        value: Array = np.array(starts.get(joint.name, joint.start))
-        speed: Array = np.zeros(())
-        if joint.kind == "ball":
-            value = np.array([1.0, 0.0, 0.0, 0.0])
-            speed = np.zeros(3)
-
-        parent = Pose()
-        if joint.parent is not None:
-            parent = poses[joint.parent]
-
-        moved = placed.carry(value, speed, Placement.at_rest(parent))
-        poses[joint.body] = Pose(moved.position, moved.quaternion)
-
-    joints = []
-    for joint in scene.joints:
-        start = starts.get(joint.name, joint.start)
-        joints.append(replace(joint, start=start))
-
-    for mark, (carrier, offset) in scene.carried.items():
-        poses[mark] = poses[carrier] @ offset
-
-    bodies = [replace(body, pose=poses[body.name]) for body in scene.bodies]
-    return replace(scene, bodies=tuple(bodies), joints=tuple(joints))
 
 
 @contextmanager

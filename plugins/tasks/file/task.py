@@ -223,7 +223,7 @@ class FileTask(Task):
             return scene
 
         try:
-            return building.with_starts(scene, starts)
+            return scene.with_starts(starts)
         except ValueError as error:
             raise UserError(str(error)) from error
 

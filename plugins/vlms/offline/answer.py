@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from core.interfaces import Brief
+from plugins.vlms.offline.chaining import invent
 from plugins.vlms.offline.evolve import breed
 from plugins.vlms.offline.given_tools import plan_for_given_tool
 from plugins.vlms.offline.layouts import make_layouts
@@ -63,7 +64,7 @@ def _make_design(sampler: Sampler, parents: Sequence[Parent]) -> dict[str, Any]:
 def _invent(sampler: Sampler) -> Design:
     """Design a fresh tool with plans."""
     brief = sampler.brief
-    design = sampler.invent()
+    design = invent(sampler)
     tool = design.tool
     head = design.placed.head
     plans = plans_of_fresh_design(design, tool, brief.n_action, sampler)

@@ -22,6 +22,7 @@ from plugins.vlms.offline.boxes import Boxes, count_overlaps
 from plugins.vlms.offline.layouts import Layout
 from plugins.vlms.offline.paths import SampledPlan
 from plugins.vlms.offline.plan_writing import PlanWriter
+from plugins.vlms.offline.scene_model import SceneModel
 from plugins.vlms.offline.subgoals import Subgoal
 from plugins.vlms.offline.tool_parts import HAND, tool_boxes
 
@@ -94,7 +95,7 @@ class FaultCounter:
             subgoals: what it is for; their bodies and containers may be touched where the plan says so.
             enough: above 0. Counting ends where the plan has as many; then the result is at least this.
         """
-        moved = _names_moved(subgoals)
+        moved = names_moved(subgoals)
         here = self._layouts[0]
         fault = self._count_in(
             here, tool, plan, plan.rows, moved, enough - self.several
@@ -134,10 +135,26 @@ class FaultCounter:
             boxes = Boxes.concatenate([boxes, HAND])
 
         # The cheapest first: inverse kinematics takes longer.
-        hits = _count_collisions(layout, boxes, rows, plan.touching, moved)
+        model = layout.analysis.world
+        begin = np.concatenate([model.home.position, model.home.rpy])
+        way = np.vstack([begin, rows[:, :6]])
+        hits = count_collisions(model, boxes, way, plan.touching, moved)
         if hits > 0 and hits >= enough:
             return hits
 
+        return self.count_arm(tool, rows, hits, enough)
+
+    def count_arm(
+        self, tool: Tool, rows: Array, hits: float, enough: float = np.inf
+    ) -> float:
+        """Add to a tool's collisions what is wrong with the arm's motion.
+
+        Args:
+            tool: what carries the plan out.
+            rows: its waypoints, (N, 6) or (N, 7).
+            hits: collisions that were counted.
+            enough: where counting ends.
+        """
         robot = self._brief.task.robot
         arm = arm_of(robot)
         hopeless = max(_MISS_M, (enough - hits) / _PER_METRE)
@@ -153,7 +170,7 @@ class FaultCounter:
         return hits
 
 
-def _names_moved(subgoals: Sequence[Subgoal]) -> set[str]:
+def names_moved(subgoals: Sequence[Subgoal]) -> set[str]:
     """Name the bodies of subgoals, and their loose containers."""
     names = set()
     for subgoal in subgoals:
@@ -185,10 +202,10 @@ def reach_error(rows: Array, arm: Arm, hopeless: float = np.inf) -> float:
     return worst
 
 
-def _count_collisions(
-    layout: Layout,
+def count_collisions(
+    model: SceneModel,
     tool: Boxes,
-    rows: Array,
+    way: Array,
     touching: Sequence[bool],
     moved: set[str],
 ) -> int:
@@ -197,40 +214,56 @@ def _count_collisions(
     Those with the ``moved`` bodies count on ways where the head must not touch them.
 
     Args:
-        layout: which has the bodies, and where the motion begins.
+        model: which has the bodies.
         tool: boxes in the frame of the tool mount.
-        rows: waypoints, (N, 6) or (N, 7).
-        touching: whether the tool may touch the moved bodies on the way to each waypoint.
+        way: where the motion begins, and N waypoints, (N + 1, 6) or more columns.
+        touching: whether the tool may touch the moved bodies on the way to each waypoint, N.
         moved: names of bodies.
     """
-    model = layout.analysis.world
     bodies = [solid.boxes for name, solid in model.solids.items() if name in moved]
     others = [solid.boxes for name, solid in model.solids.items() if name not in moved]
-    body_boxes = Boxes.concatenate(bodies)
-    other_boxes = Boxes.concatenate(others)
+    count = count_on_way(tool, way, Boxes.concatenate(others))
+    return count + count_on_way(tool, way, Boxes.concatenate(bodies), touching)
 
-    start = np.concatenate([model.home.position, model.home.rpy])
-    way = np.vstack([start, rows[:, :6]])
-    positions, rotations, numbers = _sample_way(way)
+
+def count_on_way(
+    tool: Boxes,
+    way: Array,
+    bodies: Boxes,
+    touching: Sequence[bool] | None = None,
+    step: float = _STEP_M,
+) -> int:
+    """Count overlaps of a tool's boxes with others on the straight ways between waypoints.
+
+    Args:
+        tool: boxes in the frame of the tool mount.
+        way: N + 1 waypoints, (N + 1, 6) or more columns.
+        bodies: the other boxes, in the world.
+        touching: on which of the N ways they do not count; None: on none.
+        step: between two places that are checked, at most, metres.
+    """
+    positions, rotations, numbers = _sample_way(way[:, :6], step)
+    if touching is not None:
+        forbidden = ~np.array(touching, dtype=bool)[numbers]
+        positions = positions[forbidden]
+        rotations = rotations[forbidden]
+
     boxes = tool.moved_to(positions, rotations)
-    count = count_overlaps(boxes, other_boxes, margin=-_CONTACT_M)
-
-    forbidden = ~np.array(touching, dtype=bool)[numbers]
-    apart = tool.moved_to(positions[forbidden], rotations[forbidden])
-    return count + count_overlaps(apart, body_boxes, margin=-_CONTACT_M)
+    return count_overlaps(boxes, bodies, margin=-_CONTACT_M)
 
 
-def _sample_way(way: Array) -> tuple[Array, Array, npt.NDArray[np.int64]]:
-    """Sample the straight ways between poses at both ends, and at least every `_STEP_M`.
+def _sample_way(way: Array, step: float) -> tuple[Array, Array, npt.NDArray[np.int64]]:
+    """Sample the straight ways between poses at both ends, and at least every ``step``.
 
     Args:
         way: N + 1 poses as x, y, z, roll, pitch and yaw.
+        step: metres.
 
     Returns:
         Positions (K, 3), rotations (K, 3, 3), and the number of the way that each is on (K,).
     """
     steps = np.diff(way[:, :3], axis=0)
-    counts = np.maximum(2, np.ceil(step_lengths(way[:, :3]) / _STEP_M).astype(int) + 1)
+    counts = np.maximum(2, np.ceil(step_lengths(way[:, :3]) / step).astype(int) + 1)
     numbers = np.repeat(np.arange(len(steps), dtype=np.int64), counts)
     shares = np.concatenate([np.linspace(0.0, 1.0, count) for count in counts])
     share = shares[:, None]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -52,6 +53,12 @@ class Layout:
         self.fixture = fixture
         self.analysis = SceneAnalysis(brief, turn, fixture)
         self.spawn = SpawnRules(brief.task, brief.scene_seed)
+
+    def with_analysis(self, analysis: SceneAnalysis) -> Layout:
+        """Return the same with other bodies or goals, as they are at a later time; plans see what it was at first."""
+        later = copy(self)
+        later.analysis = analysis
+        return later
 
 
 def make_layouts(brief: Brief) -> list[Layout]:

@@ -57,6 +57,23 @@ class HeadDirection:
     drop: float
 
 
+@dataclass(frozen=True)
+class HeadRoom:
+    """Where there is room for a head beside another one on the same mount.
+
+    Attributes:
+        apart: how far it is from the mount's axis, metres, at least.
+        azimuth: which way it is from there, in the frame of the mount, radians; None: any way.
+        lowest: the height of the mount while the head works, metres, at least: others are below it.
+        longest: how far the head may be below the mount, metres, so that it is clear of the ground as the other works.
+    """
+
+    apart: float
+    azimuth: float | None = None
+    lowest: float = 0.0
+    longest: float = np.inf
+
+
 def works_above_home(path: HeadPath, model: SceneModel) -> bool:
     """Report whether the head works higher than the end-effector's home, or begins to, at a ceiling.
 
@@ -97,6 +114,7 @@ class HeadPlacer:
         faults: what says where a plan's waypoints are in other layouts.
         gripper: whether tools are finger extensions.
         direction: where heads must be; None: anywhere.
+        room: where there is room for the head beside another one; None: there is no other one.
         rng: random numbers.
     """
 
@@ -104,6 +122,7 @@ class HeadPlacer:
     faults: FaultCounter
     gripper: bool
     direction: HeadDirection | None
+    room: HeadRoom | None
     rng: Generator
 
     def place(self, path: HeadPath, head: Head, subgoal: Subgoal) -> Pose:
@@ -151,7 +170,15 @@ class HeadPlacer:
             extra_costs.append(rng.uniform(0.0, _DOUBT))
 
         costs = self._cost(np.array(places), start, ways, head.behind)
+        offsets = start.position - np.array(places)
+        if self.room is not None:
+            missing = self.room.apart - np.hypot(*offsets[:, :2].T)
+            costs += _EXCESS * np.maximum(0.0, missing)
+
         best = int(np.argmin(costs + extra_costs))
+        if self.room is not None and self.room.azimuth is not None:
+            yaw = np.arctan2(offsets[best, 1], offsets[best, 0]) - self.room.azimuth
+
         rpy = (0.0, 0.0, yaw)
         if self.model.draws_up:
             # Pointing down, the flange does not get near a ceiling; here it points ahead.
@@ -241,6 +268,10 @@ class HeadPlacer:
 
         if head.primitive == "clamp" and head.behind is not None:
             most = least + _DROPS_M
+
+        if self.room is not None:
+            least = max(least, self.room.lowest - path.lowest)
+            most = max(least, min(most, self.room.longest))
 
         # The hand stays above the container that the fingers reach into.
         if self._reaches_in(head, subgoal):

@@ -29,10 +29,16 @@ from plugins.vlms.offline.design_drawing import DesignDrawer
 from plugins.vlms.offline.faults import BREAKS_RULES, FaultCounter
 from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.layouts import Layout, is_too_heavy, keeps_rules
-from plugins.vlms.offline.mounting import HeadDirection, HeadPlacer, works_above_home
+from plugins.vlms.offline.mounting import (
+    HeadDirection,
+    HeadPlacer,
+    HeadRoom,
+    works_above_home,
+)
 from plugins.vlms.offline.paths import HeadPath, SampledPlan
 from plugins.vlms.offline.plan_writing import PlanWriter
 from plugins.vlms.offline.primitives import PRIMITIVES
+from plugins.vlms.offline.scene_model import SceneModel
 from plugins.vlms.offline.subgoals import Subgoal
 from plugins.vlms.offline.tool_parts import PlacedHead, guess_head
 
@@ -56,11 +62,17 @@ class FreshDesign:
         tool: with a head that was drawn for a subgoal.
         placed: the head, where it is at the tool mount.
         plan: with the fewest faults.
+        subgoals: that the plan is for.
+        is_whole: whether the plan does something for each of them, and not for one alone.
+        parts: of a tool with a head for each of several errands, in order.
     """
 
     tool: Tool
     placed: PlacedHead
     plan: SampledPlan
+    subgoals: Sequence[Subgoal] = ()
+    is_whole: bool = True
+    parts: Sequence[Part] = ()
 
 
 class Sampler:
@@ -74,11 +86,13 @@ class Sampler:
 
     Attributes:
         looks_near: whether plans that look do so before the tool comes down, too.
+        faults: counts those of plans.
 
     Args:
         brief: what is asked for.
         layouts: the one that plans are made for, and others in which they must do.
         direction: where heads must be; None: anywhere.
+        room: where there is room beside another head of the tool; None: there is no other one.
     """
 
     def __init__(
@@ -86,6 +100,7 @@ class Sampler:
         brief: Brief,
         layouts: Sequence[Layout],
         direction: HeadDirection | None = None,
+        room: HeadRoom | None = None,
     ) -> None:
         self.brief = brief
         self.layout = layouts[0]
@@ -95,9 +110,9 @@ class Sampler:
         self.writer = PlanWriter(brief, self.layout)
         self.looks_near = False
         self._layouts = layouts
-        self._faults = FaultCounter(brief, layouts, self.writer)
+        self.faults = FaultCounter(brief, layouts, self.writer)
         self._placer = HeadPlacer(
-            self.model, self._faults, brief.gripper, direction, self.rng
+            self.model, self.faults, brief.gripper, direction, room, self.rng
         )
         self._anchoring = np.random.default_rng([brief.seed, _ANCHORING])
 
@@ -112,7 +127,7 @@ class Sampler:
         """
         tries = int(self.rng.integers(2, _TOOL_TRIES + 1))
         drawer = DesignDrawer(self.brief, self.rng)
-        return _least_faulty(lambda least: self._invent_once(drawer, least), tries)
+        return find_least_faulty(lambda least: self._invent_once(drawer, least), tries)
 
     def use(self, tool: Tool, find_head: FindHead) -> SampledPlan:
         """Sample a plan for a tool; ``find_head`` returns its head for a subgoal.
@@ -121,7 +136,7 @@ class Sampler:
             tool: for which a plan is sampled.
             find_head: is asked once for each sample.
         """
-        return _least_faulty(
+        return find_least_faulty(
             lambda least: self._use_once(tool, find_head, least), _PLAN_TRIES
         )
 
@@ -163,7 +178,9 @@ class Sampler:
         plan, fault = self._make_plan(tool, pose, path, subgoals, enough)
         if fault < enough and not self.accepts(tool):
             fault += BREAKS_RULES
-        return FreshDesign(tool, PlacedHead(head, pose), plan), fault
+        is_whole = len(path.stages) >= len(subgoals)
+        placed = PlacedHead(head, pose)
+        return FreshDesign(tool, placed, plan, subgoals, is_whole), fault
 
     def _draw_tool(
         self, drawer: DesignDrawer, subgoals: Sequence[Subgoal]
@@ -184,7 +201,7 @@ class Sampler:
 
         Where it must do in several layouts, scattered bodies are moved one by one most often.
         """
-        alone = self._faults.several and self.rng.random() < _ALONE
+        alone = self.faults.several and self.rng.random() < _ALONE
         return self.analysis.draw_subgoals(self.rng, alone)
 
     def _make_path(self, subgoals: Sequence[Subgoal], head: Head) -> HeadPath:
@@ -232,8 +249,8 @@ class Sampler:
         text = "; then ".join(dict.fromkeys(path.texts))
         rows = path.to_rows(pose, tool.gripper)
         plan = SampledPlan(rows, text, path.anchors, path.touching)
-        fault = self._faults.count(tool, plan, subgoals, enough)
-        does_here = fault <= self._faults.several  # in the first layout
+        fault = self.faults.count(tool, plan, subgoals, enough)
+        does_here = fault <= self.faults.several  # in the first layout
 
         if does_here or not works_above_home(path, self.model):
             return plan, fault
@@ -241,7 +258,7 @@ class Sampler:
         best = plan
 
         for longer in self._rise_before(plan, path):
-            other = self._faults.count(tool, longer, subgoals, min(fault, enough))
+            other = self.faults.count(tool, longer, subgoals, min(fault, enough))
             if other < fault:
                 best = longer
                 fault = other
@@ -281,7 +298,34 @@ class Sampler:
         return plans
 
 
-def _least_faulty(make: Callable[[float], tuple[A, float]], tries: int) -> A:
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What does one of several errands.
+
+    Attributes:
+        maker: of its head and of its plans, in the layout as the errands before leave it.
+        design: a tool with that head alone.
+    """
+
+    maker: Sampler
+    design: FreshDesign
+
+    @property
+    def model(self) -> SceneModel:
+        """The layout as the errands before leave it."""
+        return self.maker.model
+
+    @property
+    def kind(self) -> str:
+        """The kind of its head."""
+        return self.design.placed.head.kind
+
+    def make_plan(self) -> SampledPlan:
+        """Sample another plan for the errand."""
+        return self.maker.use(self.design.tool, lambda _: self.design.placed)
+
+
+def find_least_faulty(make: Callable[[float], tuple[A, float]], tries: int) -> A:
     """Return the first result without fault, or the least faulty of ``tries``; more while none keeps the rules.
 
     Args:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +17,9 @@ from numpy.random import Generator
 
 from core.design import Fixture
 from core.geometry import Array, Pose
-from core.goals import Reach, reaches
+from core.goals import Goal, Reach
 from core.interfaces import Brief
-from core.scene import State
+from core.scene import Scene, State
 from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.edges import lead_over_edge
@@ -84,11 +85,19 @@ class SceneAnalysis:
 
         steady = find_steady(brief.task.goals, scene)
         groups: dict[int, list[Target]] = {}
-        for number, goal in enumerate(reaches(brief.task.goals)):
+        for number, goal in enumerate(brief.task.goals):
+            if not isinstance(goal, Reach):
+                continue
+
             group = groups.setdefault(0 if brief.task.every else number, [])
             is_met = brief.task.every and _is_met(goal, scene.state())
             targets = [
-                replace(target, steady=not steady.isdisjoint(target.bodies))
+                replace(
+                    target,
+                    steady=not steady.isdisjoint(target.bodies),
+                    number=number,
+                    after=_find_number(goal.after, brief.task.goals),
+                )
                 for target in find_targets(goal, scene)
             ]
             if upright is not None:
@@ -145,6 +154,36 @@ class SceneAnalysis:
     def goals(self) -> list[Target]:
         """All goals that have something to reach, in the world."""
         return [goal for group in self.groups for goal in group]
+
+    def with_groups(self, groups: Sequence[Sequence[Target]]) -> SceneAnalysis:
+        """Return the same with other goals.
+
+        Args:
+            groups: of goals that must be reached together.
+        """
+        other = copy(self)
+        other.groups = [[*group] for group in groups]
+        return other
+
+    def after(self, subgoals: Sequence[Subgoal]) -> SceneAnalysis:
+        """Return the same as it is once subgoals are reached: bodies are there, and places that go by them went along.
+
+        Args:
+            subgoals: in this analysis.
+        """
+        scene = self.world.scene
+        for subgoal in subgoals:
+            scene = _reach(subgoal, scene)
+
+        later = copy(self)
+        later.world = self.world.after(scene)
+        later.model = later.world
+        later.groups = []
+        for group in self.groups:
+            aimed = [_aim_again(goal, self.world.scene, scene) for goal in group]
+            later.groups.append(aimed)
+
+        return later
 
     def draw_subgoals(self, rng: Generator, alone: bool = False) -> list[Subgoal]:
         """Draw subgoals for a group of goals at random, in order.
@@ -280,6 +319,68 @@ def _is_met(goal: Reach, state: State) -> bool:
         return False
 
     return all(float(measure.left(state)) <= 0 for measure in asked)
+
+
+def _reach(subgoal: Subgoal, scene: Scene) -> Scene:
+    """Return the scene once a subgoal is reached; what stands on its bodies goes along.
+
+    Args:
+        subgoal: of bodies that may have been moved by others before.
+        scene: at that time.
+    """
+    goal = subgoal.goal
+    names = [solid.body.name for solid in subgoal.solids]
+    later = scene
+
+    if goal is not None and goal.joint is not None:
+        joint = scene.placed_joints[goal.joint].joint
+        springs_back = joint.stiffness > 0 and not joint.latches
+        end = joint.start if springs_back else [goal.to, *goal.later][-1]
+        later = scene.with_starts({joint.name: end})
+    elif goal is None or not goal.breaks:
+        places = {name: Pose(subgoal.shift) @ scene[name].pose for name in names}
+        later = scene.with_poses(places)
+
+    move = later[names[0]].pose @ scene[names[0]].pose.inverse()
+    riders = [solid.body.name for solid in subgoal.riders]
+    return later.with_poses({name: move @ later[name].pose for name in riders})
+
+
+def _aim_again(target: Target, before: Scene, later: Scene) -> Target:
+    """Return a target whose place goes by a body, when that was moved.
+
+    Args:
+        target: in the scene before.
+        before: the scene in which it was found.
+        later: the same with bodies moved.
+    """
+    names = [target.reference, target.container]
+    name = next((name for name in names if name is not None), None)
+    if name is None or target.place is None:
+        return target
+
+    move = later[name].pose @ before[name].pose.inverse()
+    here = before[target.bodies[0]].pose.position
+    place = move.apply(goal_position(here, target)).tolist()
+    x, y, z = (
+        None if wanted is None else coordinate
+        for wanted, coordinate in zip(target.place, place, strict=True)
+    )
+    return replace(target, place=(x, y, z))
+
+
+def _find_number(which: str | int | None, goals: Sequence[Goal]) -> int | None:
+    """Find the number of the goal that is named, or of which the number is given; None: none is.
+
+    Args:
+        which: as `Reach.after` has it.
+        goals: of a task.
+    """
+    for number, goal in enumerate(goals):
+        if which is not None and which in (number, getattr(goal, "name", number)):
+            return number
+
+    return None
 
 
 def _draw_shift(subgoal: Subgoal, goal: Target, rng: Generator) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -152,7 +153,7 @@ class SceneModel:
         are taken by. By ``upright`` the bodies alone are moved.
         """
         furniture = Tool(fixture=fixture)
-        self.scene = brief.task.scene(brief.scene_seed).furnished(furniture)
+        scene = brief.task.scene(brief.scene_seed).furnished(furniture)
         self.home = brief.task.home
         self.workspace = compute_workspace(brief.task.robot)
         self.turned = turn is not None
@@ -160,12 +161,27 @@ class SceneModel:
 
         if turn is not None:
             self.home = turn @ self.home
-            self.scene = _move_bodies(self.scene, turn)
+            scene = _move_bodies(scene, turn)
         if upright is not None:
-            self.scene = _move_bodies(self.scene, upright)
+            scene = _move_bodies(scene, upright)
 
+        self._take(scene)
+
+    def after(self, scene: Scene) -> SceneModel:
+        """Return the same with the scene as it is later, when bodies were moved.
+
+        Args:
+            scene: with the same bodies.
+        """
+        later = copy(self)
+        later._take(scene)
+        return later
+
+    def _take(self, scene: Scene) -> None:
+        """Take the bodies of a scene for those of the layout."""
+        self.scene = scene
         self.solids: dict[str, Solid] = {}
-        for body in self.scene.bodies:
+        for body in scene.bodies:
             if body.collisions or isinstance(body, Soft):
                 self.solids[body.name] = Solid.from_body(body)
 

@@ -23,7 +23,12 @@ from plugins.vlms.offline.given_tools import PartSeed
 from plugins.vlms.offline.layouts import Layout
 from plugins.vlms.offline.sampler import Sampler
 from plugins.vlms.offline.scene_analysis import NothingToMove
-from plugins.vlms.offline.tool_parts import find_part, task_suffix, working_part
+from plugins.vlms.offline.tool_parts import (
+    find_part,
+    rename_components,
+    task_suffix,
+    working_part,
+)
 from plugins.vlms.offline.tool_variation import mutate
 from plugins.vlms.offline.written_design import Design, write_tool
 
@@ -233,20 +238,10 @@ class _ToolMaker:
             if self._accepts(tool):
                 break
 
-        own_names = {component.name for component in tool.components}
-
-        components = []
-        for component in tool.components:
-            parent = component.parent
-            if parent in own_names:
-                parent = f"{parent}_{suffix}"
-
-            named = replace(component, name=f"{component.name}_{suffix}", parent=parent)
-            components.append(named)
-
+        components = rename_components(tool, suffix)
         description = f"{tool.description}; {seed.text}"
 
-        return replace(tool, components=tuple(components), description=description)
+        return replace(tool, components=components, description=description)
 
     def _join_parts(self, best: Mapping[str, Evaluation]) -> Design:
         """Take the tool that does most, with the parts of others for the tasks that they do better, where they fit.

@@ -56,6 +56,8 @@ class Target:
         steady: whether an axis of theirs must point the same way all the time.
         ever: whether it is enough to be there at some time, so that they may be let back.
         over_edge: whether the place is beyond an edge, over which they fall.
+        number: of the goal among those of the task.
+        after: the number of the goal that must be reached before it; None: there is none.
     """
 
     bodies: tuple[str, ...]
@@ -77,6 +79,8 @@ class Target:
     steady: bool = False
     ever: bool = False
     over_edge: bool = False
+    number: int = 0
+    after: int | None = None
 
 
 def find_targets(goal: Reach, scene: Scene) -> list[Target]:

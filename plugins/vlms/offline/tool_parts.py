@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.random import Generator
 
-from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.geometry import Array, Pose
 from core.interfaces import Task
 from plugins.vlms.offline.boxes import Boxes, heading_axes
@@ -158,6 +158,27 @@ def working_part(tool: Tool, task: Task) -> Tool:
     """
     part = find_part(tool, task)
     return part if part.components else tool
+
+
+def rename_components(tool: Tool, suffix: str) -> tuple[Component, ...]:
+    """Return the components of a tool with longer names, so that they differ from those of another tool.
+
+    Args:
+        tool: of any origin.
+        suffix: of each name, after an underscore.
+    """
+    names = {component.name for component in tool.components}
+
+    components = []
+    for component in tool.components:
+        parent = component.parent
+        if parent in names:
+            parent = f"{parent}_{suffix}"
+
+        named = replace(component, name=f"{component.name}_{suffix}", parent=parent)
+        components.append(named)
+
+    return tuple(components)
 
 
 def guess_head(

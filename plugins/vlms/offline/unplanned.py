@@ -41,8 +41,9 @@ def find_unplanned(task: Task, seed: int) -> list[str]:
         "a time limit": any(goal.by_s is not None for goal in reached),
         "what a soft body does as it gives way": bool(scene.softs),
         "the place of a node": any(getattr(p, "node", None) is not None for p in parts),
-        "a second goal, where one is a joint's, a turn or a break (each tool is made for one)": several
-        and is_guided,
+        "a second goal with a gripper, where one is a joint's, a turn or a break": several
+        and is_guided
+        and "rigid" not in (task.tool_kinds or ["rigid"]),
         "anything but its first free body, as the task has no goals": not targets,
     }
 

@@ -9,6 +9,7 @@ from typing import Any
 from core.design import Tool
 from core.designs.tool_fields import dump_fixture
 from core.interfaces import ToolRepresentation
+from plugins.vlms.offline.chaining import use_again
 from plugins.vlms.offline.paths import SampledPlan
 from plugins.vlms.offline.sampler import FreshDesign, Sampler
 
@@ -48,7 +49,7 @@ def plans_of_fresh_design(
     """
     plans = [design.plan]
     while len(plans) < count:
-        plans.append(sampler.use(tool, lambda _: design.placed))
+        plans.append(use_again(design, tool, sampler))
     return plans
 
 

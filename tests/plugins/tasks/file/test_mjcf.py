@@ -12,7 +12,6 @@ from core.geometry import Box
 from core.scene import Scene
 from core.support import sandbox
 from plugins.tasks.file import mjcf
-from plugins.tasks.file.building import with_starts
 from plugins.tasks.file.mjcf import read_mjcf_bodies
 from plugins.tasks.file.named_files import Files
 from plugins.tasks.file.task import FileTask
@@ -129,7 +128,7 @@ def test_all_moves_as_in_mujoco(tmp_path_factory, world, parts):
     mujoco.mj_forward(model, data)
     weights = np.bincount(model.body_weldid, model.body_mass, model.nbody)
     shapes = 0
-    for body in with_starts(Scene(made.bodies, made.joints), starts).bodies:
+    for body in Scene(made.bodies, made.joints).with_starts(starts).bodies:
         number = int(body.name.removeprefix("body"))
         np.testing.assert_allclose(body.pose.position, data.xpos[number], atol=1e-6)
         np.testing.assert_allclose(
