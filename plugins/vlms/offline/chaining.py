@@ -43,7 +43,7 @@ from plugins.vlms.offline.targets import Target
 from plugins.vlms.offline.tool_parts import rename_components, tool_boxes
 
 _ONE_HEAD = 0.25  # how often one head does all errands, where it can
-_TRIES = 6  # of a tool with a head for each errand
+_TRIES = 3  # of a tool with a head for each errand: each draws many heads
 _REDRAWS = 8  # of one of its heads, at each try,
 _OF_KIND = 4  # and at first only by one of the same kind
 _PLAN_TRIES = 4

@@ -138,8 +138,6 @@ def _count_bars(subgoal: Subgoal) -> int:
     """Count what is in the way of bodies: above them here, above their goal, at their goal, and straight between."""
     there = [solid.moved_by(Pose(subgoal.shift)) for solid in subgoal.solids]
     at_goal = Subgoal(there, np.zeros(3), subgoal.model, subgoal.goal)
-    at_goal.obstacles = subgoal.obstacles  # not the bodies themselves
-
     bars = [
         subgoal.is_covered,
         at_goal.is_covered,
