@@ -481,22 +481,17 @@ class Reach(Goal):
         Raises:
             ValueError: there is no such goal.
         """
-        numbered: dict[str | int, Reach] = {
-            number: goal
-            for number, goal in enumerate(evidence.goals)
-            if isinstance(goal, Reach)
-        }
-        named = {goal.name or number: goal for number, goal in numbered.items()}
-        # It may be called by its number, whatever its name.
-        known: dict[str | int, Reach] = {**numbered, **named}
-
-        if which not in known:
-            names = ", ".join(map(str, named))
+        number = number_of(which, evidence.goals)
+        if number is None:
+            numbered = enumerate(evidence.goals)
+            names = [goal.name or k for k, goal in numbered if isinstance(goal, Reach)]
             raise ValueError(
-                f"a goal comes after {which!r}, which is no goal; there are: {names}"
+                f"a goal comes after {which!r}, which is no goal; there are: {', '.join(map(str, names))}"
             )
 
-        first = known[which].progress_over_time(evidence)
+        other = evidence.goals[number]
+        assert isinstance(other, Reach)
+        first = other.progress_over_time(evidence)
         unfulfilled = self.progress_over_time(evidence) < DONE
 
         # Not fulfilled at or after an instant: what comes later can't be before this goal.
@@ -1307,6 +1302,20 @@ def limits_margins(
 def reaches(goals: Iterable[Goal]) -> list[Reach]:
     """Return the goals that want something reached."""
     return [goal for goal in goals if isinstance(goal, Reach)]
+
+
+def number_of(which: str | int | None, goals: Iterable[Goal]) -> int | None:
+    """Find the number of a goal that wants something reached; None: there is no such goal.
+
+    Args:
+        which: its name, or its number, whatever its name, as `Reach.after` has it; None: no goal.
+        goals: of a task.
+    """
+    for number, goal in enumerate(goals):
+        if isinstance(goal, Reach) and which in (number, goal.name):
+            return number
+
+    return None
 
 
 def limits(goals: Iterable[Goal]) -> list[Limit]:

@@ -28,7 +28,6 @@ APART_M = 1e-6  # waypoints nearer than this are one place
 _LEVER_M = 0.2  # a turn of 1 rad is as long as this
 _ROUNDING_RAD = 1e-9
 
-Indices = npt.NDArray[np.intp]
 JointPath = BSpline | PchipInterpolator  # joints (J,) over s in [0, 1]
 
 
@@ -157,7 +156,7 @@ class _SplineEquations(NamedTuple):
     degree: int
     knots: Array
     factors: Array
-    pivots: Indices
+    pivots: npt.NDArray[np.int32]
 
     def solve(self, values: Array) -> BSpline:
         """Return the spline through values (K, J), to the last bit that of `make_interp_spline`."""
@@ -169,9 +168,8 @@ class _SplineEquations(NamedTuple):
         )
 
 
-@lru_cache(
-    maxsize=128
-)  # most of the time of `make_interp_spline` goes to what is the same for all paths
+# Most of the time of `make_interp_spline` goes to what is the same for all paths.
+@lru_cache(maxsize=128)
 def _prepare_spline(count: int) -> _SplineEquations:
     """Prepare the equations of a spline through so many places: cubic, or of a lower degree where they are few."""
     band = min(3, count - 1)

@@ -190,6 +190,11 @@ class Joint:
         """Whether it has a range."""
         return math.isfinite(self.lower)
 
+    @property
+    def springs_back(self) -> bool:
+        """Whether a spring moves it back where it is let go, as nothing holds it."""
+        return self.stiffness > 0 and not self.latches
+
 
 class JointState(NamedTuple):
     """A joint's position and speed, each (...): m and m/s, or rad and rad/s.

@@ -121,8 +121,7 @@ def _find_motion(
     end = np.clip(subgoal.goal.to + beyond, spec.lower, spec.upper)
     displacements = _find_displacements(subgoal, placed, spec.start, end)
 
-    springs_back = spec.stiffness > 0 and not spec.latches
-    later = () if springs_back else subgoal.goal.later
+    later = () if spec.springs_back else subgoal.goal.later
     lets_back = subgoal.is_released or subgoal.goal.ever or bool(subgoal.goal.later)
     legs = np.diff([spec.start, subgoal.goal.to, *later])
     for position in later:
@@ -133,7 +132,7 @@ def _find_motion(
         way / np.linalg.norm(way),
         pole,
         displacements,
-        stays=springs_back and not lets_back,
+        stays=spec.springs_back and not lets_back,
         returns=bool((legs * missing < 0).any()),
     )
 

@@ -17,7 +17,7 @@ from numpy.random import Generator
 
 from core.design import Fixture
 from core.geometry import Array, Pose
-from core.goals import Goal, Reach
+from core.goals import Reach, number_of
 from core.interfaces import Brief
 from core.scene import Scene, State
 from plugins.vlms.offline.boxes import LEVEL, UP
@@ -96,7 +96,7 @@ class SceneAnalysis:
                     target,
                     steady=not steady.isdisjoint(target.bodies),
                     number=number,
-                    after=_find_number(goal.after, brief.task.goals),
+                    after=number_of(goal.after, brief.task.goals),
                 )
                 for target in find_targets(goal, scene)
             ]
@@ -334,9 +334,8 @@ def _reach(subgoal: Subgoal, scene: Scene) -> Scene:
 
     if goal is not None and goal.joint is not None:
         joint = scene.placed_joints[goal.joint].joint
-        springs_back = joint.stiffness > 0 and not joint.latches
-        end = joint.start if springs_back else [goal.to, *goal.later][-1]
-        later = scene.with_starts({joint.name: end})
+        if not joint.springs_back:
+            later = scene.with_starts({joint.name: [goal.to, *goal.later][-1]})
     elif goal is None or not goal.breaks:
         places = {name: Pose(subgoal.shift) @ scene[name].pose for name in names}
         later = scene.with_poses(places)
@@ -367,20 +366,6 @@ def _aim_again(target: Target, before: Scene, later: Scene) -> Target:
         for wanted, coordinate in zip(target.place, place, strict=True)
     )
     return replace(target, place=(x, y, z))
-
-
-def _find_number(which: str | int | None, goals: Sequence[Goal]) -> int | None:
-    """Find the number of the goal that is named, or of which the number is given; None: none is.
-
-    Args:
-        which: as `Reach.after` has it.
-        goals: of a task.
-    """
-    for number, goal in enumerate(goals):
-        if which is not None and which in (number, getattr(goal, "name", number)):
-            return number
-
-    return None
 
 
 def _draw_shift(subgoal: Subgoal, goal: Target, rng: Generator) -> Array:
