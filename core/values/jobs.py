@@ -10,7 +10,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
-from itertools import islice
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -535,21 +534,20 @@ class World(ABC):
         notes = []
         readings = []
         torques: list[Any] = []
-        orders = iter(self.orders(block))
         marks = frozenset(block.marks)
         measures = frozenset(block.measures)
-        done = 0
+        looked = marks.union(block.readings)
 
-        for end in sorted({*marks, *block.readings, len(block)}):
-            for order in islice(orders, end - done):
-                self.obey(order)
+        for done, order in enumerate(self.orders(block), start=1):
+            self.obey(order)
+            if done not in looked:
+                continue
 
-            done = end
-            if end in marks:
+            if done in marks:
                 notes.append(self.note())
-            if self.tells_torques and end in measures:
+            if self.tells_torques and done in measures:
                 torques.append(self.note_torques())
-            if end in block.readings:
+            if done in block.readings:
                 readings.append(Reading(self.joints()[0], *self.pushes()))
 
         greatest = None
