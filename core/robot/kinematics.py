@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property, lru_cache
+from operator import ge, le
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -250,10 +251,20 @@ _MAX_STEPS_ALL = 50_000
 _FEW_STEPS = 3
 
 _EYE = np.eye(6)
+_WEIGHTS = np.array([1.0] * 3 + [_RADIAN_WEIGHT] * 3)  # of a pose error
 _STRIDE = 0.5  # radians, of each joint in a step
+# The share of the way home that joints go in a step where the pose doesn't ask for another; only in the first steps.
+_DRIFT = 0.05
+_DRIFTING = 4
 # A joint that turns more between two knots of a path, 2 cm or 0.1 rad apart, is at a singularity, or on its way to
 # another branch. Halfway between knots that far apart, what it moves bows out by 4 % of its radius.
 _JUMP_RAD = 0.6
+
+
+@lru_cache(maxsize=64)  # few are asked for: powers of 5 and 10
+def _damp(damping: float) -> Array:
+    """Return what damps a step: it is added to the square of the Jacobian (6, 6)."""
+    return damping * _EYE
 
 
 class Solution(NamedTuple):
@@ -289,6 +300,13 @@ class Arm:
         self.acceleration_limits: Array = np.array(robot.acceleration_limits)
         self.home: Array = np.array(robot.home)
         self.jump_rad = _JUMP_RAD if len(self.home) <= len(_EYE) else math.inf
+
+        # NumPy takes half as long with an array of the same shape as with a number.
+        count = len(self.home)
+        self._most_stride = np.full(count, _STRIDE)
+        self._least_stride = np.full(count, -_STRIDE)
+        self._drift = np.full(count, _DRIFT)
+        self._row_weights = np.repeat(_WEIGHTS[:, None], count, axis=1)
 
     def share_torques(self, torques: Array | None) -> dict[str, float]:
         """Return what share of its limit each joint's torque is, of (J,) N m; without those that have no limit."""
@@ -354,18 +372,18 @@ class Arm:
         """
         left = _MAX_STEPS_ALL
         joints = np.empty((len(positions), len(self.home)))
-        errors = np.empty((len(positions), 2))
+        missed = np.empty((len(positions), 6))
 
         for k, position in enumerate(positions):
             most = _MAX_STEPS if left > 0 else _FEW_STEPS
-            seed, error, steps = self._closest(
+            seed, missed[k], steps = self._closest(
                 position, rotations[k], seed, most, jump_rad
             )
             left -= steps
             joints[k] = seed
-            errors[k, 0] = math.sqrt(error[:3].dot(error[:3]))
-            errors[k, 1] = math.sqrt(error[3:].dot(error[3:])) / _RADIAN_WEIGHT
 
+        errors = np.sqrt((missed.reshape(-1, 2, 3) ** 2).sum(axis=2))
+        errors[:, 1] /= _RADIAN_WEIGHT
         return joints, errors
 
     def _miss(
@@ -384,7 +402,8 @@ class Arm:
         self._move(joints)
         error = np.empty(6)
         error[:3] = self._back.dot(position - self._here)
-        error[3:] = _RADIAN_WEIGHT * pin.log3(self._back.dot(rotation))
+        error[3:] = pin.log3(self._back.dot(rotation))
+        error *= _WEIGHTS
 
         return error, float(error.dot(error))
 
@@ -402,11 +421,16 @@ class Arm:
         """
 
         q = np.minimum(np.maximum(seed, self.lower), self.upper)
-        lower = np.maximum(self.lower, q - jump_rad)
-        upper = np.minimum(self.upper, q + jump_rad)
+        lower = self.lower
+        upper = self.upper
+        if jump_rad < math.inf:
+            lower = np.maximum(lower, q - jump_rad)
+            upper = np.minimum(upper, q + jump_rad)
 
         error, cost = self._miss(position, rotation, q)
         damping = 1e-4
+        lowest = lower.tolist()
+        highest = upper.tolist()
         count = 0
 
         for count in range(most):
@@ -416,22 +440,26 @@ class Arm:
             jacobian = pin.computeFrameJacobian(
                 self._model, self._data, q, self._frame, pin.LOCAL
             )
-            jacobian[3:] *= _RADIAN_WEIGHT
+            jacobian *= self._row_weights
 
             # The redundant joint motion drifts home, away from the limits; only at first, so that it converges.
-            idle = (0.05 if count < 4 else 0.0) * (self.home - q)
+            idle = self._drift * (self.home - q)
+            if count >= _DRIFTING:
+                idle[:] = 0.0
 
-            if np.count_nonzero((q <= lower) | (q >= upper)):
+            # Plain numbers are compared faster than seven of NumPy's.
+            at = q.tolist()
+            if any(map(le, at, lowest)) or any(map(ge, at, highest)):
                 gradient = jacobian.T.dot(error)
                 held = ((q <= lower) & (gradient < 0)) | ((q >= upper) & (gradient > 0))
                 jacobian[:, held] = 0.0
                 idle[held] = 0.0
 
-            square = jacobian.dot(jacobian.T) + damping * _EYE
+            square = jacobian.dot(jacobian.T) + _damp(damping)
             missing = error - jacobian.dot(idle)
             _, _, solution, _ = dgesv(square.T, missing, True, True)
             step = idle + jacobian.T.dot(solution)
-            step = np.minimum(np.maximum(step, -_STRIDE), _STRIDE)
+            step = np.minimum(np.maximum(step, self._least_stride), self._most_stride)
 
             trial = np.minimum(np.maximum(q + step, lower), upper)
             trial_error, trial_cost = self._miss(position, rotation, trial)
