@@ -130,7 +130,8 @@ def join_knots(knots: Array, arm: Arm) -> JointPath:
     path = _prepare_spline(count).solve(knots)
 
     # A spline stays among its control points: most need no closer look.
-    if (path.c >= arm.lower).all() and (path.c <= arm.upper).all():
+    points = path.c
+    if (points >= arm.lower).all() and (points <= arm.upper).all():
         return path
 
     joints = path(np.linspace(0.0, 1.0, 8 * count))

@@ -262,7 +262,9 @@ def _sample_evenly(s: Array, rate: Array, lasts: Array) -> tuple[Array, Array]:
     """
     instants = running_sums(lasts)
     duration = instants[-1]
-    times = np.linspace(0.0, duration, max(2, math.ceil(duration / _SAMPLE_S) + 1))[1:]
+    count = max(1, math.ceil(duration / _SAMPLE_S))
+    times = np.arange(1, count + 1) * (duration / count)
+    times[-1] = duration
 
     step = instants.searchsorted(times, side="right") - 1
     step = np.minimum(step, len(lasts) - 1)
