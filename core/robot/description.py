@@ -35,6 +35,7 @@ def joint_name(link: str) -> str:
     return f"{link}_joint"
 
 
+@lru_cache(maxsize=8)  # an engine asks for it several times
 def assembled(
     robot: Robot, tool: Tool | None = None, *, fused: bool = False
 ) -> Description:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Mesh, Pose, frozen_array
-from core.scene import Body
+from core.scene import Body, Geom
 
 
 @dataclass(frozen=True)
@@ -31,17 +32,23 @@ def inertia_of(body: Body) -> Inertia:
 
     Its axes are the body's where those are principal; else they are turned.
     """
+    return _join_inertias(body.mass, tuple(body.collisions))
+
+
+@lru_cache(maxsize=256)  # scenes have many alike, and a scene is built for each tool
+def _join_inertias(mass: float, parts: tuple[Geom, ...]) -> Inertia:
+    """Compute the inertia of parts of ``mass`` in all, kg, see `inertia_of`."""
     meshes = []
-    for part in body.collisions:
+    for part in parts:
         mesh = part.shape.to_trimesh()
         if isinstance(part.shape, Mesh):
             mesh = mesh.convex_hull
 
         meshes.append(mesh.apply_transform(part.pose.matrix))
 
-    density = body.mass / sum(mesh.volume for mesh in meshes)
+    density = mass / sum(mesh.volume for mesh in meshes)
     first_moment = sum(mesh.volume * mesh.center_mass for mesh in meshes)
-    center = first_moment * density / body.mass
+    center = first_moment * density / mass
     tensor = np.zeros((3, 3))
     for mesh in meshes:
         arm = mesh.center_mass - center
@@ -50,9 +57,9 @@ def inertia_of(body: Body) -> Inertia:
 
     moments = np.diag(tensor)
     if np.abs(tensor - np.diag(moments)).max() < 1e-9 * np.trace(tensor):
-        return Inertia(body.mass, Pose(center), frozen_array(moments))
+        return Inertia(mass, Pose(center), frozen_array(moments))
 
-    return principal(body.mass, center, tensor)
+    return principal(mass, center, tensor)
 
 
 def principal(mass: float, center: Array, tensor: Array) -> Inertia:
