@@ -166,7 +166,7 @@ class Bodies:
         placed = self._weighed.scene.state()
         packed = self._unpack([self.snapshot()])[0, :, :7]
         expected = np.hstack([placed.quaternions, placed.positions])
-        if not np.allclose(packed, expected, atol=1e-5):
+        if not np.all(np.abs(packed - expected) < 1e-5):
             raise RuntimeError(UNKNOWN_PACK)
 
     @property

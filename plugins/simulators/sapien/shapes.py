@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -126,20 +126,13 @@ def _collider(shape: Shape | Path, material: Any, folder: Path) -> Any:
 
         case Box(size=size):
             # As a hull: PhysX's box-box test loses the contact of an edge that leans on a thin wall's edge.
-            cube = partial(trimesh.creation.box, (1.0, 1.0, 1.0))
-            return _hull(_file(folder, "box", cube), material, size)
+            return _hull(_cube(folder), material, size)
 
         case Sphere(radius=radius):
             return physx.PhysxCollisionShapeSphere(radius, material)
 
         case Cylinder(radius=radius, length=length):
-            # PhysX lacks it: a prism whose corners are as far outside the cylinder as its sides are inside.
-            corner = 2 / (1 + np.cos(np.pi / _SIDES))
-            prism = partial(
-                trimesh.creation.cylinder, radius=corner, height=1.0, sections=_SIDES
-            )
-            file = _file(folder, "cylinder", prism)
-            return _hull(file, material, (radius, radius, length))
+            return _hull(_prism(folder), material, (radius, radius, length))
 
         case Capsule(radius=radius, length=length):
             return physx.PhysxCollisionShapeCapsule(radius, length / 2, material)
@@ -152,6 +145,26 @@ def _collider(shape: Shape | Path, material: Any, folder: Path) -> Any:
 def _hull(file: Path, material: Any, scale: Triple = (1.0, 1.0, 1.0)) -> Any:
     """Make the convex hull of a mesh file."""
     return physx.PhysxCollisionShapeConvexMesh(str(file), np.array(scale), material)
+
+
+# Every world has some: the files are not looked for again.
+@lru_cache(maxsize=8)
+def _cube(folder: Path) -> Path:
+    """Return the file of a box with edges of 1 m."""
+    return _file(folder, "box", partial(trimesh.creation.box, (1.0, 1.0, 1.0)))
+
+
+@lru_cache(maxsize=8)
+def _prism(folder: Path) -> Path:
+    """Return the file of a cylinder of radius and length 1 m, which PhysX lacks.
+
+    It is a prism whose corners are as far outside the cylinder as its sides are inside.
+    """
+    corner = 2 / (1 + np.cos(np.pi / _SIDES))
+    make = partial(
+        trimesh.creation.cylinder, radius=corner, height=1.0, sections=_SIDES
+    )
+    return _file(folder, "cylinder", make)
 
 
 def _file(folder: Path, name: str, make: Callable[[], trimesh.Trimesh]) -> Path:

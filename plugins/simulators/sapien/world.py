@@ -100,7 +100,7 @@ class World(FreshWorld):
             self.impulses = Forces(self._system, weighed.scene, setup.things)
 
         arm, _ = self._robot.read(self._bodies.behind([self.snapshot()]))
-        if not np.allclose(arm, job.trajectory.arm[0], atol=1e-5):
+        if not np.all(np.abs(arm - job.trajectory.arm[0]) < 1e-5):
             raise RuntimeError(UNKNOWN_PACK)
 
     def step(
