@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -168,20 +169,25 @@ class Pair:
         return gaps[np.cumsum(moved) - 1]
 
 
-class Tracks(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Tracks:
     """The solids of a rollout at T samples.
 
     Attributes:
         solids: what they are, at rest.
         rows: all of them at all samples.
-        items: the track of each.
         times: (T,) of the samples, seconds.
     """
 
     solids: Solids
     rows: Rows
-    items: list[Track]
     times: Array
+
+    @cached_property
+    def items(self) -> list[Track]:
+        """The track of each; many rollouts need none."""
+        count = len(self.solids.items)
+        return [Track(self.solids, number, self.rows) for number in range(count)]
 
     def pair(self, numbers: Indices) -> Pair:
         """Return two of the solids, by their numbers (2,)."""
@@ -286,8 +292,7 @@ def follow(
         values[moving] = those_moved
         values[resting] = those_at_rest[at_rest]
 
-    tracks = [Track(solids, k, rows) for k in range(count)]
-    return Tracks(solids, rows, tracks, recording.times)
+    return Tracks(solids, rows, recording.times)
 
 
 def _body_frames(states: State) -> tuple[Array, Array]:

@@ -28,6 +28,9 @@ class Motors:
         self._model = model
         self._count = count
         self._data = mujoco.MjData(model)
+        # Views of MuJoCo's memory.
+        self._qpos: Array = self._data.qpos
+        self._gravcomp: Array = self._data.qfrc_gravcomp
         joints = model.actuator_trnid[:count, 0]
         self._positions = model.jnt_qposadr[joints]
         self._speeds = model.jnt_dofadr[joints]
@@ -71,12 +74,12 @@ class Motors:
         """Compute what compensates gravity (J,) at positions (Q,)."""
         model = self._model
         data = self._data
-        data.qpos[:] = qpos
+        self._qpos[:] = qpos
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         if model.nflex:
             mujoco.mj_flex(model, data)
 
         mujoco.mj_passive(model, data)
-        torques: Array = data.qfrc_gravcomp[self._speeds].copy()
+        torques: Array = self._gravcomp[self._speeds]
         return torques

@@ -87,6 +87,7 @@ class ArticulatedArm:
         ]
         self._inertia = np.array(robot.motor_inertia)
         self._setters = [active[number].set_drive_target for number in self._numbers]
+        self._arm_setters = self._setters[: self._arm]
         self._orders = [math.nan] * len(self._numbers)
 
         self._loose = [numbers[joint_name(bearer.name)] for bearer in tool.bearers]
@@ -153,11 +154,12 @@ class ArticulatedArm:
             self._setters[0](orders[0])  # keeps the arm awake
             return
 
-        for set_target, order, before in zip(
-            self._setters, orders, self._orders, strict=True
-        ):
-            if order != before:  # drives keep their target
-                set_target(order)
+        moving = self._setters
+        if orders[self._arm :] == self._orders[self._arm :]:  # drives keep their target
+            moving = self._arm_setters
+
+        for set_target, order in zip(moving, orders, strict=False):
+            set_target(order)
 
         self._orders = orders
 
