@@ -55,7 +55,7 @@ def step_lengths(points: Array) -> Array:
 def running_sums(values: Array) -> Array:
     """Sum up the first 0, 1, ... of values (N,): (N + 1,)."""
     sums = np.zeros(len(values) + 1)
-    np.cumsum(values, out=sums[1:])
+    np.add.accumulate(values, out=sums[1:])
     return sums
 
 

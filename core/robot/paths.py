@@ -127,11 +127,12 @@ def join_knots(knots: Array, arm: Arm) -> JointPath:
         arm: gives the limits.
     """
     count = len(knots)
-    path = _prepare_spline(count).solve(knots)
+    equations = _prepare_spline(count)
+    points = equations.solve(knots)
+    path = equations.spline(points)
 
     # A spline stays among its control points: most need no closer look.
-    points = path.c
-    if (points >= arm.lower).all() and (points <= arm.upper).all():
+    if ((points >= arm.lower) & (points <= arm.upper)).all():
         return path
 
     joints = path(np.linspace(0.0, 1.0, 8 * count))
@@ -159,14 +160,15 @@ class _SplineEquations(NamedTuple):
     factors: Array
     pivots: npt.NDArray[np.int32]
 
-    def solve(self, values: Array) -> BSpline:
-        """Return the spline through values (K, J), to the last bit that of `make_interp_spline`."""
+    def solve(self, values: Array) -> Array:
+        """Find the control points (K, J) of the spline through values (K, J), as `make_interp_spline` to the bit."""
         band = self.degree
         found, _ = dgbtrs(self.factors, band, band, values, self.pivots)
-        # What the constructor checks is so.
-        return BSpline.construct_fast(
-            self.knots, np.ascontiguousarray(found), self.degree
-        )
+        return np.ascontiguousarray(found)
+
+    def spline(self, points: Array) -> BSpline:
+        """Return the spline with these control points (K, J); what its constructor checks is so."""
+        return BSpline.construct_fast(self.knots, points, self.degree)
 
 
 # Most of the time of `make_interp_spline` goes to what is the same for all paths.
