@@ -447,7 +447,7 @@ class Arm:
             if count >= _DRIFTING:
                 idle[:] = 0.0
 
-            # Plain numbers are compared faster than seven of NumPy's.
+            # Plain numbers are compared faster than short arrays.
             at = q.tolist()
             if any(map(le, at, lowest)) or any(map(ge, at, highest)):
                 gradient = jacobian.T.dot(error)

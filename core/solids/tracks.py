@@ -185,7 +185,7 @@ class Tracks:
 
     @cached_property
     def items(self) -> list[Track]:
-        """The track of each; many rollouts need none."""
+        """The track of each, made once it is asked for: a first look over a rollout mostly needs none."""
         count = len(self.solids.items)
         return [Track(self.solids, number, self.rows) for number in range(count)]
 

@@ -32,7 +32,7 @@ def inertia_of(body: Body) -> Inertia:
 
     Its axes are the body's where those are principal; else they are turned.
     """
-    return _join_inertias(body.mass, tuple(body.collisions))
+    return _join_inertias(body.mass, body.collisions)
 
 
 @lru_cache(maxsize=256)  # scenes have many alike, and a scene is built for each tool

@@ -154,11 +154,11 @@ class ArticulatedArm:
             self._setters[0](orders[0])  # keeps the arm awake
             return
 
-        moving = self._setters
-        if orders[self._arm :] == self._orders[self._arm :]:  # drives keep their target
-            moving = self._arm_setters
+        setters = self._setters
+        if orders[self._arm :] == self._orders[self._arm :]:
+            setters = self._arm_setters  # the fingers' drives keep their targets
 
-        for set_target, order in zip(moving, orders, strict=False):
+        for set_target, order in zip(setters, orders, strict=False):
             set_target(order)
 
         self._orders = orders

@@ -18,7 +18,7 @@ from plugins.simulators.sapien.bonds import Bonds
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.forces import Forces, pushes
 from plugins.simulators.sapien.joints import Joints
-from plugins.simulators.sapien.physx_bodies import UNKNOWN_PACK, Bodies, Weighed
+from plugins.simulators.sapien.physx_bodies import Bodies, Weighed, check_pack
 from plugins.simulators.sapien.robot import ArticulatedArm, TorqueNote, surfaces_of
 from plugins.simulators.sapien.shapes import Setup
 from plugins.simulators.sapien.surfaces import Surfaces
@@ -100,8 +100,7 @@ class World(FreshWorld):
             self.impulses = Forces(self._system, weighed.scene, setup.things)
 
         arm, _ = self._robot.read(self._bodies.behind([self.snapshot()]))
-        if not np.all(np.abs(arm - job.trajectory.arm[0]) < 1e-5):
-            raise RuntimeError(UNKNOWN_PACK)
+        check_pack(arm, job.trajectory.arm[0])
 
     def step(
         self,
