@@ -14,7 +14,7 @@ from core.geometry import Array, Pose, step_lengths
 from core.interfaces import JointTrajectory, RolloutSettings, Task, Waypoints
 from core.robot.paths import KNOT_M, KNOT_RAD
 from core.scene import Scene
-from core.solids.record_rate import sample_hz, thinnest
+from core.solids.record_rate import sample_hz
 from core.support.text import kind
 
 MAX_WAYPOINTS = 200
@@ -218,7 +218,7 @@ def check_motion(
     if settings.penetration == "ignore" and not settings.observe:
         return 0.0
 
-    hz = sample_hz(task.robot, tool, trajectory, thinnest(scene))
+    hz = sample_hz(task.robot, tool, trajectory, scene)
     count = len(tool.parts)
     poses = count * seconds * hz
 

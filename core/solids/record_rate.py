@@ -7,6 +7,9 @@ A recording has as many samples as its fastest moment asks for. Most of it is lo
 from __future__ import annotations
 
 import math
+from functools import lru_cache
+from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,23 +17,28 @@ from core.design import Tool
 from core.geometry import Array, running_sums
 from core.interfaces import JointTrajectory, Recording, Robot
 from core.robot.kinematics import finger_values, robot_model
+from core.robot.solids import body_solids
 from core.scene import Scene
-from core.solids.rollout_solids import all_solids, thickness
+from core.solids.near_pairs import Flags
+from core.solids.rollout_solids import Solids, all_solids, thickness
 from core.solids.tracks import (
     SAMPLE_HZ,
     Detour,
     Indices,
-    bound_speed,
+    Rows,
     lengths,
-    measure_travels,
+    place_resting,
+    place_solids,
 )
 
 MAX_HZ = 1600.0  # beyond the rate of every engine's steps
+NEAR_M = 0.05  # of a body: the arm lags behind what it is told, and bodies settle
 
 _EMPTY = Scene(())
 _SAME = 1e-6  # of a sample; the end of a motion is not one sample more
 
 
+@lru_cache(maxsize=8)
 def thinnest(scene: Scene) -> float:
     """Find the smallest extent of all collision shapes of a scene, metres."""
     shapes = [part.shape for body in scene.bodies for part in body.collisions]
@@ -41,9 +49,12 @@ def sample_hz(
     robot: Robot,
     tool: Tool,
     trajectory: JointTrajectory,
-    thin: float,
+    scene: Scene,
 ) -> float:
     """The rate at which the tool moves no farther between two samples than the thinnest solid is thick.
+
+    Its speed counts while it is near a body, and always once the robot has been near one that can move: that may be as
+    fast since then. A fast way through the air asks for nothing.
 
     The rate is `SAMPLE_HZ` times a power of two, so that there are few.
 
@@ -51,19 +62,21 @@ def sample_hz(
         robot: what moves.
         tool: what it holds.
         trajectory: how it moves.
-        thin: how thick the thinnest solid of the scene is, metres.
+        scene: what it may meet.
 
     Returns:
         The rate, at most `MAX_HZ`.
     """
-    thin = min([thin, *(thickness(part.shape) for part in tool.parts)])
-    wanted = _bound_tool_speed(robot, tool, trajectory) / thin
+    thin = min([thinnest(scene), *(thickness(part.shape) for part in tool.parts)])
+    wanted = _bound_tool_speed(robot, tool, trajectory, scene) / thin
 
     return min(MAX_HZ, SAMPLE_HZ * _round_up(wanted / SAMPLE_HZ))
 
 
-def _bound_tool_speed(robot: Robot, tool: Tool, trajectory: JointTrajectory) -> float:
-    """Bound the speed of any point of a tool on its way, m/s, averaged over a sample of `SAMPLE_HZ`."""
+def _bound_tool_speed(
+    robot: Robot, tool: Tool, trajectory: JointTrajectory, scene: Scene
+) -> float:
+    """Bound the speed of any point of a tool where it counts, m/s, averaged over a sample of `SAMPLE_HZ`."""
     if not tool.parts:
         return 0.0
 
@@ -75,11 +88,73 @@ def _bound_tool_speed(robot: Robot, tool: Tool, trajectory: JointTrajectory) -> 
 
     # The motion as it is commanded, in a scene without bodies.
     solids = all_solids(_EMPTY, robot, tool)
-    parts = np.arange(len(solids.items))[-len(tool.parts) :]
     model = robot_model(robot, tool)
     rotations, positions = model.place_joints(model.order(arm, fingers))
+    rows = place_solids(solids, solids.moving, rotations, positions)
+    parts = slice(-len(tool.parts), None)
+    speeds = rows.ways[parts, :-1].max(axis=0) / np.diff(times)
+    counts = _mark_meetings(rows, parts, scene)
 
-    return bound_speed(measure_travels(solids, parts, rotations, positions), times)
+    return float(speeds[counts].max(initial=0.0))
+
+
+def _mark_meetings(rows: Rows, parts: slice, scene: Scene) -> Flags:
+    """Mark the intervals in which a tool may meet a body, or a body another.
+
+    Args:
+        rows: the robot's solids that move, at T samples.
+        parts: which of them are the tool's.
+        scene: its bodies are where they begin, until the robot is near one that can move.
+
+    Returns:
+        Marks (T - 1,).
+    """
+    low = rows.low[:, None, :-1] - NEAR_M
+    high = rows.high[:, None, :-1] + NEAR_M
+    if _stirs(scene):
+        return np.ones(low.shape[2], dtype=bool)
+
+    boxes = _body_boxes(scene)
+    # Most bodies are never near.
+    ever = (low.min(axis=2) <= boxes.high[:, 0]) & (high.max(axis=2) >= boxes.low[:, 0])
+    met = ever.all(axis=2).any(axis=0)
+    near = (low <= boxes.high[met]) & (high >= boxes.low[met])
+    near = near.all(axis=3)
+
+    stirred = near[:, boxes.free[met]].any(axis=(0, 1))
+    marked: Flags = near[parts].any(axis=(0, 1))
+    marked |= np.logical_or.accumulate(stirred)
+    return marked
+
+
+def _stirs(scene: Scene) -> bool:
+    """Whether something in a scene may move before the robot is near it."""
+    if scene.joints or scene.bonds or scene.softs:
+        return True
+
+    return any(body.launched for body in scene.bodies)
+
+
+class _Boxes(NamedTuple):
+    """The bounding boxes of B solids of bodies that are where they begin.
+
+    Attributes:
+        low: (B, 1, 3), with ``high`` (B, 1, 3) along the world's axes, metres.
+        free: (B,) whether the solid can move.
+    """
+
+    low: Array
+    high: Array
+    free: Flags
+
+
+@lru_cache(maxsize=8)
+def _body_boxes(scene: Scene) -> _Boxes:
+    """Return the boxes of a scene's bodies."""
+    solids = Solids([*chain(*map(body_solids, scene.bodies))])
+    rows = place_resting(solids)
+    free = [not scene[owner].fixed for owner in solids.owners.tolist()]
+    return _Boxes(rows.low, rows.high, np.array(free, dtype=bool))
 
 
 def _round_up(wanted: float) -> float:

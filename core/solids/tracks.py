@@ -280,14 +280,14 @@ def follow(
         aside += detour.moved[number] + far[:, None] * detour.turned[number]
 
     frames = (np.concatenate([rotations, turns]), np.concatenate([positions, shifts]))
-    moved = _place_solids(solids, moving, *frames, aside)
+    moved = place_solids(solids, moving, *frames, aside)
     count = len(solids.items)
     # Kept as they lie in memory.
     make = np.empty_like if only is None else np.zeros_like
     rows = Rows(*(make(v, shape=(count, *v.shape[1:])) for v in moved))
 
     for values, those_moved, those_at_rest in zip(
-        rows, moved, _rest(solids), strict=True
+        rows, moved, place_resting(solids), strict=True
     ):
         values[moving] = those_moved
         values[resting] = those_at_rest[at_rest]
@@ -305,22 +305,19 @@ def _body_frames(states: State) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=8)
-def _rest(solids: Solids) -> Rows:
+def place_resting(solids: Solids) -> Rows:
     """Place the solids that never move, at a single sample."""
-    numbers = solids.resting
     rotations = np.eye(3)[None, None]
     positions = np.zeros((1, 1, 3))
-    straight = np.zeros((len(numbers), 1))
-
-    return _place_solids(solids, numbers, rotations, positions, straight)
+    return place_solids(solids, solids.resting, rotations, positions)
 
 
-def _place_solids(
+def place_solids(
     solids: Solids,
     numbers: Indices,
     rotations: Array,
     positions: Array,
-    aside: Array,
+    aside: Array | None = None,
 ) -> Rows:
     """Place some solids in frames that move.
 
@@ -329,9 +326,19 @@ def _place_solids(
         numbers: (N,) of those that are placed.
         rotations: (F, T, 3, 3) of the frames.
         positions: (F, T, 3) of the frames.
-        aside: (N, T) how far each gets from the straight way, metres, by which its bounding box is wider.
+        aside: (N, T) how far each gets from the straight way, metres, by which its bounding box is wider. None: all
+            of them move straight on.
     """
-    rotations, positions = _place_frames(solids, numbers, rotations, positions)
+    frames = solids.frames[numbers]
+    rotations, positions = place(
+        rotations[frames],
+        positions[frames],
+        solids.rotations[numbers],
+        solids.positions[numbers],
+    )
+    rotations[solids.radii[numbers] < np.inf] = np.eye(3)
+    if aside is None:
+        aside = np.zeros(positions.shape[:2])
 
     # The bounding boxes, on the way to the next sample too.
     middles = positions + rotate(rotations, solids.middles[numbers])
@@ -344,7 +351,11 @@ def _place_solids(
     low -= aside[..., None]
     high += aside[..., None]
 
-    turned, ways = _measure_ways(solids, numbers, rotations, positions)
+    turned = np.zeros(positions.shape[:2])
+    turned[:, :-1] = angles(rotations[:, :-1], rotations[:, 1:])
+    ways = solids.reaches[numbers, None] * turned
+    ways[:, :-1] += lengths(positions[:, 1:] - positions[:, :-1])
+
     return Rows(
         rotations,
         positions,
@@ -355,48 +366,3 @@ def _place_solids(
         ways,
         turned,
     )
-
-
-def measure_travels(
-    solids: Solids, numbers: Indices, rotations: Array, positions: Array
-) -> list[Array]:
-    """Measure how far some solids travel in frames that move, as a `Track` would know it.
-
-    Args:
-        solids: in their frames.
-        numbers: (N,) of those that are measured.
-        rotations: (F, T, 3, 3) of the frames.
-        positions: (F, T, 3) of the frames.
-
-    Returns:
-        For each an upper bound (T,) of how far any of its points has moved since the first sample, metres.
-    """
-    placed = _place_frames(solids, numbers, rotations, positions)
-    _, ways = _measure_ways(solids, numbers, *placed)
-    return [running_sums(way[:-1]) for way in ways]
-
-
-def _place_frames(
-    solids: Solids, numbers: Indices, rotations: Array, positions: Array
-) -> tuple[Array, Array]:
-    """Place the frames of some solids: (N, T, 3, 3) and (N, T, 3). That of a ball does not turn."""
-    frames = solids.frames[numbers]
-    rotations, positions = place(
-        rotations[frames],
-        positions[frames],
-        solids.rotations[numbers],
-        solids.positions[numbers],
-    )
-    rotations[solids.radii[numbers] < np.inf] = np.eye(3)
-    return rotations, positions
-
-
-def _measure_ways(
-    solids: Solids, numbers: Indices, rotations: Array, positions: Array
-) -> tuple[Array, Array]:
-    """Measure how far some solids turn and move until the next sample: (N, T) each, see `Rows`."""
-    turned = np.zeros(positions.shape[:2])
-    turned[:, :-1] = angles(rotations[:, :-1], rotations[:, 1:])
-    ways = solids.reaches[numbers, None] * turned
-    ways[:, :-1] += lengths(positions[:, 1:] - positions[:, :-1])
-    return turned, ways

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from core.design import Component, Tool
-from core.geometry import Box, Pose
+from core.geometry import Box, Pose, Sphere
 from core.interfaces import JointTrajectory
+from core.robot.kinematics import robot_model
 from core.scene import Scene
 from core.solids.penetration import findings
 from core.solids.record_rate import coarse_samples, refined_samples, sample_hz, subset
+from core.solids.rollout_solids import tool_solids
 from core.solids.tracks import SAMPLE_HZ
 from tests.core.solids.test_penetration import WALL, body, recording, straight
 from tests.panda import ARM, PANDA
@@ -36,20 +38,68 @@ def turn(seconds):
     return JointTrajectory(np.array([0.0, seconds]), joints, np.zeros(2))
 
 
+# Thick, and around all that the arm does.
+NEAR = Scene((body("room", Box((3.0, 3.0, 3.0)), (0, 0, 0), mass=0.0),))
+
+
 @pytest.mark.parametrize(
     ("thick", "seconds", "hz"),
     [(0.02, 20.0, 25.0), (0.02, 2.0, 25.0), (0.02, 0.5, 100.0), (0.001, 0.5, 1600.0)],
 )
 def test_fast_and_thin_tools_are_looked_at_more_often(thick, seconds, hz):
-    assert sample_hz(PANDA, stick(thick), turn(seconds), thin=1.0) == hz
+    assert sample_hz(PANDA, stick(thick), turn(seconds), NEAR) == hz
+
+
+def test_thin_bodies_are_looked_at_more_often():
+    sheet = body("sheet", Box((3.0, 3.0, 0.002)), (0, 0, 0), mass=0.0)
+    scene = Scene((*NEAR.bodies, sheet))
+    assert sample_hz(PANDA, stick(0.02), turn(0.5), scene) == 800.0
 
 
 @pytest.mark.parametrize("seconds", [0.28, 2.24, 4.48])
 def test_a_motion_may_last_a_whole_number_of_samples(seconds):
     """Of a float like 2.24 `np.arange` returns the end too."""
-    hz = sample_hz(PANDA, stick(0.02), turn(seconds), thin=1.0)
-    almost = sample_hz(PANDA, stick(0.02), turn(seconds - 1e-3), thin=1.0)
+    hz = sample_hz(PANDA, stick(0.02), turn(seconds), NEAR)
+    almost = sample_hz(PANDA, stick(0.02), turn(seconds - 1e-3), NEAR)
     assert hz == almost
+
+
+@pytest.mark.parametrize(("gap", "hz"), [(0.04, 100.0), (0.06, 25.0)])
+def test_only_what_is_near_the_tool_makes_its_speed_count(gap, hz):
+    # Below the stick's end.
+    top = stick_at_home()[2] - 0.1 - gap
+    ground = body("ground", Box((3.0, 3.0, 0.2)), (0, 0, top - 0.1), mass=0.0)
+    assert sample_hz(PANDA, stick(0.02), turn(0.5), Scene((ground,))) == hz
+
+
+@pytest.mark.parametrize(
+    ("block", "others", "hz"),
+    [
+        ({"mass": 0.0}, {}, 25.0),  # stays where it is
+        ({"mass": 1.0}, {}, 100.0),  # may be pushed along
+        ({"mass": 0.0}, {"velocity": (3.0, 0.0, 0.0)}, 100.0),
+    ],
+)
+def test_speed_counts_wherever_something_may_have_been_set_in_motion(block, others, hz):
+    """A slow way past a block, and then a fast one through the air."""
+    where = stick_at_home()
+    beside = body("block", Box((0.1, 0.1, 0.1)), where, **block)
+    ball = replace(body("ball", Sphere(0.03), (0, 2.0, 1.0)), **others)
+    joints = np.array([ARM.home] * 3)
+    joints[:, 0] += [0.0, 0.7, 1.7]
+    motion = JointTrajectory(np.array([0.0, 7.0, 7.5]), joints, np.zeros(3))
+    assert sample_hz(PANDA, stick(0.02), motion, Scene((beside, ball))) == hz
+
+
+def stick_at_home():
+    """The middle of the stick as the arm begins (3,)."""
+    model = robot_model(PANDA, stick(0.02))
+    rotations, positions = model.place_joints(
+        model.order(np.array([ARM.home]), np.zeros((1, len(PANDA.finger_joints))))
+    )
+    (solid,) = tool_solids(PANDA, stick(0.02))
+    frame = solid.frame
+    return positions[frame, 0] + rotations[frame, 0] @ solid.pose.position
 
 
 def test_samples_are_added_where_they_are_wanted():
