@@ -11,6 +11,8 @@ from scipy.spatial.transform import Rotation
 from core.geometry import Array, Mesh, Pose, frozen_array
 from core.scene import Body, Geom
 
+_ROUNDING_M = 1e-12  # of a centre of mass
+
 
 @dataclass(frozen=True)
 class Inertia:
@@ -49,6 +51,7 @@ def _join_inertias(mass: float, parts: tuple[Geom, ...]) -> Inertia:
     density = mass / sum(mesh.volume for mesh in meshes)
     first_moment = sum(mesh.volume * mesh.center_mass for mesh in meshes)
     center = first_moment * density / mass
+    center[np.abs(center) < _ROUNDING_M] = 0.0
     tensor = np.zeros((3, 3))
     for mesh in meshes:
         arm = mesh.center_mass - center
