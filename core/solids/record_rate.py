@@ -56,7 +56,7 @@ def sample_hz(
     Its speed counts while it is near a body, and always once the robot has been near one that can move: that may be as
     fast since then. A fast way through the air asks for nothing.
 
-    The rate is `SAMPLE_HZ` times a power of two, so that there are few.
+    The rate is `SAMPLE_HZ` times a power of two, so that there is a sample at each instant of a trace.
 
     Args:
         robot: what moves.
