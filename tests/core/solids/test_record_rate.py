@@ -14,6 +14,7 @@ from core.solids.penetration import findings
 from core.solids.record_rate import coarse_samples, refined_samples, sample_hz, subset
 from core.solids.rollout_solids import tool_solids
 from core.solids.tracks import SAMPLE_HZ
+from core.values.joints import Joint
 from tests.core.solids.test_penetration import WALL, body, recording, straight
 from tests.panda import ARM, PANDA
 
@@ -73,22 +74,24 @@ def test_only_what_is_near_the_tool_makes_its_speed_count(gap, hz):
 
 
 @pytest.mark.parametrize(
-    ("block", "others", "hz"),
+    ("block", "others", "joints", "hz"),
     [
-        ({"mass": 0.0}, {}, 25.0),  # stays where it is
-        ({"mass": 1.0}, {}, 100.0),  # may be pushed along
-        ({"mass": 0.0}, {"velocity": (3.0, 0.0, 0.0)}, 100.0),
+        ({"mass": 0.0}, {}, (), 25.0),  # stays where it is
+        ({"mass": 1.0}, {}, (), 100.0),  # may be pushed along
+        ({"mass": 0.0}, {"velocity": (3.0, 0.0, 0.0)}, (), 100.0),
+        ({"mass": 0.0}, {}, (Joint("pivot", "hinge", "ball"),), 100.0),  # may swing
     ],
 )
-def test_speed_counts_wherever_something_may_have_been_set_in_motion(block, others, hz):
+def test_speed_counts_wherever_something_may_move(block, others, joints, hz):
     """A slow way past a block, and then a fast one through the air."""
     where = stick_at_home()
     beside = body("block", Box((0.1, 0.1, 0.1)), where, **block)
     ball = replace(body("ball", Sphere(0.03), (0, 2.0, 1.0)), **others)
-    joints = np.array([ARM.home] * 3)
-    joints[:, 0] += [0.0, 0.7, 1.7]
-    motion = JointTrajectory(np.array([0.0, 7.0, 7.5]), joints, np.zeros(3))
-    assert sample_hz(PANDA, stick(0.02), motion, Scene((beside, ball))) == hz
+    arm = np.array([ARM.home] * 3)
+    arm[:, 0] += [0.0, 0.7, 1.7]
+    motion = JointTrajectory(np.array([0.0, 7.0, 7.5]), arm, np.zeros(3))
+    scene = Scene((beside, ball), joints)
+    assert sample_hz(PANDA, stick(0.02), motion, scene) == hz
 
 
 def stick_at_home():
