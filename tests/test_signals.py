@@ -86,9 +86,8 @@ def test_ctrl_c_at_a_terminal_then_a_kill_and_the_run_goes_on(undisturbed, tmp_p
     assert all_gone(processes)
     assert not left_in(temporary)
     assert "Traceback" not in said
-    assert (
-        "2 generations of up to 6 candidates" in said
-    )  # how far one is comes after three seconds
+    # How far a generation is would come after three seconds.
+    assert "2 generations of up to 6 candidates" in said
     *_, last, empty = re.split(r"[\r\n]+", said)
     assert last == f"interrupted; to go on: python -m core.run resume='{folder}'"
     assert empty == ""

@@ -1,7 +1,7 @@
 """Choose how often a rollout is recorded and looked at, by the speed and the thinness of what moves.
 
-A recording has as many samples as its fastest moment asks for. Most of it is looked at about `SAMPLE_HZ` times a second
-(`coarse_samples`), and more often only where thin solids are near each other (`refined_samples`).
+A recording has as many samples as its fastest moment near a body asks for. Most of it is looked at about `SAMPLE_HZ`
+times a second (`coarse_samples`), and more often only where thin solids are near each other (`refined_samples`).
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 from itertools import chain
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,22 +16,21 @@ from core.design import Tool
 from core.geometry import Array, running_sums
 from core.interfaces import JointTrajectory, Recording, Robot
 from core.robot.kinematics import finger_values, robot_model
-from core.robot.solids import body_solids
+from core.robot.solids import Obstacles, body_solids
 from core.scene import Scene
 from core.solids.near_pairs import Flags
-from core.solids.rollout_solids import Solids, all_solids, thickness
+from core.solids.rollout_solids import all_solids, thickness
 from core.solids.tracks import (
     SAMPLE_HZ,
     Detour,
     Indices,
     Rows,
     lengths,
-    place_resting,
     place_solids,
 )
 
 MAX_HZ = 1600.0  # beyond the rate of every engine's steps
-NEAR_M = 0.05  # of a body: the arm lags behind what it is told, and bodies settle
+_NEAR_M = 0.05  # of a body: the arm lags behind what it is told, and bodies settle
 
 _EMPTY = Scene(())
 _SAME = 1e-6  # of a sample; the end of a motion is not one sample more
@@ -109,52 +107,46 @@ def _mark_meetings(rows: Rows, parts: slice, scene: Scene) -> Flags:
     Returns:
         Marks (T - 1,).
     """
-    low = rows.low[:, None, :-1] - NEAR_M
-    high = rows.high[:, None, :-1] + NEAR_M
     if _stirs(scene):
-        return np.ones(low.shape[2], dtype=bool)
+        return np.ones(rows.low.shape[1] - 1, dtype=bool)
 
-    boxes = _body_boxes(scene)
+    obstacles = _obstacles_of(scene)
+    low = obstacles.centers - obstacles.halves - _NEAR_M
+    high = obstacles.centers + obstacles.halves + _NEAR_M
+
     # Most bodies are never near.
-    ever = (low.min(axis=2) <= boxes.high[:, 0]) & (high.max(axis=2) >= boxes.low[:, 0])
-    met = ever.all(axis=2).any(axis=0)
-    near = (low <= boxes.high[met]) & (high >= boxes.low[met])
-    near = near.all(axis=3)
+    below = rows.low.min(axis=1)[:, None] <= high
+    above = rows.high.max(axis=1)[:, None] >= low
+    met = np.flatnonzero((below & above).all(axis=2).any(axis=0))
 
-    stirred = near[:, boxes.free[met]].any(axis=(0, 1))
-    marked: Flags = near[parts].any(axis=(0, 1))
+    # Of each solid of the robot, in each interval, and for each that is met.
+    below = rows.low[:, :-1, None] <= high[met]
+    above = rows.high[:, :-1, None] >= low[met]
+    near = (below & above).all(axis=3)
+
+    owners = [obstacles.solids[number].owner for number in met]
+    free = [not scene[owner].fixed for owner in owners]
+    stirred = near[:, :, np.array(free, dtype=bool)].any(axis=(0, 2))
+    marked: Flags = near[parts].any(axis=(0, 2))
     marked |= np.logical_or.accumulate(stirred)
     return marked
 
 
 def _stirs(scene: Scene) -> bool:
-    """Whether something in a scene may move before the robot is near it."""
+    """Whether something in a scene may move before the robot is near it.
+
+    All other bodies are taken to rest where they begin.
+    """
     if scene.joints or scene.bonds or scene.softs:
         return True
 
     return any(body.launched for body in scene.bodies)
 
 
-class _Boxes(NamedTuple):
-    """The bounding boxes of B solids of bodies that are where they begin.
-
-    Attributes:
-        low: (B, 1, 3), with ``high`` (B, 1, 3) along the world's axes, metres.
-        free: (B,) whether the solid can move.
-    """
-
-    low: Array
-    high: Array
-    free: Flags
-
-
 @lru_cache(maxsize=8)
-def _body_boxes(scene: Scene) -> _Boxes:
-    """Return the boxes of a scene's bodies."""
-    solids = Solids([*chain(*map(body_solids, scene.bodies))])
-    rows = place_resting(solids)
-    free = [not scene[owner].fixed for owner in solids.owners.tolist()]
-    return _Boxes(rows.low, rows.high, np.array(free, dtype=bool))
+def _obstacles_of(scene: Scene) -> Obstacles:
+    """Return the collision shapes of a scene's bodies, where they begin."""
+    return Obstacles(chain.from_iterable(map(body_solids, scene.bodies)))
 
 
 def _round_up(wanted: float) -> float:

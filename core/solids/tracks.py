@@ -287,7 +287,7 @@ def follow(
     rows = Rows(*(make(v, shape=(count, *v.shape[1:])) for v in moved))
 
     for values, those_moved, those_at_rest in zip(
-        rows, moved, place_resting(solids), strict=True
+        rows, moved, _place_resting(solids), strict=True
     ):
         values[moving] = those_moved
         values[resting] = those_at_rest[at_rest]
@@ -305,7 +305,7 @@ def _body_frames(states: State) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=8)
-def place_resting(solids: Solids) -> Rows:
+def _place_resting(solids: Solids) -> Rows:
     """Place the solids that never move, at a single sample."""
     rotations = np.eye(3)[None, None]
     positions = np.zeros((1, 1, 3))
