@@ -7,8 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from docs.weights import count_nodes
-
 ROOT = Path(__file__).parents[1]
 COMPREHENSIONS = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)
 
@@ -94,12 +92,3 @@ def test_dense_code_is_found(code, wrong):
     nodes = list(ast.walk(ast.parse(code)))
     rules = [is_packed, is_nested, is_chained]
     assert [rule for rule in rules if any(map(rule, nodes))] == wrong
-
-
-def test_weight_does_not_change_with_words_and_lines():
-    short = ast.parse("def f(a): return [a, 1]")
-    long = ast.parse(
-        'def double(\n    value,\n):\n    """Say it."""\n    return [\n        value,\n        1,\n    ]'
-    )
-    assert count_nodes(short) == count_nodes(long)
-    assert count_nodes(short) < count_nodes(ast.parse("def f(a): return [a, 1, a]"))
