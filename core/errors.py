@@ -30,6 +30,10 @@ class NoAnswer(UserError):
     """No request of a generation was answered; they are sent again when the run goes on."""
 
 
+class SharedByThreads(UserError):
+    """Two threads of a process play at once; the message says what to do."""
+
+
 class Fault(Exception):
     """The machine failed, not a design: no room on a disk, no memory, a worker that was killed."""
 

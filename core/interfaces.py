@@ -503,7 +503,8 @@ class Executor(ABC):
     """Workers that call a picklable function with chunks. As a context manager it ends them.
 
     **Threads.** One thread calls `map` and reads what it yields; ``chunks`` may be read in another one. `close` may be
-    called from any thread, and then `map` ends.
+    called from any thread, and then `map` ends. The function is called by one thread of a process at a time: a second
+    one gets the error `core.errors.SharedByThreads`, which ends the run.
 
     **Ownership.** The workers are the executor's: they are started when they are needed, and ended by `close`. A worker
     makes its own parts from their names and settings.

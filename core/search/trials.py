@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from itertools import chain
 
 from core.design import Candidate
-from core.errors import RAISED, UserError, fault, in_line
+from core.errors import RAISED, SharedByThreads, UserError, fault, in_line
 from core.interfaces import CHUNK, Executor, Fitness
 from core.plugins import describe_part
 from core.plugins.blame import PluginError
@@ -133,9 +133,15 @@ class Trials:
     def _play(
         self, player: _Player, chunks: Iterable[Chunk]
     ) -> Generator[Tried, None, list[tuple[Chunk, Exception]]]:
-        """Have chunks played, and yield candidates as they end; return the chunks that failed, and why."""
+        """Have chunks played, and yield candidates as they end; return the chunks that failed, and why.
+
+        Raises:
+            UserError: the executor plays in several threads of one process.
+        """
         broken: list[tuple[Chunk, Exception]] = []
         for chunk, result in self.executor.map(player, chunks):
+            if isinstance(result, SharedByThreads):
+                raise UserError(f"{describe_part(self.executor)}: {result}")
             if isinstance(result, Exception):
                 broken.append((chunk, result))
             else:

@@ -6,10 +6,11 @@ Plan the motion and check it (`core.simulation.attempt`), let the engine play it
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 
 from core.design import Candidate
-from core.errors import RAISED, UserError
+from core.errors import RAISED, SharedByThreads, UserError
 from core.interfaces import Outcome, Rollout
 from core.plugins import describe_part
 from core.plugins.blame import PluginError, describe_failure
@@ -18,6 +19,8 @@ from core.simulation.judging import judge_attempts
 from core.support.text import shorten
 from core.trial import Condition, Trial
 
+_playing = threading.RLock()
+
 
 def play(condition: Condition, candidates: Sequence[Candidate]) -> list[Trial]:
     """Try candidates in a condition, and return a complete trial of each, in order.
@@ -25,9 +28,18 @@ def play(condition: Condition, candidates: Sequence[Candidate]) -> list[Trial]:
     Of a candidate with a plan for each of several tasks the plan for this one is played. One call of the task's reward
     covers all worlds.
 
+    One thread of a process plays at a time. Engines and arms are made once for all of them, and compute in place.
+
     Raises:
         PluginError: the code of the task or the simulator raised something; names the plugin.
+        SharedByThreads: another thread of this process plays.
     """
+    if not _playing.acquire(blocking=False):
+        raise SharedByThreads(
+            "two threads of one process play at once, and would spoil each other's rollouts: let workers be "
+            "processes, or play one chunk after the other"
+        )
+
     try:
         return _play(stage_of(condition), candidates)
     except (UserError, MemoryError):
@@ -37,6 +49,8 @@ def play(condition: Condition, candidates: Sequence[Candidate]) -> list[Trial]:
         if blamed is None:
             raise
         raise PluginError(blamed) from error
+    finally:
+        _playing.release()
 
 
 def _play(stage: Stage, candidates: Sequence[Candidate]) -> list[Trial]:

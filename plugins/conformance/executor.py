@@ -5,9 +5,19 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import product
 
-from core.interfaces import Executor
-from plugins.conformance.checking import expect
+import numpy as np
+
+from core.design import Candidate
+from core.interfaces import Condition, Executor, Waypoints
+from core.plugins import PluginPart
+from core.search.trials import Trials, key_of
+from core.simulation.play import play
+from plugins.conformance.checking import expect, simulators, some_task
+from plugins.conformance.fitness import condition
+from plugins.conformance.scenery import stick
 
 Make = Callable[[], Executor]
 
@@ -73,3 +83,45 @@ def check_an_exception_of_the_source_is_raised(make: Make) -> None:
     with make() as executor, contextlib.suppress(LookupError):
         list(executor.map(roots, chunks()))
         raise AssertionError("an exception of the chunks' source is swallowed")
+
+
+def check_rollouts_side_by_side_are_those_played_one_by_one(make: Make) -> str:
+    """In each engine that plays one job at a time, four chunks at once give the same trials, to the bit."""
+    names = [name for name, simulator in simulators() if simulator.batch == 1]
+    candidates = _make_candidates()
+    with make() as executor:
+        for name in names:
+            conditions = _in_two_layouts(name)
+            trials = Trials(executor)
+            list(trials.try_in(conditions, candidates))
+
+            for where, candidate in product(conditions, candidates):
+                (alone,) = play(where, [candidate])
+                found = trials.known[key_of(candidate, where)]
+                expect(
+                    str(found) == str(alone),  # nan is like nan
+                    f"in {name} a rollout beside others is not what it is alone: {found} instead of {alone}",
+                )
+                expect(alone.status == "ok", f"in {name}: {alone.reason}")
+
+    return f"in {', '.join(names)}"
+
+
+def _make_candidates() -> list[Candidate]:
+    """Make candidates of two tools, with two plans each."""
+    home = some_task().home
+    candidates = []
+    for agent, action in product(range(2), range(2)):
+        tool = stick(0.25 + 0.05 * agent)
+        down = home.position - (0.0, 0.1 * action, 0.15)
+        ahead = np.add(down, (0.15, 0.0, 0.0))
+        plan = np.array([[*down, *home.rpy], [*ahead, *home.rpy]])
+        candidates.append(Candidate(tool, Waypoints(plan), 0, agent, 0, action))
+
+    return candidates
+
+
+def _in_two_layouts(engine: str) -> list[Condition]:
+    """Return the conditions of two layouts of a task in an engine."""
+    sim = PluginPart[object]("sim", engine)
+    return [replace(condition(), sim=sim, layout=layout) for layout in range(2)]

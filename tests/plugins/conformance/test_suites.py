@@ -3,6 +3,7 @@
 import importlib
 import itertools
 import pkgutil
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -78,7 +79,7 @@ def test_a_task_whose_reward_reads_a_trace_conforms():
 
 
 def test_the_local_executor_conforms():
-    checked = subject(PluginPart("executor", "local", (("workers", 1),)))
+    checked = subject(PluginPart("executor", "local", (("workers", 2),)))
     for check in SUITES["executor"]:
         check(checked)
 
@@ -235,6 +236,21 @@ class Greedy(Executor):
         pass
 
 
+class Threads(Executor):
+    """Keeps all rules of an executor but that one thread of a process plays at a time."""
+
+    def map(self, function, chunks):
+        chunks = iter(chunks)
+        with ThreadPoolExecutor(2) as pool:
+            for begin in iter(lambda: [*itertools.islice(chunks, 2)], []):
+                futures = [(chunk, pool.submit(function, chunk)) for chunk in begin]
+                for chunk, future in futures:
+                    yield chunk, future.exception() or future.result()
+
+    def close(self):
+        pass
+
+
 class Careless(Fitness):
     """Repeats a condition, shows the search what it calls unseen, and has conditions that can't travel."""
 
@@ -334,6 +350,9 @@ WRONG = {
     ("executor", Greedy): {
         "each chunk comes back with its result": "12 chunks went in, 11 came out",
         "chunks are not read all at once": "before the first result was taken, 1000 of 1000 chunks were read",
+    },
+    ("executor", Threads): {
+        "rollouts side by side are those played one by one": "two threads of one process play at once",
     },
 }
 
