@@ -31,11 +31,12 @@ def current() -> set[str]:
 
 
 def names() -> Iterator[str]:
-    """Public names that the flat files of core define or hand on."""
-    for file in (ROOT / "core").glob("*.py"):
-        if file.stem not in PROGRAMS:
-            for name in public(ast.parse(file.read_text())):
-                yield f"name core.{file.stem}.{name}"
+    """Public names that the flat files of core, and its package of goals, define or hand on."""
+    files = {file.stem: file for file in (ROOT / "core").glob("*.py")}
+    files["goals"] = ROOT / "core" / "goals" / "__init__.py"
+    for module in files.keys() - PROGRAMS:
+        for name in public(ast.parse(files[module].read_text())):
+            yield f"name core.{module}.{name}"
 
 
 def public(module: ast.Module) -> Iterator[str]:

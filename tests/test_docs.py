@@ -22,18 +22,7 @@ from core.design import DesignError
 from core.designs.rules import check_tool
 from core.errors import UsageError
 from core.geometry import Cylinder, Mesh, Sphere
-from core.goals import (
-    Away,
-    Broken,
-    Facing,
-    JointAt,
-    Kept,
-    Placed,
-    Reach,
-    Turned,
-    Unbroken,
-    Untouched,
-)
+from core.goals import KINDS, Reach
 from core.interfaces import Seen
 from core.plugins import Plugins, installed
 from core.scene import Body, Bond, Box, Camera, Geom, Joint, Pose, Scene, State, Trace
@@ -623,9 +612,7 @@ def test_the_tables_have_every_field_and_its_default(of):
         ]
 
 
-@pytest.mark.parametrize(
-    "kind", [Placed, Away, JointAt, Turned, Facing, Broken, Kept, Untouched, Unbroken]
-)
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
 def test_the_table_of_goals_has_the_fields_of_each_kind(kind):
     text = (ROOT / "docs/scene_goals.md").read_text()
     (row,) = re.findall(rf"^\| `{kind.__name__}` \| (.*) \|$", text, re.MULTILINE)

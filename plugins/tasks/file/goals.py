@@ -8,30 +8,28 @@ from typing import Any
 
 from core.errors import UserError
 from core.goals import (
+    Apart,
     Away,
     Broken,
     Facing,
+    Flattened,
     Goal,
+    Inside,
     JointAt,
     Kept,
     Placed,
     Reach,
     Span,
+    Spread,
+    Throughout,
     Turned,
+    TurnedBy,
     Unbroken,
     Untouched,
     needs_fixture,
     reaches,
 )
 from core.support.templates import macros
-from plugins.tasks.file.kinds import (
-    Apart,
-    Flattened,
-    Inside,
-    Spread,
-    Throughout,
-    TurnedBy,
-)
 
 NAMED = 4  # bodies of a goal that a description names, where there are more
 
@@ -64,8 +62,7 @@ KINDS: Mapping[str, type[Goal]] = {
 
 FILLED = {
     "relative",
-    "hollow",
-    "around",
+    "space",
     "feet",
     "down",
     "also",

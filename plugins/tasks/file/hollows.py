@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -16,6 +16,7 @@ from scipy.spatial import ConvexHull
 
 from core.design import Fixture
 from core.geometry import Array, Pose, Shape
+from core.goals import EMPTY, Space
 from core.scene import FIXTURE, Body, Geom
 from plugins.tasks.file.doubts import bound
 
@@ -24,7 +25,6 @@ _LEAST = 8  # cells along a side
 _WAYS = 8  # directions in which a wall must stand
 _PART = 0.2  # of the largest hollow: smaller ones, such as a handle's, are none
 _STEP_M = 0.001  # of the way down to where a body rests
-_NO_WAY_M = 1.0  # what leads into no space counts as so long
 _FLAT_M = 0.002  # a mark that is not higher is flat
 
 COLUMN_M = 0.1
@@ -46,7 +46,7 @@ Planes = tuple[Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
-class Hollow:
+class Hollow(Space):
     """A space in a body's frame, as a grid of how far from its boundary each point is.
 
     Outside, it is how long the way in is: around the body's walls, and through the opening.
@@ -54,23 +54,16 @@ class Hollow:
     Attributes:
         low: (3,) the grid's first point, m.
         step: (3,) between its points, m.
-        rooms: (X, Y, Z) m, below 0 outside; empty: it was not looked for.
+        rooms: (X, Y, Z) m, below 0 outside.
         passage: the radius of the largest ball whose middle may get into it, m; 0: no way leads in.
     """
 
-    low: Array = field(default_factory=lambda: np.zeros(3))
-    step: Array = field(default_factory=lambda: np.ones(3))
-    rooms: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
+    low: Array
+    step: Array
+    rooms: Array
     passage: float = np.inf
 
     def room(self, points: Array) -> Array:
-        """Measure how deep inside points (..., 3) are, m, (...); below 0: how long the way in is.
-
-        In an empty space nothing is, wherever it goes.
-        """
-        if not self.rooms.size:
-            return np.full(points.shape[:-1], -_NO_WAY_M)
-
         most = np.array(self.rooms.shape) - 1.0
         cells = (points - self.low) / self.step
         within = np.clip(cells, 0.0, most)
@@ -83,24 +76,12 @@ class Hollow:
 
     @property
     def middle(self) -> Array:
-        """Its point (3,) that is farthest from its boundary; of several the lowest in the middle.
-
-        That of an empty space is the frame's origin.
-        """
-        if not self.rooms.size:
-            return np.zeros(3)
-
+        """Its point (3,) that is farthest from its boundary; of several the lowest in the middle."""
         deepest = np.argwhere(self.rooms > self.rooms.max() - self.step.min() / 2)
         lowest = deepest[deepest[:, 2] == deepest[:, 2].min()]
         return np.asarray(self.low + self.step * lowest.mean(axis=0))
 
     def rest(self, down: Array, foot: float) -> Array:
-        """Find where a body's frame (3,) is that rests below the middle; in free fall it is the middle.
-
-        Args:
-            down: where gravity draws, (3,) in its frame; zeros: nowhere.
-            foot: how far the body's frame is above its lowest point, m.
-        """
         length = float(np.linalg.norm(down))
         if length < 1e-9:
             return self.middle
@@ -112,6 +93,19 @@ class Hollow:
         ground = float(ways[outside.argmax()]) if outside.any() else 0.0
         # A body that is taller than the room below the middle stands up into it.
         return np.asarray(self.middle + (ground - foot) * down / length)
+
+
+@dataclass(frozen=True, eq=False)
+class FixtureHollow(Space):
+    """The hollow of whatever fixture a design adds; ``around`` are the bodies that may close it."""
+
+    around: tuple[Body, ...]
+
+    def within(self, fixture: Fixture | None) -> Space | None:
+        if fixture is None:
+            return EMPTY
+
+        return find_fixture_hollow(fixture, self.around)
 
 
 @lru_cache(maxsize=64)  # the candidates of a chunk share their fixture

@@ -13,11 +13,18 @@ from core.errors import UsageError, choices
 from core.geometry import Capsule, Cylinder, Sphere
 from core.goals import (
     NAMED,
+    Apart,
     Facing,
+    Flattened,
     Goal,
+    Inside,
     Kept,
     Reach,
+    Space,
+    Spread,
+    Throughout,
     Turned,
+    TurnedBy,
     Untouched,
     check_names,
     list_names,
@@ -29,15 +36,7 @@ from plugins.tasks.file.body_building import build_mark
 from plugins.tasks.file.contacts import CONTACT_M, find_gaps
 from plugins.tasks.file.doubts import find_foot
 from plugins.tasks.file.goals import Entry, join_entries
-from plugins.tasks.file.hollows import Hollow, find_hollow, space_of
-from plugins.tasks.file.kinds import (
-    Apart,
-    Flattened,
-    Inside,
-    Spread,
-    Throughout,
-    TurnedBy,
-)
+from plugins.tasks.file.hollows import FixtureHollow, find_hollow, space_of
 from plugins.tasks.file.spec import MarkSpec, SceneSpec
 from plugins.tasks.file.tree import Tree
 from plugins.tasks.file.vain_goals import check_meetable, find_circle, find_conflicts
@@ -161,14 +160,9 @@ def _resolve(goal: Goal, scene: Scene, marks: Mapping[str, MarkSpec]) -> Goal:
     if isinstance(found, Untouched) and found.by:
         _check_apart(found, scene)
     if isinstance(found, Inside):
-        hollow = Hollow()
-        if found.inside != FIXTURE:
-            hollow = _find_space(scene, found.inside, marks)
-
         found = replace(
             found,
-            hollow=hollow,
-            around=tuple(body for body in scene.bodies if body.fixed),
+            space=_find_space(scene, found.inside, marks),
             feet={name: find_foot(scene, scene[name]) for name in found.bodies},
             down=scene.gravity,
         )
@@ -246,7 +240,7 @@ def _is_round(body: Body, *, ball: bool = False) -> bool:
     return bool(body.collisions)
 
 
-def _find_space(scene: Scene, name: str, marks: Mapping[str, MarkSpec]) -> Hollow:
+def _find_space(scene: Scene, name: str, marks: Mapping[str, MarkSpec]) -> Space:
     """Return the hollow of a body, or the space of a mark.
 
     What a body lacks of walls may be what it stands at, such as the table under it.
@@ -255,6 +249,8 @@ def _find_space(scene: Scene, name: str, marks: Mapping[str, MarkSpec]) -> Hollo
         UsageError: it has none.
     """
     body = scene[name]
+    if name == FIXTURE:
+        return FixtureHollow(tuple(body for body in scene.bodies if body.fixed))
     if name in marks:
         return space_of(build_mark(marks[name]), marks[name].height)
 

@@ -14,7 +14,7 @@ import numpy as np
 from core.design import Fixture
 from core.errors import UserError
 from core.geometry import Array, Pose, Vector
-from core.goals import goals_reward, reaches
+from core.goals import Inside, goals_reward, reaches
 from core.interfaces import Picture, Task
 from core.robot.kinematics import arm_of
 from core.scene import Scene, State, Trace
@@ -26,7 +26,6 @@ from plugins.tasks.file import (
     copies,
     doubts,
     goals,
-    kinds,
     naming,
     photos,
     places,
@@ -174,7 +173,7 @@ class FileTask(Task):
             return
 
         parts = chain(*(getattr(goal, "parts", ()) for goal in self.goals))
-        entered = [part for part in parts if isinstance(part, kinds.Inside)]
+        entered = [part for part in parts if isinstance(part, Inside)]
         if any(not part.can_enter(fixture) for part in entered):
             yield (
                 "fixture: bodies must end inside it, and it has no hollow with walls all around; close its walls, on "

@@ -11,18 +11,19 @@ from core.goals import (
     Away,
     Broken,
     Goal,
+    Inside,
     JointAt,
     Kept,
     Placed,
     Reach,
     Span,
     Turned,
+    TurnedBy,
     Unbroken,
     Untouched,
     reaches,
 )
 from core.scene import FIXTURE, Scene
-from plugins.tasks.file.kinds import Inside, TurnedBy
 
 HALF_TURN_DEG = 180.0
 """The largest angle between two directions."""
@@ -107,7 +108,7 @@ def find_too_wide(goals: Sequence[Goal], scene: Scene) -> Iterator[str]:
             if not isinstance(part, Inside) or part.inside == FIXTURE:
                 continue
 
-            widest = 2 * part.hollow.passage
+            widest = 2 * part.space.passage
             for name in goal.bodies:
                 shapes = [geom.shape for geom in scene[name].collisions]
                 is_known = len(shapes) == 1 and isinstance(shapes[0], _WHOLE)

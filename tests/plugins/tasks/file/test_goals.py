@@ -11,9 +11,11 @@ from core.geometry import Box, Pose
 from core.goals import (
     Away,
     Facing,
+    Flattened,
     Kept,
     Placed,
     Reach,
+    Spread,
     Turned,
     Untouched,
     goals_reward,
@@ -22,8 +24,6 @@ from core.scene import Elastic, Filling, Scene, Soft
 from core.support.templates import macros
 from plugins.tasks.file.goals import (
     KINDS,
-    Flattened,
-    Spread,
     describe,
     join_entries,
     read_entry,

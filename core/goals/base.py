@@ -1,16 +1,4 @@
-"""Say what a task wants in a form that programs can read, and make a reward of it::
-
-    goals = (
-        Placed(("cube",), place=(0.6, 0.0, 0.02), tolerance=0.01, rest=True),
-        Untouched(("vase",)),
-    )
-
-A goal is of one of two sorts. A `Reach` wants bodies, or a joint, to end in some way: `Placed`, `Away`, `JointAt`,
-`Turned`, `Facing` and `Broken`. A `Limit` says what must not happen meanwhile: `Kept`, `Untouched` and `Unbroken`. All
-of them say how far they were fulfilled (`Goal.share`), and how far a rollout stayed from their limits (`Goal.margins`).
-
-A new kind is one class, wherever it is written: a `Reach` says what it measures, a `Limit` what it leaves of a reward.
-"""
+"""Define what all kinds of goals share, and what follows from many goals."""
 
 from __future__ import annotations
 
@@ -24,14 +12,12 @@ from typing import Protocol
 import numpy as np
 
 from core.errors import UsageError, choices, refuse
-from core.geometry import Array, Vector
+from core.geometry import Array
 from core.scene import FIXTURE, Body, Scene, Soft
-from core.support.text import number_beside
-from core.values.joints import rotate, rotate_back
 from core.values.margins import Margin
-from core.values.spans import Span as Span
+from core.values.spans import Span
 from core.values.states import State
-from core.values.traces import TRACE_HZ, Flags, Trace
+from core.values.traces import TRACE_HZ, Trace
 
 Coordinate = float | Span | None
 Coordinates = tuple[Coordinate, Coordinate, Coordinate]
@@ -40,15 +26,12 @@ Coordinates = tuple[Coordinate, Coordinate, Coordinate]
 SLIP_M = 0.1  # what is right at the start counts as lost when it is so far off
 SLIP_RAD = 0.5
 SLIP_DEG = float(np.degrees(SLIP_RAD))
+SLIP_SHARE = 0.2  # of a limit of height or area: what is so far off counts as lost
 NEAR_M = 0.02  # observations call a body in place up to here, if the tolerance is less
 NEAR_RAD = 0.1
 STILL_M_S = 0.02  # what is slower is at rest
 STILL_RAD_S = 0.2
 REST_S = 0.3  # what is slower for so long is at rest: it does not only turn back
-KEPT_M = 0.02  # a body to keep may move so far
-KEPT_DEG = 10.0  # and turn so far
-STRAYED = 5  # and where it moved or turned so many times as far, nothing is earned
-NOTICED = 0.25  # of what it may move is worth a word
 BREAKS = "of what breaks it"  # the unit of forces on what can break
 DONE = 0.95  # a goal is fulfilled from this progress on, where instants are compared
 
@@ -115,12 +98,12 @@ class Evidence:
 
     def moved(self, body: str) -> Array:
         """Measure how far a body is from where it was at the start, m, (...)."""
-        return _length(self.end.position(body) - self.start.position(body))
+        return length(self.end.position(body) - self.start.position(body))
 
     def ways(self, body: str) -> Array:
         """Measure how far a body is from where it was at the start at each instant, m, (..., T)."""
         begin = self.start.position(body)[..., None, :]
-        return _length(self.film.states.position(body) - begin)
+        return length(self.film.states.position(body) - begin)
 
 
 @dataclass(frozen=True)
@@ -348,8 +331,8 @@ class Reach(Goal):
     def unrest(self, body: str, state: State) -> Array:
         """Measure how many times as fast as what is at rest a body is, (...)."""
         moved = state.placement(body)
-        slides = _length(moved.linear) / STILL_M_S
-        turns = _length(moved.angular) / STILL_RAD_S
+        slides = length(moved.linear) / STILL_M_S
+        turns = length(moved.angular) / STILL_RAD_S
         return np.maximum(slides, turns)
 
     def subjects(self, state: State) -> tuple[str, ...]:
@@ -544,400 +527,6 @@ class Reach(Goal):
         return found
 
 
-@dataclass(frozen=True, kw_only=True)
-class Placed(Reach):
-    """Bodies that must end at a place: the distance to it counts.
-
-    A plug that must end 1 cm above the frame of its socket, wherever that stands::
-
-        Placed(("plug",), place=(0.0, 0.0, 0.01), at="socket", tolerance=0.003)
-
-    Where a coordinate is a `Span`, or all count from the start, each counts on its own. A lamp to raise by 0.1 m::
-
-        Placed(("lamp",), place=(None, None, Span(low=0.1)), relative=True)
-
-    Attributes:
-        place: where, (x, y, z) in metres; None: a coordinate is free.
-        places: instead of a place, one for each of the bodies.
-        at: the body or mark in whose frame, as it stands in the layout, the place is; None: in the world. If it may be
-            turned, give both x and y or neither.
-        relative: whether the place counts from where each body starts, along the axes of that frame.
-        tolerance: how far off still counts as there, m; of a span nothing is added.
-        node: of soft bodies, the number of the node whose place counts; None: the centre of mass.
-
-    Raises:
-        ValueError: there is neither a place, nor one for each body.
-    """
-
-    place: Coordinates | None = None
-    places: tuple[Coordinates, ...] = ()
-    at: str | None = None
-    relative: bool = False
-    tolerance: float = 0.0
-    node: int | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.place is None and len(self.places) != len(self.bodies):
-            raise ValueError(
-                f"a goal needs a place, or places: one for each of its {len(self.bodies)} bodies"
-            )
-
-        wanted = chain(*self.places)
-        if self.places and (self.relative or any(isinstance(w, Span) for w in wanted)):
-            raise ValueError(
-                "a goal's places have numbers, and don't count from the start; make a goal for each body"
-            )
-
-    def _choose_place(self, body: str) -> Coordinates:
-        """Return the place of a body."""
-        return self.place or self.places[self.bodies.index(body)]
-
-    @property
-    def spans(self) -> dict[str, Span]:
-        """The spans in which coordinates must end, by x, y and z; empty where the distance counts."""
-        place = self.place or ()
-        if not (self.relative or any(isinstance(wanted, Span) for wanted in place)):
-            return {}
-
-        return {
-            axis: Span.about(wanted, self.tolerance)
-            for axis, wanted in zip("xyz", place, strict=True)
-            if wanted is not None
-        }
-
-    def measures(self, body: str, start: State) -> Iterator[Measure]:
-        for axis, span in self.spans.items():
-
-            def value(state: State, number: int = "xyz".index(axis)) -> Array:
-                return self._see(body, start, state)[..., number]
-
-            what = "way along " if self.relative else ""
-            name = f"{what}{axis} of {body}"
-            yield from Measure.within(span, name, value, "m", SLIP_M)
-
-        if self.spans:
-            return
-
-        there = self.place_of(body, start)
-
-        def distance(state: State) -> Array:
-            off = state.position(body, self.node) - there
-            return _length(np.where(np.isnan(off), 0.0, off))
-
-        name = f"{body} off its place"
-        yield Measure(name, distance, self.tolerance, SLIP_M, "m", near=NEAR_M)
-
-    def place_of(self, body: str, start: State) -> Array:
-        if self.spans:
-            return self._aim(body, start)
-
-        place = self._choose_place(body)
-        there = np.array([wanted or 0.0 for wanted in place])
-        if self.at is not None:
-            turned = rotate(start.quaternion(self.at), there)
-            there = start.position(self.at) + turned
-
-        free = [wanted is None for wanted in place]
-        return np.where(free, np.nan, there)
-
-    def _aim(self, body: str, start: State) -> Array:
-        """Return a place well within all spans, (..., 3) in the world, nan where it is free."""
-        seen = self._see(body, start, start)
-        wanted = np.full(seen.shape, np.nan)
-        if self.at is not None:  # a frame that may be turned needs all three
-            wanted = seen.copy()
-
-        for axis, span in self.spans.items():
-            number = "xyz".index(axis)
-            aim = np.vectorize(span.aim)
-            wanted[..., number] = aim(seen[..., number], SLIP_M)
-
-        if self.relative:
-            wanted = wanted + self._turn_back(start.position(body, self.node), start)
-        if self.at is None:
-            return wanted
-
-        return start.position(self.at) + rotate(start.quaternion(self.at), wanted)
-
-    def _see(self, body: str, start: State, state: State) -> Array:
-        """Return the coordinates that spans are about, (..., 3)."""
-        position = state.position(body, self.node)
-        if self.relative:
-            position = position - start.position(body, self.node)
-        elif self.at is not None:
-            position = position - start.position(self.at)
-
-        return self._turn_back(position, start)
-
-    def _turn_back(self, vectors: Array, start: State) -> Array:
-        """Turn vectors (..., 3) of the world into the frame of the place."""
-        if self.at is None:
-            return vectors
-        return rotate_back(start.quaternion(self.at), vectors)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Away(Reach):
-    """Bodies that must end so far ``away`` from where they start, m, in any direction.
-
-    A lid that must end 0.1 m from its jar: ``Away(("lid",), away=0.1, at="jar")``.
-
-    Attributes:
-        at: the body or mark that they get away from, by which a program may plan; the way counts from their start.
-        node: of soft bodies, the node that counts, from 0; None: the middle.
-    """
-
-    away: float
-    at: str | None = None
-    node: int | None = None
-
-    def measures(self, body: str, start: State) -> Sequence[Measure]:
-        begin = start.position(body, self.node)
-
-        def way(state: State) -> Array:
-            return _length(state.position(body, self.node) - begin)
-
-        return [Measure(f"way of {body}", way, self.away, SLIP_M, "m", at_least=True)]
-
-
-@dataclass(frozen=True, kw_only=True)
-class JointAt(Reach):
-    """A ``joint`` that must end at the position ``to``, within ``tolerance``: m, or rad.
-
-    A drawer that must be open by 0.2 m: ``JointAt(joint="drawer", to=0.2, tolerance=0.01)``.
-
-    Attributes:
-        to: the position, or a `Span` of it; to this nothing is added.
-        relative: whether it counts from where the joint starts.
-    """
-
-    joint: str
-    to: float | Span
-    tolerance: float = 0.0
-    relative: bool = False
-
-    @property
-    def subject(self) -> str:
-        return f"joint {self.joint}"
-
-    @property
-    def span(self) -> Span | None:
-        """The span in which the position must end; None: how far it is off counts."""
-        if self.relative or isinstance(self.to, Span):
-            return Span.about(self.to, self.tolerance)
-
-        return None
-
-    def subjects(self, state: State) -> tuple[str, ...]:
-        return (state.joints[self.joint].joint.body,)
-
-    def aim(self, start: State) -> float:
-        """Return the position that a program may aim for, m or rad."""
-        if self.span is None:
-            assert not isinstance(self.to, Span)
-            return self.to
-
-        aim = self.span.aim(0.0, SLIP_M)
-        if self.relative:
-            aim += start.joints[self.joint].joint.start
-
-        return aim
-
-    def _slides(self, state: State) -> bool:
-        return state.joints[self.joint].joint.kind == "slider"
-
-    def measures(self, body: str, start: State) -> Iterator[Measure]:
-        def value(state: State) -> Array:
-            position = state.joint(self.joint).position
-            if self.relative:
-                position = position - start.joint(self.joint).position
-            elif self.span is None:
-                position = np.abs(position - self.aim(start))
-
-            return position
-
-        unit = "rad"
-        slip = SLIP_RAD
-        near = NEAR_RAD
-        if self._slides(start):
-            unit = "m"
-            slip = SLIP_M
-            near = NEAR_M
-
-        if self.span is None:
-            name = f"{self.joint} off its position"
-            yield Measure(name, value, self.tolerance, slip, unit, near=near)
-            return
-
-        what = "change" if self.relative else "position"
-        name = f"{what} of {self.joint}"
-        yield from Measure.within(self.span, name, value, unit, slip)
-
-    def unrest(self, body: str, state: State) -> Array:
-        still = STILL_M_S if self._slides(state) else STILL_RAD_S
-        return np.abs(state.joint(self.joint).speed) / still
-
-    def place_of(self, body: str, start: State) -> Array | None:
-        """Return where the frame of the joint's body gets; that of a ball joint has no place."""
-        placed = start.joints[self.joint]
-        joint = placed.joint
-        if joint.kind == "ball":
-            return None
-
-        parent = start.placement(joint.parent)
-        to = np.asarray(self.aim(start))
-        return placed.carry(to, np.zeros(()), parent).position
-
-
-@dataclass(frozen=True, kw_only=True)
-class Turned(Reach):
-    """Bodies whose ``axis`` (3,), in their frames, must end along ``points`` (3,).
-
-    A cup that must stand upright is ``Turned(("cup",), axis=(0.0, 0.0, 1.0))``, and one that must lie down::
-
-        Turned(("cup",), angle_deg=Span(low=60.0))
-
-    Attributes:
-        points: in the world, or in the frame of the body or mark ``at``, as it stands in the layout.
-        tolerance_deg: how far the axis may be off, degrees.
-        angle_deg: instead of a tolerance, the angle between the two, degrees from 0 to 180.
-
-    Raises:
-        ValueError: one of the two has no length.
-    """
-
-    axis: Vector = (0.0, 0.0, 1.0)
-    points: Vector = (0.0, 0.0, 1.0)
-    at: str | None = None
-    tolerance_deg: float = 10.0
-    angle_deg: Span | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not (np.any(self.axis) and np.any(self.points)):
-            raise ValueError("a goal's axis and points need a length")
-
-    def measures(self, body: str, start: State) -> Iterator[Measure]:
-        axis = np.divide(self.axis, np.linalg.norm(self.axis))
-        points = np.divide(self.points, np.linalg.norm(self.points))
-        if self.at is not None:
-            points = rotate(start.quaternion(self.at), points)
-
-        def angle(state: State) -> Array:
-            return _angle_between(rotate(state.quaternion(body), axis), points)
-
-        def angle_deg(state: State) -> Array:
-            return np.asarray(np.degrees(angle(state)))
-
-        name = f"angle of {body}"
-        if self.angle_deg is not None:
-            yield from Measure.within(self.angle_deg, name, angle_deg, "deg", SLIP_DEG)
-            return
-
-        most = float(np.radians(self.tolerance_deg))
-        yield Measure(name, angle, most, SLIP_RAD, "rad")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Facing(Reach):
-    """Bodies whose ``axis`` (3,), in their frames, must end pointing at the middle of another body or mark.
-
-    A lamp whose x axis must point at a book, wherever both end: ``Facing(("lamp",), facing="book")``.
-
-    Attributes:
-        facing: the name of the body or mark.
-        tolerance_deg: how far the axis may be off, degrees.
-
-    Raises:
-        ValueError: the axis has no length, or a body is to face itself.
-    """
-
-    facing: str
-    axis: Vector = (1.0, 0.0, 0.0)
-    tolerance_deg: float = 10.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not np.any(self.axis):
-            raise ValueError("a goal's axis needs a length")
-        if self.facing in self.bodies:
-            raise ValueError(f"{self.facing} can't face itself; name another body")
-
-    def measures(self, body: str, start: State) -> Iterator[Measure]:
-        axis = np.divide(self.axis, np.linalg.norm(self.axis))
-
-        def angle(state: State) -> Array:
-            way = state.position(self.facing) - state.position(body)
-            length = np.maximum(_length(way), np.finfo(float).tiny)
-            towards = way / length[..., None]
-            return _angle_between(rotate(state.quaternion(body), axis), towards)
-
-        most = float(np.radians(self.tolerance_deg))
-        name = f"angle of {body} to {self.facing}"
-        yield Measure(name, angle, most, SLIP_RAD, "rad")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Broken(Reach):
-    """Things that must break: ``broken`` has their names, as in ``Broken(broken=("egg",))``.
-
-    A thing is broken from the first step of the engine in which the force on it is more than its ``breaks_n``, for
-    good. Until then less than half is earned, by the largest force so far. A look can't see it: it never counts as
-    in place.
-    """
-
-    broken: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        only_broken = "a goal with broken has no bodies, rest, held or released; make a goal of its own for these"
-        given = bool(self.bodies or self.also)
-        if given or self.rest or self.held or self.released:
-            raise ValueError(only_broken)
-
-    @property
-    def subject(self) -> str:
-        return (" or " if self.any else ", ").join(self.broken)
-
-    def subjects(self, state: State) -> tuple[str, ...]:
-        bodies = [state.bonds.get(name, name) for name in self.broken]
-        return tuple(dict.fromkeys(bodies))
-
-    @property
-    def needs_trace(self) -> bool:
-        """It does: the forces are in it."""
-        return True
-
-    @property
-    def needs_peaks(self) -> bool:
-        """It does: a blow is short."""
-        return True
-
-    def progress(
-        self, start: State, now: State, conduct: Conduct | None = None
-    ) -> Array:
-        if conduct is None:
-            return np.zeros(now.positions.shape[:-2])
-
-        strains = [conduct.strain(name) for name in self.broken]
-        shares = [np.where(strain > 1, 1.0, strain / 2) for strain in strains]
-        return self._average(shares)
-
-    def is_in_place(self, body: str, start: State, end: State) -> bool:
-        return False
-
-    def margins(self, evidence: Evidence) -> list[Margin]:
-        if evidence.trace is None:
-            return []
-
-        conduct = Conduct(evidence, at_end=True)
-        strains = {name: float(conduct.strain(name)) for name in self.broken}
-        best_first = sorted(strains, key=lambda name: -strains[name])
-        name = best_first[self.count_enough(len(best_first)) - 1]
-        return [Margin.at_least(f"force on {name}", strains[name], 1.0, BREAKS, 1.0)]
-
-
 class Limit(Goal):
     """What must not happen, whichever goal is reached.
 
@@ -947,264 +536,6 @@ class Limit(Goal):
     def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
         """Yield what one world did against it, for observations: when, s, and what."""
         return iter(())
-
-
-@dataclass(frozen=True)
-class Kept(Limit):
-    """Bodies to leave in place: ``keep`` has their names, as in ``Kept(("glass",), kept_m=0.01)``.
-
-    Beyond ``kept_m`` metres or ``kept_deg`` degrees less is earned, and nothing where one moved or turned five times as
-    far. Its place and turn at the end count; with ``throughout`` the farthest ones. A ball's turn can't be seen, and of
-    what is round only that of its axis: ``balls`` and ``rounds`` have their names.
-    """
-
-    keep: tuple[str, ...]
-    kept_m: float = KEPT_M
-    throughout: bool = False
-    kept_deg: float = KEPT_DEG
-    balls: tuple[str, ...] = ()
-    rounds: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        problems = {
-            "kept_m must be above 0": not self.kept_m > 0,
-            "kept_deg must be above 0": not self.kept_deg > 0,
-        }
-        refuse("a goal's ", problems)
-
-    @property
-    def needs_trace(self) -> bool:
-        """Whether it looks at what happened before the end."""
-        return self.throughout
-
-    def _moved(self, name: str, evidence: Evidence) -> Array:
-        """Measure how far a body got from its start, m, (...)."""
-        moved = evidence.moved(name)
-
-        if self.throughout:
-            farthest = evidence.ways(name).max(axis=-1)
-            moved = np.maximum(moved, farthest)
-
-        return moved
-
-    @property
-    def lost_m(self) -> float:
-        """How far a body may move until nothing is earned, m."""
-        return STRAYED * self.kept_m
-
-    def _turned(self, name: str, evidence: Evidence) -> Array:
-        """Measure how far a body was turned, degrees, (...)."""
-        turned = self._turns(name, evidence.start, evidence.end)
-
-        if self.throughout:
-            start = evidence.start.each(lambda array: array[..., None, :, :])
-            farthest = self._turns(name, start, evidence.film.states).max(axis=-1)
-            turned = np.maximum(turned, farthest)
-
-        return turned
-
-    def _turns(self, name: str, start: State, now: State) -> Array:
-        """Measure how far a body is turned from its start, degrees, (...)."""
-        begin = start.quaternion(name)
-        end = now.quaternion(name)
-        if name in self.balls or name in start.soft:
-            return np.zeros(now.positions.shape[:-2])
-
-        cosines = np.abs((begin * end).sum(axis=-1))
-        angles: Array = 2 * np.arccos(np.clip(cosines, 0.0, 1.0))
-        if name in self.rounds:
-            axis = np.array([0.0, 0.0, 1.0])
-            along = (rotate(begin, axis) * rotate(end, axis)).sum(axis=-1)
-            angles = np.arccos(np.clip(along, -1.0, 1.0))
-
-        return np.asarray(np.degrees(angles))
-
-    def share(self, evidence: Evidence) -> Array:
-        share = np.ones(())
-        for name in self.keep:
-            moved = self._moved(name, evidence) / self.kept_m
-            turned = self._turned(name, evidence) / self.kept_deg
-            left = STRAYED - np.maximum(moved, turned)
-            share = share * np.clip(left / (STRAYED - 1), 0.0, 1.0)
-
-        return share
-
-    def margins(self, evidence: Evidence) -> list[Margin]:
-        found = []
-        for name in self.keep:
-            moved = float(self._moved(name, evidence))
-            turned = float(self._turned(name, evidence))
-            found.append(Margin.at_most(f"{name} moved", moved, self.kept_m, "m"))
-            found.append(Margin.at_most(f"{name} turned", turned, self.kept_deg, "deg"))
-
-        return found
-
-    def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
-        film = evidence.film
-        noticed = NOTICED * self.kept_m
-
-        for name in self.keep:
-            moved = float(self._moved(name, evidence))
-            turned = float(self._turned(name, evidence))
-            if moved <= noticed and turned > self.kept_deg:
-                yield (
-                    float(film.times[-1]),
-                    f"{name} turned by {turned:.0f} degrees, and is to stay",
-                )
-            if moved > noticed:
-                ways = evidence.ways(name)
-                begun = float(film.times[(ways > noticed).argmax()])
-                yield begun, f"{name} moved by {1000 * moved:.0f} mm, and is to stay"
-
-
-@dataclass(frozen=True)
-class Untouched(Limit):
-    """Bodies that the robot must not touch, or with ``max_force_n`` above 0, not press harder at any instant, N.
-
-    The peak over the engine's steps counts, so that a blow does; with ``mean`` what a slow scale reads, the mean over
-    an instant of the trace. With ``by`` it is not the robot that must not, but bodies of these names.
-
-    An egg that bears 5 N: ``Untouched(("egg",), max_force_n=5.0)``. A table on which no grain may fall:
-    ``Untouched(("table",), by=("grain_0", "grain_1"))``.
-    """
-
-    untouched: tuple[str, ...]
-    max_force_n: float = 0.0
-    mean: bool = False
-    by: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        refuse("a goal's ", {"max_force_n must be 0 or more": self.max_force_n < 0})
-
-    @property
-    def needs_trace(self) -> bool:
-        """It does: what touched is in the trace."""
-        return True
-
-    @property
-    def needs_peaks(self) -> bool:
-        """Whether it limits the peak of a force."""
-        return self.max_force_n > 0 and not self.mean
-
-    @property
-    def touchers(self) -> tuple[str, ...]:
-        """What must not touch them, as a trace names it."""
-        return self.by or ("robot",)
-
-    def _forces(self, name: str, film: Trace) -> Array:
-        """Measure how hard a body is pressed at each instant by one of those that must not, N, (..., T)."""
-        measure = film.forces_n if self.mean else film.peaks_n
-        pressed = [measure(name, toucher) for toucher in self.touchers]
-        return np.asarray(np.max(pressed, axis=0))
-
-    def _harmed(self, name: str, film: Trace) -> Flags:
-        """Report at which instants (..., T) something is done to a body that must not be."""
-        if self.max_force_n:
-            return self._forces(name, film) > self.max_force_n
-
-        touched = [film.contact(name, toucher) for toucher in self.touchers]
-        return np.asarray(np.any(touched, axis=0))
-
-    def share(self, evidence: Evidence) -> Array:
-        share = np.ones(())
-        for name in self.untouched:
-            share = share * ~self._harmed(name, evidence.film).any(axis=-1)
-
-        return share
-
-    def margins(self, evidence: Evidence) -> list[Margin]:
-        trace = evidence.trace
-        if trace is None:
-            return []
-
-        found = []
-
-        for name in self.untouched:
-            if self.max_force_n and trace.forces is not None:
-                force = float(self._forces(name, trace).max())
-                what = f"force on {name}"
-                found.append(Margin.at_most(what, force, self.max_force_n, "N"))
-            elif not (self.max_force_n or self.by) and name in trace.clearances:
-                touched = trace.touched(name, "robot")
-                gap = 0.0 if touched else float(trace.clearances[name])
-                found.append(Margin.clearance(name, gap))
-
-        return found
-
-    def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
-        film = evidence.film
-        if self.max_force_n and film.forces is None:
-            return
-
-        for name in self.untouched:
-            harmed = self._harmed(name, film)
-            if not harmed.any():
-                continue
-
-            did = f"{self._find_toucher(film, name)} touched {name}"
-            if self.max_force_n:
-                force = self._forces(name, film).max()
-                pressed = number_beside(float(force), self.max_force_n)
-                did = f"{name} pressed with {pressed} N, {self.max_force_n:g} N allowed"
-
-            yield float(film.times[harmed.argmax()]), did
-
-    def _find_toucher(self, film: Trace, body: str) -> str:
-        """Name what touched a body first: of the robot the part; ``the robot`` where its force alone is known."""
-        touches = [(float(film.first_s(body, name)), name) for name in self.by]
-        if not self.by:
-            touches = [
-                (float(film.first_s(body, part)), part)
-                for kind, part, other in film.touching
-                if kind != "body" and other == body
-            ]
-
-        known = [touch for touch in touches if np.isfinite(touch[0])]
-        _, first = min(known, default=(0.0, "the robot"))
-
-        return first
-
-
-@dataclass(frozen=True)
-class Unbroken(Limit):
-    """Things that must not break, whatever presses them: ``unbroken`` has their names, see `Broken`."""
-
-    unbroken: tuple[str, ...]
-
-    @property
-    def needs_trace(self) -> bool:
-        """It does: the forces are in it."""
-        return True
-
-    @property
-    def needs_peaks(self) -> bool:
-        """It does: a blow is short."""
-        return True
-
-    def share(self, evidence: Evidence) -> Array:
-        share = np.ones(())
-        for name in self.unbroken:
-            share = share * (evidence.film.strain(name)[..., -1] <= 1)
-
-        return share
-
-    def margins(self, evidence: Evidence) -> list[Margin]:
-        if evidence.trace is None:
-            return []
-
-        film = evidence.film
-        strains = {name: float(film.strain(name)[-1]) for name in self.unbroken}
-        return [
-            Margin.at_most(f"force on {name}", strain, 1.0, BREAKS)
-            for name, strain in strains.items()
-        ]
-
-    def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
-        film = evidence.film
-        for name in self.unbroken:
-            broken = film.strain(name) > 1
-            if broken.any():
-                yield float(film.times[broken.argmax()]), f"{name} broke"
 
 
 class Aim(Protocol):
@@ -1376,13 +707,14 @@ def _find_named(goal: Goal) -> Iterator[tuple[str, str]]:
                 yield field, name
 
 
-def _angle_between(first: Array, second: Array) -> Array:
+def angle_between(first: Array, second: Array) -> Array:
     """Compute the angle between unit vectors (..., 3), rad, (...)."""
     along = (first * second).sum(axis=-1)
     angle: Array = np.arccos(np.clip(along, -1.0, 1.0))
     return angle
 
 
-def _length(vectors: Array) -> Array:
+def length(vectors: Array) -> Array:
+    """Compute the lengths (...) of vectors (..., 3)."""
     lengths: Array = np.linalg.norm(vectors, axis=-1)
     return lengths

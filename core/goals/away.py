@@ -1,0 +1,34 @@
+"""A goal: bodies away from where they start."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from core.geometry import Array
+from core.goals.base import SLIP_M, Measure, Reach, length
+from core.values.states import State
+
+
+@dataclass(frozen=True, kw_only=True)
+class Away(Reach):
+    """Bodies that must end so far ``away`` from where they start, m, in any direction.
+
+    A lid that must end 0.1 m from its jar: ``Away(("lid",), away=0.1, at="jar")``.
+
+    Attributes:
+        at: the body or mark that they get away from, by which a program may plan; the way counts from their start.
+        node: of soft bodies, the node that counts, from 0; None: the middle.
+    """
+
+    away: float
+    at: str | None = None
+    node: int | None = None
+
+    def measures(self, body: str, start: State) -> Sequence[Measure]:
+        begin = start.position(body, self.node)
+
+        def way(state: State) -> Array:
+            return length(state.position(body, self.node) - begin)
+
+        return [Measure(f"way of {body}", way, self.away, SLIP_M, "m", at_least=True)]

@@ -1,0 +1,72 @@
+"""A goal: things that break."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from core.geometry import Array
+from core.goals.base import BREAKS, Conduct, Evidence, Reach
+from core.values.margins import Margin
+from core.values.states import State
+
+
+@dataclass(frozen=True, kw_only=True)
+class Broken(Reach):
+    """Things that must break: ``broken`` has their names, as in ``Broken(broken=("egg",))``.
+
+    A thing is broken from the first step of the engine in which the force on it is more than its ``breaks_n``, for
+    good. Until then less than half is earned, by the largest force so far. A look can't see it: it never counts as
+    in place.
+    """
+
+    broken: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        only_broken = "a goal with broken has no bodies, rest, held or released; make a goal of its own for these"
+        given = bool(self.bodies or self.also)
+        if given or self.rest or self.held or self.released:
+            raise ValueError(only_broken)
+
+    @property
+    def subject(self) -> str:
+        return (" or " if self.any else ", ").join(self.broken)
+
+    def subjects(self, state: State) -> tuple[str, ...]:
+        bodies = [state.bonds.get(name, name) for name in self.broken]
+        return tuple(dict.fromkeys(bodies))
+
+    @property
+    def needs_trace(self) -> bool:
+        """It does: the forces are in it."""
+        return True
+
+    @property
+    def needs_peaks(self) -> bool:
+        """It does: a blow is short."""
+        return True
+
+    def progress(
+        self, start: State, now: State, conduct: Conduct | None = None
+    ) -> Array:
+        if conduct is None:
+            return np.zeros(now.positions.shape[:-2])
+
+        strains = [conduct.strain(name) for name in self.broken]
+        shares = [np.where(strain > 1, 1.0, strain / 2) for strain in strains]
+        return self._average(shares)
+
+    def is_in_place(self, body: str, start: State, end: State) -> bool:
+        return False
+
+    def margins(self, evidence: Evidence) -> list[Margin]:
+        if evidence.trace is None:
+            return []
+
+        conduct = Conduct(evidence, at_end=True)
+        strains = {name: float(conduct.strain(name)) for name in self.broken}
+        best_first = sorted(strains, key=lambda name: -strains[name])
+        name = best_first[self.count_enough(len(best_first)) - 1]
+        return [Margin.at_least(f"force on {name}", strains[name], 1.0, BREAKS, 1.0)]

@@ -1,0 +1,24 @@
+"""A goal: soft bodies that end flat."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from core.geometry import Array
+from core.goals.base import SLIP_SHARE, Measure, Reach
+from core.values.states import State
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flattened(Reach):
+    """Soft bodies that must end at most ``max_height_m`` high, from their lowest node to their highest."""
+
+    max_height_m: float
+
+    def measures(self, body: str, start: State) -> Sequence[Measure]:
+        def height(state: State) -> Array:
+            return state.extent(body)[..., 2]
+
+        slip = SLIP_SHARE * self.max_height_m
+        return [Measure(f"height of {body}", height, self.max_height_m, slip, "m")]

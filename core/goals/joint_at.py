@@ -1,0 +1,111 @@
+"""A goal: a joint at a position."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from core.geometry import Array
+from core.goals.base import (
+    NEAR_M,
+    NEAR_RAD,
+    SLIP_M,
+    SLIP_RAD,
+    STILL_M_S,
+    STILL_RAD_S,
+    Measure,
+    Reach,
+)
+from core.values.spans import Span
+from core.values.states import State
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointAt(Reach):
+    """A ``joint`` that must end at the position ``to``, within ``tolerance``: m, or rad.
+
+    A drawer that must be open by 0.2 m: ``JointAt(joint="drawer", to=0.2, tolerance=0.01)``.
+
+    Attributes:
+        to: the position, or a `Span` of it; to this nothing is added.
+        relative: whether it counts from where the joint starts.
+    """
+
+    joint: str
+    to: float | Span
+    tolerance: float = 0.0
+    relative: bool = False
+
+    @property
+    def subject(self) -> str:
+        return f"joint {self.joint}"
+
+    @property
+    def span(self) -> Span | None:
+        """The span in which the position must end; None: how far it is off counts."""
+        if self.relative or isinstance(self.to, Span):
+            return Span.about(self.to, self.tolerance)
+
+        return None
+
+    def subjects(self, state: State) -> tuple[str, ...]:
+        return (state.joints[self.joint].joint.body,)
+
+    def aim(self, start: State) -> float:
+        """Return the position that a program may aim for, m or rad."""
+        if self.span is None:
+            assert not isinstance(self.to, Span)
+            return self.to
+
+        aim = self.span.aim(0.0, SLIP_M)
+        if self.relative:
+            aim += start.joints[self.joint].joint.start
+
+        return aim
+
+    def _slides(self, state: State) -> bool:
+        return state.joints[self.joint].joint.kind == "slider"
+
+    def measures(self, body: str, start: State) -> Iterator[Measure]:
+        def value(state: State) -> Array:
+            position = state.joint(self.joint).position
+            if self.relative:
+                position = position - start.joint(self.joint).position
+            elif self.span is None:
+                position = np.abs(position - self.aim(start))
+
+            return position
+
+        unit = "rad"
+        slip = SLIP_RAD
+        near = NEAR_RAD
+        if self._slides(start):
+            unit = "m"
+            slip = SLIP_M
+            near = NEAR_M
+
+        if self.span is None:
+            name = f"{self.joint} off its position"
+            yield Measure(name, value, self.tolerance, slip, unit, near=near)
+            return
+
+        what = "change" if self.relative else "position"
+        name = f"{what} of {self.joint}"
+        yield from Measure.within(self.span, name, value, unit, slip)
+
+    def unrest(self, body: str, state: State) -> Array:
+        still = STILL_M_S if self._slides(state) else STILL_RAD_S
+        return np.abs(state.joint(self.joint).speed) / still
+
+    def place_of(self, body: str, start: State) -> Array | None:
+        """Return where the frame of the joint's body gets; that of a ball joint has no place."""
+        placed = start.joints[self.joint]
+        joint = placed.joint
+        if joint.kind == "ball":
+            return None
+
+        parent = start.placement(joint.parent)
+        to = np.asarray(self.aim(start))
+        return placed.carry(to, np.zeros(()), parent).position

@@ -1,0 +1,128 @@
+"""A limit: bodies that stay in place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from core.errors import refuse
+from core.geometry import Array
+from core.goals.base import Evidence, Limit
+from core.values.joints import rotate
+from core.values.margins import Margin
+from core.values.states import State
+
+KEPT_M = 0.02  # a body to keep may move so far
+KEPT_DEG = 10.0  # and turn so far
+STRAYED = 5  # and where it moved or turned so many times as far, nothing is earned
+NOTICED = 0.25  # of what it may move is worth a word
+
+
+@dataclass(frozen=True)
+class Kept(Limit):
+    """Bodies to leave in place: ``keep`` has their names, as in ``Kept(("glass",), kept_m=0.01)``.
+
+    Beyond ``kept_m`` metres or ``kept_deg`` degrees less is earned, and nothing where one moved or turned five times as
+    far. Its place and turn at the end count; with ``throughout`` the farthest ones. A ball's turn can't be seen, and of
+    what is round only that of its axis: ``balls`` and ``rounds`` have their names.
+    """
+
+    keep: tuple[str, ...]
+    kept_m: float = KEPT_M
+    throughout: bool = False
+    kept_deg: float = KEPT_DEG
+    balls: tuple[str, ...] = ()
+    rounds: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        problems = {
+            "kept_m must be above 0": not self.kept_m > 0,
+            "kept_deg must be above 0": not self.kept_deg > 0,
+        }
+        refuse("a goal's ", problems)
+
+    @property
+    def needs_trace(self) -> bool:
+        """Whether it looks at what happened before the end."""
+        return self.throughout
+
+    def _moved(self, name: str, evidence: Evidence) -> Array:
+        """Measure how far a body got from its start, m, (...)."""
+        moved = evidence.moved(name)
+
+        if self.throughout:
+            farthest = evidence.ways(name).max(axis=-1)
+            moved = np.maximum(moved, farthest)
+
+        return moved
+
+    @property
+    def lost_m(self) -> float:
+        """How far a body may move until nothing is earned, m."""
+        return STRAYED * self.kept_m
+
+    def _turned(self, name: str, evidence: Evidence) -> Array:
+        """Measure how far a body was turned, degrees, (...)."""
+        turned = self._turns(name, evidence.start, evidence.end)
+
+        if self.throughout:
+            start = evidence.start.each(lambda array: array[..., None, :, :])
+            farthest = self._turns(name, start, evidence.film.states).max(axis=-1)
+            turned = np.maximum(turned, farthest)
+
+        return turned
+
+    def _turns(self, name: str, start: State, now: State) -> Array:
+        """Measure how far a body is turned from its start, degrees, (...)."""
+        begin = start.quaternion(name)
+        end = now.quaternion(name)
+        if name in self.balls or name in start.soft:
+            return np.zeros(now.positions.shape[:-2])
+
+        cosines = np.abs((begin * end).sum(axis=-1))
+        angles: Array = 2 * np.arccos(np.clip(cosines, 0.0, 1.0))
+        if name in self.rounds:
+            axis = np.array([0.0, 0.0, 1.0])
+            along = (rotate(begin, axis) * rotate(end, axis)).sum(axis=-1)
+            angles = np.arccos(np.clip(along, -1.0, 1.0))
+
+        return np.asarray(np.degrees(angles))
+
+    def share(self, evidence: Evidence) -> Array:
+        share = np.ones(())
+        for name in self.keep:
+            moved = self._moved(name, evidence) / self.kept_m
+            turned = self._turned(name, evidence) / self.kept_deg
+            left = STRAYED - np.maximum(moved, turned)
+            share = share * np.clip(left / (STRAYED - 1), 0.0, 1.0)
+
+        return share
+
+    def margins(self, evidence: Evidence) -> list[Margin]:
+        found = []
+        for name in self.keep:
+            moved = float(self._moved(name, evidence))
+            turned = float(self._turned(name, evidence))
+            found.append(Margin.at_most(f"{name} moved", moved, self.kept_m, "m"))
+            found.append(Margin.at_most(f"{name} turned", turned, self.kept_deg, "deg"))
+
+        return found
+
+    def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
+        film = evidence.film
+        noticed = NOTICED * self.kept_m
+
+        for name in self.keep:
+            moved = float(self._moved(name, evidence))
+            turned = float(self._turned(name, evidence))
+            if moved <= noticed and turned > self.kept_deg:
+                yield (
+                    float(film.times[-1]),
+                    f"{name} turned by {turned:.0f} degrees, and is to stay",
+                )
+            if moved > noticed:
+                ways = evidence.ways(name)
+                begun = float(film.times[(ways > noticed).argmax()])
+                yield begun, f"{name} moved by {1000 * moved:.0f} mm, and is to stay"

@@ -1,0 +1,25 @@
+"""A goal: soft bodies that cover an area."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from core.geometry import Array
+from core.goals.base import SLIP_SHARE, Measure, Reach
+from core.values.states import State
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spread(Reach):
+    """Soft bodies each of which must cover at least ``min_area_m2`` at the end, as seen from above."""
+
+    min_area_m2: float
+
+    def measures(self, body: str, start: State) -> Sequence[Measure]:
+        def area(state: State) -> Array:
+            return state.covered_area(body)
+
+        least = self.min_area_m2
+        name = f"area of {body}"
+        return [Measure(name, area, least, SLIP_SHARE * least, "m^2", at_least=True)]

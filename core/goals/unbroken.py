@@ -1,0 +1,54 @@
+"""A limit: things that don't break."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from core.geometry import Array
+from core.goals.base import BREAKS, Evidence, Limit
+from core.values.margins import Margin
+
+
+@dataclass(frozen=True)
+class Unbroken(Limit):
+    """Things that must not break, whatever presses them: ``unbroken`` has their names, see `Broken`."""
+
+    unbroken: tuple[str, ...]
+
+    @property
+    def needs_trace(self) -> bool:
+        """It does: the forces are in it."""
+        return True
+
+    @property
+    def needs_peaks(self) -> bool:
+        """It does: a blow is short."""
+        return True
+
+    def share(self, evidence: Evidence) -> Array:
+        share = np.ones(())
+        for name in self.unbroken:
+            share = share * (evidence.film.strain(name)[..., -1] <= 1)
+
+        return share
+
+    def margins(self, evidence: Evidence) -> list[Margin]:
+        if evidence.trace is None:
+            return []
+
+        film = evidence.film
+        strains = {name: float(film.strain(name)[-1]) for name in self.unbroken}
+        return [
+            Margin.at_most(f"force on {name}", strain, 1.0, BREAKS)
+            for name, strain in strains.items()
+        ]
+
+    def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
+        film = evidence.film
+        for name in self.unbroken:
+            broken = film.strain(name) > 1
+            if broken.any():
+                yield float(film.times[broken.argmax()]), f"{name} broke"

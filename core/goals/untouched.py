@@ -1,0 +1,123 @@
+"""A limit: bodies that nothing touches, or presses too hard."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from core.errors import refuse
+from core.geometry import Array
+from core.goals.base import Evidence, Limit
+from core.support.text import number_beside
+from core.values.margins import Margin
+from core.values.traces import Flags, Trace
+
+
+@dataclass(frozen=True)
+class Untouched(Limit):
+    """Bodies that the robot must not touch, or with ``max_force_n`` above 0, not press harder at any instant, N.
+
+    The peak over the engine's steps counts, so that a blow does; with ``mean`` what a slow scale reads, the mean over
+    an instant of the trace. With ``by`` it is not the robot that must not, but bodies of these names.
+
+    An egg that bears 5 N: ``Untouched(("egg",), max_force_n=5.0)``. A table on which no grain may fall:
+    ``Untouched(("table",), by=("grain_0", "grain_1"))``.
+    """
+
+    untouched: tuple[str, ...]
+    max_force_n: float = 0.0
+    mean: bool = False
+    by: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        refuse("a goal's ", {"max_force_n must be 0 or more": self.max_force_n < 0})
+
+    @property
+    def needs_trace(self) -> bool:
+        """It does: what touched is in the trace."""
+        return True
+
+    @property
+    def needs_peaks(self) -> bool:
+        """Whether it limits the peak of a force."""
+        return self.max_force_n > 0 and not self.mean
+
+    @property
+    def touchers(self) -> tuple[str, ...]:
+        """What must not touch them, as a trace names it."""
+        return self.by or ("robot",)
+
+    def _forces(self, name: str, film: Trace) -> Array:
+        """Measure how hard a body is pressed at each instant by one of those that must not, N, (..., T)."""
+        measure = film.forces_n if self.mean else film.peaks_n
+        pressed = [measure(name, toucher) for toucher in self.touchers]
+        return np.asarray(np.max(pressed, axis=0))
+
+    def _harmed(self, name: str, film: Trace) -> Flags:
+        """Report at which instants (..., T) something is done to a body that must not be."""
+        if self.max_force_n:
+            return self._forces(name, film) > self.max_force_n
+
+        touched = [film.contact(name, toucher) for toucher in self.touchers]
+        return np.asarray(np.any(touched, axis=0))
+
+    def share(self, evidence: Evidence) -> Array:
+        share = np.ones(())
+        for name in self.untouched:
+            share = share * ~self._harmed(name, evidence.film).any(axis=-1)
+
+        return share
+
+    def margins(self, evidence: Evidence) -> list[Margin]:
+        trace = evidence.trace
+        if trace is None:
+            return []
+
+        found = []
+
+        for name in self.untouched:
+            if self.max_force_n and trace.forces is not None:
+                force = float(self._forces(name, trace).max())
+                what = f"force on {name}"
+                found.append(Margin.at_most(what, force, self.max_force_n, "N"))
+            elif not (self.max_force_n or self.by) and name in trace.clearances:
+                touched = trace.touched(name, "robot")
+                gap = 0.0 if touched else float(trace.clearances[name])
+                found.append(Margin.clearance(name, gap))
+
+        return found
+
+    def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
+        film = evidence.film
+        if self.max_force_n and film.forces is None:
+            return
+
+        for name in self.untouched:
+            harmed = self._harmed(name, film)
+            if not harmed.any():
+                continue
+
+            did = f"{self._find_toucher(film, name)} touched {name}"
+            if self.max_force_n:
+                force = self._forces(name, film).max()
+                pressed = number_beside(float(force), self.max_force_n)
+                did = f"{name} pressed with {pressed} N, {self.max_force_n:g} N allowed"
+
+            yield float(film.times[harmed.argmax()]), did
+
+    def _find_toucher(self, film: Trace, body: str) -> str:
+        """Name what touched a body first: of the robot the part; ``the robot`` where its force alone is known."""
+        touches = [(float(film.first_s(body, name)), name) for name in self.by]
+        if not self.by:
+            touches = [
+                (float(film.first_s(body, part)), part)
+                for kind, part, other in film.touching
+                if kind != "body" and other == body
+            ]
+
+        known = [touch for touch in touches if np.isfinite(touch[0])]
+        _, first = min(known, default=(0.0, "the robot"))
+
+        return first
