@@ -23,7 +23,16 @@ class UsageError(UserError):
 
 
 class LimitReached(UserError):
-    """A spending limit is reached: no further request is sent, and the run ends with its best so far."""
+    """A spending limit is reached: no further request is sent, and the run ends with its best so far.
+
+    Args:
+        limit: which, in words.
+        left: what is left undone.
+    """
+
+    def __init__(self, limit: str, left: str = "") -> None:
+        super().__init__(f"{limit}; {left}" if left else limit)
+        self.limit = limit
 
 
 class NoAnswer(UserError):
@@ -73,16 +82,33 @@ def check_positive(where: str, **numbers: float | None) -> None:
             raise UsageError(f"{where}{name} must be greater than 0, got {number}")
 
 
-def refuse(where: str, problems: Mapping[str, object]) -> None:
+class WrongPart(ValueError):
+    """One of the parts of a whole can't be, such as a joint of a scene.
+
+    Args:
+        message: says why.
+        part: which.
+    """
+
+    def __init__(self, message: str, part: object = None) -> None:
+        super().__init__(message)
+        self.part = part
+
+
+def refuse(where: str, problems: Mapping[str, object], part: object = None) -> None:
     """Raise a ValueError for the first of some problems that is there.
 
     Args:
         where: what has them, such as ``joint 'lid': ``.
         problems: by their messages, whether each is there.
+        part: the same as a value, for who catches it.
+
+    Raises:
+        WrongPart: one is there.
     """
     for problem, found in problems.items():
         if found:
-            raise ValueError(f"{where}{problem}")
+            raise WrongPart(f"{where}{problem}", part)
 
 
 def unknown(what: str, name: str, where: str, known: Iterable[str]) -> KeyError:

@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, TypeVar, Unpack
+from typing import Any, ClassVar, Literal, Protocol, TypeVar, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -194,12 +194,19 @@ class Brief:
     recalled: tuple[Recalled, ...] = ()  # of other runs
 
 
+Purpose = Literal["designs", "repairs", "critiques", "lessons", "scenes"]
+"""What a model is asked for: designs, once more for those that break a rule, what fails in an elite, what a run taught,
+or a scene file."""
+
+OF_DESIGNS: tuple[Purpose, ...] = ("designs", "repairs")
+"""The purposes of requests that are answered with designs."""
+
+
 @dataclass(frozen=True, eq=False)
 class Request:
     """One call of the model: the brief, and what was composed from it (messages, JSON schema of the answer).
 
-    With ``critique`` it asks for no designs, but what fails in the brief's only elite, and why, or what a run taught:
-    the answer is plain text, and the schema is empty.
+    Where it asks for no designs, the answer is plain text, and the schema is empty.
     """
 
     id: str  # for example g0-a3: generation 0, agent 3
@@ -207,7 +214,12 @@ class Request:
     messages: tuple[Message, ...]
     schema: JsonObject
     temperature: float
-    critique: bool = False
+    purpose: Purpose = "designs"
+
+    @property
+    def asks_designs(self) -> bool:
+        """Whether the answer has designs, and is not words alone."""
+        return self.purpose in OF_DESIGNS
 
 
 CHARACTERS_PER_TOKEN = 3.0  # English prose has about 4, numbers and URDF fewer

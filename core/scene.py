@@ -15,7 +15,7 @@ from typing import TypedDict
 
 import numpy as np
 
-from core.errors import refuse, unknown
+from core.errors import WrongPart, refuse, unknown
 from core.geometry import (
     Array,
     Box as Box,
@@ -265,9 +265,9 @@ class Scene:
 
     def _check_joints(self) -> None:
         hanging = set[str]()
-        for joint in self.joints:
-            where = f"joint {joint.name!r}"
-            ends = self._find_ends(joint, where)
+        for link in self.joints:
+            where = f"joint {link.name!r}"
+            ends = self._find_ends(link, where)
             body = ends[0]
             problems = {
                 "a joint can't hold a soft body; pin nodes of it": any(
@@ -281,7 +281,7 @@ class Scene:
                     body.name in hanging
                 ),
             }
-            refuse(f"{where}: ", problems)
+            refuse(f"{where}: ", problems, link)
             hanging.add(body.name)
 
     def _check_bonds(self) -> None:
@@ -289,29 +289,30 @@ class Scene:
         names = [bond.name for bond in self.bonds]
         self._check_names("bonds and bodies", [*names, *bodies] if names else [])
 
-        for bond in self.bonds:
-            where = f"bond {bond.name!r}"
-            ends = self._find_ends(bond, where)
+        for link in self.bonds:
+            where = f"bond {link.name!r}"
+            ends = self._find_ends(link, where)
             problems = {
                 "a bond can't hold a soft body or a mark": any(
                     isinstance(end, Soft) or not end.collisions for end in ends
                 ),
-                f"its body {bond.body!r} is fixed; give it a mass": ends[0].fixed,
+                f"its body {link.body!r} is fixed; give it a mass": ends[0].fixed,
             }
-            refuse(f"{where}: ", problems)
+            refuse(f"{where}: ", problems, link)
 
     def _find_ends(self, link: Joint | Bond, where: str) -> list[Body]:
         """Find the body that a joint or bond is of, and what holds it, unless that is the world.
 
         Raises:
-            ValueError: one of them is not there; says ``where``.
+            WrongPart: one of them is not there; says ``where``.
         """
         bodies = {body.name: body for body in self.bodies}
         names = [name for name in (link.body, link.parent) if name is not None]
         for name in names:
             if name not in bodies:
-                raise ValueError(
-                    f"{where}: there is no body {name!r}; there are: {', '.join(bodies)}"
+                raise WrongPart(
+                    f"{where}: there is no body {name!r}; there are: {', '.join(bodies)}",
+                    link,
                 )
 
         return [bodies[name] for name in names]

@@ -17,7 +17,7 @@ import numpy as np
 from core.design import Candidate, Tool
 from core.scene import Scene
 from core.task import Task
-from core.values.efforts import Effort, Held, holds
+from core.values.efforts import Effort, Held, holds, least_share
 from core.values.jobs import RolloutSettings
 from core.values.margins import Margin
 from core.values.observations import Observation
@@ -25,9 +25,6 @@ from core.values.torques import TorqueShare, find_hardest
 
 TIE = 0.005
 """The default of ``evolution.tie``, see `ranked`."""
-
-CONFIDENCE = 0.95
-"""How sure it is that a design earns `Evaluation.assured`."""
 
 NOTHING = 0.0005
 """A reward below it is shown as 0.000, and has its cause said as one of 0 has."""
@@ -427,18 +424,10 @@ class Evaluation:
     def assured(self) -> float:
         """What it earns in another layout at least, by what it earned in all that it was tried in.
 
-        The lower end of the one-sided 95 % interval of a share: C. Clopper and E. Pearson, "The use of confidence or
-        fiducial limits", Biometrika 26 (1934). So little that is known counts for little: 3 layouts of 3 assure less
-        than 10 of 13.
+        So little that is known counts for little: 3 layouts of 3 assure less than 10 of 13 (`least_share`).
         """
-        from scipy.special import betaincinv  # lists of parts import this file
-
         count = self.layouts + self.finals.count
-        kept = count - self._lost
-        if kept <= 0:
-            return 0.0
-
-        return float(betaincinv(kept, self._lost + 1, 1 - CONFIDENCE))
+        return least_share(count - self._lost, self._lost)
 
     @property
     def _lost(self) -> float:

@@ -27,7 +27,8 @@ def request_row(request: Request, digest: str) -> Columns:
         "temperature": request.temperature,
         "elites": [elite.candidate.id for elite in brief.elites],
         "digest": digest,
-        "recalled": [f"{found.kind} {found.source}" for found in brief.recalled],
+        "purpose": request.purpose,
+        "recalled": [(found.kind, found.source) for found in brief.recalled],
     }
 
 

@@ -30,7 +30,7 @@ def write_request(folder: Path, request: Request) -> None:
 
     write_text(requests / f"{request.id}.md", _as_text(request))
 
-    if not request.critique:
+    if request.asks_designs:
         schema = json.dumps(request.schema, indent=2)
         write_text(requests / f"{request.id}.schema.json", schema)
 

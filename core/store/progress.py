@@ -100,9 +100,9 @@ def _find_again(
     again = {}
     for request in requests:
         reply = request.reply
-        unsent = reply is None and request.id.endswith("-repair")
+        unsent = reply is None and request.purpose == "repairs"
         lacks = unsent or (reply is not None and reply.unanswered)
-        if lacks and request.purpose == "designs" and request.generation >= latest:
+        if lacks and request.asks_designs and request.generation >= latest:
             again[request.id] = (request.generation, request.agent)
 
     return again

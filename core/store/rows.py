@@ -6,7 +6,7 @@ import sqlite3
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import Annotated, Any, Literal, NotRequired, TypeVar, cast
+from typing import Annotated, Any, Literal, NamedTuple, NotRequired, TypeVar, cast
 
 from pydantic import (
     AfterValidator,
@@ -22,7 +22,7 @@ from typing_extensions import TypedDict
 
 from core.config.schemas import RunConfig
 from core.design import Candidate
-from core.interfaces import Reply
+from core.interfaces import OF_DESIGNS, Purpose, Reply
 from core.support.text import clean
 from core.trial import (
     Evaluation,
@@ -50,7 +50,6 @@ Amount = Annotated[Number, Field(ge=0, le=1e9)]
 Reward = Annotated[Number, Field(ge=0, le=1)]
 Id = Annotated[str, Field(max_length=200)]
 Ids = Json[tuple[Id, ...]]
-Sources = Json[tuple[Annotated[str, Field(max_length=5000)], ...]]  # with paths
 Key = tuple[int, int, int]  # generation, agent and number of a design
 
 # Slow to make.
@@ -260,6 +259,13 @@ class StoredReply(Reply):
     saved_usd: Number | None = None
 
 
+class ShownSource(NamedTuple):
+    """What a request showed of another run: its kind, ``lesson`` or ``example``, and where it was found."""
+
+    kind: Id
+    source: Annotated[str, Field(max_length=5000)]  # with a path
+
+
 @dataclass(frozen=True)
 class StoredRequest:
     """A request with the ids of its elites, and its reply; None: none came."""
@@ -271,15 +277,14 @@ class StoredRequest:
     temperature: Number
     elites: Ids
     digest: Id
-    recalled: Sources = ()
+    purpose: Purpose = "designs"
+    recalled: Json[tuple[ShownSource, ...]] = ()
     reply: Reply | None = None
 
     @property
-    def purpose(self) -> Literal["designs", "critiques", "lessons"]:
-        """What it asked for: designs, a critique of its elite, or what the run taught."""
-        if "-critic" in self.id:
-            return "critiques"
-        return "lessons" if self.id.endswith("-lessons") else "designs"
+    def asks_designs(self) -> bool:
+        """Whether its answer has designs, and is not words alone."""
+        return self.purpose in OF_DESIGNS
 
 
 class WrittenDesign(TypedDict):

@@ -6,7 +6,8 @@ CREATE TABLE IF NOT EXISTS sessions (
 );
 CREATE TABLE IF NOT EXISTS requests (
     id TEXT PRIMARY KEY, generation INTEGER NOT NULL, agent INTEGER NOT NULL, gripper INTEGER NOT NULL,
-    temperature REAL NOT NULL, elites TEXT NOT NULL, digest TEXT NOT NULL, recalled TEXT NOT NULL DEFAULT '[]'
+    temperature REAL NOT NULL, elites TEXT NOT NULL, digest TEXT NOT NULL,
+    purpose TEXT NOT NULL DEFAULT 'designs', recalled TEXT NOT NULL DEFAULT '[]'
 );
 CREATE TABLE IF NOT EXISTS replies (
     request_id TEXT PRIMARY KEY REFERENCES requests(id), model TEXT NOT NULL, text TEXT NOT NULL, error TEXT,

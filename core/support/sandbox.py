@@ -13,12 +13,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from core.errors import UserError
+from core.support.cli import say
 from core.support.progress import busy
 from core.support.scratch import scratch
 
 LIMIT_S = 600
 MEMORY = 8_000_000_000  # bytes of addresses
-_REFUSED = "refused: "
+_REFUSED = 3  # the exit status where it is refused, and standard error says why
 
 
 def isolated(
@@ -65,8 +66,8 @@ def isolated(
             ) from error
 
         last = " ".join(done.stderr.decode("utf-8", "replace").splitlines()[-1:])
-        if last.startswith(_REFUSED):
-            raise UserError(f"{what} {last.removeprefix(_REFUSED)}")
+        if done.returncode == _REFUSED:
+            raise UserError(f"{what} {last}")
         if done.returncode or not out.exists():
             raise UserError(
                 f"{what} can't be read: the process ended with {done.returncode} {last[:200]}; repair it"
@@ -88,7 +89,8 @@ def _main(function: str, *words: str) -> None:
         Path(out).write_bytes(read(sys.stdin.buffer.read(), *given))
     except (UserError, MemoryError) as error:
         reason = " ".join(str(error).split())
-        sys.exit(f"{_REFUSED}{reason or 'needs too much memory; make it smaller'}")
+        say(reason or "needs too much memory; make it smaller", file=sys.stderr)
+        sys.exit(_REFUSED)
 
 
 if __name__ == "__main__":

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections import Counter
 from collections.abc import Iterable, Mapping
+from typing import NamedTuple
 
 # What Hydra reads as a text: no number, and none of its other values.
 _PLAIN = re.compile(
@@ -108,25 +108,43 @@ def number_beside(value: float, limit: float, digits: int = 3) -> str:
     return written
 
 
-def by_reason(candidates: Iterable[tuple[str, str]]) -> list[str]:
-    """Group candidates, each with the reason why it earned nothing or less; a line for each reason, common ones first.
+class Reason(NamedTuple):
+    """Why some earned nothing or less: in words, how many there are, and the name of the first."""
 
-    Reasons that differ in numbers alone count as one. Its line has the number of candidates and the first one's reason.
+    text: str
+    times: int
+    first: str
+
+    @property
+    def whose(self) -> str:
+        """How many there are, and the first."""
+        if self.times == 1:
+            return self.first
+        return f"{self.times} times, first {self.first}"
+
+    def __str__(self) -> str:
+        return f"{self.whose}: {self.text}"
+
+
+def by_reason(candidates: Iterable[tuple[str, str]]) -> list[Reason]:
+    """Group candidates, each with the reason why it earned nothing or less, if it did; common reasons come first.
+
+    Reasons that differ in numbers alone count as one, in the words of the first.
     """
-    counts: Counter[str] = Counter()
-    first: dict[str, str] = {}
+    found: dict[str, Reason] = {}
+    for name, words in candidates:
+        if words:
+            text = clean(words, 300)
+            alike = hide_numbers(text)
+            known = found.get(alike, Reason(text, 0, name))
+            found[alike] = known._replace(times=known.times + 1)
 
-    for name, reason in candidates:
-        if reason:
-            line = clean(reason, 300)
-            alike = re.sub(r"[\d.]*\d", "0", line)
-            counts[alike] += 1
-            first.setdefault(alike, f"{name}: {line}")
+    return sorted(found.values(), key=lambda reason: -reason.times)
 
-    return [
-        f"{count} times, first {first[alike]}" if count > 1 else first[alike]
-        for alike, count in counts.most_common()
-    ]
+
+def hide_numbers(text: str) -> str:
+    """Put a 0 in the place of each number, to compare texts that differ in numbers alone."""
+    return re.sub(r"[\d.]*\d", "0", text)
 
 
 def hydra_word(value: object) -> str:

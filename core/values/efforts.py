@@ -8,6 +8,7 @@ from dataclasses import dataclass
 LEAST_S = 0.1  # less counts as this, as with mass
 LEAST_KG = 0.001
 NARROW = 0.1  # added to margins, so that those near 0 can be compared
+CONFIDENCE = 0.95  # of `least_share`
 HOLDS = 0.95  # the mean reward from which on a design holds
 PERTURBED = "layouts with tool and bodies perturbed"
 _ROUNDING = 1e-9  # of a sum of rewards
@@ -16,6 +17,24 @@ _ROUNDING = 1e-9  # of a sum of rewards
 def holds(mean: float) -> bool:
     """Say whether a design with this mean reward holds: 19 of 20 layouts do, in whatever order they are added."""
     return mean >= HOLDS - _ROUNDING
+
+
+def least_share(kept: float, lost: float) -> float:
+    """Return the lower end of the one-sided 95 % interval of a share: so much is assured of another try.
+
+    C. Clopper and E. Pearson, "The use of confidence or fiducial limits", Biometrika 26 (1934). It is also that of
+    `scipy.stats.binomtest`, which takes whole numbers alone.
+
+    Args:
+        kept: what was kept in all tries together, of 1 in each.
+        lost: the rest of them.
+    """
+    from scipy.special import betaincinv  # lists of parts import this file
+
+    if kept <= 0:
+        return 0.0
+
+    return float(betaincinv(kept, lost + 1, 1 - CONFIDENCE))
 
 
 @dataclass(frozen=True)
@@ -27,18 +46,8 @@ class Held:
 
     @property
     def fails_below(self) -> float:
-        """The upper end of the 95 % interval of its chance of failure in a layout; 1 where none was tried.
-
-        The exact interval of a binomial share: C. Clopper and E. Pearson, "The use of confidence or fiducial limits",
-        Biometrika 26 (1934).
-        """
-        import scipy.stats  # takes a third of a second
-
-        if not self.layouts:
-            return 1.0
-        failed = self.layouts - self.held
-        test = scipy.stats.binomtest(failed, self.layouts, alternative="less")
-        return float(test.proportion_ci(0.95).high)
+        """The upper end of the 95 % interval of its chance of failure in a layout; 1 where none was tried."""
+        return 1.0 - least_share(self.held, self.layouts - self.held)
 
     def words(self, where: str = "further layouts") -> str:
         """Say it in words."""

@@ -21,6 +21,7 @@ class Margin:
         limit: what it may be at most, or at least.
         unit: of both.
         margin: 1: far from the limit; 0: at it; below 0: beyond it. From -1 to 1.
+        body: that must not be touched; empty: it is of something else.
     """
 
     name: str
@@ -28,6 +29,7 @@ class Margin:
     limit: float
     unit: str
     margin: float
+    body: str = ""
 
     @classmethod
     def at_most(
@@ -59,6 +61,7 @@ class Margin:
             0.0,
             "m",
             _cut(gap_m / FAR_M) if gap_m > 0 else -1.0,
+            body,
         )
 
     def __str__(self) -> str:

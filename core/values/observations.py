@@ -69,9 +69,13 @@ class Sight:
         """Return a text without what may not be said."""
         return text
 
-    def way(self, moved: Moved) -> str:
-        """Describe a body's way."""
-        return f"by ({short_numbers(moved.by, 3, ', ')}) to ({short_numbers(moved.to, 3, ', ')})"
+    def way(self, moved: Moved, *, ends: bool = True) -> str:
+        """Describe a body's way, and with ``ends`` where it ends."""
+        way = f"by ({short_numbers(moved.by, 3, ', ')})"
+        if ends:
+            way += f" to ({short_numbers(moved.to, 3, ', ')})"
+
+        return way
 
 
 @dataclass(frozen=True)

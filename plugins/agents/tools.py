@@ -243,7 +243,7 @@ class Tools:
         ]
         if len(self._conditions) == 1:
             return "; ".join(dict.fromkeys(problem for _, problem in found))
-        return "; ".join(by_reason(found))
+        return "; ".join(map(str, by_reason(found)))
 
     def _try_design(self, asked: TryDesign) -> Answer:
         if self._result is not None:

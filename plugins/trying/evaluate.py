@@ -68,7 +68,8 @@ def check_all(cfg: DictConfig) -> Iterator[str]:
             for problem in find_problems(condition, candidate)
         ]
         alone = list(dict.fromkeys(problem for _, problem in found))
-        lines = by_reason(found) if len(conditions) > 1 else alone
+        several = len(conditions) > 1
+        lines = list(map(str, by_reason(found))) if several else alone
         problems = clean("; ".join(lines), MAX_REMARK) or "nothing found"
         yield f"design {candidate.design} plan {candidate.action}: {problems}"
         for line in candidate.plan.outline():

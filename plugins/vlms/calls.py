@@ -111,7 +111,8 @@ class Calls:
 
         if limits:
             raise LimitReached(
-                f"{limits[0]}; {len(limits)} of {len(requests)} requests are left without a reply"
+                limits[0].limit,
+                f"{len(limits)} of {len(requests)} requests are left without a reply",
             )
 
     def _follow(self, batch: _Batch) -> None:

@@ -89,7 +89,7 @@ class ModelCritic:
         temperature = self.designer.sampling.temperature
         name = f"g{brief.generation}-critic{number}"
 
-        return Request(name, alone, messages, {}, temperature, critique=True)
+        return Request(name, alone, messages, {}, temperature, "critiques")
 
     def _compose(
         self, brief: Brief, pictures: Sequence[Picture]

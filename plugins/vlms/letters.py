@@ -52,7 +52,7 @@ def write_letter(folder: Path, request: Request, prompt: str) -> None:
             if isinstance(part, Picture):
                 write_file(folder / f"{part.name}.png", part.png)
 
-    if not request.critique:
+    if request.asks_designs:
         lines = json.dumps(request.schema, indent=1, ensure_ascii=False)
         write_file(folder / "schema.json", f"{lines}\n".encode())
 

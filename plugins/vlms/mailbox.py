@@ -208,7 +208,7 @@ class Letter:
         A prompt of a later generation leaves out the rules that stand in that of a first request.
         """
         text = "\n".join(as_markdown(message) for message in self.request.messages)
-        if self.request.critique:
+        if not self.request.asks_designs:
             return text + _CRITIQUE
 
         for file in sorted(self.folder.parent.glob("g0-*/prompt.md")):
@@ -308,7 +308,7 @@ def judge(request: Request, text: str) -> tuple[bool, list[str]]:
     Raises:
         DesignError: it can't be read at all.
     """
-    if request.critique:  # any text is one
+    if not request.asks_designs:  # any text is one
         return (True, []) if text.strip() else (False, ["it is empty"])
 
     designs = list_designs(parse_reply(text))

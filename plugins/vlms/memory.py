@@ -155,7 +155,7 @@ class ModelMemory:
         messages = (*designer.prompts.system(values), Message("user", (text,)))
         name = f"g{generation}-lessons"
 
-        return Request(name, brief, messages, {}, temperature, critique=True)
+        return Request(name, brief, messages, {}, temperature, "lessons")
 
 
 def _check_shown(settings: PromptSettings, part: str) -> None:

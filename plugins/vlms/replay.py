@@ -39,7 +39,7 @@ class PastReplies(VLM):
             request.id: Reply(request.id, reply.text, reply.model, reply.error)
             for request, reply in answers
         }
-        self.repairs = any("-repair" in name for name in self._replies)
+        self.repairs = any(request.purpose == "repairs" for request, _ in answers)
         models = sorted({reply.model for reply in self._replies.values()})
         self.model = f"replay of {', '.join(models) or 'nothing'} from {run}"
 

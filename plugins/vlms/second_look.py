@@ -15,7 +15,6 @@ from core.search.answers import Answer, read_candidates
 
 REPAIR = "repair"  # the template
 MAX_REPEATED = 400_000  # characters of a reply that are sent back
-REPAIRED = "-repair"  # at the end of the id of a request that asks once more
 
 
 def list_faults(candidates: Sequence[Candidate]) -> list[str]:
@@ -57,7 +56,8 @@ class SecondLook:
         faults = list_faults(answer.candidates)
         return replace(
             request,
-            id=f"{answer.sent.id}{REPAIRED}",
+            id=f"{answer.sent.id}-repair",
+            purpose="repairs",
             brief=brief,
             messages=self._compose(
                 replace(request, brief=brief), reply, problem, faults

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from omegaconf import OmegaConf
 
@@ -28,8 +27,23 @@ ENGINES = ("mujoco", "pybullet", "sapien")
 LONGEST = 300  # letters of a cause
 
 
-def try_elsewhere(run: Run, result: Result, chosen: str = AUTO) -> Iterator[str]:
-    """Say in a line what the best candidate earns in a second engine; nothing where none can play it.
+class Elsewhere(NamedTuple):
+    """What the winner of a run came to in a second engine.
+
+    Attributes:
+        outcome: what it earned, or that it could not be tried.
+        cause: why, where it earned less than success; or empty.
+    """
+
+    outcome: str
+    cause: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.outcome}: {self.cause}" if self.cause else self.outcome
+
+
+def try_elsewhere(run: Run, result: Result, chosen: str = AUTO) -> Elsewhere | None:
+    """Try the best candidate in a second engine; None: it is not tried, or no other engine can play it.
 
     Of several tasks, or where the fitness has several engines, that is known or asked for otherwise.
 
@@ -40,11 +54,11 @@ def try_elsewhere(run: Run, result: Result, chosen: str = AUTO) -> Iterator[str]
     """
     best = result.best
     if best is None or best.reward == 0 or run.simulator is None:
-        return
+        return None
     if result.stopped == INTERRUPTED or chosen == NEVER:
-        return
+        return None
     if len(run.task.parts) > 1 or len(best.by_engine) > 1:
-        return
+        return None
 
     names = [chosen]
     if chosen == AUTO:
@@ -55,16 +69,15 @@ def try_elsewhere(run: Run, result: Result, chosen: str = AUTO) -> Iterator[str]
         try:
             trial = _play(run, best, name)
         except UserError as error:
-            yield f"the best could not be tried in {name}: {clean(str(error), LONGEST)}"
-            return
+            why = clean(str(error), LONGEST)
+            return Elsewhere(f"the best could not be tried in {name}", why)
 
         if trial.status != "rejected":
-            cause = ""
-            if trial.reward < run.task.success_reward and trial.cause:
-                cause = f": {clean(trial.cause, LONGEST)}"
+            solved = trial.reward >= run.task.success_reward
+            cause = "" if solved else clean(trial.cause, LONGEST)
+            return Elsewhere(f"in {name} it earns {number(trial.reward, 3)}", cause)
 
-            yield f"in {name} it earns {number(trial.reward, 3)}{cause}"
-            return
+    return None
 
 
 def _is_ready(run: Run, name: str) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from core.goals import Away, Broken, Facing, JointAt, Placed, Reach, Turned, reaches
@@ -12,13 +12,16 @@ from core.trial import NOTHING
 
 if TYPE_CHECKING:
     from core.events import Result, Run
+    from plugins.listeners.summary.elsewhere import Elsewhere
 
 LONGEST = 60  # letters of a tool's name
 REMARK = 300  # letters of what a plugin says
 MANY = 3  # bodies that are named; of more it is said how many
 
 
-def tell_in_short(run: Run, result: Result, elsewhere: Sequence[str]) -> Iterator[str]:
+def tell_in_short(
+    run: Run, result: Result, elsewhere: Elsewhere | None
+) -> Iterator[str]:
     """Say which tool did what, what that earned here and in another engine, and what plugins remark.
 
     For example: "in short: a J hook of 45 g brings cube to its place: 0.995; in mujoco it earns 0.977; printable in
@@ -27,7 +30,7 @@ def tell_in_short(run: Run, result: Result, elsewhere: Sequence[str]) -> Iterato
     Args:
         run: whose task has goals.
         result: of the run.
-        elsewhere: what was said of another engine.
+        elsewhere: what came of it in another engine; None: it was tried in none.
     """
     best = result.best
     if best is None or best.candidate.tool is None:
@@ -38,7 +41,8 @@ def tell_in_short(run: Run, result: Result, elsewhere: Sequence[str]) -> Iterato
     mass = f" of {1000 * tool.mass:.0f} g" if tool.components else ""
     does = _say_what_is_done(run, best.reward)
     parts = [f"in short: {name}{mass} {does}: {number(best.reward, 3)}"]
-    parts += [line.partition(":")[0] for line in elsewhere]
+    if elsewhere is not None:
+        parts.append(elsewhere.outcome)
 
     for remark in installed().factories("remark").values():
         said = remark(run, best.candidate)

@@ -69,7 +69,7 @@ class SummaryListener:
 
         best = result.best
         lines = [_spent(self._replies)]
-        elsewhere: list[str] = []
+        elsewhere = try_elsewhere(run, result, self.second)
 
         if best is None:
             first = next((e.reason for e in result.evaluations), "no candidate came")
@@ -82,8 +82,7 @@ class SummaryListener:
                 *lines,
             ]
             lines += _remarks(run, result, best)
-            elsewhere = [*try_elsewhere(run, result, self.second)]
-            lines += elsewhere
+            lines += [str(elsewhere)] if elsewhere is not None else []
 
         say(*lines, *_next_steps(run, result), file=sys.stderr)
         if best is not None:
@@ -102,7 +101,6 @@ def _causes(run: Run, best: Evaluation) -> Iterator[str]:
 
     level = installed().factory("level", PromptSettings.told)()
     observed = level.report(best, run.task).get("observed", best.reason)
-    observed = observed.removeprefix(f"{number(best.reward, 3)} ")
     head = "why not more" if best.reward >= NOTHING else "why nothing was earned"
     yield f"{head}: {clean(observed, _LINE)}"
 

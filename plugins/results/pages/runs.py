@@ -17,7 +17,7 @@ from core.store.database import FILE, LOCK
 from core.store.reader import StoredRun
 from core.store.rows import Best, RunFigures, StoredEvaluation
 from core.support.files import read_untrusted
-from core.support.text import by_reason, clean, number
+from core.support.text import Reason, by_reason, clean, number
 from core.trial import NOTHING
 
 RESULT = "result.json"
@@ -302,7 +302,7 @@ def _progress(folder: Path, store: StoredRun) -> str:
     return f"{done}; it {how}"
 
 
-def reasons(store: StoredRun) -> list[str]:
+def reasons(store: StoredRun) -> list[Reason]:
     """Why candidates were rejected, failed, or earned less than their rollout did or nothing, by candidate."""
     pairs = []
     for row in store.evaluations():

@@ -10,6 +10,7 @@ from statistics import fmean
 import numpy as np
 import scipy.stats
 
+from core.store.rows import ShownSource
 from plugins.results.pages.formats import Cell, Table
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.report.methods import Group, differing
@@ -140,10 +141,10 @@ def _recalled(results: Results) -> Rows:
 
 def _count_recalled(run: FinishedRun) -> tuple[int, int]:
     """Count the different lessons and examples that a run's requests showed."""
-    shown = set[str]()
+    shown = set[ShownSource]()
     for request in run.store.requests():
         shown.update(request.recalled)
-    lessons = sum(source.startswith("lesson ") for source in shown)
+    lessons = sum(found.kind == "lesson" for found in shown)
 
     return lessons, len(shown) - lessons
 

@@ -171,9 +171,8 @@ def reasons(results: Results) -> Rows:
     """Why candidates earned nothing, or less than their rollout."""
     for g in results.groups:
         for run in g.runs:
-            for line in find_reasons(run.store)[:REASONS]:
-                candidates, reason = line.split(": ", 1)
-                yield g.task, g.method, _link(run), candidates, reason
+            for reason in find_reasons(run.store)[:REASONS]:
+                yield g.task, g.method, _link(run), reason.whose, reason.text
 
 
 def _link(run: FinishedRun) -> CellLink:
@@ -268,8 +267,9 @@ def _answers_by_model(
         # The candidates of an agent are those of its last answer: a checked or repaired one comes second.
         designers: dict[tuple[int, ...], str] = {}
         for request, reply in run.store.answers():
-            asked[reply.model, request.purpose].append(request)
-            if request.purpose == "designs":
+            purpose = "designs" if request.asks_designs else request.purpose
+            asked[reply.model, purpose].append(request)
+            if request.asks_designs:
                 designers[request.generation, request.agent] = reply.model
 
         for row in run.store.evaluations():

@@ -11,7 +11,17 @@ import numpy as np
 from core.errors import UsageError, UserError, choices
 from core.geometry import Pose
 from core.goals import needs_fixture
-from core.scene import FIXTURE, Body, Color, Region, Scene, Soft, table
+from core.scene import (
+    FIXTURE,
+    Body,
+    Bond,
+    Color,
+    Joint,
+    Region,
+    Scene,
+    Soft,
+    table,
+)
 from plugins.tasks.file.body_building import (
     build_body,
     build_ground,
@@ -87,7 +97,8 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
             (*around, *marks, *bodies), tuple(joints), spec.gravity, spec.bonds
         )
     except ValueError as error:
-        raise tree.error(_find_joint(spec, str(error)), str(error)) from error
+        where = _find_link(spec, getattr(error, "part", None))
+        raise tree.error(where, str(error)) from error
 
     if not scene.free:
         problem = "nothing can move, so nothing can be earned; give a body a mass"
@@ -220,15 +231,14 @@ def _check_unique(tree: Tree, spec: SceneSpec, taken: list[str]) -> None:
             taken.append(name)
 
 
-def _find_joint(spec: SceneSpec, message: str) -> Where:
-    """Return where the joint or bond is that a message names; the whole file where it names none."""
-    for number, joint in enumerate(spec.joints):
-        if f"joint {joint.name!r}:" in message:
-            return ("joints", number)
-
-    for number, bond in enumerate(spec.bonds):
-        if f"bond {bond.name!r}:" in message:
-            return ("bonds", number)
+def _find_link(spec: SceneSpec, part: object) -> Where:
+    """Return where a joint or bond of a scene is written; the whole file for anything else."""
+    if isinstance(part, Joint):
+        names = [joint.name for joint in spec.joints]
+        if part.name in names:
+            return ("joints", names.index(part.name))
+    elif isinstance(part, Bond):
+        return ("bonds", spec.bonds.index(part))
 
     return ()
 

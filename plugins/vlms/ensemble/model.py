@@ -95,7 +95,8 @@ class Ensemble(VLM):
         while left:
             if len(closed) == len(self._members):
                 raise LimitReached(
-                    f"{_describe_limits(closed)}; {len(left)} of {len(requests)} requests are left without a reply"
+                    _describe_limits(closed),
+                    f"{len(left)} of {len(requests)} requests are left without a reply",
                 )
 
             hands: dict[str, list[Request]] = defaultdict(list)
@@ -131,7 +132,7 @@ class Ensemble(VLM):
             closed: the members that have reached a limit.
         """
         for label in self._dealer.ranking(request):
-            is_able = self._members[label].criticises or not request.critique
+            is_able = self._members[label].criticises or request.asks_designs
             if is_able and label not in closed:
                 return label
 
@@ -202,7 +203,7 @@ class Ensemble(VLM):
         hear = self._events.subset_hook_caller("reply_received", others)
         hear(request=request, reply=reply)
 
-        if not request.critique:
+        if request.asks_designs:
             asked = (request.brief.generation, request.brief.agent)
             self._replies[asked].append(reply)
 
@@ -223,11 +224,7 @@ class Ensemble(VLM):
 
 def _describe_limits(closed: Mapping[str, LimitReached]) -> str:
     """Name the members that reached a limit, and which."""
-    texts = []
-    for label, limit in closed.items():
-        texts.append(f"{label}: {str(limit).partition('; ')[0]}")
-
-    return ", ".join(texts)
+    return ", ".join(f"{label}: {limit.limit}" for label, limit in closed.items())
 
 
 class Dealer:
@@ -279,7 +276,12 @@ class Dealer:
         draw counts.
         """
         brief = request.brief
-        numbers = [self._seed, brief.generation, brief.agent, int(request.critique)]
+        numbers = [
+            self._seed,
+            brief.generation,
+            brief.agent,
+            int(not request.asks_designs),
+        ]
         rng = np.random.default_rng(numbers)
 
         costs: dict[str, float] = {}
@@ -299,7 +301,7 @@ class Dealer:
         ranked = sorted(draws, key=lambda name: -draws[name])
         untried = [name for name, rewards in self._rewards.items() if not rewards]
 
-        if brief.agent < len(untried) and not request.critique:
+        if brief.agent < len(untried) and request.asks_designs:
             ranked.sort(key=lambda name: name != untried[brief.agent])
 
         return ranked

@@ -351,7 +351,7 @@ class Client:
             settings["seed"] = request.brief.seed
         if self._settings.max_output_tokens is not None and manner.length:
             settings[manner.length] = self._settings.max_output_tokens
-        if not request.critique and manner.form != "text":
+        if request.asks_designs and manner.form != "text":
             settings["response_format"] = self._write_form(manner.form, request)
         if self._settings.thinking is not None and manner.thinking:
             settings["reasoning_effort"] = self._settings.thinking

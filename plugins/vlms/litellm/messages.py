@@ -21,7 +21,7 @@ _UNSEEN = (
 
 def explain_schema(request: Request) -> tuple[Message, ...]:
     """Return the messages of a request, with the schema as text at the end, if it has one."""
-    if request.critique:
+    if not request.asks_designs:
         return request.messages
 
     schema = json.dumps(request.schema, ensure_ascii=False, separators=(",", ":"))

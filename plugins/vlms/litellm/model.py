@@ -296,7 +296,7 @@ class LanguageModel(VLM):
 
 def _holds_designs(request: Request, text: str) -> bool:
     """Say if a text that may have broken off holds something to try; a critique needs no more than words."""
-    if request.critique:
+    if not request.asks_designs:
         return bool(text.strip())
 
     try:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 import numpy as np
 
 from core.interfaces import Evaluation, Trial
-from core.support.text import clean, number
+from core.support.text import clean, hide_numbers, number
 from core.values.efforts import holds
 from core.values.observations import Offset, Sight
 from plugins.vlms.told.tables import phrase
@@ -17,7 +16,6 @@ _CAUSES = 3  # of an elite
 _LAYOUTS = 4  # that are named for a cause
 _LONGEST = 100  # characters of a cause
 _FREE: Offset = (None, None, None)
-_DIGITS = re.compile(r"\d+(?:\.\d+)?")
 
 
 def cause_lines(evaluation: Evaluation, sight: Sight) -> list[str]:
@@ -30,7 +28,7 @@ def cause_lines(evaluation: Evaluation, sight: Sight) -> list[str]:
     failed = failing_trials(evaluation)
     groups: dict[str, list[Trial]] = {}
     for trial in failed:
-        groups.setdefault(_DIGITS.sub("#", _cause_of(trial)), []).append(trial)
+        groups.setdefault(hide_numbers(_cause_of(trial)), []).append(trial)
 
     commonest = sorted(groups.values(), key=len, reverse=True)
     lines = [_describe(group, len(failed), sight) for group in commonest[:_CAUSES]]

@@ -151,7 +151,7 @@ def _count_left_out(evaluations: Sequence[Evaluation], sight: Sight) -> str:
     """
     counts = Counter(map(_kind_of, evaluations)).most_common()
     reasons = by_reason((e.candidate.id, e.reason) for e in evaluations)
-    shown = [sight.text(clean(reason, _OUTCOME)) for reason in reasons[:_REASONS]]
+    shown = [sight.text(clean(str(reason), _OUTCOME)) for reason in reasons[:_REASONS]]
 
     return phrase("observed", "left_out", len(evaluations), counts, shown)
 
@@ -165,7 +165,7 @@ def report(evaluation: Evaluation, task: Task) -> dict[str, Any]:
     """
     found: dict[str, Any] = {}
     if evaluation.observation is not None:
-        found["observed"] = describe(evaluation)
+        found["observed"] = describe(evaluation, rewarded=False)
 
     details = combined_figures(evaluation, task)
     if details:
@@ -245,7 +245,9 @@ def _poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
     return poor[:_LAYOUTS]
 
 
-def describe(evaluation: Evaluation, sight: Sight = ALL) -> str:
+def describe(
+    evaluation: Evaluation, sight: Sight = ALL, *, rewarded: bool = True
+) -> str:
     """Say in one line what became of a candidate.
 
     It is why it was not played to its end; or else its reward, and what was observed of the trial that stands for all.
@@ -253,15 +255,16 @@ def describe(evaluation: Evaluation, sight: Sight = ALL) -> str:
     Args:
         evaluation: of one candidate.
         sight: what may be said of bodies.
+        rewarded: say the reward, too.
     """
     reason = sight.text(clean(evaluation.reason, _REASON))
     if evaluation.status != "ok":
         return f"{evaluation.status}: {reason}"
 
     seen = evaluation.observation
+    head = number(evaluation.reward, 3) if rewarded else ""
     if seen is None:
-        head = number(evaluation.reward, 3)
-        return f"{head} invalid: {reason}" if reason else head
+        return f"{head} invalid: {reason}".strip() if reason else head
 
     first: dict[str, Contact] = {}  # of the robot, by body
     for contact in seen.contacts:
@@ -270,11 +273,11 @@ def describe(evaluation: Evaluation, sight: Sight = ALL) -> str:
 
     entry = elite_feedback(evaluation, sight)
     trials = trial_lines(evaluation, sight) if evaluation.combined else []
-    outcome = (number(evaluation.reward, 3), reason, trials)
+    outcome = (head, reason, trials)
     touches = sorted(first.values(), key=lambda touch: touch.other not in seen.what)
 
     shown = (seen, entry, touches[:_TOUCHES], sight.numbers)
-    return phrase("observed", "line", *outcome, *shown)
+    return phrase("observed", "line", *outcome, *shown).strip()
 
 
 def trial_lines(evaluation: Evaluation, sight: Sight = ALL) -> list[str]:
@@ -374,7 +377,7 @@ def _margins(trial: Trial, seen: Observation, sight: Sight) -> list[str]:
     lines = []
     for margin in trial.margins[:_BODIES]:
         if margin.unit:  # the reward itself has none, and is said already
-            nearest = seen.nearest.get(margin.name.removeprefix("clearance to "))
+            nearest = seen.nearest.get(margin.body)
             lines.append(phrase("observed", "margin", margin, nearest, sight.numbers))
 
     return lines
@@ -453,10 +456,8 @@ def _moves(seen: Observation, sight: Sight) -> dict[str, str]:
     for name in stirred[:_BODIES]:
         moved = seen.moved[name]
         off = seen.errors.get(name, _FREE) if seen.result != "solved" else _FREE
-        way = sight.way(moved)
-        if off != _FREE and sight.numbers:  # where it ended follows from that
-            way, _, _ = way.partition(" to ")
-
+        # Where it ended follows from how far it is off.
+        way = sight.way(moved, ends=off == _FREE)
         described[name] = phrase("observed", "move", moved, way, off, sight.numbers)
 
     left = len(stirred) - _BODIES

@@ -71,11 +71,12 @@ class Hidden(Sight):
         is_said = measure is not None and measure[0].replace(" ", "") in self.said
         return found[0] if is_said else "some"
 
-    def way(self, moved: Moved) -> str:
+    def way(self, moved: Moved, *, ends: bool = True) -> str:
         """Describe a body's way as shares of the picture's width and height.
 
         Args:
             moved: where the body is at the end, and from where it came.
+            ends: say where it ends; here it is never said.
         """
         end = np.array(moved.to)
         places = np.stack([end - moved.by, end])

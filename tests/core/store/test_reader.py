@@ -36,7 +36,8 @@ def test_requests_come_with_their_replies_and_those_without_one_too(tmp_path):
     store = StoredRun(write_run(tmp_path, rewards=[[0.2], [0.5]]))
     edit(
         tmp_path,
-        "UPDATE requests SET id = 'g1-critic0', elites = '[\"g0-a0-s0-p0\"]' WHERE generation = 1",
+        "UPDATE requests SET id = 'g1-critic0', purpose = 'critiques'"
+        """, elites = '["g0-a0-s0-p0"]' WHERE generation = 1""",
     )
     unanswered, answered = store.requests()
     assert (unanswered.purpose, unanswered.elites, unanswered.reply) == (

@@ -56,7 +56,9 @@ def draw_blank(evaluation):
 def criticised(answer, count=2, events=None, **settings):
     """A designer with a critic, and its model."""
     prompt = PromptSettings(critic=count, **settings)
-    vlm = Canned(lambda request: answer(request) if request.critique else good(request))
+    vlm = Canned(
+        lambda request: good(request) if request.asks_designs else answer(request)
+    )
     made = designer(vlm, BUDGET, prompt=prompt, events=events, show=draw_blank)
     made.critic = ModelCritic(made)
     return made, vlm
@@ -83,7 +85,7 @@ def test_the_best_elite_and_the_most_instructive_failure_are_shown_and_their_cri
     made, vlm = criticised(says("It slips off."), events=listener.hub)
     evaluations = tried(0, 0.2, 0.9, 0.3, 0.95)
     text = ask(made, 1, [evaluations[3], evaluations[1]], evaluations)
-    critiques = [request for request in vlm.requests if request.critique]
+    critiques = [request for request in vlm.requests if not request.asks_designs]
     assert [r.id for r in critiques] == ["g1-critic0", "g1-critic1"]
     assert [[e.candidate.id for e in r.brief.elites] for r in critiques] == [
         ["g0-a3-s0-p0"],
@@ -121,7 +123,11 @@ def test_each_candidate_is_shown_once_and_an_elite_keeps_its_critique():
     first, second = tried(0, 0.9), tried(1, 0.1, 0.2)
     ask(made, 1, first, first)
     text = ask(made, 2, first, second)
-    shown = [(r.id, r.brief.elites[0].candidate.id) for r in vlm.requests if r.critique]
+    shown = [
+        (r.id, r.brief.elites[0].candidate.id)
+        for r in vlm.requests
+        if not r.asks_designs
+    ]
     assert shown == [("g1-critic0", "g0-a0-s0-p0"), ("g2-critic0", "g1-a1-s0-p0")]
     assert "seen as g1-critic0" in text
     assert "seen as g2-critic0" in text
@@ -132,7 +138,7 @@ def test_a_strategy_that_asks_twice_in_a_generation_has_as_many_critiques():
     evaluations = tried(0, 0.9, 0.1)
     ask(made, 1, evaluations[:1], evaluations)
     list(made.design(1, evaluations[:1]))
-    asked = [request.id for request in vlm.requests if request.critique]
+    asked = [request.id for request in vlm.requests if not request.asks_designs]
     assert asked == ["g1-critic0", "g1-critic1"]
 
 
@@ -141,10 +147,10 @@ def test_without_a_critic_or_anything_tried_nothing_is_asked(feedback):
     made, vlm = criticised(says("?"), count=0, feedback=feedback)
     evaluations = tried(0, 0.9)
     assert "Critiques" not in ask(made, 1, evaluations, evaluations)
-    assert not any(request.critique for request in vlm.requests)
+    assert not any(not request.asks_designs for request in vlm.requests)
     made, vlm = criticised(says("?"), feedback=feedback)
     list(made.design(0))
-    assert not any(request.critique for request in vlm.requests)
+    assert not any(not request.asks_designs for request in vlm.requests)
 
 
 @pytest.mark.thorough

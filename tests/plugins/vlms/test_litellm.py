@@ -131,7 +131,7 @@ def test_unsupported_parameters_are_left_out_with_one_warning(caplog):
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_a_critique_is_asked_for_without_a_schema(protocol):
     with serving(lambda call: Say("It slips off.")) as server:
-        asked = replace(request(0), schema={}, critique=True)
+        asked = replace(request(0), schema={}, purpose="critiques")
         (reply,) = model_at(server, protocol).complete([asked])
     assert reply.text == "It slips off."
     sent = json.dumps(server.calls[0].body)

@@ -432,7 +432,7 @@ def test_a_run_answered_by_hand(tmp_path):
 
 
 def test_a_critique_is_any_text(tmp_path):
-    asked = replace(request(), id="g1-critic0", schema={}, critique=True)
+    asked = replace(request(), id="g1-critic0", schema={}, purpose="critiques")
     folder = tmp_path / "g1-critic0"
     folder.mkdir()
     (folder / "reply.md").write_text("It slips off at 1.2 s. {")

@@ -58,7 +58,7 @@ class Asker:
         """
         content = hashlib.sha256(repr(messages).encode())
         name = f"scene-{content.hexdigest()[:8]}"
-        request = Request(name, self._brief, tuple(messages), {}, 0.0, critique=True)
+        request = Request(name, self._brief, tuple(messages), {}, 0.0, "scenes")
         if name not in self._replies:
             estimate = self._vlm.estimate(request, self._vlm.model)
             usd = estimate.usd_per_prompt_token

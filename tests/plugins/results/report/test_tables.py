@@ -60,8 +60,8 @@ def test_figures_by_model(tmp_path):
     edit(folder, "UPDATE replies SET model = 'other' WHERE request_id = 'g1-a0'")
     edit(
         folder,
-        "INSERT INTO requests (id, generation, agent, gripper, temperature, elites, digest)"
-        """ VALUES ('g1-critic0', 1, 0, 0, 1.0, '["g0-a0-s1-p0"]', 'x')""",
+        "INSERT INTO requests (id, generation, agent, gripper, temperature, elites, digest, purpose)"
+        """ VALUES ('g1-critic0', 1, 0, 0, 1.0, '["g0-a0-s1-p0"]', 'x', 'critiques')""",
     )
     edit(
         folder,
@@ -104,7 +104,8 @@ def test_runs_that_were_shown_lessons_stand_beside_those_that_were_not(tmp_path)
     write_run(tmp_path / "other", words[0], "evolution=sampling", rewards=[[0.9]])
     report([tmp_path], tmp_path / "out")
     assert not (tmp_path / "out" / "data" / "recalled.csv").exists()
-    shown = '["lesson runs/a#0", "lesson runs/a#2", "example runs/b#g0-a0-s0-p0"]'
+    lessons = '["lesson", "runs/a#0"], ["lesson", "runs/a#2"]'
+    shown = f'[{lessons}, ["example", "runs/b#g0-a0-s0-p0"]]'
     edit(with_lessons, f"UPDATE requests SET recalled = '{shown}'")
     report([tmp_path], tmp_path / "out")
     (row,) = read_csv(tmp_path / "out" / "data" / "recalled.csv")

@@ -102,7 +102,7 @@ def test_a_request_says_which_lessons_it_shows(tmp_path):
     equip(made)
     requests = made.requests(0, Team([0, 1]))
     rows = [request_row(request, "digest") for request in requests]
-    assert [row["recalled"] for row in rows] == [[f"lesson {folder}#1"]] * 2
+    assert [row["recalled"] for row in rows] == [[("lesson", f"{folder}#1")]] * 2
 
 
 def test_a_prompt_that_shows_no_lessons_takes_none(tmp_path):
