@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Generic
 
-import pydantic
 from pydantic import FiniteFloat
 from typing_extensions import TypeVar
 
@@ -15,11 +14,12 @@ from core.geometry import Pose
 from core.interfaces import Robot
 from core.plugins.kinds import KINDS
 from core.plugins.registry import installed
+from core.support.checking import check
 from core.support.progress import busy
 from core.values.materials import PAPER, Material
 
 T_co = TypeVar("T_co", covariant=True, default=Any)
-_BASE = pydantic.TypeAdapter(tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat])
+_BASE: Any = tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat]
 
 
 @dataclass(frozen=True)
@@ -66,13 +66,8 @@ class PluginPart(Generic[T_co]):
         """
         if not self.base:
             return Pose()
-        try:
-            x, y, z, yaw = _BASE.validate_python(self.base)
-        except pydantic.ValidationError as error:
-            raise UsageError(
-                f"robot.base must be four numbers, [x, y, z, yaw], got {self.base}"
-            ) from error
-
+        what = f"robot.base must be four numbers, [x, y, z, yaw], got {self.base}"
+        x, y, z, yaw = check(_BASE, self.base, what, UsageError)
         return Pose.xyz_rpy((x, y, z), (0.0, 0.0, yaw))
 
     def shared(self) -> T_co:

@@ -14,13 +14,13 @@ from typing import Any, ClassVar, TypeVar
 from weakref import WeakKeyDictionary
 
 import pluggy
-import pydantic
 
 from core.errors import RAISED, UsageError, UserError, choices, in_line
 from core.hooks import PROJECT, Command, Configs, Factory, Parts
 from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins.kinds import COMMAND, HOOKS, KINDS, ROBOT, Kind
 from core.plugins.packages import check_configs, refuse_hiding, refuse_rivals
+from core.support.checking import check
 from core.values.materials import PAPER, Material
 
 Settings = Mapping[str, Any] | None
@@ -247,17 +247,8 @@ def check_settings(
     for name, value in settings.items():
         if name not in possible:
             raise choices("setting", name, possible, where)
-        wanted = pydantic.TypeAdapter(hints.get(name, Any))
-        try:
-            checked[name] = wanted.validate_python(value)
-        except pydantic.ValidationError as error:
-            first = error.errors()[0]
-            reason = ": ".join([*map(str, first["loc"]), first["msg"]])
-            if first["type"] == "string_type":
-                reason += f"; put a text in quotes twice: '\"{first['input']}\"'"
-            raise UsageError(
-                f"{where}: setting {name!r} can't be {value!r}: {reason}"
-            ) from error
+        what = f"{where}: setting {name!r} can't be {value!r}"
+        checked[name] = check(hints.get(name, Any), value, what, UsageError)
 
     for name, parameter in possible.items():
         if parameter.default is parameter.empty and name not in checked:

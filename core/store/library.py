@@ -9,7 +9,8 @@ from typing import Any
 
 from core.config.trust import as_stored
 from core.errors import UserError
-from core.store.rows import Id, Reward, parsed, validated
+from core.store.rows import Id, Reward, parsed
+from core.support.checking import check
 from core.support.files import read_untrusted
 
 FACTS = "tool.json"
@@ -80,7 +81,7 @@ def read_kept(folder: Path) -> tuple[KeptTool, Mapping[str, Any]]:
     """
     file = folder / FACTS
     try:
-        kept = validated(KeptTool, parsed(read_untrusted(file, MAX_BYTES)))
+        kept = check(KeptTool, parsed(read_untrusted(file, MAX_BYTES)))
     except ValueError as error:
         raise UserError(f"{file}: {error}") from error
 

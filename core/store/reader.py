@@ -22,8 +22,8 @@ from core.store.rows import (
     StoredTrial,
     load_trial,
     parsed,
-    validated,
 )
+from core.support.checking import check
 
 T = TypeVar("T")
 
@@ -66,7 +66,7 @@ class StoredRun:
         """Return what the run came to; None: it has not ended."""
         for row in self._read("run"):
             if row["result"] is not None:
-                return validated(RunFigures, parsed(row["result"]))
+                return check(RunFigures, parsed(row["result"]))
         return None
 
     def seconds(self) -> float:
@@ -127,4 +127,4 @@ class StoredRun:
 
     def _rows(self, schema: type[T], table: str) -> Iterable[T]:
         for row in self._read(table):
-            yield validated(schema, dict(row))
+            yield check(schema, dict(row))

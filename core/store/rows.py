@@ -5,8 +5,8 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache, partial
-from typing import Annotated, Any, Literal, NamedTuple, NotRequired, TypeVar, cast
+from functools import partial
+from typing import Annotated, Any, Literal, NamedTuple, NotRequired
 
 from pydantic import (
     AfterValidator,
@@ -14,8 +14,6 @@ from pydantic import (
     Field,
     Json,
     StrictBool,
-    TypeAdapter,
-    ValidationError,
 )
 from pydantic_core import from_json
 from typing_extensions import TypedDict
@@ -23,7 +21,7 @@ from typing_extensions import TypedDict
 from core.config.schemas import RunConfig
 from core.design import Candidate
 from core.interfaces import OF_DESIGNS, Purpose, Reply
-from core.support.text import clean
+from core.support.checking import check
 from core.trial import (
     Evaluation,
     Score,
@@ -41,7 +39,6 @@ MAX_BYTES = 100_000_000  # of a text
 LONGEST = 2_000_000  # characters of a column
 LONGEST_REPLY = 2**25
 
-T = TypeVar("T")
 Row = Mapping[str, Any] | sqlite3.Row
 
 Count = Annotated[int, Field(strict=True, ge=0, le=2**53)]
@@ -51,24 +48,6 @@ Reward = Annotated[Number, Field(ge=0, le=1)]
 Id = Annotated[str, Field(max_length=200)]
 Ids = Json[tuple[Id, ...]]
 Key = tuple[int, int, int]  # generation, agent and number of a design
-
-# Slow to make.
-adapter: Callable[[Any], TypeAdapter[Any]] = lru_cache(maxsize=64)(TypeAdapter)
-
-
-def validated(schema: type[T], value: object) -> T:
-    """Return ``value`` as ``schema`` has it.
-
-    Raises:
-        ValueError: it does not fit; one line.
-    """
-    try:
-        return cast(T, adapter(schema).validate_python(value))
-    except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        where = ".".join(map(str, first["loc"]))
-        message = first["msg"].removeprefix("Value error, ")
-        raise ValueError(clean(f"{where and f'{where}: '}{message}", 300)) from error
 
 
 def parsed(text: object) -> Any:
@@ -90,7 +69,7 @@ def _with_usable_parts(config: RunConfig) -> RunConfig:
     for kind, part in parts.items():
         if kind not in ("robot", "listener") and not isinstance(part.get("name"), str):
             raise ValueError(f"{kind} has no name")
-    validated(Amount, parts.get("evolution", {}).get("tie", 0.0))
+    check(Amount, parts.get("evolution", {}).get("tie", 0.0))
     return config
 
 
@@ -390,16 +369,16 @@ def load_trial(row: Row) -> Trial:
     """
     where = [row[name] for name in Where._fields]
     columns = {name: row[name] for name in ("candidate", "status", "reward")}
-    return validated(Trial, {**parsed(row["details"]), **columns, "where": where})
+    return check(Trial, {**parsed(row["details"]), **columns, "where": where})
 
 
 TABLES: dict[str, Callable[[Any], object]] = {
-    "run": partial(validated, StoredConfig),
-    "sessions": partial(validated, StoredSession),
-    "requests": partial(validated, StoredRequest),
-    "replies": partial(validated, StoredReply),
-    "designs": partial(validated, StoredDesign),
-    "evaluations": partial(validated, StoredEvaluation),
+    "run": partial(check, StoredConfig),
+    "sessions": partial(check, StoredSession),
+    "requests": partial(check, StoredRequest),
+    "replies": partial(check, StoredReply),
+    "designs": partial(check, StoredDesign),
+    "evaluations": partial(check, StoredEvaluation),
     "trials": load_trial,
 }
 """How a row of each table is read."""

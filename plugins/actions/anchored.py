@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
-from pydantic import ValidationError
 
 from core.design import DesignError
 from core.designs.plan_rules import MIN_TEMPO
@@ -29,6 +28,7 @@ from core.interfaces import (
     Task,
     Waypoints,
 )
+from core.support.checking import check
 from core.support.templates import fill
 from plugins.actions.blocks import (
     MAX_DEPTH,
@@ -246,13 +246,7 @@ class AnchoredActions(ActionRepresentation):
             place = numbers.tolist()
             written |= {"offset": place[:3], "rpy": place[3:]}
 
-            try:
-                step = Step(**written)
-            except ValidationError as error:
-                message = error.errors(include_url=False)[0]["msg"]
-                raise DesignError(f"{where}: {message}") from error
-
-            steps.append(step.dump())
+            steps.append(check(Step, written, where, DesignError).dump())
 
         return steps
 

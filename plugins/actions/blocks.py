@@ -6,16 +6,17 @@ A plan is a tree: its leaves are waypoints and looks. What it can cost is known 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from typing import Annotated, Any
 
-from pydantic import ConfigDict, Field, Strict, TypeAdapter, ValidationError
+from pydantic import ConfigDict, Field, Strict, TypeAdapter
 from pydantic.dataclasses import dataclass as checked
 
 from core.design import DesignError
 from core.designs.plan_rules import MAX_REACH_M, MAX_WAYPOINTS
 from core.errors import choices
+from core.support.checking import check, in_unit
 from core.support.text import count_words, kind
 from plugins.actions.steps import HERE, IT, Name, Step, read_step
 
@@ -56,7 +57,11 @@ class Sighting:
         enough: how many of them are enough; 0: all are needed.
     """
 
-    goal: Annotated[Number | Name | None, Field(union_mode="left_to_right")] = None
+    goal: Annotated[
+        Number | Name | None,
+        Field(union_mode="left_to_right"),
+        in_unit("give its number, from 0, or its name"),
+    ] = None
     body: Name = ""
     at: Name = ""
     within: Reach | None = None
@@ -95,7 +100,6 @@ class Sighting:
 
 
 _SIGHTINGS = TypeAdapter(Sighting)
-_ROUNDS = TypeAdapter(Rounds)
 
 
 @dataclass(frozen=True)
@@ -452,11 +456,7 @@ class Reader:
                 f'{place} must be an object such as {{"goal": 0}}, not {kind(given)}'
             )
 
-        try:
-            wanted = _SIGHTINGS.validate_python(given)
-        except ValidationError as error:
-            raise DesignError(_describe_fault(error, place)) from error
-
+        wanted = check(Sighting, given, place, DesignError)
         fault = _find_fault(wanted)
         if fault:
             raise DesignError(f"{place}: {fault}")
@@ -481,30 +481,10 @@ def _find_fault(wanted: Sighting) -> str:
     return ""
 
 
-def _describe_fault(error: ValidationError, where: str) -> str:
-    """Say what is wrong with a condition: a field that there is not, before what is missing."""
-    faults = error.errors(include_url=False)
-    unknown = [item for item in faults if item["type"] == "unexpected_keyword_argument"]
-    first = (unknown or faults)[0]
-    place = str(first["loc"][0])
-    if unknown:
-        names = [known.name for known in fields(Sighting)]
-        return str(choices("field", place, names, where))
-
-    if place == "goal":
-        return f"{where}: goal: give its number, from 0, or its name"
-    return f"{where}: {place[:100]}: {first['msg']}"
-
-
 def _read_rounds(data: dict[str, Any], where: str, usual: int | None = None) -> int:
     """Read how many rounds there are at most."""
-    given = data.get("at_most", usual)
-    try:
-        return _ROUNDS.validate_python(given)
-    except ValidationError as error:
-        raise DesignError(
-            f"{where}: 'at_most' must be a whole number from 1 to {MAX_ROUNDS}, not {given!r:.40}"
-        ) from error
+    what = f"{where}: 'at_most' is a whole number from 1 to {MAX_ROUNDS}"
+    return check(Rounds, data.get("at_most", usual), what, DesignError)
 
 
 @dataclass(frozen=True)

@@ -7,18 +7,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field, Strict, TypeAdapter, ValidationError
+from pydantic import ConfigDict, Field, Strict, TypeAdapter
 from pydantic.dataclasses import dataclass
 
 from core.design import DesignError
 from core.designs.plan_rules import MAX_ANGLE_RAD, MAX_REACH_M, MIN_TEMPO
-from core.errors import choices
 from core.geometry import Array, Pose
 from core.interfaces import Guard, Seen
+from core.support.checking import check, in_unit
 from core.support.text import kind, shorten
 
 WORLD = "world"
@@ -49,15 +49,16 @@ MAX_SECONDS = 60.0
 UNTIMED = "'meet' needs 'seconds' of each way since the last look, and no guard there"
 """Why a body can't be met."""
 
-_UNKNOWN = "unexpected_keyword_argument"
-_BEYOND = ("less_than_equal", "greater_than_equal")
 _APART_M = 1e-3  # a direction needs two anchors that are farther apart
 
 Length = Annotated[
     float, Strict(), Field(ge=-MAX_REACH_M, le=MAX_REACH_M, allow_inf_nan=False)
 ]
 Angle = Annotated[
-    float, Strict(), Field(ge=-MAX_ANGLE_RAD, le=MAX_ANGLE_RAD, allow_inf_nan=False)
+    float,
+    Strict(),
+    Field(ge=-MAX_ANGLE_RAD, le=MAX_ANGLE_RAD, allow_inf_nan=False),
+    in_unit("angles are in radians (90 degrees are 1.5708)"),
 ]
 Seconds = Annotated[float, Strict(), Field(ge=0, le=MAX_SECONDS, allow_inf_nan=False)]
 Speed = Annotated[float, Strict(), Field(ge=0, le=MAX_SPEED, allow_inf_nan=False)]
@@ -266,31 +267,6 @@ _STANDS_STILL = {
 }
 
 
-def _describe_fault(error: ValidationError, where: str) -> str:
-    """Say what is wrong with a waypoint: a field that there is not, before what is missing; and how angles are written.
-
-    Args:
-        error: of its fields.
-        where: words for the waypoint.
-    """
-    faults = error.errors(include_url=False)
-    unknown = [fault for fault in faults if fault["type"] == _UNKNOWN]
-    first = (unknown or faults)[0]
-    place = ".".join(str(part) for part in first["loc"])
-
-    if unknown:
-        names = [known.name for known in fields(Step)]
-        return str(choices("field", place, names, where))
-
-    message = f"{where}: {place[:100]}: {first['msg']}"
-    if first["loc"][0] == "rpy" and first["type"] in _BEYOND:
-        message += (
-            f", not {first['input']:g}; angles are in radians (90 degrees are 1.5708)"
-        )
-
-    return message
-
-
 def read_step(data: object, where: str, gripper: bool) -> Step:
     """Read a waypoint that a model wrote.
 
@@ -307,11 +283,7 @@ def read_step(data: object, where: str, gripper: bool) -> Step:
     if "grip" in data and not gripper:
         raise DesignError(f"{where}: 'grip' needs a tool on the gripper; leave it out")
 
-    try:
-        step = _STEPS.validate_python(data)
-    except ValidationError as error:
-        raise DesignError(_describe_fault(error, where)) from error
-
+    step = check(Step, data, where, DesignError)
     if not (step.speed or step.seconds):
         for name, message in _STANDS_STILL.items():
             if name in data:

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
+from core.support.checking import check
 from core.support.text import clean
 from plugins.agents.bench import Refused
 
@@ -159,12 +160,7 @@ def read_arguments(name: str, given: Mapping[str, Any]) -> Arguments:
     """
     if name not in KINDS:
         raise Refused(f"no tool {clean(name, 60)!r}; there are: {', '.join(KINDS)}")
-    try:
-        return KINDS[name].arguments.model_validate(dict(given))
-    except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        where = ".".join(map(str, first["loc"])) or "arguments"
-        raise Refused(clean(f"{name}: {where}: {first['msg']}", 300)) from error
+    return check(KINDS[name].arguments, dict(given), name, Refused)
 
 
 def read_text(designs: dict[str, Any] | str) -> str:

@@ -15,7 +15,8 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import Field, TypeAdapter
 
 from core.errors import UserError, choices
-from core.store.rows import Amount, Count, Id, Reward, parsed, validated
+from core.store.rows import Amount, Count, Id, Reward, parsed
+from core.support.checking import check
 from core.support.files import read_untrusted
 from core.values.efforts import Effort, holds
 from plugins.results.pages.runs import short
@@ -150,7 +151,7 @@ def read_entry(file: Path) -> Entry:
         UserError: it is none, does not follow its protocol, or is not possible.
     """
     try:
-        return check_entry(validated(Entry, parsed(read_untrusted(file, MAX_BYTES))))
+        return check_entry(check(Entry, parsed(read_untrusted(file, MAX_BYTES))))
     except (ValueError, UserError) as error:
         raise UserError(f"{file} can't be compared: {short(str(error))}") from error
 

@@ -14,6 +14,7 @@ from omegaconf import DictConfig
 
 from core.config.compose import load
 from core.errors import UsageError, UserError, choices
+from core.support.checking import check
 from core.support.cli import arguments, say
 from core.support.files import write_whole, writing
 from core.support.progress import busy
@@ -148,11 +149,7 @@ def _read_words(words: Sequence[str]) -> tuple[str, StudyConfig, list[str]]:
         else:
             others.append(word)
 
-    try:
-        return name, StudyConfig.model_validate(own), others
-    except pydantic.ValidationError as error:
-        first = error.errors()[0]
-        raise UsageError(f"{first['loc'][0]}: {first['msg']}; {USAGE}") from error
+    return name, check(StudyConfig, own, "vlmgineer study", UsageError), others
 
 
 def _select(cfg: StudyConfig, file: Path, words: Sequence[str]) -> Selection:

@@ -9,18 +9,17 @@ from hashlib import sha256
 from importlib.resources import files
 from itertools import chain
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import pydantic
 import yaml
 
 from core.errors import UsageError, UserError, choices
+from core.support.checking import check
 from core.support.cli import expand, path_exists, say
 from core.support.files import read_text, read_untrusted
 from core.support.text import clean, hydra_word
 from plugins.results.pages.runs import AnyRun, FinishedRun, LeftOutRun, read_run
-
-P = TypeVar("P", bound=pydantic.BaseModel)
 
 RECORD = "study.yaml"
 """What the folder of a study says of it, for reports and for who goes on with it."""
@@ -212,7 +211,7 @@ def read_record(file: Path) -> Record | None:
         return None
 
     try:
-        return _parse(Record, _read_yaml(file), file)
+        return check(Record, _read_yaml(file), str(file), UserError)
     except UserError as error:
         say(
             f"warning: {error}; it is left out: which words its runs were made with is not known",
@@ -227,17 +226,7 @@ def read_study(file: Path) -> Study:
     Raises:
         UserError: it can't be read, or is no study; says where.
     """
-    return _parse(Study, _read_yaml(file), file)
-
-
-def _parse(model: type[P], read: Any, file: Path) -> P:
-    try:
-        return model.model_validate(read)
-    except pydantic.ValidationError as error:
-        first = error.errors()[0]
-        place = clean(".".join(map(str, first["loc"])), 200)
-        reason = clean(first["msg"], 300)
-        raise UserError(f"{file}: {place or 'study'}: {reason}") from error
+    return check(Study, _read_yaml(file), str(file), UserError)
 
 
 def _read_yaml(file: Path) -> Any:

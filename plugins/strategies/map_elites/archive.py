@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pydantic
 
 from core.design import Tool
 from core.designs.reading import dump_design
 from core.errors import UsageError, choices
 from core.geometry import Array
 from core.interfaces import ToolRepresentation
+from core.support.checking import check
 from core.trial import TIE, Evaluation, best_first, worst_mean
 from core.values.efforts import holds
 
@@ -167,15 +167,8 @@ def read_measures(written: Sequence[str | Mapping[str, Any]]) -> tuple[Measure, 
             where = f"evolution.measures: {name}"
             raise choices("key", str(unknown[0]), usual, where)
 
-        try:
-            found[name] = pydantic.TypeAdapter(Measure).validate_python(
-                {**usual, **given}
-            )
-        except pydantic.ValidationError as error:
-            first = error.errors()[0]
-            raise UsageError(
-                f"evolution.measures: {name}: {first['loc'][-1]}: {first['msg']}"
-            ) from error
+        whole = {**usual, **given}
+        found[name] = check(Measure, whole, f"evolution.measures: {name}", UsageError)
 
     if not found:
         raise UsageError(

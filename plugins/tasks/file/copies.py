@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from fnmatch import fnmatchcase
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from core.support.checking import check_plain
 from plugins.tasks.file.body_building import build_body, place_copies, read_pose
 from plugins.tasks.file.named_files import Files
 from plugins.tasks.file.spec import BodySpec, Range
@@ -51,7 +51,7 @@ def unfold(data: dict[str, Any], paths: Iterable[str], files: Files) -> dict[str
 
 def _write_copies(body: dict[str, Any], files: Files) -> Iterator[dict[str, Any]]:
     """Yield the copies of a repeated body, each as a body of the file."""
-    spec = BodySpec.model_validate_json(json.dumps(body))
+    spec = check_plain(BodySpec, body)
     assert spec.repeat is not None
     first = read_pose(spec)
     alike = {key: value for key, value in body.items() if key != "repeat"}

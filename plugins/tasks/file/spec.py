@@ -5,8 +5,6 @@ A number's unit is that of `core.scene`: metres, kilograms, seconds, radians; de
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, fields
 from functools import cache
@@ -28,22 +26,21 @@ from pydantic import (
     create_model,
 )
 from pydantic import model_validator as check_whole
-from pydantic_core import ErrorDetails, core_schema
+from pydantic_core import core_schema
 
-from core.errors import choices
 from core.geometry import Capsule, Cylinder, Sphere
 from core.goals import Reach
 from core.scene import Bond, Camera, Cloth, Color, Elastic, Joint, Rope
+from core.support.checking import STRICT, check_plain, find_mistakes, in_unit
 from core.values.layouts import NONE
 from core.values.softs import MAX_NODES
 from plugins.tasks.file.goals import FILLED, KINDS, Entry, read_entry
 from plugins.tasks.file.hollows import COLUMN_M
 from plugins.tasks.file.imports import imported as limits
 from plugins.tasks.file.spans import Bound, Least, Varied
-from plugins.tasks.file.tree import Tree, Where
+from plugins.tasks.file.tree import Tree
 from plugins.tasks.file.vessels import Vessel
 
-STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 MAX_BODIES = 100
 MAX_PARTS = 100
 MAX_COPIES = 200  # of all bodies together, too
@@ -64,24 +61,11 @@ _RIGID = (
 )
 _SOFT = ("rope", "cloth", "counts", "pinned")
 SHAPES = ("box", "sphere", "cylinder", "capsule", "tube", "cup", "mug", "bottle")
-UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
-_LIST = "must be a list, such as [0, 0, 0.1]"
-_OBJECT = "must be an object of keys and values, such as {radius: 0.1}"
-WORDS = {
-    "bool_type": "must be true or false",
-    "string_type": "must be a text; put it in quotes",
-    "float_type": "must be a number",
-    "tuple_type": _LIST,
-    "dict_type": _OBJECT,
-    "model_type": _OBJECT,
-    "dataclass_type": _OBJECT,
-    "string_pattern_mismatch": "must be a name of letters, digits and '_', a letter first",
-    "json_invalid": "it holds a character that is no text, such as half of a pair; leave it out",
-}
 
-Length = Annotated[float, Field(gt=limits.SHORTEST_M, le=limits.LONGEST_M)]
-Gap = Annotated[float, Field(ge=0, le=limits.LONGEST_M)]
-Coordinate = Annotated[float, Field(ge=-limits.LONGEST_M, le=limits.LONGEST_M)]
+_METRES = in_unit("it is in metres")
+Length = Annotated[float, Field(gt=limits.SHORTEST_M, le=limits.LONGEST_M), _METRES]
+Gap = Annotated[float, Field(ge=0, le=limits.LONGEST_M), _METRES]
+Coordinate = Annotated[float, Field(ge=-limits.LONGEST_M, le=limits.LONGEST_M), _METRES]
 Place = tuple[Coordinate, Coordinate, Coordinate]
 Wanted = tuple[Coordinate | None, Coordinate | None, Coordinate | None]
 Angle = Annotated[float, Field(ge=-3600, le=3600)]
@@ -573,19 +557,8 @@ def read_spec(tree: Tree, data: Mapping[str, Any]) -> SceneSpec:
     try:
         return _read(data)
     except ValidationError as error:
-        errors = error.errors(include_url=False)
-        first = min(errors, key=lambda entry: entry["type"] not in UNKNOWN)
-        where: Where = tuple(first["loc"])
-        message = _explain(where, first)
-        lacks = [
-            str(entry["loc"][-1])
-            for entry in errors
-            if entry["type"] == "missing" and entry["loc"][:-1] == where[:-1]
-        ]
-        if lacks and first["type"] in UNKNOWN:
-            message += f"; missing: {', '.join(lacks)}"
-
-        raise tree.error(where, message) from error
+        first = find_mistakes(SceneSpec, error)[0]
+        raise tree.error(first.where, first.problem) from error
 
 
 def list_mistakes(tree: Tree, data: Mapping[str, Any]) -> list[str]:
@@ -593,12 +566,10 @@ def list_mistakes(tree: Tree, data: Mapping[str, Any]) -> list[str]:
     try:
         _read(data)
     except ValidationError as error:
-        lines = list[str]()
-        for mistake in error.errors(include_url=False):
-            where: Where = tuple(mistake["loc"])
-            lines.append(str(tree.error(where, _explain(where, mistake))))
-
-        return lines
+        return [
+            str(tree.error(mistake.where, mistake.problem))
+            for mistake in find_mistakes(SceneSpec, error)
+        ]
 
     return []
 
@@ -609,7 +580,7 @@ def _read(data: Mapping[str, Any]) -> SceneSpec:
     if isinstance(pictures, list):
         data = {**data, "pictures": [_read_picture(picture) for picture in pictures]}
 
-    return SceneSpec.model_validate_json(json.dumps(data))
+    return check_plain(SceneSpec, data)
 
 
 def _read_picture(given: Any) -> Any:
@@ -618,31 +589,6 @@ def _read_picture(given: Any) -> Any:
         return {"file": given}
 
     return given
-
-
-def _explain(where: Where, error: ErrorDetails) -> str:
-    """Say what is wrong with an entry, and how to mend it."""
-    kind = error["type"]
-    given = error["input"]
-    if kind in UNKNOWN:
-        return str(choices("key", str(where[-1]), keys_at(where[:-1])))
-    if kind == "missing":
-        return "is missing; add it"
-
-    message = WORDS.get(kind) or re.sub(
-        r"^(Input|Tuple|Dictionary|List|String) should", "must", error["msg"]
-    )
-    message = message.removeprefix("Value error, ").replace(" after validation", "")
-    if isinstance(given, str | int | float) and "got" not in message:
-        got = f", got {given!r}"
-        if len(got) < 100:
-            message += got
-
-    ends = error.get("ctx", {})
-    if ends.get("le") == limits.LONGEST_M or ends.get("ge") == -limits.LONGEST_M:
-        message += "; it is in metres"
-
-    return message
 
 
 @cache
@@ -662,40 +608,3 @@ def json_schema() -> dict[str, Any]:
                 found["description"] = special or words[key]
 
     return dialect | schema
-
-
-def keys_at(where: Where) -> list[str]:
-    """The keys that are possible in the object at ``where``."""
-    found = _alternatives(json_schema())
-    for step in where:
-        inner = list[dict[str, Any]]()
-        for node in found:
-            if isinstance(step, int):
-                below = node.get("items")
-            else:
-                below = node.get("properties", {}).get(step)
-            if isinstance(below, dict):
-                inner += _alternatives(below)
-
-        found = inner
-
-    keys = set[str]()
-    for node in found:
-        keys |= node.get("properties", {}).keys()
-
-    return sorted(keys)
-
-
-def _alternatives(node: dict[str, Any]) -> list[dict[str, Any]]:
-    """List the schemas of which what a node of the schema describes must fit one."""
-    if "$ref" in node:
-        name = node["$ref"].rpartition("/")[2]
-        return _alternatives(json_schema()["$defs"][name])
-    if "anyOf" not in node:
-        return [node]
-
-    found = list[dict[str, Any]]()
-    for choice in node["anyOf"]:
-        found += _alternatives(choice)
-
-    return found

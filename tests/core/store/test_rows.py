@@ -47,9 +47,7 @@ def test_a_store_of_another_form_is_refused_in_one_line_and_left_as_it_is(
     folder = write_run(tmp_path / "run")
     edit(folder, statement)
     data = (folder / "run.sqlite").read_bytes()
-    said = (
-        "written by another version" if "4" in statement else "details: Field required"
-    )
+    said = "written by another version" if "4" in statement else "details: is missing"
     assert all(said in line for line in said_of(folder))
     for _ in range(2):  # the lock is free again
         with pytest.raises(UserError, match=said) as refused:
@@ -69,27 +67,27 @@ def test_a_store_of_another_form_is_refused_in_one_line_and_left_as_it_is(
         (
             "UPDATE evaluations SET reward = ?",
             1e308,
-            "reward: Input should be less than or equal to 1",
+            "reward: must be less than or equal to 1",
         ),
         (
             "UPDATE evaluations SET reward = ?",
             "much",
-            "reward: Input should be a valid number",
+            "reward: must be a number",
         ),
         (
             "UPDATE evaluations SET distance_m = ?",
             float("inf"),
-            "distance_m: Input should be a finite number",
+            "distance_m: must be a finite number",
         ),
         (
             "UPDATE evaluations SET status = ?",
             "done",
-            "status: Input should be 'ok', 'rejected' or 'failed'",
+            "status: must be 'ok', 'rejected' or 'failed'",
         ),
         (
             "UPDATE evaluations SET waypoints = ?",
             "[[1, 2, 3]]",
-            "should have at least 6 items",
+            "must have at least 6 items",
         ),
         ("UPDATE evaluations SET waypoints = ?", "[1, 2, 3, 4, 5, 6]", "waypoints."),
         (
@@ -107,7 +105,7 @@ def test_a_store_of_another_form_is_refused_in_one_line_and_left_as_it_is(
         (
             "UPDATE evaluations SET plan = ?",
             -1,
-            "plan: Input should be greater than or equal to 0",
+            "plan: must be greater than or equal to 0",
         ),
         (
             "UPDATE evaluations SET details = ?",
@@ -123,7 +121,7 @@ def test_a_store_of_another_form_is_refused_in_one_line_and_left_as_it_is(
         (
             "UPDATE evaluations SET details = ?",
             '{"score": {}, "trials": [1]}',
-            "details.score.reward: Field required",
+            "details.score.reward: is missing",
         ),
         (
             "UPDATE evaluations SET details = ?",
@@ -143,29 +141,29 @@ def test_a_store_of_another_form_is_refused_in_one_line_and_left_as_it_is(
         (
             "UPDATE trials SET details = ?",
             '{"observation": {"result": "lost"}}',
-            "observation.result: Input should be",
+            "observation.result: must be",
         ),
         (
             "UPDATE trials SET details = ?",
             '{"moved_m": {"cube": "far"}}',
-            "moved_m.cube: Input should be a valid numb",
+            "moved_m.cube: must be a numb",
         ),
         ("UPDATE trials SET details = ?", DEEP, "recursion limit exceeded"),
         (
             "UPDATE trials SET status = ?",
             "done",
-            "status: Input should be 'ok', 'rejected' or 'failed'",
+            "status: must be 'ok', 'rejected' or 'failed'",
         ),
         (
             "UPDATE trials SET layout = ?",
             "first",
-            "where.2: Input should be a valid integer",
+            "where.2: must be a whole number",
         ),
         ("UPDATE designs SET written = ?", "[]", "written: "),
         (
             "UPDATE designs SET written = ?",
             '{"tool_urdf": ""}',
-            "written.gripper: Field required",
+            "written.gripper: is missing",
         ),
         ("UPDATE designs SET parents = ?", '{"a": 1}', "parents: "),
         (
@@ -176,7 +174,7 @@ def test_a_store_of_another_form_is_refused_in_one_line_and_left_as_it_is(
         (
             "UPDATE replies SET prompt_tokens = ?",
             2**63 - 1,
-            "prompt_tokens: Input should be less than",
+            "prompt_tokens: must be less than",
         ),
         (
             "UPDATE replies SET text = CAST(? AS TEXT)",

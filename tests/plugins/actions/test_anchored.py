@@ -159,14 +159,14 @@ GOOD = {"offset": [0.5, 0.0, 0.4]}
         ([{"offset": [0.5, 0]}], r"waypoint 1: offset\.2"),
         (
             [{"offset": [0.5, 0, "0.4"]}],
-            r"waypoint 1: offset\.2: Input should be a valid number",
+            r"waypoint 1: offset\.2: must be a number",
         ),
         ([{"offset": [0.5, 0, True]}], r"waypoint 1: offset\.2"),
         ([{"offset": [0.5, 0, 99]}], r"waypoint 1: offset\.2"),
         ([{"offset": [0.5, 0, float("nan")]}], r"waypoint 1: offset\.2"),
         (
             [GOOD | {"ofset": 1}],
-            r"no field 'ofset' in waypoint 1 \(did you mean 'offset'\?\)",
+            r"waypoint 1: ofset: no key 'ofset' \(did you mean 'offset'\?\)",
         ),
         ([GOOD | {"anchor": "__import__('os')", "speed": -1}], "waypoint 1: speed"),
         ([GOOD | {"axes": "cube"}], "waypoint 1: axes"),
@@ -427,17 +427,17 @@ def test_a_plan_with_guards_is_written_as_it_is_read():
         ([HOVER, {**FINDING, "corrects": ["world"]}], "not for 'world' or 'here'"),
         (
             [HOVER, {**FINDING, "corrects": ["cube"] * 51}],
-            "corrects: Tuple should have at most 50 items",
+            "corrects: must have at most 50 items",
         ),
         ([{**GUARDED, "newtons": 0}], "until 'force' needs 'newtons' above 0"),
         ([{**GUARDED, "until": "touch"}], "nothing else has them"),
         (
             [{**GUARDED, "newtons": -1}],
-            "newtons: Input should be greater than or equal to 0",
+            "newtons: must be greater than or equal to 0",
         ),
         ([{**GUARDED, "through": True}], "passed through has no guard"),
         ([{"offset": [0.5, 0, 0.4], "otherwise": "end"}], "give 'until', too"),
-        ([{"offset": [0.5, 0, 0.4], "until": "smell"}], "until: Input should be"),
+        ([{"offset": [0.5, 0, 0.4], "until": "smell"}], "until: must be"),
         ([GUARDED] * 7, "has 7 guards; at most 6 are allowed"),
     ],
 )

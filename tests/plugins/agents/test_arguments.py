@@ -12,16 +12,16 @@ from plugins.agents.bench import Refused
     ("name", "given", "reason"),
     [
         ("try", {}, "no tool 'try'; there are: describe_task, look"),
-        ("try_design", {}, "try_design: designs: Field required"),
+        ("try_design", {}, "try_design: designs: is missing"),
         ("try_design", {"designs": 3}, "try_design: designs"),
-        ("try_design", {"designs": {}, "run": "x"}, "run: Extra inputs"),
+        ("try_design", {"designs": {}, "run": "x"}, "run: no key 'run'"),
         ("look", {"position": [1, 2]}, "look: position"),
         ("look", {"position": [1, 2, float("nan")]}, "look: position.2"),
         ("look", {"position": [1, 2, 1e9]}, "look: position.2"),
         ("look", {"fov_deg": 500}, "look: fov_deg"),
         ("watch", {"candidate": "g" * 1000}, "watch: candidate"),
         ("best_designs", {"count": 10**9}, "best_designs: count"),
-        ("finish", {"now": True}, "finish: now: Extra inputs"),
+        ("finish", {"now": True}, "finish: now: no key 'now'"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(name, given, reason):

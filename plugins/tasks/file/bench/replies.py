@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
 from core.errors import UserError
-from core.support.text import clean
+from core.support.checking import STRICT, check_plain, find_mistakes
 from plugins.tasks.file.spec import Name, Place
 from plugins.tasks.file.tree import MAX_BYTES, Tree
 
-_STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 _FENCE = re.compile(r"^```[a-z]*[ \t]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
 MOST_BYTES = MAX_BYTES  # of an answer, as of a file
 MOST_BLOCKS = 10
@@ -37,7 +35,7 @@ class Sighting(BaseModel):
         part: the number of the one of its parts whose box that is, from 0; None: that of the whole.
     """
 
-    model_config = _STRICT
+    model_config = STRICT
 
     body: Name
     photo: int
@@ -55,7 +53,7 @@ class Beside(BaseModel):
         questions: to the user, where the sentence has several meanings or none.
     """
 
-    model_config = _STRICT
+    model_config = STRICT
 
     sightings: Annotated[tuple[Sighting, ...], Field(max_length=500)] = ()
     unsaid: Texts = ()
@@ -88,9 +86,8 @@ def read_reply(file: Path, reply: str) -> tuple[str, Beside]:
             text = block
             continue
         try:
-            beside = Beside.model_validate_json(json.dumps(tree.data))
+            beside = check_plain(Beside, tree.data)
         except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            problem = clean(first["msg"], LONGEST)
-            raise tree.error(tuple(first["loc"]), problem) from error
+            first = find_mistakes(Beside, error)[0]
+            raise tree.error(first.where, first.problem) from error
     return text, beside

@@ -1,0 +1,199 @@
+"""Check what comes from outside, such as settings, designs, files and stores, and say in one line what is wrong.
+
+Pydantic checks it, by the types of a dataclass or a model. What is wrong is said the same way everywhere: the way to
+the entry, what it must be, and what was given.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, TypeVar, cast
+
+from pydantic import ConfigDict, TypeAdapter, ValidationError, WrapValidator
+from pydantic_core import ErrorDetails
+
+from core.errors import choices
+from core.support.text import clean, shorten
+
+T = TypeVar("T")
+Entry = tuple[str | int, ...]
+"""The way to an entry: keys of objects and numbers of items."""
+
+STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+"""No other keys than those that are known, and no text for a number."""
+
+_UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
+_LIST = "must be a list, such as [0, 0, 0.1]"
+_OBJECT = "must be an object of keys and values, such as {radius: 0.1}"
+_WORDS = {
+    "missing": "is missing; add it",
+    "bool_type": "must be true or false",
+    "float_type": "must be a number",
+    "float_parsing": "must be a number",
+    "int_type": "must be a whole number",
+    "int_parsing": "must be a whole number",
+    "tuple_type": _LIST,
+    "dict_type": _OBJECT,
+    "model_type": _OBJECT,
+    "dataclass_type": _OBJECT,
+    "string_pattern_mismatch": "must be a name of letters, digits and '_', a letter first",
+}
+_SUBJECT = re.compile(r"^(Input|Tuple|Dictionary|List|String|Value) should ")
+_LONGEST = 300  # characters of what is said
+_GIVEN = 80  # and of what was given in it
+_NO_TEXT = "it holds a character that is no text, such as half of a pair; leave it out"
+
+adapter: Callable[[Any], TypeAdapter[Any]] = lru_cache(maxsize=256)(TypeAdapter)
+"""What checks a type; slow to make."""
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """What is wrong with an entry.
+
+    Attributes:
+        where: the way to it.
+        problem: what it must be, and the words to type.
+    """
+
+    where: Entry
+    problem: str
+
+    def __str__(self) -> str:
+        place = clean(".".join(map(str, self.where)), _LONGEST)
+        return f"{place}: {self.problem}" if place else self.problem
+
+
+def check(
+    kind: type[T],
+    given: object,
+    what: str = "",
+    refuse: type[Exception] = ValueError,
+) -> T:
+    """Return what was given as a type has it.
+
+    Args:
+        kind: a dataclass, a model, or any type of annotations.
+        given: what came from outside.
+        what: words for it, which begin the message; empty: none are needed.
+        refuse: the class of the error.
+
+    Raises:
+        Exception: ``refuse``, with the first mistake in one line.
+
+    For example::
+
+        check(Measure, {"name": "mass", "upper": 0.1}, "evolution.measures", UsageError)
+    """
+    try:
+        return cast(T, adapter(kind).validate_python(given))
+    except ValidationError as error:
+        first = str(find_mistakes(kind, error)[0])
+        raise refuse(f"{what}: {first}" if what else first) from error
+
+
+def check_plain(kind: type[T], given: object) -> T:
+    """Return what was read from YAML or JSON as a type has it, which may be strict: a list becomes a tuple.
+
+    Raises:
+        ValidationError: it does not fit (`find_mistakes`).
+    """
+    return cast(T, adapter(kind).validate_json(json.dumps(given)))
+
+
+def find_mistakes(kind: Any, error: ValidationError) -> list[Mistake]:
+    """List all that is wrong: keys that are unknown first, since they may be what is missing.
+
+    Args:
+        kind: the type that does not fit.
+        error: of Pydantic's.
+    """
+    errors = error.errors(include_url=False)
+    mistakes = []
+    for entry in sorted(errors, key=lambda entry: entry["type"] not in _UNKNOWN):
+        where = tuple(entry["loc"])
+        problem = _explain(entry)
+        if entry["type"] in _UNKNOWN:
+            problem = str(
+                choices("key", str(where[-1])[:100], keys_at(kind, where[:-1]))
+            )
+            lacks = [
+                str(other["loc"][-1])
+                for other in errors
+                if other["type"] == "missing" and other["loc"][:-1] == where[:-1]
+            ]
+            if lacks:
+                problem += f"; missing: {', '.join(lacks)}"
+
+        mistakes.append(Mistake(where, problem))
+
+    return mistakes
+
+
+def _explain(error: ErrorDetails) -> str:
+    """Say what an entry must be, and what was given."""
+    given = error["input"]
+    message = _WORDS.get(error["type"]) or _SUBJECT.sub("must ", error["msg"])
+    message = message.removeprefix("Value error, ").replace(" after validation", "")
+    if error["type"] == "string_type":
+        message = f"must be a text; put it in quotes, in a shell twice: '\"{given}\"'"
+    if error["type"] == "json_invalid" and not error["loc"]:
+        message = _NO_TEXT
+    if isinstance(given, str | int | float) and "got" not in message:
+        got = repr(given)
+        message += f", got {got}" if len(got) < _GIVEN else f", got {shorten(got)}"
+
+    return clean(message, _LONGEST)
+
+
+def in_unit(words: str) -> WrapValidator:
+    """Make what adds to the error of a number in which unit it is, for its ``Annotated`` type.
+
+    Args:
+        words: such as ``it is in metres``.
+    """
+
+    def read(given: Any, handler: Callable[[Any], Any]) -> Any:
+        try:
+            return handler(given)
+        except ValidationError as error:
+            raise ValueError(f"{_explain(error.errors()[0])}; {words}") from error
+
+    return WrapValidator(read)
+
+
+def keys_at(kind: Any, where: Entry) -> list[str]:
+    """List the keys that are possible in the object at ``where``, in what a type describes."""
+    schema = adapter(kind).json_schema()
+    found = _alternatives(schema, schema)
+    for step in where:
+        below = []
+        for node in found:
+            inner = node.get("properties", {}).get(
+                step, node.get("additionalProperties")
+            )
+            if isinstance(step, int):
+                inner = node.get("items")
+            if isinstance(inner, dict):
+                below += _alternatives(inner, schema)
+
+        found = below
+
+    return sorted({key for node in found for key in node.get("properties", ())})
+
+
+def _alternatives(node: dict[str, Any], schema: dict[str, Any]) -> list[dict[str, Any]]:
+    """List the schemas of which what a node of the whole ``schema`` describes must fit one."""
+    if "$ref" in node:
+        name = node["$ref"].rpartition("/")[2]
+        return _alternatives(schema["$defs"][name], schema)
+
+    found = []
+    for choice in node.get("anyOf", ()):
+        found += _alternatives(choice, schema)
+
+    return found or [node]
