@@ -118,6 +118,10 @@ class Configs(Protocol):
         """Refuse tools: a `core.designs.rules.ToolRule`, which every tool must pass."""
 
     @hookspec
+    def figures(self) -> Factories:
+        """Measure rollouts: each is a `core.trial.Figure`, which all trials then have under its name."""
+
+    @hookspec
     def artists(self) -> Factories:
         """Draw what prompts show: makes a `core.search.designer.Artist` of assignment, composer and engine."""
 

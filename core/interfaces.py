@@ -466,6 +466,7 @@ class Fitness(ABC):
 
     races: bool = False  # its score is the mean reward of the layouts, in the engine where that is the lowest
     finals_check: bool = False  # its `finals` check the winner: they choose no elites, and nearly as much is enough
+    tie_by: str = "distance_m"  # the figure that decides between those that earn alike; the program sets it
 
     @abstractmethod
     def conditions(self) -> Sequence[Condition]:

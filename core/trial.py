@@ -18,8 +18,9 @@ from core.design import Candidate, Tool
 from core.scene import Scene
 from core.task import Task
 from core.values.efforts import Effort, Held, holds, least_share
-from core.values.jobs import RolloutSettings
+from core.values.jobs import Outcome, RolloutSettings
 from core.values.margins import Margin
+from core.values.motions import Motion
 from core.values.observations import Observation
 from core.values.torques import TorqueShare, find_hardest
 
@@ -141,8 +142,31 @@ class Condition:
 
 
 @dataclass(frozen=True)
+class Figure:
+    """A number that is measured of each rollout that comes to its end, and kept in `Trial.measured`.
+
+    A plugin offers one under its name by the hook `figures`. For example, the time that the motion takes::
+
+        MOTION_S = Figure(lambda task, motion, outcome: motion.trajectory.duration, "time (s)", digits=1)
+
+    Attributes:
+        measure: computes it of the task, the motion as it was played, and what the engine made of it.
+        column: the head of its column in reports, with the unit; empty: it has none.
+        digits: after the point, in reports.
+        words: what it is, for a model that is told of an elite's; empty: models aren't.
+        less_is_better: whether of two designs that earn alike the one with less is better (``fitness.tie_by``).
+    """
+
+    measure: Callable[[Task, Motion, Outcome], float]
+    column: str = ""
+    digits: int = 2
+    words: str = ""
+    less_is_better: bool = True
+
+
+@dataclass(frozen=True)
 class Trial:
-    """What came of one candidate in one condition. Numbers that are not known are nan.
+    """What came of one candidate in one condition.
 
     Attributes:
         where: the condition.
@@ -150,10 +174,6 @@ class Trial:
         status: ``ok``; ``rejected``: the design breaks a rule there; or ``failed``: the rollout failed.
         reward: 0..1; 0 where it was rejected or failed.
         reason: why it was rejected, failed, or earns nothing; or empty.
-        distance_m: the way of the end-effector's origin from home through all waypoints.
-        ik_error_m: with ``ik_error_rad`` the largest misses of the inverse kinematics along the plan.
-        tracking_error_rad: the largest lag of a joint behind its target.
-        motion_s: the time of the motion, s; None: nothing was played to its end.
         moved_m: the distance of each free body's end from its start.
         warnings: what else is to be said of it.
         margins: how far it stayed from the task's limits, the least first; none: the task says none.
@@ -161,7 +181,8 @@ class Trial:
         touch_m: see `Observation.touch_m`; None: not observed, or nothing was touched.
         outcome: what became of the goal's bodies, and of which; empty: not observed.
         observation: what was observed of the rollout; None: nothing.
-        figures: what `Condition.examiner` measured, by name.
+        measured: of each `Figure` what it was, by name; empty: nothing was played to its end.
+        figures: what `Condition.examiner` found out, by name.
         torques: the greatest share of its torque limit that each joint of the arm used, by name; empty: the engine does
             not say.
     """
@@ -171,11 +192,6 @@ class Trial:
     status: Status = "ok"
     reward: float = 0.0
     reason: str = ""
-    distance_m: float = float("nan")
-    ik_error_m: float = float("nan")
-    ik_error_rad: float = float("nan")
-    tracking_error_rad: float = float("nan")
-    motion_s: float | None = None
     moved_m: dict[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     margins: tuple[Margin, ...] = ()
@@ -183,6 +199,7 @@ class Trial:
     touch_m: float | None = None
     outcome: str = ""
     observation: Observation | None = None
+    measured: dict[str, float] = field(default_factory=dict)
     figures: dict[str, float] = field(default_factory=dict)
     torques: dict[str, float] = field(default_factory=dict)
 
@@ -197,6 +214,20 @@ class Trial:
     @property
     def layout(self) -> int:
         return self.where.layout
+
+    def figure(self, name: str) -> float:
+        """Return what a `Figure` was; nan: it is not known, as where nothing was played to its end."""
+        return self.measured.get(name, float("nan"))
+
+    @property
+    def distance_m(self) -> float:
+        """The way of the end-effector's origin from home through all waypoints; nan: it is not known."""
+        return self.figure("distance_m")
+
+    @property
+    def motion_s(self) -> float | None:
+        """The time of the motion, s; None: nothing was played to its end."""
+        return self.measured.get("motion_s")
 
     @property
     def cause(self) -> str:
@@ -214,6 +245,7 @@ class Score:
         shown: the number of the trial that stands for all.
         warnings: what is to be said beside the warnings of the trial that is shown.
         reason: why the reward is less than the trials earned; or empty.
+        cost: what decides between those that earn alike: less is better; None: the distance.
     """
 
     reward: float
@@ -221,6 +253,7 @@ class Score:
     shown: int = 0
     warnings: tuple[str, ...] = ()
     reason: str = ""
+    cost: float | None = None
 
 
 @dataclass(eq=False)
@@ -345,8 +378,12 @@ class Evaluation:
     @cached_property
     def distance_m(self) -> float:
         """The mean way of the end-effector's origin over the trials that were played; nan: there is none."""
-        ways = [trial.distance_m for trial in self.trials if trial.status == "ok"]
-        return float(np.mean(ways)) if ways else float("nan")
+        return mean_figure(self.trials, "distance_m")
+
+    @property
+    def cost(self) -> float:
+        """What decides between those that earn alike: less is better, and nan is the worst."""
+        return self.distance_m if self.score.cost is None else self.score.cost
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -456,6 +493,12 @@ def rewards_by_engine(trials: Iterable[Trial]) -> Rewards:
     return rewards
 
 
+def mean_figure(trials: Iterable[Trial], name: str) -> float:
+    """Return the mean of a figure over the trials that were played to their end; nan: there is none."""
+    found = [trial.figure(name) for trial in trials if trial.status == "ok"]
+    return float(np.mean(found)) if found else float("nan")
+
+
 def summarise_rewards(rewards: Sequence[float]) -> dict[str, Any]:
     """Summarise rewards, as JSON: their mean, standard deviation, and the rewards."""
     return {
@@ -482,27 +525,27 @@ def ranked(
     figures: Callable[[T], tuple[float, float | None]],
     tie: float = TIE,
 ) -> list[T]:
-    """Sort items by reward and distance, the best first.
+    """Sort items by reward and cost, the best first.
 
-    Rewards within ``tie`` of the highest count as equal: of these items the one with the shorter distance goes first,
-    then the one with the higher reward. The items that are left are sorted by the same rule, and so on. Items with
+    Rewards within ``tie`` of the highest count as equal: of these items the one with the lower cost goes first, then
+    the one with the higher reward. The items that are left are sorted by the same rule, and so on. Items with
     the same figures keep their order.
 
     Args:
         items: what is sorted.
-        figures: gives an item's reward and distance in metres; a distance of None or nan is the longest.
+        figures: gives an item's reward and cost, such as its distance in metres; a cost of None or nan is the highest.
         tie: the largest difference from the highest reward that counts as none.
     """
     places = []
     highest = np.inf
 
     for item in sorted(items, key=lambda item: figures(item)[0], reverse=True):
-        reward, distance_m = figures(item)
+        reward, cost = figures(item)
         if highest - reward > tie:
             highest = reward  # what is within a tie of it counts as equal
-        if distance_m is None or np.isnan(distance_m):
-            distance_m = np.inf
-        places.append((-highest, distance_m, item))
+        if cost is None or np.isnan(cost):
+            cost = np.inf
+        places.append((-highest, cost, item))
 
     places.sort(key=lambda place: place[:2])
 
@@ -520,7 +563,7 @@ def best_first(evaluations: Iterable[Evaluation], tie: float = TIE) -> list[Eval
     raced = any(evaluation.finals.count for evaluation in tried)
 
     if not raced:
-        return ranked(tried, lambda e: (e.reward, e.distance_m), tie)
+        return ranked(tried, lambda e: (e.reward, e.cost), tie)
 
     groups: list[list[Evaluation]] = []
     for evaluation in sorted(tried, key=lambda e: (-e.assured, -e.mean)):
@@ -529,7 +572,7 @@ def best_first(evaluations: Iterable[Evaluation], tie: float = TIE) -> list[Eval
         else:
             groups.append([evaluation])
 
-    alike_first = [ranked(group, lambda e: (0.0, e.distance_m)) for group in groups]
+    alike_first = [ranked(group, lambda e: (0.0, e.cost)) for group in groups]
     return list(chain.from_iterable(alike_first))
 
 

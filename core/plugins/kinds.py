@@ -97,7 +97,13 @@ EVOLUTION = Kind(
     provided=("designer", "budget"),
     defaults={"refine": 0},
 )
-FITNESS = Kind("fitness", "fitness_functions", Fitness, provided=("condition",))
+FITNESS = Kind(
+    "fitness",
+    "fitness_functions",
+    Fitness,
+    provided=("condition",),
+    defaults={"tie_by": "distance_m"},
+)
 EXECUTOR = Kind("executor", "executors", Executor)
 LISTENER: Kind[object] = Kind("listener", "listeners", None)
 COMMAND = Kind("command", "commands", Command)
@@ -126,6 +132,7 @@ HOOKS = {
     "prompt_values": "prompt_value",
     "readers": "reader",
     "tool_rules": "tool_rule",
+    "figures": "figure",
     "artists": "artist",
     "critics": "critic",
     "memories": "memory",

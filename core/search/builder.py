@@ -13,7 +13,7 @@ from core.config.compose import check_seed, node, part, task_part, tool_part
 from core.config.schemas import PromptSettings, Sampling
 from core.designs.composer import PromptComposer
 from core.designs.prompt_values import RunFacts
-from core.errors import UsageError
+from core.errors import UsageError, choices
 from core.interfaces import (
     VLM,
     Budget,
@@ -35,6 +35,7 @@ from core.robot.kinematics import arm_of
 from core.search.assignment import DEFAULT_KINDS, Assignment, borne_kinds
 from core.search.designer import ModelDesigner
 from core.search.kept_tools import KeptTools
+from core.simulation.measuring import figures
 from core.trial import TIE
 
 _log = logging.getLogger(__name__)
@@ -183,10 +184,15 @@ def build_fitness_in(
     """Make the fitness that a configuration names, for a task.
 
     Raises:
-        UserError: a part or setting that can't be used.
+        UserError: a part or setting that can't be used, or there is no such figure as ``tie_by``.
     """
     condition = Condition(task, part(SIMULATOR, cfg.sim), cfg.seed, settings)
-    return part(FITNESS, cfg.fitness).create(condition=condition)
+    fitness = part(FITNESS, cfg.fitness).create(condition=condition)
+    fitness.tie_by = cfg.fitness.get("tie_by", Fitness.tie_by)
+    if fitness.tie_by not in figures():
+        raise choices("figure", fitness.tie_by, figures(), "fitness.tie_by")
+
+    return fitness
 
 
 def check_starts(task: Task) -> None:

@@ -346,8 +346,8 @@ def _pick_of_two(leader: Evaluation, other: Evaluation, tie: float) -> Evaluatio
         return other
 
     is_alike = abs(lost) <= tie * len(common)
-    shorter = other.distance_m < leader.distance_m
-    return other if is_alike and shorter else leader
+    cheaper = other.cost < leader.cost
+    return other if is_alike and cheaper else leader
 
 
 def _find_alike(ranking: Sequence[Evaluation], tie: float) -> list[Evaluation]:

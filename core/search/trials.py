@@ -19,6 +19,7 @@ from core.errors import RAISED, SharedByThreads, UserError, fault, in_line
 from core.interfaces import CHUNK, Executor, Fitness
 from core.plugins import describe_part
 from core.plugins.blame import PluginError
+from core.simulation.measuring import cost_of
 from core.simulation.play import play
 from core.support.threads import run_in_thread
 from core.trial import Condition, Evaluation, Score, Trial, TrialKey
@@ -233,10 +234,13 @@ def make_score(
         what = in_line(error)
         raise UserError(f"{name}: score: {what}") from error
 
-    if is_possible:
+    if not is_possible:
+        reason = f"{name}: the reward {score.reward} is not in [0, 1]"
+        return replace(score, reward=0.0, reason=reason)
+
+    if fitness.tie_by == Fitness.tie_by:
         return score
-    reason = f"{name}: the reward {score.reward} is not in [0, 1]"
-    return replace(score, reward=0.0, reason=reason)
+    return replace(score, cost=cost_of(trials, fitness.tie_by))
 
 
 def key_of(candidate: Candidate, condition: Condition) -> TrialKey:

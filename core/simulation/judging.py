@@ -16,6 +16,7 @@ from core.plugins.blame import PluginError
 from core.robot.kinematics import arm_of
 from core.scene import Scene, State, Trace
 from core.simulation.attempt import Attempt, Stage
+from core.simulation.measuring import measure
 from core.simulation.observing import observe
 from core.solids.contacts import (
     Contacts,
@@ -142,7 +143,6 @@ def _make_trial(
     motion = attempt.motion
     outcome = attempt.outcome
     start, end, _ = world
-    miss_m, miss_rad = motion.misses.max(axis=0).tolist()
     shifts = np.linalg.norm(end.positions - start.positions, axis=-1).tolist()
 
     texts = [finding.text for finding in attempt.findings]
@@ -154,11 +154,6 @@ def _make_trial(
         attempt.candidate.id,
         "ok",
         reward,
-        distance_m=motion.distance_m,
-        ik_error_m=miss_m,
-        ik_error_rad=miss_rad,
-        tracking_error_rad=outcome.tracking_error_rad,
-        motion_s=float(motion.trajectory.duration),
         moved_m=dict(zip(start.names, shifts, strict=True)),
         warnings=(
             *attempt.warnings,
@@ -168,6 +163,7 @@ def _make_trial(
         ),
         margins=margins_of(task, *world, reward),
         goals=goals_shares(task, *world),
+        measured=measure(task, motion, outcome),
         torques=arm_of(task.robot).share_torques(outcome.torques),
     )
     if not 0.0 <= reward <= 1.0:

@@ -52,7 +52,11 @@ def trial_row(content: str, trial: Trial) -> Columns:
         "status": trial.status,
         "reward": float(trial.reward),
     }
-    details = _dump_fields(trial, "where", *columns)
+    details = _dump_fields(trial, "where", "measured", *columns)
+    for name, figure in trial.measured.items():
+        if not math.isnan(figure):
+            details[name] = float(figure)
+
     return {"content": content, **trial.where._asdict(), **columns, "details": details}
 
 

@@ -14,6 +14,7 @@ from functools import lru_cache
 from packaging.requirements import Requirement
 
 from core.events import Generation, Result, Run
+from core.simulation.measuring import offered_figures
 from core.store.rows import (
     Best,
     FailedLayout,
@@ -22,6 +23,7 @@ from core.store.rows import (
     RunFigures,
     Unseen,
 )
+from core.trial import mean_figure
 from core.values.efforts import Held
 
 _PARTS = ("task", "robot", "sim", "vlm", "tool", "action", "evolution", "fitness")
@@ -57,6 +59,8 @@ def best_figures(result: Result) -> Best | None:
     best = result.best
     if best is None:
         return None
+
+    means = {name: mean_figure(best.trials, name) for name in offered_figures()}
     return Best(
         reward=best.reward,
         distance_m=None if math.isnan(best.distance_m) else best.distance_m,
@@ -65,6 +69,7 @@ def best_figures(result: Result) -> Best | None:
         margin=best.least_margin,
         reason=best.why_nothing,
         torque=best.hardest,
+        measured={name: value for name, value in means.items() if math.isfinite(value)},
     )
 
 

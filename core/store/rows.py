@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from functools import partial
 from typing import Annotated, Any, Literal, NamedTuple, NotRequired
 
@@ -78,7 +78,8 @@ class Best:
     """The best candidate of a run.
 
     ``distance_m`` is None where it is not known, as of plans that were joined; ``margin`` is the least; ``reason`` says
-    why it earns nothing; ``torque`` is that of the joint that used most of its own.
+    why it earns nothing; ``torque`` is that of the joint that used most of its own. ``measured`` are the means of what
+    plugins measure (`core.trial.Figure`), as far as they are known.
     """
 
     reward: Reward
@@ -88,6 +89,7 @@ class Best:
     margin: Margin | None = None
     reason: str = ""
     torque: TorqueShare | None = None
+    measured: dict[Id, Number] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -361,15 +363,21 @@ class StoredTrial:
     trial: Trial
 
 
+_TRIAL_FIELDS = {known.name for known in fields(Trial)} - {"measured"}
+
+
 def load_trial(row: Row) -> Trial:
-    """Read the row of a trial, whose column ``details`` has what has no column of its own.
+    """Read the row of a trial. What has no column of its own is in ``details``: further fields, and what was measured.
 
     Raises:
         ValueError: they hold something else.
     """
     where = [row[name] for name in Where._fields]
     columns = {name: row[name] for name in ("candidate", "status", "reward")}
-    return check(Trial, {**parsed(row["details"]), **columns, "where": where})
+    details = {**parsed(row["details"])}
+    names = [name for name in details if name not in _TRIAL_FIELDS]
+    details["measured"] = {name: details.pop(name) for name in names}
+    return check(Trial, {**details, **columns, "where": where})
 
 
 TABLES: dict[str, Callable[[Any], object]] = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from core.design import Candidate
@@ -20,7 +21,8 @@ def tried_once(
     ``fields`` are further fields of the `Trial`.
     """
     where = fields.pop("where", Where("", "", 0))
-    trial = Trial(
-        where, candidate.id, status, float(reward), distance_m=distance_m, **fields
-    )
+    if not math.isnan(distance_m):
+        fields["measured"] = {"distance_m": distance_m}
+
+    trial = Trial(where, candidate.id, status, float(reward), **fields)
     return Evaluation(candidate, (trial,), Score(trial.reward))

@@ -64,7 +64,8 @@ def trials(
         reward = rewards[number % len(rewards)]
         reason = "" if status == "ok" else "it broke"
         where = tried_in.where
-        trial = Trial(where, name, status, reward, reason, distance_m=1.0, motion_s=2.0)
+        measured = {"distance_m": 1.0, "motion_s": 2.0}
+        trial = Trial(where, name, status, reward, reason, measured=measured)
         found.append(trial)
 
     return found

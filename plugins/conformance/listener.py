@@ -106,12 +106,9 @@ def _evaluations(generation: int, text: str) -> tuple[Evaluation, ...]:
         "ok",
         0.25,
         text,
-        0.3,
-        0.001,
-        0.01,
-        0.002,
         moved_m={text: 0.1},
         warnings=(text,),
+        measured={"distance_m": 0.3},
     )
     return (
         Evaluation(whole, (trial,), Score(0.25, {text: 1})),

@@ -169,7 +169,7 @@ def record(
     }
     changed = tuple(trial for trial in tried if trial.where.change is not None)
     robust = Evaluation(candidate, changed, fitness.score(candidate, changed))
-    missed_m = changed[robust.score.shown].ik_error_m
+    missed_m = changed[robust.score.shown].figure("ik_error_m")
     return {
         "design": candidate.id,
         "robot": robot,

@@ -35,6 +35,7 @@ class Together(Fitness):
     def __init__(self, by_task: Mapping[str, Fitness], combine: str) -> None:
         self.by_task = by_task
         self.finals_check = any(judge.finals_check for judge in by_task.values())
+        self.tie_by = next(iter(by_task.values())).tie_by
         self._combine = combine
 
     def conditions(self) -> list[Condition]:

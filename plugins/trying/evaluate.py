@@ -21,9 +21,10 @@ from core.interfaces import Task
 from core.plugins import installed
 from core.search.retrying import build_fitness, read_candidates, try_all
 from core.simulation.checking import find_problems
+from core.simulation.measuring import figures
 from core.support.cli import arguments, print_table, say, write_bytes
 from core.support.text import by_reason, clean, number
-from core.trial import Evaluation
+from core.trial import Evaluation, mean_figure
 from plugins.trying.filming import film_best
 
 USAGE = (
@@ -83,7 +84,12 @@ def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
     """
     shown = evaluation.shown
     misses = {
-        name: None if shown is None else _known(getattr(shown, name)) for name in MISSES
+        name: None if shown is None else _known(shown.figure(name)) for name in MISSES
+    }
+    means = {
+        name: _known(mean_figure(evaluation.trials, name))
+        for name in figures()
+        if name not in MISSES
     }
     level = installed().factory("level", PromptSettings.told)()
 
@@ -93,7 +99,7 @@ def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
         "design": evaluation.candidate.design,
         "plan": evaluation.candidate.action,
         "reward": evaluation.reward,
-        "distance_m": _known(evaluation.distance_m),
+        **means,
         "status": evaluation.status,
         "reason": evaluation.reason,
         **misses,
@@ -164,8 +170,8 @@ def show(records: Sequence[Mapping[str, Any]]) -> None:
         causes = filter(None, (entry["reason"], *entry["warnings"]))
         remarks = [cause for cause in causes if cause not in observed]
         remarks.append(observed)
-        for engine, figures in engines.items():
-            rewards = " ".join(number(reward, 3) for reward in figures["rewards"])
+        for engine, summary in engines.items():
+            rewards = " ".join(number(reward, 3) for reward in summary["rewards"])
             remarks.append(f"{engine}: {rewards}")
 
         for remark in filter(None, remarks):

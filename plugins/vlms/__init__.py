@@ -32,6 +32,7 @@ def prompt_values() -> Mapping[str, str]:
         "urdf": "plugins.vlms.told.outline:urdf_value",
         "elites": "plugins.vlms.told.elites:elites_value",
         "critiques": "plugins.vlms.told.elites:critiques_value",
+        "measured": "plugins.vlms.told.elites:measured_value",
         "candidates": "plugins.vlms.told.feedback:candidates_value",
         "examples": "plugins.vlms.told.examples:examples_value",
         "lessons": "plugins.vlms.told.lessons:lessons_value",

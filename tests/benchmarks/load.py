@@ -82,8 +82,7 @@ class Nothing(Executor):
                         chunk.condition.where,
                         candidate.id,
                         reward=int(candidate.content[:8], 16) % 997 / 1000,
-                        distance_m=1.0,
-                        motion_s=5.0,
+                        measured={"distance_m": 1.0, "motion_s": 5.0},
                         moved_m={"cube": 0.1},
                         outcome="the cube moved 0.10 m",
                     )

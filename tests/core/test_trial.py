@@ -84,11 +84,10 @@ def test_without_trials_it_is_rejected_for_the_candidates_problem():
 
 
 def test_the_distance_is_the_mean_over_the_trials_that_were_played():
-    rejected = trial(2, status="rejected", distance_m=9.0)
-    assert (
-        tried(trial(0, distance_m=1.0), trial(1, distance_m=2.0), rejected).distance_m
-        == 1.5
-    )
+    ways = {number: {"distance_m": float(number)} for number in (1, 2, 9)}
+    rejected = trial(2, status="rejected", measured=ways[9])
+    played = trial(0, measured=ways[1]), trial(1, measured=ways[2])
+    assert tried(*played, rejected).distance_m == 1.5
     assert math.isnan(tried(rejected).distance_m)
 
 
@@ -117,13 +116,13 @@ def test_the_effort_is_the_mean_over_the_trials_that_came_to_their_end():
         for value in (0.5, 1.4)
     ]
     ended = [
-        trial(0, motion_s=3.0, margins=margins[0]),
-        trial(1, motion_s=5.0, margins=margins[1]),
+        trial(0, measured={"motion_s": 3.0}, margins=margins[0]),
+        trial(1, measured={"motion_s": 5.0}, margins=margins[1]),
     ]
     effort = tried(*ended, trial(2, status="failed")).effort
     assert (effort.motion_s, effort.mass_kg) == (4.0, pytest.approx(ROD.mass))
     assert effort.margin == 0.25  # beyond the limit is no better than at it
-    assert tried(trial(motion_s=3.0)).effort.margin is None
+    assert tried(trial(measured={"motion_s": 3.0})).effort.margin is None
     assert tried(trial(status="failed")).effort is None
     assert Evaluation(Candidate(None, PLAN), tuple(ended)).effort is None
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import wraps
 from statistics import fmean
 
 from core.design import Candidate
 from core.designs.planning import NO_PLAN
+from core.simulation.measuring import offered_figures
 from core.store.rows import Key, StoredDesign, StoredEvaluation, StoredRequest
 from core.trial import best_first
 from plugins.results.pages.best_tool import size
@@ -306,13 +307,22 @@ def costs(results: Results) -> Rows:
         )
 
 
-@_table(
+def runs(results: Results) -> Table:
+    """All runs that are counted, with a column for each figure that a plugin measures and shows."""
+    measured = {name: each for name, each in offered_figures().items() if each.column}
+    columns = [f"{figure.column}:{figure.digits}" for figure in measured.values()]
+    head = "|".join([_RUNS, *columns, _WHERE])
+    return Table.of("runs", head, _run_rows(results, measured))
+
+
+_RUNS = (
     "task|method|seed:0|best reward:3|unseen layouts, mean:3|chance of failure below:3|perturbed:3"
-    "|least margin:2|torque share:2|distance (m):2|generation:0|candidate|rollouts:0|wall time (s):0"
-    "|the model is told|folder|recordings"
+    "|least margin:2|torque share:2|distance (m):2"
 )
-def runs(results: Results) -> Rows:
-    """All runs that are counted."""
+_WHERE = "generation:0|candidate|rollouts:0|wall time (s):0|the model is told|folder|recordings"
+
+
+def _run_rows(results: Results, measured: Iterable[str]) -> Rows:
     for g in results.groups:
         for run in g.runs:
             best = run.best
@@ -328,6 +338,7 @@ def runs(results: Results) -> Rows:
                 getattr(best.margin, "margin", None),
                 getattr(best.torque, "share", None),
                 best.distance_m,
+                *map(best.measured.get, measured),
                 best.generation,
                 best.candidate,
                 run.rollouts,

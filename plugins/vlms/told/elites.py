@@ -12,7 +12,9 @@ from core.designs.prompt_values import RunFacts
 from core.designs.reading import dump_names
 from core.designs.tool_fields import dump_fixture
 from core.interfaces import Brief, Evaluation, ToolRepresentation, Waypoints
+from core.simulation.measuring import figures
 from core.support.text import clean, number
+from core.trial import mean_figure
 from core.values.observations import Sight
 from plugins.vlms.told.feedback import WHOLE, combined_figures, elite_feedback
 
@@ -122,13 +124,22 @@ def describe_design(
     return entry | dump_fixture(candidate.tool, representation)
 
 
-def _describe_rollout(elite: Evaluation, sight: Sight) -> dict[str, Any]:
-    figures = {
-        "action_plan": elite.candidate.plan.dump(),
-        "distance_m": elite.distance_m,
-    }
+def told_figures() -> dict[str, str]:
+    """Return the figures that models are told of, and what each is, in words."""
+    return {name: figure.words for name, figure in figures().items() if figure.words}
 
-    described: dict[str, Any] = round_numbers(figures)
+
+def measured_value(brief: Brief, mounted: Tool, facts: RunFacts) -> dict[str, str]:
+    """Say for templates what the figures of elites are, their ``measured``."""
+    return told_figures()
+
+
+def _describe_rollout(elite: Evaluation, sight: Sight) -> dict[str, Any]:
+    told: dict[str, Any] = {"action_plan": elite.candidate.plan.dump()}
+    for name in told_figures():
+        told[name] = mean_figure(elite.trials, name)
+
+    described: dict[str, Any] = round_numbers(told)
     described |= elite_feedback(elite, sight)
     if elite.warnings:
         described["warnings"] = [sight.text(warning) for warning in elite.warnings]

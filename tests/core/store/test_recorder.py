@@ -192,6 +192,7 @@ def test_result_and_generations(opened):
             "margin": None,
             "reason": "",
             "torque": None,
+            "measured": {},
         },
         "unseen": None,
         "effort": None,
@@ -236,10 +237,12 @@ def test_numbers_come_back_to_the_last_bit(opened):
             Where("Task", "mujoco", 3),
             "g0-a0-s0-p0",
             reward=1 / 3,
-            distance_m=np.float64(1) / 3,
-            ik_error_m=np.float32(0.1),
-            ik_error_rad=5e-324,
-            motion_s=1 / 7,
+            measured={
+                "distance_m": np.float64(1) / 3,
+                "ik_error_m": np.float32(0.1),
+                "ik_error_rad": 5e-324,
+                "motion_s": 1 / 7,
+            },
             moved_m={"cube": 1 / 7},
             warnings=("a", "b"),
             margins=(Margin("x", 1 / 3, 1, "m", 2 / 3),),
@@ -275,7 +278,7 @@ def test_numbers_come_back_to_the_last_bit(opened):
         0.1 + 0.2,
         "it is too wide",
     )
-    assert again.trials[0].ik_error_m == float(np.float32(0.1))
+    assert again.trials[0].figure("ik_error_m") == float(np.float32(0.1))
     assert again.distance_m == stored.distance_m == 1 / 3
 
 

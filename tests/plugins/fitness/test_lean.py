@@ -21,7 +21,8 @@ def fitness(references=NUMBERS, **settings):
 def score(reward, seconds):
     """Score a candidate whose only trial earns so much in so many seconds."""
     return fitness().score(
-        STAY, [Trial(WIDE.where, STAY.id, reward=reward, motion_s=seconds)]
+        STAY,
+        [Trial(WIDE.where, STAY.id, reward=reward, measured={"motion_s": seconds})],
     )
 
 

@@ -62,21 +62,25 @@ def earned(reward, engine="one", change=0, **fields):
     )
 
 
+def went(distance_m, **others):
+    return {"measured": {"distance_m": distance_m, **others}}
+
+
 def evaluated(*trials):
     return Evaluation(CANDIDATE, trials, score_by_worst_engine(trials))
 
 
 def test_the_worst_engines_mean_counts():
-    good = earned(1.0, distance_m=3.0), earned(0.8, distance_m=4.0)
+    good = earned(1.0, **went(3.0)), earned(0.8, **went(4.0))
     bad = (
-        earned(0.2, "other", distance_m=3.0, ik_error_m=0.5),
-        earned(0.6, "other", distance_m=6.0),
+        earned(0.2, "other", **went(3.0, ik_error_m=0.5)),
+        earned(0.6, "other", **went(6.0)),
     )
     evaluation = evaluated(*good, *bad)
     assert evaluation.status == "ok"
     assert evaluation.reward == pytest.approx(0.4)
     # The mean, and the worst trial's.
-    assert (evaluation.distance_m, evaluation.shown.ik_error_m) == (4.0, 0.5)
+    assert (evaluation.distance_m, evaluation.shown.figure("ik_error_m")) == (4.0, 0.5)
     assert not evaluation.warnings
     assert evaluation.combined
     assert evaluation.by_engine == {"one": (1.0, 0.8), "other": (0.2, 0.6)}

@@ -52,7 +52,7 @@ def summary(
                     Where("BringCube", "pybullet", layout),
                     candidate.id,
                     reward=reward,
-                    distance_m=0.5 + i,
+                    measured={"distance_m": 0.5 + i},
                     **fields,
                 )
                 for layout, fields in enumerate(trials)

@@ -1,0 +1,74 @@
+"""Measure rollouts: the figures that every trial has, those of core and those that plugins offer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import cast
+
+from core.interfaces import Motion, Outcome, Task
+from core.plugins import installed
+from core.trial import Figure, Trial, mean_figure
+
+
+def measure_distance(task: Task, motion: Motion, outcome: Outcome) -> float:
+    """Return the way of the end-effector's origin from home through all waypoints, metres."""
+    return motion.distance_m
+
+
+def measure_time(task: Task, motion: Motion, outcome: Outcome) -> float:
+    """Return the time of the motion, s."""
+    return motion.trajectory.duration
+
+
+def measure_miss(task: Task, motion: Motion, outcome: Outcome) -> float:
+    """Return the largest miss of the inverse kinematics along the plan, metres."""
+    return float(motion.misses[:, 0].max())
+
+
+def measure_turn_miss(task: Task, motion: Motion, outcome: Outcome) -> float:
+    """Return the largest miss of the inverse kinematics along the plan, radians."""
+    return float(motion.misses[:, 1].max())
+
+
+def measure_lag(task: Task, motion: Motion, outcome: Outcome) -> float:
+    """Return the largest lag of a joint behind its target, radians."""
+    return outcome.tracking_error_rad
+
+
+BUILT_IN = {
+    "distance_m": Figure(
+        measure_distance,
+        column="distance (m)",
+        words="the way of the end-effector's origin",
+    ),
+    "motion_s": Figure(measure_time),
+    "ik_error_m": Figure(measure_miss),
+    "ik_error_rad": Figure(measure_turn_miss),
+    "tracking_error_rad": Figure(measure_lag),
+}
+
+
+@lru_cache(maxsize=1)
+def offered_figures() -> dict[str, Figure]:
+    """Return the figures that plugins offer, by name."""
+    return cast(dict[str, Figure], installed().factories("figure"))
+
+
+def figures() -> dict[str, Figure]:
+    """Return what is measured of every rollout that comes to its end, by name."""
+    return BUILT_IN | offered_figures()
+
+
+def measure(task: Task, motion: Motion, outcome: Outcome) -> dict[str, float]:
+    """Measure a rollout that came to its end: its figures by name."""
+    return {
+        name: float(figure.measure(task, motion, outcome))
+        for name, figure in figures().items()
+    }
+
+
+def cost_of(trials: Iterable[Trial], name: str) -> float:
+    """Return what a figure of a candidate's trials makes it cost: less is better."""
+    mean = mean_figure(trials, name)
+    return mean if figures()[name].less_is_better else -mean
