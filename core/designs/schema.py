@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from core.interfaces import Brief
@@ -42,12 +43,14 @@ def answer_schema(brief: Brief) -> dict[str, Any]:
     return object_schema({"scene_analysis": _TEXT, "strategies": designs})
 
 
-def object_schema(properties: dict[str, Any]) -> dict[str, Any]:
-    """Return the schema of an object that has all of these properties and no others."""
+def object_schema(
+    properties: dict[str, Any], required: Sequence[str] | None = None
+) -> dict[str, Any]:
+    """Return the schema of an object that has these properties and no others; by default all of them are required."""
     return {
         "type": "object",
         "properties": properties,
-        "required": list(properties),
+        "required": list(properties if required is None else required),
         "additionalProperties": False,
     }
 

@@ -140,7 +140,7 @@ def _explain(error: ErrorDetails) -> str:
     message = _WORDS.get(error["type"]) or _SUBJECT.sub("must ", error["msg"])
     message = message.removeprefix("Value error, ").replace(" after validation", "")
     if error["type"] == "string_type":
-        message = f"must be a text; put it in quotes, in a shell twice: '\"{given}\"'"
+        message = f"must be a text; put it in quotes, in a shell '\"{given}\"'"
     if error["type"] == "json_invalid" and not error["loc"]:
         message = _NO_TEXT
     if isinstance(given, str | int | float) and "got" not in message:

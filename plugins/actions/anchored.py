@@ -364,7 +364,7 @@ def _check_meets(items: Sequence[Item], before: int = 0) -> int:
     for item in items:
         if not isinstance(item, Step):
             timed = True
-            for part in parts_of(item):
+            for part in parts_of(item).values():
                 number = _check_meets(part, number)
             continue
 

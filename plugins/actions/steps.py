@@ -6,9 +6,8 @@ Nothing in it is computed by the model's text: there are no expressions.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field, Strict, TypeAdapter
@@ -16,6 +15,7 @@ from pydantic.dataclasses import dataclass
 
 from core.design import DesignError
 from core.designs.plan_rules import MAX_ANGLE_RAD, MAX_REACH_M, MIN_TEMPO
+from core.errors import refuse
 from core.geometry import Array, Pose
 from core.interfaces import Guard, Seen
 from core.support.checking import check, in_unit
@@ -67,7 +67,10 @@ Newtons = Annotated[float, Strict(), Field(ge=0, le=MAX_NEWTONS, allow_inf_nan=F
 Name = Annotated[str, Strict(), Field(max_length=200)]
 
 
-@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+FIELDS = ConfigDict(extra="forbid")
+
+
+@dataclass(frozen=True, config=FIELDS)
 class Step:
     """One waypoint as written. An empty ``until`` is none, and beside another tempo a ``speed`` or ``seconds`` of 0.
 
@@ -87,8 +90,12 @@ class Step:
         corrects: bodies and marks that are then taken to be shifted, along the way there, as the touch was.
         beyond: how far the waypoint lies beyond the place where contact is expected, metres.
         meet: the anchor moves, and is where it will be when the waypoint is reached, as two looks saw it move.
+
+    Raises:
+        ValueError: fields that mean nothing together.
     """
 
+    LISTS: ClassVar[tuple[str, ...]] = ()  # of steps within it, as blocks have them
     offset: tuple[Length, Length, Length]
     rpy: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
     anchor: Name = WORLD
@@ -108,6 +115,42 @@ class Step:
         float, Strict(), Field(ge=0, le=MAX_BEYOND_M, allow_inf_nan=False)
     ] = 0.0
     meet: Annotated[bool, Strict()] = False
+
+    def __post_init__(self) -> None:
+        has_force = self.newtons > 0
+        is_fixed = self.anchor in (WORLD, HERE)
+        fixed = f"'{WORLD}' or '{HERE}'"
+        leave = "leave one of them out"
+        unguarded = "is for a guard; give 'until', too"
+        is_otherwise = self.otherwise != "go_on"
+        turns_axes = self.toward and self.axes == "anchor" and not self.share
+        rules: dict[str, object] = {
+            "give speed or seconds, not both": self.speed and self.seconds,
+            f"what is passed through has no wait; {leave}": self.through and self.wait,
+            f"what is passed through has no guard; {leave}": (
+                self.through and self.until
+            ),
+            "until 'force' needs 'newtons' above 0, and nothing else has them": (
+                has_force != (self.until == "force")
+            ),
+            f"'otherwise' {unguarded}": is_otherwise and not self.until,
+            f"'corrects' {unguarded}": self.corrects and not self.until,
+            "'beyond' is for what a guard corrects; give 'corrects', too": (
+                self.beyond and not self.corrects
+            ),
+            f"'corrects' is for bodies and marks, not for {fixed}": (
+                {WORLD, HERE} & {*self.corrects}
+            ),
+            "toward turns the world's axes; leave 'axes' out, or give a share of the way": turns_axes,
+            "'meet' needs the 'seconds' of the way there, after which the anchor is met": (
+                self.meet and not self.seconds
+            ),
+            f"'meet' is for bodies that move, not for {fixed}": self.meet and is_fixed,
+            "a share is one of the way to a second anchor; name it in 'toward'": (
+                self.share and not self.toward
+            ),
+        }
+        refuse("", rules)
 
     def frame(self, seen: Seen, where: str) -> Pose:
         """Return the frame of the offset in the world.
@@ -207,59 +250,6 @@ _STEPS = TypeAdapter(Step)
 PROPERTIES = _STEPS.json_schema()["properties"]
 
 
-# What must not hold of a step, each with the words for the model.
-_FAULTS: tuple[tuple[Callable[[Step], object], str], ...] = (
-    (
-        lambda step: step.speed and step.seconds,
-        "give speed or seconds, not both",
-    ),
-    (
-        lambda step: step.through and step.wait,
-        "a waypoint that is passed through has no wait; leave one of them out",
-    ),
-    (
-        lambda step: step.through and step.until,
-        "a waypoint that is passed through has no guard; leave one of them out",
-    ),
-    (
-        lambda step: (step.until == "force") != (step.newtons > 0),
-        "until 'force' needs 'newtons' above 0, and nothing else has them",
-    ),
-    (
-        lambda step: step.otherwise != "go_on" and not step.until,
-        "'otherwise' is for a guard; give 'until', too",
-    ),
-    (
-        lambda step: step.corrects and not step.until,
-        "'corrects' is for a guard; give 'until', too",
-    ),
-    (
-        lambda step: step.beyond and not step.corrects,
-        "'beyond' is for what a guard corrects; give 'corrects', too",
-    ),
-    (
-        lambda step: {WORLD, HERE} & {*step.corrects},
-        f"'corrects' is for bodies and marks, not for '{WORLD}' or '{HERE}'",
-    ),
-    (
-        lambda step: step.toward and step.axes == "anchor" and not step.share,
-        "toward turns the world's axes; leave 'axes' out, or give a share of the way",
-    ),
-    (
-        lambda step: step.meet and not step.seconds,
-        "'meet' needs the 'seconds' of the way there, after which the anchor is met",
-    ),
-    (
-        lambda step: step.meet and step.anchor in (WORLD, HERE),
-        f"'meet' is for bodies that move, not for '{WORLD}' or '{HERE}'",
-    ),
-    (
-        lambda step: step.share and not step.toward,
-        "a share is one of the way to a second anchor; name it in 'toward'",
-    ),
-)
-
-
 # Of a waypoint that says no other tempo.
 _STANDS_STILL = {
     "speed": f"a speed of 0 never gets there; give {MIN_TEMPO:g} m/s or more, or leave 'speed' out for the usual one",
@@ -288,10 +278,6 @@ def read_step(data: object, where: str, gripper: bool) -> Step:
         for name, message in _STANDS_STILL.items():
             if name in data:
                 raise DesignError(f"{where}: {message}")
-
-    for is_broken, message in _FAULTS:
-        if is_broken(step):
-            raise DesignError(f"{where}: {message}")
 
     return step
 

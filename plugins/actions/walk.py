@@ -103,14 +103,14 @@ class Walk:
             case Each():
                 return self._do_each(item)
             case Choose():
-                holds = self._holds(item.if_seen)
+                holds = self._holds(item.choose)
                 return self.run(item.then if holds else item.otherwise)
 
     def _repeat(self, block: Repeat) -> bool:
         """Do a block until its condition holds."""
         for number in range(1, block.at_most + 1):
             with self._within(f"round {number}"):
-                steps = block.steps
+                steps = block.repeat
                 if isinstance(steps[0], LookStep):
                     steps = steps[1:]
                     if not self._look():
@@ -138,7 +138,7 @@ class Walk:
             with self._within(name):
                 outer = self._it
                 self._it = name
-                if not self.run(block.steps):
+                if not self.run(block.do):
                     return False
 
                 self._it = outer
@@ -279,7 +279,7 @@ class Walk:
     def _list_left(self, block: Each) -> Sequence[str]:
         """List the bodies of a pattern that are not yet where they should be."""
         poses = self._sightings[-1].poses
-        names = match_names(block.pattern, list(poses))
+        names = match_names(block.each, list(poses))
         wanted = block.until_seen
         if wanted.goal is not None:
             left = _ask(self._judge).left(wanted.goal, poses)
@@ -329,19 +329,16 @@ def check_names(items: Sequence[Item], seen: Seen) -> None:
         DesignError: names it, and what is possible.
     """
     for item in list_items(items):
-        match item:
-            case Step():
-                for name in item.names:
-                    _check_name(name, seen)
-            case Repeat():
-                _check_sighting(item.until_seen, seen)
-            case Choose():
-                _check_sighting(item.if_seen, seen)
-            case Each():
-                _check_sighting(item.until_seen, seen)
-                _check_pattern(item.pattern, seen)
-                if item.until_seen.goal is not None:
-                    _check_wanted(item, _ask(seen.judge))
+        if isinstance(item, Step):
+            for name in item.names:
+                _check_name(name, seen)
+        elif not isinstance(item, LookStep):
+            _check_sighting(item.wanted, seen)
+
+        if isinstance(item, Each):
+            _check_pattern(item.each, seen)
+            if item.until_seen.goal is not None:
+                _check_wanted(item, _ask(seen.judge))
 
 
 def _check_name(name: str, seen: Seen) -> None:
@@ -377,7 +374,7 @@ def _check_wanted(block: Each, judge: Judge) -> None:
     """Refuse a block for bodies that the goal is not about."""
     assert block.until_seen.goal is not None
     names = judge.names(block.until_seen.goal)
-    if not match_names(block.pattern, names):
+    if not match_names(block.each, names):
         raise DesignError(
-            f"the plan: goal {block.until_seen.goal} is not about {block.pattern!r}, but about: {', '.join(names)}"
+            f"the plan: goal {block.until_seen.goal} is not about {block.each!r}, but about: {', '.join(names)}"
         )

@@ -92,7 +92,7 @@ def loop(plan: object) -> AnchoredPlan:
     last = list_waypoints(plan.steps)[-1]
     x, y, z = last.offset
     rise = replace(last, offset=(x, y, z + RISE_M))
-    block = (*plan.steps, rise, LookStep())
+    block = (*plan.steps, rise, LookStep(True))
     return AnchoredPlan((Repeat(block, Sighting(goal=0), ROUNDS),), plan.gripper)
 
 
