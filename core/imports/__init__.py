@@ -1,1 +1,1 @@
-"""Robots and bodies of files that others made: meshes, convex hulls, and what a compiler of MJCF says."""
+"""Robots and bodies of files that others made: URDF, MJCF that MuJoCo compiled, meshes and their hulls."""

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from core.geometry import (
     Array,
@@ -20,6 +21,7 @@ from core.geometry import (
     Color,
     Cylinder,
     Pose,
+    Shape,
     Sphere,
     Triple,
     Vector,
@@ -115,22 +117,30 @@ class Inertial:
 
 @dataclass(frozen=True)
 class RobotShape:
-    """A shape of a link, in the link's frame, or a mesh file with its scale; without a colour there is no material."""
+    """A shape of a link, in the link's frame, or a mesh file with its scale; without a colour there is no material.
 
-    shape: Primitive | Path
+    ``friction``: the coefficient; a URDF has none.
+    """
+
+    shape: Shape | Path
     origin: Origin = Origin()
     color: Color | None = None
     scale: Triple = ONE
+    friction: float | None = None
 
 
 @dataclass(frozen=True)
 class RobotLink:
-    """A link: its inertia, and its shapes."""
+    """A link: its inertia, and its shapes.
+
+    ``frame``: where the body of an MJCF file has its own frame, which a joint may be away from, in the link's; metres.
+    """
 
     name: str
     inertial: Inertial = Inertial()
     collisions: tuple[RobotShape, ...] = ()
     visuals: tuple[RobotShape, ...] = ()
+    frame: Triple = ZERO
 
 
 class Limits(NamedTuple):
@@ -157,7 +167,8 @@ NO_LIMITS = Limits()
 class RobotJoint:
     """A joint: its frame in the parent's, its axis (3,), limits, and dynamics.
 
-    ``spring``: stiffness and rest; a tool's joint may have one.
+    ``spring``: stiffness and rest; a URDF has none, but for a tool's. ``armature``: the motor's inertia, kg m^2, and
+    ``start``: where the joint is at first; only an MJCF file has them.
     """
 
     name: str
@@ -171,6 +182,8 @@ class RobotJoint:
     damping: float = 0.0
     friction: float = 0.0
     spring: tuple[float, float] | None = None
+    armature: float = 0.0
+    start: float = 0.0
 
     @classmethod
     def fixed(
@@ -184,6 +197,14 @@ class RobotJoint:
         """The axis (3,) as a unit vector."""
         axis = np.array(self.axis)
         return axis / max(float(np.linalg.norm(axis)), 1e-6)
+
+    def moved(self, value: float) -> Pose:
+        """Place what the joint bears at a value, radians or metres, in its frame at 0."""
+        way = value * self.direction
+        if self.kind == "prismatic":
+            return Pose(way)
+
+        return Pose.from_rotation((0.0, 0.0, 0.0), Rotation.from_rotvec(way))
 
     @property
     def range(self) -> tuple[float, float]:

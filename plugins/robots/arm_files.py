@@ -2,39 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from core.errors import UserError, choices
+from core.errors import UserError
+from core.imports.documents import MAX_BYTES, read_root
+from core.imports.urdf import find_mesh, leave_out, read_tree
 from core.support.cli import expand
 from core.support.files import read_untrusted
 from core.values.descriptions import Description
-from core.values.urdf import MAX_BYTES, find_mesh, read_tree
-from plugins.robots.kinds import list_arms, read_root
 from plugins.robots.near import describe_near, find_near
 from plugins.robots.normalise import Problems
 from plugins.robots.settings import ArmSettings
 
-
-@dataclass(frozen=True)
-class Source:
-    """What was read of a file, under the names that it has.
-
-    Attributes:
-        description: links and joints.
-        notes: what was assumed or left out, a line each.
-        armature: the motors' inertias by joint, kg m^2, where the file has them.
-    """
-
-    description: Description
-    notes: list[str] = field(default_factory=list)
-    armature: Mapping[str, float] = field(default_factory=dict)
+ARMS = (".urdf", ".xml", ".mjcf", ".xacro")
+_SHOWN = 5  # files that a message lists
 
 
-def read_source(chosen: ArmSettings) -> Source:
+def read_arm(chosen: ArmSettings) -> tuple[Description, list[str]]:
     """Read the file that is chosen, without what is left out.
+
+    Returns:
+        links and joints, under the names that they have there; and what was assumed or left out, a line each.
 
     Raises:
         UserError: the file can't be used, or meshes are missing; names all of them.
@@ -50,56 +39,25 @@ def read_source(chosen: ArmSettings) -> Source:
         if root.tag == "mujoco":
             from plugins.robots.mjcf import SPEED, read_mjcf_arm  # imports MuJoCo
 
-            source = Source(*read_mjcf_arm(path, without))
+            description, notes = read_mjcf_arm(path, without)
             if chosen.velocity is None:
-                source.notes.append(
+                notes.append(
                     f"MJCF has no limits of speed, {SPEED} rad/s is taken; robot.velocity=[...] says others"
                 )
 
-            return source
+            return description, notes
 
         leave_out(root, without)
         notes = find_meshes(root, path, chosen.collision == "file")
-        return Source(read_tree(root, path.stem), notes)
+        return read_tree(root, path.stem), notes
     except UserError as error:
         raise type(error)(f"{path}: {error}") from error
 
 
-def leave_out(root: Element, names: Collection[str]) -> None:
-    """Remove links of a URDF, and all that they bear, before it is read: they may be wrong in any way.
-
-    Raises:
-        UserError: there is no such link.
-    """
-    links = [link.get("name", "") for link in root.findall("link")]
-    for name in names:
-        if name not in links:
-            raise choices("link", name, links)
-
-    borne: dict[str, list[str]] = {}
-    for joint in root.findall("joint"):
-        child = _find_end(joint, "child")
-        borne.setdefault(_find_end(joint, "parent"), []).append(child)
-
-    waiting = [*names]
-    removed = set[str]()
-    while waiting:
-        name = waiting.pop()
-        removed.add(name)
-        waiting += borne.pop(name, ())
-
-    for link in root.findall("link"):
-        if link.get("name") in removed:
-            root.remove(link)
-
-    for joint in root.findall("joint"):
-        if _find_end(joint, "child") in removed:
-            root.remove(joint)
-
-
-def _find_end(joint: Element, tag: str) -> str:
-    end = joint.find(tag)
-    return "" if end is None else end.get("link", "")
+def list_arms(folder: Path) -> str:
+    """List files of a folder that may be arms, as words to type."""
+    found = [file for file in sorted(folder.rglob("*")) if file.suffix in ARMS]
+    return " or ".join(f"robot.path={file}" for file in found[:_SHOWN])
 
 
 def find_meshes(root: Element, file: Path, may_lack: bool) -> list[str]:

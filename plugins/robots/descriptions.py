@@ -12,8 +12,9 @@ from typing import Any
 
 from core.errors import UserError
 from core.geometry import Cylinder
+from core.imports.documents import read_xml
+from core.imports.urdf import read_tree
 from core.values.descriptions import Description, Inertial, Origin, RobotShape, rounded
-from core.values.urdf import read_tree, read_xml
 from plugins.robots.hulls import Job
 
 _PREFIX = b"package://example-robot-data/"

@@ -14,10 +14,11 @@ from xml.etree.ElementTree import Element
 
 from core.errors import UsageError
 from core.geometry import Pose
+from core.imports.documents import read_xml
+from core.imports.urdf import read_tree
 from core.interfaces import Robot
 from core.robot.writing import write
 from core.values.descriptions import MOMENTS
-from core.values.urdf import read_tree, read_xml
 
 # How numbers in a URDF grow, as powers of k.
 _POWERS = {

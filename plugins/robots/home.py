@@ -17,7 +17,7 @@ from core.plugins.registry import check_settings
 from core.robot.kinematics import arm_of
 from core.support.cli import arguments, say
 from core.support.text import short_numbers
-from plugins.robots.arm_files import read_source
+from plugins.robots.arm_files import read_arm
 from plugins.robots.enlarging import describe_factor, find_factor
 from plugins.robots.home_search import (
     HOME_DIGITS,
@@ -62,8 +62,7 @@ def main(words: list[str]) -> None:
     chosen = ArmSettings(**check_settings(urdf, dict(named.settings), "robot=urdf", {}))
     factor = find_factor(chosen.reach)
     try:
-        source = read_source(chosen)
-        arm = build_unmounted(source, chosen, anywhere=True)
+        arm = build_unmounted(*read_arm(chosen), chosen, anywhere=True)
         say(*arm.notes)
         if at is None and chosen.reach is None and not any(named.base):
             found = find_for_tasks(arm, chosen)

@@ -15,7 +15,7 @@ from core.interfaces import Gripper, Robot
 from core.support.cli import expand
 from core.support.text import clean
 from core.values.descriptions import Description
-from plugins.robots.arm_files import Source, read_source
+from plugins.robots.arm_files import read_arm
 from plugins.robots.choosing import choose_arm
 from plugins.robots.doubting import find_doubts
 from plugins.robots.enlarging import describe_factor, enlarge, find_factor
@@ -79,10 +79,10 @@ def read_robot(
         home = list(home)
 
     chosen = ArmSettings(path, home, flange, **settings)
-    source = read_source(chosen)
+    description, notes = read_arm(chosen)
     factor = find_factor(chosen.reach)
     try:
-        arm = build_unmounted(source, chosen, name)
+        arm = build_unmounted(description, notes, chosen, name)
         if factor != 1:
             arm.notes.append(describe_factor(factor))
         if parent_process() is None:  # workers stay silent
@@ -100,21 +100,21 @@ def read_robot(
 
 
 def build_unmounted(
-    source: Source,
+    description: Description,
+    notes: list[str],
     chosen: ArmSettings,
     name: str = "",
     *,
     anywhere: bool = False,
 ) -> Unmounted:
-    """Make a robot whose mount is the flange, as it is turned.
+    """Make a robot of what `read_arm` read, whose mount is the flange, as it is turned.
 
     With ``anywhere`` its home is in the middle of the joints' limits.
 
     Raises:
         UserError: names all that is wrong with the arm; then all that is wrong with its meshes.
     """
-    notes = list(source.notes)
-    parts = choose_arm(source.description, chosen, notes, anywhere=anywhere)
+    parts = choose_arm(description, chosen, notes, anywhere=anywhere)
     arm = parts.joints
     gripper = parts.gripper
     flange = parts.flange
@@ -136,10 +136,9 @@ def build_unmounted(
     speeds = [joint.limits.velocity or 0.0 for joint in arm]
     accelerations = chosen.acceleration or [speed / REACHES_SPEED_S for speed in speeds]
     motors = [
-        source.armature.get(joint.name) or _guess_motor(joint.limits.effort or 0.0)
-        for joint in arm
+        joint.armature or _guess_motor(joint.limits.effort or 0.0) for joint in arm
     ]
-    title = chosen.title or clean(source.description.name, 60)
+    title = chosen.title or clean(description.name, 60)
     robot = Robot(
         name=name or title,
         title=title,
@@ -157,7 +156,7 @@ def build_unmounted(
     )
     axis = in_head.rotation.inv().apply(arm[-1].direction)
     names = tuple(joint.name for joint in arm)
-    return Unmounted(robot, axis, source.description, flange, names, notes)
+    return Unmounted(robot, axis, description, flange, names, notes)
 
 
 def _guess_motor(effort: float) -> float:

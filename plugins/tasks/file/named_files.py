@@ -6,10 +6,10 @@ import logging
 from functools import cache
 from multiprocessing import parent_process
 from pathlib import Path
-from typing import Any
 
 from core.errors import UserError
-from plugins.tasks.file.imports import Imported, read_mesh, read_urdf
+from plugins.tasks.file.imports import Imported, read_bodies, read_mesh
+from plugins.tasks.file.imports.solids import KINDS
 
 HOLDING = (".urdf", ".xml", ".mjcf")
 
@@ -56,26 +56,16 @@ class Files:
             UserError: it can't be used.
         """
         file = self.folder / name
-        kind = Path(name).suffix.lower()
-        if kind not in HOLDING:
+        if Path(name).suffix.lower() in KINDS:
             raise UserError(
-                f"{name} is no {', '.join(HOLDING)}; a mesh is the `file` of a body, not an import"
+                f"{name} is a mesh, the `file` of a body; an import is a URDF or MJCF file"
             )
 
         key = (name, prefix, fixed, without)
         if key not in self._read:
-            given: dict[str, Any] = {
-                "prefix": prefix,
-                "folder": self.folder,
-                "without": without,
-            }
-            if kind == ".urdf":
-                found = read_urdf(file, fixed=fixed, **given)
-            else:
-                from plugins.tasks.file.mjcf import read_mjcf_bodies  # imports MuJoCo
-
-                found = read_mjcf_bodies(file, **given)
-
+            found = read_bodies(
+                file, fixed=fixed, prefix=prefix, folder=self.folder, without=without
+            )
             self._keep(key, found)
 
         return self._read[key]

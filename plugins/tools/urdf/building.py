@@ -20,12 +20,13 @@ from core.design import Component, DesignError, Tool, ToolJoint
 from core.designs.rules import MAX_COMPONENTS
 from core.errors import UserError
 from core.geometry import Box, Pose
+from core.imports.documents import read_xml
+from core.imports.urdf import read_tree
 from core.interfaces import Robot
 from core.robot.solids import Solid, signed_distance, solid_geometry
 from core.scene import Color
 from core.support.text import shorten
 from core.values.descriptions import RobotJoint, RobotLink
-from core.values.urdf import read_tree, read_xml
 from plugins.tools.components import (
     check_angles,
     default_mass,

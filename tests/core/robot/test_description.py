@@ -8,9 +8,10 @@ import trimesh
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
+from core.imports.documents import read_xml
+from core.imports.urdf import read_tree
 from core.robot.description import assemble, assembled
 from core.robot.writing import write
-from core.values.urdf import read_tree, read_xml
 from tests.panda import ARM_JOINTS, FINGER_JOINTS, HOME_JOINTS, PANDA
 from tests.shapes import bowl, prism
 

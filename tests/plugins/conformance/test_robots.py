@@ -5,9 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from core.imports.documents import read_xml
+from core.imports.urdf import read_tree
 from core.plugins import installed
 from core.robot.writing import write
-from core.values.urdf import read_tree, read_xml
 from plugins.conformance.suites import SUITES, examine
 from tests.rare import rare
 

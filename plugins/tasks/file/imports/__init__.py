@@ -1,7 +1,7 @@
-"""Bodies and joints of files that others made: meshes and URDF. A file is untrusted: nothing in it is executed."""
+"""Bodies and joints of files that others made: meshes, URDF and MJCF. A file is untrusted: nothing in it is run."""
 
+from plugins.tasks.file.imports.bodies import read_bodies
 from plugins.tasks.file.imports.imported import Imported
 from plugins.tasks.file.imports.mesh import read_mesh
-from plugins.tasks.file.imports.urdf import read_urdf
 
-__all__ = ["Imported", "read_mesh", "read_urdf"]
+__all__ = ["Imported", "read_bodies", "read_mesh"]

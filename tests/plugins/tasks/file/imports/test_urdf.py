@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from core.errors import UserError
 from core.scene import Scene
-from plugins.tasks.file.imports import read_urdf
+from plugins.tasks.file.imports import read_bodies
 
 BOX = '<collision><geometry><box size="0.1 0.2 0.3"/></geometry></collision>'
 
@@ -24,7 +24,7 @@ def joint(name, kind, parent, child, inside=""):
 def read(folder, text, **options):
     file = folder / "model.urdf"
     file.write_text(f'<robot name="model">{text}</robot>')
-    return read_urdf(file, **options)
+    return read_bodies(file, **options)
 
 
 def cabinet(
@@ -170,6 +170,25 @@ def test_what_cannot_be_read_is_one_clear_line(tmp_path, text, message):
         read(folder, text)
     assert "\n" not in str(error.value)
     assert "model.urdf" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("thing.sdf", "<sdf><model name='a'/></sdf>", "is SDF, .*sdf2mjcf .*thing.sdf"),
+        ("thing.usda", "#usda 1.0", "is USD, .*usd_to_urdf"),
+        ("thing.xml", "<html/>", "is a web page"),
+    ],
+)
+def test_a_file_of_another_kind_names_its_converter(tmp_path, name, content, message):
+    (tmp_path / name).write_text(content)
+    with pytest.raises(UserError, match=message):
+        read_bodies(tmp_path / name)
+
+
+def test_a_urdf_is_one_whatever_its_name(tmp_path):
+    (tmp_path / "model.xml").write_text(f"<robot name='a'>{link('a')}</robot>")
+    assert [body.name for body in read_bodies(tmp_path / "model.xml").bodies] == ["a"]
 
 
 NUMBERS = st.tuples(*[st.floats(-2, 2).map(lambda value: round(value, 3))] * 3)

@@ -1,17 +1,23 @@
-"""Tell what a file is by its content, and how to make of it what is read."""
+"""Parse the XML that others made, and tell what a file is by its content, and how to make of it what is read.
+
+XML is parsed without DTD, entities and network.
+"""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, ParseError
+
+from defusedxml.common import DefusedXmlException
+from defusedxml.ElementTree import fromstring
 
 from core.errors import UserError
 from core.support.text import shorten
-from core.values.urdf import read_xml
 
-ARMS = (".urdf", ".xml", ".mjcf", ".xacro")
-_SHOWN = 5  # files that a message lists
+MAX_BYTES = 10_000_000
+_MAX_ELEMENTS = 50_000
+
 _XACRO = re.compile(r"\{[^}]*xacro\}")  # begins the tag of an element of its namespace
 _CALLS = re.compile(r"\$[({]")  # what Xacro fills in
 _USD = (
@@ -22,7 +28,7 @@ _USD = (
 _BEGINNINGS = (
     (
         b"pk\x03\x04",
-        "a zip archive; unpack it: unzip {path} -d {stem}, then robot.path={stem}",
+        "a zip archive; unpack it: unzip {path} -d {stem}, then name a file in {stem}",
     ),
     (b"version https://git-lfs", "a pointer of Git LFS; fetch the file: git lfs pull"),
     (b"<!doctype html", "a web page; download the file itself (on GitHub: Raw)"),
@@ -39,10 +45,30 @@ _ROOTS = {
 }
 
 
-def list_arms(folder: Path) -> str:
-    """List files of a folder that may be arms, as words to type."""
-    found = [file for file in sorted(folder.rglob("*")) if file.suffix in ARMS]
-    return " or ".join(f"robot.path={file}" for file in found[:_SHOWN])
+def read_xml(data: bytes, file: Path) -> Element:
+    """Parse XML that lies at ``file``, without DTD and entities.
+
+    Raises:
+        UserError: it is no plain XML, or has too many elements.
+    """
+    try:
+        root = fromstring(data, forbid_dtd=True)
+    except ParseError as error:
+        raise UserError(f"{file} is malformed XML: {error}") from error
+    except (DefusedXmlException, ValueError, LookupError) as error:
+        # Of the last two kinds is an encoding that does not exist.
+        raise UserError(
+            f"{file} must be plain XML without DOCTYPE and entities ({type(error).__name__})"
+        ) from error
+
+    count = sum(1 for _ in root.iter())
+
+    if count > _MAX_ELEMENTS:
+        raise UserError(
+            f"{file} has {count} elements; at most {_MAX_ELEMENTS} are read"
+        )
+
+    return root
 
 
 def read_root(data: bytes, path: Path) -> Element:

@@ -11,8 +11,7 @@ from core.errors import UserError
 from core.geometry import Box
 from core.scene import Scene
 from core.support import sandbox
-from plugins.tasks.file import mjcf
-from plugins.tasks.file.mjcf import read_mjcf_bodies
+from plugins.tasks.file.imports import mjcf, read_bodies
 from plugins.tasks.file.named_files import Files
 from plugins.tasks.file.task import FileTask
 from tests.plugins.tasks.file.imports.conftest import called
@@ -32,7 +31,7 @@ def written(folder, body, before="", after=""):
 
 
 def read(folder, body, before="", after="", **options):
-    return read_mjcf_bodies(written(folder, body, before, after), **options)
+    return read_bodies(written(folder, body, before, after), **options)
 
 
 NUMBER = st.floats(-2, 2).map(lambda value: round(value, 3))
@@ -102,7 +101,7 @@ def test_all_moves_as_in_mujoco(tmp_path_factory, world, parts):
     file = written(tmp_path_factory.mktemp("model"), world, THIN)
     model = mujoco.MjModel.from_xml_path(str(file))
     data = mujoco.MjData(model)
-    made = read_mjcf_bodies(file)
+    made = read_bodies(file)
     joints = {
         f"body{body}": model.joint(number)
         for number, body in enumerate(model.jnt_bodyid)
@@ -365,8 +364,9 @@ def test_the_compiler_is_a_process_of_its_own(tmp_path, monkeypatch):
 
 
 def test_without_mujoco_it_says_what_to_install(tmp_path, monkeypatch):
+    written(tmp_path, "")
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    monkeypatch.delitem(sys.modules, "plugins.tasks.file.mjcf")
+    monkeypatch.delitem(sys.modules, "plugins.tasks.file.imports.mjcf")
     with pytest.raises(UserError, match="pip install"):
         Files(tmp_path).bodies("model.xml", "", fixed=True)
 
