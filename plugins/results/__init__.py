@@ -41,11 +41,6 @@ def fitness_functions() -> dict[str, str]:
 
 
 @hookimpl
-def tool_rules() -> Factories:
-    return {"stiffness": "plugins.results.workshop.stiffness:check_stiffness"}
-
-
-@hookimpl
 def exports() -> Factories:
     return {"best": "plugins.results.best:save_best"}
 

@@ -1,6 +1,6 @@
 """How models write tools: ``tool=urdf``, ``tool=boxes`` and ``tool=solids``; and given tools, for which only plans are
 designed: ``tool=none``, ``tool=known`` and ``tool=rlbench``. With a library, ``tool=known`` only begins with them. And
-the rules for joints of tools.
+the rules for their joints and their stiffness.
 """
 
 from core.hooks import Factories, hookimpl
@@ -8,7 +8,10 @@ from core.hooks import Factories, hookimpl
 
 @hookimpl
 def tool_rules() -> Factories:
-    return {"joints": "plugins.tools.joint_rules:check_joints"}
+    return {
+        "joints": "plugins.tools.joint_rules:check_joints",
+        "stiffness": "core.designs.stiffness:check_stiffness",
+    }
 
 
 @hookimpl

@@ -21,6 +21,7 @@ import numpy as np
 from core.design import Tool
 from core.designs.rules import check_contacts
 from core.designs.statics import GRAVITY
+from core.designs.stiffness import Beams
 from core.errors import UserError
 from core.geometry import Array, Pose, Sphere, mass_properties
 from core.interfaces import Pushes, Recording
@@ -30,7 +31,6 @@ from core.scene import Scene
 from core.values.materials import Material
 from core.values.robots import Robot
 from plugins.results.workshop.motion import Sampled
-from plugins.results.workshop.stiffness import Beams
 from plugins.results.workshop.tracks import robot_tracks
 
 HARDEST = 10

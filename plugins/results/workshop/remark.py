@@ -6,12 +6,12 @@ import re
 
 from core.config.compose import load, node
 from core.design import Candidate, DesignError, Tool
+from core.designs.stiffness import check_stiffness
 from core.events import Run
 from core.interfaces import Material, Robot
 from core.values.materials import PAPER
 from plugins.results.workshop.examination import PROBLEM, find_problem
 from plugins.results.workshop.settings import Printer
-from plugins.results.workshop.stiffness import check_stiffness
 
 DEFAULT = "pla"
 """What a tool is taken to be printed in if its run weighs tools as the paper does."""

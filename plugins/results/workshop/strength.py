@@ -14,6 +14,7 @@ import numpy as np
 
 from core.design import Tool
 from core.designs.rules import check_contacts
+from core.designs.stiffness import POINT_M, Beam, Beams
 from core.geometry import Array
 from core.scene import Scene
 from core.values.materials import Material
@@ -27,7 +28,6 @@ from plugins.results.workshop.loads import (
 )
 from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.replay import PlayedMotion
-from plugins.results.workshop.stiffness import POINT_M, Beam, Beams
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ import pytest
 
 from core.design import DesignError, Fixture
 from core.designs.rules import check_tool
+from core.designs.stiffness import Beams
 from core.geometry import Pose
 from core.values.materials import Material
-from plugins.results.workshop.stiffness import Beams
 from tests.core.designs.test_rules import box, rigid
 from tests.panda import PANDA
 
