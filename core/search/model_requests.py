@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import queue
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
@@ -15,7 +14,7 @@ from core.plugins import describe_part
 from core.support.cli import say
 from core.support.memory import release_memory
 from core.support.text import shorten
-from core.support.threads import run_in_thread
+from core.support.threads import merge
 from core.values.messages import checked
 
 
@@ -30,10 +29,9 @@ def ask_model(
     A thread of its own receives them and passes each on to the listeners. So a reply is on disk at once, while
     candidates of earlier replies are tried.
     """
-    arrived: queue.SimpleQueue[Reply | Exception | None] = queue.SimpleQueue()
     missing = {request.id: request for request in requests}
 
-    def receive() -> None:
+    def receive() -> Iterator[Reply]:
         given = [stored[request] for request in missing if request in stored]
         asked = [request for request in requests if request.id not in stored]
         answers = vlm.complete(asked) if asked else ()
@@ -51,14 +49,9 @@ def ask_model(
             sound = checked(reply)
             request = missing.pop(sound.request_id)
             events.hook.reply_received(request=request, reply=sound)
-            arrived.put(sound)
+            yield sound
 
     for request in requests:
         events.hook.request_composed(request=request)
     release_memory()  # of pictures that were drawn: a model may take minutes
-    run_in_thread(receive, arrived.put, "replies")
-
-    while (reply := arrived.get()) is not None:
-        if isinstance(reply, Exception):
-            raise reply
-        yield reply
+    yield from merge({"replies": receive})

@@ -6,26 +6,19 @@ import contextlib
 import math
 import os
 import pickle
-import queue
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
-from dataclasses import dataclass
 from functools import partial
 from itertools import chain, islice
 from typing import Generic, Protocol, Self, TypeVar, runtime_checkable
 
 from core.errors import Fault, UsageError, check_positive, fault
 from core.interfaces import CHUNK
-from core.support.threads import run_in_thread
+from core.support.threads import merge
 
 A = TypeVar("A")
 B = TypeVar("B")
-
-
-@dataclass(frozen=True)
-class _Raised:
-    error: Exception
 
 
 @runtime_checkable
@@ -127,33 +120,25 @@ def dispatch(
     is raised here.
     """
     supply = _Supply(chunks, len(workers))
-    results: queue.SimpleQueue[tuple[A, B | Exception] | _Raised | None] = (
-        queue.SimpleQueue()
-    )
 
-    def serve(worker: Callable[[A], B | Exception]) -> None:
+    def serve(
+        worker: Callable[[A], B | Exception],
+    ) -> Iterator[tuple[A, B | Exception]]:
         for chunk in chain.from_iterable(iter(supply.take, [])):
-            results.put((chunk, worker(chunk)))
+            yield chunk, worker(chunk)
 
-    def end(error: Exception | None) -> None:
-        results.put(_Raised(error) if error is not None else None)
+    def read() -> Iterator[tuple[A, B | Exception]]:
+        supply.read()
+        yield from ()
 
-    threads: list[tuple[Callable[[], None], str]] = [(supply.read, "chunks")]
-    threads += [(partial(serve, worker), "worker") for worker in workers]
-    running = len(threads)
+    threads = {"chunks": read}
+    for number, worker in enumerate(workers):
+        threads[f"worker {number}"] = partial(serve, worker)
+
     try:
-        for function, name in threads:
-            run_in_thread(function, end, name)
-
-        while running:
-            result = results.get()
-            if result is None:
-                running -= 1
-            elif isinstance(result, _Raised):
-                raise result.error
-            else:
-                supply.make_room()
-                yield result
+        for result in merge(threads):
+            supply.make_room()
+            yield result
     finally:
         supply.stop()
 

@@ -12,7 +12,7 @@ from functools import partial
 from core.errors import LimitReached
 from core.interfaces import Reply, Request
 from core.support.progress import note
-from core.support.threads import run_in_thread
+from core.support.threads import merge
 
 LONGEST_LEAD_S = 60.0  # so long the others wait for the first sign of an answer
 
@@ -84,72 +84,73 @@ class Calls:
         Raises:
             LimitReached: after the last reply, if requests are left.
         """
-        batch = _Batch()
+        waiting: queue.SimpleQueue[Request] = queue.SimpleQueue()
         for request in requests:
-            batch.waiting.put(request)
+            waiting.put(request)
 
         self._led.clear()
         if not first:
             self._led.set()
 
+        stop = threading.Event()
         limits: list[LimitReached] = []
+        workers = {
+            f"{self.name} {number}": partial(
+                self._work, waiting, limits, stop, follows=number > 0
+            )
+            for number in range(min(self.concurrency, len(requests)))
+        }
         try:
-            for number in range(min(self.concurrency, len(requests))):
-                target = self._follow if number else self._work
-                name = f"{self.name} {number}"
-                run_in_thread(partial(target, batch), batch.end, name)
-            for _ in requests:
-                result = batch.results.get()
-                if isinstance(result, LimitReached):
-                    limits.append(result)
-                elif isinstance(result, Exception):
-                    raise result
-                else:
-                    yield result
+            yield from merge(workers)
         finally:
-            batch.stop.set()
+            stop.set()
 
         if limits:
             raise LimitReached(
-                limits[0].limit,
-                f"{len(limits)} of {len(requests)} requests are left without a reply",
+                f"{limits[0]}; {len(limits)} of {len(requests)} requests are left without a reply"
             )
 
-    def _follow(self, batch: _Batch) -> None:
-        """Answer requests when the first one's answer arrives, or after a while."""
+    def _work(
+        self,
+        waiting: queue.SimpleQueue[Request],
+        limits: list[LimitReached],
+        stop: threading.Event,
+        *,
+        follows: bool,
+    ) -> Iterator[Reply]:
+        """Answer requests until there are no more.
+
+        Args:
+            waiting: the requests.
+            limits: are added to where a request is left without a reply.
+            stop: is set when nobody waits any more.
+            follows: it begins when the first answer arrives, or after a while.
+        """
         until = time.monotonic() + LONGEST_LEAD_S
-        while not batch.stop.is_set() and time.monotonic() < until:
-            if self._led.wait(0.1):
-                break
+        while follows and not stop.is_set() and time.monotonic() < until:
+            follows = not self._led.wait(0.1)
 
-        self._work(batch)
-
-    def _work(self, batch: _Batch) -> None:
-        """Answer requests until there are no more."""
-        while not batch.stop.is_set():
+        while not stop.is_set():
             try:
-                request = batch.waiting.get_nowait()
+                request = waiting.get_nowait()
             except queue.Empty:
                 return
             try:
-                batch.results.put(self.answer(request, batch.stop))
+                yield self._reply(request, stop)
             except LimitReached as limit:
-                batch.results.put(limit)
-            except Exception as error:
-                batch.results.put(self.fail(request, error))
-            finally:
-                self._led.set()
+                limits.append(limit)
 
+    def _reply(self, request: Request, stop: threading.Event) -> Reply:
+        """Answer a request.
 
-class _Batch:
-    """Requests that are answered together, and what came of them. ``stop`` is set when nobody waits any more."""
-
-    def __init__(self) -> None:
-        self.waiting: queue.SimpleQueue[Request] = queue.SimpleQueue()
-        self.results: queue.SimpleQueue[Reply | Exception] = queue.SimpleQueue()
-        self.stop = threading.Event()
-
-    def end(self, error: Exception | None) -> None:
-        """Pass on what ended a thread; None: nothing did."""
-        if error is not None:
-            self.results.put(error)
+        Raises:
+            LimitReached: it is left without a reply.
+        """
+        try:
+            return self.answer(request, stop)
+        except LimitReached:
+            raise
+        except Exception as error:
+            return self.fail(request, error)
+        finally:
+            self._led.set()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import queue
 import threading
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,7 +21,7 @@ from core.interfaces import VLM, Reply, Request, Spending
 from core.plugins import MODEL, event_hub
 from core.plugins.blame import add_listener
 from core.support.text import clean
-from core.support.threads import run_in_thread
+from core.support.threads import merge
 
 _LONGEST = 150  # characters of a label
 
@@ -151,36 +150,19 @@ class Ensemble(VLM):
             hands: the requests of each member.
             closed: to which members are added.
         """
-        arrived: queue.SimpleQueue[tuple[str, Reply | Exception | None]]
-        arrived = queue.SimpleQueue()
         stop = threading.Event()
 
-        def receive(label: str) -> None:
-            for reply in self._members[label].complete(hands[label]):
-                arrived.put((label, reply))
-                if stop.is_set():
-                    return
-
-        def ended(label: str, error: Exception | None) -> None:
-            arrived.put((label, error))
-
-        for label in hands:
-            run_in_thread(partial(receive, label), partial(ended, label), label)
+        def receive(label: str) -> Iterator[tuple[str, Reply]]:
+            try:
+                for reply in self._members[label].complete(hands[label]):
+                    yield label, reply
+                    if stop.is_set():
+                        return
+            except LimitReached as limit:
+                closed[label] = limit
 
         try:
-            waiting = len(hands)
-            while waiting:
-                label, item = arrived.get()
-                if isinstance(item, Reply):
-                    yield label, item
-                    continue
-
-                waiting -= 1
-
-                if isinstance(item, LimitReached):
-                    closed[label] = item
-                elif item is not None:
-                    raise item
+            yield from merge({label: partial(receive, label) for label in hands})
         finally:
             stop.set()
 
