@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from itertools import chain
 from typing import TypedDict
 
 import numpy as np
@@ -65,15 +66,23 @@ class Geom:
     pose: Pose = field(default_factory=Pose)
     color: Color = (0.7, 0.7, 0.7, 1.0)
 
+    def convex_parts(self) -> tuple[Geom, ...]:
+        """Return the convex shapes that collide in its place."""
+        if self.shape.is_convex:
+            return (self,)
+
+        return tuple(replace(self, shape=part) for part in self.shape.convex_parts())
+
 
 @dataclass(frozen=True)
 class Body:
     """A rigid body, free to move, or fixed if its mass is 0.
 
-    ``visuals`` are drawn, ``collisions`` collide. A collision `Mesh` means its convex hull, so hollow bodies are made
-    of several convex parts; a body without collision parts is a mark that nothing touches. In every engine the
-    friction coefficient of a contact is the geometric mean of the two bodies' ``friction``, and its restitution the
-    product of theirs; the arm and its tools have none. ``rolling_friction`` is the torsional arm in metres.
+    ``visuals`` are drawn, ``collisions`` collide, as their convex parts. A collision `Mesh` means its convex hull, so
+    hollow bodies are made of several convex parts; a body without collision parts is a mark that nothing touches. In
+    every engine the friction coefficient of a contact is the geometric mean of the two bodies' ``friction``, and its
+    restitution the product of theirs; the arm and its tools have none. ``rolling_friction`` is the torsional arm in
+    metres.
 
     Raises:
         ValueError: a negative mass, a free body without collision parts, or a fixed one with a velocity.
@@ -96,6 +105,8 @@ class Body:
     breaks_n: float = 0.0
 
     def __post_init__(self) -> None:
+        parts = chain.from_iterable(part.convex_parts() for part in self.collisions)
+        object.__setattr__(self, "collisions", tuple(parts))
         rigid = not isinstance(self, Soft)
         speeds = [*self.velocity, *self.spin]
         problems = {
@@ -497,7 +508,7 @@ def _furnish(scene: Scene, tool: Tool) -> Scene:
     drawn = []
     for component in parts.components:
         _, pose = parts.placed()[component.name]
-        drawn.append(Geom(component.shape.drawn, pose, component.color))
+        drawn.append(Geom(component.shape, pose, component.color))
 
     solid = tuple(Geom(part.shape, part.pose) for part in parts.parts)
     body = Body(FIXTURE, fixture.pose, 0.0, tuple(drawn), solid, parts.friction)

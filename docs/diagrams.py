@@ -16,7 +16,7 @@ FONT = "system-ui, 'DejaVu Sans', sans-serif"
 # From the ground up, and within a floor from left to right: a room imports only from rooms before it.
 # `tests/test_architecture.py` checks every module.
 FLOORS = {
-    "ground": ("errors", "support", "geometry"),
+    "ground": ("errors", "support", "shapes", "geometry"),
     "values": ("values", "scene", "goals", "design", "task", "trial"),
     "interfaces and events": ("interfaces", "events", "hooks"),
     "plugins and config": ("plugins", "config"),

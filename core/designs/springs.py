@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from core.design import Tool
 from core.designs.statics import corners
-from core.geometry import Array, mass_properties
+from core.geometry import Array
 
 _JOINTS = {
     "hinge": pin.JointModelRevoluteUnaligned,
@@ -37,7 +37,7 @@ def measure_lightness(tool: Tool) -> Array:
     for component in tool.components:
         name, pose = tool.borne[component.name]
         mass = component.mass
-        inertia = pin.Inertia(mass, *mass_properties(component.shape, mass))
+        inertia = pin.Inertia(mass, *component.shape.inertia(mass))
         model.appendBodyToJoint(numbers[name], inertia, pin.SE3(pose.matrix))
 
     data = model.createData()

@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 
 from core.design import DesignError, Tool
-from core.geometry import Array, Compound, Pose, Shape, mass_properties
+from core.geometry import Array, Pose, Shape
 from core.interfaces import Robot
 from core.robot.kinematics import arm_of, open_mounts
 from core.values.materials import Material
@@ -16,7 +16,7 @@ from core.values.materials import Material
 GRAVITY = 9.81  # m/s^2
 
 
-def corners(shape: Shape | Compound, pose: Pose) -> Array:
+def corners(shape: Shape, pose: Pose) -> Array:
     """Compute the corners of a shape's bounding box.
 
     Args:
@@ -48,7 +48,7 @@ def flange_moment(tool: Tool, robot: Robot) -> float:
     moments = np.zeros(3)  # of mass
     for component in tool.components:
         mount, pose = placed[component.name]
-        center, _ = mass_properties(component.shape, component.mass)
+        center, _ = component.shape.inertia(component.mass)
         moments += component.mass * (mounts[mount] @ pose).apply(center)
 
     return GRAVITY * float(np.linalg.norm(moments))

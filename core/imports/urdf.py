@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from core.errors import UserError, choices
-from core.geometry import Box, Color, Cylinder, Sphere, Triple
+from core.geometry import PRIMITIVES, Color, Primitive, Triple
 from core.support.text import shorten, visible
 from core.values.descriptions import (
     MOMENTS,
@@ -27,7 +27,6 @@ from core.values.descriptions import (
     Limits,
     Mimic,
     Origin,
-    Primitive,
     RobotJoint,
     RobotLink,
     RobotShape,
@@ -299,21 +298,21 @@ def _read_geometry(
         )
 
     (element,) = geometry
-    match element.tag:
-        case "box":
-            return Box(_read_numbers(element, "size", 3)), ONE
-        case "sphere":
-            return Sphere(*_read_numbers(element, "radius", 1)), ONE
-        case "cylinder":
-            radius = _read_numbers(element, "radius", 1)
-            return Cylinder(*radius, *_read_numbers(element, "length", 1)), ONE
-        case "mesh":
-            scale = _read_numbers(element, "scale", 3, *ONE)
-            if 0.0 in scale:
-                given = shorten(element.attrib["scale"])
-                raise UserError(f"mesh scale is {given}; no factor can be 0")
+    if element.tag == "mesh":
+        scale = _read_numbers(element, "scale", 3, *ONE)
+        if 0.0 in scale:
+            given = shorten(element.attrib["scale"])
+            raise UserError(f"mesh scale is {given}; no factor can be 0")
 
-            return find(element.get("filename", "")), scale
+        return find(element.get("filename", "")), scale
+
+    if element.tag in PRIMITIVES and PRIMITIVES[element.tag].in_urdf:
+        kind = PRIMITIVES[element.tag]
+        numbers = []
+        for name, count in kind.lengths().items():
+            numbers += _read_numbers(element, name, count)
+
+        return kind.of(*numbers), ONE
 
     tag = shorten(element.tag)[1:-1]
     raise UserError(f"<{tag}> is no shape of a URDF: use box, sphere, cylinder or mesh")

@@ -10,7 +10,7 @@ from itertools import chain
 import numpy as np
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool, ToolJoint
-from core.geometry import Array, Compound, Pose, Shape, mass_properties
+from core.geometry import Array, Pose, Shape
 from core.robot.shape_files import urdf_shapes
 from core.robot.writing import MeshPath, write, write_part
 from core.values.descriptions import (
@@ -116,9 +116,9 @@ def tool_parts(tool: Tool) -> Iterator[tuple[RobotLink, RobotJoint]]:
         yield link, _joint(component.name, component.parent, pose, component.joint)
 
 
-def weigh(shape: Shape | Compound, mass: float, pose: Pose) -> Weight:
+def weigh(shape: Shape, mass: float, pose: Pose) -> Weight:
     """Compute the inertia of a solid at a pose, in the axes of the frame that the pose is given in."""
-    center, tensor = mass_properties(shape, mass)
+    center, tensor = shape.inertia(mass)
     turn = pose.rotation_matrix
 
     return mass, pose.apply(center), turn @ tensor @ turn.T
@@ -164,7 +164,7 @@ def _place_shapes(
     """Make the collision and the visual shapes of a component at a pose in its link."""
     parts = component.shape.convex_parts()
     collisions = chain.from_iterable(urdf_shapes(part, pose) for part in parts)
-    drawn = urdf_shapes(component.shape.drawn, pose)
+    drawn = urdf_shapes(component.shape, pose)
     visuals = [replace(shape, color=component.color) for shape in drawn]
 
     return tuple(collisions), tuple(visuals)

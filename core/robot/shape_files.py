@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
-from core.geometry import Capsule, Cylinder, Mesh, Pose, Shape, Sphere
+from core.geometry import Mesh, Pose, Primitive, Shape
 from core.support.scratch import scratch, write_once
 from core.values.descriptions import Origin, RobotShape, rounded_shape
 
@@ -24,18 +22,18 @@ def urdf_shapes(shape: Shape, pose: Pose) -> list[RobotShape]:
 
         body, lower_end, upper_end = urdf_shapes(Capsule(0.01, 0.2), Pose())
     """
-    match shape:
-        case Capsule(radius, length):
-            shapes = urdf_shapes(Cylinder(radius, length), pose)
-            for end in (-length / 2, length / 2):
-                place = pose @ Pose(np.array([0.0, 0.0, end]))
-                shapes += urdf_shapes(Sphere(radius), place)
+    shapes = []
+    for part, place in shape.urdf_parts():
+        there = pose if place is None else pose @ place
+        written: Primitive | Path
+        if isinstance(part, Primitive):
+            written = rounded_shape(part)
+        else:
+            written = _write_mesh(part.triangles)
 
-            return shapes
-        case Mesh():
-            return [RobotShape(_write_mesh(shape), Origin.from_pose(pose))]
-        case _:
-            return [RobotShape(rounded_shape(shape), Origin.from_pose(pose))]
+        shapes.append(RobotShape(written, Origin.from_pose(there)))
+
+    return shapes
 
 
 def _write_mesh(mesh: Mesh) -> Path:

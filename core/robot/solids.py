@@ -15,22 +15,12 @@ from typing import Any
 import coal
 import numpy as np
 import trimesh
-from scipy.spatial import ConvexHull
 
 from core.design import Tool
-from core.geometry import (
-    Array,
-    Box,
-    Capsule,
-    Compound,
-    Cylinder,
-    Mesh,
-    Pose,
-    Shape,
-    Sphere,
-)
+from core.geometry import Array, Pose, Shape
 from core.robot.description import assembled
 from core.scene import Body, Geom
+from core.shapes.solid import convex_hull
 from core.values.robots import Robot
 
 WORLD = -1  # the frame of what never moves
@@ -66,41 +56,10 @@ class Solid:
         return self.pose.apply(middle), np.abs(self.pose.rotation_matrix) @ half
 
 
-def _hull(mesh: trimesh.Trimesh) -> Any:
-    """Build the convex hull of a mesh as a Coal shape."""
-    # As Trimesh's own, which takes ten times as long: it looks into each hull for holes.
-    hull = ConvexHull(mesh.vertices, qhull_options="QbB Pp Qt")
-    points = coal.StdVec_Vec3s()
-    points.extend(hull.points[hull.vertices])
-
-    corners = hull.points[hull.simplices]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    is_inward = np.sum(normals * hull.equations[:, :3], axis=1) < 0
-    simplices = hull.simplices.copy()
-    simplices[is_inward] = simplices[is_inward, ::-1]
-    numbers = np.searchsorted(hull.vertices, simplices)
-
-    faces = coal.StdVec_Triangle()
-    faces.extend(coal.Triangle(*face) for face in numbers.tolist())
-    return coal.Convex(points, faces)
-
-
 @lru_cache(maxsize=256)
 def solid_geometry(shape: Shape) -> Any:
     """Build a shape for Coal; kept, since scenes are made anew for each rollout, mostly of equal shapes."""
-    match shape:
-        case Box(size):
-            return coal.Box(*size)
-        case Sphere(radius):
-            # Coal's formula for a sphere in a cylinder goes out sideways, however
-            # near the end is. A capsule without a length takes the general way.
-            return coal.Capsule(radius, 0.0)
-        case Cylinder(radius, length):
-            return coal.Cylinder(radius, length)
-        case Capsule(radius, length):
-            return coal.Capsule(radius, length)
-        case Mesh():
-            return _hull(shape.to_trimesh())
+    return shape.coal()
 
 
 def corners(geometry: Any) -> Array:
@@ -120,7 +79,7 @@ def bounding_box(geometry: Any) -> tuple[Array, Array]:
     return (box.max_ + box.min_) / 2, (box.max_ - box.min_) / 2
 
 
-def solids_of(name: str, shape: Shape | Compound, pose: Pose) -> list[Solid]:
+def solids_of(name: str, shape: Shape, pose: Pose) -> list[Solid]:
     """Build the solids of a shape's convex parts."""
     return [Solid(name, solid_geometry(part), pose) for part in shape.convex_parts()]
 
@@ -205,7 +164,8 @@ def robot_solids(robot: Robot, gripper: bool) -> tuple[Solid, ...]:
         for part in link.collisions:
             shape = part.shape
             if isinstance(shape, Path):
-                geometry = _hull(trimesh.load_mesh(shape).apply_scale(part.scale))
+                mesh = trimesh.load_mesh(shape).apply_scale(part.scale)
+                geometry = convex_hull(mesh.vertices)
             else:
                 geometry = solid_geometry(shape)
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from lxml import etree
 
+from core.geometry import Primitive
 from core.values.descriptions import (
     MOMENTS,
     ONE,
@@ -90,8 +91,10 @@ def _shape_element(tag: str, shape: RobotShape, mesh_path: MeshPath) -> Any:
         scale = None if shape.scale == ONE else shape.scale
         body = _element("mesh", filename=mesh_path(solid), scale=scale)
     else:
-        # Our solids and their lengths are named as in URDF.
-        body = _element(type(solid).__name__.lower(), **vars(solid))
+        # They and their lengths are named as in URDF; others are files by now.
+        assert isinstance(solid, Primitive)
+        lengths = {name: getattr(solid, name) for name in solid.lengths()}
+        body = _element(solid.kind, **lengths)
 
     origin = _origin_element(shape.origin)
     return _element(tag, origin, _element("geometry", body))

@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.errors import UsageError
-from core.geometry import Array, Sphere
+from core.geometry import Array
 from core.goals import Evidence, Goal, Reach, check_names, limits, reaches
 from core.interfaces import Contact, Observation, Task
 from core.scene import Scene, State
@@ -463,7 +463,7 @@ class _Case:
 
         That of a ball can't be seen.
         """
-        if all(isinstance(part.shape, Sphere) for part in self.scene[name].collisions):
+        if all(part.shape.is_ball for part in self.scene[name].collisions):
             return np.zeros(states.positions.shape[:-2])
 
         upward = rotate_back(self.start.quaternion(name), np.array([0.0, 0.0, 1.0]))

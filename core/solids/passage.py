@@ -10,14 +10,13 @@ is downward, and no longer than the sheet is thick. The steps stand in docs/phys
 
 from __future__ import annotations
 
-import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from core.geometry import Array, Capsule, Cylinder, Sphere, running_sums
+from core.geometry import Array, running_sums
 from core.robot.solids import WORLD, corners
 from core.solids.near_pairs import Flags
 from core.solids.rollout_solids import ROBOT, Solids
@@ -373,15 +372,8 @@ def _extent(track: Track, direction: Array) -> float:
         track: of the solid.
         direction: (3,) along which it is measured, in the solid's frame.
     """
-    x, y, z = map(float, direction)
-
-    match track.shape:
-        case Sphere(radius):
-            return radius
-        case Capsule(radius, length):
-            return radius + length / 2 * abs(z)
-        case Cylinder(radius, length):
-            return radius * math.hypot(x, y) + length / 2 * abs(z)
+    if track.shape is not None and track.shape.is_round:
+        return track.shape.extent(direction)
 
     return float((corners(track.geometry) @ direction).max())
 

@@ -19,7 +19,7 @@ from core.robot.kinematics import finger_values, robot_model
 from core.robot.solids import Obstacles, body_solids
 from core.scene import Scene
 from core.solids.near_pairs import Flags
-from core.solids.rollout_solids import all_solids, thickness
+from core.solids.rollout_solids import all_solids
 from core.solids.tracks import (
     SAMPLE_HZ,
     Detour,
@@ -40,7 +40,7 @@ _SAME = 1e-6  # of a sample; the end of a motion is not one sample more
 def thinnest(scene: Scene) -> float:
     """Find the smallest extent of all collision shapes of a scene, metres."""
     shapes = [part.shape for body in scene.bodies for part in body.collisions]
-    return min(map(thickness, shapes), default=math.inf)
+    return min((shape.thickness for shape in shapes), default=math.inf)
 
 
 def sample_hz(
@@ -65,7 +65,7 @@ def sample_hz(
     Returns:
         The rate, at most `MAX_HZ`.
     """
-    thin = min([thinnest(scene), *(thickness(part.shape) for part in tool.parts)])
+    thin = min([thinnest(scene), *(part.shape.thickness for part in tool.parts)])
     wanted = _bound_tool_speed(robot, tool, trajectory, scene) / thin
 
     return min(MAX_HZ, SAMPLE_HZ * _round_up(wanted / SAMPLE_HZ))

@@ -10,7 +10,6 @@ from itertools import chain
 import numpy as np
 
 from core.design import Tool
-from core.geometry import Mesh, Shape, Sphere
 from core.robot.kinematics import RobotModel, jointed, robot_model
 from core.robot.solids import (
     WORLD,
@@ -60,30 +59,13 @@ class Solids:
         self.radii = np.full(len(solids), np.inf)
 
         for number, solid in enumerate(solids):
-            if isinstance(solid.shape, Mesh):
-                self.widths[number] = thickness(solid.shape) / 2
-            elif isinstance(solid.shape, Sphere):
-                self.radii[number] = solid.shape.radius
+            if solid.shape is not None:
+                self.widths[number] = solid.shape.thickness / 2
+                self.radii[number] = solid.shape.ball_radius
 
         corners = np.linalg.norm(np.abs(self.middles) + self.halves, axis=1)
         self.reaches = np.where(self.radii < np.inf, 0.0, corners)
         self.far = np.linalg.norm(self.positions, axis=1) + corners
-
-
-@lru_cache(maxsize=512)
-def thickness(shape: Shape) -> float:
-    """Measure how thick a shape is: along its own axes, or square to a face of a mesh's hull.
-
-    Returns:
-        The thickness, metres.
-    """
-    straight = float(shape.bounds[1].min())
-    if not isinstance(shape, Mesh):
-        return straight
-
-    convex = shape.to_trimesh().convex_hull
-    across = np.ptp(convex.vertices @ convex.face_normals.T, axis=0)
-    return min(straight, float(across.min()))
 
 
 @lru_cache(maxsize=8)

@@ -14,23 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from core.geometry import (
-    Array,
-    Box,
-    Capsule,
-    Color,
-    Cylinder,
-    Pose,
-    Shape,
-    Sphere,
-    Triple,
-    Vector,
-)
+from core.geometry import Array, Color, Pose, Primitive, Shape, Triple, Vector
 
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 MOVING = ("revolute", "continuous", "prismatic")
 
-Primitive = Box | Sphere | Cylinder | Capsule
 # Mass, its centre (3,), and the inertia tensor (3, 3) about it; one frame for all.
 Weight = tuple[float, Array, Array]
 ZERO: Triple = (0.0, 0.0, 0.0)
@@ -54,13 +42,7 @@ def rounded_all(values: Vector, form: str = DIGITS) -> Triple:
 
 def rounded_shape(shape: Primitive, form: str = PICOMETRES) -> Primitive:
     """Round the lengths of a shape."""
-    match shape:
-        case Box(size):
-            return Box(rounded_all(size, form))
-        case Sphere(radius):
-            return Sphere(rounded(radius, form))
-        case Cylinder(radius, length) | Capsule(radius, length):
-            return type(shape)(rounded(radius, form), rounded(length, form))
+    return shape.of(*rounded_all(shape.numbers, form))
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from core.errors import UsageError, check_positive
-from core.geometry import Box, Compound, Shape
+from core.geometry import Shape
 from core.values.tools import Tool
 
 STEEL_PA = 200e9  # Young's modulus; hardly a material that tools are made of is stiffer
@@ -64,14 +64,10 @@ class Material:
             return "solid"
         return f"walls of {self.wall_mm:g} mm, filled to {self.infill:.0%} inside"
 
-    def volume_of(self, shape: Shape | Compound) -> float:
+    def volume_of(self, shape: Shape) -> float:
         """Compute the volume of the material in a component of this shape, m^3."""
         wall = self.wall_mm / 1000
-        if isinstance(shape, Box):
-            inner = math.prod(max(0.0, side - 2 * wall) for side in shape.size)
-        else:
-            inner = max(0.0, shape.volume - wall * shape.area)
-        return shape.volume - (1 - self.infill) * inner
+        return shape.volume - (1 - self.infill) * shape.volume_inside(wall)
 
     def made(self, tool: Tool) -> Tool:
         """Return the tool as made of this material: with its friction, and its masses if they follow from it."""

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from core.geometry import Color, Compound, Pose, Shape, Triple
+from core.geometry import Color, Pose, Shape, Triple
 from core.values.contents import content_of, digest
 
 RIGID_MOUNT = "tool_mount"
@@ -90,7 +90,7 @@ class Component:
     name: str
     parent: str
     pose: Pose
-    shape: Shape | Compound
+    shape: Shape
     mass: float = 0.005
     color: Color = (0.2, 0.45, 0.8, 1.0)
     joint: ToolJoint | None = None

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from core.design import Component, Tool
 from core.errors import UsageError
-from core.geometry import Box, Compound, Mesh, Pose, Shape
+from core.geometry import Pose
 from core.robot.solids import Obstacles, Solid, body_solids, signed_distance
 from core.scene import Body, Scene
 
@@ -93,25 +93,9 @@ def _scale(component: Component, scale: float) -> Component:
     return replace(
         component,
         pose=Pose(scale * pose.position, pose.quaternion),
-        shape=_scale_shape(component.shape, scale),
+        shape=component.shape.scaled(scale),
         joint=joint,
     )
-
-
-def _scale_shape(shape: Shape | Compound, scale: float) -> Shape | Compound:
-    """Return a shape with all lengths scaled, about its frame."""
-    match shape:
-        case Box((x, y, z)):
-            return Box((scale * x, scale * y, scale * z))
-        case Mesh():
-            return Mesh(scale * shape.vertices, shape.faces)
-        case Compound(surface, parts):
-            scaled = [Mesh(scale * part.vertices, part.faces) for part in parts]
-            return Compound(
-                Mesh(scale * surface.vertices, surface.faces), tuple(scaled)
-            )
-    lengths = {name: scale * length for name, length in asdict(shape).items()}
-    return replace(shape, **lengths)
 
 
 def perturb(scene: Scene, ranges: PerturbationRange, draw: int) -> Scene:

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from core.geometry import Array, Mesh, Pose, frozen_array
+from core.geometry import Array, Pose, frozen_array
 from core.scene import Body, Geom
 
 _ROUNDING_M = 1e-12  # of a centre of mass
@@ -42,11 +42,7 @@ def _join_inertias(mass: float, parts: tuple[Geom, ...]) -> Inertia:
     """Compute the inertia of parts of ``mass`` in all, kg, see `inertia_of`."""
     meshes = []
     for part in parts:
-        mesh = part.shape.to_trimesh()
-        if isinstance(part.shape, Mesh):
-            mesh = mesh.convex_hull
-
-        meshes.append(mesh.apply_transform(part.pose.matrix))
+        meshes.append(part.shape.hull().apply_transform(part.pose.matrix))
 
     density = mass / sum(mesh.volume for mesh in meshes)
     first_moment = sum(mesh.volume * mesh.center_mass for mesh in meshes)

@@ -10,7 +10,6 @@ from core.design import Tool
 from core.designs.springs import bound_speeds, measure_lightness
 from core.errors import UsageError, check_positive
 from core.scene import Body, Scene
-from core.solids.rollout_solids import thickness
 
 LONGEST_S = 0.02
 WALL_M = 0.01  # what springs move goes no farther in a step than walls are thick
@@ -57,4 +56,4 @@ def spare_cards(scene: Scene, time_step: float) -> float:
 def _is_card(body: Body) -> bool:
     """Report whether a body is one thin shape."""
     shapes = [part.shape for part in body.collisions]
-    return len(shapes) == 1 and thickness(shapes[0]) < CARD_M
+    return len(shapes) == 1 and shapes[0].thickness < CARD_M

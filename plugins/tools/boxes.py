@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain, islice
+from types import MappingProxyType
 from typing import Any
 
 from core.design import DesignError
-from core.geometry import Array, Compound, Mesh, Pose, Shape
+from core.geometry import KINDS, PRIMITIVES, Array, Box, Pose, Primitive, Shape
 from core.support.text import shorten
 from plugins.tools.components import (
     DIGITS,
     NUMBER,
+    TEXT,
     TRIPLE,
     ComponentTools,
     ReadShape,
@@ -19,16 +22,9 @@ from plugins.tools.components import (
     read_numbers,
     rounded,
 )
-from plugins.tools.solids.making import PRIMITIVES, node_of
 
 FIELD = "tool_components"
-_SIZES = {
-    "box": ("size",),
-    "cylinder": ("radius", "length"),
-    "capsule": ("radius", "length"),
-    "sphere": ("radius",),
-}
-_KEYS = ("shape", "size", "radius", "length")
+_KEYS = ("shape", *dict.fromkeys(chain(*(kind.lengths() for kind in KINDS))))
 
 
 def _read_shape(item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
@@ -37,26 +33,27 @@ def _read_shape(item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
     Raises:
         DesignError: the shape is unknown, a size is missing or not above 0, or there is one that it has not.
     """
-    name = item.get("shape", "box")
-    if not isinstance(name, str) or name not in _SIZES:
+    name = item.get("shape", Box.kind)
+    if not isinstance(name, str) or name not in PRIMITIVES:
         raise DesignError(
-            f"{where}: shape must be one of {', '.join(_SIZES)}, not {shorten(str(name))}"
+            f"{where}: shape must be one of {', '.join(PRIMITIVES)}, not {shorten(str(name))}"
         )
 
+    kind = PRIMITIVES[name]
     check_keys(
         {key: None for key in _KEYS if key in item},
-        ("shape", *_SIZES[name]),
+        ("shape", *kind.lengths()),
         f"{where}, a {name},",
     )
 
     sizes = []
-    for size in _SIZES[name]:
+    for size, count in kind.lengths().items():
         place = f"{where}: {size}"
         value = item.get(size)
-        if name == "box":
-            numbers = read_numbers(value, 3, place)
-        else:
+        if count == 1:
             numbers = [read_number(value, place)]
+        else:
+            numbers = read_numbers(value, count, place)
 
         for number in numbers:
             if number < 10.0**-DIGITS:  # it would be written as 0
@@ -66,44 +63,50 @@ def _read_shape(item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
 
         sizes += numbers
 
-    return PRIMITIVES[name](*sizes), Pose()
+    return kind.of(*sizes), Pose()
+
+
+def _shape_schemas() -> Iterator[dict[str, Any]]:
+    """Yield the schema of the keys of shapes; those with the same lengths share one."""
+    alike: dict[tuple[str, ...], list[type[Primitive]]] = {}
+    for kind in KINDS:
+        alike.setdefault(tuple(kind.lengths()), []).append(kind)
+
+    for kinds in alike.values():
+        names = [kind.kind for kind in kinds]
+        schema: dict[str, Any] = {"shape": TEXT | {"enum": names}}
+        for size, count in kinds[0].lengths().items():
+            schema[size] = NUMBER if count == 1 else TRIPLE
+
+        yield schema
 
 
 class BoxTools(ComponentTools):
     """A tool is one field, ``tool_components``: boxes and round shapes."""
 
-    shapes = tuple(_SIZES)
+    shapes = tuple(PRIMITIVES)
     field = FIELD
     keys = _KEYS
     template = "boxes"
-    shape_schemas = (
-        {"shape": {"type": "string", "enum": ["box"]}, "size": TRIPLE},
-        {
-            "shape": {"type": "string", "enum": ["cylinder", "capsule"]},
-            "radius": NUMBER,
-            "length": NUMBER,
-        },
-        {"shape": {"type": "string", "enum": ["sphere"]}, "radius": NUMBER},
-    )
+    limits = MappingProxyType({"kinds": KINDS})
+    shape_schemas = tuple(_shape_schemas())
 
     def example_shape(self, size: Array) -> dict[str, Any]:
-        return {"shape": "box", "size": rounded(size)}
+        return {"shape": Box.kind, "size": rounded(size)}
 
     def readers(self) -> Iterable[ReadShape]:
         return [_read_shape]
 
-    def write_shape(self, shape: Shape | Compound, where: str) -> dict[str, Any]:
-        if isinstance(shape, Mesh | Compound):
+    def write_shape(self, shape: Shape, where: str) -> dict[str, Any]:
+        if not isinstance(shape, Primitive):
             raise DesignError(
                 f"{where} is a mesh, which tool=boxes can't write; use tool=solids"
             )
 
-        node = node_of(shape)
-        sizes = rounded(node.sizes)
-        if node.kind == "box":
-            return {"shape": "box", "size": sizes}
+        sizes = iter(rounded(shape.numbers))
+        item: dict[str, Any] = {"shape": shape.kind}
+        for name, count in shape.lengths().items():
+            numbers = list(islice(sizes, count))
+            item[name] = numbers[0] if count == 1 else numbers
 
-        return {
-            "shape": node.kind,
-            **dict(zip(_SIZES[node.kind], sizes, strict=True)),
-        }
+        return item

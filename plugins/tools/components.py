@@ -29,7 +29,7 @@ from core.designs.rules import (
     mount_solids,
 )
 from core.designs.schema import object_schema
-from core.geometry import Array, Color, Compound, Pose, Shape
+from core.geometry import Array, Color, Pose, Shape
 from core.interfaces import Brief, Robot
 from core.robot.description import assembled
 from core.robot.solids import closest, solids_of
@@ -55,7 +55,7 @@ TRIPLE = {"type": "array", "items": NUMBER, "minItems": 3, "maxItems": 3}
 
 # Gets a component and words for its place; returns its shape, and the shape's pose in the frame that the component's
 # position and rpy give.
-ReadShape = Callable[[Mapping[str, Any], str], tuple[Shape | Compound, Pose]]
+ReadShape = Callable[[Mapping[str, Any], str], tuple[Shape, Pose]]
 
 
 class ComponentTools(VariedTools):
@@ -89,7 +89,7 @@ class ComponentTools(VariedTools):
         """Return what reads the shapes of one tool, for each pass over its components; the last makes them."""
 
     @abstractmethod
-    def write_shape(self, shape: Shape | Compound, where: str) -> dict[str, Any]:
+    def write_shape(self, shape: Shape, where: str) -> dict[str, Any]:
         """Write a shape as `readers` read it."""
 
     def schema(self) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import Component, Tool
-from core.geometry import Array, Compound, Pose, Shape, resized
+from core.geometry import Array, Pose, Shape
 from core.interfaces import Numbers, ToolRepresentation
 from core.robot.solids import closest, solids_of
 from core.values.contents import content_of
@@ -69,8 +69,8 @@ def vary_tool(design: Tool, values: Array) -> Tool:
         design.components, changes, strict=True
     ):
         shape = component.shape
-        if growth.any() and not isinstance(shape, Compound):
-            shape = resized(shape, shape.bounds[1] * np.exp(growth))
+        if growth.any() and shape.is_convex:
+            shape = shape.resized(shape.bounds[1] * np.exp(growth))
 
         touch = goal = np.zeros(3)
         if component.parent in changed:
@@ -126,7 +126,7 @@ def _structure(tool: Tool) -> object:
     structure: list[tuple[object, object]] = []
     for component in tool.components:
         shape: object = type(component.shape)
-        if isinstance(component.shape, Compound):
+        if not component.shape.is_convex:
             shape = content_of(component.shape)
 
         structure.append((number.get(component.parent, component.parent), shape))
@@ -158,8 +158,8 @@ def _slid(
 
 def _scaled(
     point: Array,
-    before: Shape | Compound,
-    after: Shape | Compound,
+    before: Shape,
+    after: Shape,
 ) -> Array:
     """Find where a ``point`` (3,) of a shape is after the shape has grown, in the shape's frame."""
     middle, sides = before.bounds

@@ -22,7 +22,6 @@ from core.interfaces import (
     Task,
 )
 from core.scene import Filling, Scene, State
-from core.solids.rollout_solids import thickness
 from core.solids.tracks import Track
 from core.trial import Evaluation
 from plugins.results.workshop.tracks import body_tracks, robot_tracks
@@ -246,7 +245,7 @@ def inside(scene: Scene, tool: Tool, recording: Recording) -> tuple[float, str]:
                 ((one.low <= part.high) & (one.high >= part.low)).all(axis=1)
                 for part in parts
             ]
-            halves = [thickness(part.shape) / 2 for part in parts]
+            halves = [part.shape.thickness / 2 for part in parts]
             margin = min(EATEN_M, 0.6 * min(halves, default=0.0))
             points, cell = _plane(one.shape)
             around = margin * np.vstack([np.eye(3), -np.eye(3)])

@@ -10,7 +10,6 @@ from typing import Any
 import manifold3d
 
 from core.design import Tool
-from core.geometry import Compound
 from core.values.materials import Material
 from plugins.results.workshop.mount import Mount
 from plugins.results.workshop.printing import (
@@ -148,7 +147,7 @@ def _offset(placed: Placed, offset_mm: float) -> Any:
     Returns:
         A Manifold, millimetres.
     """
-    if not isinstance(placed[0], Compound):
+    if placed[0].is_convex:
         return union(widened([placed], offset_mm))
 
     cube = manifold3d.Manifold.cube((2 * abs(offset_mm),) * 3, True)

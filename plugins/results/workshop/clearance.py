@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from core.design import RIGID_MOUNT, Tool
-from core.geometry import Array, Pose, mass_properties
+from core.geometry import Array, Pose
 from core.interfaces import Recording
 from core.robot.description import assemble, merge_inertias
 from core.robot.kinematics import arm_of, open_mounts, robot_model
@@ -171,7 +171,7 @@ def payload(robot: Robot, tool: Tool) -> dict[str, Any]:
         mount, pose = placed[component.name]
         in_link = robot.mount @ mounts[mount] @ pose
         turn = in_link.rotation_matrix
-        center, inertia = mass_properties(component.shape, component.mass)
+        center, inertia = component.shape.inertia(component.mass)
         turned = turn @ inertia @ turn.T
         parts.append((component.mass, in_link.apply(center), turned))
 

@@ -11,7 +11,6 @@ from core.interfaces import Condition, Material, Robot, Trial
 from core.robot.kinematics import arm_of
 from core.robot.trajectory import plan_task_motion
 from core.scene import Scene
-from core.solids.rollout_solids import thickness
 from core.solids.self_collision import DEEP_M
 from plugins.results.workshop.clearance import clearance
 from plugins.results.workshop.dry_run import DryRun
@@ -175,7 +174,7 @@ def _check_fixture(tool: Tool, min_wall_mm: float) -> list[Check]:
 
     checks = []
     for part in tool.fixture.parts.parts:
-        wall = 1000 * thickness(part.shape)
+        wall = 1000 * part.shape.thickness
         text = f"thinnest {wall:.2f} mm, at least {min_wall_mm:g} mm"
         name = f"walls, {part.component} of the fixture"
         checks.append(Check(name, wall >= min_wall_mm, text))

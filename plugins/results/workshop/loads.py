@@ -23,7 +23,7 @@ from core.designs.rules import check_contacts
 from core.designs.statics import GRAVITY
 from core.designs.stiffness import Beams
 from core.errors import UserError
-from core.geometry import Array, Pose, Sphere, mass_properties
+from core.geometry import Array, Pose, Sphere
 from core.interfaces import Pushes, Recording
 from core.robot.kinematics import link_frames
 from core.robot.solids import solid_geometry
@@ -95,7 +95,7 @@ def weights(tool: Tool, robot: Robot, motion: Sampled) -> list[Pull]:
     for component in tool.components:
         mount, pose = placed[component.name]
         turned, moved = frames[mount]
-        middle, _ = mass_properties(component.shape, component.mass)
+        middle, _ = component.shape.inertia(component.mass)
         center = pose.apply(middle)
         pulls = np.tile([0.0, 0.0, GRAVITY], (len(motion.times), 1))
         path = moved + turned @ center

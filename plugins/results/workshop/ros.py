@@ -75,13 +75,12 @@ def scene_message(robot: Robot, scene: Scene) -> dict[str, Any]:
 
 def _shape(shape: Shape) -> tuple[str, dict[str, Any]]:
     """Return a ``shape_msgs`` primitive or mesh, and the key of the message under which it stands."""
-    match shape:
-        case Box(size):
-            return "primitives", {"type": 1, "dimensions": _rounded(np.array(size))}
-        case Sphere(radius):
-            return "primitives", {"type": 2, "dimensions": [radius]}
-        case Cylinder(radius, length):
-            return "primitives", {"type": 3, "dimensions": [length, radius]}
+    if isinstance(shape, Box):
+        return "primitives", {"type": 1, "dimensions": _rounded(np.array(shape.size))}
+    if isinstance(shape, Sphere):
+        return "primitives", {"type": 2, "dimensions": [shape.radius]}
+    if isinstance(shape, Cylinder):
+        return "primitives", {"type": 3, "dimensions": [shape.length, shape.radius]}
 
     mesh = shape.to_trimesh()
     triangles = [{"vertex_indices": face} for face in mesh.faces.tolist()]

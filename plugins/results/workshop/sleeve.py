@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from core.geometry import Array, Mesh, Pose, resized
+from core.geometry import Array, Mesh, Pose
 from core.robot.extents import Finger, fingers_of
 from core.robot.solids import corners, robot_solids
 from core.values.robots import Robot
@@ -45,9 +45,7 @@ def on_finger(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
     gap = fit.sleeve_mm / 1000
     wall = WALL_MM / 1000
     slid = _slide_to_base(robot, finger)
-    cavity = tuple(
-        (resized(shape, shape.bounds[1] + 2 * gap), Pose()) for shape in slid
-    )
+    cavity = tuple((shape.resized(shape.bounds[1] + 2 * gap), Pose()) for shape in slid)
     low, high = _find_clasped(slid, finger)
     low = low - gap
     high = high + gap

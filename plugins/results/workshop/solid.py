@@ -16,9 +16,9 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool, ToolJoint
-from core.geometry import Array, Box, Compound, Cylinder, Mesh, Pose, Shape, resized
+from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape
 
-Placed = tuple[Shape | Compound, Pose]
+Placed = tuple[Shape, Pose]
 
 NAMES = {
     RIGID_MOUNT: "tool",
@@ -116,11 +116,11 @@ def widened(shapes: Sequence[Placed], weld_mm: float) -> list[Placed]:
     stays = weld_mm <= WELDS_MM[0]
     moved: list[Placed] = []
     for shape, pose in shapes:
-        if stays and isinstance(shape, Compound):
+        if stays and not shape.is_convex:
             moved.append((shape, pose))
         else:
             size = shape.bounds[1] + 0.002 * weld_mm
-            moved.append((resized(shape, size), pose))
+            moved.append((shape.resized(size), pose))
 
     return moved
 

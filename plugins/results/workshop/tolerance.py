@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import Component, Tool
-from core.geometry import Pose, resized
+from core.geometry import Pose
 from core.interfaces import Condition
 from core.solids.contacts import nearest
 from core.solids.record_rate import subset
@@ -89,7 +89,7 @@ def draw_tools(tool: Tool, off_m: float) -> list[Tool]:
         components = []
         for component in tool.components:
             size = component.shape.bounds[1] + off_m * rng.choice(signs, 3)
-            shape = resized(component.shape, np.maximum(size, THINNEST_M))
+            shape = component.shape.resized(np.maximum(size, THINNEST_M))
             components.append(replace(component, shape=shape))
 
         drawn.append(replace(tool, components=tuple(components)))

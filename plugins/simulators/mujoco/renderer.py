@@ -81,7 +81,7 @@ class MuJoCoRenderer(Renderer):
 
         for component in shown.components:
             bearer, pose = shown.borne[component.name]
-            drawn = Geom(component.shape.drawn, pose, component.color)
+            drawn = Geom(component.shape, pose, component.color)
             _show(spec, spec.body(bearer), drawn)
 
         scene = task.scene(seed).furnished(tool)
@@ -281,9 +281,9 @@ def _show(spec: Element, bearer: Element, part: Geom) -> None:
     geom.contype = 0
     geom.conaffinity = 0
     geom.mass = 1e-6
-    if isinstance(part.shape, Mesh):
+    if geom.meshname:
         mesh = spec.mesh(geom.meshname)
-        mesh.userface = np.ravel(part.shape.faces).astype(np.int32)
+        mesh.userface = np.ravel(part.shape.triangles.faces).astype(np.int32)
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # for open meshes
 
 

@@ -2,39 +2,46 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
+from core.geometry import Box, Capsule, Cylinder, Pose, Shape, Sphere
 from plugins.simulators.inertia import Inertia
 from plugins.simulators.mujoco.engine import mujoco
 
 Element = Any  # of an MjSpec
 
 
+_GEOMS = mujoco.mjtGeom
+
+
+def _round_size(shape: Cylinder | Capsule) -> list[float]:
+    return [shape.radius, shape.length / 2, 0.0]
+
+
+# MuJoCo's own shapes, and their sizes there; others are meshes.
+_NATIVES: dict[type[Shape], tuple[Any, Callable[[Any], list[float]]]] = {
+    Box: (_GEOMS.mjGEOM_BOX, lambda box: [side / 2 for side in box.size]),
+    Sphere: (_GEOMS.mjGEOM_SPHERE, lambda ball: [ball.radius, 0.0, 0.0]),
+    Cylinder: (_GEOMS.mjGEOM_CYLINDER, _round_size),
+    Capsule: (_GEOMS.mjGEOM_CAPSULE, _round_size),
+}
+
+
 def add_geom(spec: Element, bearer: Element, shape: Shape, pose: Pose) -> Element:
     """Add a collision shape to a body of the spec; a mesh by its vertices alone, so that it is its convex hull."""
+    kind = _GEOMS.mjGEOM_MESH
     size = [0.0, 0.0, 0.0]
     mesh = ""
 
-    match shape:
-        case Box():
-            kind = mujoco.mjtGeom.mjGEOM_BOX
-            size = [side / 2 for side in shape.size]
-        case Sphere():
-            kind = mujoco.mjtGeom.mjGEOM_SPHERE
-            size = [shape.radius, 0.0, 0.0]
-        case Cylinder():
-            kind = mujoco.mjtGeom.mjGEOM_CYLINDER
-            size = [shape.radius, shape.length / 2, 0.0]
-        case Capsule():
-            kind = mujoco.mjtGeom.mjGEOM_CAPSULE
-            size = [shape.radius, shape.length / 2, 0.0]
-        case Mesh():
-            kind = mujoco.mjtGeom.mjGEOM_MESH
-            mesh = f"mesh_{len(spec.meshes)}"
-            spec.add_mesh(name=mesh, uservert=np.ravel(shape.vertices))
+    if type(shape) in _NATIVES:
+        kind, measure = _NATIVES[type(shape)]
+        size = measure(shape)
+    else:
+        mesh = f"mesh_{len(spec.meshes)}"
+        spec.add_mesh(name=mesh, uservert=np.ravel(shape.triangles.vertices))
 
     return bearer.add_geom(
         type=kind, size=size, meshname=mesh, pos=pose.position, quat=pose.quaternion

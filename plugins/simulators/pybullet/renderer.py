@@ -73,18 +73,17 @@ class PyBulletRenderer(Renderer):
         """Add a shape, and return the number of its body."""
         look = {"rgbaColor": part.color, "specularColor": [0.1, 0.1, 0.1]}
 
-        match part.shape:
-            case Box(size=size):
-                shape = self._client.createVisualShape(
-                    self._client.GEOM_BOX,
-                    halfExtents=[side / 2 for side in size],
-                    **look,
-                )
-            case _:  # PyBullet's own spheres have corners, and its cylinders no edges
-                file = str(facets_file(part.shape, self._folder))
-                shape = self._client.createVisualShape(
-                    self._client.GEOM_MESH, fileName=file, **look
-                )
+        if isinstance(part.shape, Box):
+            shape = self._client.createVisualShape(
+                self._client.GEOM_BOX,
+                halfExtents=[side / 2 for side in part.shape.size],
+                **look,
+            )
+        else:  # PyBullet's own spheres have corners, and its cylinders no edges
+            file = str(facets_file(part.shape, self._folder))
+            shape = self._client.createVisualShape(
+                self._client.GEOM_MESH, fileName=file, **look
+            )
 
         return int(self._client.createMultiBody(0, -1, shape))
 

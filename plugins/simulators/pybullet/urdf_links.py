@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from core.geometry import Mesh, Pose, Shape
+from core.geometry import Box, Capsule, Cylinder, Pose, Primitive, Shape, Sphere
 from core.scene import Body
 from core.support.scratch import write_once
 from core.values.descriptions import (
     Inertial,
     Origin,
-    Primitive,
     RobotShape,
     rounded,
     rounded_shape,
@@ -22,6 +21,7 @@ from core.values.descriptions import (
 from plugins.simulators.inertia import Inertia
 from plugins.simulators.rolling import rollers
 
+_NATIVES = (Box, Sphere, Cylinder, Capsule)  # others are meshes
 DIGITS = ".12g"  # of numbers in files
 # The least arm of rolling friction of what rolls on a line, metres: it crept otherwise.
 _LEAST_ROLLING = 2e-4
@@ -59,11 +59,11 @@ def collisions_of(body: Body, folder: Path, place: Pose) -> tuple[RobotShape, ..
     shapes = []
     for part in body.collisions:
         shape: Primitive | Path
-        if isinstance(part.shape, Mesh):
+        if isinstance(part.shape, _NATIVES):
+            shape = rounded_shape(part.shape, DIGITS)
+        else:
             text = str(part.shape.to_trimesh().export(file_type="obj"))
             shape = text_file(folder, text, "obj")
-        else:
-            shape = rounded_shape(part.shape, DIGITS)
 
         origin = Origin.from_pose(place @ part.pose, DIGITS)
         shapes.append(RobotShape(shape, origin))

@@ -16,7 +16,6 @@ from core.geometry import (
     Box,
     Capsule,
     Cylinder,
-    Mesh,
     Pose,
     Shape,
     Sphere,
@@ -120,26 +119,42 @@ def to_sapien(pose: Pose) -> Any:
 
 def _collider(shape: Shape | Path, material: Any, folder: Path) -> Any:
     """Make a collision shape. Hulls are computed once per file; the files are written to ``folder``."""
-    match shape:
-        case Path():
-            return _hull(shape, material)
+    if isinstance(shape, Path):
+        return _hull(shape, material)
 
-        case Box(size=size):
-            # As a hull: PhysX's box-box test loses the contact of an edge that leans on a thin wall's edge.
-            return _hull(_cube(folder), material, size)
+    if type(shape) in _NATIVES:
+        return _NATIVES[type(shape)](shape, material, folder)
 
-        case Sphere(radius=radius):
-            return physx.PhysxCollisionShapeSphere(radius, material)
+    mesh = shape.triangles
+    content = mesh.vertices.tobytes() + mesh.faces.tobytes()
+    name = hashlib.sha256(content).hexdigest()[:16]
+    return _hull(_file(folder, name, mesh.to_trimesh), material)
 
-        case Cylinder(radius=radius, length=length):
-            return _hull(_prism(folder), material, (radius, radius, length))
 
-        case Capsule(radius=radius, length=length):
-            return physx.PhysxCollisionShapeCapsule(radius, length / 2, material)
+def _add_box(box: Box, material: Any, folder: Path) -> Any:
+    """Make a box as a hull: PhysX's box-box test loses the contact of an edge that leans on a thin wall's edge."""
+    return _hull(_cube(folder), material, box.size)
 
-        case Mesh(vertices=vertices, faces=faces):
-            digest = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest()
-            return _hull(_file(folder, digest[:16], shape.to_trimesh), material)
+
+def _add_sphere(ball: Sphere, material: Any, _folder: Path) -> Any:
+    return physx.PhysxCollisionShapeSphere(ball.radius, material)
+
+
+def _add_cylinder(rod: Cylinder, material: Any, folder: Path) -> Any:
+    return _hull(_prism(folder), material, (rod.radius, rod.radius, rod.length))
+
+
+def _add_capsule(rod: Capsule, material: Any, _folder: Path) -> Any:
+    return physx.PhysxCollisionShapeCapsule(rod.radius, rod.length / 2, material)
+
+
+# What makes a shape of its own; others are hulls of their triangles.
+_NATIVES: dict[type[Shape], Callable[[Any, Any, Path], Any]] = {
+    Box: _add_box,
+    Sphere: _add_sphere,
+    Cylinder: _add_cylinder,
+    Capsule: _add_capsule,
+}
 
 
 def _hull(file: Path, material: Any, scale: Triple = (1.0, 1.0, 1.0)) -> Any:

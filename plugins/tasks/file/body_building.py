@@ -49,13 +49,10 @@ def build_body(spec: BodySpec, files: Files) -> Body:
 def build_mark(spec: MarkSpec) -> Body:
     """Build a mark, in the frame that it is placed in: drawn through where it has a shape."""
     color = rgba(spec.color)
-    shape: Shape | None = spec.sphere or spec.cylinder
-    if spec.box is not None:
-        shape = Box(spec.box)
-    if shape is None:
+    if spec.primitive is None:
         return Body.mark(spec.name, spec.position, spec.radius, color)
 
-    drawn = Geom(shape, color=(*color[:3], SEEN_THROUGH))
+    drawn = Geom(spec.primitive, color=(*color[:3], SEEN_THROUGH))
     return Body(spec.name, read_pose(spec), 0.0, (drawn,), ())
 
 
@@ -220,9 +217,5 @@ def _shapes(spec: ShapeSpec) -> Iterator[tuple[Shape, Pose]]:
             cup = replace(cup, handle=cup.handle or HANDLE_M)
 
         yield from shape_vessel(cup)
-    elif spec.box is not None:
-        yield Box(spec.box), Pose()
-    else:
-        shape = spec.sphere or spec.cylinder or spec.capsule
-        if shape is not None:
-            yield shape, Pose()
+    elif spec.primitive is not None:
+        yield spec.primitive, Pose()

@@ -132,7 +132,8 @@ def _stand_in(tree: Tree, spec: SceneSpec) -> Body:
         )
         raise tree.error(("goals",), problem)
 
-    mark = MarkSpec(name=FIXTURE, position=region.position, box=region.box)
+    place = {"position": region.position, "box": region.box}
+    mark = MarkSpec.model_validate({"name": FIXTURE, **place})
     return build_mark(mark)
 
 

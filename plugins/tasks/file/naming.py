@@ -10,7 +10,6 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from core.errors import UsageError, choices
-from core.geometry import Capsule, Cylinder, Sphere
 from core.goals import (
     NAMED,
     Apart,
@@ -229,11 +228,8 @@ def _is_round(body: Body, *, ball: bool = False) -> bool:
     for part in body.collisions:
         offset = part.pose.position if ball else part.pose.position[:2]
         turned = part.pose.rotation.apply([0.0, 0.0, 1.0])
-        if isinstance(part.shape, Sphere):
-            alike = True
-        else:
-            alike = not ball and isinstance(part.shape, Cylinder | Capsule)
-            alike = alike and abs(float(turned[2])) > 1 - 1e-9
+        upright = abs(float(turned[2])) > 1 - 1e-9
+        alike = part.shape.is_ball or (not ball and part.shape.is_round and upright)
         if not alike or np.abs(offset).max() > 1e-9:
             return False
 

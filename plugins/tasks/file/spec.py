@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, fields
 from functools import cache
 from importlib.resources import files
-from typing import Annotated, Any, Literal, Self, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_type_hints
 
 import numpy as np
 import yaml
@@ -28,7 +28,7 @@ from pydantic import (
 from pydantic import model_validator as check_whole
 from pydantic_core import core_schema
 
-from core.geometry import Capsule, Cylinder, Sphere
+from core.geometry import PRIMITIVES, Primitive
 from core.goals import Reach
 from core.scene import Bond, Camera, Cloth, Color, Elastic, Joint, Rope
 from core.support.checking import STRICT, check_plain, find_mistakes, in_unit
@@ -60,7 +60,7 @@ _RIGID = (
     "breaks_n",
 )
 _SOFT = ("rope", "cloth", "counts", "pinned")
-SHAPES = ("box", "sphere", "cylinder", "capsule", "tube", "cup", "mug", "bottle")
+SHAPES = (*PRIMITIVES, "tube", "cup", "mug", "bottle")
 
 _METRES = in_unit("it is in metres")
 Length = Annotated[float, Field(gt=limits.SHORTEST_M, le=limits.LONGEST_M), _METRES]
@@ -187,12 +187,24 @@ def _read_round(kind: type, *without: str) -> GetPydanticSchema:
     return _read_dataclass(kind, without, **lengths)
 
 
-def _radius(given: Any) -> Any:
-    """Read a number as a sphere's radius, as there is no other."""
-    if isinstance(given, int | float):
-        return {"radius": given}
+def _read_primitive(kind: type[Primitive]) -> Any:
+    """Read a kind of shape by its lengths; where it has one only, that length may stand for it."""
+    lengths = kind.lengths()
+    name, *others = lengths
+    if others:
+        return Annotated[kind, _read_round(kind)]
 
-    return given
+    count = lengths[name]
+    if count > 1:
+        listed: Any = tuple[(Length,) * count]  # type: ignore[misc]
+        return Annotated[listed, AfterValidator(kind)]
+
+    def read(given: Any) -> Any:
+        return {name: given} if isinstance(given, int | float) else given
+
+    spec: Any = Annotated[kind, _read_round(kind)]
+    alone = BeforeValidator(read, json_schema_input_type=float | spec)
+    return Annotated[spec, alone]
 
 
 def _goal_entry() -> GetPydanticSchema:
@@ -257,10 +269,6 @@ class _Spec(BaseModel):
     model_config = ConfigDict(**STRICT, use_attribute_docstrings=True)
 
 
-SphereSpec = Annotated[Sphere, _read_round(Sphere)]
-SphereOrRadius = Annotated[
-    SphereSpec, BeforeValidator(_radius, json_schema_input_type=float | SphereSpec)
-]
 NECK = ("neck", "neck_length")
 TubeSpec = Annotated[Vessel, _read_round(Vessel, *NECK, "handle", "floor")]
 CupSpec = Annotated[Vessel, _read_round(Vessel, *NECK, "handle")]
@@ -268,13 +276,35 @@ MugSpec = Annotated[Vessel, _read_round(Vessel, *NECK)]
 BottleSpec = Annotated[Vessel, _read_round(Vessel, "handle")]
 
 
-class ShapeSpec(_Spec):
+class _Primitives(_Spec):
+    """A part that may have a shape of a few lengths, under a key of its kind."""
+
+    @property
+    def primitive(self) -> Primitive | None:
+        """The first that is given."""
+        given = [getattr(self, kind, None) for kind in PRIMITIVES]
+        return next((shape for shape in given if shape is not None), None)
+
+
+def _add_keys(*kinds: str) -> type[_Primitives]:
+    """Make a model with the keys of kinds of shapes."""
+    entries: dict[str, Any] = {
+        kind: (_read_primitive(PRIMITIVES[kind]) | None, None) for kind in kinds
+    }
+    return create_model("Primitives", __base__=_Primitives, **entries)
+
+
+if TYPE_CHECKING:  # Mypy reads no models that are made at runtime
+    _Shaped = _Primitives
+    _Space = _Primitives
+else:
+    _Shaped = _add_keys(*PRIMITIVES)
+    _Space = _add_keys("box", "cylinder", "sphere")
+
+
+class ShapeSpec(_Shaped):
     """One shape, and where it is in the body's frame. ``file`` is for a body of its own."""
 
-    box: tuple[Length, Length, Length] | None = None
-    sphere: SphereOrRadius | None = None
-    cylinder: Annotated[Cylinder, _read_round(Cylinder)] | None = None
-    capsule: Annotated[Capsule, _read_round(Capsule)] | None = None
     tube: TubeSpec | None = None
     cup: CupSpec | None = None
     mug: MugSpec | None = None
@@ -419,7 +449,7 @@ class ImportSpec(_Spec):
     """Names of its bodies, or patterns, that are left out with all that hangs from them, such as its own arm."""
 
 
-class MarkSpec(_Spec):
+class MarkSpec(_Space):
     """A mark that nothing touches: flat and round, or with a shape, whose space bodies can be ``inside``."""
 
     name: Name
@@ -429,9 +459,6 @@ class MarkSpec(_Spec):
     radius: Length = 0.05
     height: Length = COLUMN_M
     """How high above a flat one is still inside it, m."""
-    box: tuple[Length, Length, Length] | None = None
-    cylinder: Annotated[Cylinder, _read_round(Cylinder)] | None = None
-    sphere: SphereOrRadius | None = None
     color: ColorName = "royalblue"
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from core.errors import UsageError
-from core.geometry import Box, Capsule, Cylinder, Sphere
+from core.geometry import Primitive
 from core.goals import (
     Away,
     Broken,
@@ -29,8 +29,6 @@ HALF_TURN_DEG = 180.0
 """The largest angle between two directions."""
 
 _ROUNDING = 1e-9
-# Shapes in which a ball fits that is as wide as their smallest side.
-_WHOLE = (Box, Capsule, Cylinder, Sphere)
 _MOVED = (Placed, Away, Inside)  # kinds that say how far a body itself has to get
 
 Numbered = Sequence[tuple[int, Goal]]
@@ -111,7 +109,8 @@ def find_too_wide(goals: Sequence[Goal], scene: Scene) -> Iterator[str]:
             widest = 2 * part.space.passage
             for name in goal.bodies:
                 shapes = [geom.shape for geom in scene[name].collisions]
-                is_known = len(shapes) == 1 and isinstance(shapes[0], _WHOLE)
+                # Those in which a ball fits that is as wide as their smallest side.
+                is_known = len(shapes) == 1 and isinstance(shapes[0], Primitive)
                 if not is_known or goal.progress(state, state) >= 1.0:
                     continue
 

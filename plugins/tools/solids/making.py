@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,15 +13,13 @@ from manifold3d import Manifold, OpType
 
 from core.design import DesignError
 from core.geometry import (
+    PRIMITIVES,
     Array,
-    Box,
-    Capsule,
     Compound,
-    Cylinder,
     Mesh,
     Pose,
+    Primitive,
     Shape,
-    Sphere,
 )
 from plugins.tools.solids.building import MAX_TRIANGLES, TooFine, convex_parts, surface
 from plugins.tools.solids.cutting import (
@@ -32,7 +29,7 @@ from plugins.tools.solids.cutting import (
     is_convex,
     vertices_of,
 )
-from plugins.tools.solids.reading import Node
+from plugins.tools.solids.reading import SIZES, Node
 
 WITHIN_M = 0.001
 """The most between a solid and its convex parts, both ways."""
@@ -53,13 +50,6 @@ _TOLERANCES = (Tolerance(0.95, 0.95), Tolerance(0.85, 0.4), Tolerance(0.45, 0.2)
 _SLIM = (0.02, 0.05, 0.1, 0.2, 0.4)  # within which corners are left out, mm
 _SAMPLES = 400  # points of a surface
 
-PRIMITIVES: dict[str, Callable[..., Shape]] = {
-    "box": lambda *sides: Box(sides),
-    "sphere": Sphere,
-    "cylinder": Cylinder,
-    "capsule": Capsule,
-}
-
 
 @dataclass(frozen=True, eq=False)
 class WrittenMesh(Mesh):
@@ -76,7 +66,7 @@ class WrittenCompound(Compound):
 
 
 @lru_cache(maxsize=512)
-def make_shape(tree: Node, most: int = MAX_PARTS) -> tuple[Shape | Compound, Pose]:
+def make_shape(tree: Node, most: int = MAX_PARTS) -> tuple[Shape, Pose]:
     """Make the shape of a solid, and its pose in the component's frame.
 
     Args:
@@ -92,7 +82,7 @@ def make_shape(tree: Node, most: int = MAX_PARTS) -> tuple[Shape | Compound, Pos
     """
     pose = Pose.xyz_rpy(tree.at[:3], tree.at[3:])
     if tree.kind in PRIMITIVES:
-        return PRIMITIVES[tree.kind](*tree.sizes), pose
+        return PRIMITIVES[tree.kind].of(*tree.sizes), pose
 
     try:
         solid = surface(tree)
@@ -114,21 +104,17 @@ def make_shape(tree: Node, most: int = MAX_PARTS) -> tuple[Shape | Compound, Pos
         ) from error
 
 
-def node_of(shape: Shape | Compound) -> Node:
+def node_of(shape: Shape) -> Node:
     """Return the tree that a shape was made from, or one that makes an equal shape; of a compound, of its parts."""
-    match shape:
-        case WrittenMesh(tree=Node() as tree) | WrittenCompound(tree=tree):
-            return tree
-        case Box(size):
-            return Node("box", size)
-        case Sphere(radius):
-            return Node("sphere", (radius,))
-        case Cylinder(radius, length) | Capsule(radius, length):
-            return Node(type(shape).__name__.lower(), (radius, length))
-        case Mesh(vertices):
-            return Node("hull", points=tuple(map(tuple, vertices.tolist())))
-        case _:
-            return Node("union", children=tuple(map(node_of, shape.parts)))
+    if isinstance(shape, WrittenMesh | WrittenCompound) and shape.tree is not None:
+        return shape.tree
+    if isinstance(shape, Primitive) and shape.kind in SIZES:
+        return Node(shape.kind, shape.numbers)
+    if shape.is_convex:
+        corners = shape.triangles.vertices.tolist()
+        return Node("hull", points=tuple(map(tuple, corners)))
+
+    return Node("union", children=tuple(map(node_of, shape.convex_parts())))
 
 
 def _parts(tree: Node, solid: Manifold, most: int) -> tuple[Mesh, ...]:

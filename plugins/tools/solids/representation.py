@@ -34,9 +34,7 @@ class _Reader:
         self._triangles = 0
         self._parts = 0
 
-    def read(
-        self, item: Mapping[str, Any], where: str
-    ) -> tuple[Shape | Compound, Pose]:
+    def read(self, item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
         """Read a tree; what is returned stands in for its shape."""
         node = self._reader.read(item.get("solid"), f"{where}: solid")
         self._trees[where] = node
@@ -50,9 +48,7 @@ class _Reader:
 
         return Box((1.0, 1.0, 1.0)), Pose()
 
-    def make(
-        self, item: Mapping[str, Any], where: str
-    ) -> tuple[Shape | Compound, Pose]:
+    def make(self, item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
         try:
             shape, pose = make_shape(self._trees[where], MAX_PARTS - self._parts)
         except DesignError as error:
@@ -96,5 +92,5 @@ class SolidTools(ComponentTools):
         reader = _Reader()
         return [reader.read, reader.make]
 
-    def write_shape(self, shape: Shape | Compound, where: str) -> dict[str, Any]:
+    def write_shape(self, shape: Shape, where: str) -> dict[str, Any]:
         return {"solid": json.dumps(dump_node(node_of(shape)), separators=(",", ":"))}

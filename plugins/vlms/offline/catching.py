@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.random import Generator
 
-from core.geometry import Array, Cylinder, Sphere
+from core.geometry import Array, Cylinder
 from core.scene import Body
 from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.chance import Range
@@ -79,7 +79,7 @@ def _goes_on(body: Body) -> bool:
     if body.fixed or speed < _MOVES_M_S or abs(z) > speed:
         return False
 
-    rolls = all(isinstance(part.shape, Sphere) for part in body.collisions)
+    rolls = all(part.shape.is_ball for part in body.collisions)
     for part in body.collisions:
         axis = (body.pose @ part.pose).rotation.apply(UP)
         lies = abs(axis[2]) < _LEVEL and abs(axis @ body.velocity) < _LEVEL * speed

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
-from core.geometry import Array, Pose, Sphere
+from core.geometry import Array, Pose
 from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.chance import Range
 from plugins.vlms.offline.heads import Head, Piece, add_stem, make_cup, make_pen
@@ -87,7 +87,7 @@ def is_turned_by_walls(subgoal: Subgoal) -> bool:
         subgoal: with one body.
     """
     shapes = [geom.shape for geom in subgoal.solids[0].body.collisions]
-    if not shapes or all(isinstance(shape, Sphere) for shape in shapes):
+    if not shapes or all(shape.is_ball for shape in shapes):
         return False
 
     extent = subgoal.extent(find_heading(subgoal, 1.0))

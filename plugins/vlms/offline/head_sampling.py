@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.random import Generator
 
-from core.geometry import Array, Sphere
+from core.geometry import Array
 from plugins.vlms.offline.boxes import LEVEL, UP
 from plugins.vlms.offline.chance import Range, draw
 from plugins.vlms.offline.detours import (
@@ -399,8 +399,8 @@ class _HeadDrawing:
             return None
 
         shapes = [geom.shape for geom in subgoal.solids[0].body.collisions]
-        if len(shapes) == 1 and isinstance(shapes[0], Sphere):
-            return float(shapes[0].radius)
+        if len(shapes) == 1 and shapes[0].is_ball:
+            return shapes[0].ball_radius
 
         return None
 

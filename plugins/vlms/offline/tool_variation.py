@@ -15,7 +15,7 @@ from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
 from core.design import Component, Tool
-from core.geometry import Box, Pose, resized
+from core.geometry import Box, Pose
 from plugins.vlms.offline.boxes import Boxes, separations
 from plugins.vlms.offline.chance import Range, draw
 
@@ -363,7 +363,7 @@ def _blend(
         turn = (rotation.inv() * end.pose.rotation).as_rotvec()
         blended = rotation * Rotation.from_rotvec(share * turn)
         pose = Pose.from_rotation(position, blended)
-        components.append(replace(start, shape=resized(start.shape, sides), pose=pose))
+        components.append(replace(start, shape=start.shape.resized(sides), pose=pose))
 
     text = f"all measures {share:.0%} of the way to the second's"
 

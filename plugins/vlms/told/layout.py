@@ -8,7 +8,7 @@ from itertools import groupby
 
 import numpy as np
 
-from core.geometry import Array, Mesh, Pose, Shape, Sphere
+from core.geometry import Array, Pose, Primitive, Sphere
 from core.interfaces import Task
 from core.robot.solids import Solid, signed_distance, solid_geometry
 from core.scene import Body, Soft
@@ -85,8 +85,7 @@ def _write_row(bodies: Sequence[Body], worded: bool) -> tuple[str, ...]:
 def _collect_properties(body: Body) -> tuple[object, ...]:
     """Return the properties that bodies of one row share."""
     parts = [
-        (describe_shape(part.shape), part.pose)
-        for part in body.collisions or body.visuals
+        (part.shape.describe(), part.pose) for part in body.collisions or body.visuals
     ]
 
     substance = body.elastic if isinstance(body, Soft) else bool(body.collisions)
@@ -121,11 +120,11 @@ def _describe_body(body: Body, is_alone: bool) -> str:
         return "a mark: nothing touches it"
 
     first = body.collisions[0].shape
-    if len(body.collisions) == 1 and not isinstance(first, Mesh):
-        return describe_shape(first)
+    if len(body.collisions) == 1 and isinstance(first, Primitive):
+        return first.describe()
 
-    counts = Counter(type(part.shape).__name__ for part in body.collisions)
-    text = phrase("layout", "parts", counts)
+    counts = Counter(type(part.shape) for part in body.collisions)
+    text = " + ".join(kind.count(number) for kind, number in counts.items())
     low, high = bounds(body, Pose())
     if not (_is_upright(body) and is_alone):
         text += f", {short_numbers(high - low, 3)} along its own axes"
@@ -202,8 +201,3 @@ class _Inside:
             point[axis] += sign * gap
 
         return "open"
-
-
-def describe_shape(shape: Shape) -> str:
-    """Name a shape with its sizes in metres."""
-    return phrase("layout", "shape", type(shape).__name__, shape, short_numbers)

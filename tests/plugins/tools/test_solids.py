@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
 from core.designs.rules import check_tool
-from core.geometry import Box, Capsule, Compound, Cylinder, Mesh, Pose, Sphere, resized
+from core.geometry import Box, Capsule, Compound, Cylinder, Mesh, Pose, Sphere
 from plugins.tools.solids.making import MAX_PARTS
 from plugins.tools.solids.reading import MAX_NODES
 from plugins.tools.solids.representation import SolidTools
@@ -280,7 +280,7 @@ def test_what_is_written_is_read_as_the_same_tool(tree, mass):
 
 
 def test_shapes_that_were_not_made_here_are_written_by_their_parts():
-    stretched = resized(shape(FORK), (0.05, 0.1, 0.02))
+    stretched = shape(FORK).resized((0.05, 0.1, 0.02))
     mesh = Mesh.from_trimesh(Box((0.1, 0.1, 0.1)).to_trimesh())
     tool = Tool(
         (

@@ -6,8 +6,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Sphere, mass_properties
-from tests.shapes import bowl, prism
+from core.geometry import Pose
 
 lengths = st.floats(-10, 10)
 vectors = st.tuples(lengths, lengths, lengths)
@@ -25,9 +24,6 @@ def turn(axis, angle):
             "z": [[c, -s, 0], [s, c, 0], [0, 0, 1]],
         }[axis]
     )
-
-
-# --- poses ------------------------------------------------------------------------------------------------------
 
 
 @given(vectors, turns)
@@ -125,66 +121,3 @@ def test_equal_poses_are_one_key():
 def test_what_is_no_pose(position, quaternion, reason):
     with pytest.raises(ValueError, match=reason):
         Pose(np.array(position), np.array(quaternion))
-
-
-# --- shapes -----------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "shape",
-    [
-        Box((0.1, 0.2, 0.3)),
-        Sphere(0.1),
-        Cylinder(0.05, 0.3),
-        Capsule(0.05, 0.3),
-        prism(5, 0.1, 0.2),
-        bowl(0.1, 0.01),
-    ],
-    ids=lambda shape: type(shape).__name__,
-)
-def test_measures_are_those_of_the_triangles(shape):
-    """Within what a sphere of triangles lacks."""
-    mesh = shape.to_trimesh()
-    assert mesh.is_volume
-    assert shape.volume == pytest.approx(mesh.volume, rel=0.01)
-    assert shape.area == pytest.approx(mesh.area, rel=0.01)
-    middle, size = shape.bounds
-    np.testing.assert_allclose(
-        [middle - size / 2, middle + size / 2], mesh.bounds, atol=1e-9
-    )
-    center, tensor = mass_properties(shape, 2.0)
-    np.testing.assert_allclose(center, mesh.center_mass, atol=1e-9)
-    np.testing.assert_allclose(
-        tensor, 2.0 * mesh.moment_inertia / mesh.volume, rtol=0.01, atol=1e-6
-    )
-
-
-@pytest.mark.parametrize("length", [0, -1, math.nan, math.inf])
-@pytest.mark.parametrize(
-    ("shape", "name"),
-    [
-        (lambda x: Box((x, 1, 1)), "x"),
-        (lambda x: Box((1, 1, x)), "z"),
-        (lambda x: Sphere(x), "radius"),
-        (lambda x: Cylinder(x, 1), "radius"),
-        (lambda x: Cylinder(1, x), "length"),
-    ],
-)
-def test_what_is_no_shape(shape, name, length):
-    with pytest.raises(ValueError, match=f": {name} must be a positive length"):
-        shape(length)
-
-
-@pytest.mark.parametrize(
-    ("vertices", "faces", "reason"),
-    [
-        (np.zeros((3, 2)), [[0, 1, 2]], r"vertices \(V, 3\)"),
-        (np.zeros((3, 3)), [[0, 1]], r"faces \(F, 3\)"),
-        (np.zeros((3, 3)), [[0, 1, 3]], "vertex numbers must be 0 to 2, got 0 to 3"),
-        (np.zeros((3, 3)), [[0, 1, -1]], "vertex numbers must be 0 to 2, got -1 to 1"),
-        (np.full((3, 3), np.nan), [[0, 1, 2]], "finite"),
-    ],
-)
-def test_what_is_no_mesh(vertices, faces, reason):
-    with pytest.raises(ValueError, match=reason):
-        Mesh(vertices, faces)

@@ -1,0 +1,1 @@
+"""Poses, and shapes: each kind of shape is a class that says all of itself."""

@@ -1,0 +1,111 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.geometry import Box, Capsule, Compound, Cylinder, Mesh, Sphere
+from tests.shapes import bowl, prism
+
+ROUND = [Sphere(0.1), Cylinder(0.05, 0.3), Capsule(0.05, 0.3)]
+SHAPES = [Box((0.1, 0.2, 0.3)), *ROUND, prism(7, 0.1, 0.2), bowl(0.1, 0.01)]
+sides = st.floats(0.01, 1.0)
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: type(shape).__name__)
+def test_a_shape_of_its_own_size_stays_the_same(shape):
+    again = shape.resized(shape.bounds[1])
+    assert type(again) is type(shape)
+    np.testing.assert_allclose(again.bounds, shape.bounds, atol=1e-12)
+    assert again.volume == pytest.approx(shape.volume)
+
+
+@given(
+    st.tuples(sides, sides, sides),
+    st.sampled_from([Box((1, 1, 1)), prism(7, 0.1, 0.2), bowl(0.1, 0.01)]),
+)
+def test_boxes_and_meshes_get_the_sides_and_keep_their_middle(size, shape):
+    changed = shape.resized(size)
+    np.testing.assert_allclose(changed.bounds[1], size)
+    np.testing.assert_allclose(changed.bounds[0], shape.bounds[0], atol=1e-12)
+    if isinstance(changed, Compound):
+        points = np.concatenate([part.vertices for part in changed.parts])
+        np.testing.assert_allclose(np.ptp(points, axis=0), size)
+
+
+@pytest.mark.parametrize("shape", ROUND, ids=lambda shape: type(shape).__name__)
+def test_what_is_round_stays_round(shape):
+    changed = shape.resized((0.1, 0.3, 0.6))
+    assert type(changed) is type(shape)
+    width = changed.bounds[1]
+    assert (
+        width[0]
+        == width[1]
+        == pytest.approx(1 / 3 if isinstance(shape, Sphere) else 0.2)
+    )
+    assert isinstance(shape, Sphere) or width[2] == pytest.approx(0.6)
+
+
+def test_a_capsule_is_at_least_its_ends():
+    assert Capsule(0.1, 0.1).resized((0.2, 0.2, 0.1)).length > 0
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        Box((0.1, 0.2, 0.3)),
+        Sphere(0.1),
+        Cylinder(0.05, 0.3),
+        Capsule(0.05, 0.3),
+        prism(5, 0.1, 0.2),
+        bowl(0.1, 0.01),
+    ],
+    ids=lambda shape: type(shape).__name__,
+)
+def test_measures_are_those_of_the_triangles(shape):
+    """Within what a sphere of triangles lacks."""
+    mesh = shape.to_trimesh()
+    assert mesh.is_volume
+    assert shape.volume == pytest.approx(mesh.volume, rel=0.01)
+    assert shape.area == pytest.approx(mesh.area, rel=0.01)
+    middle, size = shape.bounds
+    np.testing.assert_allclose(
+        [middle - size / 2, middle + size / 2], mesh.bounds, atol=1e-9
+    )
+    center, tensor = shape.inertia(2.0)
+    np.testing.assert_allclose(center, mesh.center_mass, atol=1e-9)
+    np.testing.assert_allclose(
+        tensor, 2.0 * mesh.moment_inertia / mesh.volume, rtol=0.01, atol=1e-6
+    )
+
+
+@pytest.mark.parametrize("length", [0, -1, math.nan, math.inf])
+@pytest.mark.parametrize(
+    ("shape", "name"),
+    [
+        (lambda x: Box((x, 1, 1)), "x"),
+        (lambda x: Box((1, 1, x)), "z"),
+        (lambda x: Sphere(x), "radius"),
+        (lambda x: Cylinder(x, 1), "radius"),
+        (lambda x: Cylinder(1, x), "length"),
+    ],
+)
+def test_what_is_no_shape(shape, name, length):
+    with pytest.raises(ValueError, match=f": {name} must be a positive length"):
+        shape(length)
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "reason"),
+    [
+        (np.zeros((3, 2)), [[0, 1, 2]], r"vertices \(V, 3\)"),
+        (np.zeros((3, 3)), [[0, 1]], r"faces \(F, 3\)"),
+        (np.zeros((3, 3)), [[0, 1, 3]], "vertex numbers must be 0 to 2, got 0 to 3"),
+        (np.zeros((3, 3)), [[0, 1, -1]], "vertex numbers must be 0 to 2, got -1 to 1"),
+        (np.full((3, 3), np.nan), [[0, 1, 2]], "finite"),
+    ],
+)
+def test_what_is_no_mesh(vertices, faces, reason):
+    with pytest.raises(ValueError, match=reason):
+        Mesh(vertices, faces)
