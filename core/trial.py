@@ -176,6 +176,7 @@ class Trial:
         reason: why it was rejected, failed, or earns nothing; or empty.
         moved_m: the distance of each free body's end from its start.
         warnings: what else is to be said of it.
+        objections: what `Condition.examiner` found to speak against the candidate.
         margins: how far it stayed from the task's limits, the least first; none: the task says none.
         goals: where several goals count, how far each was fulfilled, 0..1, by name.
         touch_m: see `Observation.touch_m`; None: not observed, or nothing was touched.
@@ -194,6 +195,7 @@ class Trial:
     reason: str = ""
     moved_m: dict[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    objections: tuple[str, ...] = ()
     margins: tuple[Margin, ...] = ()
     goals: tuple[tuple[str, float], ...] = ()
     touch_m: float | None = None
@@ -388,10 +390,11 @@ class Evaluation:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What else is to be said of it."""
-        return (
-            *(self.shown.warnings if self.shown is not None else ()),
-            *self.score.warnings,
-        )
+        found = self.score.warnings
+        if self.shown is not None:
+            found = (*self.shown.warnings, *self.shown.objections, *found)
+
+        return found
 
     @property
     def observation(self) -> Observation | None:

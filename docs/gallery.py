@@ -29,9 +29,8 @@ from core.simulation.play import play
 from core.support.text import number
 from plugins.results.pages.drawing import as_held
 from plugins.results.pages.page import in_viewer, render
-from plugins.results.workshop.examination import PROBLEM, Examination
+from plugins.results.workshop.examination import find_problem
 from plugins.results.workshop.settings import Printer
-from plugins.results.workshop.verdicts import SAFETY
 
 DOCS = Path(__file__).parent
 DESIGNS = DOCS / "gallery"
@@ -149,17 +148,15 @@ def measure(entry: Entry) -> dict[str, Any]:
     if printed.tool is not None and printed.tool.components:
         material = tool_part(entry.config(f"material={MATERIAL}")).create().material
         printer = Printer()
-        workshop = Examination(
+        problem = find_problem(
+            printed.tool,
+            entry.condition(DRAWS).task.shared().robot,
             material,
             tuple(printer.plate_mm),
             printer.min_wall_mm,
-            SAFETY,
-            0.0,
-            plays=False,
         )
-        problem = workshop.refuse(entry.condition(DRAWS), printed)
         figures["mass_g"] = round(1000 * printed.tool.mass, 1)
-        figures["problem"] = (problem or "").removeprefix(PROBLEM)
+        figures["problem"] = str(problem or "")
 
     return figures
 

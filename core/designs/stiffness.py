@@ -143,20 +143,38 @@ def check_stiffness(tool: Tool, robot: Robot, material: Material) -> None:
     Raises:
         DesignError: names the component, and says what would do.
     """
-    _check_beams(Beams(tool, check_contacts(tool, robot), material))
-
-    if tool.fixture is not None:
-        parts = tool.fixture.parts
-        beams = Beams(parts, check_contacts(parts, None), material)
-        _check_beams(beams, "fixture: ")
+    weakness = find_weakness(tool, robot, material)
+    if weakness is not None:
+        raise DesignError(str(weakness))
 
 
-def _check_beams(beams: Beams, whose: str = "") -> None:
-    """Check how far beams bend, and whether they break; ``whose`` stands before what is said.
+class Weakness(NamedTuple):
+    """What bends too far or would break: by which figures, and what is allowed and would do."""
+
+    found: str
+    allowed: str
+
+    def __str__(self) -> str:
+        return self.found + self.allowed
+
+
+def find_weakness(tool: Tool, robot: Robot, material: Material) -> Weakness | None:
+    """Find the first component of a tool or its fixture that bends too far or would break; None: none does.
 
     Raises:
-        DesignError: see `check_stiffness`.
+        DesignError: a component does not touch its parent.
     """
+    found = _find_in_beams(Beams(tool, check_contacts(tool, robot), material))
+    if found is not None or tool.fixture is None:
+        return found
+
+    parts = tool.fixture.parts
+    beams = Beams(parts, check_contacts(parts, None), material)
+    return _find_in_beams(beams, "fixture: ")
+
+
+def _find_in_beams(beams: Beams, whose: str = "") -> Weakness | None:
+    """Find the first beam that bends too far or breaks; ``whose`` stands before what is said."""
     material = beams.material
     kind = f"of {material.name}"
     if material.density_kg_m3 is None:
@@ -165,15 +183,18 @@ def _check_beams(beams: Beams, whose: str = "") -> None:
 
     for name, (bend, stress) in beams.bending().items():
         if bend > MAX_BEND_M_N:
-            raise DesignError(
-                f"{whose}component {name!r} is not rigid: {kind}, 1 N would bend it by {1000 * bend:.3g} mm, from the "
-                f"mount to its end; at most {1000 * MAX_BEND_M_N:g} mm are allowed: shorten or thicken what carries it"
+            return Weakness(
+                f"{whose}component {name!r} is not rigid: {kind}, 1 N would bend it by {1000 * bend:.3g} mm",
+                f", from the mount to its end; at most {1000 * MAX_BEND_M_N:g} mm are allowed: shorten or thicken what "
+                "carries it",
             )
 
         load_pa = MAX_LOAD_N * stress
         if most is not None and load_pa > most:
-            raise DesignError(
+            return Weakness(
                 f"{whose}component {name!r} would break: {kind}, {MAX_LOAD_N:g} N at its end mean a stress of "
-                f"{load_pa / 1e6:.3g} MPa in it or in what carries it; at most {most / 1e6:g} MPa are "
-                "allowed: shorten or thicken both"
+                f"{load_pa / 1e6:.3g} MPa in it or in what carries it",
+                f"; at most {most / 1e6:g} MPa are allowed: shorten or thicken both",
             )
+
+    return None

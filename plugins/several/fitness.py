@@ -204,6 +204,6 @@ def _describe(
     Returns:
         A line for each thing to say, which begins with the task.
     """
-    for line in (trial.reason, *trial.warnings, *score.warnings):
+    for line in (trial.reason, *trial.warnings, *trial.objections, *score.warnings):
         if line:
             yield f"{task}: {line}"

@@ -13,6 +13,7 @@ from core.design import Tool
 from core.values.materials import Material
 from plugins.results.workshop.mount import Mount
 from plugins.results.workshop.printing import (
+    OVERLAP,
     Check,
     PrintedPart,
     joined,
@@ -100,7 +101,8 @@ def fuse(
         names, [*shapes, *widened(mount.adding, weld_mm)], weld_mm, printer
     )
     if one_piece.passed and pieces != 1:
-        one_piece = Check("one piece", False, f"it falls into {pieces} pieces")
+        found = f"it falls into {pieces} pieces"
+        one_piece = Check("one piece", False, found, OVERLAP)
 
     return Body(link, mount, weld_mm, one_piece)
 
@@ -116,7 +118,8 @@ def check_faithful(body: Body) -> Check:
     lack = max(0.0, (narrow - union(body.mount.taking) - solid).volume())
     differs = f"{excess:.1f} mm³ too much and {lack:.1f} too little, {off:g} mm off what was simulated"
 
-    return Check("as simulated", max(excess, lack) < NOTHING_MM3, differs)
+    mend = "make hollow components thicker, or of simple shapes"
+    return Check("as simulated", max(excess, lack) < NOTHING_MM3, differs, mend)
 
 
 def check_apart(links: Sequence[Body]) -> list[Check]:
@@ -132,7 +135,7 @@ def check_apart(links: Sequence[Body]) -> list[Check]:
         if shared >= NOTHING_MM3:
             names = f"{first.link.name} and {second.link.name}"
             share = f"{names} share {shared / 1000:.2f} cm³ at rest"
-            checks.append(Check("apart", False, share))
+            checks.append(Check("apart", False, share, "leave a gap between them"))
 
     return checks
 

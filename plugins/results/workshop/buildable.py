@@ -14,7 +14,7 @@ from core.interfaces import Condition, Fitness, Material, Score, Trial
 from core.plugins import FITNESS
 from core.support.text import number
 from core.values.materials import PAPER
-from plugins.results.workshop.examination import EXPORTED, PROBLEM, Examination
+from plugins.results.workshop.examination import EXPORTED, Examination
 from plugins.results.workshop.settings import Printer
 from plugins.results.workshop.texts import filled
 from plugins.results.workshop.verdicts import BENT, SAFETY, tolerance
@@ -122,10 +122,10 @@ class Buildable(Fitness):
         exported = figures.pop(EXPORTED, inner.reward)
         score = replace(inner, figures={**inner.figures, **figures})
 
-        problems = [line for line in trials[0].warnings if line.startswith(PROBLEM)]
-        if problems and score.reward > 0:
+        objections = trials[0].objections
+        if objections and score.reward > 0:
             lost = f"its reward of {number(score.reward, 2)} does not count"
-            return replace(score, reward=0.0, reason=f"{problems[0]}, so that {lost}")
+            return replace(score, reward=0.0, reason=f"{objections[0]}, so that {lost}")
 
         if len(trials) > 1:
             return score

@@ -15,7 +15,7 @@ from core.solids.self_collision import DEEP_M
 from plugins.results.workshop.clearance import clearance
 from plugins.results.workshop.dry_run import DryRun
 from plugins.results.workshop.motion import sample
-from plugins.results.workshop.printing import Check
+from plugins.results.workshop.printing import THICKEN, Check
 from plugins.results.workshop.replay import (
     RECORD_HZ,
     PlayedMotion,
@@ -25,10 +25,10 @@ from plugins.results.workshop.replay import (
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.strength import measured
 from plugins.results.workshop.tool import make_tool
-from plugins.results.workshop.verdicts import carried, printable, strong
+from plugins.results.workshop.verdicts import carried, strong
 
 PROBLEM = "not buildable: "
-"""How a warning begins that says what speaks against a design."""
+"""How it begins what speaks against a design."""
 
 EXPORTED = "exported"
 """The figure of a trial with the reward of the exported motion."""
@@ -45,7 +45,7 @@ class Examination:
         safety: the least safety factor.
         margin_m: the least distance of the arm from itself and from what is fixed, metres.
         plays: play the motion once more as it is exported, with forces. What speaks against the design then becomes
-            warnings of the trial. The figures are the least safety factor, the least distance in metres, and the
+            objections of the trial. The figures are the least safety factor, the least distance in metres, and the
             reward of the exported motion.
     """
 
@@ -63,12 +63,15 @@ class Examination:
             return None
 
         robot = condition.task.shared().robot
-        return find_problem(tool, robot, self.material, self.plate_mm, self.min_wall_mm)
+        failing = find_problem(
+            tool, robot, self.material, self.plate_mm, self.min_wall_mm
+        )
+        return f"{PROBLEM}{failing}" if failing else None
 
     def examine(
         self, condition: Condition, candidate: Candidate, trial: Trial
     ) -> Trial:
-        """Add figures and warnings of the exported motion to a trial that earned something with a tool."""
+        """Add figures and objections of the exported motion to a trial that earned something with a tool."""
         tool = candidate.tool
         if not self.plays or trial.status != "ok" or trial.reward <= 0:
             return trial
@@ -81,9 +84,8 @@ class Examination:
             figures = {EXPORTED: 0.0}
             problems = [str(error)]
 
-        warnings = [f"{PROBLEM}{problem}" for problem in problems]
-
-        return replace(trial, figures=figures, warnings=(*trial.warnings, *warnings))
+        objections = tuple(f"{PROBLEM}{problem}" for problem in problems)
+        return replace(trial, figures=figures, objections=objections)
 
     def _play(
         self, condition: Condition, candidate: Candidate, tool: Tool
@@ -176,8 +178,8 @@ def _check_fixture(tool: Tool, min_wall_mm: float) -> list[Check]:
     for part in tool.fixture.parts.parts:
         wall = 1000 * part.shape.thickness
         text = f"thinnest {wall:.2f} mm, at least {min_wall_mm:g} mm"
-        name = f"walls, {part.component} of the fixture"
-        checks.append(Check(name, wall >= min_wall_mm, text))
+        of_fixture = f"{part.component} of the fixture"
+        checks.append(Check("walls", wall >= min_wall_mm, text, THICKEN, of_fixture))
 
     return checks
 
@@ -189,17 +191,16 @@ def find_problem(
     material: Material,
     plate_mm: tuple[float, ...],
     min_wall_mm: float,
-) -> str | None:
-    """Say what fails of a tool as an export makes and checks it; its weight is the material's, and no fault."""
+) -> Check | None:
+    """Find what fails of a tool as an export makes and checks it; its weight is the material's, and no fault."""
     verdicts = carried(tool, robot, material)
     if all(verdict.passed for verdict in verdicts):
         printer = Printer(list(plate_mm), min_wall_mm)
         printed = make_tool(tool, robot, material, printer, Fit())
-        verdicts = [*printable(printed.parts), *printable((), printed.checks)]
-        verdicts += _check_fixture(tool, min_wall_mm)
+        verdicts = [*printed.verdicts, *_check_fixture(tool, min_wall_mm)]
 
     for verdict in verdicts:
         if verdict.passed is False and verdict.name != "weight":
-            return f"{PROBLEM}{verdict}"
+            return verdict
 
     return None

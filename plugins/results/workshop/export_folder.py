@@ -26,7 +26,6 @@ from plugins.results.workshop.texts import (
     write_programs,
 )
 from plugins.results.workshop.tool import PrintedTool
-from plugins.results.workshop.verdicts import printable
 from plugins.results.workshop.ways import SLOW
 
 LINES = 8
@@ -76,7 +75,7 @@ def write_export(
         UserError: a file can't be written.
     """
     robot = export.task.robot
-    verdicts = printable((), export.checks)
+    verdicts = export.checks
     if written.parts:
         checked = replace(written, checks=(*export.checks, *written.checks))
         verdicts = write_sheet(checked, export.task, export.strengths, folder, held)

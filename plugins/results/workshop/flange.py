@@ -64,7 +64,7 @@ class Screws:
         if self.covered:
             found += f"; in the way of the others: {', '.join(self.covered)}"
 
-        return Check("screws", held, found)
+        return Check("screws", held, found, "narrow or move what is below them")
 
 
 def at_flange(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
@@ -176,7 +176,8 @@ def _check_clear(link: ToolLink, arm: Sequence[Placed]) -> Check:
         lost = max(lost, (component ^ union(arm)).volume() / component.volume())
 
     found = f"at most {lost:.0%} of a component is cut away where the arm is"
-    return Check("clear of the arm", lost < MOST_LOST, found)
+    mend = "lower what rises above the mount"
+    return Check("clear of the arm", lost < MOST_LOST, found, mend)
 
 
 def _find_screws(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Screws:

@@ -45,6 +45,11 @@ SAME_TIME = 1e-3  # of a motion's, that counts as none
 OFF_RAD = 1e-4  # by which a real arm's joints are off
 OFF_TRIES = 3
 
+TRUST = "search in each of these engines with fitness=robust, or name in sims those that you trust"
+ROOM = (
+    "move components away from the mount, and leave more room where the motion is tight"
+)
+
 
 def make_export(
     cfg: DictConfig, task_part: PluginPart[Task], chosen: Evaluation, tool: PrintedTool
@@ -80,10 +85,11 @@ def make_export(
     if contact_s is not None and dry_run is None:
         moves |= sample_before(cfg, task, planned, contact_s / motion.slower)
 
-    several = "" if candidate.plan is chosen.candidate.plan else f" of {task.name}"
+    part = "" if candidate.plan is chosen.candidate.plan else task.name
     rewards = _rewards(replays)
     searched = {name: _earned(where, best) for name, where in conditions.items()}
-    check = compare_rewards(f"motion{several}", "as exported", rewards, searched)
+    check = compare_rewards("as exported", rewards, searched)
+    check = check._replace(name="motion", mend=TRUST, part=part)
     checks = [check]
     if dry_run is not None:
         checks.append(_check_reactions(conditions, candidate, scene, replays))
@@ -97,8 +103,8 @@ def make_export(
     if tool.parts:
         playable = dry_run or motion
         mounted = _rewards(play_in_all(conditions, scene, tool.printed, playable))
-        name = f"mounted{several}"
-        checks.append(compare_rewards(name, "with its mount", mounted, rewards))
+        check = compare_rewards("with its mount", mounted, rewards)
+        checks.append(check._replace(name="mounted", mend=ROOM, part=part))
 
     export = Export(
         task=task,
@@ -297,12 +303,11 @@ def _earned(condition: Condition, best: Evaluation) -> float:
 
 
 def compare_rewards(
-    name: str, how: str, earned: Mapping[str, float], asked: Mapping[str, float]
+    how: str, earned: Mapping[str, float], asked: Mapping[str, float]
 ) -> Check:
     """Check that a motion earns in each engine what is asked of it, and anything at all.
 
     Args:
-        name: of the check.
         how: it was played, in words.
         earned: rewards by engine.
         asked: the rewards that are asked for, by engine.
@@ -315,4 +320,4 @@ def compare_rewards(
         wanted = number(asked[engine], 3)
         rows.append(f"{number(reward, 3)} for {wanted} in {engine}")
 
-    return Check(name, passed, f"{how} it earns {', '.join(rows)}")
+    return Check("rewards", passed, f"{how} it earns {', '.join(rows)}")

@@ -29,6 +29,9 @@ from plugins.results.workshop.solid import (
 PLA_G_PER_CM3 = 1.24  # density of polylactide, data sheets of filaments
 METAL_KG_M3 = 2000.0  # metals are denser, plastics are not
 
+OVERLAP = "let components overlap by more than a wall"
+THICKEN = "thicken the thinnest component"
+
 _SAMPLES = 3000  # points at which walls are measured
 _SKIN_MM = 1e-4  # a hit nearer than this is the face where the ray began
 _SLIVER_MM2 = 1e-3  # smaller faces have no reliable direction
@@ -46,15 +49,18 @@ class Check(NamedTuple):
         passed: None: it is not known.
         found: what was found, with figures.
         mend: where it fails, what to change.
+        part: the link or component that it is of; empty: it is of the whole.
     """
 
     name: str
     passed: bool | None
     found: str
     mend: str = ""
+    part: str = ""
 
     def __str__(self) -> str:
-        text = f"{self.name}: {self.found}"
+        name = f"{self.name}, {self.part}" if self.part else self.name
+        text = f"{name}: {self.found}"
         if self.passed is False and self.mend:
             text += f"; {self.mend}"
 
@@ -131,15 +137,18 @@ def print_part(
             "watertight",
             is_closed,
             "closed" if is_closed else "the surface is not closed",
+            "let components overlap, or part them clearly",
+            name,
         ),
-        one_piece,
-        Check("walls", wall >= least, walls),
+        one_piece._replace(part=name),
+        Check("walls", wall >= least, walls, THICKEN, name),
     ]
     if not is_metal(material):
         size = " × ".join(f"{side:.0f}" for side in lying.mesh.extents)
         room = " × ".join(f"{side:g}" for side in printer.plate_mm)
         found = f"{size} mm as it lies, the plate is {room} mm"
-        checks.append(Check("fits the plate", lying.fits, found))
+        mend = "shorten it, choose a larger printer, or cut and join it in the slicer"
+        checks.append(Check("fits the plate", lying.fits, found, mend, name))
 
     metres = Mesh(np.asarray(lying.mesh.vertices) / 1000, np.asarray(lying.mesh.faces))
     density = material.density_kg_m3 or 1000 * PLA_G_PER_CM3
@@ -182,7 +191,8 @@ def joined(
     loose = [name for i, name in enumerate(names) if i not in connected]
     if loose:
         thin = "held by a joint thinner than a wall, or by none"
-        return Check("one piece", False, f"{thin}: {', '.join(loose[:3])}{gaps}")
+        found = f"{thin}: {', '.join(loose[:3])}{gaps}"
+        return Check("one piece", False, found, OVERLAP)
 
     plural = "s" if len(solids) > 1 else ""
 

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import re
-
 from core.config.compose import load, node
 from core.design import Candidate, DesignError, Tool
-from core.designs.stiffness import check_stiffness
+from core.designs.stiffness import find_weakness
 from core.events import Run
 from core.interfaces import Material, Robot
 from core.values.materials import PAPER
-from plugins.results.workshop.examination import PROBLEM, find_problem
+from plugins.results.workshop.examination import find_problem
 from plugins.results.workshop.settings import Printer
 
 DEFAULT = "pla"
 """What a tool is taken to be printed in if its run weighs tools as the paper does."""
-
-_DETAILS = re.compile(", from the |; at most ")  # begin what is too long for a line
 
 
 def say_printable(run: Run, best: Candidate) -> str | None:
@@ -43,7 +39,7 @@ def describe_printing(tool: Tool, robot: Robot, material: Material) -> str | Non
     problem = find_problem(tool, robot, material, plate_mm, printer.min_wall_mm)
     verdict = "yes"
     if problem is not None:
-        verdict = f"no (this check fails: {problem.removeprefix(PROBLEM)})"
+        verdict = f"no (this check fails: {problem})"
 
     soft = _find_softness(tool, robot, material)
     if soft:
@@ -57,8 +53,8 @@ def describe_printing(tool: Tool, robot: Robot, material: Material) -> str | Non
 def _find_softness(tool: Tool, robot: Robot, material: Material) -> str:
     """Say which component bends too far or breaks at a load at its end; empty: none does."""
     try:
-        check_stiffness(tool, robot, material)
+        weakness = find_weakness(tool, robot, material)
     except DesignError as error:
-        return _DETAILS.split(str(error))[0]
+        return str(error)
 
-    return ""
+    return "" if weakness is None else weakness.found

@@ -23,7 +23,7 @@ from plugins.results.workshop.clearance import payload
 from plugins.results.workshop.printing import Check, PrintedPart, is_metal
 from plugins.results.workshop.strength import Strength
 from plugins.results.workshop.tool import PrintedTool
-from plugins.results.workshop.verdicts import carried, printable, strong
+from plugins.results.workshop.verdicts import carried, strong
 
 HOW = "Strength: forces of the rollout where they act, on beams; without notches, {}axial forces and fatigue."
 
@@ -45,7 +45,7 @@ def figures(
     robot = task.robot
     verdicts = [
         *carried(printed_tool.printed, robot, material),
-        *printable(printed_tool.parts, printed_tool.checks),
+        *printed_tool.verdicts,
         *strong(material, strengths, task),
     ]
     factors = [row.safety for row in strengths if row.safety is not None]
@@ -159,7 +159,7 @@ def write_sheet(
         title=data["tool"],
         sheet=data,
         checks=[*failing, *unknown, *passed],
-        failing={check.name.partition(", ")[2] for check in failing},
+        failing={check.part for check in failing},
     )
     write_bytes(folder / "sheet.html", page.encode())
     write_bytes(folder / "sheet.json", (json.dumps(data, indent=2) + "\n").encode())

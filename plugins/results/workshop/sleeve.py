@@ -60,6 +60,7 @@ def on_finger(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
     stands = f"its wall stands {1000 * (gap + wall):.1f} mm before the inner face"
     held = "a thread M3 is cut into" if fit.insert_mm <= CORE_MM else "1 insert M3 for"
 
+    mend = "move the attachment beyond the fingertip, or make it wider than the finger"
     adding = (walls, clamp)
     taking = (*cavity, bore)
 
@@ -70,7 +71,7 @@ def on_finger(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
         adding=adding,
         taking=taking,
         checks=(
-            Check("finger", lost < MOST_LOST, cut_away),
+            Check("finger", lost < MOST_LOST, cut_away, mend),
             Check("sleeve", True, stands),
         ),
         hardware=(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,12 @@ class PrintedTool:
     hardware: tuple[str, ...]
     mounted: Tool
     material: Material
+
+    @property
+    def verdicts(self) -> list[Check]:
+        """What was checked of its parts, and of the whole."""
+        of_parts = chain.from_iterable(part.checks for part in self.parts)
+        return [*of_parts, *self.checks]
 
     @property
     def printed(self) -> Tool:
@@ -104,7 +111,8 @@ def make_tool(
     for link in links:
         if link.joint is not None:
             to_make = f"the {link.joint.kind} is to be made by the workshop"
-            checks.append(Check(f"joint of {link.name}", None, to_make))
+            mend = "each of its links is a closed body of its own"
+            checks.append(Check("joint", None, to_make, mend, link.name))
 
     mounted = replace(tool, components=(*tool.components, *added))
     if parts:
@@ -113,7 +121,8 @@ def make_tool(
         how = "milled" if is_metal(material) else "printed"
         weighs = f"{how} it weighs {printed:.0f} g, in simulation {simulated:.0f} g"
         same = abs(printed - simulated) <= SAME_WEIGHT * printed
-        checks.append(Check("weight", same, weighs))
+        mend = "search again with the material that it is made of, such as material=pla"
+        checks.append(Check("weight", same, weighs, mend))
 
     return PrintedTool(
         tool, tuple(parts), tuple(checks), tuple(hardware), mounted, material
@@ -153,6 +162,7 @@ def write_tool(printed_tool: PrintedTool, folder: Path) -> PrintedTool:
         most = max(most, float((excess + lack) / part.solid.volume()))
 
     differ = f"STL files differ from the parts by up to {most:.2%} in volume"
-    same = Check("files read back", most <= SAME_FILE, differ)
+    mend = "write them again; if it stays, thicken what is thinner than a nozzle"
+    same = Check("files read back", most <= SAME_FILE, differ, mend)
 
     return replace(printed_tool, checks=(*printed_tool.checks, same))

@@ -11,33 +11,13 @@ from core.goals import JointAt, reaches
 from core.interfaces import Task
 from core.values.materials import Material
 from core.values.robots import Robot
-from plugins.results.workshop.printing import Check, PrintedPart
+from plugins.results.workshop.printing import Check
 from plugins.results.workshop.strength import Strength
 
 SAFETY = 2.0  # the strength over the stress, at least
 SOFT_M = 0.01  # what bends by more is noted: engines took it to be rigid
 BENT = 0.5  # of the least tolerance of the task's goals: what bends by more fails
 TOLERANCE_M = 0.04  # of a goal that names none
-
-_MENDS = {  # by how the name of a check begins; the first counts
-    "watertight": "let components overlap, or part them clearly",
-    "one piece": "let components overlap by more than a wall",
-    "walls": "thicken the thinnest component",
-    "fits the plate": "shorten it, choose a larger printer, or cut and join it in the slicer",
-    "clear of the arm": "lower what rises above the mount",
-    "screws": "narrow or move what is below them",
-    "finger": "move the attachment beyond the fingertip, or make it wider than the finger",
-    "as simulated": "make hollow components thicker, or of simple shapes",
-    "joint of": "each of its links is a closed body of its own",
-    "apart": "leave a gap between them",
-    "weight": "search again with the material that it is made of, such as material=pla",
-    "motion": "search in each of these engines with fitness=robust, or name in sims those that you trust",
-    "mounted": "move components away from the mount, and leave more room where the motion is tight",
-    "fit": "give what slides or is held 0.5 mm more room, and let the motion lead it there",
-    "room": "thicken it, or pass farther away",
-    "rigid": "thicken or shorten it, choose a stiffer material, or move more slowly where it pushes",
-    "files read back": "write them again; if it stays, thicken what is thinner than a nozzle",
-}
 
 
 def carried(tool: Tool, robot: Robot, material: Material) -> list[Check]:
@@ -54,33 +34,6 @@ def carried(tool: Tool, robot: Robot, material: Material) -> list[Check]:
         Check("mass", tool.mass <= most, weighs, mend),
         Check("moment", moment <= bears, turns, mend),
     ]
-
-
-def printable(
-    parts: Sequence[PrintedPart], checks: Sequence[Check] = ()
-) -> list[Check]:
-    """Name what was checked by the parts that it is of, and add what to change.
-
-    Args:
-        parts: whose checks are named by them.
-        checks: of the whole tool.
-    """
-    found = [check._replace(mend=_mend(check.name)) for check in checks]
-
-    for part in parts:
-        for check in part.checks:
-            name = f"{check.name}, {part.name}"
-            found.append(check._replace(name=name, mend=_mend(check.name)))
-
-    return found
-
-
-def _mend(name: str) -> str:
-    for begins, mend in _MENDS.items():
-        if name.startswith(begins):
-            return mend
-
-    return ""
 
 
 def strong(
@@ -122,7 +75,7 @@ def _judge_strength(row: Strength, factor: float, safety: float) -> Check:
         f"{row.load} loads it with {row.newtons:.1f} N at {1000 * row.lever_m:.0f} mm: make {row.component} about "
         f"{thicker:g} times as thick across its thin side, shorten what it carries, or move more slowly"
     )
-    return Check(f"strength, {row.component}", factor >= safety, bears, mend)
+    return Check("strength", factor >= safety, bears, mend, row.component)
 
 
 def _judge_stiffness(row: Strength, allowed_m: float) -> Check:
@@ -132,7 +85,8 @@ def _judge_stiffness(row: Strength, allowed_m: float) -> Check:
     passed = False if row.bend_m > allowed_m else None
     found = f"{bends}, and engines took it to be rigid; {allowed}"
 
-    return Check("rigid", passed, found, _mend("rigid"))
+    mend = "thicken or shorten it, choose a stiffer material, or move more slowly where it pushes"
+    return Check("rigid", passed, found, mend)
 
 
 def tolerance(task: Task) -> float:

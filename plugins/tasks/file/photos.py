@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 from PIL import Image
@@ -41,5 +42,10 @@ def read_with_fov(
             known = describe_camera(camera, sent.size)
 
     digits = isolated(find_fov, f"photograph {folder / file}", data, limit_s=LIMIT_S)
-    caption = f"{name}: a photograph of the real bench; {known}"
-    return Picture(png, name, caption), float(digits) if digits else None
+    return write_caption(Picture(png, name), known), float(digits) if digits else None
+
+
+def write_caption(picture: Picture, where: str) -> Picture:
+    """Give a photograph its caption, which says where its camera stood."""
+    caption = f"{picture.name}: a photograph of the real bench; {where}"
+    return replace(picture, caption=caption)

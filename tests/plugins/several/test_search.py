@@ -143,10 +143,8 @@ def test_export_writes_one_tool_and_a_motion_for_each_task(found, tmp_path):
         )
         assert figures["rewards"] == {"mujoco": one.replays["mujoco"].reward}
         assert (tmp_path / "out" / one.task.name / "motion" / "trajectory.csv").exists()
-        checks = [
-            check.name for check in one.verdicts if check.name.startswith("motion")
-        ]
-        assert checks == [f"motion of {one.task.name}"]
+        checks = [check.part for check in one.verdicts if check.name == "motion"]
+        assert checks == [one.task.name]
 
 
 # --- with toys ----------------------------------------------------------------------------------------------------

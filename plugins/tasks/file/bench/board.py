@@ -16,6 +16,7 @@ from core.simulation.pictures import describe_camera
 from core.support.cli import expand, say, write_bytes
 from plugins.tasks.file.bench.photographs import Photograph
 from plugins.tasks.file.bench.views import Landmarks, load_opencv
+from plugins.tasks.file.photos import write_caption
 
 COUNTS = (3, 4)  # markers across and along the sheet
 MARKER_M = 0.05
@@ -120,9 +121,8 @@ def _describe(photograph: Photograph) -> Photograph:
     """Say in a photograph's caption where the board tells that it was taken."""
     view = photograph.view
     assert view is not None
-    head = photograph.picture.caption.partition(";")[0]
-    caption = f"{head}; {describe_camera(view.camera, view.size)} (by the printed board in it)"
-    return replace(photograph, picture=replace(photograph.picture, caption=caption))
+    where = f"{describe_camera(view.camera, view.size)} (by the printed board in it)"
+    return replace(photograph, picture=write_caption(photograph.picture, where))
 
 
 def _board() -> Any:

@@ -17,7 +17,7 @@ from core.interfaces import Picture
 from core.simulation.pictures import describe_camera
 from core.support.cli import expand
 from plugins.tasks.file.bench.views import CameraError, Landmarks, View, find_view
-from plugins.tasks.file.photos import read_with_fov
+from plugins.tasks.file.photos import read_with_fov, write_caption
 from plugins.tasks.file.spec import CameraSpec
 
 FOUND_M = 0.3  # of a camera that known places fix, one standard deviation
@@ -107,9 +107,7 @@ def read_photographs(
                 raise UsageError(f"{words}; {name} does not say its field of view")
 
             view = View(replace(camera, fov_deg=fov_deg), size)
-            where = describe_camera(view.camera, size)
-            caption = f"{picture.caption.split(';')[0]}; {where}"
-            picture = replace(picture, caption=caption)
+            picture = write_caption(picture, describe_camera(view.camera, size))
         else:
             view = camera and View(camera, size)
 

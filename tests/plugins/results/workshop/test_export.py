@@ -58,10 +58,7 @@ def test_the_motion_earns_what_was_simulated(made):
         (0.9, 0.8799, False),
         (0.0, 0.0, False),
     ):
-        assert (
-            compare_rewards("motion", "", {"one": reward}, {"one": asked}).passed
-            == passed
-        )
+        assert compare_rewards("", {"one": reward}, {"one": asked}).passed == passed
     figures = json.loads((folder / "figures.json").read_text())
     assert figures["rewards"] == {"mujoco": found.replays["mujoco"].reward}
     assert 0 < figures["first_contact_s"] < figures["duration_s"]

@@ -9,7 +9,6 @@ from core.interfaces import Material
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.solid import box, manifold, to_mesh, union
 from plugins.results.workshop.tool import make_tool, write_tool
-from plugins.results.workshop.verdicts import printable
 from tests.panda import PANDA
 from tests.shapes import bowl, prism
 from tests.tongs import tongs
@@ -33,9 +32,7 @@ LONG = Tool(
 
 
 def faults(made):
-    return [
-        str(check) for check in printable(made.parts, made.checks) if not check.passed
-    ]
+    return [str(check) for check in made.verdicts if not check.passed]
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +72,7 @@ def test_figures_and_the_list(written):
 def test_what_joints_move_is_made_and_what_is_missing_is_said():
     made = make_tool(tongs(), PANDA, Material(), Printer(), Fit())
     assert [part.name for part in made.parts] == ["tool", "left", "right"]
-    assert "joint of left: the hinge is to be made by the workshop" in faults(made)
+    assert "joint, left: the hinge is to be made by the workshop" in faults(made)
     assert all(part.mesh.is_volume for part in made.parts)
 
 
