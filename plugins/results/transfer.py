@@ -5,27 +5,36 @@ designs on several arms and in several engines, in the scene as it is and with s
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from omegaconf import MISSING, DictConfig
 
-from core.config.compose import check_seed, engines, node, part, task_parts
-from core.config.schemas import PartConfig
-from core.interfaces import Condition, RolloutSettings, Task
-from core.plugins import ROBOT, PluginPart
-from core.support.cli import arguments, print_table, say, write_bytes
-from core.support.text import clean, number
-from plugins.results.chosen import DesignsConfig, config_for
-from plugins.results.stations import (
-    Bench,
-    make_robots,
-    make_robust,
-    read_on_each,
-    try_on_each,
+from core.config.compose import (
+    check_seed,
+    engines,
+    node,
+    part,
+    read_parts,
+    task_part,
+    task_parts,
+    tool_part,
 )
+from core.config.schemas import PartConfig
+from core.design import Candidate
+from core.errors import UserError
+from core.interfaces import Condition, Fitness, Robot, RolloutSettings, Task
+from core.plugins import EXECUTOR, FITNESS, ROBOT, PluginPart, installed
+from core.robot.kinematics import arm_of
+from core.search.trials import Trials
+from core.support.cli import arguments, print_table, say, write_bytes
+from core.support.progress import busy
+from core.support.text import clean, number
+from core.trial import Evaluation, Trial, summarise_rewards
+from plugins.results.chosen import DesignsConfig, chosen_evaluations, config_for
 
 USAGE = (
     "usage: vlmgineer transfer designs=FILE|RUN_DIR [task=NAME] [robots=[NAME,...]] [sims=[NAME,...]] "
@@ -82,12 +91,37 @@ def _transfer(cfg: DictConfig, task: PluginPart[Task]) -> dict[str, Any]:
     sims = engines(list(cfg.sims))
     settings = node(cfg.rollout, RolloutSettings)
     first = next(iter(sims.values()))
-    robust = make_robust(cfg, Condition(task, first, cfg.seed, settings))
-    robots = make_robots(list(cfg.robots), part(ROBOT, cfg.robot))
-    candidates = read_on_each(cfg, task, robots)
-    bench = Bench(task, sims, robust, cfg.seed, settings)
-    designs = try_on_each(cfg, bench, robots, candidates)
+    perturbing = {
+        "sims": [first.name],
+        "seeds": list(cfg.seeds),
+        "perturbation": dict(cfg.perturbation),
+    }
+    where = Condition(task, first, cfg.seed, settings)
+    robust = installed().create(FITNESS, "robust", perturbing, condition=where)
+    chosen = part(ROBOT, cfg.robot)
+    robots = read_parts(ROBOT, list(cfg.robots) or [chosen.name], chosen)
+    for robot in robots.values():
+        robot.create()  # so that a fault is reported once
 
+    changes = [None, *(condition.change for condition in robust.conditions())]
+    read = _read_on_each(cfg, task, robots)
+    designs: list[dict[str, Any]] = []
+    with part(EXECUTOR, cfg.executor).create() as executor, busy("trials") as step:
+        for name, robot in robots.items():
+            on_robot = replace(task, robot=robot)
+            conditions = [
+                Condition(on_robot, sim, cfg.seed, settings, change, engine)
+                for engine, sim in sims.items()
+                for change in changes
+            ]
+            trials = Trials(executor)  # a robot's own: trials don't say which it is
+            found = trials.try_in(conditions, read[name])
+            for count, (candidate, tried) in enumerate(found, 1):
+                step.what = f"trials on {name}  {count}/{len(read[name])}"
+                all_tried = tried or _reject(candidate, conditions)
+                designs.append(record(candidate, name, all_tried, robust))
+
+    order = [candidate.id for candidate in next(iter(read.values()))]
     return {
         "seed": cfg.seed,
         "seeds": list(cfg.seeds),
@@ -100,7 +134,79 @@ def _transfer(cfg: DictConfig, task: PluginPart[Task]) -> dict[str, Any]:
             engine: {"name": sim.name, **dict(sim.settings)}
             for engine, sim in sims.items()
         },
-        "designs": designs,
+        "designs": sorted(designs, key=lambda design: order.index(design["design"])),
+    }
+
+
+def _read_on_each(
+    cfg: DictConfig, task: PluginPart[Task], robots: Mapping[str, PluginPart[Robot]]
+) -> dict[str, list[Candidate]]:
+    """Read the designs for each robot, by its rules and with the names of mounts that ``cfg.robot`` has.
+
+    On a robot that can't even start the task, each design has that as its problem.
+
+    Raises:
+        UserError: no robot can start it, or the designs can't be read; one line.
+    """
+    aliases = task_part(cfg).create().robot.aliases
+    read: dict[str, list[Candidate]] = {}
+    problems: dict[str, str] = {}
+    for name, robot in robots.items():
+        arm = robot.create()
+        if not {*aliases} <= {*arm.aliases}:
+            arm = replace(arm, aliases=(*arm.aliases, *aliases))
+
+        try:
+            stage = task.create(robot=arm)
+            arm_of(arm).home_for(stage.home)  # an arm that can't start is reported once
+            chosen = chosen_evaluations(cfg, tool_part(cfg).create(robot=arm), stage)
+        except UserError as error:
+            problems[name] = str(error)
+        else:
+            read[name] = [found.candidate.of(stage.name) for found in chosen]
+
+    if not read:
+        raise UserError("; ".join(dict.fromkeys(problems.values())))
+
+    some = next(iter(read.values()))
+    for name, problem in problems.items():
+        read[name] = [replace(candidate, problem=problem) for candidate in some]
+
+    return read
+
+
+def _reject(candidate: Candidate, conditions: Sequence[Condition]) -> tuple[Trial, ...]:
+    """Make the trials of a candidate that breaks a rule in any condition."""
+    reason = candidate.problem or ""
+    return tuple(
+        Trial(condition.where, candidate.id, "rejected", reason=reason)
+        for condition in conditions
+    )
+
+
+def record(
+    candidate: Candidate, robot: str, tried: Sequence[Trial], fitness: Fitness
+) -> dict[str, Any]:
+    """Make the entry of one design on one robot in the output file."""
+    nominal = {
+        trial.engine: trial.reward for trial in tried if trial.where.change is None
+    }
+    changed = tuple(trial for trial in tried if trial.where.change is not None)
+    robust = Evaluation(candidate, changed, fitness.score(candidate, changed))
+    missed_m = changed[robust.score.shown].figure("ik_error_m")
+    return {
+        "design": candidate.id,
+        "robot": robot,
+        "name": candidate.design_name,
+        "robust": robust.reward,
+        "status": robust.status,
+        "reason": robust.reason,
+        "ik_error_m": None if math.isnan(missed_m) else missed_m,
+        "engines": {
+            engine: {"nominal": nominal[engine], **summarise_rewards(rewards)}
+            for engine, rewards in robust.by_engine.items()
+        },
+        "warnings": list(robust.warnings),
     }
 
 

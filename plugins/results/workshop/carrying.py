@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -15,7 +14,6 @@ import numpy as np
 from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import engines, node, task_parts, tool_part
-from core.design import Candidate, Tool
 from core.designs.planning import resolve_seen
 from core.designs.sighting import SceneJudge
 from core.errors import UserError
@@ -35,7 +33,7 @@ from core.support.cli import expand, path_exists, say
 from plugins.results.chosen import chosen_evaluations
 from plugins.results.workshop.dry_run import DryRun
 from plugins.results.workshop.parting import describe_parting
-from plugins.results.workshop.policy import Limits, Move, Policy, Stopped
+from plugins.results.workshop.policy import Move, Policy, Stopped
 from plugins.results.workshop.replay import PlayedMotion, play_motion
 
 SETTINGS = "settings.yaml"
@@ -59,69 +57,25 @@ class Driver(Protocol):
         """
 
 
-@dataclass(frozen=True)
-class Exported:
-    """A plan that feels or looks, as an export has it.
+def play_dry(exported: DryRun, engine: str) -> tuple[PlayedMotion, str]:
+    """Play an exported plan in an engine, move by move; what is seen is what the engine's world shows.
 
-    Attributes:
-        task: the part that makes it.
-        candidate: the tool and the plan.
-        layout: its seed; fixed bodies and marks stand as there, unless they are seen elsewhere.
-        settings: how plans are executed.
-        rate_hz: of the samples.
+    Returns:
+        What came of it, and at which guard or look it first differs from the search; empty: at none.
+
+    Raises:
+        UserError: there is no such engine, or it can't play the plan.
     """
+    sim = engines([engine])[engine]
+    where = Condition(
+        exported.task, sim, exported.layout, exported.settings, engine=engine
+    )
+    scene = exported.scene
+    replay = play_motion(where, scene, exported.tool, exported)
+    assert replay.reactions is not None
+    parting = describe_parting(where, exported.candidate, scene, replay.reactions)
 
-    task: PluginPart[Task]
-    candidate: Candidate
-    layout: int
-    settings: RolloutSettings
-    rate_hz: float
-
-    @property
-    def tool(self) -> Tool:
-        """What the arm holds."""
-        assert self.candidate.tool is not None
-        return self.candidate.tool
-
-    @property
-    def scene(self) -> Scene:
-        """The layout for which it was exported."""
-        return self.task.shared().scene(self.layout).furnished(self.tool)
-
-    def dry_run(self, speed: float = 1.0) -> DryRun:
-        """Return what plays it in an engine."""
-        return DryRun(
-            self.task.shared(),
-            self.candidate,
-            self.layout,
-            self.settings,
-            self.rate_hz,
-            speed,
-        )
-
-    def play(self, engine: str, speed: float = 1.0) -> PlayedMotion:
-        """Play it in an engine, move by move; what is seen is what the engine's world shows.
-
-        Raises:
-            UserError: there is no such engine, or it can't play the plan.
-        """
-        where = self._condition(engine)
-        return play_motion(where, self.scene, self.tool, self.dry_run(speed))
-
-    def describe_parting(self, engine: str, replay: PlayedMotion) -> str:
-        """Say at which guard or look a dry run first differs from the search; empty: at none.
-
-        Args:
-            engine: in which it was played.
-            replay: what came of it.
-        """
-        assert replay.reactions is not None
-        where = self._condition(engine)
-        return describe_parting(where, self.candidate, self.scene, replay.reactions)
-
-    def _condition(self, engine: str) -> Condition:
-        sim = engines([engine])[engine]
-        return Condition(self.task, sim, self.layout, self.settings, engine=engine)
+    return replay, parting
 
 
 def dump_settings(cfg: DictConfig, task: PluginPart[Task]) -> dict[str, Any]:
@@ -154,8 +108,8 @@ def _name_files(settings: Any) -> dict[str, Any]:
     return named
 
 
-def load_export(folder: Path) -> Exported:
-    """Read the folder ``plan`` of an export.
+def load_export(folder: Path, speed: float = 1.0) -> DryRun:
+    """Read the folder ``plan`` of an export, to be carried out with a share of the planned speed.
 
     Raises:
         UserError: it holds none, or one that can't be used here.
@@ -177,7 +131,7 @@ def load_export(folder: Path) -> Exported:
     rollout = OmegaConf.merge(OmegaConf.structured(RolloutSettings), cfg.rollout)
     assert isinstance(rollout, DictConfig)
     settings = node(rollout, RolloutSettings)
-    return Exported(part, candidate, cfg.seed, settings, cfg.rate_hz)
+    return DryRun(part, candidate, cfg.seed, settings, cfg.rate_hz, speed)
 
 
 class Perceived:
@@ -253,20 +207,18 @@ class Perceived:
 
 
 def carry_out(
-    exported: Exported,
+    exported: DryRun,
     driver: Driver,
     perceive: Perceive,
-    speed: float = 1.0,
     clock: Callable[[], float] = time.monotonic,
     wait: Callable[[float], None] = time.sleep,
 ) -> Policy:
     """Carry an exported plan out, and return how it went.
 
     Args:
-        exported: the plan.
+        exported: the plan, and its speed.
         driver: moves the arm.
         perceive: says where bodies are.
-        speed: the share of the planned speed.
         clock: says the time, seconds.
         wait: waits so many seconds.
 
@@ -285,8 +237,7 @@ def carry_out(
         seen = Seen(first.poses, felt, looks, judge)
         return resolve_seen(exported.candidate.plan, task, settings, seen)
 
-    limits = Limits(task, exported.tool, settings, exported.rate_hz, speed)
-    policy = Policy(resolve, limits)
+    policy = Policy(resolve, exported.limits)
     step: Move | Look | None = policy.begin()
     begun = clock()
 

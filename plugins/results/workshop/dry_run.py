@@ -25,6 +25,7 @@ from core.interfaces import (
 from core.robot.feeling import ForceSense, bring_to_rest
 from core.scene import Scene, State
 from core.simulation.looking import Lookout
+from core.trial import Part
 from core.values.jobs import FEEL_S
 from plugins.results.workshop.policy import Limits, Move, Policy, Resolve, Stopped
 
@@ -49,15 +50,15 @@ class DryRun:
     """A plan that feels or looks, as it is exported, to be played in any engine with any tool.
 
     Attributes:
-        task: with the robot.
-        candidate: has the plan.
-        layout: its seed.
+        task: the part that makes it, with the robot.
+        candidate: the tool and the plan.
+        layout: its seed; fixed bodies and marks stand as there, unless they are seen elsewhere.
         settings: how plans are executed.
         rate_hz: of the samples.
         speed: the share of the planned speed.
     """
 
-    task: Task
+    task: Part[Task]
     candidate: Candidate
     layout: int
     settings: RolloutSettings
@@ -71,14 +72,29 @@ class DryRun:
             scene: of the layout.
             tool: that the arm holds there.
         """
-        planned = self.candidate.tool
-        assert planned is not None
-        limits = Limits(self.task, planned, self.settings, self.rate_hz, self.speed)
+        task = self.task.shared()
         meaning: Resolve = partial(
-            resolve, self.candidate.plan, self.task, self.layout, self.settings, scene
+            resolve, self.candidate.plan, task, self.layout, self.settings, scene
         )
-        eyes = Lookout(self.task, scene, tool, self.layout, self.settings)
-        return DryReactions(meaning, limits, eyes, self.layout)
+        eyes = Lookout(task, scene, tool, self.layout, self.settings)
+        return DryReactions(meaning, self.limits, eyes, self.layout)
+
+    @property
+    def tool(self) -> Tool:
+        """What the arm holds."""
+        assert self.candidate.tool is not None
+        return self.candidate.tool
+
+    @property
+    def scene(self) -> Scene:
+        """The layout for which it was exported."""
+        return self.task.shared().scene(self.layout).furnished(self.tool)
+
+    @property
+    def limits(self) -> Limits:
+        """How its moves are planned."""
+        task = self.task.shared()
+        return Limits(task, self.tool, self.settings, self.rate_hz, self.speed)
 
 
 class DryReactions:

@@ -107,7 +107,9 @@ class Examination:
         arm = arm_of(task.robot)
 
         if waypoints.guards or waypoints.looks:
-            dry_run = DryRun(task, candidate, condition.layout, settings, RECORD_HZ)
+            dry_run = DryRun(
+                condition.task, candidate, condition.layout, settings, RECORD_HZ
+            )
             replay = play_motion(condition, scene, tool, dry_run)
             assert replay.reactions is not None
             trajectory = replay.reactions.motion.trajectory

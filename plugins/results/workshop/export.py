@@ -48,9 +48,9 @@ class Export:
     replays: Mapping[str, PlayedMotion]
     contact_s: float | None
     printed: PrintedTool
-    mounted: Mapping[str, float]
     strengths: Sequence[Strength]
-    checks: list[Check]
+    mounted: Mapping[str, float] = field(default_factory=dict)
+    checks: list[Check] = field(default_factory=list)
     verdicts: list[Check] = field(default_factory=list)
     dry_run: DryRun | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)

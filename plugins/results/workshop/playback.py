@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from omegaconf import DictConfig, OmegaConf
@@ -19,7 +20,6 @@ from core.interfaces import (
     Motion,
     RolloutSettings,
     Task,
-    Waypoints,
 )
 from core.plugins import PluginPart
 from core.robot.trajectory import plan_task_motion
@@ -29,10 +29,9 @@ from core.support.text import count_words, number
 from plugins.results.workshop.carrying import dump_settings
 from plugins.results.workshop.dry_run import DryRun
 from plugins.results.workshop.export import Export
-from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.parting import describe_parting
 from plugins.results.workshop.printing import Check
-from plugins.results.workshop.replay import PlayedMotion, play_in_all
+from plugins.results.workshop.replay import Playable, PlayedMotion, play_motion
 from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.strength import measured
 from plugins.results.workshop.tolerance import check_tolerance
@@ -51,6 +50,30 @@ ROOM = (
 )
 
 
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Where a motion is played: a layout of a task, in each engine.
+
+    Attributes:
+        conditions: by engine.
+        scene: of the layout, with what the tool brings to it.
+    """
+
+    conditions: Mapping[str, Condition]
+    scene: Scene
+
+    def play(self, tool: Tool, motion: Playable) -> dict[str, PlayedMotion]:
+        """Play a motion in each engine; see `play_motion`."""
+        return {
+            name: play_motion(condition, self.scene, tool, motion)
+            for name, condition in self.conditions.items()
+        }
+
+    def rewards(self, tool: Tool, motion: Playable) -> dict[str, float]:
+        """Return what a motion earns in each engine."""
+        return list_rewards(self.play(tool, motion))
+
+
 def make_export(
     cfg: DictConfig, task_part: PluginPart[Task], chosen: Evaluation, tool: PrintedTool
 ) -> Export:
@@ -65,47 +88,42 @@ def make_export(
     Raises:
         UserError: the design or a setting can't be used, or the motion can't be played.
     """
-    settings = node(cfg.rollout, RolloutSettings)
-    conditions = _list_conditions(cfg, task_part, settings)
     task = task_part.shared()
-    scene = task.scene(cfg.seed)
     best = chosen.in_task(task.name)
     candidate = best.candidate
     if candidate.tool is None or candidate.problem is not None:
         raise UserError(f"the design can't be used in {task.name}: {candidate.problem}")
 
-    scene = scene.furnished(candidate.tool)
+    settings = node(cfg.rollout, RolloutSettings)
+    sims: Any = OmegaConf.to_container(cfg.sims)
+    conditions = {
+        name: Condition(task_part, sim, cfg.seed, settings, engine=name)
+        for name, sim in engines(sims).items()
+    }
+    scene = task.scene(cfg.seed).furnished(candidate.tool)
+    stage = Stage(conditions, scene)
     waypoints = resolve(candidate.plan, task, cfg.seed, settings, scene)
-    dry_run = _make_dry_run(cfg, task, candidate, waypoints)
-    planned, moves, replays = _play_moves(
-        cfg, conditions, scene, candidate.tool, waypoints, dry_run
-    )
+    dry_run = None
+    if waypoints.guards or waypoints.looks:
+        dry_run = DryRun(
+            task_part, candidate, cfg.seed, settings, cfg.rate_hz, cfg.speed
+        )
+        replays = stage.play(candidate.tool, dry_run)
+        planned = _find_played(replays)
+        moves = sample_moves(cfg, task, planned)
+        del moves["trajectory_slow"]
+    else:
+        planned = plan_task_motion(waypoints, task, settings)
+        moves = sample_moves(cfg, task, planned)
+        replays = stage.play(candidate.tool, moves["trajectory"])
+
     motion = moves["trajectory"]
-    contact_s = _find_contact(replays)
+    instants = [replay.contact_s for replay in replays.values()]
+    contact_s = min((s for s in instants if s is not None), default=None)
     if contact_s is not None and dry_run is None:
         moves |= sample_before(cfg, task, planned, contact_s / motion.slower)
 
-    part = "" if candidate.plan is chosen.candidate.plan else task.name
-    rewards = _rewards(replays)
-    searched = {name: _earned(where, best) for name, where in conditions.items()}
-    check = compare_rewards("as exported", rewards, searched)
-    check = check._replace(name="motion", mend=TRUST, part=part)
-    checks = [check]
-    if dry_run is not None:
-        checks.append(_check_reactions(conditions, candidate, scene, replays))
-    elif check.passed is False:
-        lost = find_loss(conditions, scene, candidate.tool, planned, searched, motion)
-        checks = [check._replace(found=f"{check.found}; {lost}")]
-
-    mounted: dict[str, float] = {}
     held = candidate.tool
-    strengths = measured(held, task.robot, tool.material, scene, motion, replays)
-    if tool.parts:
-        playable = dry_run or motion
-        mounted = _rewards(play_in_all(conditions, scene, tool.printed, playable))
-        check = compare_rewards("with its mount", mounted, rewards)
-        checks.append(check._replace(name="mounted", mend=ROOM, part=part))
-
     export = Export(
         task=task,
         scene=scene,
@@ -115,53 +133,69 @@ def make_export(
         replays=replays,
         contact_s=contact_s,
         printed=tool,
-        mounted=mounted,
-        strengths=strengths,
-        checks=checks,
+        strengths=measured(held, task.robot, tool.material, scene, motion, replays),
         dry_run=dry_run,
         settings=dump_settings(cfg, task_part),
     )
+    part = "" if candidate.plan is chosen.candidate.plan else task.name
+    checks = _check_motion(export, stage, best, part)
     if tool.parts:
+        mounted = stage.rewards(tool.printed, export.playable)
+        check = compare_rewards("with its mount", mounted, list_rewards(replays))
+        checks.append(check._replace(name="mounted", mend=ROOM, part=part))
         where = next(iter(conditions.values()))
         off_m = node(cfg.fit, Fit).tolerance_mm / 1000
-        export.checks.extend(check_tolerance(export, where, off_m))
+        export = replace(export, mounted=mounted)
+        checks += check_tolerance(export, where, off_m)
 
-    return close_ways(export)
+    return close_ways(replace(export, checks=checks))
 
 
-def _rewards(replays: Mapping[str, PlayedMotion]) -> dict[str, float]:
+def _check_motion(
+    export: Export, stage: Stage, best: Evaluation, part: str
+) -> list[Check]:
+    """Check that a motion earns what it earned in the search, and that a plan that feels or looks comes to its end.
+
+    Args:
+        export: the motion, and what it earned.
+        stage: where.
+        best: the design, and what it earned in the search.
+        part: the name of the task, if it is one of several.
+    """
+    searched = {name: _earned(where, best) for name, where in stage.conditions.items()}
+    check = compare_rewards("as exported", list_rewards(export.replays), searched)
+    check = check._replace(name="motion", mend=TRUST, part=part)
+    if export.dry_run is not None:
+        return [check, _check_reactions(stage, best.candidate, export.replays)]
+    if check.passed is not False:
+        return [check]
+
+    lost = find_loss(stage, export, searched)
+    return [check._replace(found=f"{check.found}; {lost}")]
+
+
+def list_rewards(replays: Mapping[str, PlayedMotion]) -> dict[str, float]:
+    """Return what was earned in each engine."""
     return {name: replay.reward for name, replay in replays.items()}
 
 
-def _find_contact(replays: Mapping[str, PlayedMotion]) -> float | None:
-    """Find when the robot first touches a body in any engine, seconds; None: never."""
-    instants = [replay.contact_s for replay in replays.values()]
-    return min((s for s in instants if s is not None), default=None)
-
-
-def find_loss(
-    conditions: Mapping[str, Condition],
-    scene: Scene,
-    tool: Tool,
-    planned: Motion,
-    searched: Mapping[str, float],
-    motion: Sampled,
-) -> str:
+def find_loss(stage: Stage, export: Export, searched: Mapping[str, float]) -> str:
     """Say which step loses what a motion earned in the search: the engine, luck, its time, or its smoothed path.
 
     The motion is played as it was searched; then with all joints off by as little as a real arm is.
     """
+    course = export.planned.trajectory
+    tool = export.candidate.tool
+    assert tool is not None
 
     def play_off(off: Array) -> dict[str, float]:
-        course = planned.trajectory
-        moved = replace(course, arm=course.arm + off)
-        return _rewards(play_in_all(conditions, scene, tool, moved))
+        return stage.rewards(tool, replace(course, arm=course.arm + off))
 
-    joints = planned.trajectory.arm.shape[1]
+    joints = course.arm.shape[1]
     same = play_off(np.zeros(joints))
     lost = [name for name in same if same[name] < searched[name] - SAME_REWARD]
     if lost:
-        rows = _list_rewards([same[name] for name in lost])
+        rows = _say_rewards([same[name] for name in lost])
         return f"played as it was searched it earns {rows} too: the run was played with other settings"
 
     rng = np.random.default_rng(0)
@@ -170,80 +204,16 @@ def find_loss(
     if min(tried) < min(searched.values()) - SAME_REWARD:
         return (
             f"the export does not lose it, it was luck: played as it was searched, with joints off by "
-            f"{1000 * OFF_RAD:g} mrad, it earns {_list_rewards(tried)}"
+            f"{1000 * OFF_RAD:g} mrad, it earns {_say_rewards(tried)}"
         )
-    if motion.slower > 1 + SAME_TIME:
-        return f"its time loses it: an arm's limits make it {motion.slower:.3f} times as long"
+    if export.motion.slower > 1 + SAME_TIME:
+        return f"its time loses it: an arm's limits make it {export.motion.slower:.3f} times as long"
 
     return "its path loses it: corners are rounded for a real arm; move more slowly where it touches"
 
 
-def _list_rewards(rewards: Sequence[float]) -> str:
+def _say_rewards(rewards: Sequence[float]) -> str:
     return ", ".join(number(reward, 3) for reward in rewards)
-
-
-def _list_conditions(
-    cfg: DictConfig, task_part: PluginPart[Task], settings: RolloutSettings
-) -> dict[str, Condition]:
-    """List where the motion is played: the task in each engine."""
-    sims = engines(OmegaConf.to_container(cfg.sims))  # type: ignore[arg-type]
-    return {
-        name: Condition(task_part, sim, cfg.seed, settings, engine=name)
-        for name, sim in sims.items()
-    }
-
-
-def _make_dry_run(
-    cfg: DictConfig, task: Task, candidate: Candidate, waypoints: Waypoints
-) -> DryRun | None:
-    """Make what plays a plan that feels or looks; None: it does neither."""
-    if not (waypoints.guards or waypoints.looks):
-        return None
-
-    settings = node(cfg.rollout, RolloutSettings)
-    return DryRun(
-        task,
-        candidate,
-        cfg.seed,
-        settings,
-        cfg.rate_hz,
-        cfg.speed,
-    )
-
-
-def _play_moves(
-    cfg: DictConfig,
-    conditions: Mapping[str, Condition],
-    scene: Scene,
-    tool: Tool,
-    waypoints: Waypoints,
-    dry_run: DryRun | None,
-) -> tuple[Motion, dict[str, Sampled], dict[str, PlayedMotion]]:
-    """Sample the motion of a plan, and play it in each engine.
-
-    Args:
-        cfg: the settings of the command.
-        conditions: the task in each engine.
-        scene: of the layout.
-        tool: what the arm holds.
-        waypoints: what the plan means in the layout.
-        dry_run: of a plan that feels or looks; its motion is what came of it in the first engine.
-
-    Returns:
-        The motion as it is planned, as it is sampled with the ways there and back, and what it earned by engine.
-    """
-    task = next(iter(conditions.values())).task.shared()
-    if dry_run is None:
-        planned = plan_task_motion(waypoints, task, node(cfg.rollout, RolloutSettings))
-        moves = sample_moves(cfg, task, planned)
-        replays = play_in_all(conditions, scene, tool, moves["trajectory"])
-        return planned, moves, replays
-
-    replays = play_in_all(conditions, scene, tool, dry_run)
-    planned = _find_played(replays)
-    moves = sample_moves(cfg, task, planned)
-    del moves["trajectory_slow"]
-    return planned, moves, replays
 
 
 def _find_played(replays: Mapping[str, PlayedMotion]) -> Motion:
@@ -254,19 +224,9 @@ def _find_played(replays: Mapping[str, PlayedMotion]) -> Motion:
 
 
 def _check_reactions(
-    conditions: Mapping[str, Condition],
-    candidate: Candidate,
-    scene: Scene,
-    replays: Mapping[str, PlayedMotion],
+    stage: Stage, candidate: Candidate, replays: Mapping[str, PlayedMotion]
 ) -> Check:
-    """Say what the dry run of a plan felt and saw; it fails where the plan did not come to its end.
-
-    Args:
-        conditions: the task in each engine.
-        candidate: has the plan.
-        scene: of the layout.
-        replays: what came of the dry run in each engine.
-    """
+    """Say what the dry run of a plan felt and saw; it fails where the plan did not come to its end."""
     rows = []
     passed = True
     for engine, replay in replays.items():
@@ -279,7 +239,8 @@ def _check_reactions(
             passed = False
             row += f" ({reactions.problem})"
 
-        parting = describe_parting(conditions[engine], candidate, scene, reactions)
+        where = stage.conditions[engine]
+        parting = describe_parting(where, candidate, stage.scene, reactions)
         if parting:
             row += f" ({parting})"
 

@@ -74,19 +74,6 @@ class PlayedMotion:
         )
 
 
-def play_in_all(
-    conditions: Mapping[str, Condition],
-    scene: Scene,
-    tool: Tool,
-    motion: Playable,
-) -> dict[str, PlayedMotion]:
-    """Play a motion in several engines; see `play_motion`."""
-    return {
-        name: play_motion(condition, scene, tool, motion)
-        for name, condition in conditions.items()
-    }
-
-
 def play_motion(
     condition: Condition,
     scene: Scene,

@@ -22,11 +22,11 @@ from plugins.actions.anchored import AnchoredActions
 from plugins.results.workshop.carrying import (
     DESIGN,
     SETTINGS,
-    Exported,
     carry_out,
     dump_settings,
     load_export,
 )
+from plugins.results.workshop.dry_run import DryRun
 from plugins.results.workshop.export_command import configured
 from plugins.results.workshop.policy import Limits, Policy, Stopped
 from plugins.results.workshop.texts import write_plan_programs
@@ -47,7 +47,7 @@ TOUCH_Z = TOP + 0.2 + 0.004  # the block is 4 mm higher than the plan takes it t
 def exported(task, *steps, **settings):
     plan = AnchoredActions().parse(list(steps), gripper=False)
     candidate = Candidate(TOOL, plan, 0, 0, 0, 0)
-    return Exported(Made(task), candidate, 0, RolloutSettings(**settings), 100.0)
+    return DryRun(Made(task), candidate, 0, RolloutSettings(**settings), 100.0)
 
 
 @dataclass

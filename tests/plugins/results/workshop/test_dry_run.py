@@ -15,7 +15,7 @@ from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.parting import describe_parting
 from plugins.results.workshop.replay import play_motion
 from tests.engines import every_simulator, simulator
-from tests.playing import condition
+from tests.playing import Made, condition
 from tests.plugins.actions.test_guards import ABOVE, DOWN, TOOL, UP, Block
 from tests.plugins.actions.test_looks import HIGH, LOOK, OVER, Cubes
 
@@ -30,7 +30,7 @@ def candidate(*steps):
 def carry_out(task, *steps, engine="mujoco", speed=1.0, **settings):
     """Carry a plan out move by move, and return what came of it."""
     settings = RolloutSettings(**settings)
-    dry_run = DryRun(task, candidate(*steps), 0, settings, 100.0, speed)
+    dry_run = DryRun(Made(task), candidate(*steps), 0, settings, 100.0, speed)
     where = condition(task, simulator(engine), settings=settings)
     replay = play_motion(where, task.scene(0), TOOL, dry_run)
     return SimpleNamespace(replay=replay, reactions=replay.reactions)

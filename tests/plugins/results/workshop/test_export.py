@@ -17,7 +17,7 @@ from markdown_it import MarkdownIt
 from core.errors import UserError
 from core.robot.kinematics import arm_of
 from core.scene import Scene
-from plugins.results.workshop.carrying import load_export
+from plugins.results.workshop.carrying import load_export, play_dry
 from plugins.results.workshop.export_command import configured, export, main
 from plugins.results.workshop.export_folder import checklist
 from plugins.results.workshop.playback import compare_rewards
@@ -272,7 +272,7 @@ def test_a_plan_that_feels_and_looks_is_exported_as_it_is(tmp_path):
     text = (folder / "CHECKLIST.md").read_text()
     assert "run_plan.py" in text
     assert "Run `motion/trajectory.csv`" not in text
-    again = load_export(folder / "plan").play("mujoco")
+    again, _ = play_dry(load_export(folder / "plan"), "mujoco")
     assert again.reward == found.replays["mujoco"].reward
 
 
