@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import ClassVar
 
@@ -18,8 +19,11 @@ from core.interfaces import (
     VLM,
     Budget,
     Condition,
+    Estimate,
     EvolutionStrategy,
     Fitness,
+    Reply,
+    Request,
     RolloutSettings,
     Task,
 )
@@ -29,6 +33,7 @@ from core.plugins import (
     FITNESS,
     SIMULATOR,
     PluginPart,
+    event_hub,
     installed,
 )
 from core.robot.kinematics import arm_of
@@ -107,6 +112,35 @@ def build_designer(
     sampling = node(cfg.sampling, Sampling)
     designer = ModelDesigner(assignment, vlm, prompts, sampling, events)
     return finish_designer(builder, designer, fitness, cfg), fitness
+
+
+class _NoModel(VLM):
+    """A model that receives no request, in place of another one, whose factory it is made of."""
+
+    model = "none"
+
+    def __init__(self, factory: object) -> None:
+        self.takes_schema = getattr(factory, "takes_schema", False)
+
+    def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
+        raise TypeError("requests are composed here, not sent")
+
+
+def build_asking(cfg: DictConfig) -> tuple[ModelDesigner, Fitness]:
+    """Make a designer, as `build_designer` does, to see what it would ask: its model can't be called.
+
+    Raises:
+        UserError: a part or setting that can't be used.
+    """
+    factory = installed().factory("vlm", cfg.vlm.name)
+    return build_designer(cfg, _NoModel(factory), event_hub())
+
+
+def estimate_request(cfg: DictConfig, request: Request) -> tuple[str, Estimate]:
+    """Name the model of a configuration, and estimate what a request to it takes, without a call."""
+    model = str(cfg.vlm.get("model") or cfg.vlm.name)
+    count = getattr(installed().factory("vlm", cfg.vlm.name), "estimate", VLM.estimate)
+    return model, count(request, model)
 
 
 def count_repairs(cfg: DictConfig, vlm: object) -> int:

@@ -20,6 +20,7 @@ from typing_extensions import TypedDict
 
 from core.config.schemas import RunConfig
 from core.design import Candidate
+from core.designs.planning import NO_PLAN
 from core.interfaces import OF_DESIGNS, Purpose, Reply
 from core.support.checking import check
 from core.trial import (
@@ -352,6 +353,14 @@ class StoredEvaluation:
         """Return it as the evaluation of a candidate that was read again."""
         finals = Tally.of_trials(self.finals)
         return Evaluation(candidate, self.trials, self.score, finals)
+
+    def unread(self) -> Evaluation:
+        """Return it as the evaluation of a candidate of the same numbers, whose design is not read."""
+        problem = self.reason if self.status == "rejected" else None
+        candidate = Candidate(
+            None, NO_PLAN, *self.design_key, action=self.number, problem=problem
+        )
+        return self.of(candidate)
 
 
 @dataclass(frozen=True)

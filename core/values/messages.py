@@ -6,11 +6,14 @@ Plugins import all of it from `core.interfaces`.
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple, TypeVar
 
 from core.support.secrets import scrub
 from core.support.text import clean, kind
+
+N = TypeVar("N", int, float)
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,37 @@ class Reply:
     unanswered: bool = False
     cached_tokens: int | None = None
     saved_usd: float | None = None
+
+
+class Bill(NamedTuple):
+    """The sum of some replies. Tokens and dollars are None where no reply reports them."""
+
+    replies: int
+    errors: int
+    prompt_tokens: int | None
+    completion_tokens: int | None
+    cost_usd: float | None
+    cached_tokens: int | None
+    saved_usd: float | None
+
+    @classmethod
+    def of(cls, replies: Sequence[Reply]) -> Bill:
+        """Add up replies."""
+        return cls(
+            len(replies),
+            sum(reply.error is not None for reply in replies),
+            sum_known(reply.prompt_tokens for reply in replies),
+            sum_known(reply.completion_tokens for reply in replies),
+            sum_known(reply.cost_usd for reply in replies),
+            sum_known(reply.cached_tokens for reply in replies),
+            sum_known(reply.saved_usd for reply in replies),
+        )
+
+
+def sum_known(values: Iterable[N | None]) -> N | None:
+    """Add up the values that are known; None: none is."""
+    known = [value for value in values if value is not None]
+    return sum(known[1:], known[0]) if known else None
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
@@ -17,10 +16,10 @@ from core.config.schemas import SearchConfig
 from core.designs.composer import as_markdown
 from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError
-from core.interfaces import VLM, Estimate, Picture, Request
-from core.plugins import event_hub, installed
+from core.interfaces import Estimate, Picture, Request
+from core.plugins import installed
 from core.search.assignment import Team
-from core.search.builder import build_designer, count_repairs
+from core.search.builder import build_asking, count_repairs, estimate_request
 from core.search.retrying import try_all
 from core.support.cli import arguments, say, write_bytes
 from core.trial import Evaluation, best_first
@@ -46,17 +45,6 @@ class PromptConfig(SearchConfig):
     output: str = "prompt"
 
 
-class NoModel(VLM):
-    """A model that receives no request, in place of another."""
-
-    def __init__(self, factory: object) -> None:
-        self.model = "none"
-        self.takes_schema = getattr(factory, "takes_schema", False)
-
-    def complete(self, requests: Sequence[Request]) -> Any:
-        raise TypeError("prompts are composed here, not sent")
-
-
 def compose(cfg: DictConfig) -> Request:
     """Compose the first of the `requests`."""
     return requests(cfg)[0]
@@ -72,8 +60,7 @@ def requests(cfg: DictConfig) -> list[Request]:
     if cfg.agent < 0:
         raise UsageError(f"agent must be 0 or greater, got {cfg.agent}")
 
-    model = NoModel(installed().factory("vlm", cfg.vlm.name))
-    designer, fitness = build_designer(cfg, model, event_hub())
+    designer, fitness = build_asking(cfg)
     if cfg.designs is None:
         (first,) = designer.requests(0, Team([cfg.agent]))
         return [first, *designer.follow_ups(first, None)]
@@ -100,13 +87,6 @@ def _choose_elites(evaluations: Sequence[Evaluation]) -> list[Evaluation]:
         best.setdefault(evaluation.candidate.design, evaluation)
 
     return list(best.values())
-
-
-def estimate_cost(cfg: DictConfig, request: Request) -> tuple[str, Estimate]:
-    """The model that the configuration names, and its estimate of the request's tokens and cost."""
-    model = str(cfg.vlm.get("model") or cfg.vlm.name)
-    count = getattr(installed().factory("vlm", cfg.vlm.name), "estimate", VLM.estimate)
-    return model, count(request, model)
 
 
 def write(request: Request, model: str, estimate: Estimate, folder: Path) -> None:
@@ -180,7 +160,7 @@ def _describe_generation(
     """Say how many requests a generation has where others follow the first, and what they cost."""
     agents = cfg.budget.n_agent
     tools = request.brief.n_tool
-    later = [estimate_cost(cfg, other)[1].prompt_tokens for other in follow_ups]
+    later = [estimate_request(cfg, other)[1].prompt_tokens for other in follow_ups]
     count = _count_requests(cfg, request, follow_ups)
     tokens = agents * (estimate.prompt_tokens + tools * sum(later))
     paid = estimate.usd_per_prompt_token
@@ -206,7 +186,7 @@ def main(words: list[str]) -> None:
     cfg = load("prompt", arguments(USAGE, words), PromptConfig)
     OmegaConf.resolve(cfg)
     request, *follow_ups = requests(cfg)
-    model, estimate = estimate_cost(cfg, request)
+    model, estimate = estimate_request(cfg, request)
     write(request, model, estimate, Path(cfg.output))
     say(f"{estimate.prompt_tokens} tokens for {model} ({estimate.counted_by})")
     if follow_ups:

@@ -24,6 +24,7 @@ from core.support.cli import print_table, say
 from core.support.text import by_reason, clean, count_words, hydra_word, number
 from core.trial import NOTHING, Evaluation, Trial, best_tools
 from core.values.efforts import PERTURBED, holds
+from core.values.messages import Bill, sum_known
 
 if TYPE_CHECKING:
     from core.events import Result, Run
@@ -369,25 +370,18 @@ def _spent(replies: Sequence[Reply]) -> str:
 
     Tokens and dollars are those that replies report; where none does, they are left out.
     """
-    tokens = []
-    for reply in replies:
-        tokens += [reply.prompt_tokens, reply.completion_tokens]
-
-    known = [count for count in tokens if count is not None]
-    costs = [reply.cost_usd for reply in replies if reply.cost_usd is not None]
-    failed = sum(reply.error is not None for reply in replies)
-
+    bill = Bill.of(replies)
     line = f"the model was asked {len(replies)} time{'' if len(replies) == 1 else 's'}"
-    if failed:
-        line += f", {failed} without an answer"
-    if known:
-        line += f", {sum(known)} tokens"
-    if costs:
-        line += f", {sum(costs):.2f} USD"
+    if bill.errors:
+        line += f", {bill.errors} without an answer"
 
-    saved = [reply.saved_usd for reply in replies if reply.saved_usd is not None]
-    if saved:
-        line += f" (the provider's cache saved {sum(saved):.2f})"
+    tokens = sum_known([bill.prompt_tokens, bill.completion_tokens])
+    if tokens is not None:
+        line += f", {tokens} tokens"
+    if bill.cost_usd is not None:
+        line += f", {bill.cost_usd:.2f} USD"
+    if bill.saved_usd is not None:
+        line += f" (the provider's cache saved {bill.saved_usd:.2f})"
 
     return line
 

@@ -15,10 +15,9 @@ from filelock import FileLock, Timeout
 from core.errors import UserError
 from core.store.database import FILE, LOCK
 from core.store.reader import StoredRun
-from core.store.rows import Best, RunFigures, StoredEvaluation
+from core.store.rows import Best, RunFigures
 from core.support.files import read_untrusted
 from core.support.text import Reason, by_reason, clean, number
-from core.trial import NOTHING
 
 RESULT = "result.json"
 HYDRA = ".hydra"
@@ -306,19 +305,7 @@ def reasons(store: StoredRun) -> list[Reason]:
     """Why candidates were rejected, failed, or earned less than their rollout did or nothing, by candidate."""
     pairs = []
     for row in store.evaluations():
-        pairs.append((row.candidate, row.reason or _why_zero(row)))
+        evaluation = row.unread()
+        pairs.append((row.candidate, evaluation.reason or evaluation.why_nothing))
 
     return by_reason(pairs)
-
-
-def _why_zero(evaluation: StoredEvaluation) -> str:
-    """The reason why a candidate earned nothing, as far as its rollouts were observed; empty: it earned something."""
-    if evaluation.status != "ok" or evaluation.reward >= NOTHING:
-        return ""
-
-    observed = [trial.observation for trial in evaluation.trials]
-    seen = {found.result for found in observed if found is not None}
-    if not seen:
-        return "earned nothing"
-
-    return f"earned nothing: {', '.join(sorted(seen))}"

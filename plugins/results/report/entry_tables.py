@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from statistics import fmean
 
+from core.values.messages import sum_known
 from plugins.results.pages.formats import Cell, Table
 from plugins.results.report.entries import ListedEntry
-from plugins.results.report.statistics import interval, over_known
+from plugins.results.report.statistics import interval
 
 
 def entry_tables(entries: Sequence[ListedEntry]) -> list[Table]:
@@ -64,7 +65,7 @@ def _row(listed: ListedEntry, engines: Sequence[str]) -> tuple[Cell, ...]:
         ", ".join(str(run.seed) for run in tasks[0].runs),
         fmean([run.rollouts for run in entry.runs]),
         fmean([run.requests for run in entry.runs]),
-        over_known(sum, [run.cost_usd for run in entry.runs]),
+        sum_known(run.cost_usd for run in entry.runs),
         rules,
         entry.versions.get("vlmgineer"),
         listed.verified,

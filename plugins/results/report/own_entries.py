@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 from core.errors import UserError
 from core.store.reader import StoredRun
+from core.values.messages import Bill
 from plugins.results.pages.runs import AnyRun, FinishedRun, LeftOutRun, short
 from plugins.results.report.entries import Entry, RunResult, TaskResult, check_entry
 from plugins.results.report.methods import differing, flatten, label
 from plugins.results.report.protocols import Protocol, protocol
-from plugins.results.report.statistics import RunCost
 
 
 class _Followed(NamedTuple):
@@ -137,15 +137,15 @@ def _make_entry(
 def _make_result(run: AnyRun, rules: Protocol) -> RunResult:
     """Return what a run earned and took; one in which nothing could be tried earned nothing."""
     store = StoredRun(run.folder)
-    cost = RunCost.total(store.requests())
+    bill = Bill.of([reply for _, reply in store.answers()])
     tried = [e for e in store.evaluations() if e.status != "rejected"]
     result = RunResult(
         seed=run.config["seed"],
         rewards=dict.fromkeys(rules.engines, (0.0,) * rules.layouts),
         candidates=len(tried),
         rollouts=sum(evaluation.rollouts for evaluation in tried),
-        requests=cost.requests,
-        cost_usd=cost.cost_usd,
+        requests=len(store.requests()),
+        cost_usd=bill.cost_usd,
         wall_time_s=store.seconds(),
     )
     if not isinstance(run, FinishedRun):

@@ -8,13 +8,12 @@ all runs of all tasks, and percentiles of the same over runs drawn anew, with re
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Literal, NamedTuple, TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 import scipy.stats
 
 from core.geometry import Array
-from core.store.rows import StoredRequest
 
 Statistic = Literal["mean", "interquartile mean"]
 
@@ -83,36 +82,6 @@ _STATISTICS: dict[Statistic, Callable[..., Array]] = {
 
 
 N = TypeVar("N", int, float)
-
-
-class RunCost(NamedTuple):
-    """The requests of a run and their cost. Tokens and dollars are None where no reply reports them."""
-
-    requests: int
-    replies: int
-    errors: int
-    prompt_tokens: int | None
-    completion_tokens: int | None
-    cost_usd: float | None
-    cached_tokens: int | None
-    saved_usd: float | None
-
-    @classmethod
-    def total(cls, requests: Sequence[StoredRequest]) -> RunCost:
-        """Add up requests and their replies."""
-        replies = [request.reply for request in requests if request.reply is not None]
-        return cls(
-            len(requests),
-            len(replies),
-            errors=sum(reply.error is not None for reply in replies),
-            prompt_tokens=over_known(sum, [reply.prompt_tokens for reply in replies]),
-            completion_tokens=over_known(
-                sum, [reply.completion_tokens for reply in replies]
-            ),
-            cost_usd=over_known(sum, [reply.cost_usd for reply in replies]),
-            cached_tokens=over_known(sum, [reply.cached_tokens for reply in replies]),
-            saved_usd=over_known(sum, [reply.saved_usd for reply in replies]),
-        )
 
 
 def over_known(

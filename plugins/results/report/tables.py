@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from functools import wraps
 from statistics import fmean
 
-from core.design import Candidate
-from core.designs.planning import NO_PLAN
+from core.interfaces import Reply
 from core.simulation.measuring import offered_figures
-from core.store.rows import Key, StoredDesign, StoredEvaluation, StoredRequest
-from core.trial import best_first
+from core.store.rows import StoredDesign, StoredEvaluation
+from core.trial import best_first, best_tools
+from core.values.messages import Bill
 from plugins.results.pages.best_tool import size
 from plugins.results.pages.formats import Cell, CellLink, Table
 from plugins.results.pages.runs import FinishedRun
@@ -22,7 +22,6 @@ from plugins.results.report.entry_tables import entry_tables
 from plugins.results.report.methods import Group
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import (
-    RunCost,
     deviation,
     interquartile_mean,
     interval,
@@ -192,27 +191,13 @@ def lineage(results: Results) -> Rows:
     shown = run.config.get("budget", {}).get("k_top") or SHOWN
 
     for generation in range(len(run.figures.generations)):
-        rows = [row for row in tried if row.design_key[0] == generation]
-        best: dict[Key, StoredEvaluation] = {}
-        for row in _rank(rows, run.figures.tie):
-            best.setdefault(row.design_key, row)
-
-        for row in list(best.values())[:shown]:
-            design = designs[row.design_key]
+        rows = [row.unread() for row in tried if row.generation == generation]
+        # As the run ranked them.
+        for row in best_tools(best_first(rows, run.figures.tie))[:shown]:
+            found = row.candidate
+            design = designs[found.generation, found.agent, found.design]
             parents = ", ".join(sorted(design.parents)) or "–"
-            yield generation, row.candidate, row.reward, parents, _words(design)
-
-
-def _rank(rows: Sequence[StoredEvaluation], tie: float) -> list[StoredEvaluation]:
-    """Sort evaluations as the run ranked them, the best first."""
-    by_key: dict[tuple[int, ...], StoredEvaluation] = {}
-    evaluations = []
-    for row in rows:
-        candidate = Candidate(None, NO_PLAN, *row.design_key, action=row.number)
-        by_key[candidate.key] = row
-        evaluations.append(row.of(candidate))
-
-    return [by_key[found.candidate.key] for found in best_first(evaluations, tie)]
+            yield generation, found.id, row.reward, parents, _words(design)
 
 
 def _words(design: StoredDesign) -> str:
@@ -239,7 +224,7 @@ def models(results: Results) -> Rows:
             continue
 
         for model, purpose in sorted(asked):
-            cost = RunCost.total(asked[model, purpose])
+            bill = Bill.of(asked[model, purpose])
             candidates = earned[model] if purpose == "designs" else []
             tried = [row for row in candidates if row.status != "rejected"]
             rewards = [row.reward for row in tried if row.status == "ok"]
@@ -248,7 +233,7 @@ def models(results: Results) -> Rows:
                 g.method,
                 model,
                 purpose,
-                *cost[1:],
+                *bill,
                 len(candidates),
                 _percent(len(tried), len(candidates)),
                 over_known(max, rewards),
@@ -258,18 +243,16 @@ def models(results: Results) -> Rows:
 
 def _answers_by_model(
     g: Group,
-) -> tuple[
-    dict[tuple[str, str], list[StoredRequest]], dict[str, list[StoredEvaluation]]
-]:
-    """Return the requests by model and what was asked for, and what came of the designs by model."""
-    asked: dict[tuple[str, str], list[StoredRequest]] = defaultdict(list)
+) -> tuple[dict[tuple[str, str], list[Reply]], dict[str, list[StoredEvaluation]]]:
+    """Return the replies by model and what was asked for, and what came of the designs by model."""
+    asked: dict[tuple[str, str], list[Reply]] = defaultdict(list)
     earned: dict[str, list[StoredEvaluation]] = defaultdict(list)
     for run in g.runs:
         # The candidates of an agent are those of its last answer: a checked or repaired one comes second.
         designers: dict[tuple[int, ...], str] = {}
         for request, reply in run.store.answers():
             purpose = "designs" if request.asks_designs else request.purpose
-            asked[reply.model, purpose].append(request)
+            asked[reply.model, purpose].append(reply)
             if request.asks_designs:
                 designers[request.generation, request.agent] = reply.model
 
@@ -288,7 +271,8 @@ def _answers_by_model(
 def costs(results: Results) -> Rows:
     """Time, tokens and dollars that runs took."""
     for g in results.groups:
-        spent = [RunCost.total(run.store.requests()) for run in g.runs]
+        requests = [request for run in g.runs for request in run.store.requests()]
+        bill = Bill.of([found.reply for found in requests if found.reply is not None])
         seconds = sum(run.figures.wall_time_s for run in g.runs)
         rollouts = sum(run.rollouts for run in g.runs)
         yield (
@@ -297,13 +281,13 @@ def costs(results: Results) -> Rows:
             len(g.runs),
             rollouts / len(g.runs),
             seconds / len(g.runs),
-            fmean([cost.requests for cost in spent]),
-            sum(cost.errors for cost in spent),
-            over_known(sum, [cost.prompt_tokens for cost in spent]),
-            over_known(sum, [cost.cached_tokens for cost in spent]),
-            over_known(sum, [cost.completion_tokens for cost in spent]),
-            over_known(sum, [cost.cost_usd for cost in spent]),
-            over_known(sum, [cost.saved_usd for cost in spent]),
+            len(requests) / len(g.runs),
+            bill.errors,
+            bill.prompt_tokens,
+            bill.cached_tokens,
+            bill.completion_tokens,
+            bill.cost_usd,
+            bill.saved_usd,
         )
 
 

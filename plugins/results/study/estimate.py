@@ -12,10 +12,10 @@ from typing import Any
 from omegaconf import DictConfig
 
 from core.config.compose import load
-from core.interfaces import VLM, Estimate, Request
-from core.plugins import event_hub, installed
+from core.interfaces import VLM, Estimate
+from core.plugins import installed
 from core.search.assignment import Team
-from core.search.builder import build_designer
+from core.search.builder import build_asking, estimate_request
 from core.search.finalists import rollouts_in
 from core.store.reader import StoredRun
 from core.support.cli import print_table
@@ -195,22 +195,9 @@ class Estimator:
         return Need(requests, rollouts, busy_s, wait_s, usd)
 
 
-class _NoModel(VLM):
-    """A model that receives no request, in place of another."""
-
-    model = "none"
-
-    def __init__(self, factory: object) -> None:
-        self.takes_schema = getattr(factory, "takes_schema", False)
-
-    def complete(self, requests: Sequence[Request]) -> Any:
-        raise TypeError("requests are counted here, not sent")
-
-
 def _measure(cfg: DictConfig) -> _Demand:
     """Find what a candidate and a request of a configuration take, without a call of its model."""
-    factory = installed().factory("vlm", cfg.vlm.name)
-    designer, fitness = build_designer(cfg, _NoModel(factory), event_hub())
+    designer, fitness = build_asking(cfg)
     budget = designer.assignment.budget
     finals = (0, 0)
     if next(iter(fitness.finals()), None) is not None:
@@ -220,8 +207,7 @@ def _measure(cfg: DictConfig) -> _Demand:
     prompt = None
     if reads_words(cfg):
         (request, *_) = designer.requests(0, Team([0]))
-        count = getattr(factory, "estimate", VLM.estimate)
-        prompt = count(request, str(cfg.vlm.get("model") or cfg.vlm.name))
+        _, prompt = estimate_request(cfg, request)
 
     given = designer.assignment.given is not None
     return _Demand(len(fitness.conditions()), given, finals, prompt)

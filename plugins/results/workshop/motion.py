@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline
+from scipy.interpolate import BPoly, BSpline
 
 from core.errors import UsageError
 from core.geometry import Array
@@ -147,13 +147,17 @@ def approach(
     duration = max(float((1.875 * np.abs(way) / speeds).max()), 1 / rate_hz)
 
     times = np.arange(math.ceil(duration * rate_hz) + 1) / rate_hz
-    s = np.minimum(times / duration, 1.0)[:, None]
+    rest = np.zeros_like(way)
+    course = BPoly.from_derivatives(
+        [0, duration], [[start, rest, rest], [end, rest, rest]]
+    )
+    within = np.minimum(times, duration)
 
     return Sampled(
         times=times,
-        positions=start + way * s**3 * (10 - 15 * s + 6 * s**2),
-        velocities=way * 30 * s**2 * (1 - s) ** 2 / duration,
-        accelerations=way * 60 * s * (1 - s) * (1 - 2 * s) / duration**2,
+        positions=course(within),
+        velocities=course(within, 1),
+        accelerations=course(within, 2),
         fingers=np.full(len(times), opening),
     )
 

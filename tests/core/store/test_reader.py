@@ -4,8 +4,8 @@ import pytest
 
 from core.errors import UserError
 from core.store.reader import StoredRun
+from core.values.messages import Bill
 from plugins.results.chosen import stored_config
-from plugins.results.report.statistics import RunCost
 from tests.core.run_folders import edit, write_run
 
 
@@ -29,7 +29,10 @@ def test_a_run_is_read_as_values(tmp_path):
         (1, 0, 1): ("g0-a0-s0-p0",),
     }
     assert [len(e.plan) for e in store.evaluations()] == [2] * 4
-    assert RunCost.total(store.requests()) == (2, 2, 0, 200, 20, 0.5, None, None)
+    assert Bill.of([reply for _, reply in store.answers()]) == (
+        *(2, 0, 200, 20),
+        *(0.5, None, None),
+    )
 
 
 def test_requests_come_with_their_replies_and_those_without_one_too(tmp_path):
@@ -51,7 +54,7 @@ def test_requests_come_with_their_replies_and_those_without_one_too(tmp_path):
         "{}",
     )
     assert store.answers() == [(answered, answered.reply)]
-    assert RunCost.total([unanswered]) == (1, 0, 0, None, None, None, None, None)
+    assert Bill.of([]) == (0, 0, None, None, None, None, None)
 
 
 def test_a_trial_that_candidates_share_counts_once(tmp_path):

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from core.errors import UserError
+from core.values.messages import Bill
 from plugins.results.pages.best_tool import best_tool
 from plugins.results.pages.runs import FinishedRun, LeftOutRun, find_runs, read_run
-from plugins.results.report.statistics import RunCost
 from tests.core.run_folders import result, write_run
 
 pytestmark = pytest.mark.slow
@@ -36,13 +36,8 @@ def test_a_finished_run(tmp_path):
     assert run.best_so_far(3) == [0.2, 0.5, 0.5]
     assert [g.n_rejected for g in run.figures.generations] == [1, 0]
     assert run.config["budget"]["name"] == "quick"
-    spent = RunCost.total(run.store.requests())
-    assert (spent.requests, spent.replies, spent.prompt_tokens, spent.cost_usd) == (
-        2,
-        2,
-        200,
-        0.5,
-    )
+    bill = Bill.of([reply for _, reply in run.store.answers()])
+    assert (bill.replies, bill.prompt_tokens, bill.cost_usd) == (2, 200, 0.5)
     assert run.recordings() == {}
 
 
