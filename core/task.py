@@ -147,7 +147,7 @@ class Task(ABC):
     def find_goal_faults(self, fixture: Fixture | None) -> Iterator[str]:
         """Yield a line for each reason why the goals can't be reached with what a design brings; None: with nothing.
 
-        By default that is a missing fixture, where all that is to be reached names it.
+        By default that is a missing fixture, where all that is to be reached names it, or one that a goal can't use.
         """
         wanted = reaches(self.goals)
         named = [goal for goal in wanted if needs_fixture(goal)]
@@ -156,6 +156,12 @@ class Task(ABC):
                 f"the goals of {self.name} name the fixture, and the design has none; add 'fixture', with a pose and "
                 "components"
             )
+        if fixture is None:
+            return
+
+        for goal in self.goals:
+            faults = [part.find_fixture_fault(fixture) for part in goal.parts]
+            yield from (f"fixture: {fault}" for fault in faults if fault)
 
     def photographs(self) -> Sequence[Picture]:
         """Return pictures of one's own bench that show this scene, for the prompt.

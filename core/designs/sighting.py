@@ -11,7 +11,7 @@ import trimesh
 
 from core.design import DesignError
 from core.geometry import Array, Pose
-from core.goals import Reach
+from core.goals import Reach, numbered
 from core.interfaces import Task
 from core.robot.solids import body_solids
 from core.scene import Scene, State
@@ -51,8 +51,7 @@ class SceneJudge:
 
     def goals(self) -> dict[int, Reach]:
         """Return the goals that want something reached, by their numbers among all."""
-        numbered = enumerate(self._task.goals)
-        return {number: goal for number, goal in numbered if isinstance(goal, Reach)}
+        return numbered(self._task.goals)
 
     def box(self, body: str) -> tuple[Array, Array]:
         """See `core.interfaces.Judge`. The box is that of the collision shapes; of a mark it is its picture's."""

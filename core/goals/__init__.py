@@ -16,46 +16,60 @@ A new kind is one class, wherever it is written: a `Reach` says what it measures
 from core.goals.apart import Apart
 from core.goals.away import Away
 from core.goals.base import (
-    BREAKABLE,
-    FREE_BODY,
-    NAMED,
     SLIP_DEG,
     SLIP_M,
     SLIP_RAD,
-    SOLID_BODY,
-    Aim,
     Conduct,
     Coordinate,
     Coordinates,
     Evidence,
+    Given,
     Goal,
     Limit,
     Measure,
     Reach,
     check_names,
-    goals_margins,
-    goals_reward,
-    goals_shares,
+    find_bans,
+    find_wants,
     limits,
-    limits_margins,
-    list_names,
     needs_fixture,
     number_of,
+    numbered,
     reaches,
 )
 from core.goals.broken import Broken
 from core.goals.facing import Facing
 from core.goals.flattened import Flattened
-from core.goals.inside import EMPTY, Inside, Space
+from core.goals.inside import EMPTY, Inside
 from core.goals.joint_at import JointAt
 from core.goals.kept import Kept
+from core.goals.keys import Key, Reads
 from core.goals.placed import Placed
+from core.goals.rewards import (
+    Aim,
+    goals_margins,
+    goals_reward,
+    goals_shares,
+    limits_margins,
+)
+from core.goals.sites import (
+    ANY_BODY,
+    BREAKABLE,
+    FREE_BODY,
+    JOINT,
+    SOLID_BODY,
+    Site,
+    Space,
+    find_names,
+    list_names,
+)
 from core.goals.spread import Spread
 from core.goals.throughout import Throughout
 from core.goals.turned import Turned
 from core.goals.turned_by import TurnedBy
 from core.goals.unbroken import Unbroken
 from core.goals.untouched import Untouched
+from core.goals.wants import Ban, Want
 from core.values.spans import Span
 
 KINDS: tuple[type[Goal], ...] = (
@@ -78,11 +92,12 @@ KINDS: tuple[type[Goal], ...] = (
 """The kinds that scene files know, in the order in which an entry of several keys has them."""
 
 __all__ = [
+    "ANY_BODY",
     "BREAKABLE",
     "EMPTY",
     "FREE_BODY",
+    "JOINT",
     "KINDS",
-    "NAMED",
     "SLIP_DEG",
     "SLIP_M",
     "SLIP_RAD",
@@ -90,6 +105,7 @@ __all__ = [
     "Aim",
     "Apart",
     "Away",
+    "Ban",
     "Broken",
     "Conduct",
     "Coordinate",
@@ -97,14 +113,18 @@ __all__ = [
     "Evidence",
     "Facing",
     "Flattened",
+    "Given",
     "Goal",
     "Inside",
     "JointAt",
     "Kept",
+    "Key",
     "Limit",
     "Measure",
     "Placed",
     "Reach",
+    "Reads",
+    "Site",
     "Space",
     "Span",
     "Spread",
@@ -113,7 +133,11 @@ __all__ = [
     "TurnedBy",
     "Unbroken",
     "Untouched",
+    "Want",
     "check_names",
+    "find_bans",
+    "find_names",
+    "find_wants",
     "goals_margins",
     "goals_reward",
     "goals_shares",
@@ -122,5 +146,6 @@ __all__ = [
     "list_names",
     "needs_fixture",
     "number_of",
+    "numbered",
     "reaches",
 ]

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from core.geometry import Array
 from core.goals.base import SLIP_M, Measure, Reach
+from core.goals.keys import Key, Least
+from core.goals.sites import Site
 from core.values.spans import Span
 from core.values.states import State
+
+FAR_M = 0.3  # plans aim by a tenth of it within a span of distances
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +32,13 @@ class Apart(Reach):
 
     apart: Span
     nodes: tuple[int, ...] = ()
+
+    keys: ClassVar = {
+        "apart": Key(Least, "How far from each other they must end, m", head=True),
+        "nodes": Key(
+            tuple[int, ...], "Two nodes of a soft body, whose distance is meant"
+        ),
+    }
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -50,3 +62,39 @@ class Apart(Reach):
 
         name = f"nodes of {body} apart" if self.nodes else f"{body} apart"
         yield from Measure.within(self.apart, name, distance, "m", SLIP_M)
+
+    @property
+    def soft_nodes(self) -> tuple[int, ...]:
+        return self.nodes
+
+    def aim_of(self, body: str, start: State) -> Array | None:
+        """Return where a body gets if all go from the first one, or toward it, by the same factor; that one stays."""
+        if self.nodes:
+            return None
+
+        places = np.array([start.position(name) for name in self.bodies])
+        gaps = np.linalg.norm(places[:, None] - places, axis=-1)
+        np.fill_diagonal(gaps, np.inf)
+        nearest = float(gaps.min())
+
+        factor = self.apart.aim(nearest, FAR_M) / max(nearest, 1e-6)
+        place = places[0] + factor * (start.position(body) - places[0])
+        return np.array([place[0], place[1], np.nan])
+
+    def words(self) -> str:
+        if self.nodes:
+            first, last = self.nodes
+            return (
+                f"its nodes {first} and {last} must end {self.apart} m from each other"
+            )
+
+        return f"each must end {self.apart} m from the nearest other of these"
+
+    def do(self, bodies: str) -> str:
+        return f"bring {bodies} to be {self.apart} m apart"
+
+    def find_faults(self, site: Site) -> Iterator[str]:
+        if len(self.bodies) < 2 and not self.nodes:
+            yield "apart needs two bodies, or nodes: [0, 9] of a soft one"
+
+        yield from super().find_faults(site)

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 from core.geometry import Array
 from core.goals.base import SLIP_M, Measure, Reach, length
+from core.goals.keys import AT, NODE, Key, Most
+from core.goals.sites import ANY_BODY
+from core.goals.wants import Want
+from core.scene import Scene
 from core.values.states import State
 
 
@@ -25,6 +30,15 @@ class Away(Reach):
     at: str | None = None
     node: int | None = None
 
+    keys: ClassVar = {
+        "away": Key(Most, "How far from the start they must end, m", way=True),
+        "at": AT,
+        "node": NODE,
+    }
+    names: ClassVar = {"at": ANY_BODY}
+    moves = True
+    from_start = True
+
     def measures(self, body: str, start: State) -> Sequence[Measure]:
         begin = start.position(body, self.node)
 
@@ -32,3 +46,12 @@ class Away(Reach):
             return length(state.position(body, self.node) - begin)
 
         return [Measure(f"way of {body}", way, self.away, SLIP_M, "m", at_least=True)]
+
+    def words(self) -> str:
+        return f"must get {self.away:g} m away from where it starts"
+
+    def do(self, bodies: str) -> str:
+        return f"move {bodies} by {self.away:.2g} m"
+
+    def add_want(self, want: Want, scene: Scene) -> Want:
+        return replace(want, away=self.away, reference=self.at or want.reference)

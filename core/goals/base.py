@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import KW_ONLY, dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import KW_ONLY, MISSING, dataclass, fields, replace
 from itertools import chain
-from typing import Protocol
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from core.errors import UsageError, choices, refuse
 from core.geometry import Array
-from core.scene import FIXTURE, Body, Scene, Soft
+from core.goals.keys import AboveZero, Enough, Key, Names
+from core.goals.sites import FREE_BODY, Site, find_names, list_names
+from core.goals.wants import Ban, Place, Want
+from core.scene import FIXTURE, Scene, Soft
 from core.values.margins import Margin
 from core.values.spans import Span
 from core.values.states import State
+from core.values.tools import Fixture
 from core.values.traces import TRACE_HZ, Trace
+
+Given = Mapping[str, Any]
+"""What an entry of a scene file's goals says."""
 
 Coordinate = float | Span | None
 Coordinates = tuple[Coordinate, Coordinate, Coordinate]
@@ -34,22 +41,9 @@ STILL_RAD_S = 0.2
 REST_S = 0.3  # what is slower for so long is at rest: it does not only turn back
 BREAKS = "of what breaks it"  # the unit of forces on what can break
 DONE = 0.95  # a goal is fulfilled from this progress on, where instants are compared
-
-FREE_BODY = "body that can move"
-SOLID_BODY = "body that can be touched"
-BREAKABLE = "thing that breaks"
-NAMED = {
-    "bodies": FREE_BODY,
-    "keep": FREE_BODY,
-    "untouched": SOLID_BODY,
-    "at": "body",
-    "by": SOLID_BODY,
-    "facing": "body",
-    "joint": "joint",
-    "broken": BREAKABLE,
-    "unbroken": BREAKABLE,
-}
-"""The fields of goals that name things of the scene, and which: see `list_names`."""
+TOLERANCE = 0.01  # how far off a bare number of a scene file still is there, m or rad, where it has none
+MANY = 3  # bodies that are named in short; of more it is said how many
+NAMED = 4  # bodies that a description names, where there are more
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,7 +220,29 @@ class Goal(ABC):
 
     Goals are hints for programs: the reward is the task's own, or `goals_reward`. A model is told of them in words, an
     observer says by them what became of a body, and a margin says how close it was.
+
+    A kind of goal is a class that says all of itself: how far it is fulfilled, its words, what it names in a scene, the
+    keys that a scene file has it by, what is wrong with it or seldom meant, and what it wants of who plans.
+
+    Attributes:
+        keys: those of a scene file by which an entry wants a goal of this kind, or says more of it. A kind has those of
+            the kind that it is made from, too; so it has `names`.
+        names: the fields that name things of a scene, and which sort of things: `FREE_BODY`, `SOLID_BODY`, ...
     """
+
+    keys: ClassVar[Mapping[str, Key]] = {}
+    names: ClassVar[Mapping[str, str]] = {}
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        for said in ("keys", "names"):
+            merged = dict[str, Any]()
+            for kind in reversed(cls.__mro__):
+                merged |= vars(kind).get(said, {})
+
+            setattr(cls, said, merged)
+
+    # What it measures:
 
     @abstractmethod
     def share(self, evidence: Evidence) -> Array:
@@ -250,6 +266,119 @@ class Goal(ABC):
         """Whether it limits a force, so that each step of the engine has to be recorded."""
         return False
 
+    @property
+    def parts(self) -> tuple[Goal, ...]:
+        """The goal itself, and what it also wants."""
+        return (self,)
+
+    # Its words:
+
+    def words(self) -> str:
+        """Say what it asks, for a prompt; of a goal to reach what follows its bodies."""
+        shared = {field.name for field in fields(Reach)}
+        said = [
+            f"{name}={value!r}"
+            for name, value in vars(self).items()
+            if name not in shared
+        ]
+        return f"{type(self).__name__}({', '.join(said)})"
+
+    def describe(self) -> str:
+        """Describe it for a prompt."""
+        return self.words()
+
+    # How a scene file says it:
+
+    @classmethod
+    def prepare(cls, given: Given) -> Given:
+        """Rewrite what an entry of a scene file says, before its keys are looked at.
+
+        Raises:
+            ValueError: it has no sense.
+        """
+        return given
+
+    @classmethod
+    def translate(cls, key: str, given: Given) -> Given:
+        """Return the fields that an entry does not have by their names.
+
+        Args:
+            key: for which it wants a goal of this kind.
+            given: the whole entry.
+        Raises:
+            ValueError: it has no sense.
+        """
+        return {}
+
+    @classmethod
+    def read(cls, key: str, given: Given) -> Self:
+        """Make the goal that a key of a scene file's entry stands for; for arguments see `translate`.
+
+        Raises:
+            ValueError: something is missing, or has no sense.
+        """
+        values = {"tolerance": TOLERANCE, **given, **cls.translate(key, given)}
+        taken = [field for field in fields(cls) if field.init]  # type: ignore[arg-type]
+        for field in taken:
+            needed = field.default is MISSING and field.default_factory is MISSING
+            if needed and field.name not in values:
+                raise ValueError(f"a goal with {key!r} needs {field.name!r}, too")
+
+        return cls(**{f.name: values[f.name] for f in taken if f.name in values})
+
+    # In a scene:
+
+    def list_named(self) -> Iterator[tuple[str, str]]:
+        """Yield what the goal and its parts name in a scene: which sort of thing, and its name."""
+        for part in self.parts:
+            for field, what in part.names.items():
+                named = getattr(part, field) or ()
+                if isinstance(named, str):
+                    named = (named,)
+
+                for name in named:
+                    yield what, name
+
+    def resolve(self, site: Site) -> Self:
+        """Return the goal with the names that its patterns fit, and what it needs to know of a scene.
+
+        Raises:
+            UsageError: it names what is not there, can never be met, or asks nothing.
+        """
+        found = self.fit(site)
+        for fault in found.find_faults(site):
+            raise UsageError(fault)
+
+        return found
+
+    def fit(self, site: Site) -> Self:
+        """Return it with the names that its patterns fit; kinds add what they need to know.
+
+        Raises:
+            UsageError: it names what is not there.
+        """
+        found = {}
+        for field, what in self.names.items():
+            patterns = getattr(self, field)
+            if isinstance(patterns, tuple):
+                found[field] = find_names(patterns, list_names(what, site.scene))
+
+        fitted: Self = replace(self, **found)  # type: ignore[type-var]
+        check_names(fitted, site.scene)
+        return fitted
+
+    def find_faults(self, site: Site) -> Iterator[str]:
+        """Yield why it can never be met in a scene, or asks nothing."""
+        yield from ()
+
+    def find_fixture_fault(self, fixture: Fixture) -> str:
+        """Say why it can't be met with what a design adds to the scene; empty: it can."""
+        return ""
+
+    def find_doubts(self, where: str, scene: Scene) -> Iterator[str]:
+        """Yield a line for what is possible, and seldom meant; ``where`` names the goal."""
+        yield from ()
+
 
 @dataclass(frozen=True)
 class Reach(Goal):
@@ -271,6 +400,11 @@ class Reach(Goal):
         after: the ``name``, or the number from 0, of a goal that must be fulfilled before this one is.
         weight: how much it counts where all goals do.
         name: see ``after``.
+        of_bodies: whether the kind is about ``bodies``; else other fields say what it is about.
+        alone: whether no other kind may be joined to it.
+        from_start: whether it counts from where bodies start, so that a picture shows that.
+        moves: whether its measures are how far a body itself has to get, m.
+        turns: whether it asks for a turn, which a soft body does not have.
     """
 
     bodies: tuple[str, ...] = ()
@@ -286,6 +420,47 @@ class Reach(Goal):
     after: str | int | None = None
     weight: float = 1.0
     name: str = ""
+
+    keys: ClassVar = {
+        "bodies": Key(Names, 'Their names, or patterns such as "grain*"'),
+        "any": Key(bool, "Whether one of the bodies is enough"),
+        "enough": Key(
+            Enough,
+            "How many of the bodies are enough, a whole number such as 3, or which share of them, with a point such as "
+            "0.8 or 1.0",
+        ),
+        "also": Key(
+            Any,
+            "What else must hold of the same bodies at once, as further keys say it, too",
+        ),
+        "rest": Key(bool, "Whether they must end at rest"),
+        "held": Key(
+            bool,
+            "Whether they must end in the robot's hand, touching nothing fixed",
+        ),
+        "released": Key(bool, "Whether they must end touched by no part of the robot"),
+        "by_s": Key(
+            AboveZero,
+            "Until when it must be reached, s from the beginning of the motion",
+        ),
+        "ever": Key(bool, "Whether it is enough to reach it at any time"),
+        "after": Key(
+            str | int,
+            "The goal that must be reached before this one is, by number from 0 or by name",
+        ),
+        "weight": Key(AboveZero, "How much it counts beside others"),
+        "name": Key(str, "By which other goals and reports call it"),
+        "throughout": Key(
+            bool,
+            "Whether it must hold all the time, from before the robot moves; of what holds only later leave it out",
+        ),
+    }
+    names: ClassVar = {"bodies": FREE_BODY}
+    of_bodies: ClassVar[bool] = True
+    alone: ClassVar[bool] = False
+    from_start: ClassVar[bool] = False
+    moves: ClassVar[bool] = False
+    turns: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         fields = ("tolerance", "tolerance_deg", "away")  # that kinds have
@@ -344,6 +519,47 @@ class Reach(Goal):
         """What it is about, in words."""
         return (" or " if self.any else ", ").join(self.bodies)
 
+    @property
+    def soft_nodes(self) -> tuple[int, ...]:
+        """The nodes that bodies must have for it, which are soft then; empty: they may be rigid."""
+        node: int | None = getattr(self, "node", None)
+        return () if node is None else (node,)
+
+    @property
+    def breaks(self) -> tuple[str, ...]:
+        """What it wants to break."""
+        return ()
+
+    def tolerance_m(self, scene: Scene) -> float:
+        """Return how far off its bodies may be, m; 0: it does not say, or allows nothing."""
+        return float(getattr(self, "tolerance", 0.0))
+
+    def aim_of(self, body: str, start: State) -> Array | None:
+        """Return where a program may bring a body to fulfil it, as `place_of` does."""
+        return self.place_of(body, start)
+
+    def add_want(self, want: Want, scene: Scene) -> Want:
+        """Return what is wanted of bodies with what this kind asks, but the place, which is there.
+
+        By default a kind that says no place says nothing: its name is among ``unsaid``.
+        """
+        if type(self) is Reach:
+            return want
+
+        want = replace(want, reference=getattr(self, "at", None) or want.reference)
+        if self.aim_of(want.bodies[0], scene.state()) is None:
+            return replace(want, unsaid=(*want.unsaid, type(self).__name__))
+
+        return want
+
+    def do(self, bodies: str) -> str:
+        """Say in short what is done to bodies, beginning with a verb."""
+        if type(self) is not Reach:
+            return f"fulfil {type(self).__name__} of {bodies}"
+        if self.held:
+            return f"hold {bodies}"
+        return f"lay down {bodies}" if self.rest else f"let go of {bodies}"
+
     def label(self, number: int) -> str:
         """Return its name, or what it is about and its number among the goals."""
         what = ", ".join(self.bodies[:3]) or self.subject
@@ -353,7 +569,6 @@ class Reach(Goal):
 
     @property
     def parts(self) -> tuple[Reach, ...]:
-        """The goal itself, and what it also wants."""
         return (self, *self.also)
 
     @property
@@ -466,14 +681,13 @@ class Reach(Goal):
         """
         number = number_of(which, evidence.goals)
         if number is None:
-            numbered = enumerate(evidence.goals)
-            names = [goal.name or k for k, goal in numbered if isinstance(goal, Reach)]
+            others = numbered(evidence.goals)
+            names = [goal.name or count for count, goal in others.items()]
             raise ValueError(
                 f"a goal comes after {which!r}, which is no goal; there are: {', '.join(map(str, names))}"
             )
 
-        other = evidence.goals[number]
-        assert isinstance(other, Reach)
+        other = numbered(evidence.goals)[number]
         first = other.progress_over_time(evidence)
         unfulfilled = self.progress_over_time(evidence) < DONE
 
@@ -526,6 +740,114 @@ class Reach(Goal):
 
         return found
 
+    # In words, in a scene, and for who plans:
+
+    def in_short(self) -> str:
+        """Say in short what it wants, beginning with a verb."""
+        bodies = ", ".join(self.bodies)
+        if len(self.bodies) > MANY:
+            bodies = f"{len(self.bodies)} bodies"
+
+        says = [part for part in self.parts if type(part) is not Reach]
+        return (says or [self])[0].do(bodies)
+
+    def words(self) -> str:
+        return super().words() if type(self) is not Reach else ""
+
+    def describe(self) -> str:
+        when = {
+            self._say_enough(): self.enough is not None,
+            "must end at rest": self.rest,
+            "must end held by the robot, touching nothing fixed (half counts if it is only touched)": self.held,
+            "must end released, touched by no part of the robot, nor by what touches it": self.released,
+            f"by {self.by_s or 0:g} s after the motion begins": self.by_s is not None,
+            "at any time, not at the end": self.ever,
+            f"after goal {self.after}": self.after is not None,
+            f"weight {self.weight:g}": self.weight != 1,
+        }
+        asked = [part.words() for part in self.parts]
+        asked += [words for words, applies in when.items() if applies]
+        described = f"{self._say_subject()} {'; '.join(filter(None, asked))}"
+        return f"{self.name}: {described}" if self.name else described
+
+    def _say_enough(self) -> str:
+        """Say how many of the bodies are enough."""
+        is_share = isinstance(self.enough, float)
+        if self.enough == 1 and is_share:
+            return "all of these bodies are needed"
+        if self.enough == 1:
+            return "one of these bodies is enough"
+
+        enough = self.enough or 0
+        share = f"{100 * enough:g} %" if is_share else f"{enough:g}"
+        return f"of these bodies {share} are enough"
+
+    def _say_subject(self) -> str:
+        """Say what it is about; of many bodies the first, the last and how many."""
+        if len(self.bodies) <= NAMED:
+            return self.subject
+
+        first, *_, last = self.bodies
+        wanted = "any" if self.any else f"all {len(self.bodies)}"
+        return f"{wanted} of {first} to {last}"
+
+    def fit(self, site: Site) -> Self:
+        also = tuple(part.resolve(site) for part in self.also)
+        return Goal.fit(replace(self, also=also), site)
+
+    def find_faults(self, site: Site) -> Iterator[str]:
+        for name in self.bodies:
+            body = site.scene[name]
+            nodes = len(body.form.nodes) if isinstance(body, Soft) else 0
+            wanted = self.soft_nodes
+            if wanted and not 0 <= max(wanted) < nodes:
+                what = "node and nodes (from 0), max_height_m and min_area_m2 are for soft bodies"
+                yield f"{what}; {name!r} has {nodes} nodes"
+            if self.turns and nodes:
+                yield f"the soft body {name!r} has no axis; its nodes move"
+
+        if isinstance(self.enough, int) and self.enough > len(self.bodies) > 0:
+            yield (
+                f"enough: {self.enough} is a number of bodies, and these are {len(self.bodies)}; for a share of them "
+                "write it with a point, such as 0.8, and for all of them leave it out"
+            )
+
+    def wants(self, scene: Scene) -> list[Want]:
+        """Return what is wanted of the bodies in a layout: one want for all that it wants at one place."""
+        start = scene.state()
+        groups = dict[Place | None, list[str]]()
+        for body in self.subjects(start):
+            groups.setdefault(self._find_aim(body, start), []).append(body)
+
+        found = []
+        for place, bodies in groups.items():
+            want = Want(
+                tuple(bodies),
+                any=self.any,
+                held=self.held,
+                released=self.released,
+                rest=self.rest,
+                ever=self.ever,
+                by_s=self.by_s,
+                place=place,
+            )
+            for part in self.parts:
+                want = part.add_want(want, scene)
+
+            found.append(want)
+
+        return found
+
+    def _find_aim(self, body: str, start: State) -> Place | None:
+        """Return where it, or what it also asks, wants a body; None: nowhere."""
+        for part in self.parts:
+            aim = part.aim_of(body, start)
+            if aim is not None:
+                x, y, z = (None if np.isnan(at) else float(at) for at in aim)
+                return x, y, z
+
+        return None
+
 
 class Limit(Goal):
     """What must not happen, whichever goal is reached.
@@ -537,102 +859,25 @@ class Limit(Goal):
         """Yield what one world did against it, for observations: when, s, and what."""
         return iter(())
 
+    def find_conflict(self, wanted: Reach, scene: Scene) -> str:
+        """Say why it does not let a goal be reached; empty: it does."""
+        return ""
 
-class Aim(Protocol):
-    """A task, or what has its goals.
-
-    ``every``: whether all goals to reach count; else one is enough.
-    """
-
-    @property
-    def goals(self) -> Sequence[Goal]: ...
-
-    @property
-    def every(self) -> bool: ...
-
-
-def goals_reward(
-    task: Aim, start: State, end: State, trace: Trace | None = None
-) -> Array:
-    """Compute the reward, 0..1, that a task's goals stand for, of one world or of many, (...).
-
-    The progress of a goal rises from 0 at the start to 1 where it is fulfilled, linearly with the distance that is left
-    over. With ``every`` the mean of what is to be reached counts, by weight, else the best of it. It is multiplied by
-    the share of each limit: 0 where the robot touched what it must not, and less where a body to keep moved.
-
-    Raises:
-        ValueError: the goals need a trace, and there is none; or a goal comes after one that is not there.
-    """
-    evidence = Evidence(start, end, trace, task.goals)
-    wanted = reaches(task.goals)
-    shares = [goal.share(evidence) for goal in wanted]
-
-    reward = np.zeros(end.positions.shape[:-2])
-
-    if shares and task.every:
-        reward = np.average(shares, axis=0, weights=[goal.weight for goal in wanted])
-    elif shares:
-        reward = np.max(shares, axis=0)
-
-    for limit in limits(task.goals):
-        reward = reward * limit.share(evidence)
-    return np.clip(reward, 0.0, 1.0)
-
-
-def goals_shares(
-    task: Aim, start: State, end: State, trace: Trace | None
-) -> tuple[tuple[str, float], ...]:
-    """Say how far one world fulfilled each of several goals that all count, 0..1.
-
-    None where one goal is enough, or where they don't fit the scene: goals are a hint.
-    """
-    if not task.every or len(reaches(task.goals)) < 2:
-        return ()
-
-    evidence = Evidence(start, end, trace, task.goals)
-
-    try:
-        return tuple(
-            (goal.label(number), float(goal.share(evidence)))
-            for number, goal in enumerate(task.goals)
-            if isinstance(goal, Reach)
-        )
-    except (AttributeError, KeyError, ValueError):
-        return ()
-
-
-def goals_margins(
-    task: Aim, start: State, end: State, trace: Trace | None = None
-) -> list[Margin]:
-    """Say how far one world stayed from the limits of a task's goals.
-
-    Of goals one of which is enough, these are the margins of the best: of that whose least margin is the largest.
-    """
-    evidence = Evidence(start, end, trace, task.goals)
-    groups = [goal.margins(evidence) for goal in reaches(task.goals)]
-
-    if not task.every:
-        known = filter(None, groups)
-        best = max(known, key=lambda group: min(m.margin for m in group), default=[])
-        groups = [best]
-
-    return [*limits_margins(task, start, end, trace), *chain(*groups)]
-
-
-def limits_margins(
-    task: Aim, start: State, end: State, trace: Trace | None = None
-) -> list[Margin]:
-    """Say how far one world stayed from the limits alone.
-
-    This is for tasks that measure themselves what is reached (`core.task.Task.margins`).
-    """
-    evidence = Evidence(start, end, trace, task.goals)
-    return list(chain(*(limit.margins(evidence) for limit in limits(task.goals))))
+    def bans(self, scene: Scene) -> Ban:
+        """Return what it forbids in a layout; by default no more than its kind's name."""
+        return Ban(unsaid=type(self).__name__)
 
 
 def reaches(goals: Iterable[Goal]) -> list[Reach]:
     """Return the goals that want something reached."""
     return [goal for goal in goals if isinstance(goal, Reach)]
+
+
+def numbered(goals: Iterable[Goal]) -> dict[int, Reach]:
+    """Return the goals that want something reached, by their numbers among all."""
+    return {
+        number: goal for number, goal in enumerate(goals) if isinstance(goal, Reach)
+    }
 
 
 def number_of(which: str | int | None, goals: Iterable[Goal]) -> int | None:
@@ -642,8 +887,8 @@ def number_of(which: str | int | None, goals: Iterable[Goal]) -> int | None:
         which: its name, or its number, whatever its name, as `Reach.after` has it; None: no goal.
         goals: of a task.
     """
-    for number, goal in enumerate(goals):
-        if isinstance(goal, Reach) and which in (number, goal.name):
+    for number, goal in numbered(goals).items():
+        if which in (number, goal.name):
             return number
 
     return None
@@ -654,23 +899,20 @@ def limits(goals: Iterable[Goal]) -> list[Limit]:
     return [goal for goal in goals if isinstance(goal, Limit)]
 
 
-def list_names(what: str, scene: Scene) -> list[str]:
-    """List the names that a scene has of one of the things of `NAMED`."""
-    if what == "joint":
-        return [joint.name for joint in scene.joints]
-    if what == FREE_BODY:
-        return [body.name for body in scene.free]
-    if what == SOLID_BODY:
-        return [body.name for body in scene.bodies if _is_solid(body)]
-    if what == BREAKABLE:
-        return [*scene.breakable]
+def find_wants(goals: Sequence[Goal], scene: Scene) -> list[Want]:
+    """Return what a task's goals to reach want of bodies in a layout, with the numbers of the goals."""
+    found = list[Want]()
+    for number, goal in numbered(goals).items():
+        after = number_of(goal.after, goals)
+        wants = goal.wants(scene)
+        found += [replace(want, number=number, after=after) for want in wants]
 
-    return [body.name for body in scene.bodies]
+    return found
 
 
-def _is_solid(body: Body) -> bool:
-    """Report whether something can touch a body: a mark can't be touched, unless a design's fixture takes its place."""
-    return bool(body.collisions) or isinstance(body, Soft) or body.name == FIXTURE
+def find_bans(goals: Iterable[Goal], scene: Scene) -> list[Ban]:
+    """Return what a task's limits forbid in a layout."""
+    return [limit.bans(scene) for limit in limits(goals)]
 
 
 def check_names(goal: Goal, scene: Scene) -> None:
@@ -679,12 +921,10 @@ def check_names(goal: Goal, scene: Scene) -> None:
     Raises:
         UsageError: names what is possible.
     """
-    looks_at_bodies = isinstance(goal, Reach) and type(goal).subjects is Reach.subjects
-    if looks_at_bodies and not getattr(goal, "bodies", ()):
+    if isinstance(goal, Reach) and goal.of_bodies and not goal.bodies:
         raise UsageError("a goal to reach needs bodies")
 
-    for field, name in _find_named(goal):
-        what = NAMED[field]
+    for what, name in goal.list_named():
         possible = list_names(what, scene)
         if name not in possible:
             raise choices(what, name, possible)
@@ -692,19 +932,12 @@ def check_names(goal: Goal, scene: Scene) -> None:
 
 def needs_fixture(goal: Goal) -> bool:
     """Report whether a goal names the fixture that a design brings (`core.design.Fixture`)."""
-    return any(name == FIXTURE for _, name in _find_named(goal))
+    return any(name == FIXTURE for _, name in goal.list_named())
 
 
-def _find_named(goal: Goal) -> Iterator[tuple[str, str]]:
-    """Yield what a goal and its parts name in a scene: by which field of `NAMED`, and the name."""
-    for part in getattr(goal, "parts", [goal]):
-        for field in NAMED:
-            names = getattr(part, field, None) or ()
-            if isinstance(names, str):
-                names = (names,)
-
-            for name in names:
-                yield field, name
+def needs_some(goal: Reach, things: int, forbidden: int) -> bool:
+    """Report whether a goal needs one of the forbidden things: the others are not enough."""
+    return forbidden > 0 and goal.count_enough(things) > things - forbidden
 
 
 def angle_between(first: Array, second: Array) -> Array:
@@ -712,6 +945,25 @@ def angle_between(first: Array, second: Array) -> Array:
     along = (first * second).sum(axis=-1)
     angle: Array = np.arccos(np.clip(along, -1.0, 1.0))
     return angle
+
+
+def vector(numbers: Iterable[Coordinate], digits: int = 6) -> str:
+    """Write a place or a direction; a coordinate that is None is free."""
+    said = []
+    for axis, number in zip("xyz", numbers, strict=True):
+        if number is None:
+            said.append(f"any {axis}")
+        elif isinstance(number, Span):
+            said.append(str(number))
+        else:
+            said.append(f"{round(number, digits):g}")
+
+    return f"({', '.join(said)})"
+
+
+def frame(at: str | None) -> str:
+    """Say in whose frame a place or a direction is."""
+    return "" if at is None else f" in the frame of {at}"
 
 
 def length(vectors: Array) -> Array:

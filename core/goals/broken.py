@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from core.geometry import Array
 from core.goals.base import BREAKS, Conduct, Evidence, Reach
+from core.goals.keys import Key, Names
+from core.goals.sites import BREAKABLE
+from core.goals.wants import Want
+from core.scene import Scene
 from core.values.margins import Margin
 from core.values.states import State
 
@@ -22,6 +27,13 @@ class Broken(Reach):
     """
 
     broken: tuple[str, ...]
+
+    keys: ClassVar = {
+        "broken": Key(Names, "Bodies and bonds that must break", head=True)
+    }
+    names: ClassVar = {"broken": BREAKABLE}
+    of_bodies = False
+    alone = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -70,3 +82,20 @@ class Broken(Reach):
         best_first = sorted(strains, key=lambda name: -strains[name])
         name = best_first[self.count_enough(len(best_first)) - 1]
         return [Margin.at_least(f"force on {name}", strains[name], 1.0, BREAKS, 1.0)]
+
+    @property
+    def breaks(self) -> tuple[str, ...]:
+        return self.broken
+
+    def words(self) -> str:
+        which = "any one" if self.any else "each"
+        return (
+            f"must break: the force on {which} (of one other thing on a body, or at the point of a bond) must once "
+            "exceed its breaks_n; until then less than half is earned, by the largest force"
+        )
+
+    def do(self, bodies: str) -> str:
+        return f"break {self.subject}"
+
+    def add_want(self, want: Want, scene: Scene) -> Want:
+        return replace(want, breaks=True)

@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from core.geometry import Array, Vector
-from core.goals.base import SLIP_RAD, Measure, Reach, angle_between, length
+from core.goals.base import (
+    SLIP_RAD,
+    Measure,
+    Reach,
+    angle_between,
+    length,
+    vector,
+)
+from core.goals.keys import AXIS, TOLERANCE_DEG, Key
+from core.goals.sites import ANY_BODY
+from core.goals.turned import ALONG
+from core.goals.wants import Want
+from core.scene import Scene
 from core.values.joints import rotate
 from core.values.states import State
 
@@ -31,6 +44,19 @@ class Facing(Reach):
     axis: Vector = (1.0, 0.0, 0.0)
     tolerance_deg: float = 10.0
 
+    keys: ClassVar = {
+        "facing": Key(
+            str,
+            "The name of a body or mark, at whose middle the axis of the others must point; the x axis, if there is no "
+            "axis",
+            head=True,
+        ),
+        "axis": AXIS,
+        "tolerance_deg": TOLERANCE_DEG,
+    }
+    names: ClassVar = {"facing": ANY_BODY}
+    turns = True
+
     def __post_init__(self) -> None:
         super().__post_init__()
         if not np.any(self.axis):
@@ -50,3 +76,23 @@ class Facing(Reach):
         most = float(np.radians(self.tolerance_deg))
         name = f"angle of {body} to {self.facing}"
         yield Measure(name, angle, most, SLIP_RAD, "rad")
+
+    def words(self) -> str:
+        return (
+            f"axis {vector(self.axis, 3)} of its frame must point at {self.facing}, within {self.tolerance_deg:g} "
+            "degrees"
+        )
+
+    def do(self, bodies: str) -> str:
+        return f"turn {bodies} to {self.facing}"
+
+    def add_want(self, want: Want, scene: Scene) -> Want:
+        """Return it with a turn on the level, from where the first body is to what it is to face."""
+        way = scene[self.facing].pose.position - scene[want.bodies[0]].pose.position
+        if np.hypot(*way[:2]) < ALONG:
+            return super().add_want(want, scene)
+
+        points = (float(way[0]), float(way[1]), 0.0)
+        return replace(
+            want, axis=self.axis, points=points, tolerance_deg=self.tolerance_deg
+        )

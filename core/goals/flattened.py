@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 from core.geometry import Array
 from core.goals.base import SLIP_SHARE, Measure, Reach
+from core.goals.keys import AboveZero, Key
 from core.values.states import State
 
 
@@ -16,9 +18,22 @@ class Flattened(Reach):
 
     max_height_m: float
 
+    keys: ClassVar = {
+        "max_height_m": Key(
+            AboveZero, "The most height of soft bodies at the end, m", head=True
+        )
+    }
+    soft_nodes = (0,)
+
     def measures(self, body: str, start: State) -> Sequence[Measure]:
         def height(state: State) -> Array:
             return state.extent(body)[..., 2]
 
         slip = SLIP_SHARE * self.max_height_m
         return [Measure(f"height of {body}", height, self.max_height_m, slip, "m")]
+
+    def words(self) -> str:
+        return f"must be at most {self.max_height_m:g} m high, from its lowest node to its highest"
+
+    def do(self, bodies: str) -> str:
+        return f"flatten {bodies} to {self.max_height_m:.2g} m"

@@ -3,46 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Self
 
 import numpy as np
 
-from core.geometry import Array, Vector
+from core.geometry import Array, Primitive, Vector
 from core.goals.base import SLIP_M, Measure, Reach
+from core.goals.keys import Key
+from core.goals.sites import ANY_BODY, Site, Space
+from core.goals.wants import Want
+from core.scene import Scene
 from core.values.joints import rotate, rotate_back
 from core.values.states import State
 from core.values.tools import Fixture
-
-NO_WAY_M = 1.0  # what leads into no space counts as so long
-
-
-class Space:
-    """What bodies can be inside of, in the frame of the body or mark that has it. By itself it is empty.
-
-    Attributes:
-        passage: the radius of the largest ball whose middle may get into it, m; 0: no way leads in.
-    """
-
-    passage: float = np.inf
-
-    def within(self, fixture: Fixture | None) -> Space | None:
-        """Return the space in a scene to which a design adds a fixture, or adds nothing; None: there is none."""
-        return self
-
-    def room(self, points: Array) -> Array:
-        """Measure how deep inside points (..., 3) are, m, (...); below 0: how long the way in is."""
-        return np.full(points.shape[:-1], -NO_WAY_M)
-
-    def rest(self, down: Array, foot: float) -> Array:
-        """Find where a body's frame (3,) is that rests below the middle; in free fall it is the middle.
-
-        Args:
-            down: where gravity draws, (3,) in its frame; zeros: nowhere.
-            foot: how far the body's frame is above its lowest point, m.
-        """
-        length = float(np.linalg.norm(down))
-        return np.asarray(-foot * down / length if length else down)
-
 
 EMPTY = Space()
 
@@ -66,14 +40,21 @@ class Inside(Reach):
     feet: Mapping[str, float] = field(default_factory=dict, repr=False, compare=False)
     down: Vector = field(default=(0.0, 0.0, -1.0), repr=False, compare=False)
 
+    keys: ClassVar = {
+        "inside": Key(
+            str,
+            "The body or mark in whose hollow or space the middle of each must end, on the way to which less than half "
+            "is earned; what a body lacks of walls, the table or what is fixed may have",
+            way=True,
+        )
+    }
+    names: ClassVar = {"inside": ANY_BODY}
+    moves = True
+
     @property
     def at(self) -> str:
         """What the place is given by."""
         return self.inside
-
-    def can_enter(self, fixture: Fixture) -> bool:
-        """Report whether there is a space for bodies with a design's fixture in the scene."""
-        return self.space.within(fixture) is not None
 
     def _find_space(self, start: State) -> Space:
         """Return the space in the layout that begins so."""
@@ -101,3 +82,56 @@ class Inside(Reach):
         space = self._find_space(start)
         place = space.rest(down, self.feet.get(body, 0.0))
         return start.position(self.inside) + rotate(frame, place)
+
+    def words(self) -> str:
+        return (
+            f"must end inside {self.inside}: the middle of each in its hollow; on the way in, through its opening, "
+            "less than half is earned by it"
+        )
+
+    def do(self, bodies: str) -> str:
+        return f"bring {bodies} into {self.inside}"
+
+    def fit(self, site: Site) -> Self:
+        found = super().fit(site)
+        return replace(
+            found,
+            space=site.find_space(found.inside),
+            feet={name: site.find_foot(name) for name in found.bodies},
+            down=site.scene.gravity,
+        )
+
+    def add_want(self, want: Want, scene: Scene) -> Want:
+        return replace(want, container=self.inside, reference=self.inside)
+
+    def find_fixture_fault(self, fixture: Fixture) -> str:
+        if self.space.within(fixture) is not None:
+            return ""
+
+        return (
+            "bodies must end inside it, and it has no hollow with walls all around; close its walls, on a side that is "
+            "open like a cup's or a tube's"
+        )
+
+    def find_faults(self, site: Site) -> Iterator[str]:
+        yield from super().find_faults(site)
+        if self.inside in self.bodies:
+            yield f"{self.inside} can't be inside itself; name another body"
+
+    def find_doubts(self, where: str, scene: Scene) -> Iterator[str]:
+        """Yield a line for each body of one round or square shape that does not get in, by its smallest side."""
+        start = scene.state()
+        widest = 2 * self.space.passage
+        for name in self.bodies:
+            shapes = [part.shape for part in scene[name].collisions]
+            # Those in which a ball fits that is as wide as their smallest side.
+            is_known = len(shapes) == 1 and isinstance(shapes[0], Primitive)
+            if not is_known or self.progress(start, start) >= 1.0:
+                continue
+
+            _, sides = shapes[0].bounds
+            if float(min(sides)) > widest:
+                way = f"the way in is at most {1000 * widest:.0f} mm wide"
+                if not widest:
+                    way = "no way leads in"
+                yield f"{name} does not get into {self.inside}: {way}"

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -15,11 +17,18 @@ from core.goals.base import (
     SLIP_RAD,
     STILL_M_S,
     STILL_RAD_S,
+    Given,
     Measure,
     Reach,
 )
+from core.goals.keys import TOLERANCE, Bound, Key
+from core.goals.sites import JOINT, Site
+from core.goals.wants import Want
+from core.scene import Scene
 from core.values.spans import Span
 from core.values.states import State
+
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +46,15 @@ class JointAt(Reach):
     to: float | Span
     tolerance: float = 0.0
     relative: bool = False
+
+    keys: ClassVar = {
+        "joint": Key(str, "The joint that must be moved", way=True),
+        "to": Key(Bound, "The joint's position at the end, rad or m"),
+        "change": Key(Bound, "How far from its start the joint must end, rad or m"),
+        "tolerance": TOLERANCE,
+    }
+    names: ClassVar = {"joint": JOINT}
+    of_bodies = False
 
     @property
     def subject(self) -> str:
@@ -64,6 +82,9 @@ class JointAt(Reach):
             aim += start.joints[self.joint].joint.start
 
         return aim
+
+    def tolerance_m(self, scene: Scene) -> float:
+        return self.tolerance if self._slides(scene.state()) else 0.0
 
     def _slides(self, state: State) -> bool:
         return state.joints[self.joint].joint.kind == "slider"
@@ -109,3 +130,45 @@ class JointAt(Reach):
         parent = start.placement(joint.parent)
         to = np.asarray(self.aim(start))
         return placed.carry(to, np.zeros(()), parent).position
+
+    def words(self) -> str:
+        verb = "must change from its start by" if self.relative else "must get to"
+        if self.span is not None:
+            return f"{verb} {self.span} m or rad"
+
+        within = f" (within {self.tolerance:g})" if self.tolerance else ""
+        return f"{verb} {self.to:g} m or rad{within}"
+
+    def do(self, bodies: str) -> str:
+        return f"move the joint {self.joint}"
+
+    @classmethod
+    def translate(cls, key: str, given: Given) -> Given:
+        if "change" in given and "to" in given:
+            raise ValueError("a joint has to (a position) or change (from its start)")
+        if "change" in given:
+            return {"to": given["change"], "relative": True}
+
+        return {}
+
+    def add_want(self, want: Want, scene: Scene) -> Want:
+        return replace(want, joint=self.joint, to=self.aim(scene.state()))
+
+    def find_faults(self, site: Site) -> Iterator[str]:
+        joint = site.scene.placed_joints[self.joint].joint
+        wanted = self.span or Span.about(self.to, self.tolerance)
+        begin = joint.start if self.relative else 0.0
+        lowest = joint.lower
+        highest = joint.upper
+        if joint.kind == "ball":  # its position is the angle that it was turned by
+            lowest = 0.0
+            highest = math.pi
+
+        too_high = begin + wanted.low > highest + ROUNDING
+        too_low = begin + wanted.high < lowest - ROUNDING
+        if too_high or too_low:
+            unit = "m" if joint.kind == "slider" else "rad"
+            yield (
+                f"joint {joint.name} starts at {joint.start:g} and goes from {lowest:g} to {highest:g} {unit}, and "
+                "never there; ask for less, or give the joint a wider range"
+            )

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import chain
+from typing import ClassVar, Self
 
 import numpy as np
 
 from core.errors import refuse
 from core.geometry import Array
-from core.goals.base import Evidence, Limit
+from core.goals.base import Evidence, Given, Limit, Reach, needs_some
+from core.goals.keys import AboveZero, KeptNames, Key
+from core.goals.sites import FREE_BODY, Site
+from core.goals.wants import Ban
+from core.scene import Body, Scene
 from core.values.joints import rotate
 from core.values.margins import Margin
 from core.values.states import State
@@ -17,6 +23,7 @@ from core.values.states import State
 KEPT_M = 0.02  # a body to keep may move so far
 KEPT_DEG = 10.0  # and turn so far
 STRAYED = 5  # and where it moved or turned so many times as far, nothing is earned
+THROUGHOUT = "throughout"
 NOTICED = 0.25  # of what it may move is worth a word
 
 
@@ -35,6 +42,14 @@ class Kept(Limit):
     kept_deg: float = KEPT_DEG
     balls: tuple[str, ...] = ()
     rounds: tuple[str, ...] = ()
+
+    keys: ClassVar = {
+        "keep": Key(KeptNames, "Bodies to leave in place, or throughout", head=True),
+        "kept_m": Key(AboveZero, "How far they may move, m"),
+        "kept_deg": Key(AboveZero, "How far a body to keep may turn, degrees"),
+        "throughout": Reach.keys["throughout"],
+    }
+    names: ClassVar = {"keep": FREE_BODY}
 
     def __post_init__(self) -> None:
         problems = {
@@ -126,3 +141,75 @@ class Kept(Limit):
                 ways = evidence.ways(name)
                 begun = float(film.times[(ways > noticed).argmax()])
                 yield begun, f"{name} moved by {1000 * moved:.0f} mm, and is to stay"
+
+    def words(self) -> str:
+        when = " throughout" if self.throughout else ""
+        return (
+            f"leave {', '.join(self.keep)} in place{when}: less is earned beyond {self.kept_m:g} m, nothing from "
+            f"{self.lost_m:g} m on"
+        )
+
+    @classmethod
+    def prepare(cls, given: Given) -> Given:
+        """Read ``bodies: NAMES`` and ``keep: throughout`` as ``keep: NAMES`` and ``throughout: true``."""
+        if given.get("keep") != THROUGHOUT:
+            return given
+
+        kept = {key: value for key, value in given.items() if key != "bodies"}
+        if "bodies" not in given or kept.keys() - {"keep", "kept_m", "kept_deg"}:
+            raise ValueError(
+                "keep needs names here; to say that bodies stay all the time, write keep: [NAME, ...] and throughout: "
+                "true"
+            )
+
+        return {**kept, "keep": given["bodies"], THROUGHOUT: True}
+
+    def fit(self, site: Site) -> Self:
+        found = super().fit(site)
+        bodies = [site.scene[name] for name in found.keep]
+        balls = [body.name for body in bodies if _is_round(body, ball=True)]
+        rounds = [body.name for body in bodies if _is_round(body)]
+        return replace(found, balls=tuple(balls), rounds=tuple(rounds))
+
+    def find_doubts(self, where: str, scene: Scene) -> Iterator[str]:
+        for name in self.keep:
+            if scene[name].launched:
+                yield f"{name} is to be kept, and begins to move"
+
+    def find_conflict(self, wanted: Reach, scene: Scene) -> str:
+        if wanted.ever and not self.throughout:  # it may come back
+            return ""
+
+        start = scene.state()
+        moving = [part for part in wanted.parts if part.moves]
+        far = dict[str, float]()
+        for body in set(wanted.bodies) & set(self.keep):
+            measures = chain(*(part.measures(body, start) for part in moving))
+            way = max((float(measure.left(start)) for measure in measures), default=0)
+            if way > self.kept_m:
+                far[body] = way
+
+        if not needs_some(wanted, len(wanted.bodies), len(far)):
+            return ""
+
+        body = min(far)
+        return (
+            f"{body} must get {far[body]:.3g} m from where it starts, and is to be kept within {self.kept_m:g} m of "
+            "it; leave it out of keep, or give kept_m"
+        )
+
+    def bans(self, scene: Scene) -> Ban:
+        return Ban(self.keep, moved=self.kept_m, turned_deg=self.kept_deg)
+
+
+def _is_round(body: Body, *, ball: bool = False) -> bool:
+    """Report whether a body looks the same however it turns about its z; a ball: about any axis."""
+    for part in body.collisions:
+        offset = part.pose.position if ball else part.pose.position[:2]
+        turned = part.pose.rotation.apply([0.0, 0.0, 1.0])
+        upright = abs(float(turned[2])) > 1 - 1e-9
+        alike = part.shape.is_ball or (not ball and part.shape.is_round and upright)
+        if not alike or np.abs(offset).max() > 1e-9:
+            return False
+
+    return bool(body.collisions)

@@ -3,16 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
+from typing import ClassVar
 
 import numpy as np
 
 from core.geometry import Array
-from core.goals.base import NEAR_M, SLIP_M, Coordinates, Measure, Reach, length
+from core.goals.base import (
+    NEAR_M,
+    SLIP_M,
+    Coordinates,
+    Given,
+    Measure,
+    Reach,
+    frame,
+    length,
+    vector,
+)
+from core.goals.keys import AT, NODE, TOLERANCE, Bounds, Key, Least, Place
+from core.goals.sites import ANY_BODY, Site
+from core.goals.wants import Want
+from core.scene import Scene
 from core.values.joints import rotate, rotate_back
 from core.values.spans import Span
 from core.values.states import State
+
+STEPS = 40  # places of a joint that are looked at
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +63,29 @@ class Placed(Reach):
     relative: bool = False
     tolerance: float = 0.0
     node: int | None = None
+
+    keys: ClassVar = {
+        "place": Key(
+            Bounds,
+            'Coordinates x, y and z, m; null is free, and "> 0.3", "< 0.3" and [0.2, 0.4] are at least, at most and '
+            "between",
+            way=True,
+        ),
+        "places": Key(tuple[Place, ...], "A place for each of the bodies", way=True),
+        "moved": Key(
+            Bounds,
+            "How far from the start they must end along x, y and z, m",
+            head=True,
+        ),
+        "raised": Key(
+            Least, "How much higher than at the start they must end, m", head=True
+        ),
+        "at": AT,
+        "tolerance": TOLERANCE,
+        "node": NODE,
+    }
+    names: ClassVar = {"at": ANY_BODY}
+    moves = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -146,3 +186,96 @@ class Placed(Reach):
         if self.at is None:
             return vectors
         return rotate_back(start.quaternion(self.at), vectors)
+
+    def words(self) -> str:
+        node = f"(node {self.node} of its nodes, from 0) "
+        if self.node is None:
+            node = ""
+
+        verb = "must move from its start" if self.relative else "must get to"
+        return f"{node}{verb}{self._say_place()}"
+
+    def _say_place(self) -> str:
+        """Say where, or by how much."""
+        if self.places:
+            places = ", ".join(map(vector, self.places))
+            return f" {places} in the frame of {self.at or 'the world'}, one each, within {self.tolerance:g}"
+
+        by = "by " if self.relative else ""
+        if self.spans:
+            said = [f" {axis} {by}{span} m" for axis, span in self.spans.items()]
+            return f"{','.join(said)}{frame(self.at)}"
+
+        within = f" (within {self.tolerance:g})" if self.tolerance else ""
+        return f" {vector(self.place or ())}{frame(self.at)}{within}"
+
+    def do(self, bodies: str) -> str:
+        if self.relative:
+            return f"move {bodies}"
+
+        return f"bring {bodies} to its place{f' at {self.at}' if self.at else ''}"
+
+    @classmethod
+    def translate(cls, key: str, given: Given) -> Given:
+        if key not in ("moved", "raised"):
+            return {}
+
+        way = given[key] if key == "moved" else (None, None, given[key])
+        return {"place": way, "places": (), "relative": True}
+
+    def add_want(self, want: Want, scene: Scene) -> Want:
+        want = super().add_want(want, scene)
+        if any(isinstance(wanted, Span) for wanted in self.place or ()):
+            return want
+
+        return replace(want, tolerance=self.tolerance)
+
+    def find_faults(self, site: Site) -> Iterator[str]:
+        yield from super().find_faults(site)
+        for place in self.places or (self.place or (),):
+            if all(wanted is None for wanted in place):
+                yield (
+                    "a place or a way with null for all of x, y and z asks nothing; give one of them, such as [0.6, "
+                    "null, null]"
+                )
+
+    def find_doubts(self, where: str, scene: Scene) -> Iterator[str]:
+        at = self.at
+        if at is not None and at not in self.bodies:
+            moves = not scene[at].fixed or scene[at].carrier is not None
+            if moves:
+                yield (
+                    f"{where} is given at {at} where that begins, and stays there when it moves; a mark with a shape "
+                    f"at {at} moves along, for inside: MARK"
+                )
+
+        for body in self.bodies:
+            yield from self._doubt_guide(where, body, scene)
+
+    def _doubt_guide(self, where: str, body: str, scene: Scene) -> Iterator[str]:
+        """Yield a line where the joint that a body hangs from does not let it get to its place."""
+        guides = [joint for joint in scene.ordered_joints if joint.joint.body == body]
+        if not guides or not guides[0].joint.limited:
+            return
+
+        joint = guides[0].joint
+        if joint.parent is not None and not scene[joint.parent].fixed:
+            return
+
+        start = scene.state()
+        values = np.linspace(joint.lower, joint.upper, STEPS + 1)
+        parent = start.placement(joint.parent)
+        moved = guides[0].carry(values, np.zeros(STEPS + 1), parent)
+        number = start.names.index(body)
+        states = State.stack([start] * len(values))
+        states.positions[:, number] = moved.position
+        states.quaternions[:, number] = moved.quaternion
+
+        step = float(np.linalg.norm(np.diff(moved.position, axis=0), axis=1).max())
+        lefts = [measure.left(states) for measure in self.measures(body, start)]
+        nearest = float(np.max(lefts, axis=0).min())
+        if nearest > step:
+            yield (
+                f"{where}: joint {joint.name} brings {body} no nearer than {1000 * nearest:.0f} mm to where it is to "
+                "be"
+            )

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 from core.geometry import Array
 from core.goals.base import SLIP_SHARE, Measure, Reach
+from core.goals.keys import AboveZero, Key
 from core.values.states import State
 
 
@@ -16,6 +18,13 @@ class Spread(Reach):
 
     min_area_m2: float
 
+    keys: ClassVar = {
+        "min_area_m2": Key(
+            AboveZero, "The least area that they cover, seen from above, m^2", head=True
+        )
+    }
+    soft_nodes = (0,)
+
     def measures(self, body: str, start: State) -> Sequence[Measure]:
         def area(state: State) -> Array:
             return state.covered_area(body)
@@ -23,3 +32,9 @@ class Spread(Reach):
         least = self.min_area_m2
         name = f"area of {body}"
         return [Measure(name, area, least, SLIP_SHARE * least, "m^2", at_least=True)]
+
+    def words(self) -> str:
+        return f"must cover at least {self.min_area_m2:g} m^2 as seen from above"
+
+    def do(self, bodies: str) -> str:
+        return f"spread {bodies} over {self.min_area_m2:.2g} m^2"

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
 from core.geometry import Array
-from core.goals.base import Evidence, Limit, Reach
+from core.goals.base import Evidence, Limit, Reach, needs_fixture
+from core.goals.sites import Site
+from core.goals.wants import Ban
+from core.scene import Scene
 from core.values.margins import Margin
 
 
@@ -22,7 +27,6 @@ class Throughout(Limit):
 
     @property
     def parts(self) -> tuple[Reach, ...]:
-        """What it asks for."""
         return self.what.parts
 
     @property
@@ -37,3 +41,26 @@ class Throughout(Limit):
         instant = int(self.what.progress_over_time(evidence).argmin())
         worst = evidence.film.states[instant]
         return self.what.margins(replace(evidence, end=worst))
+
+    def describe(self) -> str:
+        return f"throughout, or less is earned: {self.what.describe()}"
+
+    def fit(self, site: Site) -> Self:
+        return replace(self, what=self.what.resolve(site))
+
+    def find_faults(self, site: Site) -> Iterator[str]:
+        if needs_fixture(self.what):
+            return
+
+        start = site.scene.state()
+        unmet = self.what.held or bool(self.what.progress(start, start) < 1.0)
+        if unmet:
+            verb = "is" if len(self.what.bodies) < 2 else "are"
+            yield (
+                f"throughout means from the start on, and at the start {self.what.subject} {verb} not so: nothing "
+                "could be earned; leave throughout out, and it must hold at the end (with held: true, in hand)"
+            )
+
+    def bans(self, scene: Scene) -> Ban:
+        wants = self.what.wants(scene)
+        return Ban(self.what.subjects(scene.state()), lasting=tuple(wants))

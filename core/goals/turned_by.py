@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from core.geometry import Array
-from core.goals.base import SLIP_DEG, Measure, Reach
+from core.goals.base import SLIP_DEG, Given, Measure, Reach
+from core.goals.keys import TOLERANCE_DEG, Bound, Key
+from core.goals.sites import Site
+from core.goals.turned import FAR_DEG, find_angle_faults, read_angle
+from core.goals.wants import Want
+from core.scene import Scene
 from core.values.joints import inverse, multiply
 from core.values.spans import Span
 from core.values.states import State
+
+OVER_DEG = 120.0  # a turn by more is one over an edge
+LEAST_OFF_DEG = 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,6 +28,16 @@ class TurnedBy(Reach):
     """Bodies that must end turned from their start by an angle within a span, degrees, about whatever axis."""
 
     turned_deg: Span
+
+    keys: ClassVar = {
+        "turned_deg": Key(
+            Bound,
+            "By how much they must be turned from the start, degrees",
+            head=True,
+        ),
+        "tolerance_deg": TOLERANCE_DEG,
+    }
+    turns = True
 
     def measures(self, body: str, start: State) -> Iterator[Measure]:
         before = inverse(start.quaternion(body))
@@ -30,3 +49,38 @@ class TurnedBy(Reach):
 
         name = f"turn of {body}"
         yield from Measure.within(self.turned_deg, name, angle, "deg", SLIP_DEG)
+
+    def words(self) -> str:
+        return f"must be turned from its start by {self.turned_deg} degrees, about whatever axis"
+
+    def do(self, bodies: str) -> str:
+        return f"turn {bodies} by {self.turned_deg} degrees"
+
+    @classmethod
+    def translate(cls, key: str, given: Given) -> Given:
+        return read_angle(key, given)
+
+    def find_faults(self, site: Site) -> Iterator[str]:
+        yield from super().find_faults(site)
+        yield from find_angle_faults(self.turned_deg)
+
+    def add_want(self, want: Want, scene: Scene) -> Want:
+        """Return it with a turn over the side where that is far, and else about the vertical."""
+        least = self.turned_deg.aim(0.0, 0.0)
+        over = least >= OVER_DEG
+        angle = np.radians(self.turned_deg.aim(180.0 if over else 0.0, FAR_DEG))
+
+        now = np.array([1.0, 0.0, 0.0])
+        points = np.array([np.cos(angle), np.sin(angle), 0.0])
+        if over:
+            now = np.array([0.0, 0.0, 1.0])
+            points = np.array([np.sin(angle), 0.0, np.cos(angle)])
+
+        back = scene[want.bodies[0]].pose.rotation.inv()
+        off = float(abs(np.degrees(angle) - least))
+        return replace(
+            want,
+            axis=tuple(back.apply(now).tolist()),
+            points=tuple(points.tolist()),
+            tolerance_deg=max(off, LEAST_OFF_DEG),
+        )

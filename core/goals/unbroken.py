@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from core.geometry import Array
-from core.goals.base import BREAKS, Evidence, Limit
+from core.goals.base import BREAKS, Evidence, Limit, Reach, needs_some
+from core.goals.keys import Key, Names
+from core.goals.sites import BREAKABLE
+from core.goals.wants import Ban
+from core.scene import Scene
 from core.values.margins import Margin
 
 
@@ -17,6 +22,15 @@ class Unbroken(Limit):
     """Things that must not break, whatever presses them: ``unbroken`` has their names, see `Broken`."""
 
     unbroken: tuple[str, ...]
+
+    keys: ClassVar = {
+        "unbroken": Key(
+            Names,
+            "Bodies and bonds that must not break, whatever presses or pulls them",
+            head=True,
+        )
+    }
+    names: ClassVar = {"unbroken": BREAKABLE}
 
     @property
     def needs_trace(self) -> bool:
@@ -52,3 +66,19 @@ class Unbroken(Limit):
             broken = film.strain(name) > 1
             if broken.any():
                 yield float(film.times[broken.argmax()]), f"{name} broke"
+
+    def words(self) -> str:
+        return (
+            f"{', '.join(self.unbroken)} must not break: the force on one (of one other thing on a body, or at the "
+            "point of a bond) may never exceed its breaks_n, or nothing is earned"
+        )
+
+    def find_conflict(self, wanted: Reach, scene: Scene) -> str:
+        spared = {*wanted.breaks} & {*self.unbroken}
+        if not needs_some(wanted, len(wanted.breaks), len(spared)):
+            return ""
+
+        return f"{min(spared)} must break, and must not; leave one of the two out"
+
+    def bans(self, scene: Scene) -> Ban:
+        return Ban(self.unbroken, breaks=True)

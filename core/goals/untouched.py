@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from core.errors import refuse
 from core.geometry import Array
-from core.goals.base import Evidence, Limit
+from core.goals.base import Evidence, Limit, Reach, needs_some
+from core.goals.keys import Key, Most, Names
+from core.goals.sites import SOLID_BODY, Site
+from core.goals.wants import Ban
+from core.scene import Scene
 from core.support.text import number_beside
 from core.values.margins import Margin
 from core.values.traces import Flags, Trace
@@ -30,6 +35,20 @@ class Untouched(Limit):
     max_force_n: float = 0.0
     mean: bool = False
     by: tuple[str, ...] = ()
+
+    keys: ClassVar = {
+        "untouched": Key(
+            Names,
+            "Bodies that the robot must not touch, or other bodies, see by",
+            head=True,
+        ),
+        "by": Key(
+            Names,
+            "The bodies that must not touch the untouched ones, in place of the robot",
+        ),
+        "max_force_n": Key(Most, "How hard it may press on them, N; 0 is not at all"),
+    }
+    names: ClassVar = {"untouched": SOLID_BODY, "by": SOLID_BODY}
 
     def __post_init__(self) -> None:
         refuse("a goal's ", {"max_force_n must be 0 or more": self.max_force_n < 0})
@@ -121,3 +140,40 @@ class Untouched(Limit):
         _, first = min(known, default=(0.0, "the robot"))
 
         return first
+
+    def words(self) -> str:
+        who = ", ".join(self.by) or "the robot"
+        verb = "touch"
+        if self.max_force_n:
+            verb = f"press harder than {self.max_force_n:g} N on"
+
+        return (
+            f"{who} must not {verb} {', '.join(self.untouched)}, or nothing is earned"
+        )
+
+    def find_faults(self, site: Site) -> Iterator[str]:
+        if self.max_force_n or not self.by:
+            return
+
+        for pair in site.find_touching(self.by):
+            for name, other in (pair, pair[::-1]):
+                if name in self.by and other in self.untouched:
+                    yield (
+                        f"{name} must not touch {other}, and begins at it: nothing could be earned; move it, or say "
+                        "where it must end"
+                    )
+
+    def find_conflict(self, wanted: Reach, scene: Scene) -> str:
+        alone = {*wanted.bodies} & {*self.untouched}
+        if not wanted.held or self.by or self.max_force_n:
+            return ""
+        if not needs_some(wanted, len(wanted.bodies), len(alone)):
+            return ""
+
+        return (
+            f"{min(alone)} must be held, and must not be touched by the robot; leave one of the two out, or give "
+            "max_force_n"
+        )
+
+    def bans(self, scene: Scene) -> Ban:
+        return Ban(self.untouched, force=self.max_force_n, by=self.by)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from core.geometry import Array
-from core.goals import Away, reaches
+from core.goals import reaches
 from core.interfaces import Image, Task
 from core.scene import Body, Camera, Scene, State
 
@@ -163,7 +163,7 @@ def _points(
         for name in goal.subjects(start):
             if name not in boxes:
                 continue
-            if isinstance(goal, Away):
+            if goal.from_start:
                 yield start.pose(name).apply(boxes[name])
             place = goal.place_of(name, start)
             if place is not None:

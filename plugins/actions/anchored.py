@@ -15,7 +15,7 @@ import numpy as np
 from core.design import DesignError
 from core.designs.plan_rules import MIN_TEMPO
 from core.geometry import Array, Pose
-from core.goals import Reach
+from core.goals import numbered
 from core.interfaces import (
     ActionPlan,
     ActionRepresentation,
@@ -311,9 +311,8 @@ def _tempi(plan: AnchoredPlan) -> list[tuple[int, str, float]]:
 
 def _name_goals(task: Task) -> str:
     """Name the goals that conditions may be about, with their numbers."""
-    goals = enumerate(task.goals)
-    reaches = [(number, goal) for number, goal in goals if isinstance(goal, Reach)]
-    return ", ".join(f"{number} ({goal.subject})" for number, goal in reaches)
+    goals = numbered(task.goals).items()
+    return ", ".join(f"{number} ({goal.subject})" for number, goal in goals)
 
 
 def _check_order(plan: AnchoredPlan) -> None:

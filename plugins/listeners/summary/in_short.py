@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from core.goals import Away, Broken, Facing, JointAt, Placed, Reach, Turned, reaches
+from core.goals import reaches
 from core.plugins import installed
 from core.support.text import clean, number
 from core.trial import NOTHING
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 LONGEST = 60  # letters of a tool's name
 REMARK = 300  # letters of what a plugin says
-MANY = 3  # bodies that are named; of more it is said how many
 
 
 def tell_in_short(
@@ -56,7 +55,7 @@ def _say_what_is_done(run: Run, reward: float) -> str:
     """Say by the goals what the task wants, and whether it was done: wholly, in part or not."""
     tasks = run.task.parts
     goals = [goal for task in tasks for goal in reaches(task.goals)]
-    wanted = [*dict.fromkeys(map(_say_goal, goals))]
+    wanted = [*dict.fromkeys(goal.in_short() for goal in goals)]
     joint = " and " if run.task.every or len(tasks) > 1 else " or "
     what = joint.join(wanted) or f"do {run.task.name}"
 
@@ -65,28 +64,3 @@ def _say_what_is_done(run: Run, reward: float) -> str:
     if reward >= NOTHING:
         return f"does in part what is wanted, to {what}"
     return f"does not do what is wanted, to {what}"
-
-
-def _say_goal(goal: Reach) -> str:
-    """Say what a goal wants, beginning with a verb."""
-    bodies = ", ".join(goal.bodies)
-    if len(goal.bodies) > MANY:
-        bodies = f"{len(goal.bodies)} bodies"
-
-    match goal:
-        case Placed(at=str(other)):
-            return f"bring {bodies} to its place at {other}"
-        case Placed():
-            return f"bring {bodies} to its place"
-        case Away():
-            return f"move {bodies} by {goal.away:.2g} m"
-        case Broken():
-            return f"break {goal.subject}"
-        case JointAt():
-            return f"move the joint {goal.joint}"
-        case Turned():
-            return f"turn {bodies}"
-        case Facing():
-            return f"turn {bodies} to {goal.facing}"
-
-    return f"hold {bodies}" if goal.held else f"lay down {bodies}"

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from core.design import Tool
 from core.designs.statics import flange_moment, mass_limit, moment_limit
-from core.goals import JointAt, reaches
+from core.goals import reaches
 from core.interfaces import Task
 from core.values.materials import Material
 from core.values.robots import Robot
@@ -91,12 +91,9 @@ def _judge_stiffness(row: Strength, allowed_m: float) -> Check:
 
 def tolerance(task: Task) -> float:
     """Return the least tolerance of a task's goals that is a length, metres."""
-    kinds = {joint.name: joint.kind for joint in task.scene(0).joints}
+    scene = task.scene(0)
     lengths = []
     for goal in reaches(task.goals):
-        for part in goal.parts:
-            turns = isinstance(part, JointAt) and kinds.get(part.joint) != "slider"
-            if not turns:
-                lengths.append(getattr(part, "tolerance", 0.0))
+        lengths += [part.tolerance_m(scene) for part in goal.parts]
 
     return min((length for length in lengths if length > 0), default=TOLERANCE_M)

@@ -10,7 +10,7 @@ import numpy as np
 
 from core.errors import UsageError, UserError, choices
 from core.geometry import Pose
-from core.goals import needs_fixture
+from core.goals import find_names, needs_fixture
 from core.scene import (
     FIXTURE,
     Body,
@@ -30,7 +30,6 @@ from plugins.tasks.file.body_building import (
     read_pose,
 )
 from plugins.tasks.file.named_files import Files
-from plugins.tasks.file.naming import find_names
 from plugins.tasks.file.spec import (
     MAX_COPIES,
     MarkSpec,

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from core.geometry import Array, Pose, Sphere
-from core.goals import Placed, Reach, Span
+from core.goals import Reach
 from core.robot.solids import (
     Obstacles,
     Solid,
@@ -84,15 +84,14 @@ def find_buried(goal: Reach, scene: Scene) -> Iterator[str]:
 
     A body of one shape is looked at by the largest ball around its middle; others may be around what is there.
     """
-    state = scene.state()
-    for part in goal.parts:
-        if not isinstance(part, Placed) or Span in map(type, part.place or ()):
+    for want in goal.wants(scene):
+        if want.tolerance is None or None in (want.place or (None,)):
             continue
 
-        for name in goal.bodies:
+        place = np.array(want.place, dtype=float)
+        for name in want.bodies:
             body = scene[name]
-            place = part.place_of(name, state)
-            if place is None or np.isnan(place).any() or len(body.collisions) != 1:
+            if len(body.collisions) != 1:
                 continue
 
             _, sides = body.collisions[0].shape.bounds
@@ -102,7 +101,7 @@ def find_buried(goal: Reach, scene: Scene) -> Iterator[str]:
                     continue
 
                 gap, _, _ = closest(ball, tuple(body_solids(other)))
-                if -gap > part.tolerance + OVERLAP_M:
+                if -gap > want.tolerance + OVERLAP_M:
                     depth = f"{-1000 * gap:.0f} mm inside {other.name}"
                     yield f"{name} is to end {depth}; a place is that of its middle"
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from core.designs.rules import MAX_MOUNT_GAP_M
 from core.geometry import Array, Pose, Vector
-from core.goals import Goal, Kept, Placed, Reach, reaches
+from core.goals import Goal, Reach, numbered
 from core.robot.solids import body_solids
 from core.scene import Body, Camera, Region, Scene, Soft, State
 from core.values.doubts import find_doubt
@@ -20,7 +20,6 @@ FALLS_M = 0.002  # more than engines need to settle what rests
 HELD_M = 0.01  # a bond holds a point of a body, not one farther from it
 # Of an eighth of a turn: 1.57 and 0.785 are so near to what they stand for.
 ROUNDED = 0.005
-STEPS = 40  # places of a joint that are looked at
 FAR_M = 1.6  # beyond the reach of the longest arms, 1.3 m, with a tool of 0.3 m
 
 Box = tuple[Array, Array]
@@ -147,66 +146,31 @@ def find_foot(scene: Scene, body: Body) -> float:
 def find_idle_goals(scene: Scene, goals: Sequence[Goal], every: bool) -> Iterator[str]:
     """Yield a line for each goal that asks for less, or for more, than is seldom meant."""
     state = scene.state()
-    wanted = reaches(goals)
-    weights = sum(goal.weight for goal in wanted)
+    wanted = numbered(goals)
+    weights = sum(goal.weight for goal in wanted.values())
 
     for number, goal in enumerate(goals):
-        if isinstance(goal, Kept):
-            moving = [name for name in goal.keep if scene[name].launched]
-            yield from (f"{name} is to be kept, and begins to move" for name in moving)
-        if not isinstance(goal, Reach):
-            continue
+        where = f"goal {number}"
+        if number in wanted:
+            where = wanted[number].label(number)
+            share = wanted[number].weight / weights if every else 1.0
+            yield from _doubt_ends(wanted[number], where, share, state)
 
-        where = goal.label(number)
-        met = not goal.held and bool(goal.progress(state, state) >= 1.0)
-        if met and goal.after is None:
-            share = goal.weight / weights if every else 1.0
-            yield f"{where} is met at the start: doing nothing earns {share:.2g}"
-
-        if type(goal.enough) is int and goal.enough == 1 < len(goal.bodies):
-            yield (
-                f"{where} has enough: 1, which is one body of {len(goal.bodies)}; for all of them leave it out"
-            )
-
-        yield from _doubt_places(goal, where, scene, state)
-        yield from _doubt_guided(goal, where, scene, state)
+        for part in goal.parts:
+            yield from part.find_doubts(where, scene)
 
 
-def _doubt_guided(goal: Reach, where: str, scene: Scene, state: State) -> Iterator[str]:
-    """Yield a line where the joint that a body hangs from does not let it get to its place."""
-    if not isinstance(goal, Placed):
-        return
+def _doubt_ends(goal: Reach, where: str, share: float, state: State) -> Iterator[str]:
+    """Yield a line where a goal is met at the start, which earns a share, wants one body of several, or is far."""
+    met = not goal.held and bool(goal.progress(state, state) >= 1.0)
+    if met and goal.after is None:
+        yield f"{where} is met at the start: doing nothing earns {share:.2g}"
 
-    for body in goal.bodies:
-        guides = [joint for joint in scene.ordered_joints if joint.joint.body == body]
-        if not guides or not guides[0].joint.limited:
-            continue
+    if type(goal.enough) is int and goal.enough == 1 < len(goal.bodies):
+        yield (
+            f"{where} has enough: 1, which is one body of {len(goal.bodies)}; for all of them leave it out"
+        )
 
-        joint = guides[0].joint
-        if joint.parent is not None and not scene[joint.parent].fixed:
-            continue
-
-        rest = np.zeros(STEPS + 1)
-        values = np.linspace(joint.lower, joint.upper, STEPS + 1)
-        parent = state.placement(joint.parent)
-        moved = guides[0].carry(values, rest, parent)
-        number = state.names.index(body)
-        states = State.stack([state] * len(values))
-        states.positions[:, number] = moved.position
-        states.quaternions[:, number] = moved.quaternion
-
-        step = float(np.linalg.norm(np.diff(moved.position, axis=0), axis=1).max())
-        lefts = [measure.left(states) for measure in goal.measures(body, state)]
-        nearest = float(np.max(lefts, axis=0).min())
-        if nearest > step:
-            yield (
-                f"{where}: joint {joint.name} brings {body} no nearer than {1000 * nearest:.0f} mm to where it is to "
-                "be"
-            )
-
-
-def _doubt_places(goal: Reach, where: str, scene: Scene, state: State) -> Iterator[str]:
-    """Yield a line where a place is out of reach, or stays while the body moves that it is given by."""
     for body in goal.subjects(state):
         place = goal.place_of(body, state)
         if place is None:
@@ -216,18 +180,7 @@ def _doubt_places(goal: Reach, where: str, scene: Scene, state: State) -> Iterat
         way = float(np.hypot(*known[:2]))
         if way > FAR_M:
             yield f"{where} is {way:.3g} m from the robot: few arms bring a body so far"
-            break
-
-    bearer = getattr(goal, "at", None)
-    if not isinstance(goal, Placed) or bearer is None or bearer in goal.bodies:
-        return
-
-    moves = not scene[bearer].fixed or scene[bearer].carrier is not None
-    if moves:
-        yield (
-            f"{where} is given at {bearer} where that begins, and stays there when it moves; a mark with a shape at "
-            f"{bearer} moves along, for inside: MARK"
-        )
+            return
 
 
 def find_unseen(camera: Camera, state: State, names: Iterable[str]) -> list[str]:

@@ -6,7 +6,7 @@ A number's unit is that of `core.scene`: metres, kilograms, seconds, radians; de
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, fields, replace
 from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_type_hints
@@ -29,15 +29,15 @@ from pydantic import model_validator as check_whole
 from pydantic_core import core_schema
 
 from core.geometry import PRIMITIVES, Primitive
-from core.goals import Reach
+from core.goals import KINDS, Key, Reach
 from core.scene import Bond, Camera, Cloth, Color, Elastic, Joint, Rope
 from core.support.checking import STRICT, check_plain, find_mistakes, in_unit
 from core.values.layouts import NONE
 from core.values.softs import MAX_NODES
-from plugins.tasks.file.goals import FILLED, KINDS, Entry, read_entry
+from plugins.tasks.file.goals import Entry, read_entry
 from plugins.tasks.file.hollows import COLUMN_M
 from plugins.tasks.file.imports import imported as limits
-from plugins.tasks.file.spans import Bound, Least, Varied
+from plugins.tasks.file.spans import Varied
 from plugins.tasks.file.tree import Tree
 from plugins.tasks.file.vessels import Vessel
 
@@ -67,7 +67,7 @@ Length = Annotated[float, Field(gt=limits.SHORTEST_M, le=limits.LONGEST_M), _MET
 Gap = Annotated[float, Field(ge=0, le=limits.LONGEST_M), _METRES]
 Coordinate = Annotated[float, Field(ge=-limits.LONGEST_M, le=limits.LONGEST_M), _METRES]
 Place = tuple[Coordinate, Coordinate, Coordinate]
-Wanted = tuple[Coordinate | None, Coordinate | None, Coordinate | None]
+AboveZero = Annotated[float, Field(gt=0, le=1e4)]
 Angle = Annotated[float, Field(ge=-3600, le=3600)]
 Turn = tuple[Angle, Angle, Angle]
 Rate = Annotated[float, Field(ge=-100, le=100)]
@@ -81,51 +81,6 @@ Range = tuple[float, ...]
 Count = Annotated[int, Field(ge=1, le=MAX_COPIES)]
 Friction = Annotated[float, Field(ge=0, le=limits.MAX_FRICTION)]
 Path = Annotated[tuple[Place, ...], Field(min_length=2, max_length=MAX_NODES)]
-
-
-Most = Annotated[float, Field(ge=0, le=1e4)]
-AboveZero = Annotated[float, Field(gt=0, le=1e4)]
-
-
-def _read_enough(given: Any) -> Any:
-    """Refuse what is no number: a text such as "80 %"."""
-    is_number = isinstance(given, int | float) and not isinstance(given, bool)
-    if is_number:
-        return given
-
-    raise ValueError(
-        "must be a whole number of bodies such as 3, or a share of them with a point such as 0.8"
-    )
-
-
-Enough = Annotated[int | float, Field(gt=0), BeforeValidator(_read_enough)]
-
-GOAL_TYPES: dict[str, Any] = {
-    "place": tuple[Bound, Bound, Bound],
-    "places": tuple[Wanted, ...],
-    "moved": tuple[Bound, Bound, Bound],
-    "raised": Least,
-    "apart": Least,
-    "angle_deg": Bound,
-    "turned_deg": Bound,
-    "change": Bound,
-    "enough": Enough,
-    "axis": Place,
-    "points": Place,
-    "to": Bound,
-    "away": Most,
-    "by_s": AboveZero,
-    "weight": AboveZero,
-    "tolerance": AboveZero,
-    "tolerance_deg": AboveZero,
-    "max_force_n": Most,
-    "max_height_m": AboveZero,
-    "min_area_m2": AboveZero,
-    "kept_m": AboveZero,
-    "kept_deg": AboveZero,
-    "keep": tuple[str, ...] | Literal["throughout"],
-}
-"""The types of fields of goals, where they are not those of the class."""
 
 
 def _color(text: str) -> str:
@@ -208,20 +163,37 @@ def _read_primitive(kind: type[Primitive]) -> Any:
 
 
 def _goal_entry() -> GetPydanticSchema:
-    """Read an entry of ``goals``: it has the fields of all kinds of goals, and those that are given say which it is."""
-    entries = dict[str, Any]()
-    for kind in (Reach, *KINDS.values()):
-        hints = get_type_hints(kind) | GOAL_TYPES
-        for field in fields(kind):  # type: ignore[arg-type]
-            entries[field.name] = (hints[field.name] | None, None)
+    """Read an entry of ``goals``: it has the keys of all kinds of goals, and those that are given say which it is."""
+    keys = dict(Reach.keys)
+    for kind in KINDS:
+        keys |= kind.keys
 
-    entries |= {key: (kind | None, None) for key, kind in GOAL_TYPES.items()}
-    entries = {key: entry for key, entry in entries.items() if key not in FILLED}
+    more = [kind.keys for kind in KINDS if issubclass(kind, Reach)]
+    also = {key: said for found in more for key, said in found.items()}
+    for key in Reach.keys:
+        del also[key]
 
-    def make(spec: BaseModel) -> Entry:
-        return read_entry({key: value for key, value in spec if value is not None})
+    part: Any = _goal_model("Also", also)
+    keys["also"] = replace(keys["also"], type=tuple[part, ...])
+    return _read_with(_goal_model("Goal", keys), lambda spec: read_entry(_given(spec)))
 
-    return _read_with(create_model("Goal", __config__=STRICT, **entries), make)
+
+def _goal_model(name: str, keys: Mapping[str, Key]) -> type[BaseModel]:
+    """Make a model of an object with keys of goals, each of which may be left out."""
+    entries: dict[str, Any] = {
+        key: (said.type | None, Field(None, description=said.means))
+        for key, said in keys.items()
+    }
+    return create_model(name, __config__=STRICT, **entries)
+
+
+def _given(spec: BaseModel) -> dict[str, Any]:
+    """Return what an object says of a goal."""
+    given = {key: value for key, value in spec if value is not None}
+    if "also" in given:
+        given["also"] = tuple(map(_given, given["also"]))
+
+    return given
 
 
 def _looks(camera: Camera) -> Camera:
@@ -625,6 +597,10 @@ def json_schema() -> dict[str, Any]:
     schema = SceneSpec.model_json_schema()
     pictures = schema["properties"]["pictures"]
     pictures["items"] = {"anyOf": [{"type": "string"}, pictures["items"]]}
+
+    del schema["$defs"]["Also"]  # a model is told the keys of goals once
+    also = schema["$defs"]["Goal"]["properties"]["also"]["anyOf"][0]
+    also["items"] = {"$ref": "#/$defs/Goal"}
 
     text = (files(__package__) / "keys.yaml").read_text("utf-8")
     words: dict[str, str] = yaml.safe_load(text)

@@ -6,15 +6,13 @@ from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
-from itertools import chain
 from typing import Any
 
 import numpy as np
 
-from core.design import Fixture
 from core.errors import UserError
 from core.geometry import Array, Pose, Vector
-from core.goals import Inside, goals_reward, reaches
+from core.goals import goals_reward, reaches
 from core.interfaces import Picture, Task
 from core.robot.kinematics import arm_of
 from core.scene import Scene, State, Trace
@@ -30,7 +28,6 @@ from plugins.tasks.file import (
     photos,
     places,
     tree,
-    vain_goals,
 )
 from plugins.tasks.file import spec as schema
 from plugins.tasks.file.named_files import Files, warn_once
@@ -100,7 +97,6 @@ class FileTask(Task):
             *doubts.find_empty_place(self._scene, self.fixture),
             *doubts.find_radians(_list_turns(spec)),
             *doubts.find_idle_goals(self._scene, self.goals, self.every),
-            *vain_goals.find_too_wide(self.goals, self._scene),
         ]
         for doubt in found:
             warn_once(f"{file}: {doubt}")
@@ -165,20 +161,6 @@ class FileTask(Task):
         for goal in reaches(self.goals):
             yield from places.find_far(goal, arm, self._scene)
             yield from contacts.find_buried(goal, self._scene)
-
-    def find_goal_faults(self, fixture: Fixture | None) -> Iterator[str]:
-        """See `core.interfaces.Task.find_goal_faults`: what bodies are to be inside of needs a hollow, too."""
-        yield from super().find_goal_faults(fixture)
-        if fixture is None:
-            return
-
-        parts = chain(*(getattr(goal, "parts", ()) for goal in self.goals))
-        entered = [part for part in parts if isinstance(part, Inside)]
-        if any(not part.can_enter(fixture) for part in entered):
-            yield (
-                "fixture: bodies must end inside it, and it has no hollow with walls all around; close its walls, on "
-                "a side that is open like a cup's or a tube's"
-            )
 
     def photographs(self) -> list[Picture]:
         """See `core.interfaces.Task.photographs`."""

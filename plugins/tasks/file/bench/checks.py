@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from core.geometry import Pose
-from core.goals import Reach, reaches
+from core.goals import Reach, numbered, reaches
 from core.interfaces import Robot
 from core.robot.kinematics import arm_of
 from core.scene import Scene
@@ -16,7 +16,6 @@ from plugins.tasks.file.contacts import find_buried, find_overlaps
 from plugins.tasks.file.doubts import bound, find_doubts
 from plugins.tasks.file.places import find_ends, find_far
 from plugins.tasks.file.task import FileTask
-from plugins.tasks.file.vain_goals import find_too_wide
 
 SURROUNDINGS = ("table", "floor")
 WAY_M = 0.25  # what is farther from all ways is met by no tool
@@ -29,8 +28,10 @@ def find_faults(task: FileTask) -> Iterator[str]:
     yield from find_overlaps(scene)
     yield from find_doubts(scene)
     yield from _find_useless(task, scene)
-    yield from find_too_wide(task.goals, scene)
-    for goal in reaches(task.goals):
+    for number, goal in numbered(task.goals).items():
+        for part in goal.parts:
+            yield from part.find_doubts(goal.label(number), scene)
+
         yield from find_far(goal, arm_of(task.robot), scene)
         yield from find_buried(goal, scene)
         yield from _find_needless(goal, scene)

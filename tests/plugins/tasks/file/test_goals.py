@@ -6,7 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from core.errors import UserError
 from core.geometry import Box, Pose
 from core.goals import (
     Away,
@@ -21,10 +20,7 @@ from core.goals import (
     goals_reward,
 )
 from core.scene import Elastic, Filling, Scene, Soft
-from core.support.templates import macros
 from plugins.tasks.file.goals import (
-    KINDS,
-    describe,
     join_entries,
     read_entry,
 )
@@ -57,7 +53,7 @@ def test_a_body_to_keep_all_the_time_is_said_in_two_ways():
     assert read_entry({"bodies": ("jug",), "keep": "throughout"}) == kept
     near = {"bodies": ("jug",), "keep": "throughout", "kept_m": 0.1}
     assert read_entry(near) == (Kept(("jug",), 0.1, throughout=True),)
-    assert describe(kept[0]).startswith("leave jug in place throughout: ")
+    assert kept[0].describe().startswith("leave jug in place throughout: ")
     for unclear in ({}, {"bodies": ("cup",), "place": (0.5, 0, None)}):
         with pytest.raises(ValueError, match=r"write keep: \[NAME, ...\]"):
             read_entry({**unclear, "keep": "throughout"})
@@ -70,7 +66,7 @@ def test_a_body_is_released_wherever_it_is_or_at_its_place():
     place = {"place": (0.5, None, None), "tolerance": 0.01, "released": True}
     (goal,) = read_entry({"bodies": ("cup",), **place})
     assert goal == Placed(("cup",), **place)
-    assert "must end released, touched by no part of the robot" in describe(goal)
+    assert "must end released, touched by no part of the robot" in goal.describe()
     with pytest.raises(ValueError, match="say the opposite"):
         read_entry({"bodies": ("cup",), "held": True, "released": True})
 
@@ -112,14 +108,6 @@ def test_soft_bodies_get_a_node_to_a_place_flat_and_wide():
     np.testing.assert_allclose(reward(corner, pressed(1.5, 1), start), 0.5)
 
 
-def test_every_kind_has_its_words_or_says_where_they_belong():
-    for kind in (*KINDS.values(), Reach):
-        assert hasattr(macros("plugins.tasks.file", "goals"), kind.__name__)
-    strange = type("Strange", (Reach,), {})
-    with pytest.raises(UserError, match=r"add a macro Strange\(goal\) to"):
-        describe(strange(("cup",)))
-
-
 @pytest.mark.parametrize(
     ("enough", "said"),
     [
@@ -131,12 +119,40 @@ def test_every_kind_has_its_words_or_says_where_they_belong():
 )
 def test_how_many_are_enough_is_said_in_words(enough, said):
     (goal,) = read_entry({"bodies": ("a", "b", "c"), "away": 0.1, "enough": enough})
-    assert describe(goal).endswith(f"; {said}")
+    assert goal.describe().endswith(f"; {said}")
 
 
 def test_a_body_that_faces_another_is_said_in_words():
     (goal,) = read_entry({"bodies": ("lamp",), "facing": "book", "axis": (0, 1, 0)})
     assert goal == Facing(("lamp",), facing="book", axis=(0, 1, 0))
-    assert describe(goal) == (
+    assert goal.describe() == (
         "lamp axis (0, 1, 0) of its frame must point at book, within 10 degrees"
     )
+
+
+@pytest.mark.parametrize(
+    ("joined", "also"),
+    [
+        (
+            {"place": (0.5, None, None), "axis": (0, 0, 1)},
+            {"place": (0.5, None, None), "also": ({"axis": (0, 0, 1)},)},
+        ),
+        (
+            {"away": 0.1, "facing": "jug", "turned_deg": 30, "rest": True},
+            {
+                "away": 0.1,
+                "rest": True,
+                "also": ({"turned_deg": 30}, {"facing": "jug"}),
+            },
+        ),
+    ],
+)
+def test_joined_keys_and_also_are_one_thing(joined, also):
+    bodies = {"bodies": ("cup", "pot"), "enough": 1}
+    assert read_entry(bodies | joined) == read_entry(bodies | also)
+
+
+def test_what_is_also_wanted_alone_is_a_goal():
+    place = {"place": (0.5, None, None)}
+    (goal,) = read_entry({"bodies": ("cup",), "also": (place,)})
+    assert goal == read_entry({"bodies": ("cup",), **place})[0]

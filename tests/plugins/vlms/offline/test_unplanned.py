@@ -9,7 +9,7 @@ from core.design import DesignError
 from core.goals import reaches
 from core.interfaces import Brief
 from core.plugins import installed
-from plugins.tasks.file.goals import KINDS
+from plugins.tasks.file.goals import HEADS
 from plugins.tasks.file.task import FileTask
 from plugins.vlms.offline.layouts import make_layouts
 from plugins.vlms.offline.sampler import Sampler
@@ -101,7 +101,7 @@ def named(tmp_path_factory):
 
 
 def test_every_kind_of_goal_is_looked_at():
-    assert ASKED.keys() == KINDS.keys()
+    assert ASKED.keys() == HEADS.keys()
 
 
 @pytest.mark.parametrize("key", sorted(ASKED.keys() - LIMITS))

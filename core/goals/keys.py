@@ -1,0 +1,185 @@
+"""Describe the keys of a scene file that goals are written with: their types, and what they mean."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from core.values.spans import Span
+
+LARGEST = 1e4
+FARTHEST_M = 20.0
+_BOUND = re.compile(r"\s*([<>])=?\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*")
+_FORMS = 'must be a number, "> 0.3", "< 0.3", or [0.2, 0.4] (the lowest and the highest, null: no limit)'
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key that an entry of a scene file's goals may have.
+
+    Attributes:
+        type: of its value, as Pydantic reads it.
+        means: what it says, for editors and for models.
+        head: whether an entry that has it wants a goal of this kind; else it says more of one.
+        way: whether it says how far there is to go, as at most one key of an entry does.
+        weak: whether it is a head only where no other one of the entry takes it.
+    """
+
+    type: Any
+    means: str
+    head: bool = False
+    way: bool = False
+    weak: bool = False
+
+
+@dataclass(frozen=True)
+class Within:
+    """Limits a number; Pydantic asks for it.
+
+    Attributes:
+        gt: what it must be above; None: it may be anything.
+        ge: what it must be at least; None: likewise.
+        le: what it must be at most.
+        unit: words for its unit, for who wrote a number that is too large; empty: none are needed.
+    """
+
+    gt: float | None = None
+    ge: float | None = None
+    le: float = LARGEST
+    unit: str = ""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        limits = {"gt": self.gt, "ge": self.ge, "le": self.le}
+        given = {name: limit for name, limit in limits.items() if limit is not None}
+        limited = handler(source) | given
+        if not self.unit:
+            return limited
+
+        from core.support.checking import in_unit  # imports Pydantic
+
+        wrapper: Any = in_unit(self.unit)
+        return wrapper.__get_pydantic_core_schema__(source, lambda _: limited)
+
+
+class Reads:
+    """Marks a type whose value a function reads first; Pydantic asks it how, and is not imported for that.
+
+    Args:
+        read: makes a value of what the file says. Raises ValueError, with what it must be.
+        schema: of what the file may say, as a JSON Schema; None: that of the type.
+    """
+
+    def __init__(
+        self, read: Callable[[Any], Any], schema: Mapping[str, Any] | None = None
+    ) -> None:
+        self._read = read
+        self._schema = schema
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        from pydantic_core import core_schema
+
+        inner = handler(source)
+        return core_schema.no_info_before_validator_function(self._read, inner)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> Any:
+        return self._schema or handler(schema)
+
+
+def read_span(given: Any) -> Span | float | None:
+    """Read a number, ``"> 0.3"``, ``"< 0.3"``, or ``[0.2, 0.4]``; a number stays one, and null is none.
+
+    Raises:
+        ValueError: it is none of these.
+    """
+    if given is None or isinstance(given, Span):
+        return given
+    if _is_number(given):
+        return float(given)
+
+    if isinstance(given, str):
+        found = _BOUND.fullmatch(given)
+        if found and found[1] == ">":
+            return Span(low=_read_number(found[2]))
+        if found:
+            return Span(high=_read_number(found[2]))
+
+    if isinstance(given, list | tuple) and len(given) == 2:
+        low, high = given
+        if all(end is None or _is_number(end) for end in given):
+            if low == high is not None:
+                raise ValueError(
+                    f"nothing gets to [{low:g}, {high:g}] exactly; write {low:g}, which has a tolerance"
+                )
+            return Span(
+                -math.inf if low is None else low, math.inf if high is None else high
+            )
+
+    raise ValueError(_FORMS)
+
+
+def read_least(given: Any) -> Span | None:
+    """Read a span; a number alone is the least.
+
+    Raises:
+        ValueError: it is none.
+    """
+    found = read_span(given)
+    if isinstance(found, float):
+        return Span(low=found)
+
+    return found
+
+
+def _read_number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(_FORMS) from None
+
+
+def _is_number(given: Any) -> bool:
+    is_number = isinstance(given, int | float) and not isinstance(given, bool)
+    return is_number and abs(given) <= LARGEST
+
+
+def _read_enough(given: Any) -> Any:
+    """Refuse what is no number above 0: a text such as "80 %"."""
+    if not _is_number(given):
+        raise ValueError(
+            "must be a whole number of bodies such as 3, or a share of them with a point such as 0.8"
+        )
+    if given <= 0:
+        raise ValueError("must be greater than 0")
+
+    return given
+
+
+_SPANS = {"type": ["number", "string", "array", "null"], "description": _FORMS}
+
+Names = tuple[str, ...]
+Most = Annotated[float, Within(ge=0)]
+AboveZero = Annotated[float, Within(gt=0)]
+Coordinate = Annotated[
+    float, Within(ge=-FARTHEST_M, le=FARTHEST_M, unit="it is in metres")
+]
+Direction = tuple[Coordinate, Coordinate, Coordinate]
+Place = tuple[Coordinate | None, Coordinate | None, Coordinate | None]
+Bound = Annotated[Any, Reads(read_span, _SPANS)]
+Least = Annotated[Any, Reads(read_least, _SPANS)]
+Bounds = tuple[Bound, Bound, Bound]
+Enough = Annotated[
+    int | float, Reads(_read_enough, {"type": "number", "exclusiveMinimum": 0})
+]
+KeptNames = Names | Literal["throughout"]
+
+AT = Key(str, "The body or mark in whose frame places are, as it stands at the start")
+NODE = Key(int, "Of soft bodies, the node that counts")
+TOLERANCE = Key(
+    AboveZero,
+    "How far off a bare number is near enough, m or rad; 0.01 if left out, and nothing of a span",
+)
+TOLERANCE_DEG = Key(AboveZero, "How far off is near enough, degrees")
+AXIS = Key(Direction, "A direction in the frame of each body")
