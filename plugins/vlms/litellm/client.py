@@ -24,7 +24,7 @@ from plugins.vlms.litellm.manner import Form, Manner, weaken
 from plugins.vlms.litellm.messages import explain_schema, render, without_pictures
 from plugins.vlms.litellm.prices import count_cached, find_prices, saved
 from plugins.vlms.litellm.room import explain_room, is_too_long
-from plugins.vlms.litellm.settings import CallSettings
+from plugins.vlms.litellm.settings import CallSettings, check_options
 from plugins.vlms.litellm.transport import (
     OPENAI,
     BadAnswer,
@@ -93,9 +93,9 @@ class Client:
 
         self.model = model
         self._settings = settings
-        settings.check_options()
+        check_options(settings.options or {})
         self._fixed: dict[str, Any] = {
-            "timeout": settings.timeout_s + 1.0,
+            "timeout": settings.timeout_s,
             "num_retries": 0,
             "max_retries": 0,
         }

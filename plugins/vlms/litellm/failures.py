@@ -4,21 +4,14 @@ from __future__ import annotations
 
 import random
 import re
-import time
-from collections.abc import Callable
-from concurrent.futures import Future, wait
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
-from typing import TypeVar
 
 from core.support.secrets import scrub
 from core.support.text import clean
-from core.support.threads import run_in_thread
 from plugins.vlms.litellm.manner import says_no
 from plugins.vlms.litellm.room import is_too_long
-from plugins.vlms.litellm.transport import LONGEST, BadAnswer, Life, Unanswered
-
-T = TypeVar("T")
+from plugins.vlms.litellm.transport import BadAnswer, TimedOut, Unanswered
 
 FIRST_WAIT_S = 1.0
 MAX_WAIT_S = 60.0
@@ -34,44 +27,6 @@ _ACCOUNT = re.compile(r"api.?key|credit balance|billing|quota", re.IGNORECASE)
 _NO_MODEL = re.compile(
     r"invalid model name|not a valid model|no such model", re.IGNORECASE
 )
-
-
-class TimedOut(Exception):
-    """A call exceeded its time limit."""
-
-
-def within(seconds: float, life: Life, call: Callable[[], T]) -> T:
-    """Run ``call`` in a thread, and abandon the thread when its server is silent for longer.
-
-    A client's own time-out restarts with each byte that a server sends; this one does not with blanks.
-
-    Args:
-        seconds: of silence.
-        life: when the server last gave a sign of life, and when the call has to end.
-        call: made in another thread.
-
-    Raises:
-        TimedOut: it took longer.
-        Exception: an error of ``call``.
-    """
-    future: Future[T] = Future()
-
-    def ended(error: Exception | None) -> None:
-        if error is not None:
-            future.set_exception(error)
-
-    run_in_thread(lambda: future.set_result(call()), ended, "call")
-    while True:
-        now = time.monotonic()
-        silent_until = life.at + seconds
-        if now >= life.end:
-            raise TimedOut(
-                f"the answer takes too long: {LONGEST} times vlm.timeout_s={seconds:g}"
-            )
-        if now >= silent_until:
-            raise TimedOut(f"no answer within {seconds:g} s")
-        if wait([future], min(silent_until, life.end) - now).done:
-            return future.result()
 
 
 def pause(error: Exception, tries: int) -> float | None:

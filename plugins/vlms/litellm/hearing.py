@@ -19,15 +19,15 @@ class Hearing:
     """
 
     def __init__(
-        self, longest_s: float, heard: Callable[[int], None] = lambda characters: None
+        self, silence_s: float, heard: Callable[[int], None] = lambda characters: None
     ) -> None:
         """Begin with nothing heard.
 
         Args:
-            longest_s: a call that lasts longer is given up.
+            silence_s: the longest that a server may be silent.
             heard: called with the characters so far, whenever more arrive.
         """
-        self.life = Life(longest_s)
+        self.life = Life(silence_s)
         self.chunks: list[Any] = []
         self.characters = 0
         self._heard = heard

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 Form = Literal["json_schema", "json_object", "text"]
 Length = Literal["max_tokens", "max_completion_tokens", ""]
@@ -37,22 +38,77 @@ class Manner:
     stream: bool = True
 
 
-# By the field of `Manner`: how servers name it. The first name that an error has counts.
-_NAMES = {
-    "form": r"response.?format|json.?schema|json.?object|output.?format|structured.output|guided|grammar|\bschema\b"
-    r"|too many states",
-    "usage": r"stream_options|include_usage",
-    "seed": r"\bseed\b",
-    "temperature": r"\btemperature\b",
-    "thinking": r"reasoning.?effort|\bthinking|\breasoning\b",
-    "length": r"max_tokens|max_completion_tokens|max_?output_?tokens",
-    "marks": r"cache_control",
-    "pictures": r"\bimages?\b|image_url|\bvision\b|multi.?modal|mmproj|content\S*: input should be a valid string"
-    r"|content must be a string",
-    "stream": r"\bstream(ing|ed)?\b",
+@dataclass(frozen=True)
+class _Refusable:
+    """A field of `Manner` that servers may refuse.
+
+    Attributes:
+        names: how they name it, as a pattern.
+        weaker: what it is from then on, one after the other, each with the words that say so.
+    """
+
+    names: str
+    weaker: tuple[tuple[Any, str], ...]
+
+
+def _left_out(names: str, words: str) -> _Refusable:
+    """Make a field that is left out when it is refused."""
+    return _Refusable(names, ((False, words),))
+
+
+# The first name that an error has counts.
+_FIELDS: Mapping[str, _Refusable] = {
+    "form": _Refusable(
+        r"response.?format|json.?schema|json.?object|output.?format|structured.output|guided|grammar|\bschema\b"
+        r"|too many states",
+        (
+            (
+                "json_object",
+                "no response_format json_schema: from now on json_object, and the schema in the prompt's text",
+            ),
+            (
+                "text",
+                "no response_format json_object: from now on the JSON schema is in the prompt's text alone",
+            ),
+        ),
+    ),
+    "usage": _left_out(
+        r"stream_options|include_usage", "no stream_options: tokens are counted here"
+    ),
+    "seed": _left_out(r"\bseed\b", "no seed: it is left out"),
+    "temperature": _left_out(r"\btemperature\b", "no temperature: it is left out"),
+    "thinking": _left_out(
+        r"reasoning.?effort|\bthinking|\breasoning\b", "no vlm.thinking: it is left out"
+    ),
+    "length": _Refusable(
+        r"max_tokens|max_completion_tokens|max_?output_?tokens",
+        (
+            (
+                "max_completion_tokens",
+                "no max_tokens: from now on max_completion_tokens",
+            ),
+            (
+                "",
+                "no limit of an answer's length: vlm.max_output_tokens is left out",
+            ),
+        ),
+    ),
+    "marks": _left_out(
+        r"cache_control", "no marks for what it may keep: they are left out"
+    ),
+    "pictures": _left_out(
+        r"\bimages?\b|image_url|\bvision\b|multi.?modal|mmproj|content\S*: input should be a valid string"
+        r"|content must be a string",
+        "no pictures: they are left out, and the prompt's text says so",
+    ),
+    "stream": _left_out(
+        r"\bstream(ing|ed)?\b",
+        "no streams: from now on answers come whole, within vlm.timeout_s",
+    ),
 }
 _PATTERN = re.compile(
-    "|".join(f"(?P<{name}>{words})" for name, words in _NAMES.items()), re.IGNORECASE
+    "|".join(f"(?P<{name}>{field.names})" for name, field in _FIELDS.items()),
+    re.IGNORECASE,
 )
 
 # Words by which a server says that the request itself is wrong, also with the status of a failure of its own.
@@ -79,44 +135,13 @@ def weaken(manner: Manner, words: str) -> tuple[Manner, str] | None:
     """
     for found in _PATTERN.finditer(words[:_LONGEST]):
         name = found.lastgroup or ""
-        step = _step(manner, name)
-        if step is not None:
-            return step
+        now = getattr(manner, name)
+        ways = dict(_FIELDS[name].weaker)
+        left = [*ways]
+        if now in ways:
+            left = left[left.index(now) + 1 :]
+        if left:
+            changed = {name: left[0]}
+            return replace(manner, **changed), ways[left[0]]
 
     return None
-
-
-def _step(manner: Manner, name: str) -> tuple[Manner, str] | None:
-    """Take one field of a manner a step down, and say what changes; None: there is no step left."""
-    if name == "form":
-        if manner.form == "json_schema":
-            line = "no response_format json_schema: from now on json_object, and the schema in the prompt's text"
-            return replace(manner, form="json_object"), line
-        if manner.form == "json_object":
-            line = "no response_format json_object: from now on the JSON schema is in the prompt's text alone"
-            return replace(manner, form="text"), line
-        return None
-
-    if name == "length":
-        if manner.length == "max_tokens":
-            line = "no max_tokens: from now on max_completion_tokens"
-            return replace(manner, length="max_completion_tokens"), line
-        if manner.length:
-            line = "no limit of an answer's length: vlm.max_output_tokens is left out"
-            return replace(manner, length=""), line
-        return None
-
-    if not getattr(manner, name, False):
-        return None
-
-    lines = {
-        "seed": "no seed: it is left out",
-        "temperature": "no temperature: it is left out",
-        "thinking": "no vlm.thinking: it is left out",
-        "pictures": "no pictures: they are left out, and the prompt's text says so",
-        "marks": "no marks for what it may keep: they are left out",
-        "usage": "no stream_options: tokens are counted here",
-        "stream": "no streams: from now on answers come whole, within vlm.timeout_s",
-    }
-    changed = {name: False}
-    return replace(manner, **changed), lines[name]  # type: ignore[arg-type]

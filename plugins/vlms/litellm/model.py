@@ -18,11 +18,10 @@ from core.interfaces import VLM, Estimate, Reply, Request, Spending
 from plugins.vlms.calls import Arrivals, Calls
 from plugins.vlms.letters import split_news
 from plugins.vlms.litellm.client import Client
-from plugins.vlms.litellm.failures import pause, unanswered, within
+from plugins.vlms.litellm.failures import pause, unanswered
 from plugins.vlms.litellm.hearing import Hearing
 from plugins.vlms.litellm.prices import estimate
-from plugins.vlms.litellm.settings import CallSettings
-from plugins.vlms.litellm.transport import LONGEST
+from plugins.vlms.litellm.settings import check_call_settings
 
 _log = logging.getLogger(__name__)
 
@@ -89,14 +88,8 @@ class LanguageModel(VLM):
         if self.retries < 0:
             raise UsageError(f"vlm.retries must be at least 0, got {self.retries}")
 
-        settings = CallSettings(
-            timeout_s=self.timeout_s,
-            max_output_tokens=self.max_output_tokens,
-            thinking=self.thinking,
-            temperature=self.temperature,
-            options=self.options,
-        )
-        self._client = Client(self.model, self.api_base, settings)
+        check_call_settings(self)
+        self._client = Client(self.model, self.api_base, self)
         self.sees = self._client.sees
         self._arrivals = Arrivals(self.model)
         self._kept_at: float | None = None  # when an answer last began, monotonic
@@ -197,13 +190,9 @@ class LanguageModel(VLM):
             tries: calls so far, with this one.
             stop: see `_answer`.
         """
-        hearing = Hearing(
-            LONGEST * self.timeout_s, lambda count: self._hear(request, count)
-        )
+        hearing = Hearing(self.timeout_s, lambda count: self._hear(request, count))
         try:
-            reply, finish = within(
-                self.timeout_s, hearing.life, lambda: self._client.ask(request, hearing)
-            )
+            reply, finish = self._client.ask(request, hearing)
         # any error of a server or of LiteLLM costs this reply only
         except Exception as error:
             kept = self._keep(request, hearing, error)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import importlib
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from core.errors import UsageError, check_positive, choices
 from core.support.secrets import holds_secret, is_secret_name
@@ -37,54 +36,56 @@ _REFUSED = {
 }
 
 
-@dataclass(frozen=True)
-class CallSettings:
-    """What a user sets for each call; see `plugins.vlms.litellm.model.LanguageModel`.
+class CallSettings(Protocol):
+    """What a user sets for each call; see `plugins.vlms.litellm.model.LanguageModel`."""
+
+    timeout_s: float
+    max_output_tokens: int | None
+    thinking: str | None
+    temperature: float | None
+    options: dict[str, Any] | None
+
+
+def check_call_settings(settings: CallSettings) -> None:
+    """Check what a user sets for each call, but for the options.
 
     Raises:
         UsageError: a setting can't be used.
     """
+    check_positive("vlm.", timeout_s=settings.timeout_s)
+    check_positive("vlm.", max_output_tokens=settings.max_output_tokens)
+    if settings.thinking not in (None, *THINKING):
+        raise choices("thinking", settings.thinking, THINKING, "vlm.thinking")
 
-    timeout_s: float
-    max_output_tokens: int | None = None
-    thinking: str | None = None
-    temperature: float | None = None
-    options: Mapping[str, Any] | None = None
+    temperature = settings.temperature
+    if temperature is not None and not 0.0 <= temperature <= 2.0:
+        raise UsageError(f"vlm.temperature={temperature:g} must be between 0 and 2")
 
-    def __post_init__(self) -> None:
-        check_positive("vlm.", timeout_s=self.timeout_s)
-        check_positive("vlm.", max_output_tokens=self.max_output_tokens)
-        if self.thinking not in (None, *THINKING):
-            raise choices("thinking", self.thinking, THINKING, "vlm.thinking")
 
-        temperature = self.temperature
-        if temperature is not None and not 0.0 <= temperature <= 2.0:
-            raise UsageError(f"vlm.temperature={temperature:g} must be between 0 and 2")
+def check_options(options: Mapping[str, Any]) -> None:
+    """Check ``vlm.options``: nothing of the program's own, nothing of LiteLLM's own, and no secrets.
 
-    def check_options(self) -> None:
-        """Check ``vlm.options``: nothing of the program's own, nothing of LiteLLM's own, and no secrets.
+    Raises:
+        UsageError: one is.
+    """
+    owned = importlib.import_module("litellm.types.utils").is_litellm_owned_kwarg
+    for name in options:
+        if name in _OWN:
+            raise UsageError(
+                f"vlm.options.{name} is set by the program: change {_OWN[name]}"
+            )
 
-        Raises:
-            UsageError: one is.
-        """
-        owned = importlib.import_module("litellm.types.utils").is_litellm_owned_kwarg
-        for name in self.options or {}:
-            if name in _OWN:
-                raise UsageError(
-                    f"vlm.options.{name} is set by the program: change {_OWN[name]}"
-                )
+        if name in _REFUSED or owned(name):
+            raise UsageError(
+                f"vlm.options.{name} is none that LiteLLM passes on to a model; leave it out"
+            )
 
-            if name in _REFUSED or owned(name):
-                raise UsageError(
-                    f"vlm.options.{name} is none that LiteLLM passes on to a model; leave it out"
-                )
-
-        for name, value in _walk(self.options or {}):
-            if is_secret_name(name) or holds_secret(json.dumps(value, default=str)):
-                raise UsageError(
-                    f"vlm.options: {name} looks like a secret, and options are stored with the run; keys come from the "
-                    "environment"
-                )
+    for name, value in _walk(options):
+        if is_secret_name(name) or holds_secret(json.dumps(value, default=str)):
+            raise UsageError(
+                f"vlm.options: {name} looks like a secret, and options are stored with the run; keys come from the "
+                "environment"
+            )
 
 
 def _walk(options: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:

@@ -38,19 +38,45 @@ OPENAI = ("openai", "text-completion-openai")
 """Providers that OPENAI_API_KEY is for, at any address."""
 
 
-class Life:
-    """When a server last gave a sign of life, on the monotonic clock: bytes of an answer that are not all blank.
+class TimedOut(Exception):
+    """A call exceeded its time limit."""
 
-    ``end``: a call that lasts longer is given up, even if the server lives.
+
+class Life:
+    """When a server last gave a sign of life: bytes of an answer that are not all blank.
+
+    Args:
+        silence_s: a call is given up when its server is silent for longer, or when it takes `LONGEST` times as long.
     """
 
-    def __init__(self, longest_s: float) -> None:
-        self.at = time.monotonic()
-        self.end = self.at + longest_s
+    def __init__(self, silence_s: float) -> None:
+        self._silence_s = silence_s
+        self._at = time.monotonic()
+        self._end = self._at + LONGEST * silence_s
 
     def show(self) -> None:
         """Note a sign of life."""
-        self.at = time.monotonic()
+        self._at = time.monotonic()
+
+    @contextmanager
+    def watch(self) -> Iterator[None]:
+        """Give a step of a call up that brings no sign of life, also where blanks keep its connection alive.
+
+        Raises:
+            TimedOut: the server is silent, or the call lasts, for too long.
+        """
+        limit = f"{self._silence_s:g}"
+        try:
+            yield
+        except httpx.TimeoutException as error:
+            raise TimedOut(f"no answer within {limit} s") from error
+
+        if time.monotonic() > self._end:
+            raise TimedOut(
+                f"the answer takes too long: {LONGEST} times vlm.timeout_s={limit}"
+            )
+        if time.monotonic() > self._at + self._silence_s:
+            raise TimedOut(f"no answer within {limit} s")
 
 
 @dataclass(frozen=True)
@@ -150,7 +176,7 @@ def _find_cause(error: Exception) -> Exception | None:
     """Find what this module raised behind an error of LiteLLM's; None: nothing."""
     cause: BaseException | None = error
     while cause is not None:
-        if isinstance(cause, BadAnswer | OtherForm | EmptyStream):
+        if isinstance(cause, BadAnswer | OtherForm | EmptyStream | TimedOut):
             return cause
 
         original = getattr(cause, "original_exception", None)
@@ -203,8 +229,9 @@ class _Transport(httpx.BaseTransport):
             if is_secret_name(name):
                 remember(value)
 
-        answer = self._client.send(request, stream=True)
-        parts = _read(answer, call.life, request)
+        with call.life.watch():
+            answer = self._client.send(request, stream=True)
+        parts = _read(answer, call.life)
         try:
             streamed, parts = _is_streamed(answer, parts)
         except BaseException:
@@ -427,23 +454,25 @@ def _refuse_redirect(answer: httpx.Response) -> None:
     )
 
 
-def _read(
-    answer: httpx.Response, life: Life, request: httpx.Request
-) -> Iterator[bytes]:
+def _read(answer: httpx.Response, life: Life) -> Iterator[bytes]:
     """Yield the parts of an answer as they arrive, within the limits of size and time.
 
     Args:
         answer: of which nothing is read yet.
         life: where signs of life are noted; blanks are none.
-        request: whose time limit is the longest silence.
 
     Raises:
         BadAnswer: the answer is too large.
-        httpx.ReadTimeout: the server is silent for too long.
+        TimedOut: the server is silent for too long.
     """
-    silence_s = request.extensions.get("timeout", {}).get("read")
     size = 0
-    for part in answer.iter_bytes():
+    parts = answer.iter_bytes()
+    while True:
+        with life.watch():
+            part = next(parts, None)
+        if part is None:
+            return
+
         size += len(part)
         if size > MAX_BYTES:
             raise BadAnswer(
@@ -452,9 +481,5 @@ def _read(
 
         if part.strip():
             life.show()
-
-        is_late = silence_s is not None and time.monotonic() > life.at + silence_s
-        if is_late or time.monotonic() > life.end:
-            raise httpx.ReadTimeout("the answer takes too long", request=request)
 
         yield part
