@@ -6,11 +6,10 @@ import os
 import shutil
 import signal
 import subprocess
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import IO
@@ -22,7 +21,6 @@ from core.hooks import hookimpl
 from core.interfaces import VLM, Reply, Request
 from core.support.secrets import holds_secret, is_secret_name, scrub
 from core.support.text import clean
-from core.support.threads import run_in_thread
 from core.values.messages import checked
 from plugins.vlms.calls import Arrivals, Calls
 from plugins.vlms.letters import write_letter
@@ -30,7 +28,6 @@ from plugins.vlms.letters import write_letter
 MAX_BYTES = 20_000_000  # of an answer
 _MAX_WORDS = 20_000  # bytes of what a program says on standard error
 _SHOWN = 400  # characters of it that are shown
-_AT_ONCE = 65_536  # bytes
 _END_S = 2.0  # so long a program that is stopped may take to end by itself
 _FILE = "{prompt}"
 _PICTURES = "{pictures}"
@@ -115,23 +112,84 @@ class Command(VLM):
         except OSError as error:
             raise UserError(f"{folder} can't be written: {error}") from error
 
-        words = _fill(self._words, folder)
-        feeds = not any(_FILE in word for word in self._words)
-        given = prompt.encode() if feeds else b""
         hear = partial(self._arrivals.hear, request.id)
-        program = Program(words, folder, self._environment, given, hear)
         try:
-            ended = program.run(self._timeout_s, stop)
+            with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as said:
+                process = self._start(folder, output, said)
+                ended = self._wait(process, (output, said), stop, hear)
+                _end(process)
+                text = _read_end(output, MAX_BYTES)
+                words = _read_end(said, _MAX_WORDS) or text
         finally:
             self._arrivals.end(request.id)
 
-        text = program.output.decode("utf-8", "replace")
         if ended is None and not text.strip():
             ended = "the program printed nothing"
         if ended is None:
             return checked(Reply(request.id, text, self.model))
 
-        return self._refuse(request, ended + _quote(program))
+        return self._refuse(request, ended + _quote(words))
+
+    def _start(
+        self, folder: Path, output: IO[bytes], said: IO[bytes]
+    ) -> subprocess.Popen[bytes]:
+        """Start the program.
+
+        Args:
+            folder: of the request, where it works.
+            output: where it prints to.
+            said: what it says on standard error.
+        """
+        feeds = not any(_FILE in word for word in self._words)
+        given = folder / "prompt.md" if feeds else Path(os.devnull)
+        with given.open("rb") as prompt:
+            return subprocess.Popen(  # noqa: S603
+                _fill(self._words, folder),
+                cwd=folder,
+                env=self._environment,
+                stdin=prompt,
+                stdout=output,
+                stderr=said,
+                start_new_session=True,
+            )
+
+    def _wait(
+        self,
+        process: subprocess.Popen[bytes],
+        files: Sequence[IO[bytes]],
+        stop: threading.Event,
+        hear: Callable[[int], None],
+    ) -> str | None:
+        """Wait for the program's end, and say why it failed; None: it did not.
+
+        Args:
+            process: of the program.
+            files: that it writes to, its output first.
+            stop: is set when nobody waits any more.
+            hear: is called with the number of bytes of output so far.
+        """
+        until = time.monotonic() + self._timeout_s
+        while True:
+            has_ended = process.poll() is not None
+            sizes = [os.fstat(file.fileno()).st_size for file in files]
+            if sizes[0]:
+                hear(sizes[0])
+            if max(sizes) > MAX_BYTES:
+                return f"the program printed more than {MAX_BYTES // 1_000_000} MB"
+            if has_ended:
+                break
+            if stop.is_set():
+                return "interrupted"
+            if time.monotonic() > until:
+                return f"the program took longer than vlm.timeout_s={self._timeout_s:g}"
+            stop.wait(0.05)
+
+        if process.returncode < 0:
+            return f"the program was ended by signal {-process.returncode}"
+        if process.returncode:
+            return f"the program ended with status {process.returncode}"
+
+        return None
 
     def _fail(self, request: Request, error: Exception) -> Reply:
         """Make the reply of a program that could not be run."""
@@ -179,118 +237,16 @@ def _fill(words: Sequence[str], folder: Path) -> list[str]:
     return filled
 
 
-def _quote(program: Program) -> str:
+def _read_end(file: IO[bytes], most: int) -> str:
+    """Read the last ``most`` bytes of a file."""
+    file.seek(max(file.seek(0, os.SEEK_END) - most, 0))
+    return file.read().decode("utf-8", "replace")
+
+
+def _quote(words: str) -> str:
     """Return what a program said last, to follow the reason of its failure."""
-    said = program.words or program.output[-_MAX_WORDS:]
-    text = scrub(said.decode("utf-8", "replace"))
-    text = " ".join(text.split())[-_SHOWN:]
+    text = " ".join(scrub(words[-_MAX_WORDS:]).split())[-_SHOWN:]
     return f": {text}" if text else ""
-
-
-@dataclass(eq=False)
-class Program:
-    """One program that runs: it is fed, heard and ended here.
-
-    Attributes:
-        command: the program's path and its arguments.
-        folder: where it works.
-        environment: all of its variables.
-        given: its standard input.
-        hear: is called with the number of bytes of output so far.
-        output: what it printed so far.
-        words: the last that it said on standard error.
-    """
-
-    command: Sequence[str]
-    folder: Path
-    environment: dict[str, str]
-    given: bytes
-    hear: Callable[[int], object]
-
-    def __post_init__(self) -> None:
-        self.output = bytearray()
-        self.words = bytearray()
-        self._full = False
-
-    def run(self, timeout_s: float, stop: threading.Event) -> str | None:
-        """Run it to its end; return why it failed, None: it did not.
-
-        Args:
-            timeout_s: after which it is ended.
-            stop: ends it too.
-
-        Raises:
-            OSError: it can't be started.
-        """
-        process = subprocess.Popen(  # noqa: S603
-            self.command,
-            cwd=self.folder,
-            env=self.environment,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            start_new_session=True,
-        )
-        assert process.stdin
-        assert process.stdout
-        assert process.stderr
-        readers = [
-            self._start(partial(self._feed, process.stdin), "input"),
-            self._start(partial(self._read, process.stdout), "output"),
-            self._start(partial(self._listen, process.stderr), "words"),
-        ]
-        reason = self._wait(process, timeout_s, stop)
-        _end(process)
-        for reader in readers:
-            reader.wait(_END_S)
-
-        return reason
-
-    def _wait(
-        self, process: subprocess.Popen[bytes], timeout_s: float, stop: threading.Event
-    ) -> str | None:
-        """Wait for the program's end, and say why it failed; None: it did not."""
-        until = time.monotonic() + timeout_s
-        while process.poll() is None:
-            if self._full:
-                return f"the program printed more than {MAX_BYTES // 1_000_000} MB"
-            if stop.is_set():
-                return "interrupted"
-            if time.monotonic() > until:
-                return f"the program took longer than vlm.timeout_s={timeout_s:g}"
-            stop.wait(0.05)
-
-        if process.returncode < 0:
-            return f"the program was ended by signal {-process.returncode}"
-        if process.returncode:
-            return f"the program ended with status {process.returncode}"
-
-        return None
-
-    def _start(self, target: Callable[[], None], name: str) -> threading.Event:
-        done = threading.Event()
-        run_in_thread(target, lambda error: done.set(), f"{self.command[0]} {name}")
-        return done
-
-    def _feed(self, stdin: IO[bytes]) -> None:
-        """Give the program its input; it may end without reading all of it."""
-        with suppress(BrokenPipeError):
-            stdin.write(self.given)
-            stdin.close()
-
-    def _read(self, stdout: IO[bytes]) -> None:
-        """Take what the program prints, as much as an answer may have."""
-        while part := os.read(stdout.fileno(), _AT_ONCE):
-            self.output += part
-            self.hear(len(self.output))
-            if len(self.output) > MAX_BYTES:
-                self._full = True
-                return
-
-    def _listen(self, stderr: IO[bytes]) -> None:
-        """Keep the last that the program says."""
-        while part := os.read(stderr.fileno(), _AT_ONCE):
-            self.words = (self.words + part)[-_MAX_WORDS:]
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
