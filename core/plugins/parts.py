@@ -15,7 +15,7 @@ from core.interfaces import Robot
 from core.plugins.kinds import KINDS
 from core.plugins.registry import installed
 from core.support.checking import check
-from core.support.progress import busy
+from core.support.progress_display import busy
 from core.values.materials import PAPER, Material
 
 T_co = TypeVar("T_co", covariant=True, default=Any)

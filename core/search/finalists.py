@@ -24,7 +24,7 @@ from core.design import Candidate
 from core.events import Result
 from core.interfaces import Fitness
 from core.search.trials import Trials, make_score
-from core.support.progress import busy
+from core.support.progress_display import busy
 from core.trial import Condition, Evaluation, Trial, best_first
 from core.values.efforts import HOLDS, Held
 

@@ -20,8 +20,8 @@ from core.store import columns
 from core.store.database import FILE, SCHEMA_VERSION, Database
 from core.store.figures import report, versions
 from core.store.plain_files import keep_task, write_request, write_text
-from core.store.progress import StoredProgress, digest_request
 from core.store.reader import StoredRun
+from core.store.stored_progress import StoredProgress, digest_request
 from core.support.files import writing
 from core.trial import Evaluation, Trial, TrialKey
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NoReturn, TextIO
 
 from core.errors import UsageError, UserError
-from core.support.progress import show_progress
+from core.support.progress_display import show_progress
 from core.support.scratch import remove_scratch
 from core.support.secrets import Scrubbed
 from core.support.text import clean, visible

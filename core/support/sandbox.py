@@ -14,7 +14,7 @@ from pathlib import Path
 
 from core.errors import UserError
 from core.support.cli import say
-from core.support.progress import busy
+from core.support.progress_display import busy
 from core.support.scratch import scratch
 
 LIMIT_S = 600

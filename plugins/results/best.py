@@ -13,7 +13,7 @@ from core.events import INTERRUPTED, Result, Run
 from core.interfaces import EvolutionStrategy, Felt, Looked, Simulator, Task
 from core.robot.trajectory import plan_task_motion
 from core.simulation.pictures import filmed, report_missing, save_film
-from core.support.progress import busy
+from core.support.progress_display import busy
 from plugins.results.artifacts import save_design, save_files
 from plugins.results.pages.runs import EVENTS
 

@@ -31,7 +31,7 @@ from core.plugins import EXECUTOR, FITNESS, ROBOT, PluginPart, installed
 from core.robot.kinematics import arm_of
 from core.search.trials import Trials
 from core.support.cli import arguments, print_table, say, write_bytes
-from core.support.progress import busy
+from core.support.progress_display import busy
 from core.support.text import clean, number
 from core.trial import Evaluation, Trial, summarise_rewards
 from plugins.results.chosen import DesignsConfig, chosen_evaluations, config_for

@@ -14,7 +14,7 @@ from core.interfaces import RolloutSettings, Task
 from core.plugins import SIMULATOR
 from core.simulation.pictures import filmed, report_missing, save_film
 from core.support.cli import say
-from core.support.progress import busy
+from core.support.progress_display import busy
 from core.trial import Evaluation
 
 

@@ -11,7 +11,7 @@ from functools import partial
 
 from core.errors import LimitReached
 from core.interfaces import Reply, Request
-from core.support.progress import note
+from core.support.progress_display import note
 from core.support.threads import merge
 
 LONGEST_LEAD_S = 60.0  # so long the others wait for the first sign of an answer

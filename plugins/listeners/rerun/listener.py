@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from core.errors import check_positive, in_line
 from core.hooks import hookimpl
 from core.support.cli import say
-from core.support.progress import busy
+from core.support.progress_display import busy
 from core.trial import best_tools
 
 if TYPE_CHECKING:

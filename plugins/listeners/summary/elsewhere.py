@@ -13,7 +13,7 @@ from core.interfaces import Condition, Evaluation, Trial
 from core.plugins import SIMULATOR, PluginPart
 from core.simulation.engines import list_scene_needs
 from core.simulation.play import play
-from core.support.progress import busy
+from core.support.progress_display import busy
 from core.support.text import clean, number
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from core.hooks import hookimpl
 from core.plugins import SIMULATOR, installed
 from core.simulation.pictures import filmed, report_missing, save_film
 from core.store.figures import failed_layouts
-from core.support.progress import busy
+from core.support.progress_display import busy
 
 if TYPE_CHECKING:
     from core.events import Result, Run

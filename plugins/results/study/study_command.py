@@ -17,7 +17,7 @@ from core.errors import UsageError, UserError, choices
 from core.support.checking import check
 from core.support.cli import arguments, say
 from core.support.files import write_whole, writing
-from core.support.progress import busy
+from core.support.progress_display import busy
 from plugins.results.report.report_command import report, show
 from plugins.results.study.estimate import (
     Outlook,

@@ -6,17 +6,17 @@ import time
 
 import pytest
 
-from core.support import progress
+from core.support import progress_display
 
 SLOW = """
 import time
-from core.support import progress
+from core.support import progress_display
 from core.support.cli import command, say
 
-progress.FIRST_S = 0.3
+progress_display.FIRST_S = 0.3
 
 def main(words):
-    with progress.busy("reading a\x1b[2J.obj"):
+    with progress_display.busy("reading a\x1b[2J.obj"):
         time.sleep(1.0)
     say("done")
 
@@ -28,9 +28,9 @@ command(main)
 def said(monkeypatch):
     """The lines that a display shows, in the time of this test."""
     lines = []
-    monkeypatch.setattr(progress, "FIRST_S", 0.2)
-    monkeypatch.setattr(progress, "LOOK_S", 0.01)
-    progress.show_progress(lines.append)
+    monkeypatch.setattr(progress_display, "FIRST_S", 0.2)
+    monkeypatch.setattr(progress_display, "LOOK_S", 0.01)
+    progress_display.show_progress(lines.append)
     return lines
 
 
@@ -42,7 +42,7 @@ def wait_for(said, count):
 
 
 def test_what_takes_long_is_said_more_and_more_rarely(said):
-    with progress.busy("making hulls") as step:
+    with progress_display.busy("making hulls") as step:
         wait_for(said, 1)
         step.what = "making the last hull"
         wait_for(said, 2)
@@ -50,7 +50,7 @@ def test_what_takes_long_is_said_more_and_more_rarely(said):
 
 
 def test_what_is_quick_is_not_said(said):
-    with progress.busy("reading"):
+    with progress_display.busy("reading"):
         time.sleep(0.05)
     time.sleep(0.05)
     assert not said
@@ -58,7 +58,7 @@ def test_what_is_quick_is_not_said(said):
 
 def test_steps_that_follow_each_other_are_one_piece_of_work(said):
     for number in range(100):
-        with progress.busy(f"mesh {number}"):
+        with progress_display.busy(f"mesh {number}"):
             time.sleep(0.01)
         if said:
             break
@@ -66,9 +66,9 @@ def test_steps_that_follow_each_other_are_one_piece_of_work(said):
 
 
 def test_without_a_command_nothing_is_said(capsys, monkeypatch):
-    monkeypatch.setattr(progress, "FIRST_S", 0.0)
-    monkeypatch.setattr(progress, "LOOK_S", 0.01)
-    with progress.busy("reading"):
+    monkeypatch.setattr(progress_display, "FIRST_S", 0.0)
+    monkeypatch.setattr(progress_display, "LOOK_S", 0.01)
+    with progress_display.busy("reading"):
         time.sleep(0.1)
     assert capsys.readouterr() == ("", "")
 

@@ -4,7 +4,7 @@ from core.design import Candidate
 from core.events import Generation
 from core.interfaces import Reply
 from core.plugins import event_hub, installed
-from core.support import progress
+from core.support import progress_display
 from plugins.conformance.evaluations import tried_once
 from tests.core.run_folders import hook
 
@@ -25,7 +25,7 @@ def test_within_a_generation_it_says_what_is_waited_for():
     listener = installed().create("listener", "progress", {})
     events.register(listener)
     events.hook.generation_started(index=0)
-    (step,) = progress._steps
+    (step,) = progress_display._steps
     for _ in range(2):
         events.hook.request_composed(request=None)
     reply = Reply("g0-a1", "{}", "a model", cost_usd=0.25)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from core.hooks import hookimpl
 from core.plugins import installed
-from core.support.progress import Step, busy
+from core.support.progress_display import Step, busy
 from core.support.text import number, visible
 from core.trial import Evaluation
 
