@@ -162,7 +162,8 @@ class _ModelReading:
 
         lower, upper = joint.range.tolist()
         if not limited:
-            lower, upper = -math.inf, math.inf
+            lower = -math.inf
+            upper = math.inf
 
         start = 0.0
         rest = 0.0

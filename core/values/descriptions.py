@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -230,15 +231,24 @@ class Description:
 
         return Description(self.name, kept, joints)
 
-    def renamed(self, names: Mapping[str, str]) -> Description:
-        """Give links other names."""
+    def renamed(
+        self,
+        names: Mapping[str, str],
+        joint_names: Mapping[str, str] = MappingProxyType({}),
+    ) -> Description:
+        """Give links and joints other names."""
         new = {name: names.get(name, name) for name in self.links}
         links = {
             new[name]: replace(link, name=new[name])
             for name, link in self.links.items()
         }
         joints = {
-            new[child]: replace(joint, parent=new[joint.parent], child=new[child])
+            new[child]: replace(
+                joint,
+                name=joint_names.get(joint.name, joint.name),
+                parent=new[joint.parent],
+                child=new[child],
+            )
             for child, joint in self.joints.items()
         }
 

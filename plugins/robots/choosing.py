@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from core.errors import UsageError, UserError, choices
 from core.geometry import Array, Pose
@@ -135,20 +134,11 @@ def hold_joints(
 
         origin = joint.origin
         if value:
-            origin = Origin.from_pose(origin.pose @ _move(joint, value), DIGITS)
+            origin = Origin.from_pose(origin.pose @ joint.moved(value), DIGITS)
 
         joints[joint.child] = replace(joint, kind="fixed", origin=origin, mimic=None)
 
     return replace(description, joints=joints)
-
-
-def _move(joint: RobotJoint, value: float) -> Pose:
-    """Place what a joint bears, in its frame at 0."""
-    way = value * joint.direction
-    if joint.kind in TURNING:
-        return Pose.from_rotation((0.0, 0.0, 0.0), Rotation.from_rotvec(way))
-
-    return Pose(way)
 
 
 def choose_flange(

@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import chain
-from typing import Any
-
-import trimesh
 
 from core.errors import UsageError, check_positive
-from core.geometry import Mesh
 from core.robot.description import merge_inertias, weigh
 from core.values.descriptions import (
     DIGITS,
@@ -18,7 +14,7 @@ from core.values.descriptions import (
     RobotLink,
     Weight,
 )
-from plugins.robots.hulls import find_job, make_all
+from plugins.robots.hulls import find_job, make_all, make_shape, solid_of
 from plugins.robots.settings import ArmSettings
 
 
@@ -94,11 +90,7 @@ def _weigh(link: RobotLink) -> list[Weight]:
     """Weigh the hulls of a link's collision shapes at 1 kg/m^3, in its frame."""
     weights = []
     for shape in link.collisions:
-        solid: Any = shape.shape
-        job = find_job(shape, drawn=False)
-        if job is not None:
-            solid = Mesh.from_trimesh(trimesh.load_mesh(job.make()))
-
+        solid = solid_of(make_shape(shape, drawn=False))
         weights.append(weigh(solid, solid.volume, shape.origin.pose))
 
     return weights

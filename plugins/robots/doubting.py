@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
-import trimesh
 
-from core.values.descriptions import Description, RobotJoint, RobotLink, RobotShape
+from core.values.descriptions import Description, RobotJoint, RobotLink
 from core.values.doubts import find_doubt
+from plugins.robots.hulls import solid_of
 
 STRONG_WRIST = 110.0  # N m; the last joint of an arm that bears 20 kg has some 100
 
@@ -61,17 +60,9 @@ def _doubt_weight(link: RobotLink) -> Iterator[str]:
     """Yield a line where a link's mass does not go with its size, or its inertia with its mass."""
     where = f"link {link.name!r}"
     mass = link.inertial.mass
-    volume = sum(map(_measure, link.collisions))
+    volume = sum(solid_of(shape).volume for shape in link.collisions)
     if volume and not any(find_doubt(where, "link mass", mass)):
         yield from find_doubt(where, "density", mass / volume)
 
     gyration = math.sqrt(max(link.inertial.moments) / mass)
     yield from find_doubt(where, "gyration", gyration)
-
-
-def _measure(shape: RobotShape) -> float:
-    """Measure the volume of a shape, m^3; of a mesh it is that of its hull."""
-    if isinstance(shape.shape, Path):
-        return abs(float(trimesh.load_mesh(shape.shape).volume))
-
-    return shape.shape.volume

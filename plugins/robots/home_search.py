@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from core.design import RIGID_MOUNT, Tool
@@ -36,7 +37,6 @@ _FAR = (0.7, 0.0, 0.2)
 _LIFTS_M = (0.0, 0.2, 0.4)
 HOME_DIGITS = 3  # of a joint
 _TRIES = 10  # starts for each way the flange may be turned
-_STEPS = 50  # towards a place, in any direction
 _NEAR_M = 1e-3
 _NEAR_RAD = 1e-2
 # Share of a joint's range, and a singular value, beyond which more is no better.
@@ -228,14 +228,12 @@ def _describe_miss(arm: Unmounted, model: Arm, nearest: Solution, place: Array) 
     if held:
         missed += f", with {', '.join(held)} at the limit"
 
-    joints = nearest.joints
-    way = np.zeros(3)
-    for _ in range(_STEPS):
-        way = place - model.forward(joints).position
-        step = np.linalg.pinv(model.jacobian(joints)[:3], rcond=_STRAIGHT) @ way
-        joints = np.clip(joints + step, model.lower, model.upper)
+    def miss(joints: Array) -> Array:
+        return model.forward(joints).position - place
 
-    if np.linalg.norm(way) < _NEAR_M:
+    # Of the place alone, whatever the direction.
+    reached = least_squares(miss, nearest.joints, bounds=(model.lower, model.upper))
+    if np.linalg.norm(reached.fun) < _NEAR_M:
         return (
             f"{missed}: the place is reached, the direction is not; choose another at=, or turn tools in the flange's "
             "frame with robot.mount_rpy=[roll,pitch,yaw]"

@@ -14,7 +14,7 @@ import trimesh
 from scipy.spatial import QhullError
 
 from core.errors import UserError
-from core.geometry import Color, Triple
+from core.geometry import Color, Mesh, Shape, Triple
 from core.imports.meshes import find_color, hull_corners, load_parts, used_corners
 from core.robot.meshes import keep_file, kept_file
 from core.support.files import read_untrusted
@@ -99,6 +99,32 @@ def find_job(shape: RobotShape, *, drawn: bool) -> Job | None:
 
     color = shape.color or GREY
     return Job(str(shape.shape), shape.scale, color if drawn else None)
+
+
+def make_shape(shape: RobotShape, drawn: bool) -> RobotShape:
+    """Replace a mesh by what is made of it: its hull, or what is drawn.
+
+    Raises:
+        UserError: see `Job.make`.
+    """
+    job = find_job(shape, drawn=drawn)
+    if job is None:
+        return shape
+
+    file = job.make()
+    color = shape.color
+    if drawn:
+        color = main_color(file) or job.color
+
+    return RobotShape(file, shape.origin, color)
+
+
+def solid_of(shape: RobotShape) -> Shape:
+    """Return what collides of a shape that `make_shape` returned."""
+    if isinstance(shape.shape, Path):
+        return Mesh.from_trimesh(trimesh.load_mesh(shape.shape))
+
+    return shape.shape
 
 
 def make_all(jobs: Iterable[Job | None]) -> None:

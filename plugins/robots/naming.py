@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Iterable
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT
 from core.robot.description import BASE, joint_name
@@ -77,15 +76,3 @@ def choose_all_names(
         )
 
     return links, joints
-
-
-def rename(
-    description: Description, links: Mapping[str, str], joints: Mapping[str, str]
-) -> Description:
-    """Give links and joints other names."""
-    plain = description.renamed(links)
-    borne = {
-        child: replace(joint, name=joints[joint.name])
-        for child, joint in plain.joints.items()
-    }
-    return replace(plain, joints=borne)

@@ -21,7 +21,7 @@ from core.values.descriptions import (
     RobotShape,
     Weight,
 )
-from plugins.robots.hulls import GREY, Job, find_job, main_color, make_all
+from plugins.robots.hulls import GREY, Job, find_job, make_all, make_shape
 
 ALSO = "; and "  # between one problem and the next
 _ROUNDED = 0.01  # of the largest moment: an inertia that is off by less was rounded
@@ -191,8 +191,10 @@ def read_meshes(description: Description, notes: list[str]) -> Description:
     links = {}
     for name, link in description.links.items():
         not_drawn = Problems()
-        collisions = [wrong.attempt(_read, shape, False) for shape in link.collisions]
-        visuals = [not_drawn.attempt(_read, shape, True) for shape in link.visuals]
+        collisions = [
+            wrong.attempt(make_shape, shape, False) for shape in link.collisions
+        ]
+        visuals = [not_drawn.attempt(make_shape, shape, True) for shape in link.visuals]
         notes += [f"link {name!r}: not drawn: {error}" for error in not_drawn]
         solid = tuple(filter(None, collisions))
         drawn = tuple(filter(None, visuals)) or solid
@@ -200,17 +202,3 @@ def read_meshes(description: Description, notes: list[str]) -> Description:
 
     wrong.report()
     return replace(description, links=links)
-
-
-def _read(shape: RobotShape, drawn: bool) -> RobotShape:
-    """Replace a mesh by what was made of it."""
-    job = find_job(shape, drawn=drawn)
-    if job is None:
-        return shape
-
-    file = job.make()
-    color = shape.color
-    if drawn:
-        color = main_color(file) or job.color
-
-    return RobotShape(file, shape.origin, color)

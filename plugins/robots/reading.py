@@ -20,7 +20,7 @@ from plugins.robots.choosing import choose_arm
 from plugins.robots.doubting import find_doubts
 from plugins.robots.enlarging import describe_factor, enlarge, find_factor
 from plugins.robots.mounting import turn_mount
-from plugins.robots.naming import choose_all_names, rename
+from plugins.robots.naming import choose_all_names
 from plugins.robots.normalise import normalise, read_meshes
 from plugins.robots.settings import ArmSettings, BoltOptions
 
@@ -142,7 +142,7 @@ def build_unmounted(
     robot = Robot(
         name=name or title,
         title=title,
-        description=rename(whole, links, joints),
+        description=whole.renamed(links, joints),
         arm_joints=tuple(joints[joint.name] for joint in arm),
         home=parts.home,
         acceleration_limits=tuple(accelerations),

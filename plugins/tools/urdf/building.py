@@ -9,7 +9,6 @@ import html
 import math
 import re
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -108,19 +107,19 @@ def build_tool(
     root = _parse(text)
     names = _check(root, reserved, " or ".join(mounts))
 
-    weighed = set()  # the names of links that say what they weigh
-    for link in root.iterfind("link"):
-        inertial = link.find("inertial")
-        if inertial is None:
-            continue
+    if not masses:
+        for link in root.iterfind("link"):
+            for inertial in link.findall("inertial"):
+                link.remove(inertial)
 
-        if masses:
-            weighed.add(link.get("name"))
-        else:
-            link.remove(inertial)
+    weighed = {link.get("name") for link in root.iterfind("link[inertial]")}
+    aliases = {alias: mount for alias, mount in robot.aliases if mount in mounts}
 
-    aliases = dict(robot.aliases)
-    _add_mounts(root, mounts, aliases)
+    for end in root.iterfind("joint/parent"):
+        link_name = end.get("link", "")
+        end.set("link", aliases.get(link_name, link_name))
+
+    _add_mounts(root, mounts)
 
     try:
         tree = read_tree(root)
@@ -135,11 +134,7 @@ def build_tool(
     }
     taken = {*names, *reserved}
 
-    parents: dict[str, str] = {}
-
-    for name in names:
-        parent = tree.joints[name].parent
-        parents[name] = aliases.get(parent, parent)
+    parents = {name: tree.joints[name].parent for name in names}
 
     for name in parents_first(parents, mounts, "link"):
         held = tree.links[name]
@@ -159,20 +154,16 @@ def build_tool(
     return Tool(tuple(components), gripper)
 
 
-def _add_mounts(
-    root: Element,
-    mounts: tuple[str, ...],
-    aliases: Mapping[str, str],
-) -> None:
-    """Add links for the mounts, by each of their names; all hang from the first: a description has one base."""
-    others = [alias for alias, mount in aliases.items() if mount in mounts]
+def _add_mounts(root: Element, mounts: tuple[str, ...]) -> None:
+    """Add links for the mounts; all hang from the first: a description has one base."""
+    first, *others = mounts
+    SubElement(root, "link", name=first)
 
-    for name in (*mounts, *others):
+    for name in others:
         SubElement(root, "link", name=name)
-        if name != mounts[0]:
-            joint = SubElement(root, "joint", name=f"to {name}", type="fixed")
-            SubElement(joint, "parent", link=mounts[0])
-            SubElement(joint, "child", link=name)
+        joint = SubElement(root, "joint", name=f"to {name}", type="fixed")
+        SubElement(joint, "parent", link=first)
+        SubElement(joint, "child", link=name)
 
 
 def _parse(text: str) -> Element:

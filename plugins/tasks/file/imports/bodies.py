@@ -218,7 +218,8 @@ class _Making:
             kind = "ball"
 
         if joint.kind in ("ball", "continuous") or _turns_freely(joint):
-            lower, upper = -math.inf, math.inf
+            lower = -math.inf
+            upper = math.inf
 
         stiffness, rest = joint.spring or (0.0, 0.0)
         made = Joint(

@@ -22,6 +22,7 @@ from core.imports.meshes import (
 from plugins.tasks.file.imports.pieces import find_pieces
 
 MAX_FACES = 200_000
+MAX_PARTS = 64  # into which what is not convex is cut
 MAX_COORDINATE = 1e9  # in the unit of the file
 _CONCAVE = 0.02  # how concave a part may be, as CoACD measures it
 _UNPAINTED = (np.nan,) * 4
@@ -39,11 +40,11 @@ _OPTIONS = {
 def read_mesh(data: bytes, kind: str, *, drawn_only: bool) -> dict[str, Any]:
     """Return arrays: ``v0``, ``f0``, ``c0`` of what is drawn in each colour, and unless ``drawn_only`` what collides.
 
-    That is ``p0``, the corners of each convex piece, ``rest_v`` and ``rest_f`` of what is not convex, and ``volume``.
-    A colour is nan where there is none, the volume where the mesh is not closed.
+    That is ``p0``, the corners of each convex part, and ``volume``. A colour is nan where there is none, the volume
+    where the mesh is not closed.
 
     Raises:
-        UserError: the mesh can't be read.
+        UserError: the mesh can't be read, or not be cut.
     """
     groups, _ = load_parts(io.BytesIO(data), kind, _OPTIONS.get(kind, {}))
     _check_size(groups)
@@ -62,15 +63,14 @@ def read_mesh(data: bytes, kind: str, *, drawn_only: bool) -> dict[str, Any]:
         return found
 
     try:
-        convex, rest, found["volume"] = find_pieces(groups)
-        for number, corners in enumerate(convex):
+        parts, rest, found["volume"] = find_pieces(groups)
+        if rest is not None:
+            parts += cut(rest.vertices, rest.faces, MAX_PARTS)
+
+        for number, corners in enumerate(parts):
             found[f"p{number}"] = hull_corners(corners)
     except QhullError as error:
         raise UserError("is flat: a body needs a volume; give it depth") from error
-
-    if rest is not None:
-        found["rest_v"] = rest.vertices
-        found["rest_f"] = rest.faces
 
     return found
 
@@ -111,23 +111,11 @@ def cut(vertices: Array, faces: Array, max_parts: int) -> list[Array]:
             f"falls into {len(found)} convex parts; at most {max_parts} are made: make it simpler"
         )
 
-    return [hull_corners(corners) for corners, _ in found]
+    return [corners for corners, _ in found]
 
 
 def read_bytes(data: bytes, kind: str, wanted: str) -> bytes:
     """Return what `read_mesh` does as an .npz file."""
-    return _pack(read_mesh(data, kind, drawn_only=wanted == "drawn"))
-
-
-def cut_bytes(data: bytes, max_parts: str) -> bytes:
-    """Cut a mesh, ``v`` and ``f`` of an .npz file, and return an .npz file of its parts, ``p0`` and so on."""
-    with np.load(io.BytesIO(data)) as mesh:
-        parts = cut(mesh["v"], mesh["f"], int(max_parts))
-
-    return _pack({f"p{number}": part for number, part in enumerate(parts)})
-
-
-def _pack(arrays: dict[str, Any]) -> bytes:
     stream = io.BytesIO()
-    np.savez_compressed(stream, **arrays)
+    np.savez_compressed(stream, **read_mesh(data, kind, drawn_only=wanted == "drawn"))
     return stream.getvalue()

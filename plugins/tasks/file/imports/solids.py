@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import io
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -18,11 +17,10 @@ from core.robot.meshes import keep_file
 from core.scene import Color
 from core.support.files import read_untrusted
 from core.support.sandbox import isolated
-from plugins.tasks.file.imports.convex import cut_bytes, read_bytes
+from plugins.tasks.file.imports.convex import read_bytes
 
 KINDS = (".glb", ".obj", ".stl")
 MAX_MB = 64
-MAX_PARTS = 64
 _LARGEST_M = 5.0
 _NO_TURN = frozen_array(np.eye(3))
 
@@ -77,7 +75,7 @@ def load_solid(
     drawn_only: bool = False,
     turn: Array = _NO_TURN,
 ) -> MeshSolid:
-    """Read a mesh file: convex pieces as they are, the rest cut into convex parts unless it was cut before.
+    """Read a mesh file: convex pieces as they are, the rest cut into convex parts, once for each content.
 
     Args:
         file: OBJ, STL or GLB.
@@ -111,12 +109,10 @@ def load_solid(
         color = tuple(found[f"c{number}"].tolist())
         drawn.append((mesh, None if np.isnan(color[0]) else color))
 
-    pieces = _list_parts(found)
-    if "rest_v" in found:
-        pieces += _cut(found["rest_v"], found["rest_f"], file)
-
-    hulls = [trimesh.convex.convex_hull(corners @ change.T) for corners in pieces]
-    parts = tuple(map(Mesh.from_trimesh, hulls))
+    parts: list[Mesh] = []
+    while f"p{len(parts)}" in found:
+        corners = found[f"p{len(parts)}"] @ change.T
+        parts.append(Mesh.from_trimesh(trimesh.convex.convex_hull(corners)))
 
     size = float(max(mesh.bounds[1].max() for mesh, _ in drawn))
     if size > _LARGEST_M:
@@ -130,49 +126,19 @@ def load_solid(
         )
 
     volume = float(found.get("volume", np.nan)) * abs(determinant)
-    return MeshSolid(tuple(drawn), parts, volume)
-
-
-def _list_parts(found: dict[str, Array]) -> list[Array]:
-    """List the corners of convex parts."""
-    parts = list[Array]()
-    while f"p{len(parts)}" in found:
-        parts.append(found[f"p{len(parts)}"])
-
-    return parts
+    return MeshSolid(tuple(drawn), tuple(parts), volume)
 
 
 @lru_cache(maxsize=64)
 def _read(data: bytes, kind: str, drawn_only: bool, name: str) -> dict[str, Array]:
     """Read a mesh in a process of its own, see `convex.read_mesh`; kept on disk by its content."""
-    wanted = "solid"
-    if drawn_only:
-        wanted = "drawn"
+    wanted = "drawn" if drawn_only else "solid"
+    step = f"reading {name}, and cutting what is not convex, which is kept for the next time"
 
     def read() -> bytes:
-        return isolated(read_bytes, f"mesh {name}", data, kind, wanted)
+        return isolated(read_bytes, f"mesh {name}", data, kind, wanted, step=step)
 
-    return _keep(f"{kind} {wanted} ".encode() + data, name, read)
-
-
-def _cut(vertices: Array, faces: Array, file: Path) -> list[Array]:
-    """Cut a mesh in a process of its own, see `convex.cut`; kept on disk by its content."""
-    stream = io.BytesIO()
-    np.savez(stream, v=vertices, f=faces)
-    content = f"{MAX_PARTS} ".encode() + vertices.tobytes() + faces.tobytes()
-    step = f"cutting {file.name} into convex parts, which are kept for the next time"
-
-    def cut() -> bytes:
-        data = stream.getvalue()
-        what = f"mesh {file}"
-        return isolated(cut_bytes, what, data, str(MAX_PARTS), step=step)
-
-    return _list_parts(_keep(content, str(file), cut))
-
-
-def _keep(content: bytes, name: str, make: Callable[[], bytes]) -> dict[str, Array]:
-    """Read the arrays that were kept of a mesh, or make and keep them."""
-    file = keep_file("pieces", "npz", content, make)
+    file = keep_file("pieces", "npz", f"{kind} {wanted} ".encode() + data, read)
     try:
         with np.load(file) as found:
             return dict(found)

@@ -192,7 +192,7 @@ def test_a_hollow_is_cut_into_convex_parts_once(tmp_path, monkeypatch, isolated)
     mesh.export(tmp_path / "step.stl")
     made = read_mesh(tmp_path / "step.stl")
     (body,) = made.bodies
-    assert 2 <= len(body.collisions) <= solids.MAX_PARTS
+    assert 2 <= len(body.collisions) <= convex.MAX_PARTS
     assert body.mass == pytest.approx(mesh.volume, rel=1e-6)
     assert total(body) == pytest.approx(mesh.volume, rel=0.05)
     assert not any(_inside(geom, [0.16, 0.16, 0.05]) for geom in body.collisions)
