@@ -142,6 +142,10 @@ class Configs(Protocol):
         """Write what one takes from a run: called with its `Result`, its `Run` and its strategy at the end."""
 
     @hookspec
+    def goals(self) -> Factories:
+        """Offer kinds of goals for scene files, which have ``keys`` (`core.goals.Goal`): each is a class."""
+
+    @hookspec
     def remarks(self) -> Factories:
         """Say something of a run's best for its last line, in a few words: called with `Run` and best `Candidate`."""
 

@@ -39,6 +39,7 @@ class Apart(Reach):
             tuple[int, ...], "Two nodes of a soft body, whose distance is meant"
         ),
     }
+    short = "bring {bodies} to be {goal.apart} m apart"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -89,9 +90,6 @@ class Apart(Reach):
             )
 
         return f"each must end {self.apart} m from the nearest other of these"
-
-    def do(self, bodies: str) -> str:
-        return f"bring {bodies} to be {self.apart} m apart"
 
     def find_faults(self, site: Site) -> Iterator[str]:
         if len(self.bodies) < 2 and not self.nodes:

@@ -35,6 +35,8 @@ class Away(Reach):
         "at": AT,
         "node": NODE,
     }
+    asks = "must get {goal.away:g} m away from where it starts"
+    short = "move {bodies} by {goal.away:.2g} m"
     names: ClassVar = {"at": ANY_BODY}
     moves = True
     from_start = True
@@ -46,12 +48,6 @@ class Away(Reach):
             return length(state.position(body, self.node) - begin)
 
         return [Measure(f"way of {body}", way, self.away, SLIP_M, "m", at_least=True)]
-
-    def words(self) -> str:
-        return f"must get {self.away:g} m away from where it starts"
-
-    def do(self, bodies: str) -> str:
-        return f"move {bodies} by {self.away:.2g} m"
 
     def add_want(self, want: Want, scene: Scene) -> Want:
         return replace(want, away=self.away, reference=self.at or want.reference)

@@ -232,6 +232,7 @@ class Goal(ABC):
 
     keys: ClassVar[Mapping[str, Key]] = {}
     names: ClassVar[Mapping[str, str]] = {}
+    asks: ClassVar[str] = ""
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -274,7 +275,10 @@ class Goal(ABC):
     # Its words:
 
     def words(self) -> str:
-        """Say what it asks, for a prompt; of a goal to reach what follows its bodies."""
+        """Say what it asks, see ``asks``; by default its kind and its fields."""
+        if self.asks:
+            return self.asks.format(goal=self)
+
         shared = {field.name for field in fields(Reach)}
         said = [
             f"{name}={value!r}"
@@ -402,6 +406,7 @@ class Reach(Goal):
         name: see ``after``.
         of_bodies: whether the kind is about ``bodies``; else other fields say what it is about.
         alone: whether no other kind may be joined to it.
+        short: what is done to ``bodies``, beginning with a verb: a format of these and of ``goal``.
         from_start: whether it counts from where bodies start, so that a picture shows that.
         moves: whether its measures are how far a body itself has to get, m.
         turns: whether it asks for a turn, which a soft body does not have.
@@ -458,6 +463,7 @@ class Reach(Goal):
     names: ClassVar = {"bodies": FREE_BODY}
     of_bodies: ClassVar[bool] = True
     alone: ClassVar[bool] = False
+    short: ClassVar[str] = ""
     from_start: ClassVar[bool] = False
     moves: ClassVar[bool] = False
     turns: ClassVar[bool] = False
@@ -553,7 +559,9 @@ class Reach(Goal):
         return want
 
     def do(self, bodies: str) -> str:
-        """Say in short what is done to bodies, beginning with a verb."""
+        """Say in short what is done to bodies, see ``short``; by default its kind."""
+        if self.short:
+            return self.short.format(goal=self, bodies=bodies)
         if type(self) is not Reach:
             return f"fulfil {type(self).__name__} of {bodies}"
         if self.held:

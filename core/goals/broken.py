@@ -31,6 +31,7 @@ class Broken(Reach):
     keys: ClassVar = {
         "broken": Key(Names, "Bodies and bonds that must break", head=True)
     }
+    short = "break {goal.subject}"
     names: ClassVar = {"broken": BREAKABLE}
     of_bodies = False
     alone = True
@@ -93,9 +94,6 @@ class Broken(Reach):
             f"must break: the force on {which} (of one other thing on a body, or at the point of a bond) must once "
             "exceed its breaks_n; until then less than half is earned, by the largest force"
         )
-
-    def do(self, bodies: str) -> str:
-        return f"break {self.subject}"
 
     def add_want(self, want: Want, scene: Scene) -> Want:
         return replace(want, breaks=True)

@@ -54,6 +54,7 @@ class Facing(Reach):
         "axis": AXIS,
         "tolerance_deg": TOLERANCE_DEG,
     }
+    short = "turn {bodies} to {goal.facing}"
     names: ClassVar = {"facing": ANY_BODY}
     turns = True
 
@@ -82,9 +83,6 @@ class Facing(Reach):
             f"axis {vector(self.axis, 3)} of its frame must point at {self.facing}, within {self.tolerance_deg:g} "
             "degrees"
         )
-
-    def do(self, bodies: str) -> str:
-        return f"turn {bodies} to {self.facing}"
 
     def add_want(self, want: Want, scene: Scene) -> Want:
         """Return it with a turn on the level, from where the first body is to what it is to face."""

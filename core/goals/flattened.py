@@ -23,6 +23,8 @@ class Flattened(Reach):
             AboveZero, "The most height of soft bodies at the end, m", head=True
         )
     }
+    asks = "must be at most {goal.max_height_m:g} m high, from its lowest node to its highest"
+    short = "flatten {bodies} to {goal.max_height_m:.2g} m"
     soft_nodes = (0,)
 
     def measures(self, body: str, start: State) -> Sequence[Measure]:
@@ -31,9 +33,3 @@ class Flattened(Reach):
 
         slip = SLIP_SHARE * self.max_height_m
         return [Measure(f"height of {body}", height, self.max_height_m, slip, "m")]
-
-    def words(self) -> str:
-        return f"must be at most {self.max_height_m:g} m high, from its lowest node to its highest"
-
-    def do(self, bodies: str) -> str:
-        return f"flatten {bodies} to {self.max_height_m:.2g} m"

@@ -48,6 +48,11 @@ class Inside(Reach):
             way=True,
         )
     }
+    asks = (
+        "must end inside {goal.inside}: the middle of each in its hollow; on the way in, through its opening, less "
+        "than half is earned by it"
+    )
+    short = "bring {bodies} into {goal.inside}"
     names: ClassVar = {"inside": ANY_BODY}
     moves = True
 
@@ -82,15 +87,6 @@ class Inside(Reach):
         space = self._find_space(start)
         place = space.rest(down, self.feet.get(body, 0.0))
         return start.position(self.inside) + rotate(frame, place)
-
-    def words(self) -> str:
-        return (
-            f"must end inside {self.inside}: the middle of each in its hollow; on the way in, through its opening, "
-            "less than half is earned by it"
-        )
-
-    def do(self, bodies: str) -> str:
-        return f"bring {bodies} into {self.inside}"
 
     def fit(self, site: Site) -> Self:
         found = super().fit(site)

@@ -53,6 +53,7 @@ class JointAt(Reach):
         "change": Key(Bound, "How far from its start the joint must end, rad or m"),
         "tolerance": TOLERANCE,
     }
+    short = "move the joint {goal.joint}"
     names: ClassVar = {"joint": JOINT}
     of_bodies = False
 
@@ -138,9 +139,6 @@ class JointAt(Reach):
 
         within = f" (within {self.tolerance:g})" if self.tolerance else ""
         return f"{verb} {self.to:g} m or rad{within}"
-
-    def do(self, bodies: str) -> str:
-        return f"move the joint {self.joint}"
 
     @classmethod
     def translate(cls, key: str, given: Given) -> Given:

@@ -23,6 +23,8 @@ class Spread(Reach):
             AboveZero, "The least area that they cover, seen from above, m^2", head=True
         )
     }
+    asks = "must cover at least {goal.min_area_m2:g} m^2 as seen from above"
+    short = "spread {bodies} over {goal.min_area_m2:.2g} m^2"
     soft_nodes = (0,)
 
     def measures(self, body: str, start: State) -> Sequence[Measure]:
@@ -32,9 +34,3 @@ class Spread(Reach):
         least = self.min_area_m2
         name = f"area of {body}"
         return [Measure(name, area, least, SLIP_SHARE * least, "m^2", at_least=True)]
-
-    def words(self) -> str:
-        return f"must cover at least {self.min_area_m2:g} m^2 as seen from above"
-
-    def do(self, bodies: str) -> str:
-        return f"spread {bodies} over {self.min_area_m2:.2g} m^2"

@@ -71,6 +71,7 @@ class Turned(Reach):
         "at": AT,
         "tolerance_deg": TOLERANCE_DEG,
     }
+    short = "turn {bodies}"
     names: ClassVar = {"at": ANY_BODY}
     turns = True
 
@@ -110,9 +111,6 @@ class Turned(Reach):
         return (
             f"axis {vector(self.axis, 3)} must {verb} {points}{frame(self.at)}{within}"
         )
-
-    def do(self, bodies: str) -> str:
-        return f"turn {bodies}"
 
     @classmethod
     def translate(cls, key: str, given: Given) -> Given:

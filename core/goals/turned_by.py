@@ -37,6 +37,8 @@ class TurnedBy(Reach):
         ),
         "tolerance_deg": TOLERANCE_DEG,
     }
+    asks = "must be turned from its start by {goal.turned_deg} degrees, about whatever axis"
+    short = "turn {bodies} by {goal.turned_deg} degrees"
     turns = True
 
     def measures(self, body: str, start: State) -> Iterator[Measure]:
@@ -49,12 +51,6 @@ class TurnedBy(Reach):
 
         name = f"turn of {body}"
         yield from Measure.within(self.turned_deg, name, angle, "deg", SLIP_DEG)
-
-    def words(self) -> str:
-        return f"must be turned from its start by {self.turned_deg} degrees, about whatever axis"
-
-    def do(self, bodies: str) -> str:
-        return f"turn {bodies} by {self.turned_deg} degrees"
 
     @classmethod
     def translate(cls, key: str, given: Given) -> Given:

@@ -138,6 +138,7 @@ HOOKS = {
     "memories": "memory",
     "menders": "mender",
     "exports": "export",
+    "goals": "goal",
     "remarks": "remark",
 }
 """What each hook of `core.hooks` offers."""

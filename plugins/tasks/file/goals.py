@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import cast
 
 from core.goals import (
     KINDS,
@@ -14,18 +15,31 @@ from core.goals import (
     needs_fixture,
     reaches,
 )
+from core.plugins import installed
 
 ENDS = ("held", "released", "rest")
 """What bodies can be asked for at the end, wherever they are."""
 
-HEADS: dict[str, type[Goal]] = {}
-"""The kinds of goals by the keys for which an entry wants one: first those that say a way to go."""
+ALL_KINDS: tuple[type[Goal], ...] = (
+    *KINDS,
+    *cast("dict[str, type[Goal]]", installed().factories("goal")).values(),
+)
+"""The kinds of goals that scene files know: ours, and those of plugins."""
 
-for _is_way in (True, False):
-    for _kind in KINDS:
-        for _key, _said in _kind.keys.items():
-            if _said.way == _is_way and (_said.way or _said.head):
-                HEADS[_key] = _kind
+
+def _list_heads(*, way: bool) -> dict[str, type[Goal]]:
+    """Return the kinds by the keys for which an entry wants one, of those that say a way to go or not."""
+    heads = dict[str, type[Goal]]()
+    for kind in ALL_KINDS:
+        for key, said in kind.keys.items():
+            if said.way == way and (said.way or said.head):
+                heads[key] = kind
+
+    return heads
+
+
+HEADS = _list_heads(way=True) | _list_heads(way=False)
+"""The kinds of goals by the keys for which an entry wants one: first those that say a way to go."""
 
 Entry = tuple[Goal, ...]
 
@@ -36,7 +50,7 @@ def read_entry(given: Given) -> Entry:
     Raises:
         ValueError: there is nothing to reach, two ways to go, a key that is missing, or one that says nothing.
     """
-    for kind in KINDS:
+    for kind in ALL_KINDS:
         given = kind.prepare(given)
 
     heads = _find_heads(given)

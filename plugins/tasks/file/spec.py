@@ -29,12 +29,12 @@ from pydantic import model_validator as check_whole
 from pydantic_core import core_schema
 
 from core.geometry import PRIMITIVES, Primitive
-from core.goals import KINDS, Key, Reach
+from core.goals import Key, Reach
 from core.scene import Bond, Camera, Cloth, Color, Elastic, Joint, Rope
 from core.support.checking import STRICT, check_plain, find_mistakes, in_unit
 from core.values.layouts import NONE
 from core.values.softs import MAX_NODES
-from plugins.tasks.file.goals import Entry, read_entry
+from plugins.tasks.file.goals import ALL_KINDS, Entry, read_entry
 from plugins.tasks.file.hollows import COLUMN_M
 from plugins.tasks.file.imports import imported as limits
 from plugins.tasks.file.spans import Varied
@@ -165,10 +165,10 @@ def _read_primitive(kind: type[Primitive]) -> Any:
 def _goal_entry() -> GetPydanticSchema:
     """Read an entry of ``goals``: it has the keys of all kinds of goals, and those that are given say which it is."""
     keys = dict(Reach.keys)
-    for kind in KINDS:
+    for kind in ALL_KINDS:
         keys |= kind.keys
 
-    more = [kind.keys for kind in KINDS if issubclass(kind, Reach)]
+    more = [kind.keys for kind in ALL_KINDS if issubclass(kind, Reach)]
     also = {key: said for found in more for key, said in found.items()}
     for key in Reach.keys:
         del also[key]

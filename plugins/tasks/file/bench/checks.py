@@ -8,12 +8,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from core.geometry import Pose
-from core.goals import Reach, numbered, reaches
+from core.goals import reaches
 from core.interfaces import Robot
 from core.robot.kinematics import arm_of
 from core.scene import Scene
 from plugins.tasks.file.contacts import find_buried, find_overlaps
-from plugins.tasks.file.doubts import bound, find_doubts
+from plugins.tasks.file.doubts import bound, find_doubts, find_idle_goals
 from plugins.tasks.file.places import find_ends, find_far
 from plugins.tasks.file.task import FileTask
 
@@ -28,31 +28,16 @@ def find_faults(task: FileTask) -> Iterator[str]:
     yield from find_overlaps(scene)
     yield from find_doubts(scene)
     yield from _find_useless(task, scene)
-    for number, goal in numbered(task.goals).items():
-        for part in goal.parts:
-            yield from part.find_doubts(goal.label(number), scene)
-
+    yield from find_idle_goals(scene, task.goals, task.every)
+    for goal in reaches(task.goals):
         yield from find_far(goal, arm_of(task.robot), scene)
         yield from find_buried(goal, scene)
-        yield from _find_needless(goal, scene)
 
 
 def measure_reach(robot: Robot) -> float:
     """Measure how far a robot's flange gets ahead of its base, m."""
     arm = arm_of(robot)
     return _FAR_M - arm.inverse(Pose(np.array([_FAR_M, 0.0, 0.3])), arm.home).error_m
-
-
-def _find_needless(goal: Reach, scene: Scene) -> Iterator[str]:
-    """Yield a line if a goal is reached before anything moves."""
-    state = scene.state()
-    left = list[float]()
-    for name in goal.bodies:
-        left += [float(m.left(state)) for m in goal.all_measures(name, state)]
-
-    if left and max(left) <= 0 and not (goal.held or goal.released or goal.rest):
-        names = ", ".join(goal.bodies)
-        yield f"the goal of {names} is reached before anything moves; correct its place, or ask for more"
 
 
 def _find_useless(task: FileTask, scene: Scene) -> Iterator[str]:

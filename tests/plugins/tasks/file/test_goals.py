@@ -1,6 +1,10 @@
 """What an entry of a scene file's goals stands for, and the kinds of goals that only files have."""
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,12 +24,14 @@ from core.goals import (
     goals_reward,
 )
 from core.scene import Elastic, Filling, Scene, Soft
+from plugins.new.packages import write_scene
 from plugins.tasks.file.goals import (
     join_entries,
     read_entry,
 )
 
 RED = (1, 0, 0, 1)
+ROOT = Path(__file__).parents[4]
 
 
 def reward(goal, end, start):
@@ -156,3 +162,72 @@ def test_what_is_also_wanted_alone_is_a_goal():
     place = {"place": (0.5, None, None)}
     (goal,) = read_entry({"bodies": ("cup",), "also": (place,)})
     assert goal == read_entry({"bodies": ("cup",), **place})[0]
+
+
+STRANGER = '''
+from dataclasses import dataclass
+from typing import ClassVar
+
+from core.goals import Key, Measure, Reach
+from core.hooks import hookimpl
+
+
+@dataclass(frozen=True, kw_only=True)
+class Above(Reach):
+    """Bodies that must end higher than ``height``, m."""
+
+    height: float
+
+    keys: ClassVar = {"height_m": Key(float, "How high they must end, m", head=True)}
+    asks = "must end above {goal.height:g} m"
+    short = "lift {bodies}"
+
+    def measures(self, body, start):
+        def z(state):
+            return state.position(body)[..., 2]
+
+        return [Measure(f"height of {body}", z, self.height, 0.1, "m", at_least=True)]
+
+    @classmethod
+    def translate(cls, key, given):
+        return {"height": given[key]}
+
+
+@hookimpl
+def goals():
+    return {"above": Above}
+'''
+RUN = """
+import sys
+
+import stranger
+from core.plugins import installed
+
+installed().register(stranger, "stranger", "strangers-goals")
+from plugins.tasks.file.task import FileTask
+
+task = FileTask(sys.argv[1])
+(goal,) = task.goals
+print(goal, goal.in_short(), task.reward_in_words()[0], sep="\\n")
+"""
+
+
+def test_a_plugins_kind_of_goal_is_in_scene_files(tmp_path):
+    (tmp_path / "stranger.py").write_text(STRANGER)
+    file = write_scene("PushBlock", tmp_path / "push.yaml")
+    text = file.read_text().partition("\ngoals:")[0]
+    goal = "{bodies: [block], height_m: 0.3, rest: true}"
+    file.write_text(f"{text}\ngoals:\n  - {goal}\n")
+    paths = os.pathsep.join((str(tmp_path), str(ROOT)))
+    ran = subprocess.run(
+        [sys.executable, "-c", RUN, str(file)],
+        env={**os.environ, "PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    made, short, words = ran.stdout.splitlines()
+    assert made.startswith("Above(bodies=('block',)")
+    assert "height=0.3" in made
+    assert short == "lift block"
+    assert words == "0. block must end above 0.3 m; must end at rest"
