@@ -24,7 +24,7 @@ from pathlib import Path
 from omegaconf import DictConfig, OmegaConf
 
 import core.search.model_requests
-import plugins.vlms.ensemble.model
+import plugins.vlms.ensemble
 from core.plugins import installed
 from core.search.orchestration import resume, run
 from core.store.reader import StoredRun
@@ -124,7 +124,7 @@ def session(
                     resume(folder / "run", again)
                 else:
                     core.search.model_requests.run_in_thread = run_at_once
-                    plugins.vlms.ensemble.model.run_in_thread = run_at_once
+                    plugins.vlms.ensemble.run_in_thread = run_at_once
                     run(configure(folder / "notes", words), folder / "run")
             count.write_text(str(moments.number))
             code = 0

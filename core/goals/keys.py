@@ -58,7 +58,7 @@ class Within:
         if not self.unit:
             return limited
 
-        from core.support.checking import in_unit  # imports Pydantic
+        from core.support.inputs import in_unit  # imports Pydantic
 
         wrapper: Any = in_unit(self.unit)
         return wrapper.__get_pydantic_core_schema__(source, lambda _: limited)

@@ -14,7 +14,7 @@ from core.geometry import Pose
 from core.interfaces import Robot
 from core.plugins.kinds import KINDS
 from core.plugins.registry import installed
-from core.support.checking import check
+from core.support.inputs import check
 from core.support.progress_display import busy
 from core.values.materials import PAPER, Material
 

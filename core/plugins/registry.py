@@ -20,7 +20,7 @@ from core.hooks import PROJECT, Command, Configs, Factory, Parts
 from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins.kinds import COMMAND, HOOKS, KINDS, ROBOT, Kind
 from core.plugins.packages import check_configs, refuse_hiding, refuse_rivals
-from core.support.checking import check
+from core.support.inputs import check
 from core.values.materials import PAPER, Material
 
 Settings = Mapping[str, Any] | None

@@ -9,8 +9,8 @@ from pathlib import Path
 from core.errors import UserError
 from core.events import INTERRUPTED, Result, Run
 from core.hooks import hookimpl
-from core.store.figures import best_figures
 from core.store.rows import Best
+from core.store.run_figures import best_figures
 from core.support.cli import say
 from core.support.text import number
 

@@ -10,7 +10,7 @@ from core.design import Candidate
 from core.designs.reading import dump_design
 from core.interfaces import Request, ToolRepresentation
 from core.store.rows import Details
-from core.support.checking import adapter
+from core.support.inputs import adapter
 from core.trial import Evaluation, Trial, TrialKey
 from core.values.plans import ActionPlan, Waypoints
 

@@ -10,8 +10,8 @@ from typing import Any
 from core.config.trust import as_stored
 from core.errors import UserError
 from core.store.rows import Id, Reward, parsed
-from core.support.checking import check
 from core.support.files import read_untrusted
+from core.support.inputs import check
 
 FACTS = "tool.json"
 DESIGN = "design.json"

@@ -23,7 +23,7 @@ from core.store.rows import (
     load_trial,
     parsed,
 )
-from core.support.checking import check
+from core.support.inputs import check
 
 T = TypeVar("T")
 

@@ -18,9 +18,9 @@ from core.hooks import hookimpl
 from core.interfaces import Reply, Request
 from core.store import columns
 from core.store.database import FILE, SCHEMA_VERSION, Database
-from core.store.figures import report, versions
 from core.store.plain_files import keep_task, write_request, write_text
 from core.store.reader import StoredRun
+from core.store.run_figures import report, versions
 from core.store.stored_progress import StoredProgress, digest_request
 from core.support.files import writing
 from core.trial import Evaluation, Trial, TrialKey

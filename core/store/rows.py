@@ -22,7 +22,7 @@ from core.config.schemas import RunConfig
 from core.design import Candidate
 from core.designs.planning import NO_PLAN
 from core.interfaces import OF_DESIGNS, Purpose, Reply
-from core.support.checking import check
+from core.support.inputs import check
 from core.trial import (
     Evaluation,
     Score,

@@ -28,7 +28,7 @@ from core.interfaces import (
     Task,
     Waypoints,
 )
-from core.support.checking import check
+from core.support.inputs import check
 from core.support.templates import fill
 from plugins.actions.blocks import (
     MAX_DEPTH,

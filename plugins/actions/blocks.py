@@ -18,7 +18,7 @@ from core.design import DesignError
 from core.designs.plan_rules import MAX_REACH_M, MAX_WAYPOINTS
 from core.designs.schema import object_schema
 from core.errors import refuse
-from core.support.checking import check, in_unit
+from core.support.inputs import check, in_unit
 from core.support.text import count_words, kind
 from plugins.actions.steps import FIELDS, HERE, IT, Name, Step, read_step
 

@@ -18,7 +18,7 @@ from core.designs.plan_rules import MAX_ANGLE_RAD, MAX_REACH_M, MIN_TEMPO
 from core.errors import refuse
 from core.geometry import Array, Pose
 from core.interfaces import Guard, Seen
-from core.support.checking import check, in_unit
+from core.support.inputs import check, in_unit
 from core.support.text import kind, shorten
 
 WORLD = "world"

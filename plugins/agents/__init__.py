@@ -27,6 +27,6 @@ def commands() -> dict[str, Command]:
     return {
         "mcp": Command(
             "let an agent drive a run, by the Model Context Protocol",
-            "plugins.agents.command:main",
+            "plugins.agents.mcp_command:main",
         )
     }

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from core.support.checking import check
+from core.support.inputs import check
 from core.support.text import clean
 from plugins.agents.bench import Refused
 

@@ -11,8 +11,8 @@ from core.interfaces import Brief, Budget, EvolutionStrategy, Message, Request, 
 from core.search.assignment import Team
 from core.search.designer import ModelDesigner
 from core.trial import TIE, Evaluation, count_rollouts
+from plugins.agents.bench_tools import Tools
 from plugins.agents.model import ABSENT, Agent
-from plugins.agents.tools import Tools
 
 _ALONE = Team([0])
 _LATER = (

@@ -7,4 +7,4 @@ from core.hooks import hookimpl
 
 @hookimpl
 def readers() -> Mapping[str, str]:
-    return {"designs": "plugins.replies.reader:LenientReader"}
+    return {"designs": "plugins.replies.lenient_reader:LenientReader"}

@@ -11,10 +11,10 @@ from core.design import DesignError
 from core.designs.replies import Fields
 from plugins.replies.assumptions import assume
 from plugins.replies.envelopes import PLANS, plain_name, says_degrees
-from plugins.replies.figures import figures_in
-from plugins.replies.fitting import ANSWERS, fit
 from plugins.replies.mending import ELLIPSIS
 from plugins.replies.saving import BLOCK
+from plugins.replies.schema_fitting import ANSWERS, fit
+from plugins.replies.written_numbers import figures_in
 
 ACTION_SETS = "action_sets"
 

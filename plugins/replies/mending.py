@@ -14,7 +14,7 @@ import yaml
 from core.design import DesignError
 from core.support.text import shorten
 from plugins.replies.decoding import DECODER
-from plugins.replies.figures import figures_in, has_unit, is_uneven, read_figure
+from plugins.replies.written_numbers import figures_in, has_unit, is_uneven, read_figure
 
 MAX_MENDED = 40_000
 """The most characters that are mended at a time; a design has some 15,000. The time grows with their square."""

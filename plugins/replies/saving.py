@@ -9,8 +9,8 @@ from typing import Any
 
 from core.design import DesignError
 from core.designs.replies import EXPECTED, Unread
+from plugins.replies.answer_bodies import join_texts
 from plugins.replies.assumptions import assume
-from plugins.replies.bodies import join_texts
 from plugins.replies.decoding import Malformed, decode
 from plugins.replies.envelopes import (
     NAMES,

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from plugins.replies.envelopes import plain_name
-from plugins.replies.figures import (
+from plugins.replies.written_numbers import (
     ANGLES,
     FORCES,
     LENGTHS,

@@ -18,7 +18,7 @@ from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError
 from core.interfaces import Material, RolloutSettings, Task, ToolRepresentation
 from core.plugins import SIMULATOR, installed
-from core.search.retrying import read_stored
+from core.search.saved_designs import read_stored
 from core.store.reader import StoredRun
 from core.support.cli import say
 from core.trial import TIE, Evaluation, best_first

@@ -19,7 +19,7 @@ from core.designs.reading import load_designs
 from core.errors import UsageError, UserError
 from core.interfaces import Task
 from core.plugins import installed
-from core.search.retrying import build_fitness, read_candidates, try_all
+from core.search.saved_designs import build_fitness, read_candidates, try_all
 from core.simulation.checking import find_problems
 from core.simulation.measuring import figures
 from core.support.cli import arguments, print_table, say, write_bytes

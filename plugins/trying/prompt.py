@@ -20,7 +20,7 @@ from core.interfaces import Estimate, Picture, Request
 from core.plugins import installed
 from core.search.assignment import Team
 from core.search.builder import build_asking, count_repairs, estimate_request
-from core.search.retrying import try_all
+from core.search.saved_designs import try_all
 from core.support.cli import arguments, say, write_bytes
 from core.trial import Evaluation, best_first
 

@@ -21,7 +21,7 @@ def vlms() -> Mapping[str, str]:
         "replay": "plugins.vlms.replay:PastReplies",
         "mailbox": "plugins.vlms.mailbox:Mailbox",
         "command": "plugins.vlms.command:Command",
-        "ensemble": "plugins.vlms.ensemble.model:Ensemble",
+        "ensemble": "plugins.vlms.ensemble:Ensemble",
     }
 
 
@@ -52,7 +52,7 @@ def artists() -> Mapping[str, str]:
 
 @hookimpl
 def memories() -> Mapping[str, str]:
-    return {"model": "plugins.vlms.memory:ModelMemory"}
+    return {"model": "plugins.vlms.recalling:ModelMemory"}
 
 
 @hookimpl

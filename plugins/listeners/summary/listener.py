@@ -19,7 +19,7 @@ from core.design import Candidate
 from core.errors import UserError
 from core.hooks import hookimpl
 from core.plugins import TASK, installed
-from core.store.figures import failed_layouts
+from core.store.run_figures import failed_layouts
 from core.support.cli import print_table, say
 from core.support.text import by_reason, clean, count_words, hydra_word, number
 from core.trial import NOTHING, Evaluation, Trial, best_tools

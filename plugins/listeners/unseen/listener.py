@@ -10,7 +10,7 @@ from core.events import INTERRUPTED
 from core.hooks import hookimpl
 from core.plugins import SIMULATOR, installed
 from core.simulation.pictures import filmed, report_missing, save_film
-from core.store.figures import failed_layouts
+from core.store.run_figures import failed_layouts
 from core.support.progress_display import busy
 
 if TYPE_CHECKING:

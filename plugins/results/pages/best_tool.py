@@ -13,7 +13,7 @@ from core.config.compose import task_part, tool_part
 from core.design import Tool
 from core.errors import UserError
 from core.interfaces import Material, Robot, Task, ToolRepresentation
-from core.search.retrying import read_stored
+from core.search.saved_designs import read_stored
 from plugins.results.pages.drawing import as_held
 from plugins.results.pages.runs import FinishedRun
 

@@ -16,8 +16,8 @@ from pydantic import Field, TypeAdapter
 
 from core.errors import UserError, choices
 from core.store.rows import Amount, Count, Id, Reward, parsed
-from core.support.checking import check
 from core.support.files import read_untrusted
+from core.support.inputs import check
 from core.values.efforts import Effort, holds
 from plugins.results.pages.runs import short
 from plugins.results.report.protocols import Protocol, engine_settings, protocol

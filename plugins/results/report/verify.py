@@ -16,7 +16,7 @@ from core.design import DesignError
 from core.errors import UserError
 from core.interfaces import Evaluation
 from core.search.finalists import try_unseen
-from core.search.retrying import build_fitness, open_trials, read_candidates
+from core.search.saved_designs import build_fitness, open_trials, read_candidates
 from plugins.results.pages.formats import Table
 from plugins.results.pages.runs import short
 from plugins.results.report.entries import Entry, RunResult

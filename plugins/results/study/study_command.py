@@ -14,9 +14,9 @@ from omegaconf import DictConfig
 
 from core.config.compose import load
 from core.errors import UsageError, UserError, choices
-from core.support.checking import check
 from core.support.cli import arguments, say
 from core.support.files import write_whole, writing
+from core.support.inputs import check
 from core.support.progress_display import busy
 from plugins.results.report.report_command import report, show
 from plugins.results.study.estimate import (

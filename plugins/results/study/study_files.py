@@ -15,9 +15,9 @@ import pydantic
 import yaml
 
 from core.errors import UsageError, UserError, choices
-from core.support.checking import check
 from core.support.cli import expand, path_exists, say
 from core.support.files import read_text, read_untrusted
+from core.support.inputs import check
 from core.support.text import clean, hydra_word
 from plugins.results.pages.runs import AnyRun, FinishedRun, LeftOutRun, read_run
 

@@ -19,7 +19,7 @@ from core.designs.reading import dump_design
 from core.errors import UsageError, choices
 from core.geometry import Array
 from core.interfaces import ToolRepresentation
-from core.support.checking import check
+from core.support.inputs import check
 from core.trial import TIE, Evaluation, best_first, worst_mean
 from core.values.efforts import holds
 

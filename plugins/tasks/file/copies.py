@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from core.support.checking import check_plain
+from core.support.inputs import check_plain
 from plugins.tasks.file.body_building import build_body, place_copies, read_pose
 from plugins.tasks.file.named_files import Files
 from plugins.tasks.file.spec import BodySpec, Range

@@ -31,7 +31,7 @@ from pydantic_core import core_schema
 from core.geometry import PRIMITIVES, Primitive
 from core.goals import Key, Reach
 from core.scene import Bond, Camera, Cloth, Color, Elastic, Joint, Rope
-from core.support.checking import STRICT, check_plain, find_mistakes, in_unit
+from core.support.inputs import STRICT, check_plain, find_mistakes, in_unit
 from core.values.layouts import NONE
 from core.values.softs import MAX_NODES
 from plugins.tasks.file.goals import ALL_KINDS, Entry, read_entry

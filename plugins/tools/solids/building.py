@@ -20,7 +20,7 @@ from plugins.tools.solids.cutting import (
     is_convex,
     outline_pieces,
 )
-from plugins.tools.solids.reading import Node
+from plugins.tools.solids.tree_reading import Node
 
 CHORD = 0.1
 """The most from an arc to the chord that stands for it, mm."""

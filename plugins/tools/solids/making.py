@@ -29,7 +29,7 @@ from plugins.tools.solids.cutting import (
     is_convex,
     vertices_of,
 )
-from plugins.tools.solids.reading import SIZES, Node
+from plugins.tools.solids.tree_reading import SIZES, Node
 
 WITHIN_M = 0.001
 """The most between a solid and its convex parts, both ways."""

@@ -12,7 +12,7 @@ from core.geometry import Array, Box, Compound, Pose, Shape
 from plugins.tools.components import TEXT, ComponentTools, ReadShape, rounded
 from plugins.tools.solids.building import MAX_TRIANGLES, count_triangles
 from plugins.tools.solids.making import MAX_PARTS, WITHIN_M, make_shape, node_of
-from plugins.tools.solids.reading import (
+from plugins.tools.solids.tree_reading import (
     MAX_NODES,
     MAX_POINTS,
     MAX_SIZE_M,

@@ -16,15 +16,14 @@ from core.errors import UsageError, UserError
 from core.interfaces import Reply, Request
 from core.support.text import clean, kind
 from core.values.messages import checked
-from plugins.vlms.litellm.answers import find_text
+from plugins.vlms.litellm.call_settings import CallSettings, check_options
 from plugins.vlms.litellm.failures import explain, find_words, refuses
 from plugins.vlms.litellm.hearing import Hearing
 from plugins.vlms.litellm.loading import load
 from plugins.vlms.litellm.manner import Form, Manner, weaken
-from plugins.vlms.litellm.messages import explain_schema, render, without_pictures
 from plugins.vlms.litellm.prices import count_cached, find_prices, saved
+from plugins.vlms.litellm.rendering import explain_schema, render, without_pictures
 from plugins.vlms.litellm.room import explain_room, is_too_long
-from plugins.vlms.litellm.settings import CallSettings, check_options
 from plugins.vlms.litellm.transport import (
     OPENAI,
     BadAnswer,
@@ -34,6 +33,7 @@ from plugins.vlms.litellm.transport import (
     Unreadable,
     calling,
 )
+from plugins.vlms.litellm.unwrapping import find_text
 
 _log = logging.getLogger(__name__)
 

@@ -17,11 +17,11 @@ from core.hooks import hookimpl
 from core.interfaces import VLM, Estimate, Reply, Request, Spending
 from plugins.vlms.calls import Arrivals, Calls
 from plugins.vlms.letters import split_news
+from plugins.vlms.litellm.call_settings import check_call_settings
 from plugins.vlms.litellm.client import Client
 from plugins.vlms.litellm.failures import pause, unanswered
 from plugins.vlms.litellm.hearing import Hearing
 from plugins.vlms.litellm.prices import estimate
-from plugins.vlms.litellm.settings import check_call_settings
 
 _log = logging.getLogger(__name__)
 

@@ -19,7 +19,7 @@ from typing import Any
 import httpx
 
 from core.support.secrets import is_secret_name, remember
-from plugins.vlms.litellm.answers import (
+from plugins.vlms.litellm.unwrapping import (
     is_stream,
     unwrap,
     unwrap_error,

@@ -20,7 +20,7 @@ from core.interfaces import (
     Task,
     ToolRepresentation,
 )
-from core.search.retrying import read_stored
+from core.search.saved_designs import read_stored
 from core.store.reader import StoredRun
 from core.store.rows import StoredEvaluation
 from plugins.vlms.told.elites import describe_design, round_numbers

@@ -12,12 +12,12 @@ from core.scene import Body
 from core.task import NOTHING_TOLD, Level
 from core.values.observations import Sight
 from plugins.vlms.told.bodies_table import bodies_table
+from plugins.vlms.told.calibrated_views import calibrated_pictures
 from plugins.vlms.told.excerpts import class_source, helpers, task_source
 from plugins.vlms.told.feedback import report
-from plugins.vlms.told.layout import layout_table
+from plugins.vlms.told.layout_table import layout_table
 from plugins.vlms.told.sight import Hidden, hide_numbers
 from plugins.vlms.told.strip import SIZE, draw_strip
-from plugins.vlms.told.views import calibrated_pictures
 
 
 class Told(Level):

@@ -11,7 +11,7 @@ import numpy as np
 from core.interfaces import Image, Observation, Recording
 from core.scene import Camera
 from core.simulation.pictures import label
-from plugins.vlms.told.views import move_closer
+from plugins.vlms.told.calibrated_views import move_closer
 
 FRAMES = 6
 

@@ -42,7 +42,7 @@ from core.values.robots import ISO_9409_1_50
 from plugins.actions.waypoints import WaypointActions
 from plugins.conformance.evaluations import tried_once
 from plugins.vlms.critic import CRITIC
-from plugins.vlms.memory import TEMPLATE
+from plugins.vlms.recalling import TEMPLATE
 from plugins.vlms.second_look import REPAIR, SecondLook
 from plugins.vlms.told.excerpts import task_source
 from tests.panda import PANDA, on_panda

@@ -16,9 +16,9 @@ from core.events import Generation, Result, Run
 from core.geometry import Box, Pose
 from core.interfaces import Brief, Budget, Message, Picture, Reply, Request, Text
 from core.plugins import event_hub, installed
-from core.store.figures import summary, versions
 from core.store.reader import StoredRun
 from core.store.recorder import RunStore
+from core.store.run_figures import summary, versions
 from core.trial import Evaluation, Score, Tally, Trial, Where
 from core.values.margins import Margin
 from core.values.observations import Moved, Observation

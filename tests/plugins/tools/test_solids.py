@@ -12,8 +12,8 @@ from core.design import RIGID_MOUNT, Component, DesignError, Tool
 from core.designs.rules import check_tool
 from core.geometry import Box, Capsule, Compound, Cylinder, Mesh, Pose, Sphere
 from plugins.tools.solids.making import MAX_PARTS
-from plugins.tools.solids.reading import MAX_NODES
 from plugins.tools.solids.representation import SolidTools
+from plugins.tools.solids.tree_reading import MAX_NODES
 from tests.panda import PANDA, on_panda
 
 pytestmark = pytest.mark.slow

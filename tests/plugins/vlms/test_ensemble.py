@@ -17,7 +17,7 @@ from core.interfaces import VLM, Reply, Waypoints
 from core.plugins import Offer, installed
 from plugins.conformance.evaluations import tried_once
 from plugins.conformance.suites import SUITES
-from plugins.vlms.ensemble.model import Ensemble
+from plugins.vlms.ensemble import Ensemble
 from tests.plugins.vlms.asking import until_limit
 from tests.plugins.vlms.servers import Say, request, serving
 

@@ -9,7 +9,7 @@ from typing import Annotated
 from pydantic import BaseModel, Field, ValidationError
 
 from core.errors import UserError
-from core.support.checking import STRICT, check_plain, find_mistakes
+from core.support.inputs import STRICT, check_plain, find_mistakes
 from plugins.tasks.file.spec import Name, Place
 from plugins.tasks.file.tree import MAX_BYTES, Tree
 

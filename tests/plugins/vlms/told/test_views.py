@@ -13,9 +13,13 @@ from core.geometry import Box, Pose, Sphere
 from core.plugins import installed
 from core.scene import Body, Camera, Geom
 from plugins.vlms.told.bodies_table import bounds
+from plugins.vlms.told.calibrated_views import (
+    SIZE,
+    calibrated_pictures,
+    parallel_camera,
+)
 from plugins.vlms.told.nearness import nearness
 from plugins.vlms.told.projection import project
-from plugins.vlms.told.views import SIZE, calibrated_pictures, parallel_camera
 from tests.engines import simulator
 
 pytestmark = pytest.mark.slow

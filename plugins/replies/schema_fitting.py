@@ -16,7 +16,6 @@ from core.design import DesignError
 from core.support.text import shorten
 from plugins.replies.assumptions import assume
 from plugins.replies.envelopes import plain_name
-from plugins.replies.figures import ANGLES, LENGTHS, read_figure
 from plugins.replies.mending import mend_json
 from plugins.replies.spellings import (
     DESCRIBES,
@@ -26,6 +25,7 @@ from plugins.replies.spellings import (
     name_key,
     spelling_of,
 )
+from plugins.replies.written_numbers import ANGLES, LENGTHS, read_figure
 
 Schema = Mapping[str, Any]
 Fields = dict[Any, Any]

@@ -47,9 +47,9 @@ from plugins.agents.arguments import (
     read_text,
 )
 from plugins.agents.bench import Answer, Later, Refused
+from plugins.agents.describing import Told
 from plugins.agents.model import Agent
-from plugins.agents.pictures import Viewer, draw_trial
-from plugins.agents.told import Told
+from plugins.agents.viewing import Viewer, draw_trial
 
 _LISTED = 40  # candidates that have a line
 

@@ -7,7 +7,7 @@ import pytest
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from core.errors import UsageError
-from core.support.checking import (
+from core.support.inputs import (
     STRICT,
     check,
     check_plain,

@@ -10,9 +10,9 @@ from core.design import DesignError
 from core.designs.plan_rules import WAYPOINT
 from core.support.text import shorten
 from plugins.replies.assumptions import assume
-from plugins.replies.figures import ANGLES, LENGTHS
-from plugins.replies.fitting import fit, read_number
 from plugins.replies.mending import ELLIPSIS
+from plugins.replies.schema_fitting import fit, read_number
+from plugins.replies.written_numbers import ANGLES, LENGTHS
 
 _POSE = WAYPOINT[:6]
 _VECTOR = {

@@ -10,10 +10,10 @@ from core.designs.replies import Fields, Reader
 from core.plugins import installed
 from plugins.replies.envelopes import find_designs
 from plugins.replies.fields import ACTION_SETS, list_plans, read_fields
-from plugins.replies.fitting import fit
 from plugins.replies.mending import ELLIPSIS
 from plugins.replies.saving import read_reply
-from plugins.replies.waypoints import read_waypoints
+from plugins.replies.schema_fitting import fit
+from plugins.replies.written_waypoints import read_waypoints
 
 
 class LenientReader(Reader):
