@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from core.interfaces import Rollout, Simulator
-from core.scene import Body, Bond, Box
+from core.interfaces import Simulator
+from core.scene import Body, Bond, Box, Scene
 from plugins.conformance.checking import between, near
-from plugins.conformance.worlds import BARE, film, run, still
+from plugins.conformance.worlds import watch
 
 _WEIGHT_N = 0.2 * 9.81
 _RED = (0.9, 0.2, 0.1, 1.0)
@@ -22,8 +22,8 @@ def check_bonds_bear_what_they_are_said_to(simulator: Simulator) -> None:
         Bond("strong", "held", 1.03 * _WEIGHT_N, origin=_HUNG),
         Bond("weak", "falls", 0.97 * _WEIGHT_N, origin=_HUNG),
     )
-    job = Rollout(BARE, still(), 0, _SETTLE_S, 0.2, record_hz=1000.0)
-    recording = film(run(simulator, bodies, job, bonds=bonds))
+    scene = Scene(bodies, bonds=bonds)
+    recording = watch(simulator, scene, 0.2, settle_s=_SETTLE_S, hz=1000.0).recording
 
     held = recording.states.position("held")[..., 2]
     near("the height of a block that a bond holds, m", held, held[0], 1e-3)
@@ -60,8 +60,8 @@ def check_bonds_hold_bodies_to_each_other(simulator: Simulator) -> None:
                 )
             )
 
-    job = Rollout(BARE, still(), 0, _SETTLE_S, 0.5, record_hz=200.0)
-    recording = film(run(simulator, tuple(bodies), job, bonds=tuple(bonds)))
+    scene = Scene(tuple(bodies), bonds=tuple(bonds))
+    recording = watch(simulator, scene, 0.5, settle_s=_SETTLE_S, hz=200.0).recording
 
     held = recording.states.position("held")[-1, 2]
     near("the height of a lid that bonds hold, m", held, 0.071, 3e-4)

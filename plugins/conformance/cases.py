@@ -5,27 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import wraps
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from core.geometry import Array
-from core.interfaces import Recording, Rollout, Simulator
-from core.scene import Body, Joint, Scene, State
+from core.interfaces import Simulator
+from core.scene import Body, Joint, Scene
 from plugins.conformance.checking import near
-from plugins.conformance.worlds import BARE, film, run, still
-
-FILM_HZ = 100.0
-
-
-class Film(NamedTuple):
-    """What came of a scene: instants (T,), the states there with fixed bodies and joints, and all that was recorded."""
-
-    times: Array
-    states: State
-    recording: Recording
-
+from plugins.conformance.worlds import Film, watch
 
 Measure = Callable[[Film], ArrayLike]
 """Reads a figure, or several, from a film."""
@@ -43,6 +31,7 @@ class Case:
         within: the largest difference that is allowed, as ``due``.
         seconds: how long it is played.
         joints: of the scene.
+        settle_s: how long it settles before.
     """
 
     what: str
@@ -52,6 +41,7 @@ class Case:
     within: ArrayLike
     seconds: float = 1.0
     joints: tuple[Joint, ...] = ()
+    settle_s: float = 0.0
 
 
 def compare(make: Callable[[], Iterable[Case]]) -> Callable[[Simulator], None]:
@@ -60,19 +50,11 @@ def compare(make: Callable[[], Iterable[Case]]) -> Callable[[Simulator], None]:
     @wraps(make)
     def check(simulator: Simulator) -> None:
         for case in make():
-            played = play(simulator, Scene(case.bodies, case.joints), case.seconds)
+            scene = Scene(case.bodies, case.joints)
+            played = watch(simulator, scene, case.seconds, settle_s=case.settle_s)
             near(case.what, case.measure(played), case.due, case.within)
 
     return check
-
-
-def play(
-    simulator: Simulator, scene: Scene, seconds: float, settle_s: float = 0.0
-) -> Film:
-    """Let the arm wait beside a scene."""
-    job = Rollout(BARE, still(), 0, settle_s, seconds, FILM_HZ)
-    recording = film(run(simulator, scene.bodies, job, scene.joints))
-    return Film(recording.times, scene.complete(recording.states), recording)
 
 
 def place(name: str) -> Measure:
@@ -93,3 +75,14 @@ def moved(name: str) -> Measure:
 def velocity(name: str) -> Measure:
     """A body's velocity at the end, (3,) m/s."""
     return lambda played: played.states.linear_velocity(name)[-1]
+
+
+def spin(name: str) -> Measure:
+    """A body's angular velocity at the end, (3,) rad/s."""
+
+    def measure(played: Film) -> Array:
+        states = played.states
+        last: Array = states.angular_velocities[-1, states.names.index(name)]
+        return last
+
+    return measure

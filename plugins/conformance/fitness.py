@@ -19,6 +19,7 @@ from core.plugins import PluginPart
 from core.trial import Evaluation, Status
 from plugins.conformance.checking import (
     as_json,
+    between,
     expect,
     expect_a,
     ready,
@@ -26,6 +27,7 @@ from plugins.conformance.checking import (
     some_task,
 )
 from plugins.conformance.scenery import stick
+from plugins.conformance.task import layout_of
 
 Make = Callable[[Condition], Fitness]
 MOST_FINALS = 100  # that are looked at: there may be no end to them
@@ -125,8 +127,31 @@ def check_conditions_travel_to_workers(make: Make) -> None:
             ) from error
 
         expect(
-            copy == sent,
+            copy == sent and hash(copy) == hash(sent),
             "a pickled condition is another one; let what it holds be compared by value",
+        )
+
+
+def check_a_change_is_the_same_each_time(make: Make) -> None:
+    """What perturbs scenes and tools perturbs them alike each time: where it is asked again, and in each worker."""
+    fitness = make(condition())
+    further = next(fitness.finals(), ())
+    changed = (*fitness.conditions(), *further, *fitness.perturbed(further))
+
+    for where in changed:
+        scenes = [layout_of(where.scene()) for _ in range(2)]
+        expect(scenes[0] == scenes[1], "a change gives another scene each time")
+        tools = [where.perturb(candidate()).content for _ in range(2)]
+        expect(tools[0] == tools[1], "a change gives another tool each time")
+
+
+def check_a_race_may_leave_trials_out(make: Make) -> None:
+    """Where layouts are raced, a candidate that is clearly behind is scored by the trials that it has."""
+    fitness = make(condition())
+    if fitness.races:
+        score = fitness.score(candidate(), trials(fitness, (0.5,))[:1])
+        between(
+            "the score of a candidate with one trial of its layouts", score.reward, 0, 1
         )
 
 

@@ -1,20 +1,30 @@
-"""Check bodies: they fall, slide, roll, bounce, topple and come to rest."""
+"""Check bodies: they fall, slide, roll, fly, spin and come to rest."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from core.geometry import Box, Capsule, Cylinder, Shape, Sphere, Vector
 from core.interfaces import Simulator
 from core.scene import Body, Scene, table
-from plugins.conformance.cases import Case, compare, moved, place, play, velocity
+from plugins.conformance.cases import Case, compare, moved, place, spin, velocity
 from plugins.conformance.checking import near
-from plugins.conformance.scenery import compound, cube, make_body, part, slope, turn
+from plugins.conformance.scenery import (
+    FAR,
+    compound,
+    cube,
+    ground,
+    make_body,
+    part,
+    slope,
+    turn,
+)
 from plugins.conformance.shapes import arch
-from plugins.conformance.worlds import GRAVITY
+from plugins.conformance.worlds import GRAVITY, watch
 
 LYING = (math.pi / 2, 0.0, 0.0)
 L_SHAPE = (  # its frame is at a corner
@@ -156,7 +166,7 @@ def check_states_are_those_of_frames(simulator: Simulator) -> None:
     """A body's position is its frame's, not its centre of mass'; so are its velocities, which add up to its way."""
     edge = make_body("edge", Box((0.1, 1.0, 0.1)), (3.0, 3.0, 0.0))
     body = compound("L", *L_SHAPE, at=(3.02, 3, 0.1), mass=1.0, rpy=(0.0, 0.0, 0.1))
-    played = play(simulator, Scene((edge, body)), 0.5)
+    played = watch(simulator, Scene((edge, body)), 0.5)
     places = played.states.position("L")
     near(
         "where the frame of a body begins that tumbles, m",
@@ -172,3 +182,44 @@ def check_states_are_those_of_frames(simulator: Simulator) -> None:
     )
     way = np.trapezoid(played.states.linear_velocity("L"), played.times, axis=0)
     near("the way of a body, by its velocities, m", way, places[-1] - places[0], 0.01)
+
+
+@compare
+def check_light_bodies_slide_as_heavy_ones() -> Iterator[Case]:
+    """A box of 1 mg slides by the square of its speed over twice the friction and gravity."""
+    speed = 0.7746
+    at = np.array([0.7, 0.3, 0.005])
+    box = make_body("box", Box((0.02, 0.02, 0.01)), at, mass=1e-6, friction=0.18)
+    sent = replace(box, velocity=(speed, 0.0, 0.0))
+    way = speed**2 / (2 * math.sqrt(0.18 * 0.5) * GRAVITY)
+    what = "where a box of 1 mg comes to rest that slides, m"
+    due = np.add(at, (way, 0.0, 0.0))
+    yield Case(what, (table(), sent), place("box"), due, 0.003, settle_s=0.1)
+
+
+@compare
+def check_launched_body_flies() -> Iterator[Case]:
+    """A cube rests until the motion begins; then it flies along its parabola and spins as it was told."""
+    start = np.array([FAR[0], FAR[1], 0.0501])
+    rate = (0.0, 0.0, 4.0)
+    thrown = replace(cube("cube", start), velocity=(1.0, 0.5, 3.0), spin=rate)
+    bodies = (ground(), thrown)
+    due = start + np.multiply(thrown.velocity, 0.5) - [0, 0, GRAVITY / 2 * 0.5**2]
+    what = "where a cube is 0.5 s after its launch, m"
+    yield Case(what, bodies, place("cube"), due, 0.03, 0.5, settle_s=0.3)
+    what = "the spin of a launched cube, rad/s"
+    yield Case(what, bodies, spin("cube"), rate, 0.08, 0.5, settle_s=0.3)
+
+
+@compare
+def check_spinning_ball_is_braked() -> Iterator[Case]:
+    """A ball that spins on the spot is braked by the torque of rolling friction: its arm times the weight."""
+    radius = 0.05
+    arm = 1e-4
+    rate = 5.0
+    lying = make_body("ball", Sphere(radius), (FAR[0], FAR[1], radius), mass=0.1)
+    ball = replace(lying, rolling_friction=arm, spin=(0.0, 0.0, rate))
+    due = (0.0, 0.0, rate - 2.0 * arm * GRAVITY / (0.4 * radius**2))
+    what = "the spin of a ball after 2 s, rad/s"
+    within = (np.inf, np.inf, 0.15)
+    yield Case(what, (ground(), ball), spin("ball"), due, within, 2.0, settle_s=0.3)

@@ -17,12 +17,12 @@ import numpy as np
 
 from core.design import Tool
 from core.geometry import Box, Cylinder, Pose, Sphere
-from core.interfaces import JointTrajectory, Rollout, Simulator
-from core.scene import table
+from core.interfaces import JointTrajectory, Simulator
+from core.scene import Scene, table
 from plugins.conformance.cases import Case, compare, velocity
 from plugins.conformance.checking import between, expect, near
 from plugins.conformance.scenery import box, cube, make_body, slope, stick
-from plugins.conformance.worlds import GRAVITY, arm, film, motion, opened, run
+from plugins.conformance.worlds import GRAVITY, arm, motion, opened, watch
 
 _OFF = 0.08  # of the speed of an impact
 _LIGHTER = 0.1  # of the speed after a blow: all engines are within 5 %. Without the motor's inertia it is half
@@ -87,7 +87,9 @@ def check_blow_of_the_wrist_has_its_motor_behind_it(simulator: Simulator) -> Non
         mass=mass,
         friction=0.0,
     )
-    recording = film(run(simulator, (_ICE, puck), _swing_bar(rate, struck)))
+    swing = _swing_bar(rate, struck)
+    scene = Scene((_ICE, puck))
+    recording = watch(simulator, scene, 0.0, 0.1, 200.0, *swing).recording
 
     since = float(recording.times[-1]) - struck
     inertia = arm().robot.motor_inertia[-1] + _LINK
@@ -101,8 +103,8 @@ def check_blow_of_the_wrist_has_its_motor_behind_it(simulator: Simulator) -> Non
     )
 
 
-def _swing_bar(rate: float, struck: float) -> Rollout:
-    """Make a rollout in which the wrist swings a light bar to the left.
+def _swing_bar(rate: float, struck: float) -> tuple[Tool, JointTrajectory]:
+    """Make a light bar, and the motion in which the wrist swings it to the left.
 
     Args:
         rate: of the wrist, rad/s, which it has after 0.1 s.
@@ -118,14 +120,17 @@ def _swing_bar(rate: float, struck: float) -> Rollout:
     joints[:, 6] += rate * (struck - 0.05) - turned
 
     trajectory = JointTrajectory(times, joints, opened(len(times)))
-    return Rollout(Tool((post, bar)), trajectory, 0, 0.1, 0.0, record_hz=200)
+    return Tool((post, bar)), trajectory
 
 
 def check_forces_are_those_that_press(simulator: Simulator) -> None:
     """A stick is driven 5 mm into a cube of 1 kg that stands on the table; below it presses with its weight, too."""
     trajectory = motion([[0.5, 0, 0.45, 0, 0, 0], [0.5, 0, 0.395, 0, 0, 0]])
-    job = Rollout(stick(0.3), trajectory, 0, 0.0, 1.0, 100.0, forces=True)
-    recording = film(run(simulator, (table(), cube(at=(0.5, 0, 0.05))), job))
+    scene = Scene((table(), cube(at=(0.5, 0, 0.05))))
+    played = watch(
+        simulator, scene, 1.0, tool=stick(0.3), trajectory=trajectory, forces=True
+    )
+    recording = played.recording
     expect(recording.forces, "it is said to measure forces of contacts, and gave none")
     late = np.flatnonzero(recording.times > recording.times[-1] - 0.4)
     above = recording.forces["tool", "cube"][late].mean()
@@ -149,8 +154,9 @@ def check_a_blow_gives_its_impulse_and_its_peak(simulator: Simulator) -> None:
     size = 0.04
     place = (0.5 + 0.8, 0.005 + size / 2, size / 2)
     egg = make_body("egg", Box((size, size, size)), place, mass=mass, friction=0.0)
-    job = replace(_swing_bar(2.0, 0.35), record_hz=_BLOW_HZ, forces=True)
-    recording = film(run(simulator, (_ICE, egg), job))
+    scene = Scene((_ICE, egg))
+    swing = _swing_bar(2.0, 0.35)
+    recording = watch(simulator, scene, 0.0, 0.1, _BLOW_HZ, *swing, True).recording
 
     expect(recording.forces, "it is said to measure forces of contacts, and gave none")
     force = recording.forces["tool", "egg"]

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
 
 from core.interfaces import Simulator
-from core.scene import Body, Joint, Scene, State
-from plugins.conformance.cases import play
+from core.scene import Body, Drive, Joint, Latch, Scene, State
+from plugins.conformance.cases import Case, Measure, compare
 from plugins.conformance.checking import between, near
 from plugins.conformance.releases import (
     ACROSS,
     BLOCK,
+    BLOCK_KG,
     POST,
     RELEASES,
     ROD_END,
@@ -19,19 +24,17 @@ from plugins.conformance.releases import (
     make_rod,
     tool_with,
 )
-from plugins.conformance.worlds import film, wait
+from plugins.conformance.worlds import GRAVITY, watch
 
 
 def check_joints_of_tools_move_as_formulas_say(simulator: Simulator) -> None:
     """The arm holds them; they are held until the motion begins."""
     for case in RELEASES:
         tool = tool_with(case.joint)
-        outcome = wait(
-            simulator, tool=tool, seconds=case.seconds, settle_s=0.2, record_hz=100
-        )
-        recording = film(outcome)
+        played = watch(simulator, Scene(()), case.seconds, settle_s=0.2, tool=tool)
         what = f"a {case.joint.kind} of a tool that {case.what}, rad or m"
-        near(what, recording.fingers[:, -1], case.follow(recording.times), case.within)
+        moved = played.recording.fingers[:, -1]
+        near(what, moved, case.follow(played.times), case.within)
 
 
 def check_joints_of_scenes_move_as_formulas_say(simulator: Simulator) -> None:
@@ -41,7 +44,7 @@ def check_joints_of_scenes_move_as_formulas_say(simulator: Simulator) -> None:
         if case.joint.kind == "hinge":
             bodies = (POST, make_rod("rod", case.joint.start))
 
-        played = play(simulator, Scene(bodies, (case.joint,)), case.seconds)
+        played = watch(simulator, Scene(bodies, (case.joint,)), case.seconds)
         way = played.states.joint(case.joint.name).position - case.joint.start
         what = f"a {case.joint.kind} of a scene that {case.what}, rad or m"
         near(what, way, case.follow(played.times), case.within)
@@ -54,7 +57,7 @@ def check_chain_stays_together(simulator: Simulator) -> None:
     bottom = make_rod("lower", 2.0, top.pose.apply([0.0, 0.0, -ROD_M / 2]))
     hinge = Joint("upper", "hinge", "upper", None, ACROSS, ROD_END)
     ball = Joint("lower", "ball", "lower", "upper", ACROSS, ROD_END)
-    states = play(simulator, Scene((top, bottom), (hinge, ball)), 2.0).states
+    states = watch(simulator, Scene((top, bottom), (hinge, ball)), 2.0).states
     fastest = states.linear_velocities.max()
     between("the largest speed of a chain that swings, m/s", fastest, 1.0)
 
@@ -64,6 +67,35 @@ def check_chain_stays_together(simulator: Simulator) -> None:
         near("where the top of a chain is, m", upper.apply(ROD_END), TOP, 0.001)
         middle = upper.apply(np.negative(ROD_END))
         near("where the middle of a chain is, m", lower.apply(ROD_END), middle, 0.001)
+
+
+def _value(joint: str) -> Measure:
+    """A joint's value at the end, m or rad."""
+    return lambda played: played.states.joint(joint).position[-1]
+
+
+@compare
+def check_latch_opens_at_its_force() -> Iterator[Case]:
+    """A latch of 1.03 times a block's weight holds it, where its force is the weight; one of 0.97 lets it go."""
+    width = 0.02
+    hangs = -width / math.pi * math.asin(1 / 1.03)
+    for share, due, within in ((1.03, hangs, 0.001), (0.97, -0.275, 0.225)):
+        latch = Latch(0.0, share * BLOCK_KG * GRAVITY, width)
+        free = Joint("s", "slider", "block", lower=-0.5, upper=0.5, damping=20.0)
+        joint = replace(free, latches=(latch,))
+        what = f"where a block hangs from a latch of {share} times its weight, m"
+        yield Case(what, (BLOCK,), _value("s"), due, within, 3.0, (joint,))
+
+
+def check_drive_keeps_its_schedule(simulator: Simulator) -> None:
+    """A gate waits until the motion begins, follows its drive, and begins again."""
+    drive = Drive((0.0, 0.5, 1.0), (0.1, 0.3, 0.1), 200.0, repeats=True)
+    # m or rad: what the slowest servo that is allowed trails behind at its speed.
+    lag = 0.4 / 50.0
+    joint = Joint("gate", "slider", "block", start=0.1, drive=drive)
+    played = watch(simulator, Scene((BLOCK,), (joint,)), 2.0, settle_s=0.3)
+    found = played.states.joint("gate").position
+    near("where a driven slider is, m", found, drive.sample(played.times), lag + 0.004)
 
 
 def _check_together(states: State) -> None:

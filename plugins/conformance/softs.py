@@ -9,9 +9,9 @@ import numpy as np
 
 from core.geometry import Pose
 from core.scene import Elastic, Form, Rope, Soft
-from plugins.conformance.cases import Case, Film, compare
+from plugins.conformance.cases import Case, compare
 from plugins.conformance.scenery import FAR, GREY
-from plugins.conformance.worlds import GRAVITY
+from plugins.conformance.worlds import GRAVITY, Film
 
 
 def soft(

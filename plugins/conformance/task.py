@@ -51,7 +51,7 @@ def check_it_is_described(task: Task) -> None:
     between("success_reward", task.success_reward, 1e-9, 1.0)
 
 
-def _layout(scene: Scene) -> list[tuple[object, ...]]:
+def layout_of(scene: Scene) -> list[tuple[object, ...]]:
     """Return what a seed draws of each body: its name, where it is, its mass, and what it is made of."""
     return [
         (body.name, body.pose, body.mass, getattr(body, "elastic", None))
@@ -63,7 +63,7 @@ def check_one_seed_gives_one_layout(task: Task) -> None:
     """The same seed gives the same scene, and something in it can move."""
     scene = task.scene(3)
     expect_a(Scene, scene, "scene returned")
-    same = _layout(scene) == _layout(task.scene(3))
+    same = layout_of(scene) == layout_of(task.scene(3))
     expect(
         same, "one seed gives different layouts; draw from np.random.default_rng(seed)"
     )
@@ -160,7 +160,7 @@ def check_variations_draw_layouts(task: Task) -> str:
     for name in task.variations:
         varied = copy(task)
         varied.variation = name
-        differ = _layout(varied.scene(0)) != _layout(varied.scene(1))
+        differ = layout_of(varied.scene(0)) != layout_of(varied.scene(1))
         expect(
             differ,
             f"variation {name!r}: two seeds give the same layout; use self.draw(seed)",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -31,6 +31,7 @@ T = TypeVar("T")
 Size = tuple[float, float, float]
 HOME = Pose(np.array([0.5, 0.0, 0.5]))
 GRAVITY = 9.81
+FILM_HZ = 100.0
 BARE = Tool()
 HAND = Tool(gripper=True)
 
@@ -93,9 +94,8 @@ def wait(
     tool: Tool = BARE,
 ) -> Outcome:
     """Simulate bodies while the arm stays at home."""
-    return run(
-        simulator, bodies, Rollout(tool, still(), 0, settle_s, seconds, record_hz)
-    )
+    job = Rollout(tool, still(), 0, settle_s, seconds, record_hz)
+    return play(simulator, Bodies(*bodies), job)
 
 
 def move(
@@ -107,24 +107,8 @@ def move(
     hold_s: float = 0.5,
 ) -> Outcome:
     """Simulate a motion through waypoints."""
-    return run(
-        simulator, bodies, Rollout(tool, motion(plan), 0, 0.1, hold_s, record_hz)
-    )
-
-
-def run(
-    simulator: Simulator,
-    bodies: tuple[Body, ...],
-    job: Rollout,
-    joints: tuple[Joint, ...] = (),
-    bonds: tuple[Bond, ...] = (),
-) -> Outcome:
-    """Simulate one job in a world of these bodies; it must not break.
-
-    Raises:
-        LeftOut: the engine does not support what it needs.
-    """
-    return play(simulator, Bodies(*bodies, joints=joints, bonds=bonds), job)
+    job = Rollout(tool, motion(plan), 0, 0.1, hold_s, record_hz)
+    return play(simulator, Bodies(*bodies), job)
 
 
 def play(simulator: Simulator, task: Task, job: Rollout) -> Outcome:
@@ -141,6 +125,32 @@ def play(simulator: Simulator, task: Task, job: Rollout) -> Outcome:
     (outcome,) = simulator.rollout(task, [job])
     expect(outcome.error is None, f"a rollout broke: {outcome.error}")
     return outcome
+
+
+class Film(NamedTuple):
+    """What came of a scene: instants (T,), the states there with fixed bodies and joints, and all that was recorded."""
+
+    times: Array
+    states: State
+    recording: Recording
+
+
+def watch(
+    simulator: Simulator,
+    scene: Scene,
+    seconds: float,
+    settle_s: float = 0.0,
+    hz: float = FILM_HZ,
+    tool: Tool = BARE,
+    trajectory: JointTrajectory | None = None,
+    forces: bool = False,
+) -> Film:
+    """Play a scene while the arm waits for so long, at first or after a trajectory, and record it."""
+    task = Bodies(*scene.bodies, joints=scene.joints, bonds=scene.bonds)
+    way = still() if trajectory is None else trajectory
+    job = Rollout(tool, way, 0, settle_s, seconds, hz, forces)
+    recording = film(play(simulator, task, job))
+    return Film(recording.times, scene.complete(recording.states), recording)
 
 
 def start(outcome: Outcome) -> State:

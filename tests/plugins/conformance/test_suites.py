@@ -267,6 +267,30 @@ class Careless(Fitness):
         return [self.condition]
 
 
+class Fickle(Fitness):
+    """Perturbs the scene in another way each time, and can't do without a trial."""
+
+    races = True
+    number = 0
+
+    def __init__(self, condition):
+        self.condition = replace(condition, change=self)
+
+    def __call__(self, scene):
+        body = scene.free[0]
+        x = np.random.default_rng().uniform(0.3, 0.4)
+        return scene.with_poses({body.name: Pose.xyz_rpy((x, 0.0, 1.0))})
+
+    def perturb_tool(self, tool):
+        return tool
+
+    def conditions(self):
+        return [self.condition, replace(self.condition, layout=1)]
+
+    def score(self, candidate, trials):
+        return Score((trials[0].reward + trials[1].reward) / 2)
+
+
 class Picky(Fitness):
     """Has another opinion each time, whatever the trials earned."""
 
@@ -315,6 +339,10 @@ WRONG = {
         "it names conditions": "conditions repeats Where(task=",
         "the search does not see the unseen": "the search sees what should be unseen: Where(task=",
         "conditions travel to workers": "a condition can't be pickled, and workers need a copy",
+    },
+    ("fitness", Fickle): {
+        "a change is the same each time": "a change gives another scene each time",
+        "a race may leave trials out": "IndexError",
     },
     ("fitness", Picky): {
         "scores are rewards": "a reward is 1.3333333333333333, not in [0, 1]",

@@ -8,7 +8,7 @@ import pytest
 
 from core.interfaces import Ability
 from core.plugins import installed
-from plugins.conformance import bonds, light_bodies, softs
+from plugins.conformance import bonds, free_bodies, softs
 from plugins.conformance.checking import LeftOut
 from plugins.conformance.output import digest
 from plugins.conformance.suites import SUITES
@@ -18,9 +18,10 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[3]
 NEEDS = {
-    softs.__name__: Ability.SOFT_BODIES,
-    bonds.__name__: Ability.BONDS,
-    light_bodies.__name__: Ability.LIGHT_BODIES,
+    softs.check_soft_rod_bends: Ability.SOFT_BODIES,
+    bonds.check_bonds_bear_what_they_are_said_to: Ability.BONDS,
+    bonds.check_bonds_hold_bodies_to_each_other: Ability.BONDS,
+    free_bodies.check_light_bodies_slide_as_heavy_ones: Ability.LIGHT_BODIES,
 }
 
 
@@ -30,7 +31,7 @@ NEEDS = {
 )
 def test_simulator(engine, check):
     made = simulator(engine)
-    ability = NEEDS.get(check.__module__)
+    ability = NEEDS.get(check)
     if ability is not None and ability not in made.supports:
         with pytest.raises(LeftOut, match=f"sim={engine} does not support {ability}"):
             check(made)
