@@ -18,14 +18,13 @@ from plugins.robots.normalise import Problems
 from plugins.robots.settings import ArmSettings, GripperOptions
 
 # Where limits that a file lacks are given.
-_SETTINGS = {
-    ("N m", "effort"): "robot.effort=[...], a number for each joint or one for all",
-    (
-        "rad/s",
-        "velocity",
-    ): "robot.velocity=[...], a number for each joint or one for all",
-    ("N", "effort"): "robot.gripper with force_n",
-    ("m/s", "velocity"): 'its <limit velocity="...">',
+_TURNING = {
+    "effort": "N m: robot.effort=[...], a number for each joint or one for all",
+    "velocity": "rad/s: robot.velocity=[...], a number for each joint or one for all",
+}
+_SLIDING = {
+    "effort": "N: robot.gripper with force_n",
+    "velocity": 'm/s: its <limit velocity="...">',
 }
 TURNING = ("revolute", "continuous")
 _TURN = 2 * math.pi  # a continuous joint turns so far each way: limits are finite
@@ -43,12 +42,11 @@ class ArmParts:
     """The arm in a description, and all that was wrong with it.
 
     Attributes:
-        description: of the whole robot, as it is held and filled in.
+        description: of the whole robot, as it is held and filled in; only the arm and the gripper move.
         flange: the link that bears tools.
         joints: of the arm, with finite limits.
         home: a value for each, if one was given.
         gripper: if one was chosen.
-        drives: all joints that move, by name.
         wrong: what was wrong.
     """
 
@@ -57,7 +55,6 @@ class ArmParts:
     joints: list[RobotJoint]
     home: tuple[float, ...] | None
     gripper: Gripper | None
-    drives: dict[str, RobotJoint]
     wrong: Problems
 
 
@@ -101,7 +98,12 @@ def choose_arm(
             )
         )
 
-    return ArmParts(description, flange, arm, home, gripper, drives, wrong)
+    joints = {
+        child: drives.get(joint.name) or replace(joint, kind="fixed")
+        for child, joint in description.joints.items()
+    }
+    description = replace(description, joints=joints)
+    return ArmParts(description, flange, arm, home, gripper, wrong)
 
 
 def hold_joints(
@@ -284,20 +286,21 @@ def limit_turning(joint: RobotJoint) -> RobotJoint:
     wrong = Problems()
     ends: tuple[float, float] | None = (-_TURN, _TURN)
     if joint.kind == "revolute":
-        ends = wrong.attempt(read_span, joint, "radians")
+        ends = wrong.attempt(read_span, joint)
 
-    effort = wrong.attempt(read_limit, joint, "effort", "N m")
-    velocity = wrong.attempt(read_limit, joint, "velocity", "rad/s")
+    effort = wrong.attempt(read_limit, joint, "effort")
+    velocity = wrong.attempt(read_limit, joint, "velocity")
     wrong.report()
     assert ends is not None
 
     return replace(joint, kind="revolute", limits=Limits(*ends, effort, velocity))
 
 
-def read_span(joint: RobotJoint, unit: str) -> tuple[float, float]:
+def read_span(joint: RobotJoint) -> tuple[float, float]:
     """Return the range of a joint that moves."""
     lower, upper = joint.range
     if not lower < upper:
+        unit = "radians" if joint.kind in TURNING else "metres"
         raise UserError(
             f"joint {joint.name!r} can't move: its limits are {lower:g} to {upper:g}; "
             f'give <limit lower="..." upper="..." effort="..." velocity="..."/>, {unit}'
@@ -306,14 +309,14 @@ def read_span(joint: RobotJoint, unit: str) -> tuple[float, float]:
     return lower, upper
 
 
-def read_limit(joint: RobotJoint, name: str, unit: str) -> float:
+def read_limit(joint: RobotJoint, name: str) -> float:
     """Return the limit of effort or velocity of a joint that is driven."""
     value: float | None = getattr(joint.limits, name)
     if value is None or value <= 0:
         found = "has no" if value is None else f"has {value:g} as"
+        mend = (_TURNING if joint.kind in TURNING else _SLIDING)[name]
         raise UserError(
-            f"joint {joint.name!r} {found} {name} limit; take it from the arm's data sheet, {unit}: "
-            f"{_SETTINGS[unit, name]}"
+            f"joint {joint.name!r} {found} {name} limit; take it from the arm's data sheet, {mend}"
         )
 
     return value
@@ -408,7 +411,7 @@ def _finger_limits(fingers: Sequence[RobotJoint], options: GripperOptions) -> Li
     opening = []
     for joint in fingers:
         if not joint.mimic or joint.limits.upper:
-            opening.append(read_span(joint, "metres"))
+            opening.append(read_span(joint))
 
     if not opening or any(lower != 0 for lower, _ in opening):
         raise UserError(
@@ -418,13 +421,13 @@ def _finger_limits(fingers: Sequence[RobotJoint], options: GripperOptions) -> Li
     driving = [joint for joint in fingers if not joint.mimic] or [left]
     force = options.force_n
     if force is None:
-        force = min(read_limit(joint, "effort", "N") for joint in driving)
+        force = min(read_limit(joint, "effort") for joint in driving)
     if not 0 < force < math.inf or not 0 <= options.friction < math.inf:
         raise UsageError(
             f"gripper: force_n must be positive and friction 0 or more, got {force}, {options.friction}"
         )
 
-    speed = min(read_limit(joint, "velocity", "m/s") for joint in driving)
+    speed = min(read_limit(joint, "velocity") for joint in driving)
     return Limits(0.0, min(upper for _, upper in opening), force, speed)
 
 

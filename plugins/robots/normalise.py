@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -50,7 +50,6 @@ class Problems(list[UserError]):
 
 def normalise(
     description: Description,
-    drives: Mapping[str, RobotJoint],
     flange: str,
     detached: Sequence[str],
 ) -> Description:
@@ -58,7 +57,6 @@ def normalise(
 
     Args:
         description: of the robot.
-        drives: the joints that move, by name; all others are fixed.
         flange: a link that stays, as a frame.
         detached: links that are not always there, and so stay apart from what bears them.
 
@@ -68,7 +66,7 @@ def normalise(
     heads = [
         name
         for name, joint in description.joints.items()
-        if joint.name in drives or name in detached
+        if joint.kind != "fixed" or name in detached
     ]
     parts = description.rigid_parts(heads)
     links = dict[str, RobotLink]()
@@ -89,13 +87,12 @@ def normalise(
     for head in heads:
         joint = description.joints[head]
         parent, pose = parts[joint.parent]
-        moving = drives.get(joint.name)
         place = pose @ joint.origin.pose
         joints[head] = RobotJoint.fixed(joint.name, parent, head, place, DIGITS)
-        if moving is not None:
+        if joint.kind != "fixed":
             axis = tuple(joint.direction.tolist())
             joints[head] = replace(
-                joints[head], kind=moving.kind, axis=axis, limits=moving.limits
+                joints[head], kind=joint.kind, axis=axis, limits=joint.limits
             )
 
     if flange not in links:

@@ -119,9 +119,7 @@ def build_unmounted(
     gripper = parts.gripper
     flange = parts.flange
     detached = [] if gripper is None else [gripper.link]
-    whole = parts.wrong.attempt(
-        normalise, parts.description, parts.drives, flange, detached
-    )
+    whole = parts.wrong.attempt(normalise, parts.description, flange, detached)
     parts.wrong.report()
     assert whole is not None
     assert parts.home is not None
