@@ -104,9 +104,10 @@ class _Making:
     def __init__(
         self, tree: Description, folder: Path, prefix: str, notes: list[str]
     ) -> None:
+        links = {name: prefix + name for name in tree.links}
+        tree = tree.renamed(links, {name: prefix + name for name in tree.named})
         self._tree = tree
         self._folder = folder
-        self._prefix = prefix
         self._notes = notes
         self._moving = [
             child for child, joint in tree.joints.items() if self._moves(joint)
@@ -151,11 +152,7 @@ class _Making:
                 places[head] = frame
                 if head in self._moving:
                     places[head] = frame @ joint.moved(_find_start(joint))
-                    bearer = (
-                        self._prefix + parent
-                        if parent in bearers & bodies.keys()
-                        else None
-                    )
+                    bearer = parent if parent in bearers & bodies.keys() else None
                     joints += self._joints(joint, bearer)
 
             body = self._body(head, places[head], heads[head], head in standing)
@@ -223,9 +220,9 @@ class _Making:
 
         stiffness, rest = joint.spring or (0.0, 0.0)
         made = Joint(
-            self._prefix + joint.name,
+            joint.name,
             kind,
-            self._prefix + joint.child,
+            joint.child,
             bearer,
             axis=joint.direction,
             origin=tuple(0.0 - away for away in self._tree.links[joint.child].frame),
@@ -247,7 +244,6 @@ class _Making:
         fixed: bool,
     ) -> Body | None:
         """Make a body of links that are rigidly joined, each with its pose; None: nothing is there."""
-        name = self._prefix + head
         frame = Pose(np.array(self._tree.links[head].frame))
         inside = [(link, frame.inverse() @ place) for link, place in links]
         visuals = list[Geom]()
@@ -264,7 +260,7 @@ class _Making:
 
         if len(frictions) > 1:
             self._notes.append(
-                f"body {name!r}: its shapes have several frictions; all get the largest"
+                f"body {head!r}: its shapes have several frictions; all get the largest"
             )
 
         mass = None
@@ -274,7 +270,7 @@ class _Making:
             return None
 
         friction = max(frictions, default=_FRICTION)
-        return joined_body(name, pose @ frame, mass, visuals, collisions, friction)
+        return joined_body(head, pose @ frame, mass, visuals, collisions, friction)
 
     def _geoms(self, shape: RobotShape, place: Pose, *, drawn: bool) -> list[Geom]:
         """Make what is drawn of a shape, or what collides."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 
 import numpy as np
 
 from core.errors import UserError, choices
 from core.geometry import Mesh, Pose
+from core.goals.sites import find_names
 from core.scene import Body, Geom, Joint, Scene
 
 MAX_SHAPES = 2000
@@ -114,18 +114,11 @@ def find_left_out(
     Raises:
         UserError: one of them fits no body.
     """
-    known = list(dict.fromkeys(names))
-    found = set[str]()
-    for pattern in without:
-        fitting = {
-            name
-            for name in known
-            if fnmatchcase(name, pattern) or fnmatchcase(prefix + name, pattern)
-        }
-        if not fitting:
-            raise choices("body to leave out", pattern, known)
-
-        found |= fitting
+    known = list(names)
+    patterns = [pattern.removeprefix(prefix) for pattern in without]
+    found = {*find_names(patterns, known)}
+    for name in found.difference(known):
+        raise choices("body to leave out", name, known)
 
     return found
 
