@@ -158,6 +158,16 @@ class Body:
         return self.mass == 0
 
     @property
+    def collides(self) -> bool:
+        """Whether anything touches it: it is no mark."""
+        return bool(self.collisions)
+
+    @property
+    def spawn(self) -> Pose:
+        """Its pose in the state at the start."""
+        return self.pose
+
+    @property
     def launched(self) -> bool:
         """Whether it gets a velocity when the motion begins."""
         return any((*self.velocity, *self.spin))
@@ -221,6 +231,14 @@ class Soft(Body):
             elastic=elastic,
             pinned=tuple(pinned),
         )
+
+    @property
+    def collides(self) -> bool:
+        return True
+
+    @property
+    def spawn(self) -> Pose:
+        return Pose(self.center)
 
     @property
     def placed(self) -> Array:
@@ -305,7 +323,7 @@ class Scene:
             ends = self._find_ends(link, where)
             problems = {
                 "a bond can't hold a soft body or a mark": any(
-                    isinstance(end, Soft) or not end.collisions for end in ends
+                    not end.collisions for end in ends
                 ),
                 f"its body {link.body!r} is fixed; give it a mass": ends[0].fixed,
             }
@@ -355,10 +373,7 @@ class Scene:
 
     def state(self) -> State:
         """The state of the free bodies at their initial poses, at rest."""
-        poses = [
-            Pose(body.center) if isinstance(body, Soft) else body.pose
-            for body in self.free
-        ]
+        poses = [body.spawn for body in self.free]
         count = len(poses)
         state = State(
             tuple(body.name for body in self.free),

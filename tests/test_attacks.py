@@ -147,7 +147,7 @@ def test_without_what_stops_it_an_attack_pays(name, monkeypatch):
 def test_a_joint_that_is_not_held_fires_before_the_motion(monkeypatch):
     pytest.importorskip("mujoco")
     monkeypatch.setattr(
-        "plugins.simulators.mujoco.joints.Joints.hold", lambda *_, held: None
+        "plugins.simulators.mujoco.arm.Joints.hold", lambda *_, held: None
     )
     _, (recording,) = played("StopCart")
     carts = recording.states.position("cart")[recording.times <= 0]

@@ -11,7 +11,7 @@ import numpy as np
 
 from core.errors import choices
 from core.geometry import Array
-from core.scene import FIXTURE, Body, Scene, Soft
+from core.scene import FIXTURE, Body, Scene
 from core.values.tools import Fixture
 
 NO_WAY_M = 1.0  # what leads into no space counts as so long
@@ -88,7 +88,7 @@ def list_names(what: str, scene: Scene) -> list[str]:
 
 def _is_solid(body: Body) -> bool:
     """Report whether something can touch a body: a mark can't be touched, unless a design's fixture takes its place."""
-    return bool(body.collisions) or isinstance(body, Soft) or body.name == FIXTURE
+    return body.collides or body.name == FIXTURE
 
 
 def find_names(patterns: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from core.design import Tool
 from core.geometry import Array
 from core.interfaces import Pushes
 from core.scene import Joint
@@ -18,6 +19,11 @@ Thing = tuple[int, str]
 """A rank, and a name; the robot's things have rank -1, bodies theirs in the scene."""
 
 TOOL: Thing = (-1, "tool")
+
+
+def thing_of(tool: Tool, link: str) -> Thing:
+    """Say what a link of the robot with a tool is: the tool's are one thing."""
+    return TOOL if link in tool.borne_on else (-1, link)
 
 
 class Meeting(NamedTuple):

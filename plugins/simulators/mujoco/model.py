@@ -7,11 +7,11 @@ from core.robot.description import assembled
 from core.scene import Scene, Soft
 from core.values.robots import Robot
 from plugins.simulators.mujoco import contacts
+from plugins.simulators.mujoco.bodies import add_bodies
 from plugins.simulators.mujoco.bonds import add_bonds
 from plugins.simulators.mujoco.contacts import Collider, Role, Surface
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.forces import add_feeler
-from plugins.simulators.mujoco.moving import add_bodies
 from plugins.simulators.mujoco.robot import add_servos, load, set_gains
 from plugins.simulators.mujoco.shapes import Element, add_geom
 from plugins.simulators.mujoco.softs import add_softs, hull_boxes

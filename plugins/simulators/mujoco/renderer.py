@@ -155,7 +155,7 @@ class MuJoCoRenderer(Renderer):
         faces = slice(first_face, first_face + model.mesh_facenum[number])
         normals = model.mesh_normaladr[number] + model.mesh_facenormal[faces].ravel()
         corners = model.mesh_face[faces].ravel()
-        smooth = _vertex_normals(surface) @ turn
+        smooth = surface.to_trimesh().vertex_normals @ turn
         model.mesh_normal[normals] = smooth[corners]
 
         with self._opengl.as_current():
@@ -196,21 +196,6 @@ class MuJoCoRenderer(Renderer):
             )
 
         return picture[::-1]
-
-
-def _vertex_normals(surface: Mesh) -> Array:
-    """Compute unit normals (V, 3) of the vertices, each face weighted by its area."""
-    corners = surface.vertices[surface.faces]
-    first = corners[:, 0]
-    second = corners[:, 1] - first
-    third = corners[:, 2] - first
-    face_normals = np.cross(second, third)
-
-    normals = np.zeros_like(surface.vertices)
-    np.add.at(normals, surface.faces, face_normals[:, None])
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals /= np.maximum(lengths, 1e-12)
-    return normals
 
 
 def _open_gl() -> tuple[Any, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
+from functools import lru_cache
 
 from core.design import Tool
 from core.errors import UsageError, check_positive
@@ -10,7 +10,6 @@ from core.interfaces import Ability, Robot, Rollout
 from core.scene import Scene
 from core.simulation.engines import SteppingSimulator
 from plugins.simulators.mujoco.engine import mujoco
-from plugins.simulators.mujoco.keeping import keep
 from plugins.simulators.mujoco.model import MAX_TIME_STEP, compile_model
 from plugins.simulators.mujoco.renderer import MuJoCoRenderer
 from plugins.simulators.mujoco.world import World
@@ -51,17 +50,15 @@ class MuJoCoSimulator(SteppingSimulator, DrawingSimulator):
                 f"sim.time_step must be at most {MAX_TIME_STEP} s, got {time_step}: contacts get soft"
             )
         self._rates = time_step, tracking_rate, slip_rate
-        self._worlds: OrderedDict[tuple[int, Tool], World] = OrderedDict()
+        self._compile = lru_cache(maxsize=_KEPT)(self._compile_world)
 
     def build(self, robot: Robot, scene: Scene, job: Rollout) -> World:
         """Return the world of a job's scene and tool; the last few are kept."""
-
-        def compiled() -> World:
-            model = compile_model(robot, scene, job.tool, *self._rates)
-            return World(robot, scene, job.tool, model)
-
-        # The world keeps the scene, so that no other gets its id.
-        world = keep(self._worlds, (id(scene), job.tool), _KEPT, compiled)
+        world = self._compile(robot, scene, job.tool)
         world.begin(job)
 
         return world
+
+    def _compile_world(self, robot: Robot, scene: Scene, tool: Tool) -> World:
+        model = compile_model(robot, scene, tool, *self._rates)
+        return World(robot, scene, tool, model)

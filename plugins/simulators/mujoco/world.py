@@ -13,13 +13,13 @@ from core.geometry import Array
 from core.interfaces import Block, Passed, Pushes, Reading, Robot, Rollout
 from core.scene import Scene, State
 from core.values.jobs import FEEL_S
+from plugins.simulators.mujoco.arm import Joints
+from plugins.simulators.mujoco.bodies import Moving
 from plugins.simulators.mujoco.bonds import Bonds
 from plugins.simulators.mujoco.contacts import is_discrete
 from plugins.simulators.mujoco.engine import mujoco, rollout, warnings_caught
 from plugins.simulators.mujoco.forces import Feeler, Measured, Meter
-from plugins.simulators.mujoco.joints import Joints
 from plugins.simulators.mujoco.motors import Motors
-from plugins.simulators.mujoco.moving import Moving
 from plugins.simulators.mujoco.shapes import Element
 
 # Time, the joints' positions, and their speeds: nothing of ours has more.

@@ -13,6 +13,7 @@ from core.design import Tool, ToolJoint
 from core.geometry import Array
 from core.interfaces import JointTrajectory, Robot
 from core.robot.description import beyond, joint_name
+from plugins.simulators.fresh import Arm
 from plugins.simulators.links import bearers, friction_of
 from plugins.simulators.pybullet.engine import Client, read_rows
 from plugins.simulators.pybullet.engine import pybullet as p
@@ -24,7 +25,7 @@ Orders = tuple[list[float], list[float]]
 """The targets of all motors, and the speeds of these."""
 
 
-class ArticulatedArm:
+class ArticulatedArm(Arm):
     """The arm with a tool in a world, its joints at a trajectory's first targets, and the tool's held.
 
     Attributes:
@@ -149,14 +150,7 @@ class ArticulatedArm:
     def lead(
         self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array
     ) -> Iterator[Orders]:
-        """Yield what `drive` takes, for S steps; one by one, since many lists would busy Python's collector.
-
-        Args:
-            arm: targets (S, J), radians.
-            fingers: each finger's distance from the middle (S,), metres.
-            speeds: of the arm's targets (S, J).
-            finger_speeds: of the fingers' (S,).
-        """
+        """Yield what `drive` takes; one by one, since many lists would busy Python's collector."""
         targets = np.column_stack([arm, *[fingers] * self._fingers])
         velocities = np.column_stack([speeds, *[finger_speeds] * self._fingers])
         listed = map(np.ndarray.tolist, targets), map(np.ndarray.tolist, velocities)

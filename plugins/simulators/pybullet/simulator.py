@@ -7,10 +7,10 @@ from typing import Unpack
 from core.interfaces import Image, Robot, Rollout, Task, View
 from core.scene import Scene
 from plugins.simulators.fresh import FreshWorlds
+from plugins.simulators.pybullet.bodies import PreparedScene
 from plugins.simulators.pybullet.engine import Client, pybullet
 from plugins.simulators.pybullet.renderer import PyBulletRenderer
 from plugins.simulators.pybullet.robot import robot_file
-from plugins.simulators.pybullet.scene import PreparedScene
 from plugins.simulators.pybullet.world import Settings, World
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,17 +11,17 @@ from scipy.spatial.transform import Rotation
 
 from core.design import Tool
 from core.geometry import Array
-from core.interfaces import Block, Robot, Rollout
+from core.interfaces import Robot, Rollout
 from core.scene import State
-from plugins.simulators.forces import Thing
+from plugins.simulators.forces import Thing, thing_of
 from plugins.simulators.fresh import FreshWorld
 from plugins.simulators.pybullet.arm import ArticulatedArm, Orders
+from plugins.simulators.pybullet.bodies import PreparedScene
 from plugins.simulators.pybullet.bonds import Bonds
 from plugins.simulators.pybullet.engine import Client
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.forces import Forces, pushes
 from plugins.simulators.pybullet.mechanisms import Mechanism, Place
-from plugins.simulators.pybullet.scene import PreparedScene
 
 # How far bodies may slide before a stored contact point is dropped, as a share of a shape's radius. PyBullet's default,
 # ten times as much, lets stacks creep on outdated points.
@@ -48,6 +48,8 @@ class World(FreshWorld):
         time_step: seconds; joints of the scene may need shorter ones.
         settings: of the engine.
     """
+
+    arm: ArticulatedArm
 
     def __init__(
         self,
@@ -80,7 +82,7 @@ class World(FreshWorld):
 
         self._places = scene.place(client)
         self._free = [self._places[name] for name in scene.names]
-        self._arm = ArticulatedArm(
+        self.arm = ArticulatedArm(
             client,
             file,
             robot,
@@ -107,40 +109,16 @@ class World(FreshWorld):
     def _name_things(self, tool: Tool) -> dict[Place, Thing]:
         """Map all that collides to what contact forces call it."""
         things: dict[Place, Thing] = {}
-        for name, link in self._arm.links.items():
-            is_tool = link >= 0 and name in tool.borne_on
-            things[self._arm.number, link] = (-1, "tool" if is_tool else name)
+        for name, link in self.arm.links.items():
+            things[self.arm.number, link] = thing_of(tool, name)
 
         for name, place in self._places.items():
             things[place] = (self._scene.ranks[name], name)
 
         return things
 
-    def step(
-        self,
-        arm: Sequence[float],
-        fingers: float,
-        speeds: Sequence[float],
-        finger_speed: float,
-    ) -> None:
-        (orders,) = self._arm.lead(
-            np.array([arm]),
-            np.array([fingers]),
-            np.array([speeds]),
-            np.array([finger_speed]),
-        )
-        self.obey(orders)
-
-    def orders(self, block: Block) -> Iterator[Orders]:
-        return self._arm.lead(
-            block.arm[1:],
-            block.fingers[1:],
-            block.speeds,
-            block.finger_speeds,
-        )
-
     def obey(self, order: Orders) -> None:
-        self._arm.drive(order)
+        self.arm.drive(order)
         if self._mechanism.acts:
             self._mechanism.drive()
 
@@ -149,7 +127,7 @@ class World(FreshWorld):
             self.end_step()
 
     def launch(self) -> None:
-        self._arm.launch()
+        self.arm.launch()
         self._mechanism.launch()
 
         for body in self._scene.launched:
@@ -163,22 +141,19 @@ class World(FreshWorld):
 
             self.client.resetBaseVelocity(number, linear.tolist(), body.spin)
 
-    def note_torques(self) -> tuple[float, ...]:
-        return self._arm.note_torques()
-
     def pushes(self) -> tuple[Array, Array]:
-        return pushes(self.client, self._arm.number, self._arm.beyond)
+        return pushes(self.client, self.arm.number, self.arm.beyond)
 
     def joints(self) -> tuple[Array, Array]:
-        arm, fingers = self._arm.read([self._arm.snapshot()])
+        arm, fingers = self.arm.read([self.arm.snapshot()])
         return arm[0], fingers[0]
 
     def snapshot(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        return self._arm.snapshot(), self._take_bodies()
+        return self.arm.snapshot(), self._take_bodies()
 
     def decode(self, snapshots: Sequence[Any]) -> tuple[Array, Array, State]:
         joints, bodies = zip(*snapshots, strict=True)
-        return *self._arm.read(joints), self._scene.read(bodies)
+        return *self.arm.read(joints), self._scene.read(bodies)
 
     def _take_bodies(self) -> tuple[float, ...]:
         """Take the numbers of all free bodies, see `PreparedScene.read`."""

@@ -13,8 +13,8 @@ from core.geometry import Array, Pose, Vector
 from core.scene import Bond, Scene
 from plugins.simulators import bonds
 from plugins.simulators.inertia import Inertia
+from plugins.simulators.sapien.bodies import Weighed, weigh
 from plugins.simulators.sapien.engine import physx
-from plugins.simulators.sapien.physx_bodies import Weighed, weigh
 from plugins.simulators.sapien.shapes import Setup, to_sapien
 
 # How far a bond gives way before it breaks, m. Points that are locked altogether strain each other: two bonds side by

@@ -6,7 +6,7 @@ from core.interfaces import Ability, Robot, Rollout
 from core.scene import Scene
 from plugins.simulators.fresh import FreshWorlds
 from plugins.simulators.rendering import DrawingSimulator
-from plugins.simulators.sapien.physx_bodies import Weighed
+from plugins.simulators.sapien.bodies import Weighed
 from plugins.simulators.sapien.world import Settings, World
 from plugins.simulators.steps import spare_cards
 

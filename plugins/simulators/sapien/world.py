@@ -7,19 +7,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from core.geometry import Array, Vector
-from core.interfaces import Block, Robot, Rollout
+from core.interfaces import Robot, Rollout
 from core.robot.description import beyond
 from core.scene import State
 from plugins.simulators.fresh import FreshWorld
+from plugins.simulators.sapien.arm import ArticulatedArm, TorqueNote, surfaces_of
+from plugins.simulators.sapien.bodies import Bodies, Weighed, check_pack
 from plugins.simulators.sapien.bonds import Bonds
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.forces import Forces, pushes
-from plugins.simulators.sapien.joints import Joints
-from plugins.simulators.sapien.physx_bodies import Bodies, Weighed, check_pack
-from plugins.simulators.sapien.robot import ArticulatedArm, TorqueNote, surfaces_of
+from plugins.simulators.sapien.mechanisms import Joints
 from plugins.simulators.sapien.shapes import Setup
 from plugins.simulators.sapien.surfaces import Surfaces
 
@@ -55,6 +53,7 @@ class World(FreshWorld):
         settings: of the engine.
     """
 
+    arm: ArticulatedArm
     bonds: Bonds | None = None
 
     def __init__(
@@ -92,41 +91,18 @@ class World(FreshWorld):
         # Asked once: before each step, a property would cost as much as what it asks for.
         self._acts = self._joints.move_by_themselves
         self._brakes = self._bodies.brake
-        self._robot = ArticulatedArm(setup, robot, tool, job.trajectory)
+        self.arm = ArticulatedArm(setup, robot, tool, job.trajectory)
         self._held = robot, tool
         if weighed.scene.bonds:
             self.bonds = Bonds(setup, weighed, self._bodies.components)
         if job.forces and job.record_hz > 0:
             self.impulses = Forces(self._system, weighed.scene, setup.things)
 
-        arm, _ = self._robot.read(self._bodies.behind([self.snapshot()]))
+        arm, _ = self.arm.read(self._bodies.behind([self.snapshot()]))
         check_pack(arm, job.trajectory.arm[0])
 
-    def step(
-        self,
-        arm: Sequence[float],
-        fingers: float,
-        speeds: Sequence[float],
-        finger_speed: float,
-    ) -> None:
-        (order,) = self._robot.lead(
-            np.array([arm]),
-            np.array([fingers]),
-            np.array([speeds]),
-            np.array([finger_speed]),
-        )
-        self.obey(order)
-
-    def orders(self, block: Block) -> list[list[float]]:
-        return self._robot.lead(
-            block.arm[1:],
-            block.fingers[1:],
-            block.speeds,
-            block.finger_speeds,
-        )
-
     def obey(self, order: list[float]) -> None:
-        self._robot.drive(order)
+        self.arm.drive(order)
         if self._acts:
             self._joints.act()
 
@@ -136,11 +112,8 @@ class World(FreshWorld):
         if self.counts_steps:
             self.end_step()
 
-    def note_torques(self) -> TorqueNote:
-        return self._robot.note_torques()
-
     def read_torques(self, notes: Sequence[TorqueNote]) -> Array:
-        return self._robot.read_torques(notes)
+        return self.arm.read_torques(notes)
 
     def pushes(self) -> tuple[Array, Array]:
         return pushes(self._system, self._beyond)
@@ -156,20 +129,20 @@ class World(FreshWorld):
         return shapes
 
     def launch(self) -> None:
-        self._robot.launch()
+        self.arm.launch()
         self._bodies.launch()
         self._joints.begin()
         if self.bonds is not None:
             self.bonds.launch()
 
     def joints(self) -> tuple[Array, Array]:
-        return self._robot.joints()
+        return self.arm.joints()
 
     def snapshot(self) -> bytes:
         return self._bodies.snapshot()
 
     def decode(self, snapshots: Sequence[bytes]) -> tuple[Array, Array, State]:
-        arm, fingers = self._robot.read(self._bodies.behind(snapshots))
+        arm, fingers = self.arm.read(self._bodies.behind(snapshots))
         return arm, fingers, self._bodies.read(snapshots)
 
 

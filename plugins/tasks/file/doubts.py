@@ -31,7 +31,7 @@ def find_doubts(scene: Scene) -> Iterator[str]:
     boxes = {}
     below = {}
     for body in scene.bodies:
-        if body.collisions or isinstance(body, Soft):
+        if body.collides:
             boxes[body.name] = bound(body)
             turned = replace(body, pose=upright @ body.pose)
             below[body.name] = bound(turned)
@@ -134,13 +134,12 @@ def _turn_upright(gravity: Vector) -> Pose:
 
 def find_foot(scene: Scene, body: Body) -> float:
     """Measure how far the frame of a body is above its lowest point as gravity draws, m."""
-    if not body.collisions and not isinstance(body, Soft):
+    if not body.collides:
         return 0.0
 
     turned = replace(body, pose=_turn_upright(scene.gravity) @ body.pose)
     low, _ = bound(turned)
-    middle = turned.center if isinstance(turned, Soft) else turned.pose.position
-    return float(middle[2] - low[2])
+    return float(turned.spawn.position[2] - low[2])
 
 
 def find_idle_goals(scene: Scene, goals: Sequence[Goal], every: bool) -> Iterator[str]:

@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull
 from core.design import Fixture, Tool
 from core.geometry import Array, Cylinder, Mesh, Pose, Shape
 from core.interfaces import Brief
-from core.scene import Body, Scene, Soft
+from core.scene import Body, Scene
 from plugins.vlms.offline.boxes import Boxes
 from plugins.vlms.offline.workspace import compute_workspace
 
@@ -182,7 +182,7 @@ class SceneModel:
         self.scene = scene
         self.solids: dict[str, Solid] = {}
         for body in scene.bodies:
-            if body.collisions or isinstance(body, Soft):
+            if body.collides:
                 self.solids[body.name] = Solid.from_body(body)
 
         self.boxes = Boxes.concatenate(solid.boxes for solid in self.solids.values())

@@ -19,8 +19,8 @@ pytest.importorskip("mujoco")
 
 import mujoco as mj
 
+from plugins.simulators.mujoco.bodies import Moving
 from plugins.simulators.mujoco.model import compile_model
-from plugins.simulators.mujoco.moving import Moving
 from tests.panda import PANDA
 
 JOB = Rollout(BARE, still(), settle_s=0.3, hold_s=0.5, record_hz=50.0)

@@ -17,10 +17,10 @@ from core.design import Tool
 from core.geometry import Array
 from core.scene import Scene, State
 from core.values.robots import Robot
+from plugins.simulators.mujoco.arm import Joints
+from plugins.simulators.mujoco.bodies import state
 from plugins.simulators.mujoco.engine import mujoco
-from plugins.simulators.mujoco.joints import Joints
 from plugins.simulators.mujoco.model import build_spec
-from plugins.simulators.mujoco.moving import state
 from plugins.simulators.mujoco.robot import set_gains
 from plugins.simulators.mujoco.shapes import Element
 

@@ -11,13 +11,13 @@ from core.interfaces import Ability, Outcome, Rollout, Task
 from core.scene import Scene
 from core.simulation.engines import check_support, scene_of
 from core.simulation.playback import Schedule, play_together, refuse_targets
+from plugins.simulators.mujoco.arm import Joints
 from plugins.simulators.mujoco.batched.models import (
     ModelFigures,
     Size,
     extract_figures,
     model,
 )
-from plugins.simulators.mujoco.joints import Joints
 from plugins.simulators.mujoco.keeping import keep
 from plugins.simulators.mujoco.shapes import Element
 from plugins.simulators.mujoco.simulator import MuJoCoSimulator

@@ -13,6 +13,7 @@ from core.design import MAX_JOINTS
 from core.geometry import Array
 from core.interfaces import Block, JointTrajectory, Passed
 from core.scene import State
+from plugins.simulators.mujoco.arm import HELD
 from plugins.simulators.mujoco.batched.engine import mujoco_warp, warp
 from plugins.simulators.mujoco.batched.kernels import (
     advance,
@@ -24,7 +25,6 @@ from plugins.simulators.mujoco.batched.kernels import (
 )
 from plugins.simulators.mujoco.batched.models import PER_WORLD, ModelFigures, Size
 from plugins.simulators.mujoco.contacts import is_discrete
-from plugins.simulators.mujoco.joints import HELD
 from plugins.simulators.mujoco.shapes import Element
 
 T = TypeVar("T")

@@ -15,7 +15,7 @@ from plugins.simulators.inertia import Inertia, inertia_of
 from plugins.simulators.rolling import rollers
 from plugins.simulators.sapien.brakes import Brake, Brakes
 from plugins.simulators.sapien.engine import physx
-from plugins.simulators.sapien.joints import apart
+from plugins.simulators.sapien.mechanisms import apart
 from plugins.simulators.sapien.shapes import PlacedShape, Setup, attach, to_sapien
 from plugins.simulators.sapien.surfaces import TOGETHER, Surface
 
