@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
-from core.designs.statics import check_weight, corners
+from core.designs.statics import check_weight
 from core.errors import UserError
 from core.geometry import Array, Pose, Sphere
 from core.interfaces import Robot, Task, ToolRepresentation
@@ -202,7 +202,7 @@ def _check_extent(tool: Tool) -> None:
     placed = tool.placed()
     for component in tool.components:
         mount, pose = placed[component.name]
-        reach = float(np.linalg.norm(corners(component.shape, pose), axis=1).max())
+        reach = float(np.linalg.norm(pose.apply(component.shape.corners), axis=1).max())
         if reach > MAX_EXTENT_M:
             raise DesignError(
                 f"component {component.name!r} reaches {reach:.3g} m from {mount}; a tool must end within "

@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-import trimesh
 
 from core.design import DesignError
 from core.geometry import Array, Pose
@@ -109,9 +108,7 @@ def measure_box(scene: Scene, body: str) -> tuple[Array, Array]:
             corners += [middle - half, middle + half]
     else:
         for part in found.visuals:
-            middle, half = part.shape.bounds
-            points = trimesh.bounds.corners([middle - half / 2, middle + half / 2])
-            corners += [*part.pose.apply(np.asarray(points))]
+            corners += [*part.pose.apply(part.shape.corners)]
 
     low = np.min(corners, axis=0)
     high = np.max(corners, axis=0)

@@ -6,7 +6,6 @@ import numpy as np
 import pinocchio as pin
 
 from core.design import Tool
-from core.designs.statics import corners
 from core.geometry import Array
 
 _JOINTS = {
@@ -63,7 +62,7 @@ def measure_levers(tool: Tool) -> Array:
     levers = []
 
     for name, _, _, joint in tool.bearers:
-        ends = [corners(p.shape, p.pose) for p in tool.parts if p.bearer == name]
+        ends = [p.pose.apply(p.shape.corners) for p in tool.parts if p.bearer == name]
         across = np.cross(joint.axis, np.vstack(ends))
         lever = float(np.linalg.norm(across, axis=1).max())
         levers.append(1.0 if joint.kind == "slider" else lever)

@@ -5,31 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import trimesh
 
 from core.design import DesignError, Tool
-from core.geometry import Array, Pose, Shape
 from core.interfaces import Robot
 from core.robot.kinematics import arm_of, open_mounts
 from core.values.materials import Material
 
 GRAVITY = 9.81  # m/s^2
-
-
-def corners(shape: Shape, pose: Pose) -> Array:
-    """Compute the corners of a shape's bounding box.
-
-    Args:
-        shape: at a pose.
-        pose: in some frame.
-
-    Returns:
-        Corners (8, 3) in this frame.
-    """
-    middle, size = shape.bounds
-    box = [middle - size / 2, middle + size / 2]
-
-    return pose.apply(trimesh.bounds.corners(box))
 
 
 def moment_limit(robot: Robot) -> float:

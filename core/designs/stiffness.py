@@ -16,7 +16,6 @@ import numpy as np
 
 from core.design import DesignError, Tool
 from core.designs.rules import MAX_BEND_M_N, MAX_LOAD_N, check_contacts
-from core.designs.statics import corners
 from core.geometry import Array
 from core.interfaces import Material, Robot
 
@@ -79,7 +78,7 @@ class Beams:
 
         for component in self.tool.components:
             name = component.name
-            ends = corners(component.shape, self._poses[name])
+            ends = self._poses[name].apply(component.shape.corners)
             away = np.linalg.norm(ends - self.joints[name], axis=1)
             bends[name] = self.bend(name, ends[away.argmax()])
 

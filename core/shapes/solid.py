@@ -101,6 +101,16 @@ class Shape(ABC):
         return (low + high) / 2, high - low
 
     @property
+    def corners(self) -> Array:
+        """Those (8, 3) of the bounding box along the shape's own axes."""
+        import trimesh
+
+        middle, size = self.bounds
+        return np.asarray(
+            trimesh.bounds.corners([middle - size / 2, middle + size / 2])
+        )
+
+    @property
     def thickness(self) -> float:
         """How thick it is along its own axes, or square to a face of it, metres."""
         return float(self.bounds[1].min())

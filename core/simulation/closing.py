@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import trimesh
 
+from core.designs.sighting import measure_box
 from core.geometry import Array
 from core.goals import reaches
 from core.interfaces import Image, Task
-from core.scene import Body, Camera, Scene, State
+from core.scene import Camera, Scene, State
 
 STANDS_DEG = ((0, 38), (-45, 38), (45, 38), (0, 65), (-100, 38), (100, 38))
 """How far cameras stand around the goal from the task's own, and how high they look down on it, degrees."""
@@ -150,13 +152,13 @@ def _points(
     bodies = {body.name: body for body in scene.bodies}
     boxes = {}
     for name in names:
-        boxes[name] = _box(bodies[name])
+        boxes[name] = _box(scene, name)
         yield end.pose(name).apply(boxes[name])
 
     for goal in reaches(task.goals):
         other = bodies.get(getattr(goal, "at", None) or "")
         if other is not None:
-            corners = other.pose.apply(_box(other))
+            corners = other.pose.apply(_box(scene, other.name))
             if np.ptp(corners, axis=0).max() < LARGE_M:
                 yield corners
 
@@ -171,18 +173,10 @@ def _points(
                 yield known[None]
 
 
-def _box(body: Body) -> Array:
+def _box(scene: Scene, body: str) -> Array:
     """Return the corners (8, 3) of a body's bounding box in its own frame."""
-    points = []
-    for part in body.visuals or body.collisions:
-        middle, sides = part.shape.bounds
-        signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, 8).T
-        points.append(part.pose.apply(middle + signs * sides))
-
-    corners = np.concatenate(points)
-    low = corners.min(axis=0)
-    high = corners.max(axis=0)
-    return np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, 8).T
+    middle, half = measure_box(scene, body)
+    return np.asarray(trimesh.bounds.corners([middle - half, middle + half]))
 
 
 def _take_away(state: State, names: Sequence[str]) -> State:
