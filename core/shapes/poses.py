@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -61,6 +61,8 @@ def running_sums(values: Array) -> Array:
 # Every step rounds as SciPy's does, so that results are equal to the bit.
 
 Quaternion = tuple[float, float, float, float]  # w, x, y and z
+_Part = TypeVar("_Part", float, Array)
+_Parts = tuple[_Part, _Part, _Part, _Part]
 _LOCKED_RAD = 1e-7  # nearer to a pitch of 90 degrees roll and yaw are one
 
 
@@ -70,10 +72,15 @@ def _normalise(w: float, x: float, y: float, z: float) -> Quaternion:
     return w / length, x / length, y / length, z / length
 
 
-def _multiply(first: Quaternion, second: Quaternion) -> Quaternion:
-    """Multiply two quaternions: the second turn comes first."""
-    w, x, y, z = first
-    v, a, b, c = second
+def multiply(after: _Parts[_Part], first: _Parts[_Part]) -> _Parts[_Part]:
+    """Multiply two quaternions, whose parts are numbers, or arrays for many at once.
+
+    Args:
+        after: the turn that comes second.
+        first: the turn that comes first.
+    """
+    w, x, y, z = after
+    v, a, b, c = first
 
     return (
         w * v - x * a - y * b - z * c,
@@ -96,7 +103,7 @@ def _turn_by_rpy(roll: float, pitch: float, yaw: float) -> Array:
     about_y = (math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0)
     about_z = (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
 
-    return np.array(_multiply(about_z, _multiply(about_y, about_x)))
+    return np.array(multiply(about_z, multiply(about_y, about_x)))
 
 
 def _rpy_of(w: float, x: float, y: float, z: float) -> Array:
@@ -248,7 +255,7 @@ class Pose:
 
     def __matmul__(self, other: Pose) -> Pose:
         """Compose poses: ``a @ b`` is the pose of b's frame where a is given, if b is given in a's frame."""
-        turned = _normalise(*_multiply(self._unit, other._unit))
+        turned = _normalise(*multiply(self._unit, other._unit))
         return Pose(self.apply(other.position), np.array(turned))
 
     def inverse(self) -> Pose:

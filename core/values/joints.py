@@ -14,6 +14,7 @@ import numpy as np
 
 from core.errors import refuse
 from core.geometry import Array, Pose, Vector, frozen_array
+from core.shapes import poses
 
 MAX_FORCE = 1e4  # N or N m, of any spring, latch or drive in a scene
 MAX_POSITION = 1e3  # m or rad
@@ -363,8 +364,10 @@ def multiply(after: Array, first: Array) -> Array:
     Returns:
         Both turns in one (..., 4).
     """
-    w, a = np.split(after, [1], axis=-1)
-    v, b = np.split(first, [1], axis=-1)
-    real = w * v - (a * b).sum(axis=-1, keepdims=True)
+    return np.stack(poses.multiply(_parts(after), _parts(first)), axis=-1)
 
-    return np.concatenate([real, w * b + v * a + np.cross(a, b)], axis=-1)
+
+def _parts(quaternion: Array) -> tuple[Array, Array, Array, Array]:
+    """Take quaternions (..., 4) apart."""
+    w, x, y, z = np.moveaxis(quaternion, -1, 0)
+    return w, x, y, z
