@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from core.design import DesignError
-from core.geometry import Array, Box, Compound, Pose, Shape
+from core.geometry import Array, Box, Pose, Shape
 from plugins.tools.components import TEXT, ComponentTools, ReadShape, rounded
 from plugins.tools.solids.building import MAX_TRIANGLES, count_triangles
 from plugins.tools.solids.making import MAX_PARTS, WITHIN_M, make_shape, node_of
@@ -54,8 +54,8 @@ class _Reader:
         except DesignError as error:
             raise DesignError(f"{where}: its solid {error}") from error
 
-        if isinstance(shape, Compound):
-            self._parts += len(shape.parts)
+        if not shape.is_convex:
+            self._parts += len(shape.convex_parts())
 
         return shape, pose
 
