@@ -41,7 +41,7 @@ from core.plugins import (
     PluginPart,
     installed,
 )
-from core.support.cli import say
+from core.support.cli import key_of, say
 from core.trial import Part
 from core.values.layouts import NONE
 from core.values.materials import Material
@@ -279,8 +279,8 @@ def add_search_words(config: DictConfig, words: Sequence[str]) -> DictConfig:
         UserError: the task can't be made, or asks for what is not there.
     """
     task = task_part(config).create()
-    said = [word.lstrip("+~").partition("=")[0] for word in words]
-    wanted = [word.partition("=")[0] for word in task.search_words]
+    said = list(map(key_of, words))
+    wanted = list(map(key_of, task.search_words))
     is_said = any(
         name == key or name.startswith(f"{key}.") for name in said for key in wanted
     )

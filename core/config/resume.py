@@ -24,6 +24,7 @@ from core.config.schemas import RunConfig
 from core.config.trust import refuse_key_words, texts
 from core.config.words import quote_paths
 from core.errors import UsageError, UserError
+from core.support.cli import key_of
 from core.support.text import clean
 
 # What may change in a run that goes on: parts as a whole, their settings, and single ones.
@@ -176,7 +177,7 @@ def refuse_stored_receivers(config: dict[str, Any], repeated: Sequence[str]) -> 
     Raises:
         UserError: there is an address of the model, the executor or a listener, or a model; says what to repeat.
     """
-    given = {word.lstrip("+").partition("=")[0] for word in repeated}
+    given = set(map(key_of, repeated))
     usual = _usual_model(config)
     found: dict[str, str] = {}
 

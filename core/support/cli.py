@@ -96,6 +96,11 @@ def _is_open(word: str) -> bool:
     return value.startswith(("[", "{")) and opened > closed
 
 
+def key_of(word: str) -> str:
+    """Return the key of a word ``KEY=VALUE``, without Hydra's signs before it."""
+    return word.lstrip("+~").partition("=")[0]
+
+
 def read_path(value: str) -> Path:
     """Read a path as it is, or in quotes, as Hydra reads it."""
     quoted = re.fullmatch(r"""(["'])(.+)\1""", value)

@@ -31,13 +31,21 @@ def _environment(package: str) -> jinja2.Environment:
     return build_environment(loader)
 
 
-def build_environment(loader: jinja2.BaseLoader) -> jinja2.Environment:
-    """Make what compiles templates of plain text: sandboxed, because a stranger's must do no more than fill in text."""
+def build_environment(
+    loader: jinja2.BaseLoader | None = None, **options: Any
+) -> jinja2.Environment:
+    """Make what compiles templates: sandboxed, because a stranger's must do no more than fill in text.
+
+    Args:
+        loader: finds templates by their names.
+        options: more of Jinja's; by default what is filled in is plain text, as it is.
+    """
     environment = SandboxedEnvironment(
         loader=loader,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        **options,
     )
     environment.filters["g"] = lambda number, digits=6: f"{number:.{digits}g}"
     environment.filters["number"] = number

@@ -20,7 +20,7 @@ from core.interfaces import Material, RolloutSettings, Task, ToolRepresentation
 from core.plugins import SIMULATOR, installed
 from core.search.saved_designs import read_stored
 from core.store.reader import StoredRun
-from core.support.cli import say
+from core.support.cli import key_of, say
 from core.trial import TIE, Evaluation, best_first
 
 _SECTIONS = ("rollout", "material")  # settings that are taken over key by key
@@ -126,7 +126,7 @@ def config_for(words: Sequence[str], name: str, schema: type, usage: str) -> Dic
         raise UsageError(f"no designs given; {usage}")
 
     folder = Path(cfg.designs)
-    named = {word.lstrip("+~").partition("=")[0] for word in words}
+    named = set(map(key_of, words))
     if "sims" in cfg and "sims" not in named:
         cfg.sims = [name for name in cfg.sims if _is_usable(name)]
 

@@ -23,7 +23,7 @@ _THINNEST = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Winner:
-    """The best tool of a run, with the reward of its best plan.
+    """The best tool of a run.
 
     Texts are the model's, on one line, without control characters.
 
@@ -34,9 +34,6 @@ class Winner:
         tool: as it can be drawn.
         name: the tool's, else the design's, else the candidate's.
         use: how the design uses it.
-        candidate: its id.
-        reward: 0..1.
-        distance_m: of its plan.
     """
 
     run: FinishedRun
@@ -45,9 +42,6 @@ class Winner:
     tool: Tool
     name: str
     use: str
-    candidate: str
-    reward: float
-    distance_m: float | None
 
 
 @lru_cache(maxsize=256)
@@ -94,9 +88,6 @@ def best_tool(run: FinishedRun) -> Winner:
         tool=read.tool,
         name=read.tool.name or read.design_name or name,
         use=read.design_description or read.design_name,
-        candidate=name,
-        reward=evaluation.reward,
-        distance_m=evaluation.distance_m,
     )
 
 

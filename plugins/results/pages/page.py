@@ -19,7 +19,8 @@ import numpy as np
 from markupsafe import Markup
 
 from core.design import Tool
-from core.support.text import clean, number
+from core.support.templates import build_environment
+from core.support.text import clean
 from core.values.robots import Robot
 from plugins.results.pages.drawing import painted
 from plugins.results.pages.figure import INK
@@ -53,18 +54,11 @@ def render(
     def href(target: Path) -> str:
         return quote(relative(target, folder), errors="surrogateescape")
 
-    environment = jinja2.Environment(
-        loader=jinja2.FunctionLoader(_text),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        finalize=_clean,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    loader = jinja2.FunctionLoader(_text)
+    environment = build_environment(loader, autoescape=True, finalize=_clean)
     environment.filters |= {
         "href": href,
         "links": links,
-        "number": number,
         "printed": printed,
         "sort_key": _sort_key,
     }

@@ -92,7 +92,7 @@ def _in_viewer(results: Results) -> list[dict[str, Any]]:
     for (task, method), winner in results.tools.best.items():
         name = f"{task}, {method}: {winner.name}"
         extent = size(winner.tool, winner.robot)
-        caption = f"reward {number(winner.reward, 3)}, {extent}"
+        caption = f"reward {number(winner.run.best.reward, 3)}, {extent}"
         shown.append(in_viewer(winner.tool, winner.robot, name, caption))
 
     return shown

@@ -20,7 +20,7 @@ from core.support.files import read_untrusted
 from core.support.inputs import check
 from core.values.efforts import Effort, holds
 from plugins.results.pages.runs import short
-from plugins.results.report.protocols import Protocol, engine_settings, protocol
+from plugins.results.report.protocols import Protocol, fixed_settings, protocol
 
 MAX_BYTES = 10_000_000
 """Of a results file."""
@@ -187,8 +187,7 @@ def check_entry(entry: Entry) -> Entry:
 def _check_settings(entry: Entry) -> None:
     """Check that all runs have the settings that the protocol fixes, and their engine as it is."""
     engine = entry.settings.get("sim.name", "")
-    wanted = entry.rules.fixed | engine_settings(entry.protocol, engine)
-    for key, value in wanted.items():
+    for key, value in fixed_settings(entry.protocol, engine).items():
         value_of_runs = entry.settings.get(key, "not the same in all runs")
         if value_of_runs != value:
             where = f"the protocol {entry.protocol}"

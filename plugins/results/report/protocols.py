@@ -24,7 +24,6 @@ class Protocol:
     Attributes:
         name: as in ``protocol=NAME``.
         version: a file of another version can't be compared.
-        fixed: the settings that all entries share, as text by dotted key.
         tracks: the tasks of each track.
         engines: in which the best of a run is tried.
         layouts: in how many unseen layouts.
@@ -34,7 +33,6 @@ class Protocol:
 
     name: str
     version: int
-    fixed: dict[str, str]
     tracks: dict[str, list[str]]
     engines: list[str]
     layouts: int
@@ -52,13 +50,6 @@ def protocol(name: str) -> Protocol:
         raise UserError(f"no protocol {short(name)!r}")
     config = load("config", [f"protocol={name}"])
     chosen = config.protocol
-    settings: Any = OmegaConf.to_container(config, resolve=True)
-    starts = tuple(f"{key}." for key in chosen.fixed)
-    fixed = {
-        key: value
-        for key, value in flatten(settings).items()
-        if f"{key}.".startswith(starts)
-    }
     references = {
         task: Effort(*numbers)
         for task, numbers in config.fitness.get("references", {}).items()
@@ -73,7 +64,6 @@ def protocol(name: str) -> Protocol:
     return Protocol(
         name=name,
         version=chosen.version,
-        fixed=fixed,
         tracks=tracks,
         engines=list(chosen.engines),
         layouts=chosen.layouts,
@@ -91,22 +81,28 @@ def _tasks_of(plugin: str) -> list[str]:
 
 
 @lru_cache
-def engine_settings(protocol_name: str, name: str) -> dict[str, str]:
-    """Return the settings of an engine as it is, by dotted key.
+def fixed_settings(protocol_name: str, engine: str) -> dict[str, str]:
+    """Return the settings that all entries share, and those of their engine as it is, as text by dotted key.
 
     Raises:
-        UserError: there is none of this name, or it can't be imported here.
+        UserError: there is no engine of this name, or it can't be imported here.
     """
-    if not re.fullmatch(r"\w{1,50}", name):
-        raise UserError(f"sim.name is {short(name)!r}, which is no engine")
-    config = load("config", [f"protocol={protocol_name}", f"sim={name}"])
+    if not re.fullmatch(r"\w{1,50}", engine):
+        raise UserError(f"sim.name is {short(engine)!r}, which is no engine")
+    config = load("config", [f"protocol={protocol_name}", f"sim={engine}"])
 
     # Of an engine that can't be imported no setting is known, and any would pass.
     try:
-        installed().factory("sim", name)
+        installed().factory("sim", engine)
     except UserError as error:
         raise UserError(
             f"the settings of its engine can't be checked here: {error}"
         ) from error
 
-    return flatten({"sim": OmegaConf.to_container(config.sim, resolve=True)})
+    settings: Any = OmegaConf.to_container(config, resolve=True)
+    starts = tuple(f"{key}." for key in (*config.protocol.fixed, "sim"))
+    return {
+        key: value
+        for key, value in flatten(settings).items()
+        if f"{key}.".startswith(starts)
+    }

@@ -389,15 +389,15 @@ def tools(results: Results) -> Rows:
             task,
             method,
             winner.name,
-            winner.reward,
-            winner.distance_m,
+            winner.run.best.reward,
+            winner.run.best.distance_m,
             size(winner.tool, winner.robot),
             1000 * winner.tool.mass,
             winner.material.name,
             len(winner.tool.components),
             winner.tool.description,
             winner.use,
-            winner.candidate,
+            winner.run.best.candidate,
             _link(winner.run),
         )
 

@@ -133,14 +133,12 @@ class Record(_Part):
 
     Attributes:
         budget: the last one that was chosen.
-        words: of the runs of each method.
-        tasks: of each task the words of its own, and what its scene file held.
+        words: of the runs of a method on a task, by their folder, and one for what the task's scene file held.
         study: the study.
     """
 
     budget: str
     words: dict[str, tuple[str, ...]]
-    tasks: dict[str, tuple[str, ...]] = {}
     study: Study
 
 
@@ -309,7 +307,7 @@ class Selection:
         name = name_task(task)
         inside = f"{method.name}/{name}/seed{seed}"
         chosen = [f"task={task}"]
-        if task.endswith((".yaml", ".yml")):
+        if _is_scene(task):
             scene = (self.file.parent / task).resolve()
             chosen = ["task=file", f"task.file={hydra_word(str(scene))}"]
 
@@ -326,23 +324,41 @@ class Selection:
         filled = tuple(_fill(word, values) for word in words)
         return StudyRun(method.name, name, seed, self.folder / inside, filled)
 
-    def record(self, methods: Iterable[Method], tasks: Iterable[str]) -> str:
+    def describe(
+        self, methods: Iterable[Method], tasks: Sequence[str]
+    ) -> dict[str, tuple[str, ...]]:
+        """List the words of the runs of methods on tasks, as `Record` has them.
+
+        Raises:
+            UserError: a scene file can't be read.
+        """
+        own = {}
+        for task in tasks:
+            own[task] = list(self.study.by_task.get(name_task(task), ()))
+            if _is_scene(task):
+                scene = read_text(self.file.parent / task, f"scene file {task}")
+                digest = sha256(scene.encode()).hexdigest()[:16]
+                own[task].append(f"the scene file's checksum {digest}")
+
+        return {
+            f"{method.name}/{name_task(task)}": (*words, *self.settings_of(method))
+            for method in methods
+            for task, words in own.items()
+        }
+
+    def record(self, methods: Iterable[Method], tasks: Sequence[str]) -> str:
         """Write down the study and the words of its runs, for the folder of the results.
 
         Of methods and tasks that are not chosen, what was written before stays.
         """
         before = read_record(self.folder / RECORD)
         words = dict(before.words) if before else {}
-        described = dict(before.tasks) if before else {}
-        words |= {method.name: tuple(self.settings_of(method)) for method in methods}
-        described |= {name_task(task): self._describe_task(task) for task in tasks}
-        record = Record(
-            budget=self.budget, words=words, tasks=described, study=self.study
-        )
+        words |= self.describe(methods, tasks)
+        record = Record(budget=self.budget, words=words, study=self.study)
         dumped = record.model_dump(mode="json")
         return yaml.safe_dump(dumped, sort_keys=False, allow_unicode=True, width=120)
 
-    def check_record(self, methods: Iterable[Method], tasks: Iterable[str]) -> None:
+    def check_record(self, methods: Iterable[Method], tasks: Sequence[str]) -> None:
         """Check that the runs that are there were made with the same words, of the same scene files.
 
         Raises:
@@ -352,44 +368,20 @@ class Selection:
         if before is None:
             return
 
-        for method in methods:
-            if (self.folder / method.name).exists():
-                stored = before.words.get(method.name, ())
-                self._compare(method.name, stored, self.settings_of(method))
+        for name, words in self.describe(methods, tasks).items():
+            stored = before.words.get(name, ())
+            different = {*_matter(stored)} ^ {*_matter(words)}
+            if different and (self.folder / name).exists():
+                listed = clean(" ".join(sorted(different)), 1000)
+                raise UsageError(
+                    f"{self.folder} holds runs of {name} that differ in: {listed}; name another folder with "
+                    "folder=FOLDER, or say what was said before"
+                )
 
-        for task in tasks:
-            name = name_task(task)
-            if name in before.tasks and any(self.folder.glob(f"*/{name}")):
-                self._compare(name, before.tasks[name], self._describe_task(task))
 
-    def _compare(self, name: str, stored: Iterable[str], now: Iterable[str]) -> None:
-        """Refuse to go on with runs of a method or a task whose words have changed.
-
-        Raises:
-            UsageError: they have.
-        """
-        different = {*_matter(stored)} ^ {*_matter(now)}
-        if different:
-            words = clean(" ".join(sorted(different)), 1000)
-            raise UsageError(
-                f"{self.folder} holds runs of {name} that differ in: {words}; name another folder with "
-                "folder=FOLDER, or say what was said before"
-            )
-
-    def _describe_task(self, task: str) -> tuple[str, ...]:
-        """List the words of a task's own, and a word for what its scene file holds.
-
-        Raises:
-            UserError: the file can't be read.
-        """
-        words = list(self.study.by_task.get(name_task(task), ()))
-        if task.endswith((".yaml", ".yml")):
-            scene = read_text(self.file.parent / task, f"scene file {task}")
-            words.append(
-                f"the scene file's checksum {sha256(scene.encode()).hexdigest()[:16]}"
-            )
-
-        return tuple(words)
+def _is_scene(task: str) -> bool:
+    """Report whether a task of a study is a scene file."""
+    return task.endswith((".yaml", ".yml"))
 
 
 def merge(*groups: Iterable[str]) -> list[str]:

@@ -15,7 +15,7 @@ from core.designs.planning import parse_plan
 from core.errors import UsageError
 from core.interfaces import ActionPlan
 from core.plugins import ACTION, installed
-from core.support.cli import print_table, say, write_bytes
+from core.support.cli import key_of, print_table, say, write_bytes
 from core.support.text import number
 from plugins.results.artifacts import save_design
 from plugins.results.folders import folders_and_overrides
@@ -115,7 +115,7 @@ def main(words: list[str]) -> None:
         raise UsageError(f"no folder given; {USAGE}")
 
     keys = vars(ToolboxConfig())
-    settings = [word for word in overrides if word.partition("=")[0] in keys]
+    settings = [word for word in overrides if key_of(word) in keys]
     of_searches = [word for word in overrides if word not in settings]
     cfg = node(load("toolbox", settings, ToolboxConfig), ToolboxConfig)
     found = toolbox(folders, cfg, of_searches)

@@ -18,6 +18,7 @@ from core.search.orchestration import run as search
 from core.store.library import OF_RUN
 from core.store.reader import StoredRun
 from core.store.recorder import RunStore
+from core.support.cli import key_of
 from core.support.files import writing
 from core.values.contents import digest
 from plugins.results.artifacts import save_design
@@ -148,13 +149,9 @@ def _read(folder: Path, file: Path) -> Cells | None:
     return {name: best_cell(name, found) for name in task_configs(config["task"])}
 
 
-def _key(word: str) -> str:
-    return word.lstrip("+~").partition("=")[0]
-
-
 def groups(words: Sequence[str]) -> set[str]:
     """Return the first parts of the keys that words set."""
-    return {_key(word).partition(".")[0] for word in words}
+    return {key_of(word).partition(".")[0] for word in words}
 
 
 def configure(held: HeldTool, file: Path, words: Sequence[str]) -> DictConfig:
@@ -175,7 +172,7 @@ def configure(held: HeldTool, file: Path, words: Sequence[str]) -> DictConfig:
             f"{min(refused)} can't be set: tools are those of the runs; more tasks are tasks=[NAME,...]"
         )
 
-    named = {_key(word) for word in words}
+    named = {key_of(word) for word in words}
     defaults = [f"{key}={DEFAULTS[key]}" for key in DEFAULTS if key not in named]
     config = load("config", [*defaults, *words])
 

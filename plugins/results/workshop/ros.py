@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 import yaml
 
 from core.geometry import Array, Box, Cylinder, Pose, Shape, Sphere
 from core.scene import Scene, Soft
 from core.support.cli import write_bytes
+from core.support.templates import build_environment
 from core.values.robots import Robot
 from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.texts import text_of
@@ -26,7 +26,7 @@ def write_trajectory(robot: Robot, motion: Sampled, folder: Path) -> None:
     Raises:
         UserError: a file can't be written.
     """
-    template = jinja2.Template(text_of("trajectory.yaml.j2"), trim_blocks=True)
+    template = build_environment().from_string(text_of("trajectory.yaml.j2"))
     samples = motion.every(_EVERY_S)
     trajectory = template.render(robot=robot, motion=motion, samples=samples)
     write_bytes(folder / "trajectory.yaml", trajectory.encode())

@@ -14,11 +14,11 @@ from typing import Any
 
 import jinja2
 import numpy as np
-from jinja2.sandbox import SandboxedEnvironment
 
 from core.errors import UserError
 from core.geometry import Pose
 from core.support.cli import write_bytes
+from core.support.templates import build_environment
 from core.support.text import clean
 from core.values.robots import Robot
 from plugins.results.workshop.motion import Sampled
@@ -44,13 +44,7 @@ def plain(value: Any) -> Any:
 
 def filled(name: str, **values: Any) -> str:
     """Render a template of a Markdown text."""
-    environment = jinja2.Environment(  # noqa: S701 - `plain` escapes
-        undefined=jinja2.StrictUndefined,
-        finalize=plain,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+    environment = build_environment(finalize=plain, keep_trailing_newline=True)
     return environment.from_string(text_of(name)).render(**values)
 
 
@@ -127,9 +121,7 @@ def _write_all(
     Raises:
         UserError: a template can't be rendered, or a file can't be written.
     """
-    environment = SandboxedEnvironment(
-        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    environment = build_environment()
     for name, template in programs:
         try:
             text = environment.from_string(template).render(robot=robot, **values)

@@ -324,7 +324,7 @@ def test_a_run_is_stored_and_goes_on_with_its_plans_as_written(tmp_path):
     winner = best_tool(read_run(tmp_path / "run"))
     (design,) = load_designs(tmp_path / "run/best/design.json")["strategies"]
     assert design["action"] == "anchored"
-    assert design["action_sets"] == [stored[winner.candidate].dump()]
+    assert design["action_sets"] == [stored[winner.run.best.candidate].dump()]
     resume(tmp_path / "run", ["budget.n_iteration=1"])
     assert (
         len(json.loads((tmp_path / "run/result.json").read_text())["generations"]) == 2

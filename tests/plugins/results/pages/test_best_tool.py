@@ -15,7 +15,11 @@ def test_the_tool_is_that_of_the_best_candidate(tmp_path):
         tools=[hook(0.3, "long"), hook(0.2, "short")],
     )
     best = best_tool(read_run(folder))
-    assert (best.name, best.reward, best.candidate[:2]) == ("short", 0.9, "g0")
+    assert (best.name, best.run.best.reward, best.run.best.candidate[:2]) == (
+        "short",
+        0.9,
+        "g0",
+    )
 
 
 def test_given_tools_are_known(tmp_path):

@@ -16,7 +16,7 @@ from plugins.results.report import verify
 from plugins.results.report.entries import ListedEntry, RunResult, read_entry
 from plugins.results.report.entry_tables import entry_tables
 from plugins.results.report.own_entries import find_entries
-from plugins.results.report.protocols import protocol
+from plugins.results.report.protocols import fixed_settings, protocol
 from plugins.results.report.report_command import main
 from tests.core.run_folders import write_run
 from tests.rare import rare
@@ -69,9 +69,10 @@ def entries(folder, name=""):
 
 def test_the_tracks_have_twelve_tasks_and_the_protocol_fixes_what_it_sets():
     assert len(TASKS) == 12
-    assert protocol("varied").fixed["rollout.perception.yaw"] == "0.01"
-    assert protocol("varied").fixed["fitness.unseen_sims"] == '["mujoco", "sapien"]'
-    assert "fitness.layouts" not in protocol("varied").fixed
+    fixed = fixed_settings("varied", "pybullet")
+    assert fixed["rollout.perception.yaw"] == "0.01"
+    assert fixed["fitness.unseen_sims"] == '["mujoco", "sapien"]'
+    assert "fitness.layouts" not in fixed
     for name in ("none", "x=1", "../varied"):
         with pytest.raises(UserError, match="no protocol"):
             protocol(name)

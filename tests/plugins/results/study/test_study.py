@@ -146,7 +146,9 @@ def test_what_is_there_is_not_run_again(tmp_path, monkeypatch, capsys):
     main([file, "tasks=BringCube", "folder=done"])
     assert capsys.readouterr().err == ""
     assert all(path.read_bytes() == data for path, data in stored.items())
-    with pytest.raises(UserError, match=r"hold.* runs of first that differ in: sim"):
+    with pytest.raises(
+        UserError, match=r"hold.* runs of first/BringCube that differ in: sim"
+    ):
         main([file, "tasks=BringCube", "folder=done", "sim=sapien"])
 
 
@@ -190,8 +192,18 @@ SCENE_TASKS = {"tasks": ["BringCube", "own.yaml"]}
 @pytest.mark.parametrize(
     ("changes", "words", "scene", "said"),
     [
-        ({}, ["vlm.model=b"], "one", "first that differ in: vlm.model=a vlm.model=b"),
-        ({}, ["vlm.model=a", "vlm.run=b"], "one", "first that differ in: vlm.run=b"),
+        (
+            {},
+            ["vlm.model=b"],
+            "one",
+            "first/own that differ in: vlm.model=a vlm.model=b",
+        ),
+        (
+            {},
+            ["vlm.model=a", "vlm.run=b"],
+            "one",
+            "first/own that differ in: vlm.run=b",
+        ),
         ({}, ["vlm.model=a"], "two", "own that differ in: the scene file's checksum"),
         ({"by_task": {"own": ["seed=3"]}}, ["vlm.model=a"], "one", "own that differ"),
         ({}, ["vlm.model=a", "vlm.retries=1", "film=true"], "one", ""),
