@@ -154,7 +154,7 @@ def _is_without(other: Group, mine: Group) -> bool:
     if other.task != mine.task or any(sum(_count_recalled(run)) for run in other.runs):
         return False
 
-    apart = differing([(run.task, run.config) for run in (*mine.runs, *other.runs)])
+    apart = differing([*mine.runs, *other.runs])
     return {*apart} <= {"prompt.lessons", "prompt.examples"}
 
 

@@ -23,9 +23,6 @@ CHOICES = (
 )
 """The choices that describe a method best, in this order; others follow."""
 
-Configured = tuple[str, Mapping[str, Any]]
-"""A task's name, and a configuration."""
-
 TASK = "task.name"
 
 PAPER = "paper"
@@ -89,63 +86,51 @@ def group(
         left_out: runs that don't, but are counted where their task and method are known.
     """
     known = [run for run in left_out if run.task and run.config]
-    runs: list[AnyRun] = [*finished, *known]
-    labels = label([(run.task, run.config) for run in runs])
+    names = label([*finished, *known])
     grouped: dict[tuple[str, str], list[FinishedRun]] = defaultdict(list)
-    for run, name in zip(finished, labels, strict=False):
-        grouped[run.task, name].append(run)
+    for run in finished:
+        grouped[run.task, names[run]].append(run)
 
-    lost: Counter[tuple[str, str]] = Counter()
-    for left, name in zip(known, labels[len(finished) :], strict=True):
-        lost[left.task, name] += 1
-
-    order = list(dict.fromkeys(labels))
+    lost = Counter((run.task, names[run]) for run in known)
+    order = list(dict.fromkeys(names.values()))
     keys = sorted(grouped, key=lambda key: (key[0], order.index(key[1])))
 
     return [Group(*key, tuple(grouped[key]), lost[key]) for key in keys]
 
 
-def label(configs: Sequence[Configured]) -> list[str]:
-    """Name the method of each configuration: by the user's ``name``, or else by what distinguishes it.
+def label(runs: Sequence[AnyRun]) -> dict[AnyRun, str]:
+    """Name the method of each run: by the user's ``name``, or else by what distinguishes it.
 
     A user's name of runs that differ says in what they do.
     """
     by_name = defaultdict(list)
-    for number, (_, config) in enumerate(configs):
-        name = config.get("name")
-        by_name[short(name) if isinstance(name, str) else ""].append(number)
+    for run in runs:
+        name = run.config.get("name")
+        by_name[short(name) if isinstance(name, str) else ""].append(run)
 
-    labels = [""] * len(configs)
-    for name, numbers in by_name.items():
-        alike = [configs[number] for number in numbers]
+    labels = dict.fromkeys(runs, "")
+    for name, alike in by_name.items():
         apart = differing(alike)
-        names = [name] * len(alike)
-        if not name:
-            names = _distinguish(alike)
-        elif apart:
+        described = name
+        if name and apart:
             keys = ", ".join(key.removesuffix(".name") for key in apart)
-            names = [f"{name} (differing in {keys})"] * len(alike)
+            described = f"{name} (differing in {keys})"
 
-        for number, method in zip(numbers, names, strict=True):
-            labels[number] = method
+        shown = apart or [f"{choice}.name" for choice in CHOICES[:3]]
+        for run in alike:
+            labels[run] = described or " ".join(_describe(comparable(run), shown))
 
     return labels
 
 
-def _distinguish(configs: Sequence[Configured]) -> list[str]:
-    """Name the method of each configuration by the settings in which they differ."""
-    names = differing(configs) or [f"{choice}.name" for choice in CHOICES[:3]]
-    return [" ".join(_describe(comparable(*config), names)) for config in configs]
-
-
-def differing(configs: Sequence[Configured]) -> list[str]:
+def differing(runs: Sequence[AnyRun]) -> list[str]:
     """Return the settings in which runs differ, choices first (``tool.name``): by these they are of several methods.
 
     Left out is what follows from a choice: from that of its own group, as an engine's step, or by naming another
     group, as ``fitness.material``; and what follows from the task. The seed, the executor and the listeners never
     distinguish methods. Of a setting that holds others, as ``vlm.options``, those count.
     """
-    settings = [comparable(*config) for config in configs]
+    settings = [comparable(run) for run in runs]
     every = set[str]().union(*settings)
     keys = sorted(every - _find_holders(every))
     choices = [key for key in keys if key.count(".") == 1 and key.endswith(".name")]
@@ -191,10 +176,10 @@ def _differ(
     return any(len(found) > 1 for found in alike.values())
 
 
-def comparable(task: str, config: Mapping[str, Any]) -> dict[str, str]:
+def comparable(run: AnyRun) -> dict[str, str]:
     """Return the settings that can distinguish methods; `PAPER` stands for what the paper has for the task."""
-    settings = flatten(config) | {TASK: task}
-    paper = (config.get("task") or {}).get("paper") or {}
+    settings = flatten(run.config) | {TASK: run.task}
+    paper = (run.config.get("task") or {}).get("paper") or {}
     for name, value in flatten(paper).items():
         key = f"budget.{name}"
         follows = name in OF_TASK or settings.get("budget.name") == PAPER

@@ -69,11 +69,12 @@ def find_entries(
 def _group(runs: Sequence[AnyRun], name: str) -> dict[_Followed, list[AnyRun]]:
     """Group the runs that followed a protocol by it and their method."""
     known = [run for run in runs if run.task and run.config]
-    methods = label([(run.task, run.config) for run in known])
+    methods = label(known)
+    several = len({*methods.values()}) > 1
     groups: dict[_Followed, list[AnyRun]] = {}
-    for run, method in zip(known, methods, strict=True):
+    for run, method in methods.items():
         called = name or method
-        if name and len(set(methods)) > 1:
+        if name and several:
             called = f"{name} {method}"
 
         match run.config.get("protocol"):
@@ -104,7 +105,7 @@ def _make_entry(
                 f"{short(str(run.folder))} is {run.status}; resume it, or delete it"
             )
 
-    apart = differing([(run.task, run.config) for run in runs])
+    apart = differing(runs)
     if apart:
         names = ", ".join(apart)
         raise UserError(f"its runs differ in more than task and seed: {names}")

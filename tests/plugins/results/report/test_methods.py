@@ -1,6 +1,8 @@
 """Methods are named by the settings that distinguish them; runs are grouped by them."""
 
-from plugins.results.pages.runs import find_runs
+from pathlib import Path
+
+from plugins.results.pages.runs import LeftOutRun, find_runs
 from plugins.results.report.methods import group, label
 from tests.core.run_folders import write_run
 
@@ -29,9 +31,12 @@ def config(**choices):
 
 
 def labels(*configs, tasks=None):
-    return label(
-        [((tasks or ["BringCube"] * len(configs))[i], c) for i, c in enumerate(configs)]
-    )
+    names = tasks or ["BringCube"] * len(configs)
+    runs = [
+        LeftOutRun(Path(), "failed", "", task, given)
+        for task, given in zip(names, configs, strict=True)
+    ]
+    return list(label(runs).values())
 
 
 def test_methods_are_named_by_the_choices_that_differ():
