@@ -104,9 +104,25 @@ def look_ahead(runs: Sequence[StudyRun], jobs: int) -> Outlook:
     """
     states = {run: read_state(run) for run in runs}
     done = [state for state in states.values() if isinstance(state, FinishedRun)]
-    estimator = Estimator(done)
-    missing = [run for run, state in states.items() if not is_done(state)]
-    needs = {run: estimator.need(run, states[run]) for run in missing}
+    rollouts = sum(run.rollouts for run in done)
+    seconds = sum(run.figures.wall_time_s * workers(run.config) for run in done)
+    rollout_s = seconds / rollouts if rollouts else None
+
+    configs: dict[tuple[str, str], DictConfig] = {}
+    demands: dict[str, _Demand] = {}  # of each method, on the first task that comes
+    needs = {}
+    for run, state in states.items():
+        if is_done(state):
+            continue
+
+        place = (run.method, run.task)
+        if place not in configs:
+            configs[place] = load("config", run.words)
+        if run.method not in demands:
+            demands[run.method] = _measure(configs[place])
+
+        needs[run] = _estimate(configs[place], demands[run.method], state, rollout_s)
+
     power = min(cores(), jobs * workers(load("config", runs[0].words)))
 
     return Outlook(runs, needs, jobs, power)
@@ -142,57 +158,37 @@ class _Demand:
         return self.prompt.prompt_tokens * sent + answer * answered
 
 
-class Estimator:
-    """Estimates runs; a method's demands are found once, for the first task that comes.
+def _estimate(
+    cfg: DictConfig, demand: _Demand, state: AnyRun | None, rollout_s: float | None
+) -> Need:
+    """Estimate a run, or what is left of one that has begun.
 
     Args:
-        done: runs of the study that are there, whose time is known.
+        cfg: its configuration.
+        demand: of its method.
+        state: what is known of it.
+        rollout_s: of one core, as runs of the study took; None: none is there.
     """
+    budget = cfg.budget
+    generations = budget.n_iteration + 1
+    tools = 1 if demand.given else budget.n_tool
+    candidates = budget.n_agent * tools * budget.n_action * generations
+    candidates += cfg.evolution.get("refine", 0)
+    often, last = demand.finals
+    rollouts = candidates * demand.conditions + often * generations + last
+    requests = budget.n_agent * generations
+    if isinstance(state, LeftOutRun) and state.status == "unfinished":
+        store = StoredRun(state.folder)
+        answered = sum(request.purpose == "designs" for request, _ in store.answers())
+        requests = max(requests - answered, 0)
+        rollouts = max(rollouts - len(store.trials()), 0)
 
-    def __init__(self, done: Sequence[FinishedRun]) -> None:
-        rollouts = sum(run.rollouts for run in done)
-        seconds = sum(run.figures.wall_time_s * workers(run.config) for run in done)
-        self._rollout_s = seconds / rollouts if rollouts else None
-        self._demands: dict[str, _Demand] = {}
-        self._budgets: dict[tuple[str, str], DictConfig] = {}
+    busy_s = START_S + rollouts * (rollout_s or ROLLOUT_S)
+    waits = reads_words(cfg) and rollout_s is None
+    wait_s = ANSWER_S * requests / budget.n_agent if waits else 0.0
+    usd = requests * demand.price(tools, budget.n_action)
 
-    def need(self, run: StudyRun, state: AnyRun | None) -> Need:
-        """Estimate a run, or what is left of one that has begun.
-
-        Raises:
-            UserError: its words can't be used; so mistakes are found before anything starts.
-        """
-        key = (run.method, run.task)
-        if key not in self._budgets:
-            self._budgets[key] = load("config", run.words)
-
-        cfg = self._budgets[key]
-        if run.method not in self._demands:
-            self._demands[run.method] = _measure(cfg)
-
-        demand = self._demands[run.method]
-        budget = cfg.budget
-        generations = budget.n_iteration + 1
-        tools = 1 if demand.given else budget.n_tool
-        candidates = budget.n_agent * tools * budget.n_action * generations
-        candidates += cfg.evolution.get("refine", 0)
-        often, last = demand.finals
-        rollouts = candidates * demand.conditions + often * generations + last
-        requests = budget.n_agent * generations
-        if isinstance(state, LeftOutRun) and state.status == "unfinished":
-            store = StoredRun(run.folder)
-            answered = sum(
-                request.purpose == "designs" for request, _ in store.answers()
-            )
-            requests = max(requests - answered, 0)
-            rollouts = max(rollouts - len(store.trials()), 0)
-
-        busy_s = START_S + rollouts * (self._rollout_s or ROLLOUT_S)
-        waits = reads_words(cfg) and self._rollout_s is None
-        wait_s = ANSWER_S * requests / budget.n_agent if waits else 0.0
-        usd = requests * demand.price(tools, budget.n_action)
-
-        return Need(requests, rollouts, busy_s, wait_s, usd)
+    return Need(requests, rollouts, busy_s, wait_s, usd)
 
 
 def _measure(cfg: DictConfig) -> _Demand:
