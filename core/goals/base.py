@@ -409,6 +409,7 @@ class Reach(Goal):
         short: what is done to ``bodies``, beginning with a verb: a format of these and of ``goal``.
         from_start: whether it counts from where bodies start, so that a picture shows that.
         moves: whether its measures are how far a body itself has to get, m.
+        offset: whether it asks how far off a place a body is, which reports say by itself.
         turns: whether it asks for a turn, which a soft body does not have.
     """
 
@@ -466,6 +467,7 @@ class Reach(Goal):
     short: ClassVar[str] = ""
     from_start: ClassVar[bool] = False
     moves: ClassVar[bool] = False
+    offset: ClassVar[bool] = False
     turns: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
@@ -526,6 +528,11 @@ class Reach(Goal):
         return (" or " if self.any else ", ").join(self.bodies)
 
     @property
+    def reference(self) -> str | None:
+        """The body or mark by which it says a place or a direction; None: the world."""
+        return getattr(self, "at", None)
+
+    @property
     def soft_nodes(self) -> tuple[int, ...]:
         """The nodes that bodies must have for it, which are soft then; empty: they may be rigid."""
         node: int | None = getattr(self, "node", None)
@@ -552,7 +559,7 @@ class Reach(Goal):
         if type(self) is Reach:
             return want
 
-        want = replace(want, reference=getattr(self, "at", None) or want.reference)
+        want = replace(want, reference=self.reference or want.reference)
         if self.aim_of(want.bodies[0], scene.state()) is None:
             return replace(want, unsaid=(*want.unsaid, type(self).__name__))
 

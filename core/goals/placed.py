@@ -86,6 +86,7 @@ class Placed(Reach):
     }
     names: ClassVar = {"at": ANY_BODY}
     moves = True
+    offset = True
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -156,7 +156,7 @@ def _points(
         yield end.pose(name).apply(boxes[name])
 
     for goal in reaches(task.goals):
-        other = bodies.get(getattr(goal, "at", None) or "")
+        other = bodies.get(goal.reference or "")
         if other is not None:
             corners = other.pose.apply(_box(scene, other.name))
             if np.ptp(corners, axis=0).max() < LARGE_M:

@@ -309,7 +309,7 @@ class _Case:
         for goal in sorted(self.reaches, key=self._measure_left):
             for name in goal.subjects(self.start):
                 wanted = goal.place_of(name, self.start)
-                axes = self.start.placement(getattr(goal, "at", None)).quaternion
+                axes = self.start.placement(goal.reference).quaternion
                 found.setdefault(name, _offset(wanted, self.end.position(name), axes))
 
         return {name: found[name] for name in self.names if name in found}
@@ -323,7 +323,7 @@ class _Case:
             bodies = goal.subjects(self.start)
             body = next((name for name in bodies if name in self.left), bodies[0])
 
-            parts = [part for part in goal.parts if not hasattr(part, "place")]
+            parts = [part for part in goal.parts if not part.offset]
             for measure in chain(*(part.measures(body, self.start) for part in parts)):
                 begun = float(measure.value(self.start))
                 ended = float(measure.value(self.end))

@@ -87,7 +87,7 @@ def test_the_json_schema_fits_what_is_read(scaffold):
     validator.check_schema(schema)
     pages = [
         ROOT / f"docs/{name}.md"
-        for name in ("scene_files", "scene_things", "scene_keys")
+        for name in ("scene_files", "scene_things", "scene_keys", "scene_goals")
     ]
     page = "".join(page.read_text() for page in pages)
     keys = {*schema["properties"], *schema["$defs"]["Goal"]["properties"]}
