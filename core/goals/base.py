@@ -12,11 +12,12 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from core.errors import UsageError, choices, refuse
-from core.geometry import Array
+from core.geometry import Array, Vector
 from core.goals.keys import AboveZero, Enough, Key, Names
 from core.goals.sites import FREE_BODY, Site, find_names, list_names
 from core.goals.wants import Ban, Place, Want
 from core.scene import FIXTURE, Scene, Soft
+from core.values.joints import rotate
 from core.values.margins import Margin
 from core.values.spans import Span
 from core.values.states import State
@@ -955,10 +956,17 @@ def needs_some(goal: Reach, things: int, forbidden: int) -> bool:
     return forbidden > 0 and goal.count_enough(things) > things - forbidden
 
 
-def angle_between(first: Array, second: Array) -> Array:
-    """Compute the angle between unit vectors (..., 3), rad, (...)."""
-    along = (first * second).sum(axis=-1)
-    angle: Array = np.arccos(np.clip(along, -1.0, 1.0))
+def measure_angle(
+    body: str, axis: Vector, towards: Callable[[State], Array]
+) -> Callable[[State], Array]:
+    """Make what measures the angle between an axis of a body's frame and unit vectors (..., 3), rad, (...)."""
+    own = np.divide(axis, np.linalg.norm(axis))
+
+    def angle(state: State) -> Array:
+        now = rotate(state.quaternion(body), own)
+        along = (now * towards(state)).sum(axis=-1)
+        return np.asarray(np.arccos(np.clip(along, -1.0, 1.0)))
+
     return angle
 
 

@@ -13,8 +13,8 @@ from core.goals.base import (
     SLIP_RAD,
     Measure,
     Reach,
-    angle_between,
     length,
+    measure_angle,
     vector,
 )
 from core.goals.keys import AXIS, TOLERANCE_DEG, Key
@@ -22,7 +22,6 @@ from core.goals.sites import ANY_BODY
 from core.goals.turned import ALONG
 from core.goals.wants import Want
 from core.scene import Scene
-from core.values.joints import rotate
 from core.values.states import State
 
 
@@ -66,14 +65,12 @@ class Facing(Reach):
             raise ValueError(f"{self.facing} can't face itself; name another body")
 
     def measures(self, body: str, start: State) -> Iterator[Measure]:
-        axis = np.divide(self.axis, np.linalg.norm(self.axis))
-
-        def angle(state: State) -> Array:
+        def towards(state: State) -> Array:
             way = state.position(self.facing) - state.position(body)
             distance = np.maximum(length(way), np.finfo(float).tiny)
-            towards = way / distance[..., None]
-            return angle_between(rotate(state.quaternion(body), axis), towards)
+            return np.asarray(way / distance[..., None])
 
+        angle = measure_angle(body, self.axis, towards)
         most = float(np.radians(self.tolerance_deg))
         name = f"angle of {body} to {self.facing}"
         yield Measure(name, angle, most, SLIP_RAD, "rad")

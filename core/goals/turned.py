@@ -15,8 +15,8 @@ from core.goals.base import (
     Given,
     Measure,
     Reach,
-    angle_between,
     frame,
+    measure_angle,
     vector,
 )
 from core.goals.keys import AT, AXIS, TOLERANCE_DEG, Bound, Direction, Key
@@ -81,19 +81,17 @@ class Turned(Reach):
             raise ValueError("a goal's axis and points need a length")
 
     def measures(self, body: str, start: State) -> Iterator[Measure]:
-        axis = np.divide(self.axis, np.linalg.norm(self.axis))
         points = np.divide(self.points, np.linalg.norm(self.points))
         if self.at is not None:
             points = rotate(start.quaternion(self.at), points)
 
-        def angle(state: State) -> Array:
-            return angle_between(rotate(state.quaternion(body), axis), points)
-
-        def angle_deg(state: State) -> Array:
-            return np.asarray(np.degrees(angle(state)))
-
+        angle = measure_angle(body, self.axis, lambda _: points)
         name = f"angle of {body}"
         if self.angle_deg is not None:
+
+            def angle_deg(state: State) -> Array:
+                return np.asarray(np.degrees(angle(state)))
+
             yield from Measure.within(self.angle_deg, name, angle_deg, "deg", SLIP_DEG)
             return
 

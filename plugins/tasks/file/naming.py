@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
 
 from core.errors import UsageError, choices
 from core.goals import Goal, Space, limits, reaches
@@ -92,7 +93,7 @@ def _check_order(tree: Tree, entries: Sequence[Entry]) -> None:
         for reach in reaches(entry):
             called |= {number: number, reach.name or number: number}
 
-    after = dict[int, int]()
+    after = dict[int, list[int]]()
     for number, entry in enumerate(entries):
         for reach in reaches(entry):
             if reach.after is None:
@@ -101,24 +102,13 @@ def _check_order(tree: Tree, entries: Sequence[Entry]) -> None:
                 unknown = choices("goal", str(reach.after), map(str, called))
                 raise tree.error(("goals", number, "after"), str(unknown))
 
-            after[number] = called[reach.after]
+            after[number] = [called[reach.after]]
 
-    circle = find_circle(after)
-    if circle is not None:
+    try:
+        TopologicalSorter(after).prepare()
+    except CycleError as error:
         problem = "it must be fulfilled before itself; name an earlier goal"
-        raise tree.error(("goals", circle, "after"), problem)
-
-
-def find_circle(after: Mapping[int, int]) -> int | None:
-    """Find an entry that has to be fulfilled before itself, by which comes after which; None: there is none."""
-    for first in after:
-        number = first
-        for _ in after:
-            number = after.get(number, -1)
-            if number == first:
-                return first
-
-    return None
+        raise tree.error(("goals", min(error.args[1]), "after"), problem) from None
 
 
 def _check_conflicts(tree: Tree, entries: Sequence[Entry], scene: Scene) -> None:
