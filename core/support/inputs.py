@@ -26,7 +26,11 @@ Entry = tuple[str | int, ...]
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 """No other keys than those that are known, and no text for a number."""
 
+FIELDS = ConfigDict(extra="forbid", frozen=True)
+"""No other keys than those that are known."""
+
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
+_BEYOND = ("less_than", "greater_than", "finite_number")  # its range
 _LIST = "must be a list, such as [0, 0, 0.1]"
 _OBJECT = "must be an object of keys and values, such as {radius: 0.1}"
 _WORDS = {
@@ -36,6 +40,7 @@ _WORDS = {
     "float_parsing": "must be a number",
     "int_type": "must be a whole number",
     "int_parsing": "must be a whole number",
+    "list_type": _LIST,
     "tuple_type": _LIST,
     "dict_type": _OBJECT,
     "model_type": _OBJECT,
@@ -151,7 +156,7 @@ def _explain(error: ErrorDetails) -> str:
 
 
 def in_unit(words: str) -> WrapValidator:
-    """Make what adds to the error of a number in which unit it is, for its ``Annotated`` type.
+    """Make what adds to the error of a number beyond its range in which unit it is, for its ``Annotated`` type.
 
     Args:
         words: such as ``it is in metres``.
@@ -161,7 +166,26 @@ def in_unit(words: str) -> WrapValidator:
         try:
             return handler(given)
         except ValidationError as error:
-            raise ValueError(f"{_explain(error.errors()[0])}; {words}") from error
+            first = error.errors()[0]
+            if not first["type"].startswith(_BEYOND):
+                raise
+            raise ValueError(f"{_explain(first)}; {words}") from error
+
+    return WrapValidator(read)
+
+
+def meant(words: str) -> WrapValidator:
+    """Make what says in words of its own what an ``Annotated`` type may be.
+
+    Args:
+        words: such as ``give its number, from 0, or its name``.
+    """
+
+    def read(given: Any, handler: Callable[[Any], Any]) -> Any:
+        try:
+            return handler(given)
+        except ValidationError as error:
+            raise ValueError(words) from error
 
     return WrapValidator(read)
 

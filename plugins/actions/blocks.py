@@ -18,9 +18,9 @@ from core.design import DesignError
 from core.designs.plan_rules import MAX_REACH_M, MAX_WAYPOINTS
 from core.designs.schema import object_schema
 from core.errors import refuse
-from core.support.inputs import check, in_unit
+from core.support.inputs import FIELDS, check, meant
 from core.support.text import count_words, kind
-from plugins.actions.steps import FIELDS, HERE, IT, Name, Step, read_step
+from plugins.actions.steps import HERE, IT, Name, Step, read_step
 
 MAX_ROUNDS = 8
 """The most rounds of a loop, and the most bodies of a block for each of them."""
@@ -66,7 +66,7 @@ class Sighting:
     goal: Annotated[
         Number | Name | None,
         Field(union_mode="left_to_right"),
-        in_unit("give its number, from 0, or its name"),
+        meant("give its number, from 0, or its name"),
     ] = None
     body: Name = ""
     at: Name = ""
@@ -117,7 +117,7 @@ class LookStep:
     """The scene is looked at again: later anchors stand where bodies are seen then."""
 
     LISTS: ClassVar[tuple[str, ...]] = ()
-    look: Annotated[Literal[True], in_unit('write {"look": true}, or leave it out')]
+    look: Annotated[Literal[True], meant('write {"look": true}, or leave it out')]
 
 
 @dataclass(frozen=True, config=FIELDS)

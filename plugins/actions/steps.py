@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field, Strict, TypeAdapter
+from pydantic import Field, Strict, TypeAdapter
 from pydantic.dataclasses import dataclass
 
 from core.design import DesignError
@@ -18,7 +18,7 @@ from core.designs.plan_rules import MAX_ANGLE_RAD, MAX_REACH_M, MIN_TEMPO
 from core.errors import refuse
 from core.geometry import Array, Pose
 from core.interfaces import Guard, Seen
-from core.support.inputs import check, in_unit
+from core.support.inputs import FIELDS, check, in_unit
 from core.support.text import kind, shorten
 
 WORLD = "world"
@@ -65,9 +65,6 @@ Speed = Annotated[float, Strict(), Field(ge=0, le=MAX_SPEED, allow_inf_nan=False
 Share = Annotated[float, Strict(), Field(ge=0, le=1, allow_inf_nan=False)]
 Newtons = Annotated[float, Strict(), Field(ge=0, le=MAX_NEWTONS, allow_inf_nan=False)]
 Name = Annotated[str, Strict(), Field(max_length=200)]
-
-
-FIELDS = ConfigDict(extra="forbid")
 
 
 @dataclass(frozen=True, config=FIELDS)

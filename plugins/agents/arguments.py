@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
-from core.support.inputs import check
+from core.support.inputs import FIELDS, check
 from core.support.text import clean
 from plugins.agents.bench import Refused
 
@@ -45,7 +45,7 @@ CandidateId = Annotated[
 class Arguments(BaseModel):
     """The arguments of a tool: none but these."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = FIELDS
 
 
 class DescribeTask(Arguments):

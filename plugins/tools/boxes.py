@@ -5,26 +5,47 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain, islice
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import BaseModel, Field, Strict, create_model
 
 from core.design import DesignError
 from core.geometry import KINDS, PRIMITIVES, Array, Box, Pose, Primitive, Shape
+from core.support.inputs import FIELDS, check, in_unit
 from core.support.text import shorten
 from plugins.tools.components import (
     DIGITS,
+    MAX_NUMBER,
     NUMBER,
     TEXT,
     TRIPLE,
     ComponentTools,
     ReadShape,
-    check_keys,
-    read_number,
-    read_numbers,
     rounded,
 )
 
 FIELD = "tool_components"
 _KEYS = ("shape", *dict.fromkeys(chain(*(kind.lengths() for kind in KINDS))))
+
+
+# What is shorter would be written as 0.
+Length = Annotated[
+    float, Strict(), Field(ge=10.0**-DIGITS, le=MAX_NUMBER), in_unit("it is in metres")
+]
+
+Sides = tuple[Length, Length, Length]
+
+
+def _lengths_of(kind: type[Primitive]) -> type[BaseModel]:
+    """Make the class of a kind's lengths as they are written."""
+    fields: dict[str, Any] = {}
+    for name, count in kind.lengths().items():
+        fields[name] = (Length if count == 1 else Sides, ...)
+
+    return create_model(kind.kind, __config__=FIELDS, **fields)
+
+
+_LENGTHS = {name: _lengths_of(kind) for name, kind in PRIMITIVES.items()}
 
 
 def _read_shape(item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
@@ -40,28 +61,11 @@ def _read_shape(item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
         )
 
     kind = PRIMITIVES[name]
-    check_keys(
-        {key: None for key in _KEYS if key in item},
-        ("shape", *kind.lengths()),
-        f"{where}, a {name},",
-    )
-
-    sizes = []
-    for size, count in kind.lengths().items():
-        place = f"{where}: {size}"
-        value = item.get(size)
-        if count == 1:
-            numbers = [read_number(value, place)]
-        else:
-            numbers = read_numbers(value, count, place)
-
-        for number in numbers:
-            if number < 10.0**-DIGITS:  # it would be written as 0
-                raise DesignError(
-                    f"{place} must be greater than 0, in metres, not {number:g}"
-                )
-
-        sizes += numbers
+    written = {key: item[key] for key in _KEYS[1:] if key in item}
+    read = check(_LENGTHS[name], written, f"{where}, a {name}", DesignError)
+    sizes: list[float] = []
+    for value in vars(read).values():
+        sizes += value if isinstance(value, tuple) else [value]
 
     return kind.of(*sizes), Pose()
 

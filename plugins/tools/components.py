@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import BaseModel, Field, Strict, create_model
+from pydantic.dataclasses import dataclass
 
 from core.design import Component, DesignError, Tool, ToolJoint
 from core.designs.plan_rules import MAX_ANGLE_RAD
@@ -29,10 +30,11 @@ from core.designs.rules import (
     mount_solids,
 )
 from core.designs.schema import object_schema
-from core.geometry import Array, Color, Pose, Shape
+from core.geometry import Array, Pose, Shape
 from core.interfaces import Brief, Robot
 from core.robot.description import assembled
 from core.robot.solids import closest, solids_of
+from core.support.inputs import FIELDS, check, in_unit, meant
 from core.support.text import kind, shorten
 from plugins.tools.mounting import first_box, instruct
 from plugins.tools.varying import VariedTools
@@ -43,8 +45,6 @@ MAX_NUMBER = 1000.0
 DIGITS = 5
 """Of what is written, after the point: hundredths of a millimetre."""
 
-_COLOR = re.compile(r"#[0-9a-fA-F]{6}")
-_KEYS = frozenset({"name", "parent", "position", "rpy", "mass", "color"})
 _NO_TURN = [0, 0, 0]
 _JOINT_NUMBERS = ("lower", "upper", "damping", "friction", "stiffness", "rest")
 
@@ -52,6 +52,66 @@ _JOINT_NUMBERS = ("lower", "upper", "damping", "friction", "stiffness", "rest")
 TEXT = {"type": "string"}
 NUMBER = {"type": "number"}
 TRIPLE = {"type": "array", "items": NUMBER, "minItems": 3, "maxItems": 3}
+
+_FAR = "metres, radians and kilograms of a tool are far below"
+_RADIANS = "angles are in radians, at most a full turn (90 degrees are 1.5708)"
+Number = Annotated[
+    float,
+    Strict(),
+    Field(ge=-MAX_NUMBER, le=MAX_NUMBER, allow_inf_nan=False),
+    in_unit(_FAR),
+]
+Angle = Annotated[
+    float,
+    Strict(),
+    Field(ge=-MAX_ANGLE_RAD, le=MAX_ANGLE_RAD, allow_inf_nan=False),
+    in_unit(_RADIANS),
+]
+Triple = tuple[Number, Number, Number]
+Turn = tuple[Angle, Angle, Angle]
+HexColor = Annotated[
+    str,
+    Field(pattern="^#[0-9a-fA-F]{6}$"),
+    meant('must be red, green and blue in hexadecimal, such as "#3373cc"'),
+]
+
+
+@dataclass(frozen=True, config=FIELDS)
+class WrittenJoint:
+    """A joint as it is written, with its axis and its place in the mount's frame."""
+
+    kind: Literal["hinge", "slider"]
+    axis: Triple
+    at: Triple | None = None
+    lower: Number = 0.0
+    upper: Number = 0.0
+    damping: Number = 0.0
+    friction: Number = 0.0
+    stiffness: Number = 0.0
+    rest: Number = 0.0
+
+
+class WrittenComponent(BaseModel):
+    """A component as it is written, without what a representation writes of its shape."""
+
+    model_config = FIELDS
+
+    name: str
+    parent: Annotated[str, Strict()] = ""
+    position: Triple
+    rpy: Turn = (0.0, 0.0, 0.0)
+    mass: Number | None = None
+    color: HexColor | None = None
+
+
+@lru_cache(maxsize=16)
+def _component_of(keys: tuple[str, ...], *, joints: bool) -> type[WrittenComponent]:
+    """Make the class of a component whose shape is written by these keys, with a joint or without."""
+    fields: dict[str, Any] = dict.fromkeys(keys, (Any, None))
+    if joints:
+        fields["joint"] = (WrittenJoint | None, None)
+    return create_model("Component", __base__=WrittenComponent, **fields)
+
 
 # Gets a component and words for its place; returns its shape, and the shape's pose in the frame that the component's
 # position and rpy give.
@@ -216,35 +276,28 @@ class ComponentTools(VariedTools):
             mounts: what the tool may hang from.
         """
         where = f"component {name!r}"
-        known = {*_KEYS, *self.keys}
-
-        if self.joints:
-            known.add("joint")
-
-        check_keys(item, known, where)
-        usual = "" if len(mounts) == 1 else None
-        parent = item.get("parent", usual)
-
-        if not isinstance(parent, str):
+        kind_of = _component_of(self.keys, joints=self.joints)
+        written = check(kind_of, item, where, DesignError)
+        if not written.parent and len(mounts) > 1:
             raise DesignError(
                 f"{where}: parent must be the name of a component or of {' or '.join(mounts)}"
             )
 
-        parent = dict(self.robot.aliases).get(parent, parent)
-
-        position = read_numbers(item.get("position"), 3, f"{where}: position")
-        rpy = read_numbers(item.get("rpy", _NO_TURN), 3, f"{where}: rpy")
-        check_angles(rpy, f"{where}: rpy")
+        parent = dict(self.robot.aliases).get(written.parent, written.parent)
         shape, place = read_shape(item, where)
-        pose = Pose.xyz_rpy(position, rpy) @ place
-        mass = default_mass(shape.volume)
+        pose = Pose.xyz_rpy(written.position, written.rpy) @ place
+        mass = written.mass
+        if mass is None:
+            mass = default_mass(shape.volume)
 
-        if item.get("mass") is not None:
-            mass = read_number(item["mass"], f"{where}: mass")
+        color = Component.color
+        if written.color is not None:
+            red, green, blue = bytes.fromhex(written.color[1:])
+            color = (red / 255, green / 255, blue / 255, 1.0)
 
-        color = _read_color(item, where)
-        joint = _read_joint(item.get("joint"), f"{where}: its joint", pose)
-
+        joint = _make_joint(
+            getattr(written, "joint", None), f"{where}: its joint", pose
+        )
         return Component(name, parent, pose, shape, mass, color, joint)
 
     def _find_parent(
@@ -383,46 +436,27 @@ def robot_names(robot: Robot) -> frozenset[str]:
     return frozenset(names)
 
 
-def _read_joint(
-    item: object,
+def _make_joint(
+    written: WrittenJoint | None,
     where: str,
     pose: Pose,
 ) -> ToolJoint | None:
-    """Read the joint of a component at this pose in the frame of its mount.
+    """Make the joint of a component at this pose in the frame of its mount.
 
     Axis and place are written in the mount's frame; what is returned has them in the component's.
     """
-    if item is None:
+    if written is None:
         return None
-    if not isinstance(item, Mapping):
-        raise DesignError(f"{where} must be an object or null, not {kind(item)}")
 
-    check_keys(item, ("kind", "axis", "at", *_JOINT_NUMBERS), where)
-    moves = item.get("kind")
-
-    if moves not in ("hinge", "slider"):
-        raise DesignError(
-            f'{where}: kind must be "hinge" or "slider", not {shorten(str(moves))}'
-        )
-
-    axis = read_numbers(item.get("axis"), 3, f"{where}: axis")
-    turned = tuple(pose.rotation.inv().apply(axis))
-    place = pose.position
-
-    if item.get("at") is not None:
-        place = np.array(read_numbers(item["at"], 3, f"{where}: at"))
-
+    turned = tuple(pose.rotation.inv().apply(written.axis))
     origin = (0.0, 0.0, 0.0)
-    if moves == "hinge":
+    if written.kind == "hinge":
+        place = pose.position if written.at is None else np.array(written.at)
         origin = tuple(pose.inverse().apply(place).tolist())
 
-    numbers = {
-        name: read_number(item.get(name, 0.0), f"{where}: {name}")
-        for name in _JOINT_NUMBERS
-    }
-
+    numbers = {name: getattr(written, name) for name in _JOINT_NUMBERS}
     try:
-        return ToolJoint(moves, turned, origin=origin, **numbers)
+        return ToolJoint(written.kind, turned, origin=origin, **numbers)
     except DesignError as error:
         raise DesignError(f"{where}: {error}") from error
 
@@ -439,67 +473,6 @@ def _write_joint(joint: ToolJoint | None, pose: Pose) -> dict[str, Any] | None:
     longest = float(abs(axis).max())
 
     return {"kind": joint.kind, "axis": rounded(axis / longest), "at": at, **numbers}
-
-
-def check_keys(
-    item: Mapping[str, Any],
-    keys: Iterable[str],
-    where: str,
-) -> None:
-    """Refuse what no one would read, such as a misspelt key."""
-    known = set(keys)
-
-    for key in item:
-        if key not in known:
-            raise DesignError(
-                f"{where} has {shorten(str(key))}, which it can't have; possible: {', '.join(sorted(known))}"
-            )
-
-
-def read_number(value: object, where: str) -> float:
-    """Read a number of at most `MAX_NUMBER` in size.
-
-    Raises:
-        DesignError: it is none, or larger.
-    """
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise DesignError(f"{where} must be a number, not {describe(value)}")
-
-    # Also refuses nan, and integers that are too large for a float.
-    if not abs(value) <= MAX_NUMBER:
-        raise DesignError(
-            f"{where} is beyond {MAX_NUMBER:g}; metres, radians and kilograms of a tool are far below"
-        )
-
-    return float(value)
-
-
-def read_numbers(
-    value: object,
-    count: int,
-    where: str,
-) -> list[float]:
-    """Read a list of ``count`` numbers.
-
-    Raises:
-        DesignError: it is none, or a number of it can't be read.
-    """
-    if not isinstance(value, list) or len(value) != count:
-        raise DesignError(
-            f"{where} must be a list of {count} numbers, not {describe(value)}"
-        )
-
-    return [read_number(number, where) for number in value]
-
-
-def describe(value: object) -> str:
-    """Say what stands in the place of a number or a list."""
-    if value is None:
-        return "missing"
-    if isinstance(value, list):
-        return f"a list of {len(value)}"
-
-    return kind(value)
 
 
 def rounded(values: Iterable[float]) -> list[float]:
@@ -557,32 +530,3 @@ def _read_name(
         raise DesignError(f"two components are named {name!r}; each needs its own name")
 
     return name
-
-
-def check_angles(angles: Iterable[float], where: str) -> None:
-    """Refuse angles of a tool that must be degrees; ``where`` names their place.
-
-    Raises:
-        DesignError: one is more than a full turn.
-    """
-    for angle in angles:
-        if abs(angle) > MAX_ANGLE_RAD:
-            raise DesignError(
-                f"{where} has {angle:g}; angles are in radians, at most a full turn (90 degrees are 1.5708)"
-            )
-
-
-def _read_color(item: Mapping[str, Any], where: str) -> Color:
-    """Read a colour; without one it is the usual."""
-    text = item.get("color")
-    if text is None:
-        return Component.color
-
-    if not isinstance(text, str) or not _COLOR.fullmatch(text):
-        raise DesignError(
-            f'{where}: color must be red, green and blue in hexadecimal, such as "#3373cc", not {kind(text)}'
-        )
-
-    red, green, blue = bytes.fromhex(text[1:])
-
-    return red / 255, green / 255, blue / 255, 1.0

@@ -17,7 +17,7 @@ import yaml
 from core.errors import UsageError, UserError, choices
 from core.support.cli import expand, path_exists, say
 from core.support.files import read_text, read_untrusted
-from core.support.inputs import check
+from core.support.inputs import FIELDS, check
 from core.support.text import clean, hydra_word
 from plugins.results.pages.runs import AnyRun, FinishedRun, LeftOutRun, read_run
 
@@ -40,7 +40,7 @@ _PROMPTS = Path(str(files("prompts")))
 
 
 class _Part(pydantic.BaseModel):
-    model_config = pydantic.ConfigDict(extra="forbid", frozen=True)
+    model_config = FIELDS
 
 
 class Method(_Part):

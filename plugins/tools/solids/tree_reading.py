@@ -7,23 +7,28 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from manifold3d import CrossSection, FillRule
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    Field,
+    Strict,
+    create_model,
+)
 
 from core.design import DesignError
 from core.designs.rules import MIN_SIDE_M
-from core.geometry import Array
+from core.support.inputs import FIELDS, check, in_unit
 from core.support.text import kind, shorten
 from plugins.tools.components import (
     DIGITS,
-    check_keys,
-    describe,
-    read_number,
-    read_numbers,
+    Number,
     rounded,
 )
 
@@ -52,15 +57,7 @@ _SAME = 1e-6  # share of an outline's area
 _PINCHED_MM = 1e-3  # an outline that is thinner somewhere touches itself
 
 OPERATIONS = ("union", "difference", "intersection")
-SIZES = {  # the sizes in each primitive's list
-    "box": ("x", "y", "z"),
-    "sphere": ("radius",),
-    "cylinder": ("radius", "length"),
-    "capsule": ("radius", "length"),
-    "cone": ("bottom radius", "top radius", "length"),
-}
-_KINDS = (*SIZES, "extrude", "revolve", "hull", *OPERATIONS)
-_EXTRA = {"extrude": {"height"}, "revolve": {"angle"}}
+_EXTRA = {"extrude": "height", "revolve": "angle"}
 
 
 @dataclass(frozen=True)
@@ -96,7 +93,7 @@ def dump_node(node: Node) -> dict[str, Any]:
 
     data: dict[str, Any] = {node.kind: content}
     if node.kind in _EXTRA and node.sizes != (FULL_TURN,):
-        data |= dict.fromkeys(_EXTRA[node.kind], rounded(node.sizes)[0])
+        data[_EXTRA[node.kind]] = rounded(node.sizes)[0]
 
     if any(node.at[3:]):
         data["at"] = rounded(node.at)
@@ -151,44 +148,21 @@ class TreeReader:
             )
 
         name = _read_kind(value, where)
-        check_keys(value, {name, "at", *_EXTRA.get(name, ())}, where)
-        content = value[name]
-
+        read = check(_WRITTEN[name], value, where, DesignError)
         where = f"{where}: {name}"
-        at = _read_pose(value.get("at"), f"{where}: at")
-        if name in OPERATIONS:
-            return Node(name, children=self._children(content, where, depth), at=at)
+        content: Any = getattr(read, name)
+        at: tuple[float, ...] = read.at
         if name in SIZES:
-            return Node(name, _read_sizes(content, name, where), at=at)
+            return Node(name, content, at=at)
+        if name in OPERATIONS:
+            children = [
+                self._read_node(child, f"{where} {number}", depth + 1)
+                for number, child in enumerate(content, start=1)
+            ]
+            return Node(name, children=tuple(children), at=at)
 
-        if name == "hull":
-            points = _read_points(content, 3, 4, MAX_HULL_POINTS, where)
-            return Node(name, points=points, at=at)
-
-        points = _read_points(content, 2, 3, MAX_POINTS, where)
-        _check_outline(np.array(points), where)
-
-        if name == "extrude":
-            size = _read_size(value.get("height"), f"{where}: height")
-        else:
-            size = _read_turn(value.get("angle", FULL_TURN), points, where)
-
-        return Node(name, (size,), points, at=at)
-
-    def _children(
-        self,
-        content: object,
-        where: str,
-        depth: int,
-    ) -> tuple[Node, ...]:
-        """Read the children of an operation at this depth."""
-        if not isinstance(content, list) or len(content) < 2:
-            raise DesignError(f"{where} must be a list of two or more shapes")
-
-        return tuple(
-            self._read_node(child, f"{where} {number}", depth + 1)
-            for number, child in enumerate(content, start=1)
-        )
+        sizes = (getattr(read, _EXTRA[name]),) if name in _EXTRA else ()
+        return Node(name, sizes, content, at=at)
 
 
 def _parse_json(text: str, where: str) -> object:
@@ -218,123 +192,30 @@ def _parse_json(text: str, where: str) -> object:
 
 def _read_kind(value: Mapping[str, Any], where: str) -> str:
     """Return the only key that names a kind of node."""
-    named = [name for name in _KINDS if name in value]
+    named = [name for name in _WRITTEN if name in value]
     if len(named) == 1:
         return named[0]
 
     others = ", ".join(shorten(str(key)) for key in list(value)[:3])
     found = " and ".join(named) or others or "nothing"
     raise DesignError(
-        f"{where} must have exactly one of {', '.join(_KINDS)}; it has {found}"
+        f"{where} must have exactly one of {', '.join(_WRITTEN)}; it has {found}"
     )
 
 
-def _read_turn(
-    angle: object,
-    points: Sequence[Sequence[float]],
-    where: str,
-) -> float:
-    """Read the angle of a revolution of an outline, whose points are [r, z]."""
-    if min(r for r, _ in points) < 0:
-        raise DesignError(
-            f"{where}: its points are [r, z] with r from 0, the distance from the z axis"
-        )
+def _check_outline(outline: Outline) -> Outline:
+    """Refuse outlines that cross themselves, or have no area.
 
-    radians = read_number(angle, f"{where}: angle")
-    if not 0.01 <= radians <= FULL_TURN + 1e-4:
-        raise DesignError(
-            f"{where}: angle must be between 0.01 and {FULL_TURN} radians, a full turn"
-        )
-
-    return round(min(radians, FULL_TURN), DIGITS)
-
-
-def _read_pose(value: object, where: str) -> tuple[float, ...]:
-    """Read where a shape lies: x, y, z, and perhaps roll, pitch and yaw."""
-    if value is None:
-        return (0.0,) * 6
-
-    count = 3
-    if isinstance(value, list) and len(value) > 3:
-        count = 6
-
-    where = f"{where}, x, y, z and rpy if any,"
-    numbers = [
-        round(number, DIGITS) + 0.0 for number in read_numbers(value, count, where)
-    ]
-    if max(map(abs, numbers[:3])) > MAX_SIZE_M:
-        raise DesignError(f"{where} is more than {MAX_SIZE_M:g} m away")
-
-    return (*numbers, *[0.0] * (6 - count))
-
-
-def _read_size(
-    value: object,
-    where: str,
-    least: float = MIN_SIDE_M,
-) -> float:
-    """Read a size between ``least`` and `MAX_SIZE_M`, metres."""
-    size = round(read_number(value, where), DIGITS)
-    if not least <= size <= MAX_SIZE_M:
-        raise DesignError(
-            f"{where} is {size:g} m; it must be between {least:g} and {MAX_SIZE_M:g} m"
-        )
-
-    return size
-
-
-def _read_sizes(
-    content: object,
-    name: str,
-    where: str,
-) -> tuple[float, ...]:
-    """Read the sizes of a primitive; a sphere's may stand without a list."""
-    names = SIZES[name]
-    if name == "sphere" and not isinstance(content, list):
-        content = [content]
-
-    numbers = read_numbers(content, len(names), f"{where} [{', '.join(names)}]")
-
-    sizes = []
-    for size, number in zip(names, numbers, strict=True):
-        least = 0.0 if size == "top radius" else MIN_SIDE_M
-        sizes.append(_read_size(number, f"{where}: {size}", least))
-
-    return tuple(sizes)
-
-
-def _read_points(
-    content: object,
-    count: int,
-    fewest: int,
-    most: int,
-    where: str,
-) -> tuple[tuple[float, ...], ...]:
-    """Read points of ``count`` coordinates each, from ``fewest`` to ``most`` of them."""
-    if not isinstance(content, list) or not fewest <= len(content) <= most:
-        raise DesignError(
-            f"{where} must be a list of {fewest} to {most} points, not {describe(content)}"
-        )
-
-    points = []
-    for number, point in enumerate(content, start=1):
-        numbers = read_numbers(point, count, f"{where}: point {number}")
-        points.append(tuple(round(value, DIGITS) + 0.0 for value in numbers))
-
-    if np.abs(points).max() > MAX_SIZE_M:
-        raise DesignError(f"{where}: a point is more than {MAX_SIZE_M:g} m away")
-
-    return tuple(points)
-
-
-def _check_outline(points: Array, where: str) -> None:
-    """Refuse outlines that cross themselves, or have no area; ``points`` are (N, 2), metres."""
+    Raises:
+        ValueError: it is one.
+    """
+    points = np.array(outline)
     x, y = 1000 * points.T
     area = abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))) / 2
 
     if area < (1000 * MIN_SIDE_M) ** 2:
-        raise DesignError(
-            f"{where}: its outline has an area of {area:.3g} mm^2; give its corners in order"
+        raise ValueError(
+            f"its outline has an area of {area:.3g} mm^2; give its corners in order"
         )
 
     # Where it crosses itself, less of it is filled.
@@ -342,6 +223,99 @@ def _check_outline(points: Array, where: str) -> None:
     crosses = abs(filled.area() - area) > _SAME * area
 
     if crosses or len(filled.offset(-_PINCHED_MM).decompose()) != 1:
-        raise DesignError(
-            f"{where}: its outline crosses or touches itself; list its corners in order"
+        raise ValueError(
+            "its outline crosses or touches itself; list its corners in order"
         )
+
+    return outline
+
+
+def _check_radii(outline: Outline) -> Outline:
+    """Refuse an outline to be revolved, whose points are [r, z], that crosses its axis.
+
+    Raises:
+        ValueError: it does.
+    """
+    if min(r for r, _ in outline) < 0:
+        raise ValueError(
+            "its points are [r, z] with r from 0, the distance from the z axis"
+        )
+    return outline
+
+
+def _pad(value: Any) -> Any:
+    """Read a place without a turn."""
+    return (
+        [*value, 0.0, 0.0, 0.0]
+        if isinstance(value, list) and len(value) == 3
+        else value
+    )
+
+
+def _listed(value: Any) -> Any:
+    """Read the size of a sphere, which may stand without a list."""
+    return value if isinstance(value, list) else [value]
+
+
+def _round(number: float) -> float:
+    return round(number, DIGITS) + 0.0
+
+
+_METRES = in_unit("it is in metres")
+_ROUNDED = AfterValidator(_round)
+Size = Annotated[
+    float, Strict(), Field(ge=MIN_SIDE_M, le=MAX_SIZE_M), _METRES, _ROUNDED
+]
+Tip = Annotated[float, Strict(), Field(ge=0, le=MAX_SIZE_M), _METRES, _ROUNDED]
+Coordinate = Annotated[
+    float, Strict(), Field(ge=-MAX_SIZE_M, le=MAX_SIZE_M), _METRES, _ROUNDED
+]
+FullAngle = Annotated[
+    float,
+    Strict(),
+    Field(ge=0.01, le=FULL_TURN + 1e-4),
+    in_unit(f"it is in radians, and a full turn is {FULL_TURN}"),
+    AfterValidator(lambda angle: _round(min(angle, FULL_TURN))),
+]
+Rounded = Annotated[Number, _ROUNDED]
+At = Annotated[
+    tuple[Coordinate, Coordinate, Coordinate, Rounded, Rounded, Rounded],
+    BeforeValidator(_pad),
+]
+Outline = Annotated[
+    tuple[tuple[Coordinate, Coordinate], ...],
+    Field(min_length=3, max_length=MAX_POINTS),
+    AfterValidator(_check_outline),
+]
+Corners = Annotated[
+    tuple[tuple[Coordinate, Coordinate, Coordinate], ...],
+    Field(min_length=4, max_length=MAX_HULL_POINTS),
+]
+Children = Annotated[list[Any], Field(min_length=2)]
+SIZES: Mapping[str, Any] = {
+    "box": tuple[Size, Size, Size],
+    "sphere": Annotated[tuple[Size], BeforeValidator(_listed)],
+    "cylinder": tuple[Size, Size],
+    "capsule": tuple[Size, Size],
+    "cone": tuple[Size, Tip, Size],
+}
+"""The sizes in each primitive's list: of a cone the radii below and above, of others radius and length."""
+
+
+def _written_as(name: str, content: Any, **extra: Any) -> type[BaseModel]:
+    """Make the class of a kind of node as it is written."""
+    fields: dict[str, Any] = {name: (content, ...), "at": (At, (0.0,) * 6), **extra}
+    return create_model(name, __config__=FIELDS, **fields)
+
+
+_WRITTEN: Mapping[str, Any] = {
+    **{name: _written_as(name, sizes) for name, sizes in SIZES.items()},
+    "extrude": _written_as("extrude", Outline, height=(Size, ...)),
+    "revolve": _written_as(
+        "revolve",
+        Annotated[Outline, AfterValidator(_check_radii)],
+        angle=(FullAngle, FULL_TURN),
+    ),
+    "hull": _written_as("hull", Corners),
+    **{name: _written_as(name, Children) for name in OPERATIONS},
+}

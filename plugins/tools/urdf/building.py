@@ -24,10 +24,11 @@ from core.imports.urdf import read_tree
 from core.interfaces import Robot
 from core.robot.solids import Solid, signed_distance, solid_geometry
 from core.scene import Color
+from core.support.inputs import check
 from core.support.text import shorten
 from core.values.descriptions import RobotJoint, RobotLink
 from plugins.tools.components import (
-    check_angles,
+    Angle,
     default_mass,
     parents_first,
     robot_names,
@@ -254,8 +255,8 @@ def _check_turns(root: Element) -> None:
     for element in root:
         where = f"{element.tag} {element.get('name', '')!r}: rpy"
         for origin in element.iter("origin"):
-            angles = _ANGLE.findall(origin.get("rpy", ""))
-            check_angles(map(float, angles), where)
+            for angle in _ANGLE.findall(origin.get("rpy", "")):
+                check(Angle, float(angle), where, DesignError)
 
 
 def _check_name(

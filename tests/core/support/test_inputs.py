@@ -46,16 +46,19 @@ class Pair:
         ({}, "name: is missing; add it"),
         (
             {"name": 5},
-            "name: must be a text; put it in quotes, in a shell twice: '\"5\"', got 5",
+            "name: must be a text; put it in quotes, in a shell '\"5\"', got 5",
         ),
-        ({"name": "a", "parts": 1}, "parts: must be a valid list, got 1"),
+        (
+            {"name": "a", "parts": 1},
+            "parts: must be a list, such as [0, 0, 0.1], got 1",
+        ),
         (
             {"name": "a", "parts": [{"size": (1, 50)}]},
             "parts.0.size.1: must be less than or equal to 10, got 50; it is in metres",
         ),
         (
             {"name": "a", "parts": [{"size": (1, "x")}]},
-            "parts.0.size.1: must be a number, got 'x'; it is in metres",
+            "parts.0.size.1: must be a number, got 'x'",
         ),
         (
             {"parts": [{"color": "re"}], "parst": []},
