@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+ALSO = "; and "
+"""Between one of several problems and the next."""
 
 RAISED = (Exception, SystemExit)
 """What to catch around the code of a plugin. `sys.exit` raises no Exception, and must not end a run without a word."""
@@ -12,6 +17,23 @@ RAISED = (Exception, SystemExit)
 
 class UserError(Exception):
     """A mistake of the user; the message says what is wrong, where, and what is possible."""
+
+
+class Problems(list[UserError]):
+    """What is wrong, collected, so that a person reads all of it at once."""
+
+    def attempt(self, make: Callable[..., T], *given: Any) -> T | None:
+        """Call a function; None: it raised an error, which is noted."""
+        try:
+            return make(*given)
+        except UserError as error:
+            self.append(error)
+            return None
+
+    def report(self) -> None:
+        """Raise one error for all that was noted, of the first one's type."""
+        if self:
+            raise type(self[0])(ALSO.join(map(str, self)))
 
 
 class NoPicture(UserError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -14,8 +14,9 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from core.errors import UserError, choices
+from core.errors import Problems, UserError, choices
 from core.geometry import PRIMITIVES, Color, Primitive, Triple
+from core.imports.near import describe_near, find_near
 from core.support.text import shorten, visible
 from core.values.descriptions import (
     MOMENTS,
@@ -38,15 +39,34 @@ _NO_MOMENTS = dict.fromkeys(MOMENTS, 0.0)
 _PACKAGE_PATHS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
 
 
-def read_tree(
-    root: Element, name: str = "", find: Callable[[str], Path] = Path
-) -> Description:
-    """Read links and joints, the children of ``root``.
+def read_urdf(
+    root: Element, file: Path, without: Collection[str] = (), *, may_lack: bool = False
+) -> tuple[Description, list[str]]:
+    """Read links and joints, with the paths of all mesh files.
+
+    Args:
+        root: of the URDF.
+        file: where it lies.
+        without: links that are left out, with all that they bear.
+        may_lack: whether meshes that are only drawn may be missing; else only those of links that collide otherwise.
+
+    Returns:
+        links and joints; and what is not where the file says, or missing, a line each.
+
+    Raises:
+        UserError: something is wrong, or meshes are missing; names all of them.
+    """
+    _leave_out(root, without)
+    notes = _find_meshes(root, file, may_lack)
+    return read_tree(root, file.stem), notes
+
+
+def read_tree(root: Element, name: str = "") -> Description:
+    """Read links and joints, the children of ``root``. The names of meshes are their paths.
 
     Args:
         root: of the URDF.
         name: of the robot, if ``root`` has none.
-        find: finds the file of a mesh, as `find_mesh` does; by default the name is the path.
 
     Raises:
         UserError: something is wrong; says what, where, and how to mend it.
@@ -63,7 +83,7 @@ def read_tree(
     links = {}
     for link, element in _find_named(root, "link").items():
         with _inside(f"link {link!r}"):
-            links[link] = _read_link(element, link, colors, find)
+            links[link] = _read_link(element, link, colors)
 
     joints: dict[str, RobotJoint] = {}  # by child
     for label, element in _find_named(root, "joint").items():
@@ -81,11 +101,11 @@ def read_tree(
     return Description(root.get("name") or name, links, joints)
 
 
-def leave_out(root: Element, names: Collection[str]) -> None:
+def _leave_out(root: Element, names: Collection[str]) -> None:
     """Remove links, and all that they bear, before they are read: they may be wrong in any way.
 
     Raises:
-        UserError: there is no such link.
+        UserError: there is no such link, or nothing would be left.
     """
     links = {link.get("name", ""): link for link in root.findall("link")}
     for name in names:
@@ -101,6 +121,11 @@ def leave_out(root: Element, names: Collection[str]) -> None:
     while count < len(left):
         count = len(left)
         left |= {child for _, parent, child in joints if parent in left}
+
+    if left and left >= links.keys():
+        raise UserError(
+            f"without {', '.join(names)} nothing is left; leave out less, or the whole file"
+        )
 
     for name in left & links.keys():
         root.remove(links[name])
@@ -132,7 +157,7 @@ def _check_tree(
     if len(roots) != 1:
         found = ", ".join(roots[:5]) or "no link is left"
         raise UserError(
-            f"{len(roots)} links have no parent: {found}; an arm has one base, join the others to it with fixed joints"
+            f"{len(roots)} links have no parent: {found}; a URDF has one base: join the others to it with fixed joints"
         )
 
 
@@ -227,7 +252,6 @@ def _read_link(
     element: Element,
     name: str,
     colors: Mapping[str, Color],
-    find: Callable[[str], Path],
 ) -> RobotLink:
     """Read a link.
 
@@ -235,10 +259,9 @@ def _read_link(
         element: the link.
         name: of the link.
         colors: those of the robot's materials, by name.
-        find: finds the file of a mesh.
     """
-    collisions = _read_shapes(element, "collision", colors, find)
-    visuals = _read_shapes(element, "visual", colors, find)
+    collisions = _read_shapes(element, "collision", colors)
+    visuals = _read_shapes(element, "visual", colors)
     inertial = element.find("inertial")
 
     if inertial is None:
@@ -257,7 +280,7 @@ def _read_link(
 
 
 def _read_shapes(
-    link: Element, tag: str, colors: Mapping[str, Color], find: Callable[[str], Path]
+    link: Element, tag: str, colors: Mapping[str, Color]
 ) -> tuple[RobotShape, ...]:
     """Read shapes of a link.
 
@@ -265,7 +288,6 @@ def _read_shapes(
         link: has the shapes.
         tag: ``collision`` or ``visual``.
         colors: those of the robot's materials, by name.
-        find: finds the file of a mesh.
     """
     shapes = []
 
@@ -278,16 +300,14 @@ def _read_shapes(
                 color = _read_color(material)
 
         with _inside(tag):
-            shape, scale = _read_geometry(_need(element, "geometry"), find)
+            shape, scale = _read_geometry(_need(element, "geometry"))
             shapes.append(RobotShape(shape, _read_origin(element), color, scale))
 
     return tuple(shapes)
 
 
-def _read_geometry(
-    geometry: Element, find: Callable[[str], Path]
-) -> tuple[Primitive | Path, Triple]:
-    """Read a shape, or find the file of a mesh; and its scale.
+def _read_geometry(geometry: Element) -> tuple[Primitive | Path, Triple]:
+    """Read a shape, or the path of a mesh; and its scale.
 
     Raises:
         UserError: there is not exactly one, it is of another kind, or a number is wrong.
@@ -304,7 +324,7 @@ def _read_geometry(
             given = shorten(element.attrib["scale"])
             raise UserError(f"mesh scale is {given}; no factor can be 0")
 
-        return find(element.get("filename", "")), scale
+        return Path(element.get("filename", "")), scale
 
     if element.tag in PRIMITIVES and PRIMITIVES[element.tag].in_urdf:
         kind = PRIMITIVES[element.tag]
@@ -318,7 +338,61 @@ def _read_geometry(
     raise UserError(f"<{tag}> is no shape of a URDF: use box, sphere, cylinder or mesh")
 
 
-def find_mesh(name: str, file: Path) -> Path:
+def _find_meshes(root: Element, file: Path, may_lack: bool) -> list[str]:
+    """Put the paths of all mesh files into a URDF.
+
+    Args:
+        root: of the URDF.
+        file: where it lies.
+        may_lack: whether meshes that are only drawn may be missing; else only those of links that collide otherwise.
+
+    Returns:
+        what is not where the file says, or missing, a line each.
+
+    Raises:
+        UserError: names all that are needed and missing.
+    """
+    notes = list[str]()
+    near: dict[str, Path] = {}
+    wrong = Problems()
+    for link in root.findall("link"):
+        solid = link.findall("collision")
+        drawn = link.findall("visual")
+        for element in (*solid, *drawn):
+            mesh = element.find("geometry/mesh")
+            if mesh is None:
+                continue
+
+            where = f"link {link.get('name')!r}: {element.tag}"
+            try:
+                mesh.set("filename", str(_find(mesh, file, near)))
+            except UserError as error:
+                if element in drawn and (solid or may_lack):
+                    notes.append(f"not drawn: {where}: {error}")
+                    link.remove(element)
+                else:
+                    wrong.append(UserError(f"{where}: {error}"))
+
+    wrong.report()
+    return notes + describe_near(near)
+
+
+def _find(mesh: Element, file: Path, near: dict[str, Path]) -> Path:
+    """Find the file of a mesh; what is found elsewhere is noted in ``near``."""
+    named = mesh.get("filename", "")
+    plain = named.strip().replace("\\", "/")
+    try:
+        return _find_mesh(plain, file)
+    except UserError:
+        alike = find_near(plain, file)
+        if alike is None:
+            raise
+
+    near[named] = alike
+    return alike
+
+
+def _find_mesh(name: str, file: Path) -> Path:
     """Find a mesh as a URDF names it: absolute, relative to the URDF, ``file://``, or ``package://``.
 
     A package is a folder of its name that holds the URDF or lies beside or above it, or one in ROS_PACKAGE_PATH, or in

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from xml.etree.ElementTree import Element
 
 from core.errors import UserError
 from core.imports.documents import MAX_BYTES, read_root
-from core.imports.urdf import find_mesh, leave_out, read_tree
+from core.imports.urdf import read_urdf
 from core.support.cli import expand
 from core.support.files import read_untrusted
 from core.values.descriptions import Description
-from plugins.robots.near import describe_near, find_near
-from plugins.robots.normalise import Problems
 from plugins.robots.settings import ArmSettings
 
 ARMS = (".urdf", ".xml", ".mjcf", ".xacro")
@@ -47,9 +44,7 @@ def read_arm(chosen: ArmSettings) -> tuple[Description, list[str]]:
 
             return description, notes
 
-        leave_out(root, without)
-        notes = find_meshes(root, path, chosen.collision == "file")
-        return read_tree(root, path.stem), notes
+        return read_urdf(root, path, without, may_lack=chosen.collision == "file")
     except UserError as error:
         raise type(error)(f"{path}: {error}") from error
 
@@ -58,57 +53,3 @@ def list_arms(folder: Path) -> str:
     """List files of a folder that may be arms, as words to type."""
     found = [file for file in sorted(folder.rglob("*")) if file.suffix in ARMS]
     return " or ".join(f"robot.path={file}" for file in found[:_SHOWN])
-
-
-def find_meshes(root: Element, file: Path, may_lack: bool) -> list[str]:
-    """Put the paths of all mesh files into a URDF.
-
-    Args:
-        root: of the URDF.
-        file: where it lies.
-        may_lack: whether meshes that are only drawn may be missing; else only those of links that collide otherwise.
-
-    Returns:
-        what is not where the file says, or missing, a line each.
-
-    Raises:
-        UserError: names all that are needed and missing.
-    """
-    notes = list[str]()
-    near: dict[str, Path] = {}
-    wrong = Problems()
-    for link in root.findall("link"):
-        solid = link.findall("collision")
-        drawn = link.findall("visual")
-        for element in (*solid, *drawn):
-            mesh = element.find("geometry/mesh")
-            if mesh is None:
-                continue
-
-            where = f"link {link.get('name')!r}: {element.tag}"
-            try:
-                mesh.set("filename", str(_find(mesh, file, near)))
-            except UserError as error:
-                if element in drawn and (solid or may_lack):
-                    notes.append(f"not drawn: {where}: {error}")
-                    link.remove(element)
-                else:
-                    wrong.append(UserError(f"{where}: {error}"))
-
-    wrong.report()
-    return notes + describe_near(near)
-
-
-def _find(mesh: Element, file: Path, near: dict[str, Path]) -> Path:
-    """Find the file of a mesh; what is found elsewhere is noted in ``near``."""
-    named = mesh.get("filename", "")
-    plain = named.strip().replace("\\", "/")
-    try:
-        return find_mesh(plain, file)
-    except UserError:
-        alike = find_near(plain, file)
-        if alike is None:
-            raise
-
-    near[named] = alike
-    return alike

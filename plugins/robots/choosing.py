@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from core.errors import UsageError, UserError, choices
+from core.errors import Problems, UsageError, UserError, choices
 from core.geometry import Array, Pose
 from core.interfaces import Gripper
 from core.values.descriptions import DIGITS, Description, Limits, Origin, RobotJoint
 from plugins.robots.completing import complete
 from plugins.robots.naming import names_jaw, write_word
-from plugins.robots.normalise import Problems
 from plugins.robots.settings import ArmSettings, GripperOptions
 
 # Where limits that a file lacks are given.

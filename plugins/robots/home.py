@@ -10,7 +10,7 @@ import numpy as np
 from omegaconf import MISSING
 
 from core.config.compose import load, part
-from core.errors import UsageError, UserError
+from core.errors import ALSO, UsageError, UserError
 from core.interfaces import Robot
 from core.plugins import ROBOT
 from core.plugins.registry import check_settings
@@ -27,7 +27,6 @@ from plugins.robots.home_search import (
 )
 from plugins.robots.mounting import START
 from plugins.robots.naming import write_word
-from plugins.robots.normalise import ALSO
 from plugins.robots.reading import Unmounted, build_unmounted
 from plugins.robots.settings import ArmSettings
 from plugins.robots.urdf import urdf

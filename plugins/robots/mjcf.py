@@ -12,6 +12,7 @@ import numpy as np
 
 from core.errors import UserError, choices
 from core.imports.mjcf import WORLD, describe_model
+from core.imports.near import describe_near, find_near
 from core.robot.shape_files import urdf_shapes
 from core.support.sandbox import isolated
 from core.support.text import clean
@@ -22,7 +23,6 @@ from core.values.descriptions import (
     RobotShape,
 )
 from plugins.robots.naming import names_tool_frame
-from plugins.robots.near import describe_near, find_near
 
 try:
     import mujoco

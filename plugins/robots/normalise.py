@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
 
 import numpy as np
 
-from core.errors import UserError
+from core.errors import Problems, UserError
 from core.geometry import Pose
 from core.robot.description import merge_inertias
 from core.values.descriptions import (
@@ -23,29 +22,9 @@ from core.values.descriptions import (
 )
 from plugins.robots.hulls import GREY, Job, find_job, make_all, make_shape
 
-ALSO = "; and "  # between one problem and the next
 _ROUNDED = 0.01  # of the largest moment: an inertia that is off by less was rounded
 # Of a base without one: it stays, but engines want a mass.
 _BASE = Inertial(1.0, moments=(0.01, 0.0, 0.0, 0.01, 0.0, 0.01))
-
-T = TypeVar("T")
-
-
-class Problems(list[UserError]):
-    """What is wrong with an arm, collected, so that a person reads all of it at once."""
-
-    def attempt(self, make: Callable[..., T], *given: Any) -> T | None:
-        """Call a function; None: it raised an error, which is noted."""
-        try:
-            return make(*given)
-        except UserError as error:
-            self.append(error)
-            return None
-
-    def report(self) -> None:
-        """Raise one error for all that was noted, of the first one's type."""
-        if self:
-            raise type(self[0])(ALSO.join(map(str, self)))
 
 
 def normalise(

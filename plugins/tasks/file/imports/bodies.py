@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Literal
-from xml.etree.ElementTree import Element
 
 import numpy as np
 import trimesh
@@ -17,7 +15,7 @@ from core.errors import UserError
 from core.geometry import Color, Mesh, Pose
 from core.imports.documents import MAX_BYTES, read_root
 from core.imports.meshes import hull_corners
-from core.imports.urdf import find_mesh, leave_out, read_tree
+from core.imports.urdf import read_urdf
 from core.scene import Body, Geom, Joint
 from core.support.cli import expand
 from core.values.descriptions import (
@@ -76,26 +74,13 @@ def read_bodies(
             for tag, count in tags.items()
             if tag not in _READ
         ]
-        _leave_out(root, without, prefix)
-        tree = read_tree(root, find=partial(find_mesh, file=file))
-        return _Making(tree, folder, prefix, notes).make(fixed)
+        links = [link.get("name", "") for link in root.findall("link")]
+        left = find_left_out(without, prefix, links)
+        tree, missing = read_urdf(root, file, left)
+        return _Making(tree, folder, prefix, notes + missing).make(fixed)
     # RuntimeError: Qhull's, of what is flat.
     except (UserError, ValueError, RuntimeError) as error:
         raise UserError(f"{file}: {error}") from error
-
-
-def _leave_out(root: Element, without: Sequence[str], prefix: str) -> None:
-    """Take links out of a URDF's root, with all that hangs from them.
-
-    Raises:
-        UserError: one of them is not there, or nothing would be left.
-    """
-    links = [link.get("name", "") for link in root.findall("link")]
-    leave_out(root, find_left_out(without, prefix, links))
-    if without and root.find("link") is None:
-        raise UserError(
-            f"without {', '.join(without)} nothing is left; leave out less, or the whole import"
-        )
 
 
 class _Making:

@@ -129,6 +129,17 @@ def test_meshes_of_its_folder_are_read(tmp_path):
     assert any("box.dae" in note for note in made.notes)
 
 
+def test_meshes_are_found_as_those_of_arms_are(tmp_path):
+    """Nearly where the file says; what is only drawn may be missing."""
+    trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "box.stl")
+    inside = mesh("shapes/Box.STL") + mesh("gone.obj", "visual")
+    made = read(tmp_path, link("crate", inside))
+    assert len(made.bodies[0].collisions) == 1
+    notes = "\n".join(made.notes)
+    assert "1 meshes are not where the file says" in notes
+    assert "not drawn: link 'crate': visual: there is no mesh file" in notes
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -1,4 +1,4 @@
-"""Find meshes that are nearly where an arm's file says."""
+"""Find meshes that are nearly where a file says."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _ABOVE = 3  # folders of and above the file in which a mesh is looked for
 
 
 def describe_near(near: Mapping[str, Path]) -> list[str]:
-    """Say which files are taken for those that are not where an arm's file says, if there are some."""
+    """Say which files are taken for those that are not where a file says, if there are some."""
     if not near:
         return []
     named, taken = next(iter(near.items()))
@@ -22,7 +22,7 @@ def describe_near(near: Mapping[str, Path]) -> list[str]:
 
 
 def find_near(name: str, file: Path) -> Path | None:
-    """Find a mesh of which the end of the path, with other capitals or not, leads to a file near the arm's."""
+    """Find a mesh of which the end of the path, with other capitals or not, leads to a file near another."""
     parts = [part for part in name.split("/") if part not in ("", ".", "..")]
     for start in range(len(parts)):
         for folder in list(file.parents)[:_ABOVE]:
