@@ -8,11 +8,12 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from pydantic import ConfigDict
+from pydantic.dataclasses import dataclass
 
 from core.design import Tool
 from core.designs.reading import dump_design
@@ -20,7 +21,7 @@ from core.errors import UsageError, choices
 from core.geometry import Array
 from core.interfaces import ToolRepresentation
 from core.support.inputs import check
-from core.trial import TIE, Evaluation, best_first, worst_mean
+from core.trial import TIE, Evaluation, best_first, mean_figure, worst_mean
 from core.values.efforts import holds
 
 MAX_BINS = 100
@@ -28,7 +29,7 @@ MAX_BINS = 100
 Cell = tuple[int, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
 class Measure:
     """An axis of an archive, cut into bins of the same width.
 
@@ -66,7 +67,7 @@ class Measure:
 
     def bin(self, evaluation: Evaluation) -> int:
         """Return the number of the bin that an evaluation lies in, from 0; that of nan is the last."""
-        value = VALUES[self.name](evaluation)
+        value = VALUES[self.name].read(evaluation)
         share = (value - self.lower) / (self.upper - self.lower)
         if not share < 1:  # nan, too
             return self.bins - 1
@@ -111,40 +112,43 @@ def mean_touch(evaluation: Evaluation) -> float:
     return float(np.mean(touches)) if touches else float("nan")
 
 
-def mean_motion_time(evaluation: Evaluation) -> float:
-    """Return the mean time of the motion, s; nan: nothing was played to its end."""
-    effort = evaluation.effort
-    return float("nan") if effort is None else effort.motion_s
+class Value(NamedTuple):
+    """What an axis may measure.
+
+    Attributes:
+        column: its head in ``archive.csv``.
+        read: returns it, of an evaluation; nan: it is not known.
+        usual: the bounds and the number of bins of an axis that says no others.
+    """
+
+    column: str
+    read: Callable[[Evaluation], float]
+    usual: tuple[float, float, int]
 
 
-VALUES: dict[str, Callable[[Evaluation], float]] = {
-    "mass": lambda evaluation: tool_of(evaluation).mass,
-    "extent": lambda evaluation: measure_extent(tool_of(evaluation)),
-    "components": lambda evaluation: len(tool_of(evaluation).components),
-    "distance": lambda evaluation: evaluation.distance_m,
-    "touch": mean_touch,
-    "time": mean_motion_time,
+def _figure(name: str) -> Callable[[Evaluation], float]:
+    """Return what reads a figure of trials, see `core.trial.Figure`."""
+    return lambda evaluation: mean_figure(evaluation.trials, name)
+
+
+VALUES = {
+    "mass": Value("mass_kg", lambda e: tool_of(e).mass, (0.0, 0.5, 10)),
+    "extent": Value("extent_m", lambda e: measure_extent(tool_of(e)), (0.0, 1.0, 25)),
+    "components": Value(
+        "components", lambda e: len(tool_of(e).components), (0.5, 10.5, 10)
+    ),
+    "distance": Value("distance_m", _figure("distance_m"), (0.0, 2.5, 25)),
+    "touch": Value("touch_m", mean_touch, (0.0, 1.0, 25)),
+    "time": Value("motion_s", _figure("motion_s"), (0.0, 20.0, 20)),
 }
-# The columns of these values in ``archive.csv``, in the same order.
-COLUMNS = ("mass_kg", "extent_m", "components", "distance_m", "touch_m", "motion_s")
-MEASURES = {
-    measure.name: measure
-    for measure in (
-        Measure("mass", 0.0, 0.5, 10),
-        Measure("extent", 0.0, 1.0, 25),
-        Measure("components", 0.5, 10.5, 10),
-        Measure("distance", 0.0, 2.5, 25),
-        Measure("touch", 0.0, 1.0, 25),
-        Measure("time", 0.0, 20.0, 20),
-    )
-}
+"""What may be measured, in the order of the columns."""
 
 
 def read_measures(written: Sequence[str | Mapping[str, Any]]) -> tuple[Measure, ...]:
     """Read the setting ``evolution.measures``.
 
     Args:
-        written: names, or mappings of a name and of what differs from its `MEASURES`: bounds or bins.
+        written: names, or mappings of a name and of what differs from what is usual (`Value`): bounds or bins.
 
     Raises:
         UsageError: there is none, one is unknown or named twice, or see `Measure`.
@@ -157,22 +161,18 @@ def read_measures(written: Sequence[str | Mapping[str, Any]]) -> tuple[Measure, 
     for item in written:
         given = {"name": item} if isinstance(item, str) else item
         name = str(given.get("name"))
-        if name not in MEASURES:
-            raise choices("measure", name, MEASURES, "evolution.measures")
+        if name not in VALUES:
+            raise choices("measure", name, VALUES, "evolution.measures")
         if name in found:
             raise UsageError(f"evolution.measures names {name} twice")
 
-        usual = asdict(MEASURES[name])
-        if unknown := sorted(given.keys() - usual):
-            where = f"evolution.measures: {name}"
-            raise choices("key", str(unknown[0]), usual, where)
-
-        whole = {**usual, **given}
+        usual = zip(("lower", "upper", "bins"), VALUES[name].usual, strict=True)
+        whole = {**dict(usual), "name": name, **given}
         found[name] = check(Measure, whole, f"evolution.measures: {name}", UsageError)
 
     if not found:
         raise UsageError(
-            f"evolution.measures is empty; name some of {', '.join(MEASURES)}"
+            f"evolution.measures is empty; name some of {', '.join(VALUES)}"
         )
 
     return tuple(found.values())
@@ -285,12 +285,13 @@ def save_archive(
     with (folder / "archive.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         axes = [f"cell_{measure.name}" for measure in archive.measures]
-        writer.writerow(["design", "candidate", *axes, "picked", "reward", *COLUMNS])
+        columns = [value.column for value in VALUES.values()]
+        writer.writerow(["design", "candidate", *axes, "picked", "reward", *columns])
 
         for number, (name, evaluation) in enumerate(kept.items()):
             where = cells.get(name, [""] * len(axes))
             reasons = [reason for reason, picked in chosen.items() if name in picked]
-            values = [value(evaluation) for value in VALUES.values()]
+            values = [value.read(evaluation) for value in VALUES.values()]
             row = [*where, " ".join(reasons), evaluation.reward, *values]
             writer.writerow([number, name, *row])
 
