@@ -25,6 +25,7 @@ class RunFacts:
         rollout: how plans are executed.
         engine: the name of the one that executes them; empty: any.
         tie: see `core.trial.ranked`.
+        decides: what decides between designs that earn alike, in words.
         judged: what a design is judged by; empty: the reward of one rollout.
         idea: a person's text, if templates quote it.
         criticised: whether the request is one for a critique.
@@ -34,6 +35,7 @@ class RunFacts:
     rollout: RolloutSettings = field(default_factory=RolloutSettings)
     engine: str = ""
     tie: float = TIE
+    decides: str = "the shortest way"
     judged: str = ""
     idea: str | None = None
     criticised: bool = False
@@ -79,6 +81,7 @@ def _assignment_values(
         "action_rules": brief.actions.instructions(brief).strip(),
         "judged": facts.judged.strip(),
         "tie": facts.tie,
+        "decides": facts.decides,
         "feedback": facts.settings.feedback,
         "solved": any(elite.reward >= 1 - facts.tie for elite in brief.elites),
         **plan_limits(),

@@ -40,7 +40,7 @@ from core.robot.kinematics import arm_of
 from core.search.assignment import DEFAULT_KINDS, Assignment, borne_kinds
 from core.search.designer import ModelDesigner
 from core.search.kept_tools import KeptTools
-from core.simulation.measuring import figures
+from core.simulation.measuring import describe_best, figures
 from core.trial import TIE
 
 _log = logging.getLogger(__name__)
@@ -106,6 +106,7 @@ def build_designer(
         settings,
         cfg.sim.name,
         tie=cfg.evolution.get("tie", TIE),
+        decides=describe_best(fitness.tie_by),
         judged=fitness.instructions(),
     )
     prompts = PromptComposer(facts)

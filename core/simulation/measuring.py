@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from functools import lru_cache
 from typing import cast
 
-from core.interfaces import Motion, Outcome, Task
+from core.interfaces import Fitness, Motion, Outcome, Task
 from core.plugins import installed
 from core.trial import Figure, Trial, mean_figure
 
@@ -58,6 +58,17 @@ def offered_figures() -> dict[str, Figure]:
 def figures() -> dict[str, Figure]:
     """Return what is measured of every rollout that comes to its end, by name."""
     return BUILT_IN | offered_figures()
+
+
+def describe_best(name: str) -> str:
+    """Say which of two designs that earn alike is the better one, by a figure."""
+    if name == Fitness.tie_by:
+        return "the shortest way"
+
+    figure = figures()[name]
+    most = "lowest" if figure.less_is_better else "highest"
+    said = figure.words or figure.column
+    return f"the {most} `{name}`" + (f", {said}" if said else "")
 
 
 def measure(task: Task, motion: Motion, outcome: Outcome) -> dict[str, float]:

@@ -303,11 +303,13 @@ def _tied(result: Result, best: Evaluation) -> Iterator[str]:
     reward = number(highest.reward, 3)
     if reward != number(best.reward, 3):
         earned = f"{highest.candidate.id} earned {reward}"
-        which = (
-            "the shortest distance that holds" if changed else "the shortest distance"
-        )
-        first = f"{which} goes first"
-        yield f"{earned}; rewards within evolution.tie of it count as equal, and {first}"
+        first = "the shortest distance"
+        if best.score.cost is not None:
+            first = "the best figure of fitness.tie_by"
+        if changed:
+            first += " that holds"
+
+        yield f"{earned}; rewards within evolution.tie of it count as equal, and {first} goes first"
 
 
 def _describe_changes(best: Evaluation, changed: Sequence[Trial]) -> str:
