@@ -26,7 +26,7 @@ Entry = tuple[str | int, ...]
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 """No other keys than those that are known, and no text for a number."""
 
-FIELDS = ConfigDict(extra="forbid", frozen=True)
+FIELDS = ConfigDict(extra="forbid")
 """No other keys than those that are known."""
 
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")

@@ -40,7 +40,7 @@ _PROMPTS = Path(str(files("prompts")))
 
 
 class _Part(pydantic.BaseModel):
-    model_config = FIELDS
+    model_config = pydantic.ConfigDict(**FIELDS, frozen=True)
 
 
 class Method(_Part):
