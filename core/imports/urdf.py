@@ -365,7 +365,8 @@ def _find_meshes(root: Element, file: Path, may_lack: bool) -> list[str]:
 
             where = f"link {link.get('name')!r}: {element.tag}"
             try:
-                mesh.set("filename", str(_find(mesh, file, near)))
+                found = _find_mesh(mesh.get("filename", ""), file, near)
+                mesh.set("filename", str(found))
             except UserError as error:
                 if element in drawn and (solid or may_lack):
                     notes.append(f"not drawn: {where}: {error}")
@@ -377,30 +378,16 @@ def _find_meshes(root: Element, file: Path, may_lack: bool) -> list[str]:
     return notes + describe_near(near)
 
 
-def _find(mesh: Element, file: Path, near: dict[str, Path]) -> Path:
-    """Find the file of a mesh; what is found elsewhere is noted in ``near``."""
-    named = mesh.get("filename", "")
-    plain = named.strip().replace("\\", "/")
-    try:
-        return _find_mesh(plain, file)
-    except UserError:
-        alike = find_near(plain, file)
-        if alike is None:
-            raise
-
-    near[named] = alike
-    return alike
-
-
-def _find_mesh(name: str, file: Path) -> Path:
+def _find_mesh(named: str, file: Path, near: dict[str, Path]) -> Path:
     """Find a mesh as a URDF names it: absolute, relative to the URDF, ``file://``, or ``package://``.
 
     A package is a folder of its name that holds the URDF or lies beside or above it, or one in ROS_PACKAGE_PATH, or in
-    a ``share`` of AMENT_PREFIX_PATH.
+    a ``share`` of AMENT_PREFIX_PATH. What is found elsewhere is noted in ``near``.
 
     Raises:
         UserError: the name can't be resolved, or there is no such file.
     """
+    name = named.strip().replace("\\", "/")
     scheme, _, path = name.rpartition("://")
 
     if not path:
@@ -430,6 +417,11 @@ def _find_mesh(name: str, file: Path) -> Path:
     for folder in folders:
         if os.path.isfile(folder / path):  # noqa: PTH113
             return (folder / path).resolve()
+
+    alike = find_near(name, file)
+    if alike is not None:
+        near[named] = alike
+        return alike
 
     holding = [f for f in folders if os.path.isdir(f / package)]  # noqa: PTH112
     wanted = visible(str((holding or folders)[0] / path))

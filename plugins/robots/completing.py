@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import chain
 
 from core.errors import UsageError, check_positive
 from core.robot.description import merge_inertias, weigh
@@ -14,7 +13,7 @@ from core.values.descriptions import (
     RobotLink,
     Weight,
 )
-from plugins.robots.hulls import find_job, make_all, make_shape, solid_of
+from plugins.robots.hulls import make_all, make_shape, solid_of
 from plugins.robots.settings import ArmSettings
 
 
@@ -59,8 +58,7 @@ def _spread_mass(
         for link in description.links.values()
         if link.collisions and not (link.inertial.mass and any(link.inertial.moments))
     ]
-    shapes = chain.from_iterable(link.collisions for link in lacking)
-    make_all(find_job(shape, drawn=False) for shape in shapes)
+    make_all(lacking)
     solids = {link.name: merge_inertias(_weigh(link)) for link in lacking}
     volume = sum(
         solid[0]

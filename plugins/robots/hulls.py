@@ -19,7 +19,7 @@ from core.imports.meshes import find_color, hull_corners, load_parts, used_corne
 from core.robot.meshes import keep_file, kept_file
 from core.support.files import read_untrusted
 from core.support.sandbox import isolated
-from core.values.descriptions import ONE, RobotShape
+from core.values.descriptions import ONE, RobotLink, RobotShape
 
 KINDS = (".stl", ".obj", ".dae", ".ply", ".glb")
 MAX_MB = 64
@@ -127,8 +127,13 @@ def solid_of(shape: RobotShape) -> Shape:
     return shape.shape
 
 
-def make_all(jobs: Iterable[Job | None]) -> None:
-    """Make what is not there yet of many meshes in one process, so that `Job.make` finds it, or says what fails."""
+def make_all(links: Iterable[RobotLink]) -> None:
+    """Make what is not there yet of all meshes in one process, so that `Job.make` finds it, or says what fails."""
+    jobs = list[Job | None]()
+    for link in links:
+        jobs += [find_job(shape, drawn=False) for shape in link.collisions]
+        jobs += [find_job(shape, drawn=True) for shape in link.visuals]
+
     waiting = []
     for job in filter(None, dict.fromkeys(jobs)):
         with contextlib.suppress(UserError):

@@ -56,12 +56,11 @@ def read_mjcf_arm(
     model = mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": binary})
     whole, left = describe_model(model, file.stem, names_tool_frame)
     notes += left
-    whole = _stand(whole, without, notes)
     for name in without:
         if name not in whole.links:
             raise choices("link", name, whole.links)
 
-    arm = whole.without(*without)
+    arm = _stand(whole.without(*without), notes)
     links = {name: _write_shapes(link) for name, link in arm.links.items()}
     joints = {
         child: replace(joint, limits=joint.limits._replace(velocity=SPEED))
@@ -70,9 +69,7 @@ def read_mjcf_arm(
     return Description(arm.name, links, joints), notes
 
 
-def _stand(
-    whole: Description, without: Collection[str], notes: list[str]
-) -> Description:
+def _stand(whole: Description, notes: list[str]) -> Description:
     """Take what stands in the world and has joints, without the world if one arm is fixed there.
 
     What is free to move counts if nothing else does.
@@ -105,9 +102,9 @@ def _stand(
     for name in kept & free:
         joints[name] = replace(joints[name], kind="fixed")
 
-    bases = [name for name in kept if name not in without]
-    if len(bases) == 1 and joints[bases[0]].kind == "fixed":
-        if joints.pop(bases[0]).origin != Origin():
+    base, *more = kept
+    if not more and joints[base].kind == "fixed":
+        if joints.pop(base).origin != Origin():
             notes.append(
                 "where it stands in the file's world is left out; robot.base=[x,y,z,yaw] places it"
             )

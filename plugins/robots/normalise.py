@@ -20,7 +20,7 @@ from core.values.descriptions import (
     RobotShape,
     Weight,
 )
-from plugins.robots.hulls import GREY, Job, find_job, make_all, make_shape
+from plugins.robots.hulls import GREY, make_all, make_shape
 
 _ROUNDED = 0.01  # of the largest moment: an inertia that is off by less was rounded
 # Of a base without one: it stays, but engines want a mass.
@@ -157,12 +157,7 @@ def read_meshes(description: Description, notes: list[str]) -> Description:
     Raises:
         UserError: a mesh that collides can't be used; names all of them.
     """
-    jobs = list[Job | None]()
-    for link in description.links.values():
-        jobs += [find_job(shape, drawn=False) for shape in link.collisions]
-        jobs += [find_job(shape, drawn=True) for shape in link.visuals]
-
-    make_all(jobs)
+    make_all(description.links.values())
     wrong = Problems()
     links = {}
     for name, link in description.links.items():
