@@ -43,7 +43,7 @@ from core.goals.flattened import Flattened
 from core.goals.inside import EMPTY, Inside
 from core.goals.joint_at import JointAt
 from core.goals.kept import Kept
-from core.goals.keys import Key, Reads
+from core.goals.keys import AboveZero, Bound, Direction, Key, Least, Most, Names, Reads
 from core.goals.placed import Placed
 from core.goals.rewards import (
     Aim,
@@ -102,14 +102,17 @@ __all__ = [
     "SLIP_M",
     "SLIP_RAD",
     "SOLID_BODY",
+    "AboveZero",
     "Aim",
     "Apart",
     "Away",
     "Ban",
+    "Bound",
     "Broken",
     "Conduct",
     "Coordinate",
     "Coordinates",
+    "Direction",
     "Evidence",
     "Facing",
     "Flattened",
@@ -119,8 +122,11 @@ __all__ = [
     "JointAt",
     "Kept",
     "Key",
+    "Least",
     "Limit",
     "Measure",
+    "Most",
+    "Names",
     "Placed",
     "Reach",
     "Reads",

@@ -229,8 +229,8 @@ class Goal(ABC):
         keys: those of a scene file by which an entry wants a goal of this kind, or says more of it. A kind has those of
             the kind that it is made from, too; so it has `names`.
         names: the fields that name things of a scene, and which sort of things: `FREE_BODY`, `SOLID_BODY`, ...
-        asks: what it asks, for a prompt: a format of ``goal``; of one to reach what follows its bodies. A kind whose words
-            depend on more has a method `words`.
+        asks: what it asks, for a prompt: a format of ``goal``; of one to reach what follows its bodies. A kind whose
+            words depend on more has a method `words`.
     """
 
     keys: ClassVar[Mapping[str, Key]] = {}

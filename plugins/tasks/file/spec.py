@@ -29,7 +29,7 @@ from pydantic import model_validator as check_whole
 from pydantic_core import core_schema
 
 from core.geometry import PRIMITIVES, Primitive
-from core.goals import Key, Reach
+from core.goals import AboveZero, Key, Reach
 from core.scene import Bond, Camera, Cloth, Color, Elastic, Joint, Rope
 from core.support.inputs import STRICT, check_plain, find_mistakes, in_unit
 from core.values.layouts import NONE
@@ -67,7 +67,6 @@ Length = Annotated[float, Field(gt=limits.SHORTEST_M, le=limits.LONGEST_M), _MET
 Gap = Annotated[float, Field(ge=0, le=limits.LONGEST_M), _METRES]
 Coordinate = Annotated[float, Field(ge=-limits.LONGEST_M, le=limits.LONGEST_M), _METRES]
 Place = tuple[Coordinate, Coordinate, Coordinate]
-AboveZero = Annotated[float, Field(gt=0, le=1e4)]
 Angle = Annotated[float, Field(ge=-3600, le=3600)]
 Turn = tuple[Angle, Angle, Angle]
 Rate = Annotated[float, Field(ge=-100, le=100)]
