@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.design import Budget as Budget, Candidate, DesignError, Tool
-from core.errors import UsageError, UserError
+from core.errors import UserError
 from core.scene import Scene, View as View
 from core.task import Task as Task
 from core.trial import (
@@ -410,23 +410,17 @@ class EvolutionStrategy(ABC):
     Args:
         designer: asks the model for candidates.
         budget: how many candidates and generations the user pays for.
-        tie: rewards this close to the best count as equal, and the shorter distance goes first
-            (`core.trial.ranked`). The run chooses its winner by it; a strategy may choose its elites by it.
-
-    Raises:
-        UsageError: ``tie`` is negative or not finite.
     """
 
     learns: bool = True  # requests may show what earlier generations earned
     refines: ClassVar[bool] = False  # `evolution.refine` puts it around another one
+    # Rewards this close to the best count as equal, and the lower cost goes first (`core.trial.ranked`). The program
+    # sets it: a run chooses its winner by it, and a strategy may choose its elites by it.
     tie: float = TIE
 
-    def __init__(self, designer: Designer, budget: Budget, tie: float = TIE) -> None:
-        if not 0 <= tie <= 1:
-            raise UsageError(f"evolution.tie must be from 0 to 1, got {tie}")
+    def __init__(self, designer: Designer, budget: Budget) -> None:
         self.designer = designer
         self.budget = budget
-        self.tie = tie
 
     @classmethod
     def observes(cls, settings: Mapping[str, Any]) -> bool:

@@ -22,6 +22,7 @@ from core.interfaces import (
     Task,
     ToolRepresentation,
 )
+from core.trial import TIE
 
 T = TypeVar("T")
 
@@ -95,7 +96,7 @@ EVOLUTION = Kind(
     "evolution_strategies",
     EvolutionStrategy,
     provided=("designer", "budget"),
-    defaults={"refine": 0},
+    defaults={"refine": 0, "tie": TIE},
 )
 FITNESS = Kind(
     "fitness",

@@ -59,7 +59,7 @@ def build_search(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) ->
     designer, fitness = build_designer(cfg, vlm, events)
     designer.stored = replies
     executor = part(EXECUTOR, cfg.executor).create()
-    strategy = _build_strategy(config["evolution"], designer)
+    strategy = build_strategy(config["evolution"], designer)
     if strategy.learns:
         events.register(designer, "designer")
     _add_listeners(config["listener"], vlm, events)
@@ -85,14 +85,18 @@ def build_search(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) ->
     return Search(run, designer, strategy, fitness, executor, events)
 
 
-def _build_strategy(
+def build_strategy(
     settings: Mapping[str, Any], designer: ModelDesigner
 ) -> EvolutionStrategy:
-    """Make the strategy of a search, within the one that refines what it finds if ``refine`` says so.
+    """Make the strategy of a search, within the one that refines what it finds if ``refine`` says so, with its tie.
 
     Raises:
         UserError: it can't be used.
     """
+    tie = settings.get("tie", TIE)
+    if not isinstance(tie, int | float) or not 0 <= tie <= 1:
+        raise UsageError(f"evolution.tie must be from 0 to 1, got {tie}")
+
     rollouts = settings.get("refine", 0)
     if type(rollouts) is not int or rollouts < 0:
         raise UsageError(
@@ -103,12 +107,13 @@ def _build_strategy(
             "name": _find_refiner(),
             "of": dict(settings),
             "rollouts": rollouts,
-            "tie": settings.get("tie", TIE),
         }
 
-    strategy = part(EVOLUTION, OmegaConf.create(dict(settings)))
+    named = part(EVOLUTION, OmegaConf.create(dict(settings)))
     budget = designer.assignment.budget
-    return strategy.create(designer=designer, budget=budget)
+    strategy = named.create(designer=designer, budget=budget)
+    strategy.tie = tie
+    return strategy
 
 
 def _find_refiner() -> str:

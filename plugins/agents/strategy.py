@@ -10,7 +10,7 @@ from core.errors import UsageError, UserError
 from core.interfaces import Brief, Budget, EvolutionStrategy, Message, Request, Text
 from core.search.assignment import Team
 from core.search.designer import ModelDesigner
-from core.trial import TIE, Evaluation, count_rollouts
+from core.trial import Evaluation, count_rollouts
 from plugins.agents.bench_tools import Tools
 from plugins.agents.model import ABSENT, Agent
 
@@ -31,7 +31,6 @@ class AgentSearch(EvolutionStrategy):
     Args:
         designer: composes and reads; its model is `plugins.agents.model.Agent`.
         budget: its limits.
-        tie: see `core.interfaces.EvolutionStrategy`.
 
     Raises:
         UserError: another model is asked, the task has several parts, or no agent is there and nothing was tried.
@@ -39,10 +38,8 @@ class AgentSearch(EvolutionStrategy):
 
     learns = False  # the agent is told by its calls
 
-    def __init__(
-        self, designer: ModelDesigner, budget: Budget, tie: float = TIE
-    ) -> None:
-        super().__init__(designer, budget, tie)
+    def __init__(self, designer: ModelDesigner, budget: Budget) -> None:
+        super().__init__(designer, budget)
         agent = getattr(designer, "vlm", None)
         if not isinstance(agent, Agent):
             raise UsageError("evolution=agent needs vlm=agent; vlmgineer mcp sets both")

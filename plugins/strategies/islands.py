@@ -10,7 +10,7 @@ from core.errors import UsageError, check_positive
 from core.hooks import hookimpl
 from core.interfaces import Budget, Designer, EvolutionStrategy
 from core.search.assignment import AsksTeams, Team
-from core.trial import TIE, Evaluation, best_first, best_tools
+from core.trial import Evaluation, best_first, best_tools
 
 STYLES = [
     "",
@@ -35,7 +35,6 @@ class Islands(EvolutionStrategy):
         patience: an island whose best has not improved by ``tie`` for so many generations starts from nothing.
         warmth: is added to the temperature on the last island, and taken from it on the first; evenly in between.
         styles: texts that are added to the prompts, one for each island in turn.
-        tie: see `core.interfaces.EvolutionStrategy`.
 
     Raises:
         UsageError: a number is too small, there are more islands than agents, or no style.
@@ -50,9 +49,8 @@ class Islands(EvolutionStrategy):
         patience: int = 3,
         warmth: float = 0.25,
         styles: list[str] = STYLES,
-        tie: float = TIE,
     ) -> None:
-        super().__init__(designer, budget, tie)
+        super().__init__(designer, budget)
         check_positive(
             "evolution.", islands=islands, migrate=migrate, patience=patience
         )

@@ -56,7 +56,6 @@ class VLMgineer(EvolutionStrategy):
         budget: ``k_top`` and ``reward_save`` are read here.
         elites_from: choose elites from the last generation and the ``best`` candidate so far, from the last
             ``generation`` alone (as the paper does), or from the whole ``run``.
-        tie: see `core.interfaces.EvolutionStrategy`.
     """
 
     def __init__(
@@ -64,9 +63,8 @@ class VLMgineer(EvolutionStrategy):
         designer: Designer,
         budget: Budget,
         elites_from: Literal["best", "generation", "run"] = "best",
-        tie: float = TIE,
     ) -> None:
-        super().__init__(designer, budget, tie)
+        super().__init__(designer, budget)
         self._elites_from = elites_from
         self._generation = 0
         self._pool: list[Evaluation] = []

@@ -1,11 +1,10 @@
-import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from core.design import Tool
-from core.errors import UsageError, UserError
+from core.errors import UserError
 from core.interfaces import Budget, EvolutionStrategy, GivenTools, Simulator, Task
 from core.scene import Scene, table
 
@@ -58,12 +57,5 @@ def test_a_given_tool_is_neither_written_nor_read():
         tools.parse({}, gripper=False)
 
 
-@pytest.mark.parametrize("tie", [-0.1, math.nan, math.inf])
-def test_a_tie_is_a_finite_number(tie):
-    budget = Budget(2, 3, 4, 1, 5, 0.6)
-    assert budget.population == 24
-    assert Random(None, budget).tie == EvolutionStrategy.tie
-    with pytest.raises(
-        UsageError, match=f"evolution.tie must be from 0 to 1, got {tie}"
-    ):
-        Random(None, budget, tie)
+def test_a_population_is_all_that_agents_are_asked_for():
+    assert Budget(2, 3, 4, 1, 5, 0.6).population == 24

@@ -191,19 +191,17 @@ class Archive:
 
     Args:
         measures: the axes of the grid.
-        tie: rewards this close to the highest of a cell count as equal; the shorter distance goes first.
 
     For example, the reward of the best candidate of each kind::
 
         archive = Archive(read_measures(["mass", "extent"]))
         archive.add(evaluations)
-        for (mass_bin, extent_bin), elite in archive.best.items():
+        for (mass_bin, extent_bin), elite in archive.best().items():
             print(mass_bin, extent_bin, elite.reward)
     """
 
-    def __init__(self, measures: Sequence[Measure], tie: float = TIE) -> None:
+    def __init__(self, measures: Sequence[Measure]) -> None:
         self.measures = tuple(measures)
-        self.tie = tie
         self._found: dict[Cell, list[Evaluation]] = {}
 
     def add(self, evaluations: Iterable[Evaluation]) -> None:
@@ -213,12 +211,10 @@ class Archive:
                 cell = tuple(measure.bin(evaluation) for measure in self.measures)
                 self._found.setdefault(cell, []).append(evaluation)
 
-    @property
-    def best(self) -> dict[Cell, Evaluation]:
-        """The best evaluation of each cell (`core.trial.ranked`), in the order of the cells."""
+    def best(self, tie: float = TIE) -> dict[Cell, Evaluation]:
+        """Return the best evaluation of each cell (`core.trial.ranked`), in the order of the cells."""
         return {
-            cell: best_first(self._found[cell], self.tie)[0]
-            for cell in sorted(self._found)
+            cell: best_first(self._found[cell], tie)[0] for cell in sorted(self._found)
         }
 
 
@@ -257,6 +253,7 @@ def save_archive(
     ranking: Sequence[Evaluation],
     representation: ToolRepresentation,
     folder: Path,
+    tie: float = TIE,
 ) -> None:
     """Write ``designs.json``, a designs file, and ``archive.csv``, with a row for each of its strategies.
 
@@ -268,12 +265,13 @@ def save_archive(
         ranking: all that was tried, among them what the archive holds.
         representation: writes the tools.
         folder: where the files are written; made if it is not there.
+        tie: rewards this close to the highest count as equal.
     """
     chosen = {
-        "best": _by_candidate(best_first(ranking, archive.tie)[:1]),
+        "best": _by_candidate(best_first(ranking, tie)[:1]),
         "front": _by_candidate(lean_front(ranking)),
     }
-    elites = archive.best
+    elites = archive.best(tie)
     cells = {elite.candidate.id: cell for cell, elite in elites.items()}
     kept = {**_by_candidate(elites.values()), **chosen["best"], **chosen["front"]}
 

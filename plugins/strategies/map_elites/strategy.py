@@ -13,7 +13,7 @@ import numpy as np
 
 from core.design import Candidate
 from core.interfaces import Budget, Designer, EvolutionStrategy, ToolRepresentation
-from core.trial import TIE, Evaluation, best_first, best_tools
+from core.trial import Evaluation, best_first, best_tools
 from plugins.strategies.map_elites.archive import (
     Archive,
     needs_observations,
@@ -31,7 +31,6 @@ class MapElites(EvolutionStrategy):
         designer: asks the model for candidates.
         budget: ``k_top`` elites, which earned more than ``reward_save``, are shown.
         measures: the axes of the archive (`plugins.strategies.map_elites.archive.read_measures`).
-        tie: see `core.interfaces.EvolutionStrategy`.
 
     Raises:
         UsageError: a measure can't be used.
@@ -42,10 +41,9 @@ class MapElites(EvolutionStrategy):
         designer: Designer,
         budget: Budget,
         measures: list[str | dict[str, Any]] = ["extent", "distance"],  # noqa: B006
-        tie: float = TIE,
     ) -> None:
-        super().__init__(designer, budget, tie)
-        self._archive = Archive(read_measures(measures), tie)
+        super().__init__(designer, budget)
+        self._archive = Archive(read_measures(measures))
         self._generation = 0
 
     @classmethod
@@ -59,15 +57,15 @@ class MapElites(EvolutionStrategy):
         folder: Path,
     ) -> None:
         """Write the best of each cell, and a few more that a user may want."""
-        archive = Archive(self._archive.measures, self.tie)
+        archive = Archive(self._archive.measures)
         archive.add(ranking)
-        save_archive(archive, ranking, representation, folder)
+        save_archive(archive, ranking, representation, folder, self.tie)
 
     def ask(self) -> Iterator[Candidate]:
         rng = np.random.default_rng(
             [getattr(self.designer, "seed", 0), self._generation]
         )
-        ranking = best_first(self._archive.best.values(), self.tie)
+        ranking = best_first(self._archive.best(self.tie).values(), self.tie)
         return self.designer.design(self._generation, self._elites(ranking, rng))
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:

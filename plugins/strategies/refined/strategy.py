@@ -22,7 +22,7 @@ from core.interfaces import (
 )
 from core.plugins import EVOLUTION, installed
 from core.search.assignment import AsksTeams
-from core.trial import TIE, Evaluation, best_first, best_tools
+from core.trial import Evaluation, best_first, best_tools
 from plugins.strategies.refined.moves import move
 from plugins.strategies.refined.variation import Variation
 
@@ -63,7 +63,7 @@ class Refinement(EvolutionStrategy):
     def __init__(
         self, strategy: EvolutionStrategy, variation: Varies, rollouts: int
     ) -> None:
-        super().__init__(strategy.designer, strategy.budget, strategy.tie)
+        super().__init__(strategy.designer, strategy.budget)
         self.learns = strategy.learns
         self._strategy = strategy
         self._variation = variation
@@ -92,6 +92,7 @@ class Refinement(EvolutionStrategy):
     def ask(self) -> Iterator[Candidate]:
         """Yield the other strategy's candidates, and later the varied ones."""
         if self._searches is None:
+            self._strategy.tie = self.tie
             return self._strategy.ask()
 
         return islice(self._vary(self._searches), self._rollouts - self._spent)
@@ -143,7 +144,6 @@ class Refined(Refinement):
         budget: see `core.interfaces.EvolutionStrategy`.
         of: the strategy that gives the first generations: a name, or a mapping of a ``name`` and settings.
         rollouts: the number of candidates that are tried in the refinement, at no cost in model calls.
-        tie: see `core.interfaces.EvolutionStrategy`.
 
     Raises:
         UserError: ``rollouts`` is below 1, or the other strategy can't be used.
@@ -157,14 +157,12 @@ class Refined(Refinement):
         budget: Budget,
         of: str | dict[str, Any] = "vlmgineer",
         rollouts: int = 240,
-        tie: float = TIE,
     ) -> None:
         check_positive("evolution.", rollouts=rollouts)
         (named,) = read_parts(EVOLUTION, [of]).values()
         inner = named.create(designer=designer, budget=budget)
         variation = Variation(cast(AsksTeams, designer).assignment)
         super().__init__(inner, variation, rollouts)
-        self.tie = tie
 
     @classmethod
     def observes(cls, settings: Mapping[str, Any]) -> bool:

@@ -46,9 +46,9 @@ def earned(reward, distance=1.0, length=0.35, action=0, status="ok", mass=0.005)
 
 
 def best(*evaluations, tie=0.005):
-    archive = Archive((EXTENT, DISTANCE), tie)
+    archive = Archive((EXTENT, DISTANCE))
     archive.add(evaluations)
-    return {cell: e.candidate.id for cell, e in archive.best.items()}
+    return {cell: e.candidate.id for cell, e in archive.best(tie).items()}
 
 
 def test_each_cell_keeps_its_best():

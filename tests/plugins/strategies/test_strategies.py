@@ -1,3 +1,6 @@
+import math
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,7 +10,8 @@ from core.design import Candidate, Tool
 from core.errors import UserError
 from core.interfaces import Budget, Score
 from core.plugins import installed
-from core.trial import Evaluation, Trial, Where
+from core.search.setup import build_strategy
+from core.trial import TIE, Evaluation, Trial, Where
 from plugins.conformance.evaluations import tried_once
 from plugins.strategies.vlmgineer import select
 
@@ -33,9 +37,12 @@ class Recorder:
 def strategy(name, k_top=5, reward_save=0.5, **settings):
     designer = Recorder()
     budget = Budget(2, 2, 2, 3, k_top, reward_save)
-    return installed().create(
+    tie = settings.pop("tie", TIE)
+    made = installed().create(
         "evolution", name, settings, designer=designer, budget=budget
-    ), designer
+    )
+    made.tie = tie
+    return made, designer
 
 
 def rewards(evaluations):
@@ -115,13 +122,18 @@ def test_the_shorter_of_two_that_are_nearly_the_best_is_the_first_elite(tie, fir
     assert designer.asked[-1] == (1, [f"g0-a0-s{first}-p0"])
 
 
-@pytest.mark.parametrize("name", ["vlmgineer", "sampling"])
-def test_a_tie_is_not_negative(name):
-    assert strategy(name, tie=0.25)[0].tie == 0.25
-    with pytest.raises(
-        UserError, match=r"evolution\.tie must be from 0 to 1, got -0\.1"
-    ):
-        strategy(name, tie=-0.1)
+@pytest.mark.parametrize("tie", [-0.1, math.nan, math.inf, "much"])
+def test_a_tie_is_a_share_of_the_reward(tie):
+    designer = Recorder()
+    designer.assignment = SimpleNamespace(budget=Budget(2, 2, 2, 3, 5, 0.5))
+    for settings in ({}, {"refine": 5}):
+        with pytest.raises(
+            UserError, match=rf"evolution\.tie must be from 0 to 1, got {tie}"
+        ):
+            build_strategy({"name": "sampling", "tie": tie, **settings}, designer)
+
+    built = build_strategy({"name": "sampling", "tie": 0.25}, designer)
+    assert built.tie == 0.25
 
 
 def test_what_was_not_tried_is_no_elite():
