@@ -102,8 +102,9 @@ class Robot:
         base: where its base stands in the world.
         measured: how exact it is, by engine and figure (``tests.benchmarks.exactness``).
         programs: files for the arm's controller that an export has, as pairs of name and Jinja template.
-        drivers: files ``drive_NAME.py`` that an export of a plan that feels or looks has, as such pairs: each has a
-            class ``Driver`` that is made with the arm's address (`plugins.results.workshop.carrying`).
+        drivers: what moves the arm by a plan that feels or looks, as pairs of name and Jinja template of an export's
+            ``drive_NAME.py``: each has a class ``Driver`` that is made with the arm's address
+            (`plugins.results.workshop.carrying`).
 
     Raises:
         UsageError: numbers of joints differ, or a number is not finite or not positive.

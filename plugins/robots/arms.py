@@ -45,7 +45,10 @@ def _factory(name: str) -> Callable[[], Robot]:
             gripper=Gripper(mount=_pose(hand.pop("mount")), **hand) if hand else None,
             measured=measured(name),
             programs=tuple(map(program, arm.pop("programs", ()))),
-            drivers=tuple(map(program, arm.pop("drivers", ()))),
+            drivers=tuple(
+                (driver, program(f"drive_{driver}.py")[1])
+                for driver in arm.pop("drivers", ())
+            ),
             **arm,
         )
 

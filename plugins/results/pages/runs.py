@@ -89,21 +89,23 @@ class FinishedRun:
             if self._holds(file):
                 found[file.stem] = file
 
-        for film in self.films():
-            found[f"film {film.parent.name}".removesuffix(" best")] = film
+        for task, film in self.films().items():
+            found["film" if task == self.task else f"film {task}"] = film
 
         return found
 
-    def films(self) -> list[Path]:
-        """The films of the best candidate, one for each of its tasks."""
+    def films(self) -> dict[str, Path]:
+        """The films of the best candidate, by task: of several each has its own."""
         best = self.folder / "best"
-        files = [best / "rollout.gif", *sorted(best.glob("*/rollout.gif"))]
-        return [file for file in files if self._holds(file)]
+        files = {self.task: best / "rollout.gif"}
+        for file in sorted(best.glob("*/rollout.gif")):
+            files[file.parent.name] = file
+
+        return {task: file for task, file in files.items() if self._holds(file)}
 
     def events(self) -> Iterator[tuple[str, str]]:
         """Yield the task of each look and guard of the best candidate, and what came of it, as films say it."""
-        for film in self.films():
-            task = self.task if film.parent.name == "best" else film.parent.name
+        for task, film in self.films().items():
             file = film.with_name(EVENTS)
             if not self._holds(file):
                 continue

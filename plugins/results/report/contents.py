@@ -73,8 +73,7 @@ def _films(results: Results) -> list[tuple[str, Markup]]:
     left = FILMS_BYTES
 
     for g in sorted(results.groups, key=lambda g: rank(g.best)):
-        for film in g.best.films():
-            task = g.task if film.parent.name == "best" else film.parent.name
+        for task, film in g.best.films().items():
             length = film.stat().st_size
             if task in films or length > min(FILM_BYTES, left):
                 continue

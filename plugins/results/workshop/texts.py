@@ -83,9 +83,8 @@ def write_plan_programs(
     Raises:
         UserError: a template can't be rendered, or a file can't be written.
     """
-    ros = ("drive_ros2.py", text_of("drive_ros2.py.j2"))
-    drivers = (*robot.drivers, ros)
-    names = [name.removeprefix("drive_").removesuffix(".py") for name, _ in drivers]
+    drivers = {**dict(robot.drivers), "ros2": text_of("drive_ros2.py.j2")}
+    files = [(f"drive_{name}.py", driver) for name, driver in drivers.items()]
     program = ("run_plan.py", text_of("run_plan.py.j2"))
     function = ("perceive.py", text_of("perceive.py.j2"))
     values = {
@@ -93,9 +92,9 @@ def write_plan_programs(
         "turn": robot.base.rotation.as_matrix().round(9).tolist(),
         "base": to_numbers(robot.base),
         "bodies": bodies,
-        "drivers": names,
+        "drivers": list(drivers),
     }
-    _write_all(robot, (program, function, *drivers), values, folder)
+    _write_all(robot, (program, function, *files), values, folder)
 
 
 def to_numbers(pose: Pose) -> list[float]:
