@@ -9,6 +9,7 @@ from pathlib import Path
 from core.support.text import visible
 
 _ABOVE = 3  # folders of and above the file in which a mesh is looked for
+_DEEPEST = 16  # parts of a path that are looked for: an untrusted one may be long
 
 
 def describe_near(near: Mapping[str, Path]) -> list[str]:
@@ -24,6 +25,7 @@ def describe_near(near: Mapping[str, Path]) -> list[str]:
 def find_near(name: str, file: Path) -> Path | None:
     """Find a mesh of which the end of the path, with other capitals or not, leads to a file near another."""
     parts = [part for part in name.split("/") if part not in ("", ".", "..")]
+    parts = parts[-_DEEPEST:]
     for start in range(len(parts)):
         for folder in list(file.parents)[:_ABOVE]:
             near: Path | None = folder

@@ -140,6 +140,11 @@ def test_meshes_are_found_as_those_of_arms_are(tmp_path):
     assert "not drawn: link 'crate': visual: there is no mesh file" in notes
 
 
+def test_a_mesh_of_a_very_long_path_is_soon_missed(tmp_path):
+    with pytest.raises(UserError, match="no mesh file"):
+        read(tmp_path, link("a", mesh("a/" * 100_000 + "box.stl")))
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
