@@ -50,6 +50,9 @@ class FileTask(Task):
         file: the scene file, relative to the working directory.
         variation: what differs between layouts: ``none``, or one of the file's ``variations``.
 
+    Attributes:
+        doubts: a line for each thing that is possible, and seldom meant, whatever the robot is; they are said at once.
+
     Raises:
         UserError: the file can't be used; says what is wrong in it, where, and how to mend it.
     """
@@ -91,14 +94,14 @@ class FileTask(Task):
         vars(self).update(goals=wanted)
         self._look_at(spec)
         self._check_variations()
-        found = [
+        self.doubts = (
             *doubts.find_doubts(self._scene),
             *doubts.find_idle_joints(self._scene),
             *doubts.find_empty_place(self._scene, self.fixture),
             *doubts.find_radians(_list_turns(spec)),
             *doubts.find_idle_goals(self._scene, self.goals, self.every),
-        ]
-        for doubt in found:
+        )
+        for doubt in self.doubts:
             warn_once(f"{file}: {doubt}")
 
     def _read_variations(self, spec: schema.SceneSpec) -> dict[str, copies.Values]:

@@ -12,9 +12,8 @@ from core.goals import reaches
 from core.interfaces import Robot
 from core.robot.kinematics import arm_of
 from core.scene import Scene
-from plugins.tasks.file.contacts import find_buried, find_overlaps
-from plugins.tasks.file.doubts import bound, find_doubts, find_idle_goals
-from plugins.tasks.file.places import find_ends, find_far
+from plugins.tasks.file.doubts import bound
+from plugins.tasks.file.places import find_ends
 from plugins.tasks.file.task import FileTask
 
 SURROUNDINGS = ("table", "floor")
@@ -24,14 +23,9 @@ _FAR_M = 5.0  # ahead, where no arm gets
 
 def find_faults(task: FileTask) -> Iterator[str]:
     """Yield a line for each fault of a scene and its goals."""
-    scene = task.scene(0)
-    yield from find_overlaps(scene)
-    yield from find_doubts(scene)
-    yield from _find_useless(task, scene)
-    yield from find_idle_goals(scene, task.goals, task.every)
-    for goal in reaches(task.goals):
-        yield from find_far(goal, arm_of(task.robot), scene)
-        yield from find_buried(goal, scene)
+    yield from task.doubts
+    yield from task.find_doubts()
+    yield from _find_useless(task, task.scene(0))
 
 
 def measure_reach(robot: Robot) -> float:
