@@ -52,8 +52,7 @@ _LONGEST = 300  # characters of what is said
 _GIVEN = 80  # and of what was given in it
 _NO_TEXT = "it holds a character that is no text, such as half of a pair; leave it out"
 
-adapter: Callable[[Any], TypeAdapter[Any]] = lru_cache(maxsize=256)(TypeAdapter)
-"""What checks a type; slow to make."""
+_made: Callable[[Any], TypeAdapter[Any]] = lru_cache(maxsize=256)(TypeAdapter)
 
 
 @dataclass(frozen=True)
@@ -71,6 +70,14 @@ class Mistake:
     def __str__(self) -> str:
         place = clean(".".join(map(str, self.where)), _LONGEST)
         return f"{place}: {self.problem}" if place else self.problem
+
+
+def adapter(kind: Any) -> TypeAdapter[Any]:
+    """Return what checks a type, which is slow to make."""
+    try:
+        return _made(kind)
+    except TypeError:  # notes of a plugin's type may be no keys
+        return TypeAdapter(kind)
 
 
 def check(

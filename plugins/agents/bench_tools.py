@@ -112,11 +112,8 @@ class Tools:
         if name in documents:
             return [Text(documents[name]())]
 
-        if name not in self._does:
-            raise Refused(
-                f"there is no tool '{name}'; there are {', '.join(self._does)}"
-            )
-        return self._does[name](read_arguments(name, arguments))
+        asked = read_arguments(name, arguments)
+        return self._does[name](asked)
 
     # --- what is known of the run ---------------------------------------------------------------------------------
 

@@ -91,6 +91,10 @@ def test_what_fits_is_returned_as_its_type_has_it():
     assert check_plain(Part, {"size": [1, 2]}).size == (1, 2)
 
 
+def test_a_type_with_notes_that_are_no_keys_is_checked_too():
+    assert check(Annotated[int, {"unit": "m"}], 3) == 3
+
+
 def test_keys_are_listed_at_any_depth():
     assert keys_at(Thing, ("parts", 0)) == ["color", "size"]
     assert keys_at(Thing, ("named", "a")) == ["color", "size"]
