@@ -37,11 +37,23 @@ def read_text(file: Path, what: str) -> str:
         UserError: it can't be read, or is no such text.
     """
     try:
-        return file.read_bytes().decode("utf-8-sig")
+        data = file.read_bytes()
     except FileNotFoundError as error:
         raise UserError(f"{what}: there is no such file") from error
     except OSError as error:
         raise UserError(f"{what} can't be read: {error.strerror}") from error
+
+    return _decode(data, what)
+
+
+def _decode(data: bytes, what: str) -> str:
+    """Read bytes as UTF-8.
+
+    Raises:
+        UserError: they are something else.
+    """
+    try:
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise UserError(
             f"{what} is not UTF-8 text (byte {error.start}); save it as UTF-8"
@@ -113,3 +125,12 @@ def read_untrusted(file: Path, most: int) -> bytes:
         )
 
     return data
+
+
+def read_untrusted_text(file: Path, most: int) -> str:
+    """Read a text in UTF-8 that others made; see `read_untrusted`.
+
+    Raises:
+        UserError: there is none.
+    """
+    return _decode(read_untrusted(file, most), str(file))

@@ -19,7 +19,7 @@ from core.interfaces import VLM, Evaluation, Reply, Request
 from core.plugins import installed
 from core.search.answers import read_candidates
 from core.support.cli import say
-from core.support.files import FileMark, file_mark, read_untrusted
+from core.support.files import FileMark, file_mark, read_untrusted_text
 from core.support.text import number
 from plugins.vlms.letters import NOW, write_file, write_letter
 from plugins.vlms.second_look import list_faults
@@ -327,13 +327,9 @@ def _load(file: Path) -> str:
         raise DesignError("it is a link; put the file itself there")
 
     try:
-        return read_untrusted(file, MAX_BYTES).decode("utf-8-sig")
+        return read_untrusted_text(file, MAX_BYTES)
     except UserError as error:
         raise DesignError(str(error)) from error
-    except UnicodeDecodeError as error:
-        raise DesignError(
-            f"it is not UTF-8 text (byte {error.start}); save it as UTF-8"
-        ) from error
 
 
 def _holds(file: Path, text: str) -> bool:

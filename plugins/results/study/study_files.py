@@ -16,7 +16,7 @@ import yaml
 
 from core.errors import UsageError, UserError, choices
 from core.support.cli import expand, path_exists, say
-from core.support.files import read_text, read_untrusted
+from core.support.files import read_text, read_untrusted_text
 from core.support.inputs import FIELDS, check
 from core.support.text import clean, hydra_word
 from plugins.results.pages.runs import AnyRun, FinishedRun, LeftOutRun, read_run
@@ -234,11 +234,9 @@ def _read_yaml(file: Path) -> Any:
         UserError: it is too large or too deep, no UTF-8, or no YAML.
     """
     try:
-        text = read_untrusted(file, MOST_BYTES).decode("utf-8-sig")
+        text = read_untrusted_text(file, MOST_BYTES)
         _check_depth(text, file)
         return yaml.safe_load(text)
-    except UnicodeDecodeError as error:
-        raise UserError(f"{file} is not UTF-8 text; save it as UTF-8") from error
     except (yaml.YAMLError, ValueError) as error:  # such as a date that is none
         reason = clean(" ".join(str(error).split()), 300)
         raise UserError(f"{file} is no YAML: {reason}") from error

@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 from core.errors import UserError
-from core.support.files import read_untrusted
+from core.support.files import read_untrusted_text
 from core.support.text import clean
 
 MAX_BYTES = 100_000
@@ -74,11 +74,7 @@ class Tree:
             UserError: it can't be read.
         """
         try:
-            text = read_untrusted(file, MAX_BYTES).decode()
-        except UnicodeDecodeError as error:
-            raise UserError(
-                f"{file} is not UTF-8 text (byte {error.start}); save it as UTF-8"
-            ) from error
+            text = read_untrusted_text(file, MAX_BYTES)
         except UserError as error:
             raise UserError(f"scene file {error}") from error
 
