@@ -14,13 +14,14 @@ from typing import Any, ClassVar, TypeVar
 from weakref import WeakKeyDictionary
 
 import pluggy
+from pydantic import ValidationError
 
 from core.errors import RAISED, UsageError, UserError, choices, in_line
 from core.hooks import PROJECT, Command, Configs, Factory, Parts
 from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins.kinds import COMMAND, HOOKS, KINDS, ROBOT, Kind
 from core.plugins.packages import check_configs, refuse_hiding, refuse_rivals
-from core.support.inputs import check
+from core.support.inputs import adapter, find_mistakes
 from core.values.materials import PAPER, Material
 
 Settings = Mapping[str, Any] | None
@@ -247,8 +248,15 @@ def check_settings(
     for name, value in settings.items():
         if name not in possible:
             raise choices("setting", name, possible, where)
-        what = f"{where}: setting {name!r} can't be {value!r}"
-        checked[name] = check(hints.get(name, Any), value, what, UsageError)
+        wanted = hints.get(name, Any)
+        try:
+            checked[name] = adapter(wanted).validate_python(value)
+        except ValidationError as error:
+            first = find_mistakes(wanted, error)[0]
+            mend = f"; in a shell '\"{value}\"'" if first.kind == "string_type" else ""
+            raise UsageError(
+                f"{where}: setting {name!r} can't be {value!r}: {first}{mend}"
+            ) from error
 
     for name, parameter in possible.items():
         if parameter.default is parameter.empty and name not in checked:

@@ -36,6 +36,7 @@ _OBJECT = "must be an object of keys and values, such as {radius: 0.1}"
 _WORDS = {
     "missing": "is missing; add it",
     "bool_type": "must be true or false",
+    "string_type": "must be a text; put it in quotes",
     "float_type": "must be a number",
     "float_parsing": "must be a number",
     "int_type": "must be a whole number",
@@ -62,10 +63,12 @@ class Mistake:
     Attributes:
         where: the way to it.
         problem: what it must be, and the words to type.
+        kind: of the mistake, as Pydantic names it.
     """
 
     where: Entry
     problem: str
+    kind: str = ""
 
     def __str__(self) -> str:
         place = clean(".".join(map(str, self.where)), _LONGEST)
@@ -141,7 +144,7 @@ def find_mistakes(kind: Any, error: ValidationError) -> list[Mistake]:
             if lacks:
                 problem += f"; missing: {', '.join(lacks)}"
 
-        mistakes.append(Mistake(where, problem))
+        mistakes.append(Mistake(where, problem, entry["type"]))
 
     return mistakes
 
@@ -151,8 +154,6 @@ def _explain(error: ErrorDetails) -> str:
     given = error["input"]
     message = _WORDS.get(error["type"]) or _SUBJECT.sub("must ", error["msg"])
     message = message.removeprefix("Value error, ").replace(" after validation", "")
-    if error["type"] == "string_type":
-        message = f"must be a text; put it in quotes, in a shell '\"{given}\"'"
     if error["type"] == "json_invalid" and not error["loc"]:
         message = _NO_TEXT
     if isinstance(given, str | int | float) and "got" not in message:

@@ -46,7 +46,7 @@ class Pair:
         ({}, "name: is missing; add it"),
         (
             {"name": 5},
-            "name: must be a text; put it in quotes, in a shell '\"5\"', got 5",
+            "name: must be a text; put it in quotes, got 5",
         ),
         (
             {"name": "a", "parts": 1},
