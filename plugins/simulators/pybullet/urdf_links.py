@@ -19,6 +19,7 @@ from core.values.descriptions import (
     rounded_shape,
 )
 from plugins.simulators.inertia import Inertia
+from plugins.simulators.mesh_files import mesh_file
 from plugins.simulators.rolling import rollers
 
 _NATIVES = (Box, Sphere, Cylinder, Capsule)  # others are meshes
@@ -62,8 +63,7 @@ def collisions_of(body: Body, folder: Path, place: Pose) -> tuple[RobotShape, ..
         if isinstance(part.shape, _NATIVES):
             shape = rounded_shape(part.shape, DIGITS)
         else:
-            text = str(part.shape.to_trimesh().export(file_type="obj"))
-            shape = text_file(folder, text, "obj")
+            shape = mesh_file(part.shape.triangles, folder)
 
         origin = Origin.from_pose(place @ part.pose, DIGITS)
         shapes.append(RobotShape(shape, origin))

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +15,14 @@ from core.geometry import (
     Box,
     Capsule,
     Cylinder,
+    Mesh,
     Pose,
     Shape,
     Sphere,
     Triple,
 )
-from core.support.scratch import write_once
 from plugins.simulators.forces import Thing
+from plugins.simulators.mesh_files import mesh_file
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.surfaces import TOGETHER, Apart, Surface, Surfaces
 
@@ -125,10 +125,7 @@ def _collider(shape: Shape | Path, material: Any, folder: Path) -> Any:
     if type(shape) in _NATIVES:
         return _NATIVES[type(shape)](shape, material, folder)
 
-    mesh = shape.triangles
-    content = mesh.vertices.tobytes() + mesh.faces.tobytes()
-    name = hashlib.sha256(content).hexdigest()[:16]
-    return _hull(_file(folder, name, mesh.to_trimesh), material)
+    return _hull(mesh_file(shape.triangles, folder), material)
 
 
 def _add_box(box: Box, material: Any, folder: Path) -> Any:
@@ -166,7 +163,7 @@ def _hull(file: Path, material: Any, scale: Triple = (1.0, 1.0, 1.0)) -> Any:
 @lru_cache(maxsize=8)
 def _cube(folder: Path) -> Path:
     """Return the file of a box with edges of 1 m."""
-    return _file(folder, "box", partial(trimesh.creation.box, (1.0, 1.0, 1.0)))
+    return mesh_file(Box((1.0, 1.0, 1.0)).triangles, folder)
 
 
 @lru_cache(maxsize=8)
@@ -176,14 +173,5 @@ def _prism(folder: Path) -> Path:
     It is a prism whose corners are as far outside the cylinder as its sides are inside.
     """
     corner = 2 / (1 + np.cos(np.pi / _SIDES))
-    make = partial(
-        trimesh.creation.cylinder, radius=corner, height=1.0, sections=_SIDES
-    )
-    return _file(folder, "cylinder", make)
-
-
-def _file(folder: Path, name: str, make: Callable[[], trimesh.Trimesh]) -> Path:
-    """Return the mesh's file, writing it if there is none of that name."""
-    return write_once(
-        folder / f"{name}.obj", lambda: str(make().export(file_type="obj"))
-    )
+    prism = trimesh.creation.cylinder(radius=corner, height=1.0, sections=_SIDES)
+    return mesh_file(Mesh.from_trimesh(prism), folder)
