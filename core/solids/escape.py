@@ -13,13 +13,12 @@ from functools import cached_property, lru_cache
 from itertools import product
 from typing import NamedTuple
 
-import coal
 import numpy as np
-from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose
 from core.robot.solids import Obstacles, Solid, contact, corners
+from core.shapes.solid import convex_hull
 
 CLEAR_M = 2e-4
 """How deep a way may go into what is in contact at the start, beyond that contact."""
@@ -134,17 +133,9 @@ def _measure_way(
 def _sweep(part: Solid, way: Array) -> Solid:
     """Build the hull of a part and of itself at the end of a way (3,)."""
     begin = part.pose.apply(corners(part.geometry))
-    ends = np.concatenate([begin, begin + way])
-    hull = ConvexHull(ends)
-    numbers = np.full(len(ends), -1)
-    numbers[hull.vertices] = np.arange(len(hull.vertices))
+    hull = convex_hull(np.concatenate([begin, begin + way]))
 
-    points = coal.StdVec_Vec3s()
-    points.extend(ends[hull.vertices])
-    faces = coal.StdVec_Triangle()
-    faces.extend(coal.Triangle(*face) for face in numbers[hull.simplices].tolist())
-
-    return replace(part, geometry=coal.Convex(points, faces), pose=Pose(), shape=None)
+    return replace(part, geometry=hull, pose=Pose(), shape=None)
 
 
 class _Tree:

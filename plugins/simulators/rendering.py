@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import ClassVar, Unpack
 
 import numpy as np
@@ -47,14 +48,15 @@ class Renderer(ABC):
     """Draw one scene after another; a loaded scene is kept until another one is needed."""
 
     name: str = ""  # for people: what it is, and the device it draws on
-    _loaded: tuple[Task, int, Tool | None] | None = None
+    _loaded: tuple[Task, int, Tool] | None = None
 
     @abstractmethod
-    def load(self, task: Task, seed: int, tool: Tool | None) -> None: ...
+    def load(self, task: Task, seed: int, tool: Tool) -> None:
+        """Load the robot with a tool, and the scene of a layout."""
 
     @abstractmethod
-    def pose(self, arm: Array, fingers: Array, state: State) -> None:
-        """Set the robot's joints, arm (J,) and fingers with the tool's (F + K,), and the poses of the free bodies."""
+    def pose(self, joints: Mapping[str, float], state: State) -> None:
+        """Set the robot's joints, by their names, and the poses of the free bodies."""
 
     @abstractmethod
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
@@ -71,6 +73,9 @@ class Renderer(ABC):
         height = view.get("height", 480)
         camera = view.get("camera") or task.camera
 
+        if tool is None:
+            tool = Tool(gripper=task.robot.gripper is not None)
+
         with _drawing:
             self._load_once(task, seed, tool)
             if arm is None:
@@ -80,13 +85,13 @@ class Renderer(ABC):
             if state is None:
                 state = task.scene(seed).state()
 
-            self.pose(arm, fingers, state)
+            self.pose(joint_positions(task.robot, tool, arm, fingers), state)
             drawn = self.shoot(camera, width * _OVERSAMPLING, height * _OVERSAMPLING)
 
         picture = Pillow.fromarray(drawn)
         return np.asarray(picture.resize((width, height), Pillow.Resampling.LANCZOS))
 
-    def _load_once(self, task: Task, seed: int, tool: Tool | None) -> None:
+    def _load_once(self, task: Task, seed: int, tool: Tool) -> None:
         loaded = self._loaded
         if loaded is not None and loaded[0] is task and loaded[1:] == (seed, tool):
             return

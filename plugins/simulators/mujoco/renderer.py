@@ -7,6 +7,7 @@ import importlib
 import logging
 import os
 import platform
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,14 +15,14 @@ import trimesh
 
 from core.design import Tool
 from core.errors import NoPicture
-from core.geometry import Array, Mesh
+from core.geometry import Mesh
 from core.interfaces import Image, Task
 from core.robot.description import assemble
 from core.robot.meshes import link_visuals
 from core.scene import Camera, Geom, State
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element, add_geom
-from plugins.simulators.rendering import Renderer, joint_positions
+from plugins.simulators.rendering import Renderer
 
 # Stands for collision meshes.
 _SPECK = trimesh.creation.box((0.001, 0.001, 0.001)).export(file_type="stl")
@@ -51,22 +52,18 @@ class MuJoCoRenderer(Renderer):
             with self._opengl.as_current():
                 self._context.free()
 
-    def load(self, task: Task, seed: int, tool: Tool | None) -> None:
+    def load(self, task: Task, seed: int, tool: Tool) -> None:
         """Compile a model of what is drawn, and load it into the context.
 
         Args:
             task: has the robot and the scene.
             seed: of the layout.
-            tool: what the arm holds; None: its hand, if it has one.
+            tool: what the arm holds.
         """
         robot = task.robot
-        shown = tool
-        if shown is None:
-            shown = Tool(gripper=robot.gripper is not None)
-
         urdf = assemble(
             robot,
-            shown,
+            tool,
             visuals=False,
             mesh_path=lambda _: "0.stl",
         )
@@ -75,12 +72,12 @@ class MuJoCoRenderer(Renderer):
 
         for geom in list(spec.geoms):
             spec.delete(geom)
-        for link, visuals in link_visuals(robot, shown.gripper).items():
+        for link, visuals in link_visuals(robot, tool.gripper).items():
             for part in visuals:
                 _show(spec, spec.body(link), part)
 
-        for component in shown.components:
-            bearer, pose = shown.borne[component.name]
+        for component in tool.components:
+            bearer, pose = tool.borne[component.name]
             drawn = Geom(component.shape, pose, component.color)
             _show(spec, spec.body(bearer), drawn)
 
@@ -106,17 +103,9 @@ class MuJoCoRenderer(Renderer):
             )
 
         self._scene = mujoco.MjvScene(self._model, maxgeom=self._model.ngeom + 10)
-        self._robot = robot
-        self._tool = shown
 
-    def pose(self, arm: Array, fingers: Array, state: State) -> None:
+    def pose(self, joints: Mapping[str, float], state: State) -> None:
         """See `Renderer.pose`; soft bodies get the shapes of their nodes."""
-        joints = joint_positions(
-            self._robot,
-            self._tool,
-            arm,
-            fingers,
-        )
         for name, value in joints.items():
             self._data.joint(name).qpos[0] = value
 

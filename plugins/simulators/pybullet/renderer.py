@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from core.design import Tool
-from core.geometry import Array, Box, Pose
+from core.geometry import Box, Pose
 from core.interfaces import Image, Task
 from core.scene import Camera, Geom, State
 from plugins.simulators.pybullet.engine import Client, pybullet
 from plugins.simulators.pybullet.robot import joint_numbers, load_robot, robot_file
 from plugins.simulators.pybullet.urdf_links import facets_file
-from plugins.simulators.rendering import Renderer, joint_positions
+from plugins.simulators.rendering import Renderer
 
 _NEAR_M = 0.02
 _FAR_M = 10.0
@@ -32,27 +33,13 @@ class PyBulletRenderer(Renderer):
         self._folder = folder
         self._client = Client()
 
-    def load(self, task: Task, seed: int, tool: Tool | None) -> None:
+    def load(self, task: Task, seed: int, tool: Tool) -> None:
         """See `Renderer.load`."""
         client = self._client
         client.resetSimulation()
-        robot = task.robot
-        shown = tool
-        if shown is None:
-            shown = Tool(gripper=robot.gripper is not None)
-
-        file = robot_file(
-            self._folder,
-            robot,
-            shown,
-            visuals=True,
-        )
+        file = robot_file(self._folder, task.robot, tool, visuals=True)
         self._robot = load_robot(client, file)
-        numbers, _ = joint_numbers(client, self._robot)
-
-        self._arm = robot
-        self._tool = shown
-        self._numbers = numbers
+        self._numbers, _ = joint_numbers(client, self._robot)
         self._parts: list[tuple[str, Pose, int]] = []
         self._clear: dict[int, float] = {}  # opacity of transparent parts
         scene = task.scene(seed).furnished(tool)
@@ -94,14 +81,8 @@ class PyBulletRenderer(Renderer):
             number, pose.position.tolist(), [x, y, z, w]
         )
 
-    def pose(self, arm: Array, fingers: Array, state: State) -> None:
+    def pose(self, joints: Mapping[str, float], state: State) -> None:
         """See `Renderer.pose`; soft bodies get the shapes of their nodes."""
-        joints = joint_positions(
-            self._arm,
-            self._tool,
-            arm,
-            fingers,
-        )
         for name, value in joints.items():
             self._client.resetJointState(self._robot, self._numbers[name], value)
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from core.design import Tool
 from core.errors import NoPicture
 from core.interfaces import Simulator
 from core.plugins import Offer, installed
@@ -11,8 +12,9 @@ from plugins.conformance.scenery import cube
 from plugins.conformance.worlds import HOME, Bodies
 from plugins.simulators.rendering import DrawingSimulator, Renderer
 from tests.engines import simulator
-from tests.panda import ARM, FINGER_OPEN
+from tests.panda import ARM, FINGER_OPEN, PANDA
 
+HAND = Tool(gripper=True)  # without attachments
 TASK = Bodies(table(), cube(at=(0.6, 0.0, 0.05)))
 
 
@@ -22,8 +24,8 @@ class BulkWorld(Renderer):
     def load(self, task, seed, tool):
         self.loaded = task, seed, tool
 
-    def pose(self, arm, fingers, state):
-        self.posed = arm, fingers, state
+    def pose(self, joints, state):
+        self.posed = joints, state
 
     def shoot(self, camera, width, height):
         self.shot = camera, width, height
@@ -65,10 +67,10 @@ def drawing(own, other):
 def test_what_is_left_out_is_as_at_spawn():
     renderer = BulkWorld()
     assert renderer.render(TASK, width=4, height=3).shape == (3, 4, 3)
-    joints, fingers, state = renderer.posed
-    assert renderer.loaded == (TASK, 0, None)
-    np.testing.assert_array_equal(joints, ARM.home_for(HOME))
-    np.testing.assert_array_equal(fingers, [FINGER_OPEN, FINGER_OPEN])
+    joints, state = renderer.posed
+    assert renderer.loaded == (TASK, 0, HAND)
+    places = [*ARM.home_for(HOME), FINGER_OPEN, FINGER_OPEN]
+    assert joints == dict(zip(PANDA.joints(True), places, strict=True))
     np.testing.assert_array_equal(state.position("cube"), [0.6, 0.0, 0.05])
     assert renderer.shot == (TASK.camera, 8, 6)
 
@@ -80,10 +82,9 @@ def test_what_is_given_is_shown():
     renderer.render(
         TASK, seed=3, arm=np.ones(7), fingers=np.zeros(2), state=state, camera=camera
     )
-    assert renderer.loaded == (TASK, 3, None)
-    np.testing.assert_array_equal(renderer.posed[0], np.ones(7))
-    np.testing.assert_array_equal(renderer.posed[1], np.zeros(2))
-    assert renderer.posed[2] is state
+    assert renderer.loaded == (TASK, 3, HAND)
+    assert [*renderer.posed[0].values()] == [1.0] * 7 + [0.0] * 2
+    assert renderer.posed[1] is state
     assert renderer.shot == (camera, 1280, 960)
 
 
