@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -75,13 +76,28 @@ class Primitive(Shape):
         return ", ".join((self.kind, *words))
 
 
-def _centered(moments: Array) -> tuple[Array, Array]:
-    """Return a centre of mass at the origin, and a tensor of moments (3,) about the axes."""
-    return np.zeros(3), np.diag(moments)
+class _Centered(Primitive):
+    """One with its middle in its frame's origin, and the frame's axes as principal ones."""
+
+    @property
+    @abstractmethod
+    def sides(self) -> Triple:
+        """Those of its bounding box, metres."""
+
+    @abstractmethod
+    def moments(self, mass: float) -> Sequence[float] | Array:
+        """Compute the moments of inertia (3,) about its axes, kg m^2, for a mass in kg."""
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        return np.zeros(3), np.array(self.sides)
+
+    def inertia(self, mass: float) -> tuple[Array, Array]:
+        return np.zeros(3), np.diag(self.moments(mass))
 
 
 @dataclass(frozen=True)
-class Box(Primitive):
+class Box(_Centered):
     """A box centred on its frame.
 
     Attributes:
@@ -125,8 +141,8 @@ class Box(Primitive):
         return 2 * (x * y + y * z + z * x)
 
     @property
-    def bounds(self) -> tuple[Array, Array]:
-        return np.zeros(3), np.array(self.size)
+    def sides(self) -> Triple:
+        return self.size
 
     def to_trimesh(self) -> trimesh.Trimesh:
         import trimesh
@@ -141,9 +157,9 @@ class Box(Primitive):
     def volume_inside(self, wall: float) -> float:
         return math.prod(max(0.0, side - 2 * wall) for side in self.size)
 
-    def inertia(self, mass: float) -> tuple[Array, Array]:
+    def moments(self, mass: float) -> Array:
         x, y, z = np.square(self.size)
-        return _centered(mass / 12 * np.array([y + z, x + z, x + y]))
+        return mass / 12 * np.array([y + z, x + z, x + y])
 
     def resized(self, size: Vector) -> Box:
         return Box(tuple(size))
@@ -153,7 +169,7 @@ class Box(Primitive):
 
 
 @dataclass(frozen=True)
-class Sphere(Primitive):
+class Sphere(_Centered):
     """A sphere centred on its frame."""
 
     kind = "sphere"
@@ -171,8 +187,8 @@ class Sphere(Primitive):
         return 4 * math.pi * self.radius**2
 
     @property
-    def bounds(self) -> tuple[Array, Array]:
-        return np.zeros(3), np.array([2 * self.radius] * 3)
+    def sides(self) -> Triple:
+        return (2 * self.radius,) * 3
 
     @property
     def ball_radius(self) -> float:
@@ -193,8 +209,8 @@ class Sphere(Primitive):
     def extent(self, direction: Array) -> float:
         return self.radius
 
-    def inertia(self, mass: float) -> tuple[Array, Array]:
-        return _centered(2 / 5 * mass * self.radius**2 * np.ones(3))
+    def moments(self, mass: float) -> Sequence[float]:
+        return [2 / 5 * mass * self.radius**2] * 3
 
     def resized(self, size: Vector) -> Sphere:
         x, y, z = map(float, size)
@@ -202,7 +218,7 @@ class Sphere(Primitive):
 
 
 @dataclass(frozen=True)
-class Cylinder(Primitive):
+class Cylinder(_Centered):
     """A cylinder along z, centred on its frame."""
 
     kind = "cylinder"
@@ -221,9 +237,9 @@ class Cylinder(Primitive):
         return 2 * math.pi * self.radius * (self.radius + self.length)
 
     @property
-    def bounds(self) -> tuple[Array, Array]:
+    def sides(self) -> Triple:
         across = 2 * self.radius
-        return np.zeros(3), np.array([across, across, self.length])
+        return across, across, self.length
 
     def to_trimesh(self) -> trimesh.Trimesh:
         import trimesh
@@ -241,9 +257,9 @@ class Cylinder(Primitive):
         x, y, z = map(float, direction)
         return self.radius * math.hypot(x, y) + self.length / 2 * abs(z)
 
-    def inertia(self, mass: float) -> tuple[Array, Array]:
+    def moments(self, mass: float) -> Sequence[float]:
         across = mass * (3 * self.radius**2 + self.length**2) / 12
-        return _centered(np.array([across, across, mass * self.radius**2 / 2]))
+        return across, across, mass * self.radius**2 / 2
 
     def resized(self, size: Vector) -> Cylinder:
         x, y, z = map(float, size)
@@ -251,7 +267,7 @@ class Cylinder(Primitive):
 
 
 @dataclass(frozen=True)
-class Capsule(Primitive):
+class Capsule(_Centered):
     """A cylinder along z, centred on its frame, with half a sphere on each end; ``length`` is without these."""
 
     kind = "capsule"
@@ -271,9 +287,9 @@ class Capsule(Primitive):
         return 2 * math.pi * self.radius * (self.length + 2 * self.radius)
 
     @property
-    def bounds(self) -> tuple[Array, Array]:
+    def sides(self) -> Triple:
         across = 2 * self.radius
-        return np.zeros(3), np.array([across, across, self.length + across])
+        return across, across, self.length + across
 
     def to_trimesh(self) -> trimesh.Trimesh:
         import trimesh
@@ -299,7 +315,7 @@ class Capsule(Primitive):
     def extent(self, direction: Array) -> float:
         return self.radius + self.length / 2 * abs(float(direction[2]))
 
-    def inertia(self, mass: float) -> tuple[Array, Array]:
+    def moments(self, mass: float) -> Sequence[float]:
         radius = self.radius
         length = self.length
         caps = mass * 4 * radius / (4 * radius + 3 * length)
@@ -308,7 +324,7 @@ class Capsule(Primitive):
         across = rod * (3 * radius**2 + length**2) / 12
         across += caps * (2 / 5 * radius**2 + length**2 / 4 + 3 / 8 * radius * length)
 
-        return _centered(np.array([across, across, along]))
+        return across, across, along
 
     def resized(self, size: Vector) -> Capsule:
         x, y, z = map(float, size)
