@@ -27,6 +27,9 @@ from core.support.text import clean, kind
 MAX_OVERLAP_M = 1e-4
 """The most that a fixture may be inside anything at the start."""
 
+NOTE = "note"
+"""The field of a design in which whoever made it may keep what it was made of, as JSON."""
+
 MAX_NAME = 200  # characters
 MAX_DESCRIPTION = 5000
 
@@ -84,7 +87,7 @@ def read_tool(
     weighed = representation.material.made(tool)
     fixture = _read_fixture(fields.get(FIXTURE), representation, task)
     weighed = replace(weighed, fixture=fixture)
-    keys = [*call_part(representation, "schema", dict), FIXTURE]
+    keys = [*call_part(representation, "schema", dict), FIXTURE, NOTE]
     text = json.dumps({key: fields[key] for key in keys if key in fields}, default=str)
     return replace(
         weighed, name=name, description=description, written=(weighed.content, text)

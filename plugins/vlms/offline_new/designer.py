@@ -1,0 +1,92 @@
+"""The embedded designer: requests in, JSON replies out."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from core.config.schemas import PARTS, PromptSettings, Sampling
+from core.design import DesignError
+from core.hooks import hookimpl
+from core.interfaces import VLM, Reply, Request
+from core.support.cli import say
+from core.support.text import hydra_word
+from plugins.vlms.offline_new.answer import answer
+from plugins.vlms.offline_new.search import NothingSuits
+from plugins.vlms.offline_new.unplanned import find_unplanned
+
+if TYPE_CHECKING:
+    from core.events import Run
+
+USUAL = "vlmgineer"
+"""The prompt that is chosen without a word."""
+
+
+class OfflineDesigner(VLM):
+    """Designs tools and plans by classical means, from the scene's geometry and the task's goals.
+
+    It uses no language model: it reads a request's brief, not its messages, and returns the document that a model is
+    asked for. The same brief gets the same answer, with the same camera.
+    """
+
+    model = "offline (embedded designer, no language model)"
+    criticises = False
+    sees = False
+
+    def __init__(self) -> None:
+        self._looks_near = False
+
+    @hookimpl(trylast=True)
+    def run_started(self, run: Run) -> None:
+        """Say which settings change nothing, and what of the goals no plan is made for; note where the camera is."""
+        # A fixed camera sees no better from nearer.
+        self._looks_near = run.settings.perception.camera == "hand"
+
+        unread = _list_unread(run)
+        if unread:
+            say(
+                f"the embedded designer reads no prompt, so these change nothing: {' '.join(unread)}",
+                file=sys.stderr,
+            )
+
+        parts = run.task.parts
+        unplanned = []
+        for task in parts:
+            prefix = f"{task.name}: " if len(parts) > 1 else ""
+            for what in find_unplanned(task, run.seed):
+                unplanned.append(prefix + what)
+
+        if unplanned:
+            words = "; ".join(unplanned)
+            say(f"the embedded designer does not plan for: {words}", file=sys.stderr)
+
+    def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
+        """See `VLM.complete`. A brief that can't be answered gets a reply with the reason."""
+        for request in requests:
+            try:
+                document = answer(request.brief)
+            except (NothingSuits, DesignError) as error:
+                yield Reply(request.id, "", self.model, error=str(error))
+                continue
+
+            text = json.dumps(document, indent=1)
+            yield Reply(request.id, text, self.model)
+
+
+def _list_unread(run: Run) -> list[str]:
+    """List the settings of prompts that are not as usual, as they are typed: of a run that sends none."""
+    usual = {"prompt": PromptSettings(name=""), "sampling": Sampling()}
+    chosen = run.config.get("prompt", {}).get("name")
+    unread = []
+
+    for group, defaults in usual.items():
+        for key, value in run.config.get(group, {}).items():
+            if key not in ("name", *PARTS) and value != getattr(defaults, key):
+                unread.append(f"{group}.{key}={hydra_word(value)}")
+
+    if chosen not in (None, USUAL):
+        unread.insert(0, f"prompt={chosen}")
+
+    return unread

@@ -1,0 +1,142 @@
+"""Count what is wrong with a tool and its plan: what it meets on its way, what the arm doesn't reach, broken rules."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import coal
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from core.design import DesignError, Tool
+from core.designs.rules import check_tool
+from core.geometry import Array, step_lengths
+from core.interfaces import Material, Waypoints
+from core.robot.kinematics import arm_of, open_mounts
+from core.robot.solids import Solid, solids_of
+from core.robot.trajectory import plan_motion
+from core.solids.self_collision import find_self_collision
+from plugins.vlms.offline_new.layout import CONTACT_M, Layout
+from plugins.vlms.offline_new.making import Made
+
+BREAKS_RULES = 1000.0
+"""The fault of a design that is refused."""
+
+_STEP_M = 0.04  # between two looks
+_MISS_M = 0.005  # a pose that is missed by less is reached
+_MISS_RAD = 0.03
+_PER_METRE = 100.0  # faults of a metre by which a pose is missed
+_TURN_M = 0.2  # a missed radian is as bad as so many metres
+
+
+def count_faults(
+    made: Made, layout: Layout, material: Material, enough: float = np.inf
+) -> float:
+    """Count the faults of a design; 0: it has none. The cheapest are looked for first.
+
+    Args:
+        made: a tool and its plan.
+        layout: where they are tried.
+        material: of which the tool is made.
+        enough: no more are counted than that.
+    """
+    fault = count_meetings(made, layout, enough)
+    if fault >= enough:
+        return fault
+
+    arm = arm_of(layout.robot)
+    motion = plan_motion(Waypoints(made.rows), layout.home, arm)
+    misses = motion.misses[:, 0] + _TURN_M * motion.misses[:, 1]
+    if (motion.misses > (_MISS_M, _MISS_RAD)).any():
+        fault += 1 + _PER_METRE * float(misses.max())
+    if fault >= enough:
+        return fault
+    if not keeps_rules(made.tool, layout, material):
+        return fault + BREAKS_RULES
+    if find_self_collision(layout.robot, made.tool, motion.trajectory) is not None:
+        return fault + BREAKS_RULES
+    return fault
+
+
+def keeps_rules(tool: Tool, layout: Layout, material: Material) -> bool:
+    """Report whether a tool keeps the rules for tools, and those for the start."""
+    try:
+        check_tool(material.made(tool), layout.robot, material)
+        layout.spawn.check_start(tool)
+    except DesignError:
+        return False
+    return True
+
+
+def place_solids(tool: Tool, layout: Layout) -> list[Solid]:
+    """Place the solids of a tool in the frame of the tool mount, with the fingers open."""
+    mounts = open_mounts(layout.robot, tool.gripper)
+    solids = []
+    placed = tool.placed()
+    for component in tool.components:
+        mount, pose = placed[component.name]
+        solids += solids_of(component.name, component.shape, mounts[mount] @ pose)
+
+    return solids
+
+
+def count_meetings(made: Made, layout: Layout, enough: float = np.inf) -> float:
+    """Count the places on its way at which a tool is in something that it must not touch, up to ``enough``."""
+    solids = place_solids(made.tool, layout)
+    home = np.concatenate([layout.home.position, layout.home.rpy])
+    positions, turns, numbers = _sample_way(np.vstack([home, made.rows[:, :6]]))
+    boxes = [solid.bounds() for solid in solids]
+    middles = np.array([middle for middle, _ in boxes])
+    halves = np.array([half for _, half in boxes])
+
+    # Boxes along the world's axes, first, around the tool's solids at all places, (K, S, 3).
+    there = positions[:, None] + np.einsum("kij,sj->ksi", turns, middles)
+    around = np.einsum("kij,sj->ksi", np.abs(turns), halves)
+    obstacles = layout.all_solids
+    gaps = np.abs(there[:, :, None] - obstacles.centers)
+    near = (gaps <= around[:, :, None] + obstacles.halves - CONTACT_M).all(axis=-1)
+
+    moved = {name for job in made.option.jobs for name in job.moved}
+    is_moved = np.array([solid.name in moved for solid in obstacles.solids])
+    touches = np.array(made.touching)[numbers]
+    near &= ~(touches[:, None, None] & is_moved)
+
+    hits = 0.0
+    for place, part, other in np.argwhere(near):
+        frame = coal.Transform3s(turns[place], positions[place])
+        solid = solids[part]
+        hits += _overlap(solid.geometry, frame * solid.transform, obstacles.solids[other])
+        if hits >= enough:
+            break
+
+    return hits
+
+
+def _overlap(geometry: Any, transform: Any, other: Solid) -> bool:
+    """Report whether a geometry of Coal is in a solid by more than a contact."""
+    request = coal.DistanceRequest()
+    result = coal.DistanceResult()
+    gap = coal.distance(
+        geometry, transform, other.geometry, other.transform, request, result
+    )
+    return bool(gap < -CONTACT_M)
+
+
+def _sample_way(way: Array) -> tuple[Array, Array, Array]:
+    """Sample the straight ways between N + 1 poses (N + 1, 6), at both ends and at least every `_STEP_M`.
+
+    Returns:
+        Positions (K, 3), rotations (K, 3, 3), and on which of the N ways each is (K,).
+    """
+    steps = np.diff(way[:, :3], axis=0)
+    counts = np.ceil(step_lengths(way[:, :3]) / _STEP_M).astype(int) + 1
+    numbers = np.repeat(np.arange(len(steps)), counts)
+    shares = np.concatenate([np.linspace(0.0, 1.0, count) for count in counts])
+
+    rotations = Rotation.from_euler("xyz", way[:, 3:])
+    between = (rotations[:-1].inv() * rotations[1:]).as_rotvec()
+    turned = rotations[numbers] * Rotation.from_rotvec(
+        between[numbers] * shares[:, None]
+    )
+    positions = way[numbers, :3] + shares[:, None] * steps[numbers]
+    return positions, turned.as_matrix(), numbers

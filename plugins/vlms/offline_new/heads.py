@@ -1,0 +1,92 @@
+"""The working end of a tool: boxes in a frame of its own, and how it moves.
+
+In a head's frame x points where it works, y to its left and z up. Lengths are metres, angles radians.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from core.geometry import Array, Pose
+
+Size = tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A box of a head.
+
+    Attributes:
+        name: of the component that it becomes.
+        pose: of its middle, in the head's frame.
+        size: its full sides.
+        parent: the number of the piece that bears it; the first one is borne by the shaft.
+    """
+
+    name: str
+    pose: Pose
+    size: Size
+    parent: int = 0
+
+
+def box(
+    name: str,
+    x: float,
+    y: float,
+    z: float,
+    size: Size,
+    parent: int = 0,
+) -> Piece:
+    """Make an upright box around a point of the head's frame; see `Piece`."""
+    return Piece(name, Pose(np.array([x, y, z])), size, parent)
+
+
+@dataclass(frozen=True, eq=False)
+class Head:
+    """The working end of a tool.
+
+    Attributes:
+        pieces: its boxes; the first one is borne by the shaft.
+        attach: where the shaft ends, (3,).
+        text: what it is, in words.
+        mount: its pose in the frame of the tool mount, where it needs no shaft; None: it is placed by what the arm
+            reaches.
+    """
+
+    pieces: Sequence[Piece]
+    attach: Array
+    text: str
+    mount: Pose | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A pose of a head, in the frame of a job.
+
+    Attributes:
+        pose: where it gets.
+        speed: on the way there, m/s; None: as fast as the arm goes.
+        touch: whether it may touch the bodies on the way there.
+        grip: how far the fingers are closed then, 0 to 1.
+    """
+
+    pose: Pose
+    speed: float | None = None
+    touch: bool = False
+    grip: float = 0.0
+
+
+def at(
+    x: float,
+    y: float,
+    z: float,
+    *,
+    roll: float = 0.0,
+    pitch: float = 0.0,
+    yaw: float = 0.0,
+) -> Pose:
+    """Return a pose of a head."""
+    return Pose.xyz_rpy((x, y, z), (roll, pitch, yaw))

@@ -1,0 +1,257 @@
+"""One errand of a tool: bodies, where they have to go, and the frame in which ways of using a tool are written."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from core.geometry import Array, Box, Pose
+from core.robot.solids import Solid, contact, solid_geometry
+from plugins.vlms.offline_new.layout import CONTACT_M, Layout, solid_points
+from plugins.vlms.offline_new.wants import Want
+
+NEAR_M = 0.15
+"""Bodies that are nearer on the level are in the way of what comes down."""
+
+_NO_WAY_M = 0.01  # a shorter way on the ground gives no direction
+_RISES_M = 0.03  # what has to get up by more is lifted
+_FALLS_M = 0.1  # what has to get down by more falls
+_SUPPORT_M = 0.006  # what is so low beside a body is what it stands on
+_FOOT_M = 0.004  # parts of a body that begin lower are its foot,
+_STANDS_OUT_M = 0.006  # and those that stand out by more can be lifted
+_HALVINGS = 6  # of a distance, to find how far something is away
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """Bodies that a tool moves together, and where they have to go.
+
+    All lengths are metres. Ways of using a tool work in the job's `frame`: its origin is below the middle of the
+    bodies, at the height of their foot; x points where they have to go on the ground, or away from the robot where
+    that is nowhere; z points up.
+
+    Attributes:
+        layout: where they are.
+        want: what a goal wants of them.
+        turned: by how much x is turned from what is said above, radians: of bodies that may go anywhere.
+    """
+
+    layout: Layout
+    want: Want
+    turned: float = 0.0
+
+    @property
+    def moved(self) -> tuple[str, ...]:
+        """The names of the bodies that the tool may touch, where a way says so."""
+        return self.want.bodies
+
+    @cached_property
+    def points(self) -> Array:
+        """The corners of the bodies in the world, (V, 3)."""
+        return np.concatenate([self.layout.points[name] for name in self.want.bodies])
+
+    @cached_property
+    def center(self) -> Array:
+        """The middle of the bodies' bounds in the world, (3,)."""
+        return np.asarray((self.points.min(axis=0) + self.points.max(axis=0)) / 2)
+
+    @cached_property
+    def shift(self) -> Array:
+        """The way that the bodies have to go, (3,), in the world; where the goal leaves it open, none."""
+        place = self.want.place
+        if place is None:
+            return np.zeros(3)
+
+        bodies = [self.layout.scene[name].pose.position for name in self.want.bodies]
+        # Several go to one place with what is around them.
+        here = np.mean(bodies, axis=0) if len(bodies) == 1 else self.center
+        if len(bodies) > 1:
+            here = np.array([*self.center[:2], np.mean(bodies, axis=0)[2]])
+        return np.where(np.isnan(place), 0.0, place - here)
+
+    @cached_property
+    def outward(self) -> float:
+        """The direction from the robot to the bodies in the world, along an axis of theirs, radians."""
+        x, y = (self.center - self.layout.reach.base)[:2]
+        away = float(np.arctan2(y, x))
+        yaw = float(self.layout.scene[self.want.bodies[0]].pose.rpy[2])
+        quarter = np.pi / 2
+        return yaw + quarter * round((away - yaw) / quarter)
+
+    @cached_property
+    def heading(self) -> float:
+        """The direction of the frame's x in the world, radians."""
+        x, y = self.shift[:2]
+        ahead = self.outward
+        if np.hypot(x, y) > _NO_WAY_M:
+            ahead = float(np.arctan2(y, x))
+        return ahead + self.turned
+
+    @cached_property
+    def frame(self) -> Pose:
+        """The job's frame in the world."""
+        foot = np.array([*self.center[:2], self.points[:, 2].min()])
+        level = Pose.xyz_rpy(foot, (0.0, 0.0, self.heading))
+        low, high = _span(level.inverse().apply(self.points))
+        middle = level.apply([*(low + high)[:2] / 2, 0.0])
+        return Pose.xyz_rpy(middle, (0.0, 0.0, self.heading))
+
+    @cached_property
+    def size(self) -> Array:
+        """The bodies' extents along the frame's axes, (3,)."""
+        low, high = _span(self.frame.inverse().apply(self.points))
+        return high - low
+
+    @property
+    def length(self) -> float:
+        """How far the bodies have to go on the ground."""
+        if self.want.away:
+            return self.want.away
+        return float(np.hypot(*self.shift[:2]))
+
+    @property
+    def rise(self) -> float:
+        """How far the bodies have to get up."""
+        return float(self.shift[2])
+
+    @property
+    def rises(self) -> bool:
+        """Whether the bodies have to be lifted."""
+        return self.rise > _RISES_M
+
+    @property
+    def falls(self) -> bool:
+        """Whether the bodies have to get down by much."""
+        return self.rise < -_FALLS_M
+
+    @property
+    def goes(self) -> bool:
+        """Whether the bodies have to go somewhere on the ground."""
+        return self.length > _NO_WAY_M
+
+    @property
+    def beyond(self) -> bool:
+        """Whether the bodies have to go where no tool gets."""
+        reach = self.layout.reach
+        goal = self.center + self.shift
+        return bool(np.hypot(*(goal - reach.base)[:2]) > reach.outer + 0.55)
+
+    @property
+    def side(self) -> float:
+        """The direction from the robot to the bodies in the frame, radians."""
+        return self.outward - self.heading
+
+    @cached_property
+    def clear(self) -> float:
+        """The height in the frame above everything that is near the bodies or their way."""
+        ends = np.stack([self.points, self.points + self.shift])
+        low = ends.min(axis=(0, 1))[:2] - NEAR_M
+        high = ends.max(axis=(0, 1))[:2] + NEAR_M
+        top = self.layout.top_at(low, high)
+        return float(top - self.frame.position[2])
+
+    @cached_property
+    def deep(self) -> float:
+        """How far something near the bodies stands higher than they do."""
+        low = self.points.min(axis=0)[:2] - NEAR_M
+        high = self.points.max(axis=0)[:2] + NEAR_M
+        top = self.layout.top_at(low, high, self.want.bodies)
+        return max(0.0, float(top - self.points[:, 2].max()))
+
+    @cached_property
+    def holder(self) -> str | None:
+        """The smallest body that stands around all of the bodies, such as a jar or a tray; None: there is none."""
+        origins = np.array(
+            [self.layout.scene[name].pose.position for name in self.want.bodies]
+        )
+        found = []
+        for name, points in self.layout.points.items():
+            low, high = _span(points)
+            if name not in self.want.bodies and ((origins > low) & (origins < high)).all():
+                found.append((float(np.prod(high - low)), name))
+
+        return min(found)[1] if found else None
+
+    @cached_property
+    def overhang(self) -> tuple[float, float] | None:
+        """What stands out of a body on both sides of the frame's x, above its foot: None, if nothing does.
+
+        Returns:
+            Half the width of the foot, and how high above it that begins.
+        """
+        inside = self.frame.inverse()
+        halves = []
+        lows = []
+        for name in self.want.bodies:
+            for solid in self.layout.solids[name]:
+                points = inside.apply(solid_points(solid))
+                halves.append(np.abs(points[:, 1]).max())
+                lows.append(points[:, 2].min())
+
+        wide = np.array(halves)
+        low = np.array(lows)
+        foot = wide[low < _FOOT_M].max()
+        out = (low >= _FOOT_M) & (wide > foot + _STANDS_OUT_M)
+        if not out.any():
+            return None
+
+        under = low[out].min()
+        beside = wide[~out & (low < under)].max()
+        return float(beside), float(under)
+
+    def room(self, x: float = 0.0, y: float = 0.0, z: float = 0.0, most: float = 0.2) -> float:
+        """Measure how far there is nothing beside the bodies, or above them.
+
+        Args:
+            x: with y and z the direction in the frame, along an axis.
+            y: see x.
+            z: see x.
+            most: no more is looked for.
+        """
+        direction = np.array([x, y, z])
+        least = 0.0
+        if self._is_free(direction, most):
+            return most
+
+        for _ in range(_HALVINGS):
+            middle = (least + most) / 2
+            if self._is_free(direction, middle):
+                least = middle
+            else:
+                most = middle
+
+        return least
+
+    def is_free(self, shift: Array) -> bool:
+        """Report whether the bodies' box meets nothing on a way (3,) of the frame, from where it stands."""
+        length = float(np.linalg.norm(shift))
+        steps = max(2, int(np.ceil(length / 0.05)) + 1)
+        return all(
+            not self._meets(share * shift, self.size, 0.0)
+            for share in np.linspace(0.0, 1.0, steps)
+        )
+
+    def _is_free(self, direction: Array, distance: float) -> bool:
+        """Report whether there is nothing within a distance of a side of the bodies' box."""
+        along = np.abs(direction)
+        size = np.where(along > 0, distance, self.size)
+        return not self._meets(direction * (self.size + distance) / 2, size, 0.0)
+
+    def _meets(self, shift: Array, size: Array, margin: float) -> bool:
+        """Report whether a box of this size, shifted from the bodies' middle, meets another body."""
+        lift = np.array([0.0, 0.0, _SUPPORT_M / 2])
+        sides = np.maximum(size - 2 * CONTACT_M - 2 * lift, CONTACT_M)
+        middle = self.frame.apply([*shift[:2], shift[2] + self.size[2] / 2] + lift)
+        geometry = solid_geometry(Box(tuple(sides)))
+        box = Solid("room", geometry, Pose(middle, self.frame.quaternion))
+        others = self.layout.others(frozenset(self.want.bodies))
+        return any(
+            contact(box, other)[0] < margin for other in others.near(box, margin)
+        )
+
+
+def _span(points: Array) -> tuple[Array, Array]:
+    """Return the least and the greatest coordinates of points (V, 3)."""
+    return points.min(axis=0), points.max(axis=0)

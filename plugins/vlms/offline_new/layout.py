@@ -1,0 +1,161 @@
+"""The geometry of a layout: where bodies are, what is free around them, and where the arm works."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from core.design import Tool
+from core.designs.planning import look
+from core.designs.start import SpawnRules
+from core.geometry import Array, Box, Mesh, Pose, Shape
+from core.interfaces import Brief, Perception, Robot
+from core.robot.kinematics import arm_of, robot_model
+from core.robot.solids import (
+    Obstacles,
+    Solid,
+    body_solids,
+    corners,
+    solid_geometry,
+)
+from core.scene import Soft
+from plugins.vlms.told.reach import span_at
+
+CONTACT_M = 0.001
+"""Solids that overlap by less only touch each other."""
+
+
+class Layout:
+    """A layout of a brief's task.
+
+    Attributes:
+        scene: its bodies.
+        robot: the arm.
+        home: where the tool mount starts.
+        seen: the poses that a plan sees, and what judges them.
+        spawn: the rules for where a tool may start.
+        reach: where the arm works with ease.
+    """
+
+    def __init__(self, brief: Brief) -> None:
+        task = brief.task
+        self.scene = task.scene(brief.scene_seed)
+        self.robot = task.robot
+        self.home = task.home
+        self.seen = look(task, brief.scene_seed, Perception(), self.scene)
+        self.spawn = SpawnRules(task, brief.scene_seed, self.scene)
+        self.reach = measure_reach(task.robot)
+
+    @cached_property
+    def solids(self) -> dict[str, list[Solid]]:
+        """The solids of each body that can be touched, in the world, by its name."""
+        found = {}
+        for body in self.scene.bodies:
+            solids = _soft_solids(body) if isinstance(body, Soft) else [*body_solids(body)]
+            if solids:
+                found[body.name] = solids
+
+        return found
+
+    @cached_property
+    def points(self) -> dict[str, Array]:
+        """The corners (V, 3) of each body that can be touched, in the world, by its name."""
+        return {
+            name: np.concatenate([*map(solid_points, solids)])
+            for name, solids in self.solids.items()
+        }
+
+    @cached_property
+    def all_solids(self) -> Obstacles:
+        """All solids of the layout."""
+        return self.others(frozenset())
+
+    @lru_cache(maxsize=64)  # noqa: B019 - a layout lives as long as the answer to a brief
+    def others(self, names: frozenset[str]) -> Obstacles:
+        """Return all solids but those of some bodies."""
+        return Obstacles(
+            solid
+            for name, solids in self.solids.items()
+            if name not in names
+            for solid in solids
+        )
+
+    def top_at(self, low: Array, high: Array, but: Collection[str] = ()) -> float:
+        """Find how high the bodies stand that are over a part of the ground, metres; minus infinity: none does.
+
+        Args:
+            low: the least x and y of that part.
+            high: the greatest x and y of it.
+            but: the names of bodies that don't count.
+        """
+        obstacles = self.others(frozenset(but))
+        lower = obstacles.centers - obstacles.halves
+        upper = obstacles.centers + obstacles.halves
+        over = ((lower[:, :2] < high[:2]) & (upper[:, :2] > low[:2])).all(axis=1)
+        return float(upper[over, 2].max(initial=-np.inf))
+
+
+def solid_points(solid: Solid) -> Array:
+    """Return points (V, 3) on a solid's surface, in the world, of which it is the hull, or nearly so."""
+    return solid.pose.apply(_shape_points(solid.shape))
+
+
+@lru_cache(maxsize=256)
+def _shape_points(shape: Shape | None) -> Array:
+    """Return points (V, 3) of a shape's surface in its frame; of a flat one its corners."""
+    assert shape is not None  # bodies have shapes, links alone have none
+    if isinstance(shape, Box | Mesh):
+        return np.asarray(corners(solid_geometry(shape)))
+    return np.asarray(shape.to_trimesh().vertices)
+
+
+def _soft_solids(body: Soft) -> list[Solid]:
+    """Make the box around a soft body as it is at the start."""
+    low = body.placed.min(axis=0)
+    high = body.placed.max(axis=0)
+    sides = np.maximum(high - low, CONTACT_M)
+    shape = Box(tuple(sides))
+    return [Solid(body.name, solid_geometry(shape), Pose((low + high) / 2), shape)]
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """Where an arm works with ease, its flange pointing down; metres, in the world.
+
+    Attributes:
+        base: where it stands, (3,).
+        shoulder: its second joint, (3,).
+        inner: the least distance from the base's axis.
+        outer: the greatest distance from the base's axis.
+    """
+
+    base: Array
+    shoulder: Array
+    inner: float
+    outer: float
+
+    def excess(self, points: Array) -> Array:
+        """Measure how far the worst of points (..., N, 3) of the tool mount is out of reach: (...), metres."""
+        level = np.linalg.norm(points[..., :2] - self.base[:2], axis=-1)
+        stretch = np.linalg.norm(points - self.shoulder, axis=-1)
+        too_near = np.maximum(0.0, self.inner - level)
+        too_far = np.maximum(0.0, stretch - self.outer)
+        return np.asarray((too_near + too_far).max(axis=-1))
+
+
+@lru_cache(maxsize=8)
+def measure_reach(robot: Robot) -> Reach:
+    """Measure where an arm works, at the height of its shoulder, a little within what it reaches."""
+    stand = replace(robot, base=Pose())
+    model = robot_model(stand, Tool())
+    height = float(model.place_joints(np.array([robot.home]))[1][2, 0, 2])
+    span = span_at(arm_of(stand), height, 0.0)
+    least = 0.0 if span is None else span.least
+    most = model.reach if span is None else span.most
+    base = robot.base.position
+    return Reach(base, base + np.array([0.0, 0.0, height]), least + 0.06, 0.92 * most)
+
+

@@ -1,0 +1,105 @@
+"""Search for designs: draw values for the parameters of a way, or change those of elites, and keep the best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from core.errors import UserError
+from core.interfaces import Brief
+from plugins.vlms.offline_new.faults import BREAKS_RULES, count_faults
+from plugins.vlms.offline_new.layout import Layout
+from plugins.vlms.offline_new.making import Made, draw_mount, draw_values, make
+from plugins.vlms.offline_new.options import Option, list_options
+
+_TRIES = 6  # for a design without faults
+_MOST_TRIES = 40  # while none keeps the rules
+
+
+class NothingSuits(UserError):
+    """No way of using a tool suits what is asked; the message says what that is."""
+
+
+class Search:
+    """Searches for designs in a layout of a brief's task.
+
+        search = Search(brief)
+        made = search.invent()
+        another = search.replan(made)
+
+    Its random numbers are those of the brief's seed: the same calls in the same order give the same designs.
+
+    Attributes:
+        layout: that is searched.
+        options: the ways that suit it.
+        rng: random numbers.
+
+    Args:
+        brief: what is asked for.
+
+    Raises:
+        NothingSuits: no way of using a tool suits the task.
+    """
+
+    def __init__(self, brief: Brief) -> None:
+        self.layout = Layout(brief)
+        self.rng = np.random.default_rng(brief.seed)
+        self.options = list_options(self.layout, brief.task, brief.gripper)
+        self._material = brief.representation.material
+        if not self.options:
+            kind = "on fingers" if brief.gripper else "on the flange"
+            raise NothingSuits(
+                f"the embedded designer knows no way of using a tool {kind} for {brief.task.name}; ask a model, or an "
+                "agent"
+            )
+
+    def find_option(self, way: str, number: int) -> Option | None:
+        """Find an option by the name of its way and the number of its alternative; None: it is none here."""
+        for option in self.options:
+            if option.way.name == way and option.number == number:
+                return option
+        return None
+
+    def invent(self) -> Made:
+        """Draw a tool and a plan."""
+        return self.find_best(self._draw)
+
+    def _draw(self) -> Made:
+        """Draw an option, and all values."""
+        weights = np.array([option.weight for option in self.options])
+        chosen = self.rng.choice(len(weights), p=weights / weights.sum())
+        option = self.options[int(chosen)]
+        way = option.way
+        values = draw_values({**way.sizes, **way.moves}, self.rng)
+        values |= draw_mount(option, values, self.rng)
+        return self.make(option, values)
+
+    def replan(self, made: Made) -> Made:
+        """Draw another plan for a tool."""
+        moves = made.option.way.moves
+
+        def draw() -> Made:
+            return self.make(made.option, {**made.values, **draw_values(moves, self.rng)})
+
+        return self.find_best(draw)
+
+    def make(self, option: Option, values: Mapping[str, float]) -> Made:
+        """Make the design of an option with these values."""
+        return make(option, values, self._material)
+
+    def find_best(self, draw: Callable[[], Made]) -> Made:
+        """Draw designs until one has no faults, and return the best."""
+        best = draw()
+        least = count_faults(best, self.layout, self._material)
+
+        for tried in range(1, _MOST_TRIES):
+            if least == 0 or (tried >= _TRIES and least < BREAKS_RULES):
+                break
+            other = draw()
+            fault = count_faults(other, self.layout, self._material, least)
+            if fault < least:
+                best = other
+                least = fault
+
+        return best

@@ -1,0 +1,61 @@
+"""What a way of using a tool says of itself."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from typing import ClassVar, NamedTuple
+
+from core.geometry import Pose
+from plugins.vlms.offline_new.heads import Head, Step
+from plugins.vlms.offline_new.job import Job
+
+Values = Mapping[str, float]
+"""The parameters that a design was made with, by name."""
+
+
+class Range(NamedTuple):
+    """What a parameter is drawn from, each value as likely."""
+
+    low: float
+    high: float
+
+
+class Way(ABC):
+    """A way of using a tool: for what it is, and which head does it by which motion.
+
+    A way has no state: the same job and values give the same head and motion. Lengths are metres, angles radians,
+    speeds m/s; the frame is the job's (`Job.frame`).
+
+    Attributes:
+        name: a word for it, which stands in documents.
+        title: what it does, for tables: "pushes bodies from behind".
+        fingers: whether its head is on the fingers of a gripper; else on the flange.
+        sizes: the parameters of the head, which the motion may read, too.
+        moves: those of the motion alone, which each plan of a tool has for itself.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    fingers: ClassVar[bool] = False
+    sizes: ClassVar[Mapping[str, Range]]
+    moves: ClassVar[Mapping[str, Range]]
+
+    @abstractmethod
+    def suits(self, job: Job) -> float:
+        """Say how well it suits a job: 0, not at all, to 1. It is chosen so often in relation to others."""
+
+    @abstractmethod
+    def head(self, job: Job, values: Values) -> Head:
+        """Make the head."""
+
+    @abstractmethod
+    def motion(self, job: Job, values: Values) -> Iterator[Step]:
+        """Yield the poses of the head, from above the bodies on."""
+
+
+def above(job: Job, pose: Pose) -> Step:
+    """Return the step to 3 cm above everything near, over a pose."""
+    x, y, z = pose.position
+    height = max(job.clear, z) + 0.03
+    return Step(Pose((x, y, height), pose.quaternion))
