@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from core.geometry import Array, Pose
+from core.designs.statics import corners
+from core.geometry import Array, Box, Pose
 
 Size = tuple[float, float, float]
 
@@ -60,6 +62,18 @@ class Head:
     attach: Array
     text: str
     mount: Pose | None = None
+
+    @cached_property
+    def corners(self) -> Array:
+        """The corners of its boxes, (Q, 3)."""
+        return np.concatenate(
+            [corners(Box(piece.size), piece.pose) for piece in self.pieces]
+        )
+
+    @property
+    def bottom(self) -> float:
+        """The height of its lowest point."""
+        return float(self.corners[:, 2].min())
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,12 +15,17 @@ from plugins.vlms.offline_new.wants import Want
 NEAR_M = 0.15
 """Bodies that are nearer on the level are in the way of what comes down."""
 
+MOST_ROOM_M = 0.2
+"""More room than this is not looked for."""
+
 _NO_WAY_M = 0.01  # a shorter way on the ground gives no direction
 _RISES_M = 0.03  # what has to get up by more is lifted
 _FALLS_M = 0.1  # what has to get down by more falls
 _SUPPORT_M = 0.006  # what is so low beside a body is what it stands on
 _FOOT_M = 0.004  # parts of a body that begin lower are its foot,
 _STANDS_OUT_M = 0.006  # and those that stand out by more can be lifted
+_COVERED_M = 0.15  # what is nearer above bodies covers them
+_LOOK_M = 0.03  # between two looks along a way
 _HALVINGS = 6  # of a distance, to find how far something is away
 
 
@@ -35,12 +40,14 @@ class Job:
     Attributes:
         layout: where they are.
         want: what a goal wants of them.
-        turned: by how much x is turned from what is said above, radians: of bodies that may go anywhere.
+        turned: by how much x is turned from what is said above, radians.
+        approaches: whether x points away from the robot wherever the bodies have to go.
     """
 
     layout: Layout
     want: Want
     turned: float = 0.0
+    approaches: bool = False
 
     @property
     def moved(self) -> tuple[str, ...]:
@@ -85,7 +92,7 @@ class Job:
         """The direction of the frame's x in the world, radians."""
         x, y = self.shift[:2]
         ahead = self.outward
-        if np.hypot(x, y) > _NO_WAY_M:
+        if np.hypot(x, y) > _NO_WAY_M and not self.approaches:
             ahead = float(np.arctan2(y, x))
         return ahead + self.turned
 
@@ -139,9 +146,9 @@ class Job:
         return bool(np.hypot(*(goal - reach.base)[:2]) > reach.outer + 0.55)
 
     @property
-    def side(self) -> float:
-        """The direction from the robot to the bodies in the frame, radians."""
-        return self.outward - self.heading
+    def way(self) -> Array:
+        """The way that the bodies have to go, in the frame, (3,)."""
+        return self.frame.rotation.inv().apply(self.shift)
 
     @cached_property
     def clear(self) -> float:
@@ -201,45 +208,64 @@ class Job:
         beside = wide[~out & (low < under)].max()
         return float(beside), float(under)
 
-    def room(self, x: float = 0.0, y: float = 0.0, z: float = 0.0, most: float = 0.2) -> float:
-        """Measure how far there is nothing beside the bodies, or above them.
+    def room(
+        self,
+        x: float = 0.0,
+        y: float = 0.0,
+        z: float = 0.0,
+        *,
+        ahead: float = 0.0,
+    ) -> float:
+        """Measure how far there is nothing beside the bodies, or above them; at most `MOST_ROOM_M`.
 
         Args:
             x: with y and z the direction in the frame, along an axis.
             y: see x.
             z: see x.
-            most: no more is looked for.
+            ahead: how far beyond the bodies it must be free, too, along the frame's x.
         """
         direction = np.array([x, y, z])
         least = 0.0
-        if self._is_free(direction, most):
+        most = MOST_ROOM_M
+        if self._is_free(direction, most, ahead):
             return most
 
         for _ in range(_HALVINGS):
             middle = (least + most) / 2
-            if self._is_free(direction, middle):
+            if self._is_free(direction, middle, ahead):
                 least = middle
             else:
                 most = middle
 
         return least
 
-    def is_free(self, shift: Array) -> bool:
-        """Report whether the bodies' box meets nothing on a way (3,) of the frame, from where it stands."""
-        length = float(np.linalg.norm(shift))
-        steps = max(2, int(np.ceil(length / 0.05)) + 1)
-        return all(
-            not self._meets(share * shift, self.size, 0.0)
+    @cached_property
+    def is_covered(self) -> bool:
+        """Whether something is so close above the bodies that nothing comes down to them."""
+        return self.room(z=1.0) < _COVERED_M
+
+    @cached_property
+    def slides(self) -> bool:
+        """Whether the bodies get where they have to go along the ground, past all others."""
+        if not self.goes or self.rises or self.beyond:
+            return False
+
+        ahead = np.array([self.length, 0.0, 0.0])
+        steps = int(np.ceil(self.length / _LOOK_M)) + 1
+        return self.falls or not any(
+            self._meets(share * ahead, self.size)
             for share in np.linspace(0.0, 1.0, steps)
         )
 
-    def _is_free(self, direction: Array, distance: float) -> bool:
-        """Report whether there is nothing within a distance of a side of the bodies' box."""
-        along = np.abs(direction)
-        size = np.where(along > 0, distance, self.size)
-        return not self._meets(direction * (self.size + distance) / 2, size, 0.0)
+    def _is_free(self, direction: Array, distance: float, ahead: float) -> bool:
+        """Report whether there is nothing within a distance of a side of the bodies' box, which is longer ahead."""
+        size = np.where(direction != 0, distance, self.size)
+        shift = direction * (self.size + distance) / 2
+        size[0] += ahead
+        shift[0] += ahead / 2
+        return not self._meets(shift, size)
 
-    def _meets(self, shift: Array, size: Array, margin: float) -> bool:
+    def _meets(self, shift: Array, size: Array) -> bool:
         """Report whether a box of this size, shifted from the bodies' middle, meets another body."""
         lift = np.array([0.0, 0.0, _SUPPORT_M / 2])
         sides = np.maximum(size - 2 * CONTACT_M - 2 * lift, CONTACT_M)
@@ -247,9 +273,7 @@ class Job:
         geometry = solid_geometry(Box(tuple(sides)))
         box = Solid("room", geometry, Pose(middle, self.frame.quaternion))
         others = self.layout.others(frozenset(self.want.bodies))
-        return any(
-            contact(box, other)[0] < margin for other in others.near(box, margin)
-        )
+        return any(contact(box, other)[0] < 0.0 for other in others.near(box, 0.0))
 
 
 def _span(points: Array) -> tuple[Array, Array]:

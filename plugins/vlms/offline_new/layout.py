@@ -13,12 +13,13 @@ from core.designs.planning import look
 from core.designs.start import SpawnRules
 from core.geometry import Array, Box, Mesh, Pose, Shape
 from core.interfaces import Brief, Perception, Robot
-from core.robot.kinematics import arm_of, robot_model
+from core.robot.kinematics import arm_of, link_poses, robot_model
 from core.robot.solids import (
     Obstacles,
     Solid,
     body_solids,
     corners,
+    robot_solids,
     solid_geometry,
 )
 from core.scene import Soft
@@ -70,8 +71,16 @@ class Layout:
 
     @cached_property
     def all_solids(self) -> Obstacles:
-        """All solids of the layout."""
-        return self.others(frozenset())
+        """All solids of the layout, and those of the arm that never move."""
+        fixed = []
+        poses = link_poses(self.robot, False, np.array(self.robot.home))
+        model = robot_model(self.robot, Tool())
+        for solid in robot_solids(self.robot, False):
+            joint, _ = model.links[solid.name]
+            if joint == 0:
+                fixed.append(replace(solid, pose=poses[solid.name] @ solid.pose))
+
+        return Obstacles([*self.others(frozenset()).solids, *fixed])
 
     @lru_cache(maxsize=64)  # noqa: B019 - a layout lives as long as the answer to a brief
     def others(self, names: frozenset[str]) -> Obstacles:

@@ -25,9 +25,13 @@ MOUNT_RANGES = {
     "mount_z": Range(-0.5, 0.5),
     "mount_yaw": Range(-np.pi, np.pi),
     "shaft": Range(0.0, 1.0),
+    "rise": Range(0.0, 1.0),
 }
-"""Where a head is in the frame of the tool mount, and which of `SHAFTS` carries it: parameters that every way has."""
+"""Parameters that every way has: where the head is in the frame of the tool mount, which of `SHAFTS` carries it, and
+how far out the arm rises to where it works, if that is above home.
+"""
 
+_HIGHER_M = 0.05  # a first pose that is higher above home is risen to
 _SEGMENT_S = 0.5  # the shortest time of a segment
 _MOST_SEGMENTS = 10  # of a step
 _PLACES = 40  # of the tool mount, of which the best is taken
@@ -35,6 +39,7 @@ _SECTOR_RAD = 0.9  # to both sides of home, where arms work with ease
 _TURNS_RAD = np.array([0.0, 0.25, -0.25, 0.5, -0.5]) * np.pi
 _TURNS = [0.6, 0.1, 0.1, 0.1, 0.1]  # how often each: a head that points ahead is seen, and stiff
 _DROP_M = 0.03  # the mount is above a head by more, for a shaft,
+_LOW_M = 0.08  # above what is below it, the mount may be
 _MOST_DROP_M = 0.45  # and by less, or the shaft is long
 _CLEAR_M = 0.015  # above the scene, at home
 _EXCESS = 20.0  # what a metre out of reach costs, in metres that a shaft is longer
@@ -127,12 +132,13 @@ def plan(option: Option, values: Values, head: Head, mount: Pose, tool: Tool) ->
     """Plan the motion of a tool whose head is at ``mount`` in the frame of the tool mount."""
     numbered = list_steps(option, values)
     back = mount.inverse()
-    rows = []
-
-    for number, step in numbered:
-        pose = option.jobs[number].frame @ step.pose @ back
-        row = [*pose.position, *pose.rpy]
-        rows.append([*row, step.grip] if tool.gripper else row)
+    poses = [option.jobs[number].frame @ step.pose @ back for number, step in numbered]
+    rise = _rise(option.jobs[0].layout, poses[0], values["rise"])
+    numbered = [(0, Step(pose @ mount)) for pose in rise] + numbered
+    rows = [[*pose.position, *pose.rpy] for pose in (*rise, *poses)]
+    if tool.gripper:
+        grips = [step.grip for _, step in numbered]
+        rows = [[*row, grip] for row, grip in zip(rows, grips, strict=True)]
 
     return Made(
         option,
@@ -146,15 +152,39 @@ def plan(option: Option, values: Values, head: Head, mount: Pose, tool: Tool) ->
     )
 
 
+def _rise(layout: Layout, first: Pose, share: float) -> list[Pose]:
+    """Return what the tool mount passes on its way to a first pose that is far above home: it rises before.
+
+    Args:
+        layout: where home is.
+        first: pose of the tool mount on its way.
+        share: of the way from the least distance from the base to that of the first pose, where it rises.
+    """
+    home = layout.home.position
+    if first.position[2] < home[2] + _HIGHER_M:
+        return []
+
+    base = layout.reach.base[:2]
+    out = first.position[:2] - base
+    far = float(np.linalg.norm(out))
+    near = layout.reach.inner + share * (far - layout.reach.inner)
+    x, y = base + out * near / far
+    return [
+        Pose((x, y, height), first.quaternion)
+        for height in (home[2], first.position[2])
+    ]
+
+
 def draw_values(ranges: Mapping[str, Range], rng: Generator) -> dict[str, float]:
     """Draw a value for each parameter."""
     return {name: float(rng.uniform(*span)) for name, span in ranges.items()}
 
 
 def draw_mount(option: Option, values: Values, rng: Generator) -> dict[str, float]:
-    """Draw where the head is at the tool mount: the place from which the arm reaches the whole way, and the nearest.
+    """Draw where the head is at the tool mount: of some places the one from which the arm reaches the whole way.
 
-    Places of the tool mount are drawn where the arm works with ease, for the first pose at which the head works.
+    Places of the tool mount are drawn where the arm works with ease, for the first pose at which the head works. A
+    short shaft is better than a long one, and one with which the head meets nothing at home.
 
     Args:
         option: the way of using a tool, and its jobs.
@@ -167,17 +197,18 @@ def draw_mount(option: Option, values: Values, rng: Generator) -> dict[str, floa
     poses = [jobs[n].frame @ step.pose for n, step in list_steps(option, values)]
     start = poses[min(1, len(poses) - 1)]
     attach = start.apply(head.attach)
+    places = _draw_places(layout, attach, head.attach[2] - head.bottom, rng)
+    yaws = layout.home.rpy[2] + rng.choice(_TURNS_RAD, len(places), p=_TURNS)
 
-    places = _draw_places(layout, attach, min(p.position[2] for p in poses), rng)
     offsets = (places - start.position) @ start.rotation_matrix
     points = np.array([pose.apply(offsets) for pose in poses]).swapaxes(0, 1)
     apart = np.linalg.norm((places - attach)[:, :2], axis=1)
-    doubts = rng.uniform(0.0, _DOUBT_M, len(places))
-    costs = _EXCESS * layout.reach.excess(points) + apart + doubts
-    place = places[costs.argmin()]
+    costs = _EXCESS * layout.reach.excess(points) + apart
+    costs += _count_at_home(layout, start.apply(head.corners), places, yaws)
+    costs += rng.uniform(0.0, _DOUBT_M, len(places))
 
-    yaw = float(layout.home.rpy[2] + rng.choice(_TURNS_RAD, p=_TURNS))
-    mount = Pose.xyz_rpy(place, (0.0, 0.0, yaw)).inverse() @ start
+    best = int(costs.argmin())
+    mount = Pose.xyz_rpy(places[best], (0.0, 0.0, yaws[best])).inverse() @ start
     x, y, z = mount.position.tolist()
     return {
         "mount_x": x,
@@ -185,31 +216,53 @@ def draw_mount(option: Option, values: Values, rng: Generator) -> dict[str, floa
         "mount_z": z,
         "mount_yaw": float(mount.rpy[2]),
         "shaft": float(rng.uniform()),
+        "rise": float(rng.uniform()),
     }
 
 
-def _draw_places(layout: Layout, attach: Array, lowest: float, rng: Generator) -> Array:
+def _count_at_home(layout: Layout, corners: Array, places: Array, yaws: Array) -> Array:
+    """Count by boxes what a head meets when the tool mount is at home, (P,).
+
+    Args:
+        layout: where home is.
+        corners: of the head (Q, 3), in the world, when the tool mount is at a place.
+        places: (P, 3) of the tool mount then.
+        yaws: (P,) of the tool mount then.
+    """
+    turns = Rotation.from_rotvec(
+        np.outer(layout.home.rpy[2] - yaws, [0.0, 0.0, 1.0])
+    ).as_matrix()
+    there = np.einsum("pij,pqj->pqi", turns, corners - places[:, None])
+    there += layout.home.position
+    middle = (there.min(axis=1) + there.max(axis=1)) / 2
+    half = np.ptp(there, axis=1) / 2
+
+    obstacles = layout.all_solids
+    gaps = np.abs(middle[:, None] - obstacles.centers) - half[:, None]
+    return np.asarray((gaps < obstacles.halves).all(axis=-1).sum(axis=1))
+
+
+def _draw_places(layout: Layout, attach: Array, hang: float, rng: Generator) -> Array:
     """Draw places (P, 3) of the tool mount in the world, for a head whose shaft ends at a point (3,).
 
-    Where the head works below home, the shaft is short enough that it does not meet anything at home.
+    Where the head works below home, the shaft is short enough that the tool meets nothing at home.
 
     Args:
         layout: has the arm.
         attach: where the shaft ends, in the world.
-        lowest: the height of the head on its way, at least.
+        hang: how far the head goes below that point.
         rng: random numbers.
     """
     reach = layout.reach
     home = layout.home.position
-    below = layout.top_at(home[:2] - 0.1, home[:2] + 0.6)
-    if below > home[2]:
-        below = -np.inf
-    room = min(home[2] - below, home[2] - lowest) - _CLEAR_M
+    obstacles = layout.others(frozenset())
+    tops = (obstacles.centers + obstacles.halves)[:, 2]
+    ground = float(tops[tops < home[2]].max(initial=-np.inf))
+    room = home[2] - ground - hang - _CLEAR_M
     least = _DROP_M
-    most = max(least + 0.02, min(room - (attach[2] - lowest), _MOST_DROP_M))
+    most = float(np.clip(room, least + 0.02, _MOST_DROP_M))
     if attach[2] > home[2]:
-        least = -_MOST_DROP_M
-        most = 0.0
+        least = float(np.clip(ground + _LOW_M - attach[2], -_MOST_DROP_M, 0.0))
 
     ahead = float(np.arctan2(*(home - reach.base)[[1, 0]]))
     angles = ahead + rng.uniform(-_SECTOR_RAD, _SECTOR_RAD, _PLACES)

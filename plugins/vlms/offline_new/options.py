@@ -14,7 +14,7 @@ from plugins.vlms.offline_new.wants import list_wants
 from plugins.vlms.offline_new.ways import WAYS
 from plugins.vlms.offline_new.ways.way import Way
 
-_TURNS = (0.0, np.pi / 2, -np.pi / 2, np.pi)  # of the way of bodies that may go anywhere
+_TURNS = (0.0, np.pi, np.pi / 2, -np.pi / 2)  # the first one away from the robot
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,24 +43,29 @@ def list_options(layout: Layout, task: Task, fingers: bool) -> list[Option]:
         fingers: whether tools are on the fingers of a gripper.
     """
     options = []
-    for number, jobs in enumerate(list_alternatives(layout, task)):
-        for way in WAYS:
+    ways = [way for way in WAYS if way.fingers == fingers]
+
+    for way in ways:
+        for number, jobs in enumerate(list_alternatives(layout, task, way)):
             weight = min(way.suits(job) for job in jobs)
-            if way.fingers == fingers and weight > 0:
+            if weight > 0:
                 options.append(Option(way, number, jobs, weight))
 
     return options
 
 
-def list_alternatives(layout: Layout, task: Task) -> list[tuple[Job, ...]]:
-    """List the alternatives that a task leaves: what a tool has to do in each."""
+def list_alternatives(layout: Layout, task: Task, way: Way) -> list[tuple[Job, ...]]:
+    """List the alternatives that a task leaves to a way: what a tool has to do in each, and from which side."""
     found: list[tuple[Job, ...]] = []
     for wants in list_wants(task, layout.scene):
         if any(want.others for want in wants):
             continue
-        anywhere = [want.away > 0 for want in wants]
-        turns = _TURNS if all(anywhere) else (0.0,)
+
+        turns = _TURNS
+        if not way.approaches and not all(want.away for want in wants):
+            turns = _TURNS[:1]
         for turn in turns:
-            found.append(tuple(Job(layout, want, turn) for want in wants))
+            jobs = (Job(layout, want, turn, way.approaches) for want in wants)
+            found.append(tuple(jobs))
 
     return found

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
 from core.errors import UserError
 from core.interfaces import Brief
-from plugins.vlms.offline_new.faults import BREAKS_RULES, count_faults
+from plugins.vlms.offline_new.faults import (
+    BREAKS_RULES,
+    count_faults,
+    count_meetings,
+)
 from plugins.vlms.offline_new.layout import Layout
 from plugins.vlms.offline_new.making import Made, draw_mount, draw_values, make
 from plugins.vlms.offline_new.options import Option, list_options
+from plugins.vlms.offline_new.shafts import SHAFTS
+from plugins.vlms.offline_new.ways.way import Values
 
 _TRIES = 6  # for a design without faults
 _MOST_TRIES = 40  # while none keeps the rules
@@ -73,7 +79,25 @@ class Search:
         way = option.way
         values = draw_values({**way.sizes, **way.moves}, self.rng)
         values |= draw_mount(option, values, self.rng)
-        return self.make(option, values)
+        return self._choose_shaft(option, values)
+
+    def _choose_shaft(self, option: Option, values: Values) -> Made:
+        """Make a design with the first kind of shaft that meets nothing, or else the one that meets the least."""
+        best = self.make(option, values)
+        least = count_meetings(best, self.layout)
+
+        for _ in SHAFTS[1:]:
+            if least == 0 or best.head.mount is not None:
+                break
+            shaft = (values["shaft"] + 1 / len(SHAFTS)) % 1.0
+            values = {**values, "shaft": shaft}
+            other = self.make(option, values)
+            hits = count_meetings(other, self.layout, least)
+            if hits < least:
+                best = other
+                least = hits
+
+        return best
 
     def replan(self, made: Made) -> Made:
         """Draw another plan for a tool."""
@@ -84,7 +108,7 @@ class Search:
 
         return self.find_best(draw)
 
-    def make(self, option: Option, values: Mapping[str, float]) -> Made:
+    def make(self, option: Option, values: Values) -> Made:
         """Make the design of an option with these values."""
         return make(option, values, self._material)
 

@@ -1,4 +1,4 @@
-"""Move bodies between walls."""
+"""Move a body between walls."""
 
 from __future__ import annotations
 
@@ -6,98 +6,73 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from core.geometry import Pose
-from plugins.vlms.offline_new.heads import Head, Piece, Step, at, box
+from plugins.vlms.offline_new.heads import Head, Step, at, box
 from plugins.vlms.offline_new.job import Job
 from plugins.vlms.offline_new.ways.way import Range, Values, Way, above
 
-_LEAST_ROOM_M = 0.003  # beside bodies: a head comes down around them
-_WALLS_M = 0.012  # for walls beside them
+_WALLS_M = 0.012  # of room beside bodies, for walls
 
 
 class Cage(Way):
-    """Walls come down behind the bodies and beside them, and lead them where they have to go.
+    """Walls come down behind a body and beside it, and lead it where it has to go.
 
-    The side walls may open outward, to gather what is scattered; a fourth wall before the bodies stops what rolls.
+    A fourth wall before the body stops what rolls.
     """
 
     name = "cage"
-    title = "leads bodies along the ground between walls, which also gather what is scattered and stop what rolls"
+    title = "leads a body along the ground between walls, which also stop what rolls"
     sizes = {
-        "room": Range(0.003, 0.025),  # between the bodies and each wall
-        "height": Range(0.5, 1.2),  # of the bodies'
+        "room": Range(0.003, 0.025),  # between the body and each wall
+        "height": Range(0.5, 1.2),  # of the body's
         "thick": Range(0.005, 0.01),
-        "depth": Range(0.5, 1.1),  # of the bodies', that walls beside them have
-        "narrow": Range(0.3, 1.0),  # of the bodies' width, that the wall behind several has
-        "front": Range(0.0, 1.0),  # from a half on there is a wall before the bodies
+        "depth": Range(0.5, 1.1),  # of the body's, of the walls beside it
+        "front": Range(0.0, 1.0),  # from a half on there is a wall before the body
     }
     moves = {
         "above": Range(0.002, 0.008),  # the ground
-        "farther": Range(-0.02, 0.02),  # than they have to go
+        "farther": Range(-0.02, 0.02),  # than the body has to go
         "speed": Range(0.1, 0.35),
         "leaves": Range(0.0, 1.0),  # from a half on
     }
 
     def suits(self, job: Job) -> float:
-        room = min(job.room(y=1.0), job.room(y=-1.0))
-        if not job.goes or job.rises or job.falls or job.beyond or room < _WALLS_M:
+        if len(job.want.bodies) > 1 or job.falls or not job.slides or job.is_covered:
             return 0.0
-        return 1.0
+        room = min(job.room(y=1.0), job.room(y=-1.0))
+        return 1.0 if room > _WALLS_M else 0.0
 
     def head(self, job: Job, values: Values) -> Head:
         thick = values["thick"]
         height = float(np.clip(values["height"] * job.size[2], 0.02, 0.15))
         inside = job.size[1] + 2 * values["room"]
-        depth = self._measure_depth(job, values)
-        behind = inside
-        if len(job.want.bodies) > 1:
-            behind = inside * values["narrow"]
+        closed = values["front"] > 0.5
+        depth = values["depth"] * job.size[0]
+        if closed:
+            depth = job.size[0] + 2 * values["room"]
 
-        wide = behind + 2 * thick
-        pieces = [box("back", -thick / 2, 0.0, height / 2, (thick, wide, height))]
-        pieces += self._make_sides(behind, inside, depth, height, thick)
+        across = (thick, inside + 2 * thick, height)
+        along = (depth + thick, thick, height)
+        x = (depth - thick) / 2
+        y = (inside + thick) / 2
+        pieces = [
+            box("back", -thick / 2, 0.0, height / 2, across),
+            box("left", x, y, height / 2, along),
+            box("right", x, -y, height / 2, along),
+        ]
+        if closed:
+            pieces.append(box("front", depth + thick / 2, 0.0, height / 2, across, 1))
 
-        if self._is_closed(job, values):
-            x = depth + thick / 2
-            size = (thick, inside + 2 * thick, height)
-            pieces.append(box("front", x, 0.0, height / 2, size, parent=1))
-
-        return Head(pieces, np.array([-thick / 2, 0.0, height]), "walls")
-
-    @staticmethod
-    def _make_sides(
-        behind: float, inside: float, depth: float, height: float, thick: float
-    ) -> Iterator[Piece]:
-        """Make the walls beside the bodies, which open from the width behind them to that before them."""
-        opening = (inside - behind) / 2
-        angle = float(np.arctan2(opening, depth))
-        length = float(np.hypot(opening, depth)) + thick
-        for name, side in (("left", 1.0), ("right", -1.0)):
-            y = side * (behind + thick) / 2
-            foot = Pose.xyz_rpy((-thick, y, height / 2), (0.0, 0.0, side * angle))
-            yield Piece(name, foot @ at(length / 2, 0.0, 0.0), (length, thick, height))
-
-    @staticmethod
-    def _is_closed(job: Job, values: Values) -> bool:
-        """Report whether there is a wall before the bodies."""
-        return values["front"] > 0.5 and len(job.want.bodies) == 1
-
-    def _measure_depth(self, job: Job, values: Values) -> float:
-        """Measure how far the walls go beside the bodies."""
-        if self._is_closed(job, values):
-            return float(job.size[0] + 2 * values["room"])
-        return float(job.size[0] * values["depth"])
+        return Head(pieces, np.array([-thick / 2, 0.0, height]), "walls around a body")
 
     def motion(self, job: Job, values: Values) -> Iterator[Step]:
         foot = min(values["above"], job.size[2] / 2)
-        room = max(values["room"], _LEAST_ROOM_M)
-        begin = at(-job.size[0] / 2 - room, 0.0, foot)
-        end = at(-job.size[0] / 2 + job.length + values["farther"], 0.0, foot)
+        behind = -job.size[0] / 2
+        begin = at(behind - values["room"], 0.0, foot)
+        end = at(behind + job.length + values["farther"], 0.0, foot)
 
         yield above(job, begin)
         yield Step(begin)
         yield Step(end, speed=values["speed"], touch=True)
 
         if values["leaves"] > 0.5 or job.want.released:
-            up = above(job, end)
-            yield Step(up.pose, touch=True)
+            yield Step(above(job, end).pose, touch=True)

@@ -15,6 +15,7 @@ class Lift(Way):
     """Two tines go in beside the bodies' foot, below what stands out of them, and lift them straight up."""
 
     name = "lift"
+    approaches = True
     title = "lifts bodies by what stands out of them, with two tines beside their foot"
     sizes = {
         "depth": Range(0.8, 1.1),  # of the bodies' length
@@ -31,7 +32,9 @@ class Lift(Way):
     }
 
     def suits(self, job: Job) -> float:
-        return 1.0 if job.rises and job.overhang is not None else 0.0
+        if job.is_covered or job.overhang is None:
+            return 0.0
+        return 1.0 if job.rises else 0.0
 
     def head(self, job: Job, values: Values) -> Head:
         assert job.overhang is not None
@@ -68,3 +71,8 @@ class Lift(Way):
         yield Step(before)
         yield Step(below, speed=values["speed"], touch=True)
         yield Step(up, speed=values["lifting"], touch=True)
+
+        if job.goes:
+            x, y, _ = job.way
+            there = at(behind + x, y, up.position[2])
+            yield Step(there, speed=values["lifting"], touch=True)

@@ -34,9 +34,9 @@ class Push(Way):
     }
 
     def suits(self, job: Job) -> float:
-        if not job.goes or job.rises or job.beyond:
+        if job.falls or not job.slides or job.is_covered:
             return 0.0
-        return 0.5 if len(job.want.bodies) == 1 else 0.2
+        return 0.5 if len(job.want.bodies) == 1 else 0.1
 
     def head(self, job: Job, values: Values) -> Head:
         thick = values["thick"]

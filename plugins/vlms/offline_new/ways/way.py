@@ -30,6 +30,7 @@ class Way(ABC):
     Attributes:
         name: a word for it, which stands in documents.
         title: what it does, for tables: "pushes bodies from behind".
+        approaches: whether the frame's x points away from the robot, even where bodies have to go another way.
         fingers: whether its head is on the fingers of a gripper; else on the flange.
         sizes: the parameters of the head, which the motion may read, too.
         moves: those of the motion alone, which each plan of a tool has for itself.
@@ -37,6 +38,7 @@ class Way(ABC):
 
     name: ClassVar[str]
     title: ClassVar[str]
+    approaches: ClassVar[bool] = False
     fingers: ClassVar[bool] = False
     sizes: ClassVar[Mapping[str, Range]]
     moves: ClassVar[Mapping[str, Range]]
