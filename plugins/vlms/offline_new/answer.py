@@ -9,8 +9,8 @@ import numpy as np
 
 from core.design import DesignError, Tool
 from core.interfaces import Brief, Evaluation
-from plugins.vlms.offline_new.faults import keeps_rules
-from plugins.vlms.offline_new.making import Made
+from plugins.vlms.offline_new.faults import obeys
+from plugins.vlms.offline_new.making import Made, plan
 from plugins.vlms.offline_new.notes import read_values
 from plugins.vlms.offline_new.search import Search
 from plugins.vlms.offline_new.vary import (
@@ -113,12 +113,11 @@ class _Designer:
         moves = made.option.way.moves
 
         def vary() -> Made:
-            values = mutate(made.values, moves, scale, self.rng)
-            return self.search.make(made.option, values)
+            return plan(made, mutate(made.values, moves, scale, self.rng))
 
         while len(plans) < self.brief.n_action:
             if parents:
-                plans.append(self.search.find_best(vary))
+                plans.append(self.search.find_best(vary, made.tool))
             else:
                 plans.append(self.search.replan(made))
 
@@ -160,7 +159,7 @@ class _Designer:
                 )
             except DesignError:
                 continue
-            if is_given or keeps_rules(varied.tool, layout, material):
+            if is_given or obeys(varied.tool, layout, material):
                 return varied
 
         return begin

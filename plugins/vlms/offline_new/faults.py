@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import coal
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from core.design import DesignError, Tool
 from core.designs.rules import check_tool
 from core.geometry import Array, step_lengths
-from core.interfaces import Material, Waypoints
+from core.interfaces import JointTrajectory, Material
 from core.robot.kinematics import arm_of, open_mounts
 from core.robot.solids import Solid, solids_of
-from core.robot.trajectory import plan_motion
 from core.solids.self_collision import find_self_collision
 from plugins.vlms.offline_new.layout import CONTACT_M, Layout
 from plugins.vlms.offline_new.making import Made
@@ -29,8 +29,27 @@ _PER_METRE = 100.0  # faults of a metre by which a pose is missed
 _TURN_M = 0.2  # a missed radian is as bad as so many metres
 
 
+class Places(NamedTuple):
+    """Places of the tool mount along its way.
+
+    Attributes:
+        positions: (K, 3).
+        turns: (K, 3, 3).
+        numbers: (K,) that of the waypoint to which each is on the way.
+    """
+
+    positions: Array
+    turns: Array
+    numbers: npt.NDArray[np.int64]
+
+
 def count_faults(
-    made: Made, layout: Layout, material: Material, enough: float = np.inf
+    made: Made,
+    layout: Layout,
+    material: Material,
+    enough: float = np.inf,
+    *,
+    keeps_rules: bool = False,
 ) -> float:
     """Count the faults of a design; 0: it has none. The cheapest are looked for first.
 
@@ -39,26 +58,33 @@ def count_faults(
         layout: where they are tried.
         material: of which the tool is made.
         enough: no more are counted than that.
+        keeps_rules: whether it is known that the tool keeps the rules.
     """
-    fault = count_meetings(made, layout, enough)
+    places = find_places(made, layout)
+    fault = count_meetings(made, layout, places, enough)
     if fault >= enough:
         return fault
 
     arm = arm_of(layout.robot)
-    motion = plan_motion(Waypoints(made.rows), layout.home, arm)
-    misses = motion.misses[:, 0] + _TURN_M * motion.misses[:, 1]
-    if (motion.misses > (_MISS_M, _MISS_RAD)).any():
-        fault += 1 + _PER_METRE * float(misses.max())
+    begin = arm.home_for(layout.home)
+    joints, errors = arm.follow(places.positions, places.turns, begin, arm.jump_rad)
+    if (errors > (_MISS_M, _MISS_RAD)).any():
+        worst = (errors[:, 0] + _TURN_M * errors[:, 1]).max()
+        fault += 1 + _PER_METRE * float(worst)
     if fault >= enough:
         return fault
-    if not keeps_rules(made.tool, layout, material):
+
+    if not keeps_rules and not obeys(made.tool, layout, material):
         return fault + BREAKS_RULES
-    if find_self_collision(layout.robot, made.tool, motion.trajectory) is not None:
+
+    fingers = np.full(len(joints), layout.robot.opening_m)
+    motion = JointTrajectory(np.arange(len(joints), dtype=float), joints, fingers)
+    if find_self_collision(layout.robot, made.tool, motion) is not None:
         return fault + BREAKS_RULES
     return fault
 
 
-def keeps_rules(tool: Tool, layout: Layout, material: Material) -> bool:
+def obeys(tool: Tool, layout: Layout, material: Material) -> bool:
     """Report whether a tool keeps the rules for tools, and those for the start."""
     try:
         check_tool(material.made(tool), layout.robot, material)
@@ -80,32 +106,35 @@ def place_solids(tool: Tool, layout: Layout) -> list[Solid]:
     return solids
 
 
-def count_meetings(made: Made, layout: Layout, enough: float = np.inf) -> float:
-    """Count the places on its way at which a tool is in something that it must not touch, up to ``enough``."""
+def count_meetings(
+    made: Made, layout: Layout, places: Places, enough: float = np.inf
+) -> float:
+    """Count how often a tool is in something that it must not touch, at places on its way; up to ``enough``."""
     solids = place_solids(made.tool, layout)
-    home = np.concatenate([layout.home.position, layout.home.rpy])
-    positions, turns, numbers = _sample_way(np.vstack([home, made.rows[:, :6]]))
     boxes = [solid.bounds() for solid in solids]
     middles = np.array([middle for middle, _ in boxes])
     halves = np.array([half for _, half in boxes])
 
     # Boxes along the world's axes, first, around the tool's solids at all places, (K, S, 3).
-    there = positions[:, None] + np.einsum("kij,sj->ksi", turns, middles)
-    around = np.einsum("kij,sj->ksi", np.abs(turns), halves)
+    turns = places.turns
+    there = places.positions[:, None] + np.einsum("kij,sj->ksi", turns, middles)
+    around = np.einsum("kij,sj->ksi", np.abs(turns), halves) - CONTACT_M
     obstacles = layout.all_solids
     gaps = np.abs(there[:, :, None] - obstacles.centers)
-    near = (gaps <= around[:, :, None] + obstacles.halves - CONTACT_M).all(axis=-1)
+    near = (gaps <= around[:, :, None] + obstacles.halves).all(axis=-1)
 
     moved = {name for job in made.option.jobs for name in job.moved}
     is_moved = np.array([solid.name in moved for solid in obstacles.solids])
-    touches = np.array(made.touching)[numbers]
+    touches = np.array(made.touching)[places.numbers]
     near &= ~(touches[:, None, None] & is_moved)
 
     hits = 0.0
     for place, part, other in np.argwhere(near):
-        frame = coal.Transform3s(turns[place], positions[place])
+        frame = coal.Transform3s(turns[place], places.positions[place])
         solid = solids[part]
-        hits += _overlap(solid.geometry, frame * solid.transform, obstacles.solids[other])
+        hits += _overlap(
+            solid.geometry, frame * solid.transform, obstacles.solids[other]
+        )
         if hits >= enough:
             break
 
@@ -122,12 +151,10 @@ def _overlap(geometry: Any, transform: Any, other: Solid) -> bool:
     return bool(gap < -CONTACT_M)
 
 
-def _sample_way(way: Array) -> tuple[Array, Array, Array]:
-    """Sample the straight ways between N + 1 poses (N + 1, 6), at both ends and at least every `_STEP_M`.
-
-    Returns:
-        Positions (K, 3), rotations (K, 3, 3), and on which of the N ways each is (K,).
-    """
+def find_places(made: Made, layout: Layout) -> Places:
+    """Find places of the tool mount on its way, at both ends of each straight piece and at least every `_STEP_M`."""
+    home = np.concatenate([layout.home.position, layout.home.rpy])
+    way = np.vstack([home, made.rows[:, :6]])
     steps = np.diff(way[:, :3], axis=0)
     counts = np.ceil(step_lengths(way[:, :3]) / _STEP_M).astype(int) + 1
     numbers = np.repeat(np.arange(len(steps)), counts)
@@ -139,4 +166,4 @@ def _sample_way(way: Array) -> tuple[Array, Array, Array]:
         between[numbers] * shares[:, None]
     )
     positions = way[numbers, :3] + shares[:, None] * steps[numbers]
-    return positions, turned.as_matrix(), numbers
+    return Places(positions, turned.as_matrix(), numbers)

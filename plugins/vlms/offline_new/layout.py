@@ -139,25 +139,28 @@ class Reach:
         shoulder: its second joint, (3,).
         inner: the least distance from the base's axis.
         outer: the greatest distance from the base's axis.
+        stretch: the greatest distance from the shoulder.
     """
 
     base: Array
     shoulder: Array
     inner: float
     outer: float
+    stretch: float
 
     def excess(self, points: Array) -> Array:
         """Measure how far the worst of points (..., N, 3) of the tool mount is out of reach: (...), metres."""
         level = np.linalg.norm(points[..., :2] - self.base[:2], axis=-1)
         stretch = np.linalg.norm(points - self.shoulder, axis=-1)
         too_near = np.maximum(0.0, self.inner - level)
-        too_far = np.maximum(0.0, stretch - self.outer)
-        return np.asarray((too_near + too_far).max(axis=-1))
+        too_far = np.maximum(0.0, level - self.outer)
+        stretched = np.maximum(0.0, stretch - self.stretch)
+        return np.asarray((too_near + too_far + stretched).max(axis=-1))
 
 
 @lru_cache(maxsize=8)
 def measure_reach(robot: Robot) -> Reach:
-    """Measure where an arm works, at the height of its shoulder, a little within what it reaches."""
+    """Measure where an arm works, at the height of its shoulder: clear of where it is folded or stretched."""
     stand = replace(robot, base=Pose())
     model = robot_model(stand, Tool())
     height = float(model.place_joints(np.array([robot.home]))[1][2, 0, 2])
@@ -165,6 +168,5 @@ def measure_reach(robot: Robot) -> Reach:
     least = 0.0 if span is None else span.least
     most = model.reach if span is None else span.most
     base = robot.base.position
-    return Reach(base, base + np.array([0.0, 0.0, height]), least + 0.06, 0.92 * most)
-
-
+    shoulder = base + np.array([0.0, 0.0, height])
+    return Reach(base, shoulder, least + 0.06, 0.85 * most, 0.94 * most)

@@ -34,8 +34,8 @@ how far out the arm rises to where it works, if that is above home.
 _HIGHER_M = 0.05  # a first pose that is higher above home is risen to
 _SEGMENT_S = 0.5  # the shortest time of a segment
 _MOST_SEGMENTS = 10  # of a step
-_PLACES = 40  # of the tool mount, of which the best is taken
-_SECTOR_RAD = 0.9  # to both sides of home, where arms work with ease
+_PLACES = 100  # of the tool mount, of which the best is taken
+_SECTOR_RAD = 1.4  # to both sides of home; long ways ahead begin beside the arm
 _TURNS_RAD = np.array([0.0, 0.25, -0.25, 0.5, -0.5]) * np.pi
 _TURNS = [0.6, 0.1, 0.1, 0.1, 0.1]  # how often each: a head that points ahead is seen, and stiff
 _DROP_M = 0.03  # the mount is above a head by more, for a shaft,
@@ -96,7 +96,11 @@ def _cut(before: Step | None, step: Step) -> list[Step]:
     start = before.pose.position
     way = step.pose.position - start
     count = np.ceil(np.linalg.norm(way) / (step.speed * _SEGMENT_S))
-    shares = np.linspace(0.0, 1.0, int(np.clip(count, 1, _MOST_SEGMENTS)) + 1)[1:]
+    count = int(np.clip(count, 1, _MOST_SEGMENTS))
+    if count == 1:
+        return [step]
+
+    shares = np.linspace(0.0, 1.0, count + 1)[1:]
     both = Rotation.concatenate([before.pose.rotation, step.pose.rotation])
     turns = Slerp([0.0, 1.0], both)(shares)
 
@@ -125,10 +129,15 @@ def make(option: Option, values: Values, material: Material) -> Made:
     )
     kind = SHAFTS[min(int(values["shaft"] * len(SHAFTS)), len(SHAFTS) - 1)]
     tool = build_tool(head, mount, kind, material, option.way.name)
-    return plan(option, values, head, mount, tool)
+    return _plan(option, values, head, mount, tool)
 
 
-def plan(option: Option, values: Values, head: Head, mount: Pose, tool: Tool) -> Made:
+def plan(made: Made, values: Values) -> Made:
+    """Plan the motion of a tool anew, with these values."""
+    return _plan(made.option, values, made.head, made.mount, made.tool)
+
+
+def _plan(option: Option, values: Values, head: Head, mount: Pose, tool: Tool) -> Made:
     """Plan the motion of a tool whose head is at ``mount`` in the frame of the tool mount."""
     numbered = list_steps(option, values)
     back = mount.inverse()

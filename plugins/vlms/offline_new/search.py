@@ -6,15 +6,17 @@ from collections.abc import Callable
 
 import numpy as np
 
+from core.design import Tool
 from core.errors import UserError
 from core.interfaces import Brief
 from plugins.vlms.offline_new.faults import (
     BREAKS_RULES,
     count_faults,
     count_meetings,
+    find_places,
 )
 from plugins.vlms.offline_new.layout import Layout
-from plugins.vlms.offline_new.making import Made, draw_mount, draw_values, make
+from plugins.vlms.offline_new.making import Made, draw_mount, draw_values, make, plan
 from plugins.vlms.offline_new.options import Option, list_options
 from plugins.vlms.offline_new.shafts import SHAFTS
 from plugins.vlms.offline_new.ways.way import Values
@@ -84,7 +86,7 @@ class Search:
     def _choose_shaft(self, option: Option, values: Values) -> Made:
         """Make a design with the first kind of shaft that meets nothing, or else the one that meets the least."""
         best = self.make(option, values)
-        least = count_meetings(best, self.layout)
+        least = self._count_meetings(best)
 
         for _ in SHAFTS[1:]:
             if least == 0 or best.head.mount is not None:
@@ -92,38 +94,50 @@ class Search:
             shaft = (values["shaft"] + 1 / len(SHAFTS)) % 1.0
             values = {**values, "shaft": shaft}
             other = self.make(option, values)
-            hits = count_meetings(other, self.layout, least)
+            hits = self._count_meetings(other, least)
             if hits < least:
                 best = other
                 least = hits
 
         return best
 
+    def _count_meetings(self, made: Made, enough: float = np.inf) -> float:
+        """Count what a design meets on its way."""
+        places = find_places(made, self.layout)
+        return count_meetings(made, self.layout, places, enough)
+
     def replan(self, made: Made) -> Made:
         """Draw another plan for a tool."""
         moves = made.option.way.moves
 
         def draw() -> Made:
-            return self.make(made.option, {**made.values, **draw_values(moves, self.rng)})
+            return plan(made, {**made.values, **draw_values(moves, self.rng)})
 
-        return self.find_best(draw)
+        return self.find_best(draw, made.tool)
 
     def make(self, option: Option, values: Values) -> Made:
         """Make the design of an option with these values."""
         return make(option, values, self._material)
 
-    def find_best(self, draw: Callable[[], Made]) -> Made:
-        """Draw designs until one has no faults, and return the best."""
+    def find_best(self, draw: Callable[[], Made], tool: Tool | None = None) -> Made:
+        """Draw designs until one has no faults, and return the best; all have a ``tool`` that keeps the rules, or none."""
         best = draw()
-        least = count_faults(best, self.layout, self._material)
+        least = self._count(best, np.inf, tool)
 
         for tried in range(1, _MOST_TRIES):
             if least == 0 or (tried >= _TRIES and least < BREAKS_RULES):
                 break
             other = draw()
-            fault = count_faults(other, self.layout, self._material, least)
+            fault = self._count(other, least, tool)
             if fault < least:
                 best = other
                 least = fault
 
         return best
+
+    def _count(self, made: Made, enough: float, tool: Tool | None) -> float:
+        """Count the faults of a design."""
+        keeps_rules = made.tool is tool
+        return count_faults(
+            made, self.layout, self._material, enough, keeps_rules=keeps_rules
+        )

@@ -44,11 +44,11 @@ class Scoop(Way):
     }
 
     def suits(self, job: Job) -> float:
-        if job.is_covered or job.room(x=-1.0) < _ENTRY_M:
+        if job.is_covered or job.beyond or job.room(x=-1.0) < _ENTRY_M:
             return 0.0
         if job.rises:
             return 0.6
-        return 0.3 if job.goes and not job.beyond else 0.0
+        return 0.3 if job.goes and (job.falls or not job.slides) else 0.0
 
     def head(self, job: Job, values: Values) -> Head:
         floor = values["floor"]
@@ -86,7 +86,7 @@ class Scoop(Way):
 
         lift = max(0.0, job.rise) + values["higher"]
         if job.goes:
-            lift = max(lift, job.clear + 0.03)
+            lift = max(lift, job.clear + 0.03 + depth * float(np.sin(values["tip"])))
         up = at(ahead, 0.0, low + lift, pitch=lean)
         yield Step(up, speed=values["lifting"], touch=True)
         if not job.goes:

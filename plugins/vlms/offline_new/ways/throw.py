@@ -25,7 +25,8 @@ class Throw(Way):
     moves = {
         "behind": Range(0.005, 0.03),
         "above": Range(0.002, 0.008),  # the ground
-        "stroke": Range(0.3, 0.8),  # metres, of bodies that are thrown far
+        "stroke": Range(0.4, 0.9),  # metres, of bodies that are thrown far
+        "swing": Range(-0.8, 0.8),  # to both sides of the way, of the head as it throws far: a wrist makes it faster
         "share": Range(0.3, 1.0),  # of their way, of bodies that fall
         "fast": Range(0.4, 2.0),  # m/s
         "heading": Range(-0.15, 0.15),
@@ -55,11 +56,16 @@ class Throw(Way):
     def motion(self, job: Job, values: Values) -> Iterator[Step]:
         foot = min(values["above"], job.size[2] / 2)
         yaw = values["heading"]
-        stroke = values["share"] * job.length if job.falls else values["stroke"]
+        stroke = values["stroke"]
+        swing = values["swing"]
+        if job.falls:
+            stroke = values["share"] * job.length
+            swing = 0.0
+
         behind = -job.size[0] / 2 - values["behind"]
-        begin = at(behind * np.cos(yaw), behind * np.sin(yaw), foot, yaw=yaw)
+        begin = at(behind * np.cos(yaw), behind * np.sin(yaw), foot, yaw=yaw - swing)
         ahead = behind + stroke
-        end = at(ahead * np.cos(yaw), ahead * np.sin(yaw), foot, yaw=yaw)
+        end = at(ahead * np.cos(yaw), ahead * np.sin(yaw), foot, yaw=yaw + swing)
 
         yield above(job, begin)
         yield Step(begin)
