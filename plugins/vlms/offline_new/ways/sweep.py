@@ -28,7 +28,7 @@ class Sweep(Way):
         "thick": Range(0.005, 0.01),
     }
     moves = {
-        "behind": Range(0.0, 0.6),  # of the wings' depth, from where it comes down
+        "behind": Range(0.3, 1.0),  # of the wings' depth, from where it comes down
         "above": Range(0.001, 0.005),  # the ground
         "heap": Range(0.02, 0.15),  # before the goal's middle the wall stops
         "speed": Range(0.1, 0.35),
