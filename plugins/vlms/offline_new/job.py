@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
 from core.geometry import Array, Box, Pose
+from core.goals import Want
 from core.robot.solids import Solid, contact, solid_geometry
 from plugins.vlms.offline_new.layout import CONTACT_M, Layout, solid_points
-from plugins.vlms.offline_new.wants import Want
+
+Asked = Literal["place", "joint", "turn", "break", "else"]
+"""What a goal asks of bodies."""
 
 NEAR_M = 0.15
 """Bodies that are nearer on the level are in the way of what comes down."""
@@ -67,16 +71,44 @@ class Job:
     @cached_property
     def shift(self) -> Array:
         """The way that the bodies have to go, (3,), in the world; where the goal leaves it open, none."""
-        place = self.want.place
-        if place is None:
+        if self.want.place is None:
             return np.zeros(3)
 
-        bodies = [self.layout.scene[name].pose.position for name in self.want.bodies]
-        # Several go to one place with what is around them.
-        here = np.mean(bodies, axis=0) if len(bodies) == 1 else self.center
-        if len(bodies) > 1:
-            here = np.array([*self.center[:2], np.mean(bodies, axis=0)[2]])
+        here = self.origins.mean(axis=0)
+        if len(self.origins) > 1:  # the middle of what is around them goes there
+            here = np.array([*self.center[:2], here[2]])
+
+        place = np.array(self.want.place, dtype=float)  # None becomes nan
         return np.where(np.isnan(place), 0.0, place - here)
+
+    @cached_property
+    def origins(self) -> Array:
+        """The origins of the bodies' frames in the world, (B, 3)."""
+        names = self.want.bodies
+        return np.array([self.layout.scene[name].pose.position for name in names])
+
+    @property
+    def asks(self) -> Asked:
+        """What the goal asks beyond a place; ``else``: what no want says."""
+        if self.want.unsaid:
+            return "else"
+        if self.want.joint:
+            return "joint"
+        if self.want.breaks:
+            return "break"
+        return "turn" if self.turn > np.radians(self.want.tolerance_deg) else "place"
+
+    @property
+    def turn(self) -> float:
+        """By how much the bodies are to be turned, radians."""
+        if self.want.axis is None:
+            return 0.0
+
+        body = self.layout.scene[self.want.bodies[0]]
+        now = body.pose.rotation.apply(self.want.axis)
+        wanted = np.asarray(self.want.points)
+        lengths = np.linalg.norm(now) * np.linalg.norm(wanted)
+        return float(np.arccos(np.clip(now @ wanted / lengths, -1.0, 1.0)))
 
     @cached_property
     def outward(self) -> float:
@@ -114,7 +146,7 @@ class Job:
     @property
     def length(self) -> float:
         """How far the bodies have to go on the ground."""
-        if self.want.away:
+        if self.want.away is not None:
             return self.want.away
         return float(np.hypot(*self.shift[:2]))
 
@@ -170,9 +202,7 @@ class Job:
     @cached_property
     def holder(self) -> str | None:
         """The smallest body that stands around all of the bodies, such as a jar or a tray; None: there is none."""
-        origins = np.array(
-            [self.layout.scene[name].pose.position for name in self.want.bodies]
-        )
+        origins = self.origins
         found = []
         for name, points in self.layout.points.items():
             low, high = _span(points)

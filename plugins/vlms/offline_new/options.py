@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from core.goals import Want
 from core.interfaces import Task
 from plugins.vlms.offline_new.job import Job
 from plugins.vlms.offline_new.layout import Layout
-from plugins.vlms.offline_new.wants import list_wants
+from plugins.vlms.offline_new.wants import list_alternatives
 from plugins.vlms.offline_new.ways import WAYS
 from plugins.vlms.offline_new.ways.way import Way
 
@@ -42,30 +43,28 @@ def list_options(layout: Layout, task: Task, fingers: bool) -> list[Option]:
         task: whose goals are read.
         fingers: whether tools are on the fingers of a gripper.
     """
+    alternatives = list_alternatives(task, layout.scene)
     options = []
-    ways = [way for way in WAYS if way.fingers == fingers]
 
-    for way in ways:
-        for number, jobs in enumerate(list_alternatives(layout, task, way)):
-            weight = min(way.suits(job) for job in jobs)
+    for way in WAYS:
+        if way.fingers != fingers:
+            continue
+        for number, jobs in enumerate(_list_jobs(alternatives, layout, way)):
+            does = all(job.asks == way.does for job in jobs)
+            weight = min(way.suits(job) for job in jobs) if does else 0.0
             if weight > 0:
                 options.append(Option(way, number, jobs, weight))
 
     return options
 
 
-def list_alternatives(layout: Layout, task: Task, way: Way) -> list[tuple[Job, ...]]:
-    """List the alternatives that a task leaves to a way: what a tool has to do in each, and from which side."""
-    found: list[tuple[Job, ...]] = []
-    for wants in list_wants(task, layout.scene):
-        if any(want.others for want in wants):
-            continue
-
+def _list_jobs(
+    alternatives: Sequence[Sequence[Want]], layout: Layout, way: Way
+) -> Iterator[tuple[Job, ...]]:
+    """Yield what a tool has to do in each alternative, from each side from which a way may do it."""
+    for wants in alternatives:
         turns = _TURNS
         if not way.approaches and not all(want.away for want in wants):
             turns = _TURNS[:1]
         for turn in turns:
-            jobs = (Job(layout, want, turn, way.approaches) for want in wants)
-            found.append(tuple(jobs))
-
-    return found
+            yield tuple(Job(layout, want, turn, way.approaches) for want in wants)

@@ -8,7 +8,7 @@ from typing import ClassVar, NamedTuple
 
 from core.geometry import Pose
 from plugins.vlms.offline_new.heads import Head, Step
-from plugins.vlms.offline_new.job import Job
+from plugins.vlms.offline_new.job import Asked, Job
 
 Values = Mapping[str, float]
 """The parameters that a design was made with, by name."""
@@ -30,6 +30,7 @@ class Way(ABC):
     Attributes:
         name: a word for it, which stands in documents.
         title: what it does, for tables: "pushes bodies from behind".
+        does: what it does for bodies (`Job.asks`).
         approaches: whether the frame's x points away from the robot, even where bodies have to go another way.
         fingers: whether its head is on the fingers of a gripper; else on the flange.
         sizes: the parameters of the head, which the motion may read, too.
@@ -38,6 +39,7 @@ class Way(ABC):
 
     name: ClassVar[str]
     title: ClassVar[str]
+    does: ClassVar[Asked] = "place"
     approaches: ClassVar[bool] = False
     fingers: ClassVar[bool] = False
     sizes: ClassVar[Mapping[str, Range]]
