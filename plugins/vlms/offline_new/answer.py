@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from core.design import DesignError, Tool
+from core.design import DesignError
 from core.interfaces import Brief, Evaluation
 from plugins.vlms.offline_new.faults import obeys
 from plugins.vlms.offline_new.making import Made, plan

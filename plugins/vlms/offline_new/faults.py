@@ -16,6 +16,7 @@ from core.interfaces import JointTrajectory, Material
 from core.robot.kinematics import arm_of, open_mounts
 from core.robot.solids import Solid, solids_of
 from core.solids.self_collision import find_self_collision
+from plugins.vlms.offline_new.hand import hand_of
 from plugins.vlms.offline_new.layout import CONTACT_M, Layout
 from plugins.vlms.offline_new.making import Made
 
@@ -85,7 +86,9 @@ def count_faults(
 
 
 def obeys(tool: Tool, layout: Layout, material: Material) -> bool:
-    """Report whether a tool keeps the rules for tools, and those for the start."""
+    """Report whether a tool keeps the rules for tools, and those for the start; the bare hand does."""
+    if not tool.components:
+        return True
     try:
         check_tool(material.made(tool), layout.robot, material)
         layout.spawn.check_start(tool)
@@ -95,9 +98,9 @@ def obeys(tool: Tool, layout: Layout, material: Material) -> bool:
 
 
 def place_solids(tool: Tool, layout: Layout) -> list[Solid]:
-    """Place the solids of a tool in the frame of the tool mount, with the fingers open."""
+    """Place the solids of a tool, and of the hand, in the frame of the tool mount, with the fingers open."""
     mounts = open_mounts(layout.robot, tool.gripper)
-    solids = []
+    solids = [*hand_of(layout.robot).solids] if tool.gripper else []
     placed = tool.placed()
     for component in tool.components:
         mount, pose = placed[component.name]

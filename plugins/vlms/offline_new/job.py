@@ -143,6 +143,13 @@ class Job:
         low, high = _span(self.frame.inverse().apply(self.points))
         return high - low
 
+    @cached_property
+    def narrowest(self) -> float:
+        """How wide the bodies are on the level where they are narrowest."""
+        angles = np.arange(16) * np.pi / 16
+        across = self.points[:, :2] @ np.array([np.cos(angles), np.sin(angles)])
+        return float(np.ptp(across, axis=0).min())
+
     @property
     def length(self) -> float:
         """How far the bodies have to go on the ground."""
@@ -180,7 +187,22 @@ class Job:
     @property
     def way(self) -> Array:
         """The way that the bodies have to go, in the frame, (3,)."""
+        if self.want.away:
+            return np.array([self.want.away, 0.0, 0.0])
         return self.frame.rotation.inv().apply(self.shift)
+
+    @property
+    def away(self) -> Array:
+        """The direction from the robot to the bodies, along the ground of the frame, (3,)."""
+        x, y = (self.center - self.layout.reach.base)[:2]
+        return self.frame.rotation.inv().apply([x, y, 0.0]) / np.hypot(x, y)
+
+    @property
+    def far(self) -> float:
+        """How far the bodies, or where they have to go, are out of the arm's reach."""
+        reach = self.layout.reach
+        places = [self.center, self.center + self.shift]
+        return max(0.0, *(float(reach.excess(place[None])) for place in places))
 
     @cached_property
     def clear(self) -> float:
@@ -280,10 +302,10 @@ class Job:
         if not self.goes or self.rises or self.beyond:
             return False
 
-        ahead = np.array([self.length, 0.0, 0.0])
+        ahead = self.way * [1.0, 1.0, 0.0]
         steps = int(np.ceil(self.length / _LOOK_M)) + 1
         return self.falls or not any(
-            self._meets(share * ahead, self.size)
+            self.meets(share * ahead, self.size)
             for share in np.linspace(0.0, 1.0, steps)
         )
 
@@ -293,9 +315,9 @@ class Job:
         shift = direction * (self.size + distance) / 2
         size[0] += ahead
         shift[0] += ahead / 2
-        return not self._meets(shift, size)
+        return not self.meets(shift, size)
 
-    def _meets(self, shift: Array, size: Array) -> bool:
+    def meets(self, shift: Array, size: Array) -> bool:
         """Report whether a box of this size, shifted from the bodies' middle, meets another body."""
         lift = np.array([0.0, 0.0, _SUPPORT_M / 2])
         sides = np.maximum(size - 2 * CONTACT_M - 2 * lift, CONTACT_M)

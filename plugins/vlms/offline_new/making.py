@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from core.design import Tool
 from core.geometry import Array, Pose
 from core.interfaces import Material
+from plugins.vlms.offline_new.hand import build_fingers
 from plugins.vlms.offline_new.heads import Head, Step
 from plugins.vlms.offline_new.layout import Layout
 from plugins.vlms.offline_new.options import Option
@@ -25,11 +26,13 @@ MOUNT_RANGES = {
     "mount_z": Range(-0.5, 0.5),
     "mount_yaw": Range(-np.pi, np.pi),
     "shaft": Range(0.0, 1.0),
-    "rise": Range(0.0, 1.0),
 }
-"""Parameters that every way has: where the head is in the frame of the tool mount, which of `SHAFTS` carries it, and
-how far out the arm rises to where it works, if that is above home.
+"""Where a head is in the frame of the tool mount, and which of `SHAFTS` carries it: parameters of ways that don't say
+that themselves.
 """
+
+START_RANGES = {"rise": Range(0.0, 1.0)}
+"""How far out the arm rises to where it works, if that is above home: a parameter of every way."""
 
 _HIGHER_M = 0.05  # a first pose that is higher above home is risen to
 _SEGMENT_S = 0.5  # the shortest time of a segment
@@ -122,13 +125,20 @@ def make(option: Option, values: Values, material: Material) -> Made:
         values: of all parameters, those of the mount too.
         material: of which the tool is made.
     """
-    head = option.way.head(option.jobs[0], values)
+    way = option.way
+    head = way.head(option.jobs[0], values)
+    if way.fingers:
+        assert head.mount is not None
+        robot = option.jobs[0].layout.robot
+        tool = build_fingers(head, head.mount, material, way.name, robot)
+        return _plan(option, values, head, head.mount, tool)
+
     mount = head.mount or Pose.xyz_rpy(
         (values["mount_x"], values["mount_y"], values["mount_z"]),
         (0.0, 0.0, values["mount_yaw"]),
     )
     kind = SHAFTS[min(int(values["shaft"] * len(SHAFTS)), len(SHAFTS) - 1)]
-    tool = build_tool(head, mount, kind, material, option.way.name)
+    tool = build_tool(head, mount, kind, material, way.name)
     return _plan(option, values, head, mount, tool)
 
 
@@ -225,7 +235,6 @@ def draw_mount(option: Option, values: Values, rng: Generator) -> dict[str, floa
         "mount_z": z,
         "mount_yaw": float(mount.rpy[2]),
         "shaft": float(rng.uniform()),
-        "rise": float(rng.uniform()),
     }
 
 

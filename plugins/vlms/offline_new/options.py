@@ -16,6 +16,7 @@ from plugins.vlms.offline_new.ways import WAYS
 from plugins.vlms.offline_new.ways.way import Way
 
 _TURNS = (0.0, np.pi, np.pi / 2, -np.pi / 2)  # the first one away from the robot
+_HAND_TURNS = tuple(np.arange(-3, 5) * np.pi / 8)  # half a turn brings fingers to where the other one was
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,19 +36,20 @@ class Option:
     weight: float
 
 
-def list_options(layout: Layout, task: Task, fingers: bool) -> list[Option]:
+def list_options(layout: Layout, task: Task, fingers: bool, bare: bool) -> list[Option]:
     """List the ways of using a tool that suit a task in a layout, for all its alternatives.
 
     Args:
         layout: of the task.
         task: whose goals are read.
         fingers: whether tools are on the fingers of a gripper.
+        bare: whether there is no tool but the hand.
     """
     alternatives = list_alternatives(task, layout.scene)
     options = []
 
     for way in WAYS:
-        if way.fingers != fingers:
+        if way.fingers != fingers or way.bare != bare:
             continue
         for number, jobs in enumerate(_list_jobs(alternatives, layout, way)):
             does = all(job.asks == way.does for job in jobs)
@@ -63,8 +65,10 @@ def _list_jobs(
 ) -> Iterator[tuple[Job, ...]]:
     """Yield what a tool has to do in each alternative, from each side from which a way may do it."""
     for wants in alternatives:
-        turns = _TURNS
+        turns: Sequence[float] = _TURNS
         if not way.approaches and not all(want.away for want in wants):
             turns = _TURNS[:1]
+        if way.fingers:
+            turns = _HAND_TURNS
         for turn in turns:
             yield tuple(Job(layout, want, turn, way.approaches) for want in wants)

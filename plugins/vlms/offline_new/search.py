@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from core.design import Tool
+from core.designs.rules import given_tool
 from core.errors import UserError
 from core.interfaces import Brief
 from plugins.vlms.offline_new.faults import (
@@ -16,7 +17,14 @@ from plugins.vlms.offline_new.faults import (
     find_places,
 )
 from plugins.vlms.offline_new.layout import Layout
-from plugins.vlms.offline_new.making import Made, draw_mount, draw_values, make, plan
+from plugins.vlms.offline_new.making import (
+    START_RANGES,
+    Made,
+    draw_mount,
+    draw_values,
+    make,
+    plan,
+)
 from plugins.vlms.offline_new.options import Option, list_options
 from plugins.vlms.offline_new.shafts import SHAFTS
 from plugins.vlms.offline_new.ways.way import Values
@@ -53,7 +61,9 @@ class Search:
     def __init__(self, brief: Brief) -> None:
         self.layout = Layout(brief)
         self.rng = np.random.default_rng(brief.seed)
-        self.options = list_options(self.layout, brief.task, brief.gripper)
+        given = given_tool(brief.representation, brief.task)
+        bare = given is not None and not given.components
+        self.options = list_options(self.layout, brief.task, brief.gripper, bare)
         self._material = brief.representation.material
         if not self.options:
             kind = "on fingers" if brief.gripper else "on the flange"
@@ -79,7 +89,9 @@ class Search:
         chosen = self.rng.choice(len(weights), p=weights / weights.sum())
         option = self.options[int(chosen)]
         way = option.way
-        values = draw_values({**way.sizes, **way.moves}, self.rng)
+        values = draw_values({**way.sizes, **way.moves, **START_RANGES}, self.rng)
+        if way.bolted:
+            return self.make(option, values)
         values |= draw_mount(option, values, self.rng)
         return self._choose_shaft(option, values)
 
@@ -89,7 +101,7 @@ class Search:
         least = self._count_meetings(best)
 
         for _ in SHAFTS[1:]:
-            if least == 0 or best.head.mount is not None:
+            if least == 0:
                 break
             shaft = (values["shaft"] + 1 / len(SHAFTS)) % 1.0
             values = {**values, "shaft": shaft}

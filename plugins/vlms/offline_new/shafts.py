@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -27,7 +27,7 @@ _BRIDGE_M = 0.06  # a bridge goes up by so much, over the mount or the head
 _UPRIGHT = 0.02  # the slope of a bar that counts as upright
 
 _STEEL: Color = (0.30, 0.33, 0.38, 1.0)
-_ORANGE: Color = (0.90, 0.49, 0.13, 1.0)
+HEAD_COLOR: Color = (0.90, 0.49, 0.13, 1.0)
 
 
 def find_thickness(length: float, material: Material) -> float:
@@ -61,7 +61,7 @@ def build_tool(
         material: says how thick bars are.
         name: of the way of using it.
     """
-    builder = _Builder()
+    builder = Builder({RIGID_MOUNT: Pose()})
     bearer = RIGID_MOUNT
     carried = ""
 
@@ -73,15 +73,14 @@ def build_tool(
         bearer = builder.add(
             "socket", bearer, Pose(foot / 2), _SOCKET_M
         )
-        for number, (start, stop) in enumerate(_list_bars(kind, foot, end, thick)):
-            bearer = builder.add_bar(f"bar_{number}", bearer, start, stop, thick)
+        bearer = builder.add_bars(kind, bearer, foot, end, thick)
         carried = f", on a {kind} {length:.2f} m long"
 
     names: list[str] = []
     for piece in head.pieces:
         parent = names[piece.parent] if names else bearer
         pose = mount @ piece.pose
-        names.append(builder.add(piece.name, parent, pose, piece.size, _ORANGE))
+        names.append(builder.add(piece.name, parent, pose, piece.size, HEAD_COLOR))
 
     text = f"{head.text}{carried}"
     return Tool(tuple(builder.components), name=f"{name}_{kind}", description=text)
@@ -128,12 +127,16 @@ def _list_bars(
             yield first, second
 
 
-class _Builder:
-    """Collects the boxes of a tool, with poses in the frame of the tool mount."""
+class Builder:
+    """Collects the boxes of a tool, with poses in the frame of the tool mount.
 
-    def __init__(self) -> None:
+    Args:
+        mounts: the poses of what the tool hangs from.
+    """
+
+    def __init__(self, mounts: Mapping[str, Pose]) -> None:
         self.components: list[Component] = []
-        self._poses = {RIGID_MOUNT: Pose()}
+        self._poses = dict(mounts)
 
     def add(
         self,
@@ -149,6 +152,21 @@ class _Builder:
         self.components.append(Component(name, parent, local, Box((x, y, z)), color=color))
         self._poses[name] = pose
         return name
+
+    def add_bars(
+        self,
+        kind: str,
+        parent: str,
+        start: Array,
+        end: Array,
+        thick: float,
+        name: str = "bar",
+    ) -> str:
+        """Add the bars of a shaft between two points (3,), and return the last one's name; see `SHAFTS`."""
+        last = parent
+        for number, (first, second) in enumerate(_list_bars(kind, start, end, thick)):
+            last = self.add_bar(f"{name}_{number}", last, first, second, thick)
+        return last
 
     def add_bar(
         self, name: str, parent: str, start: Array, end: Array, thick: float

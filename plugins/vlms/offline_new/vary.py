@@ -11,7 +11,7 @@ from numpy.random import Generator
 from core.design import Tool
 from core.geometry import Array
 from core.interfaces import ActionPlan, Brief, Numbers
-from plugins.vlms.offline_new.making import MOUNT_RANGES
+from plugins.vlms.offline_new.making import MOUNT_RANGES, START_RANGES
 from plugins.vlms.offline_new.ways.way import Range, Values, Way
 
 _SPREAD = 0.15  # of a change, in the range of its parameter
@@ -22,8 +22,9 @@ _STEPS = 4.0  # of a move of numbers
 
 
 def list_ranges(way: Way) -> dict[str, Range]:
-    """List all parameters of a way, with those of the mount."""
-    return {**way.sizes, **way.moves, **MOUNT_RANGES}
+    """List all parameters of a way, with those of the mount unless the head says where that is."""
+    ranges = {**way.sizes, **way.moves, **START_RANGES}
+    return ranges if way.bolted else {**ranges, **MOUNT_RANGES}
 
 
 def mutate(

@@ -33,6 +33,8 @@ class Way(ABC):
         does: what it does for bodies (`Job.asks`).
         approaches: whether the frame's x points away from the robot, even where bodies have to go another way.
         fingers: whether its head is on the fingers of a gripper; else on the flange.
+        bolted: whether its head says itself where it is at the mount; else that is drawn, and a shaft carries it.
+        bare: whether the head is the hand itself.
         sizes: the parameters of the head, which the motion may read, too.
         moves: those of the motion alone, which each plan of a tool has for itself.
     """
@@ -42,6 +44,8 @@ class Way(ABC):
     does: ClassVar[Asked] = "place"
     approaches: ClassVar[bool] = False
     fingers: ClassVar[bool] = False
+    bolted: ClassVar[bool] = False
+    bare: ClassVar[bool] = False
     sizes: ClassVar[Mapping[str, Range]]
     moves: ClassVar[Mapping[str, Range]]
 
