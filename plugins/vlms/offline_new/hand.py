@@ -72,7 +72,9 @@ def _list_solids(robot: Robot) -> list[Solid]:
     ]
 
 
-def build_fingers(head: Head, mount: Pose, material: Material, name: str, robot: Robot) -> Tool:
+def build_fingers(
+    head: Head, mount: Pose, material: Material, name: str, robot: Robot
+) -> Tool:
     """Build attachments to the fingers: on each a sleeve, bars, and the pieces of the head on its side.
 
     Args:

@@ -195,7 +195,8 @@ class Job:
     def away(self) -> Array:
         """The direction from the robot to the bodies, along the ground of the frame, (3,)."""
         x, y = (self.center - self.layout.reach.base)[:2]
-        return self.frame.rotation.inv().apply([x, y, 0.0]) / np.hypot(x, y)
+        ahead = self.frame.rotation.inv().apply([x, y, 0.0])
+        return np.asarray(ahead / np.hypot(x, y))
 
     @property
     def far(self) -> float:
@@ -228,7 +229,10 @@ class Job:
         found = []
         for name, points in self.layout.points.items():
             low, high = _span(points)
-            if name not in self.want.bodies and ((origins > low) & (origins < high)).all():
+            if (
+                name not in self.want.bodies
+                and ((origins > low) & (origins < high)).all()
+            ):
                 found.append((float(np.prod(high - low)), name))
 
         return min(found)[1] if found else None

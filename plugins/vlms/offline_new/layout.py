@@ -12,7 +12,7 @@ from core.design import Tool
 from core.designs.planning import look
 from core.designs.start import SpawnRules
 from core.geometry import Array, Box, Mesh, Pose, Shape
-from core.interfaces import Brief, Perception, Robot
+from core.interfaces import Perception, Robot, Task
 from core.robot.kinematics import arm_of, link_poses, robot_model
 from core.robot.solids import (
     Obstacles,
@@ -30,7 +30,7 @@ CONTACT_M = 0.001
 
 
 class Layout:
-    """A layout of a brief's task.
+    """A layout of a task, by its seed.
 
     Attributes:
         scene: its bodies.
@@ -41,13 +41,12 @@ class Layout:
         reach: where the arm works with ease.
     """
 
-    def __init__(self, brief: Brief) -> None:
-        task = brief.task
-        self.scene = task.scene(brief.scene_seed)
+    def __init__(self, task: Task, seed: int) -> None:
+        self.scene = task.scene(seed)
         self.robot = task.robot
         self.home = task.home
-        self.seen = look(task, brief.scene_seed, Perception(), self.scene)
-        self.spawn = SpawnRules(task, brief.scene_seed, self.scene)
+        self.seen = look(task, seed, Perception(), self.scene)
+        self.spawn = SpawnRules(task, seed, self.scene)
         self.reach = measure_reach(task.robot)
 
     @cached_property
@@ -55,7 +54,9 @@ class Layout:
         """The solids of each body that can be touched, in the world, by its name."""
         found = {}
         for body in self.scene.bodies:
-            solids = _soft_solids(body) if isinstance(body, Soft) else [*body_solids(body)]
+            solids = (
+                _soft_solids(body) if isinstance(body, Soft) else [*body_solids(body)]
+            )
             if solids:
                 found[body.name] = solids
 

@@ -40,7 +40,13 @@ _MOST_SEGMENTS = 10  # of a step
 _PLACES = 100  # of the tool mount, of which the best is taken
 _SECTOR_RAD = 1.4  # to both sides of home; long ways ahead begin beside the arm
 _TURNS_RAD = np.array([0.0, 0.25, -0.25, 0.5, -0.5]) * np.pi
-_TURNS = [0.6, 0.1, 0.1, 0.1, 0.1]  # how often each: a head that points ahead is seen, and stiff
+_TURNS = [
+    0.6,
+    0.1,
+    0.1,
+    0.1,
+    0.1,
+]  # how often each: a head that points ahead is seen, and stiff
 _DROP_M = 0.03  # the mount is above a head by more, for a shaft,
 _LOW_M = 0.08  # above what is below it, the mount may be
 _MOST_DROP_M = 0.45  # and by less, or the shaft is long
@@ -127,19 +133,31 @@ def make(option: Option, values: Values, material: Material) -> Made:
     """
     way = option.way
     head = way.head(option.jobs[0], values)
+    mount = find_mount(head, values)
     if way.fingers:
-        assert head.mount is not None
         robot = option.jobs[0].layout.robot
-        tool = build_fingers(head, head.mount, material, way.name, robot)
-        return _plan(option, values, head, head.mount, tool)
+        tool = build_fingers(head, mount, material, way.name, robot)
+    else:
+        kind = SHAFTS[min(int(values["shaft"] * len(SHAFTS)), len(SHAFTS) - 1)]
+        tool = build_tool(head, mount, kind, material, way.name)
 
-    mount = head.mount or Pose.xyz_rpy(
-        (values["mount_x"], values["mount_y"], values["mount_z"]),
-        (0.0, 0.0, values["mount_yaw"]),
-    )
-    kind = SHAFTS[min(int(values["shaft"] * len(SHAFTS)), len(SHAFTS) - 1)]
-    tool = build_tool(head, mount, kind, material, way.name)
     return _plan(option, values, head, mount, tool)
+
+
+def find_mount(head: Head, values: Values) -> Pose:
+    """Find the pose of a head in the frame of the tool mount: the values say it, or else the head itself."""
+    if "mount_x" not in values:
+        assert head.mount is not None  # its way is bolted
+        return head.mount
+
+    place = (values["mount_x"], values["mount_y"], values["mount_z"])
+    return Pose.xyz_rpy(place, (0.0, 0.0, values["mount_yaw"]))
+
+
+def use(option: Option, values: Values, tool: Tool) -> Made:
+    """Plan the motion of a tool that is given, as if its head were the one that the values say."""
+    head = option.way.head(option.jobs[0], values)
+    return _plan(option, values, head, find_mount(head, values), tool)
 
 
 def plan(made: Made, values: Values) -> Made:
@@ -189,7 +207,7 @@ def _rise(layout: Layout, first: Pose, share: float) -> list[Pose]:
     near = layout.reach.inner + share * (far - layout.reach.inner)
     x, y = base + out * near / far
     return [
-        Pose((x, y, height), first.quaternion)
+        Pose(np.array([x, y, height]), first.quaternion)
         for height in (home[2], first.position[2])
     ]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from core.goals import Want
+from core.goals import Want, find_wants, numbered
 from core.interfaces import Task
 from plugins.vlms.offline_new.job import Job
 from plugins.vlms.offline_new.layout import Layout
@@ -16,7 +16,9 @@ from plugins.vlms.offline_new.ways import WAYS
 from plugins.vlms.offline_new.ways.way import Way
 
 _TURNS = (0.0, np.pi, np.pi / 2, -np.pi / 2)  # the first one away from the robot
-_HAND_TURNS = tuple(np.arange(-3, 5) * np.pi / 8)  # half a turn brings fingers to where the other one was
+_HAND_TURNS = tuple(
+    np.arange(-3, 5) * np.pi / 8
+)  # half a turn brings fingers to where the other one was
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +56,8 @@ def list_options(layout: Layout, task: Task, fingers: bool, bare: bool) -> list[
         for number, jobs in enumerate(_list_jobs(alternatives, layout, way)):
             does = all(job.asks == way.does for job in jobs)
             weight = min(way.suits(job) for job in jobs) if does else 0.0
-            if weight > 0:
-                options.append(Option(way, number, jobs, weight))
+            if weight > 0:  # what does more goals is chosen more often
+                options.append(Option(way, number, jobs, weight * len(jobs) ** 2))
 
     return options
 
@@ -72,3 +74,22 @@ def _list_jobs(
             turns = _HAND_TURNS
         for turn in turns:
             yield tuple(Job(layout, want, turn, way.approaches) for want in wants)
+
+
+def find_unplanned(task: Task, seed: int) -> list[str]:
+    """Name the goals of a task for which no way of using a tool suits, in the layout of a seed.
+
+    Args:
+        task: whose goals are read.
+        seed: of the layout.
+    """
+    layout = Layout(task, seed)
+    wants = find_wants(task.goals, layout.scene)
+    planned = set()
+    for way in WAYS:
+        for (job,) in _list_jobs([(want,) for want in wants], layout, way):
+            if job.asks == way.does and way.suits(job) > 0:
+                planned.add(job.want.number)
+
+    goals = numbered(task.goals)
+    return [goal.in_short() for number, goal in goals.items() if number not in planned]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from plugins.vlms.offline_new.faults import (
     count_meetings,
     find_places,
 )
+from plugins.vlms.offline_new.given import draw_head
 from plugins.vlms.offline_new.layout import Layout
 from plugins.vlms.offline_new.making import (
     START_RANGES,
@@ -24,7 +25,9 @@ from plugins.vlms.offline_new.making import (
     draw_values,
     make,
     plan,
+    use,
 )
+from plugins.vlms.offline_new.notes import read_note
 from plugins.vlms.offline_new.options import Option, list_options
 from plugins.vlms.offline_new.shafts import SHAFTS
 from plugins.vlms.offline_new.ways.way import Values
@@ -48,6 +51,7 @@ class Search:
 
     Attributes:
         layout: that is searched.
+        given: the tool for which plans alone are asked for; None: tools are asked for.
         options: the ways that suit it.
         rng: random numbers.
 
@@ -59,10 +63,10 @@ class Search:
     """
 
     def __init__(self, brief: Brief) -> None:
-        self.layout = Layout(brief)
+        self.layout = Layout(brief.task, brief.scene_seed)
         self.rng = np.random.default_rng(brief.seed)
-        given = given_tool(brief.representation, brief.task)
-        bare = given is not None and not given.components
+        self.given = given_tool(brief.representation, brief.task)
+        bare = self.given is not None and not self.given.components
         self.options = list_options(self.layout, brief.task, brief.gripper, bare)
         self._material = brief.representation.material
         if not self.options:
@@ -81,19 +85,41 @@ class Search:
 
     def invent(self) -> Made:
         """Draw a tool and a plan."""
-        return self.find_best(self._draw)
+        return self.find_best(self._draw, self.given)
 
     def _draw(self) -> Made:
         """Draw an option, and all values."""
-        weights = np.array([option.weight for option in self.options])
-        chosen = self.rng.choice(len(weights), p=weights / weights.sum())
-        option = self.options[int(chosen)]
+        if self.given is not None:
+            return self._use(self.given)
+
+        option = self._draw_option(self.options)
         way = option.way
         values = draw_values({**way.sizes, **way.moves, **START_RANGES}, self.rng)
         if way.bolted:
             return self.make(option, values)
         values |= draw_mount(option, values, self.rng)
         return self._choose_shaft(option, values)
+
+    def _use(self, tool: Tool) -> Made:
+        """Draw a plan for a given tool: as it was made to be used, or else with what may be its head."""
+        note = read_note(tool)
+        alike = [
+            option for option in self.options if note and option.way.name == note.way
+        ]
+        option = self._draw_option(alike or self.options)
+        way = option.way
+        values = draw_values({**way.sizes, **way.moves, **START_RANGES}, self.rng)
+        if note and alike:
+            moves = {name: values[name] for name in way.moves}
+            return use(option, {**note.values[0], **moves}, tool)
+        if tool.components:
+            values |= draw_head(tool, self.layout, self.rng)
+        return use(option, values, tool)
+
+    def _draw_option(self, options: Sequence[Option]) -> Option:
+        """Draw one of some options."""
+        weights = np.array([option.weight for option in options])
+        return options[int(self.rng.choice(len(weights), p=weights / weights.sum()))]
 
     def _choose_shaft(self, option: Option, values: Values) -> Made:
         """Make a design with the first kind of shaft that meets nothing, or else the one that meets the least."""

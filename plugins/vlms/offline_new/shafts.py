@@ -70,9 +70,7 @@ def build_tool(
         foot = np.array([0.0, 0.0, -_SOCKET_M[2]])
         length = float(np.abs(end - foot).sum())
         thick = find_thickness(length, material)
-        bearer = builder.add(
-            "socket", bearer, Pose(foot / 2), _SOCKET_M
-        )
+        bearer = builder.add("socket", bearer, Pose(foot / 2), _SOCKET_M)
         bearer = builder.add_bars(kind, bearer, foot, end, thick)
         carried = f", on a {kind} {length:.2f} m long"
 
@@ -149,7 +147,9 @@ class Builder:
         """Add a box of full sides (3,) at a pose, and return its name."""
         x, y, z = (float(side) for side in size)
         local = self._poses[parent].inverse() @ pose
-        self.components.append(Component(name, parent, local, Box((x, y, z)), color=color))
+        self.components.append(
+            Component(name, parent, local, Box((x, y, z)), color=color)
+        )
         self._poses[name] = pose
         return name
 

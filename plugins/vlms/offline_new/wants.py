@@ -30,16 +30,16 @@ def list_alternatives(task: Task, scene: Scene) -> list[tuple[Want, ...]]:
     options = [
         _split(list(goal)) for _, goal in groupby(wants, lambda want: want.number)
     ]
-    if task.every:
-        # Of what a goal leaves open, the first will do.
-        return [tuple(want for option in options for want in option[0])]
-    return [wants for option in options for wants in option]
+    each = [wants for option in options for wants in option]
+    if not (task.every and len(options) > 1):
+        return each
+
+    # Of what a goal leaves open, the first will do; and where no way does all goals, one is better than none.
+    return [tuple(want for option in options for want in option[0]), *each]
 
 
 def _split(wants: Sequence[Want]) -> list[tuple[Want, ...]]:
     """Split the wants of a goal into alternatives: one for each body, where one is enough."""
     if not wants[0].any:
         return [tuple(wants)]
-    return [
-        (replace(want, bodies=(body,)),) for want in wants for body in want.bodies
-    ]
+    return [(replace(want, bodies=(body,)),) for want in wants for body in want.bodies]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from core.design import Tool
+from core.design import DesignError, Tool
 from core.designs.tool_fields import NOTE
 from core.interfaces import Anchor, Brief, Waypoints
 from plugins.vlms.offline_new.job import Job
@@ -16,6 +16,7 @@ from plugins.vlms.offline_new.making import Made
 from plugins.vlms.offline_new.notes import write_note
 
 _DIGITS = 5  # hundredths of a millimetre
+_ROUNDS = 2  # of a plan that looks
 _APART_M = 0.03  # bodies that are nearer give no direction
 
 
@@ -45,7 +46,10 @@ def write_design(
     fields |= write_tool(first.tool, brief)
     fields[NOTE] = write_note(plans)
     fields["action_description"] = " | ".join(_describe(made) for made in plans)
-    fields["action_sets"] = [write_plan(made, brief, layout) for made in plans]
+    fields["action_sets"] = [
+        write_plan(made, brief, layout, looks=number % 2 == 0)
+        for number, made in enumerate(plans)
+    ]
     if parents:
         fields["parents"] = list(parents)
     return fields
@@ -64,10 +68,33 @@ def write_tool(tool: Tool, brief: Brief) -> dict[str, Any]:
     }
 
 
-def write_plan(made: Made, brief: Brief, layout: Layout) -> list[Any]:
-    """Write a plan, by what its waypoints stand by."""
+def write_plan(
+    made: Made, brief: Brief, layout: Layout, *, looks: bool = False
+) -> list[Any]:
+    """Write a plan, by what its waypoints stand by.
+
+    Args:
+        made: the plan.
+        brief: says how plans are written.
+        layout: where it was made.
+        looks: whether it is done again until the goal is seen to be reached, if plans may look, and nothing is held.
+    """
     rows = np.round(made.rows, _DIGITS) + 0.0
-    return brief.actions.anchor(Waypoints(rows), choose_anchors(made), layout.seen)
+    steps = brief.actions.anchor(Waypoints(rows), choose_anchors(made), layout.seen)
+    if not (looks and brief.actions.looks) or made.tool.gripper:
+        return steps
+
+    goal = {"goal": made.option.jobs[0].want.number}
+    again = {
+        "repeat": [*steps, {"look": True}],
+        "until_seen": goal,
+        "at_most": _ROUNDS,
+    }
+    try:
+        brief.actions.parse([again], gripper=False)
+    except DesignError:  # it would take too long
+        return steps
+    return [again]
 
 
 def _describe(made: Made) -> str:
@@ -95,7 +122,12 @@ def choose_anchors(made: Made) -> list[Anchor]:
             if base.toward and k >= first:
                 share = (step.pose.position[0] - begin) / job.length
             anchors.append(
-                Anchor(base.name, base.axes, base.toward, round(float(np.clip(share, 0.0, 1.0)), 3))
+                Anchor(
+                    base.name,
+                    base.axes,
+                    base.toward,
+                    round(float(np.clip(share, 0.0, 1.0)), 3),
+                )
             )
 
     return anchors

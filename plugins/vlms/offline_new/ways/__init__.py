@@ -10,4 +10,14 @@ from plugins.vlms.offline_new.ways.sweep import Sweep
 from plugins.vlms.offline_new.ways.throw import Throw
 from plugins.vlms.offline_new.ways.way import Way
 
-WAYS: tuple[Way, ...] = (Push(), Cage(), Sweep(), Hook(), Throw(), Lift(), Scoop(), Grip(), Hand())
+WAYS: tuple[Way, ...] = (
+    Push(),
+    Cage(),
+    Sweep(),
+    Hook(),
+    Throw(),
+    Lift(),
+    Scoop(),
+    Grip(),
+    Hand(),
+)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import ClassVar
 
 import numpy as np
 
 from plugins.vlms.offline_new.heads import Head, Step, at, box
 from plugins.vlms.offline_new.job import Job
-from plugins.vlms.offline_new.ways.way import Range, Values, Way, above
+from plugins.vlms.offline_new.ways.way import Range, Ranges, Values, Way, above
 
 _WALLS_M = 0.012  # of room beside bodies, for walls
 
@@ -21,14 +22,14 @@ class Cage(Way):
 
     name = "cage"
     title = "leads a body along the ground between walls, which also stop what rolls"
-    sizes = {
+    sizes: ClassVar[Ranges] = {
         "room": Range(0.003, 0.025),  # between the body and each wall
         "height": Range(0.5, 1.2),  # of the body's
         "thick": Range(0.005, 0.01),
         "depth": Range(0.5, 1.1),  # of the body's, of the walls beside it
         "front": Range(0.0, 1.0),  # from a half on there is a wall before the body
     }
-    moves = {
+    moves: ClassVar[Ranges] = {
         "above": Range(0.002, 0.008),  # the ground
         "farther": Range(-0.02, 0.02),  # than the body has to go
         "speed": Range(0.1, 0.35),

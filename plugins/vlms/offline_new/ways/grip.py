@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import ClassVar
 
 import numpy as np
 
 from plugins.vlms.offline_new.hand import hand_of
 from plugins.vlms.offline_new.heads import Head, Step, at, box
 from plugins.vlms.offline_new.job import Job
-from plugins.vlms.offline_new.ways.way import Range, Values, Way, above
+from plugins.vlms.offline_new.ways.way import Range, Ranges, Values, Way, above
 
 _LEAST_SHAFT_M = 0.03  # of pads below the fingertips
 _OVER_M = 0.005  # what stands around the body, the palm stays
@@ -31,21 +32,25 @@ class Grip(Way):
     fingers = True
     bolted = True
     title = "closes long fingers on a body, and carries it"
-    sizes = {
+    sizes: ClassVar[Ranges] = {
         "room": Range(0.004, 0.015),  # between the body and each pad, open
         "thick": Range(0.004, 0.01),
         "length": Range(0.2, 0.8),  # of the body's
         "height": Range(0.4, 1.0),  # of the body's
-        "into": Range(0.7, 1.0),  # what stands around the body the fingers reach, in their lengths
+        "into": Range(
+            0.7, 1.0
+        ),  # what stands around the body the fingers reach, in their lengths
         "ahead": Range(-0.05, 0.05),  # of the hand, beside what the arm is too short
     }
-    moves = {
+    moves: ClassVar[Ranges] = {
         "low": Range(0.0, 0.4),  # above the body's foot, in its heights
         "turn": Range(-0.1, 0.1),  # about the vertical
         "higher": Range(0.0, 0.03),  # than the body has to get
         "lifting": Range(0.1, 0.3),
         "carrying": Range(0.1, 0.4),
-        "drags": Range(0.0, 1.0),  # from a half on, what needn't rise stays on the ground
+        "drags": Range(
+            0.0, 1.0
+        ),  # from a half on, what needn't rise stays on the ground
     }
 
     def suits(self, job: Job) -> float:
@@ -70,7 +75,9 @@ class Grip(Way):
         ]
 
         hand = hand_of(job.layout.robot)
-        below = max(height + _LEAST_SHAFT_M, job.clear + _OVER_M - values["into"] * hand.palm)
+        below = max(
+            height + _LEAST_SHAFT_M, job.clear + _OVER_M - values["into"] * hand.palm
+        )
         x, y, _ = job.far * job.away
         mount = hand.tips @ at(x + values["ahead"], y, -below)
         return Head(pads, np.array([0.0, 0.0, height]), "two pads", mount)
@@ -111,7 +118,7 @@ class Hand(Grip):
     name = "hand"
     bare = True
     title = "is the hand itself, whose fingers close on a body"
-    sizes = {}
+    sizes: ClassVar[Ranges] = {}
 
     def suits(self, job: Job) -> float:
         if job.size[1] > hand_of(job.layout.robot).widest:

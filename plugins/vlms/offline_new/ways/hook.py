@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import ClassVar
 
 import numpy as np
 
-from core.geometry import Array
-from plugins.vlms.offline_new.heads import Head, Step, at, box
+from core.geometry import Array, Pose
+from plugins.vlms.offline_new.heads import Head, Piece, Step, at
 from plugins.vlms.offline_new.job import Job
-from plugins.vlms.offline_new.ways.way import Range, Values, Way, above
+from plugins.vlms.offline_new.ways.way import Range, Ranges, Values, Way, above
 
 _LEAST_ROOM_M = 0.012  # for an arm with its toe
 _BEHIND_M = 0.008  # of room behind bodies, for the toe
@@ -29,15 +30,19 @@ class Hook(Way):
 
     name = "hook"
     title = "passes bodies, over them or beside them, gets behind them with a toe, and pulls"
-    sizes = {
-        "place": Range(0.0, 1.0),  # where the arm passes: over, on the left or on the right, by how much room is there
+    sizes: ClassVar[Ranges] = {
+        "place": Range(
+            0.0, 1.0
+        ),  # where the arm passes: over, on the left or on the right, by how much room is there
         "arm": Range(0.15, 0.35),  # thick, of the room
         "toe": Range(0.5, 0.9),  # long, of the room that is left
         "breadth": Range(0.3, 0.9),  # of the toe, of the bodies' side
         "ahead": Range(0.02, 0.1),  # of the bodies the arm goes on
     }
-    moves = {
-        "low": Range(0.002, 0.02),  # above the ground, or of a toe from above, the toe's slack
+    moves: ClassVar[Ranges] = {
+        "low": Range(
+            0.002, 0.02
+        ),  # above the ground, or of a toe from above, the toe's slack
         "before": Range(0.01, 0.04),  # the bodies, where it comes down
         "behind": Range(0.003, 0.012),  # the bodies, where the toe gets in
         "farther": Range(-0.02, 0.03),  # than the bodies have to go
@@ -65,11 +70,13 @@ class Hook(Way):
 
         along = outward * (_GAP_M + thick / 2)
         behind = outward * (_GAP_M + thick - across / 2)
+        along[0] = (length - thick) / 2
+        behind[0] = -thick / 2
         pieces = [
-            box("arm", (length - thick) / 2, *along[1:], (length + thick, thick, thick)),
-            box("toe", -thick / 2, *behind[1:], size),
+            Piece("arm", Pose(along), (length + thick, thick, thick)),
+            Piece("toe", Pose(behind), size),
         ]
-        attach = along + np.array([length - thick / 2, 0.0, thick / 2])
+        attach = along + np.array([length / 2, 0.0, thick / 2])
         return Head(pieces, attach, f"a hook {length:.2f} m long")
 
     def motion(self, job: Job, values: Values) -> Iterator[Step]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import ClassVar
 
 import numpy as np
 
 from plugins.vlms.offline_new.heads import Head, Step, at, box
 from plugins.vlms.offline_new.job import Job
-from plugins.vlms.offline_new.ways.way import Range, Values, Way, above
+from plugins.vlms.offline_new.ways.way import Range, Ranges, Values, Way, above
 
 
 class Lift(Way):
@@ -17,14 +18,14 @@ class Lift(Way):
     name = "lift"
     approaches = True
     title = "lifts bodies by what stands out of them, with two tines beside their foot"
-    sizes = {
+    sizes: ClassVar[Ranges] = {
         "depth": Range(0.8, 1.1),  # of the bodies' length
         "tine": Range(0.4, 0.9),  # of what stands out
         "thick": Range(0.3, 0.6),  # of the height below what stands out
         "room": Range(0.002, 0.01),  # between tines and foot
         "behind": Range(0.01, 0.04),  # bodies the wall stays
     }
-    moves = {
+    moves: ClassVar[Ranges] = {
         "below": Range(0.002, 0.012),  # what stands out, as they go in
         "higher": Range(0.0, 0.02),  # than the bodies have to get
         "speed": Range(0.1, 0.35),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import ClassVar
 
 import numpy as np
 
 from plugins.vlms.offline_new.heads import Head, Step, at, box
 from plugins.vlms.offline_new.job import Job
-from plugins.vlms.offline_new.ways.way import Range, Values, Way, above
+from plugins.vlms.offline_new.ways.way import Range, Ranges, Values, Way, above
 
 
 class Push(Way):
@@ -19,12 +20,12 @@ class Push(Way):
 
     name = "push"
     title = "pushes bodies along the ground from behind"
-    sizes = {
+    sizes: ClassVar[Ranges] = {
         "width": Range(0.2, 1.6),  # of the bodies'
         "height": Range(0.5, 1.2),  # of the bodies'
         "thick": Range(0.006, 0.012),
     }
-    moves = {
+    moves: ClassVar[Ranges] = {
         "behind": Range(0.004, 0.03),
         "above": Range(0.002, 0.012),  # the ground
         "farther": Range(-0.02, 0.02),  # than they have to go

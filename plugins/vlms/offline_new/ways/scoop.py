@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import ClassVar
 
 import numpy as np
 
 from plugins.vlms.offline_new.heads import Head, Step, at, box
 from plugins.vlms.offline_new.job import Job
-from plugins.vlms.offline_new.ways.way import Range, Values, Way, above
+from plugins.vlms.offline_new.ways.way import Range, Ranges, Values, Way, above
 
 _ENTRY_M = 0.05  # of room before bodies, to come down there
-_CLIMBED_M = 0.01  # walls beside a floor begin so far behind its edge, onto which bodies climb
+_CLIMBED_M = (
+    0.01  # walls beside a floor begin so far behind its edge, onto which bodies climb
+)
 
 
 class Scoop(Way):
@@ -22,15 +25,17 @@ class Scoop(Way):
 
     name = "scoop"
     approaches = True
-    title = "slides a thin floor under bodies, lifts them, carries them, and tips them out"
-    sizes = {
+    title = (
+        "slides a thin floor under bodies, lifts them, carries them, and tips them out"
+    )
+    sizes: ClassVar[Ranges] = {
         "room": Range(0.002, 0.02),  # beside the bodies
         "depth": Range(0.9, 1.15),  # of the bodies' length
         "floor": Range(0.001, 0.003),  # thick
         "height": Range(0.7, 1.3),  # of the bodies', of the wall behind them
         "rails": Range(0.0, 0.8),  # of that height, of the walls beside them
     }
-    moves = {
+    moves: ClassVar[Ranges] = {
         "above": Range(0.0005, 0.003),  # the ground
         "behind": Range(0.005, 0.03),  # the bodies
         "under": Range(0.95, 1.03),  # of its depth
@@ -57,7 +62,13 @@ class Scoop(Way):
         height = float(np.clip(values["height"] * job.size[2], 0.02, 0.15))
         pieces = [
             box("wall", -wall / 2, 0.0, height / 2, (wall, width, height)),
-            box("floor", (depth - wall) / 2, 0.0, floor / 2, (depth + wall, width, floor)),
+            box(
+                "floor",
+                (depth - wall) / 2,
+                0.0,
+                floor / 2,
+                (depth + wall, width, floor),
+            ),
         ]
 
         rail = values["rails"] * height

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import ClassVar
 
 import numpy as np
 
 from core.geometry import Pose
 from plugins.vlms.offline_new.heads import Head, Piece, Step, at, box
 from plugins.vlms.offline_new.job import Job
-from plugins.vlms.offline_new.ways.way import Range, Values, Way, above
+from plugins.vlms.offline_new.ways.way import Range, Ranges, Values, Way, above
 
 
 class Sweep(Way):
@@ -20,14 +21,14 @@ class Sweep(Way):
 
     name = "sweep"
     title = "sweeps scattered bodies together with a wall between two wings"
-    sizes = {
+    sizes: ClassVar[Ranges] = {
         "room": Range(0.0, 0.03),  # beside the outermost bodies
         "narrow": Range(0.15, 0.6),  # the wall, of the width between the wings' ends
         "angle": Range(0.4, 1.0),  # of the wings, from the motion
         "height": Range(0.8, 1.8),  # of the bodies'
         "thick": Range(0.005, 0.01),
     }
-    moves = {
+    moves: ClassVar[Ranges] = {
         "behind": Range(0.3, 1.0),  # of the wings' depth, from where it comes down
         "above": Range(0.001, 0.005),  # the ground
         "heap": Range(0.02, 0.15),  # before the goal's middle the wall stops
@@ -44,9 +45,7 @@ class Sweep(Way):
         thick = values["thick"]
         height = float(np.clip(values["height"] * job.size[2], 0.02, 0.15))
         wall, end, depth = self._measure(job, values)
-        pieces = [
-            box("wall", -thick / 2, 0.0, height / 2, (thick, 2 * wall, height))
-        ]
+        pieces = [box("wall", -thick / 2, 0.0, height / 2, (thick, 2 * wall, height))]
 
         length = float(np.hypot(depth, end - wall)) + thick
         for name, side in (("left_wing", 1.0), ("right_wing", -1.0)):

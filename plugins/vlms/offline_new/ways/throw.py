@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import ClassVar
 
 import numpy as np
 
 from plugins.vlms.offline_new.heads import Head, Step, at, box
 from plugins.vlms.offline_new.job import Job
-from plugins.vlms.offline_new.ways.way import Range, Values, Way, above
+from plugins.vlms.offline_new.ways.way import Range, Ranges, Values, Way, above
 
 
 class Throw(Way):
@@ -16,17 +17,19 @@ class Throw(Way):
 
     name = "throw"
     title = "throws bodies on along the ground, or over an edge, with a wall that stops"
-    sizes = {
+    sizes: ClassVar[Ranges] = {
         "room": Range(0.002, 0.01),  # between the bodies and the walls beside them
         "height": Range(0.6, 1.3),  # of the bodies'
         "depth": Range(0.2, 0.8),  # of the bodies', of the walls beside them
         "thick": Range(0.005, 0.01),
     }
-    moves = {
+    moves: ClassVar[Ranges] = {
         "behind": Range(0.005, 0.03),
         "above": Range(0.002, 0.008),  # the ground
         "stroke": Range(0.4, 0.9),  # metres, of bodies that are thrown far
-        "swing": Range(-0.8, 0.8),  # to both sides of the way, of the head as it throws far: a wrist makes it faster
+        "swing": Range(
+            -0.8, 0.8
+        ),  # to both sides of the way, of the head as it throws far: a wrist makes it faster
         "share": Range(0.3, 1.0),  # of their way, of bodies that fall
         "fast": Range(0.4, 2.0),  # m/s
         "heading": Range(-0.15, 0.15),

@@ -6,6 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from typing import ClassVar, NamedTuple
 
+import numpy as np
+
 from core.geometry import Pose
 from plugins.vlms.offline_new.heads import Head, Step
 from plugins.vlms.offline_new.job import Asked, Job
@@ -19,6 +21,10 @@ class Range(NamedTuple):
 
     low: float
     high: float
+
+
+Ranges = Mapping[str, Range]
+"""Parameters, by name."""
 
 
 class Way(ABC):
@@ -46,8 +52,8 @@ class Way(ABC):
     fingers: ClassVar[bool] = False
     bolted: ClassVar[bool] = False
     bare: ClassVar[bool] = False
-    sizes: ClassVar[Mapping[str, Range]]
-    moves: ClassVar[Mapping[str, Range]]
+    sizes: ClassVar[Ranges]
+    moves: ClassVar[Ranges]
 
     @abstractmethod
     def suits(self, job: Job) -> float:
@@ -66,4 +72,4 @@ def above(job: Job, pose: Pose) -> Step:
     """Return the step to 3 cm above everything near, over a pose."""
     x, y, z = pose.position
     height = max(job.clear, z) + 0.03
-    return Step(Pose((x, y, height), pose.quaternion))
+    return Step(Pose(np.array([x, y, height]), pose.quaternion))

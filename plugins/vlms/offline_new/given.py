@@ -1,0 +1,47 @@
+"""Find what may be the head of a tool that is given."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.random import Generator
+
+from core.design import Tool
+from plugins.vlms.offline_new.faults import place_solids
+from plugins.vlms.offline_new.hand import hand_of
+from plugins.vlms.offline_new.layout import Layout, solid_points
+
+_LOW_M = 0.015  # parts of a tool that reach so near its lowest point do its work
+_TURNS = np.arange(4) * np.pi / 2
+
+
+def draw_head(tool: Tool, layout: Layout, rng: Generator) -> dict[str, float]:
+    """Draw where the head of a given tool is: the values of the mount's parameters.
+
+    The lowest parts do the work, on one of their four sides, or within. What hangs from fingers works between them.
+
+    Args:
+        tool: of any origin.
+        layout: has the arm.
+        rng: random numbers.
+    """
+    groups = [solid_points(solid) for solid in place_solids(tool, layout)]
+    lowest = min(float(points[:, 2].min()) for points in groups)
+    working = np.concatenate(
+        [points for points in groups if points[:, 2].min() < lowest + _LOW_M]
+    )
+    middle = (working.min(axis=0) + working.max(axis=0)) / 2
+
+    yaw = float(rng.choice(_TURNS))
+    ahead = np.array([np.cos(yaw), np.sin(yaw)])
+    along = (working[:, :2] - middle[:2]) @ ahead
+    x, y = middle[:2] + rng.uniform(along.min(), along.max()) * ahead
+    if tool.gripper:
+        x, y = middle[:2]
+        yaw = float(hand_of(layout.robot).tips.rpy[2])
+
+    return {
+        "mount_x": float(x),
+        "mount_y": float(y),
+        "mount_z": lowest,
+        "mount_yaw": yaw,
+    }
