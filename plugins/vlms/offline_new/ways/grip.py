@@ -121,7 +121,7 @@ class Hand(Grip):
     sizes: ClassVar[Ranges] = {}
 
     def suits(self, job: Job) -> float:
-        if job.size[1] > hand_of(job.layout.robot).widest:
+        if job.far > 0 or job.size[1] > hand_of(job.layout.robot).widest:
             return 0.0
         return super().suits(job)
 
