@@ -13,6 +13,7 @@ from plugins.vlms.offline_new.faults import obeys
 from plugins.vlms.offline_new.making import Made, plan
 from plugins.vlms.offline_new.notes import read_values
 from plugins.vlms.offline_new.search import Search
+from plugins.vlms.offline_new.several import answer_several
 from plugins.vlms.offline_new.vary import (
     Stranger,
     cross,
@@ -37,6 +38,9 @@ def answer(brief: Brief) -> dict[str, Any]:
         NothingSuits: no way of using a tool suits the task.
         DesignError: plans can't be written as the brief asks.
     """
+    if len(brief.task.parts) > 1:
+        return answer_several(brief)
+
     designer = _Designer(brief)
     return {
         "scene_analysis": designer.describe(),
@@ -122,8 +126,7 @@ class _Designer:
                 plans.append(self.search.replan(made))
 
         ids = [parent.candidate.id for parent in parents]
-        change = f"Bred from {' and '.join(ids)}." if ids else ""
-        return write_design(plans, self.brief, self.search.layout, ids, change)
+        return write_design(plans, self.brief, self.search.layout, ids)
 
     def _vary_stranger(self, parent: Evaluation) -> dict[str, Any]:
         """Vary the numbers of an elite that was not made here."""

@@ -115,8 +115,8 @@ def count_meetings(
     """Count how often a tool is in something that it must not touch, at places on its way; up to ``enough``."""
     solids = place_solids(made.tool, layout)
     boxes = [solid.bounds() for solid in solids]
-    middles = np.array([middle for middle, _ in boxes])
-    halves = np.array([half for _, half in boxes])
+    middles = np.array([middle for middle, _ in boxes]).reshape(-1, 3)
+    halves = np.array([half for _, half in boxes]).reshape(-1, 3)
 
     # Boxes along the world's axes, first, around the tool's solids at all places, (K, S, 3).
     turns = places.turns

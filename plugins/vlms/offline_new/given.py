@@ -6,9 +6,11 @@ import numpy as np
 from numpy.random import Generator
 
 from core.design import Tool
+from core.geometry import Array
+from core.robot.solids import Solid, corners
 from plugins.vlms.offline_new.faults import place_solids
 from plugins.vlms.offline_new.hand import hand_of
-from plugins.vlms.offline_new.layout import Layout, solid_points
+from plugins.vlms.offline_new.layout import Layout
 
 _LOW_M = 0.015  # parts of a tool that reach so near its lowest point do its work
 _TURNS = np.arange(4) * np.pi / 2
@@ -24,7 +26,8 @@ def draw_head(tool: Tool, layout: Layout, rng: Generator) -> dict[str, float]:
         layout: has the arm.
         rng: random numbers.
     """
-    groups = [solid_points(solid) for solid in place_solids(tool, layout)]
+    groups = [_list_corners(solid) for solid in place_solids(tool, layout)]
+    groups = groups or [np.zeros((1, 3))]  # the bare flange
     lowest = min(float(points[:, 2].min()) for points in groups)
     working = np.concatenate(
         [points for points in groups if points[:, 2].min() < lowest + _LOW_M]
@@ -45,3 +48,8 @@ def draw_head(tool: Tool, layout: Layout, rng: Generator) -> dict[str, float]:
         "mount_z": lowest,
         "mount_yaw": yaw,
     }
+
+
+def _list_corners(solid: Solid) -> Array:
+    """List the corners of a solid, (V, 3)."""
+    return solid.pose.apply(corners(solid.geometry))

@@ -324,8 +324,9 @@ class Job:
     def meets(self, shift: Array, size: Array) -> bool:
         """Report whether a box of this size, shifted from the bodies' middle, meets another body."""
         lift = np.array([0.0, 0.0, _SUPPORT_M / 2])
+        up = np.array([0.0, 0.0, self.size[2] / 2])
         sides = np.maximum(size - 2 * CONTACT_M - 2 * lift, CONTACT_M)
-        middle = self.frame.apply([*shift[:2], shift[2] + self.size[2] / 2] + lift)
+        middle = self.frame.apply(shift + up + lift)
         geometry = solid_geometry(Box(tuple(sides)))
         box = Solid("room", geometry, Pose(middle, self.frame.quaternion))
         others = self.layout.others(frozenset(self.want.bodies))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from core.design import Tool
 from core.goals import Want, find_wants, numbered
 from core.interfaces import Task
 from plugins.vlms.offline_new.job import Job
@@ -38,21 +39,35 @@ class Option:
     weight: float
 
 
-def list_options(layout: Layout, task: Task, fingers: bool, bare: bool) -> list[Option]:
+def list_options(
+    layout: Layout, task: Task, fingers: bool, given: Tool | None
+) -> list[Option]:
     """List the ways of using a tool that suit a task in a layout, for all its alternatives.
+
+    Where a tool is given that is of no use as such tools are, it may be used as any other one.
 
     Args:
         layout: of the task.
         task: whose goals are read.
         fingers: whether tools are on the fingers of a gripper.
-        bare: whether there is no tool but the hand.
+        given: the tool for which plans are made; None: it is not known yet.
     """
+    bare = given is not None and not given.components
+    ways = [way for way in WAYS if way.fingers == fingers and way.bare == bare]
+    options = _list_suiting(ways, layout, task)
+    if not options and given is not None:
+        others = [way for way in WAYS if not way.bolted]
+        options = _list_suiting(others, layout, task)
+
+    return options
+
+
+def _list_suiting(ways: Sequence[Way], layout: Layout, task: Task) -> list[Option]:
+    """List which of some ways suit; see `list_options`."""
     alternatives = list_alternatives(task, layout.scene)
     options = []
 
-    for way in WAYS:
-        if way.fingers != fingers or way.bare != bare:
-            continue
+    for way in ways:
         for number, jobs in enumerate(_list_jobs(alternatives, layout, way)):
             does = all(job.asks == way.does for job in jobs)
             weight = min(way.suits(job) for job in jobs) if does else 0.0

@@ -50,6 +50,7 @@ class Search:
     Its random numbers are those of the brief's seed: the same calls in the same order give the same designs.
 
     Attributes:
+        brief: what is asked for.
         layout: that is searched.
         given: the tool for which plans alone are asked for; None: tools are asked for.
         options: the ways that suit it.
@@ -63,11 +64,11 @@ class Search:
     """
 
     def __init__(self, brief: Brief) -> None:
+        self.brief = brief
         self.layout = Layout(brief.task, brief.scene_seed)
         self.rng = np.random.default_rng(brief.seed)
         self.given = given_tool(brief.representation, brief.task)
-        bare = self.given is not None and not self.given.components
-        self.options = list_options(self.layout, brief.task, brief.gripper, bare)
+        self.options = list_options(self.layout, brief.task, brief.gripper, self.given)
         self._material = brief.representation.material
         if not self.options:
             kind = "on fingers" if brief.gripper else "on the flange"
@@ -112,7 +113,7 @@ class Search:
         if note and alike:
             moves = {name: values[name] for name in way.moves}
             return use(option, {**note.values[0], **moves}, tool)
-        if tool.components:
+        if tool.components or not way.bare:
             values |= draw_head(tool, self.layout, self.rng)
         return use(option, values, tool)
 
@@ -158,7 +159,12 @@ class Search:
         return make(option, values, self._material)
 
     def find_best(self, draw: Callable[[], Made], tool: Tool | None = None) -> Made:
-        """Draw designs until one has no faults, and return the best; all have a ``tool`` that keeps the rules, or none."""
+        """Draw designs until one has no faults, and return the best.
+
+        Args:
+            draw: makes a design.
+            tool: which all have that is known to keep the rules; None: each has its own.
+        """
         best = draw()
         least = self._count(best, np.inf, tool)
 

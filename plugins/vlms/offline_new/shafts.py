@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -120,7 +121,7 @@ def _list_bars(
             end,
         ]
 
-    for first, second in zip(points[:-1], points[1:], strict=True):
+    for first, second in pairwise(points):
         if np.linalg.norm(second - first) > half:
             yield first, second
 

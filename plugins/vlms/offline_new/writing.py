@@ -21,11 +21,7 @@ _APART_M = 0.03  # bodies that are nearer give no direction
 
 
 def write_design(
-    plans: Sequence[Made],
-    brief: Brief,
-    layout: Layout,
-    parents: Sequence[str],
-    change: str = "",
+    plans: Sequence[Made], brief: Brief, layout: Layout, parents: Sequence[str]
 ) -> dict[str, Any]:
     """Write a tool with its plans.
 
@@ -34,22 +30,30 @@ def write_design(
         brief: says how tools and plans are written.
         layout: where the plans were made.
         parents: the ids of the candidates that it comes from.
-        change: what was done to them, in words.
     """
-    first = plans[0]
-    way = first.option.way
-    names = ", ".join(first.option.jobs[0].want.bodies[:3])
-    fields: dict[str, Any] = {
-        "strategy_name": f"{way.name} {names}",
-        "strategy_description": f"A tool that {way.title}. {change}".strip(),
-    }
-    fields |= write_tool(first.tool, brief)
-    fields[NOTE] = write_note(plans)
+    fields = write_names(plans, brief, parents)
     fields["action_description"] = " | ".join(_describe(made) for made in plans)
     fields["action_sets"] = [
         write_plan(made, brief, layout, looks=number % 2 == 0)
         for number, made in enumerate(plans)
     ]
+    return fields
+
+
+def write_names(
+    plans: Sequence[Made], brief: Brief, parents: Sequence[str]
+) -> dict[str, Any]:
+    """Write a tool without its plans, and what they were made of; see `write_design`."""
+    first = plans[0]
+    way = first.option.way
+    names = ", ".join(first.option.jobs[0].want.bodies[:3])
+    origin = f" Bred from {' and '.join(parents)}." if parents else ""
+    fields: dict[str, Any] = {
+        "strategy_name": f"{way.name} {names}",
+        "strategy_description": f"A tool that {way.title}.{origin}",
+        **write_tool(first.tool, brief),
+        NOTE: write_note(plans),
+    }
     if parents:
         fields["parents"] = list(parents)
     return fields

@@ -23,7 +23,7 @@ _THICK_M = 0.012  # and at most
 
 
 class Hook(Way):
-    """An arm comes in from where the bodies have to go, over them or beside them, and a toe at its end gets behind them.
+    """An arm comes in from where the bodies have to go, over or beside them, and a toe at its end gets behind them.
 
     Where something covers the bodies, all of the way is below it.
     """
