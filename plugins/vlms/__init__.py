@@ -16,7 +16,7 @@ LITELLM = {
 @hookimpl
 def vlms() -> Mapping[str, str]:
     return {
-        "offline": "plugins.vlms.offline_new.designer:OfflineDesigner",
+        "offline": "plugins.vlms.offline.designer:OfflineDesigner",
         **{name: f"plugins.vlms.litellm.model:{cls}" for name, cls in LITELLM.items()},
         "replay": "plugins.vlms.replay:PastReplies",
         "mailbox": "plugins.vlms.mailbox:Mailbox",

@@ -1,82 +1,168 @@
-"""Answer a brief: tools with plans, or plans for a given tool, fresh ones or offspring of elites."""
+"""Answer a brief: fresh tools with plans, or offspring of elites, or plans for a tool that is given."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
-from core.interfaces import Brief
-from plugins.vlms.offline.chaining import invent
-from plugins.vlms.offline.evolve import breed
-from plugins.vlms.offline.given_tools import plan_for_given_tool
-from plugins.vlms.offline.layouts import make_layouts
-from plugins.vlms.offline.parents import Parent, find_parents
-from plugins.vlms.offline.sampler import Sampler
+import numpy as np
+
+from core.design import DesignError
+from core.interfaces import Brief, Evaluation
+from plugins.vlms.offline.faults import obeys
+from plugins.vlms.offline.making import Made, plan
+from plugins.vlms.offline.notes import read_values
+from plugins.vlms.offline.search import Search
 from plugins.vlms.offline.several import answer_several
-from plugins.vlms.offline.written_design import (
-    Design,
-    plans_of_fresh_design,
-    write_design,
+from plugins.vlms.offline.vary import (
+    Stranger,
+    cross,
+    list_ranges,
+    mutate,
+    vary_numbers,
 )
+from plugins.vlms.offline.writing import write_design, write_tool
+
+_CROSSES = 0.4  # how often two parents are crossed that use their tools alike
+_FRESH = 0.3  # how often a design is fresh although there are elites, where these earn nothing
+_LEAST_REWARD = 0.01  # what earned nothing is a parent at times, too
+_SCALE = 1.5  # of changes, for the whole reward that is missing
+_LEAST_SCALE = 0.03
+_TRIES = 12  # for a variation that keeps the rules
 
 
-def answer(brief: Brief, *, looks_near: bool = False) -> dict[str, Any]:
+def answer(brief: Brief) -> dict[str, Any]:
     """Make the document for one brief.
 
-    Args:
-        brief: what is asked for.
-        looks_near: whether plans that look do so before the tool comes down, too.
-
     Raises:
-        NothingToMove: see `SceneAnalysis`.
+        NothingSuits: no way of using a tool suits the task.
         DesignError: plans can't be written as the brief asks.
     """
     if len(brief.task.parts) > 1:
-        return answer_several(brief, looks_near=looks_near)
+        return answer_several(brief)
 
-    sampler = Sampler(brief, make_layouts(brief))
-    sampler.looks_near = looks_near
-    parents = find_parents(brief.elites, brief.gripper, sampler.layout.seen)
-    designs = [_make_design(sampler, parents) for _ in range(brief.n_tool)]
-
-    bodies = len(sampler.model.solids)
-    moving = sum(len(goal.bodies) for goal in sampler.analysis.goals)
+    designer = _Designer(brief)
     return {
-        "scene_analysis": f"{bodies} bodies have collision shapes; to be moved: {moving}.",
-        "strategies": designs,
+        "scene_analysis": designer.describe(),
+        "strategies": [designer.make_design() for _ in range(brief.n_tool)],
     }
 
 
-def _make_design(sampler: Sampler, parents: Sequence[Parent]) -> dict[str, Any]:
-    """Make a design, and write it as in the document."""
-    brief = sampler.brief
-    given = brief.representation.given(brief.task)
-    if given is not None:
-        design = plan_for_given_tool(given, sampler, parents)
-    elif parents:
-        design = breed(parents, brief.n_action, sampler)
-    else:
-        design = _invent(sampler)
+class _Designer:
+    """Makes the designs of an answer.
 
-    return write_design(design, sampler, is_given=given is not None)
+    Args:
+        brief: what is asked for.
+    """
 
+    def __init__(self, brief: Brief) -> None:
+        self.brief = brief
+        self.search = Search(brief)
+        self.rng = self.search.rng
+        self.elites = [
+            elite
+            for elite in brief.elites
+            if elite.candidate.tool and elite.candidate.tool.gripper == brief.gripper
+        ]
 
-def _invent(sampler: Sampler) -> Design:
-    """Design a fresh tool with plans."""
-    brief = sampler.brief
-    design = invent(sampler)
-    tool = design.tool
-    head = design.placed.head
-    plans = plans_of_fresh_design(design, tool, brief.n_action, sampler)
+    def describe(self) -> str:
+        """Say which ways of using a tool suit the task."""
+        ways = dict.fromkeys(option.way.title for option in self.search.options)
+        return f"Tools that suit: one that {'; one that '.join(ways)}."
 
-    description = f"The {head.kind} {design.plan.text}."
-    if brief.elites:
-        description += " A fresh design: no elite has this kind of tool."
+    def make_design(self) -> dict[str, Any]:
+        """Make a design, and write it."""
+        if not self.elites:
+            return self._write(self.search.invent(), [])
 
-    return Design(
-        f"{head.primitive} with {tool.name}",
-        description,
-        tool,
-        plans,
-        parents=[elite.candidate.id for elite in brief.elites[:1]],
-    )
+        weights = np.array([max(e.reward, _LEAST_REWARD) ** 2 for e in self.elites])
+        chosen = self.rng.choice(len(weights), 2, p=weights / weights.sum())
+        first, second = (self.elites[int(number)] for number in chosen)
+        if self.rng.random() < _FRESH * (1 - first.reward):
+            return self._write(self.search.invent(), [])
+
+        bred = self._breed(first, second)
+        return bred if bred is not None else self._vary_stranger(first)
+
+    def _breed(self, first: Evaluation, second: Evaluation) -> dict[str, Any] | None:
+        """Breed from parents that were made here; None: the first was not."""
+        read = read_values(first.candidate)
+        other = read_values(second.candidate)
+        if read is None:
+            return None
+        note, values = read
+        option = self.search.find_option(note.way, note.number)
+        if option is None:
+            return None
+
+        scale = float(np.clip(_SCALE * (1 - first.reward), _LEAST_SCALE, 1.0))
+        ranges = list_ranges(option.way)
+        alike = other is not None and other[0].way == note.way
+        crosses = alike and second is not first and self.rng.random() < _CROSSES
+
+        def draw() -> Made:
+            start = values
+            if crosses and other is not None:
+                start = cross(values, other[1], self.rng)
+            return self.search.make(option, mutate(start, ranges, scale, self.rng))
+
+        parents = [first, second] if crosses else [first]
+        return self._write(self.search.find_best(draw), parents, scale)
+
+    def _write(
+        self, made: Made, parents: Sequence[Evaluation], scale: float = 1.0
+    ) -> dict[str, Any]:
+        """Write a design with as many plans as are asked for: of offspring, plans are varied, else drawn anew."""
+        plans = [made]
+        moves = made.option.way.moves
+
+        def vary() -> Made:
+            return plan(made, mutate(made.values, moves, scale, self.rng))
+
+        while len(plans) < self.brief.n_action:
+            if parents:
+                plans.append(self.search.find_best(vary, made.tool))
+            else:
+                plans.append(self.search.replan(made))
+
+        ids = [parent.candidate.id for parent in parents]
+        return write_design(plans, self.brief, self.search.layout, ids)
+
+    def _vary_stranger(self, parent: Evaluation) -> dict[str, Any]:
+        """Vary the numbers of an elite that was not made here."""
+        candidate = parent.candidate
+        assert candidate.tool is not None
+        scale = float(np.clip(_SCALE * (1 - parent.reward), _LEAST_SCALE, 1.0))
+        begin = Stranger(candidate.tool, candidate.plan)
+        first = self._vary_until_sound(begin, scale)
+        plans = [first.plan]
+        while len(plans) < self.brief.n_action:
+            varied = self._vary_until_sound(first, scale, is_given=True)
+            plans.append(varied.plan)
+
+        return {
+            "strategy_name": candidate.design_name,
+            "strategy_description": f"Varied from {candidate.id}.",
+            **write_tool(first.tool, self.brief),
+            "action_description": candidate.action_description,
+            "action_sets": [plan.dump() for plan in plans],
+            "parents": [candidate.id],
+        }
+
+    def _vary_until_sound(
+        self, begin: Stranger, scale: float, *, is_given: bool = False
+    ) -> Stranger:
+        """Vary numbers until the tool keeps the rules; where no variation does, it stays as it is."""
+        layout = self.search.layout
+        material = self.brief.representation.material
+        for _ in range(_TRIES):
+            try:
+                varied = vary_numbers(
+                    begin, self.brief, scale, self.rng, is_given=is_given
+                )
+            except DesignError:
+                continue
+            if is_given or obeys(varied.tool, layout, material):
+                return varied
+
+        return begin

@@ -14,8 +14,8 @@ from core.interfaces import VLM, Reply, Request
 from core.support.cli import say
 from core.support.text import hydra_word
 from plugins.vlms.offline.answer import answer
-from plugins.vlms.offline.scene_analysis import NothingToMove
-from plugins.vlms.offline.unplanned import find_unplanned
+from plugins.vlms.offline.options import find_unplanned
+from plugins.vlms.offline.search import NothingSuits
 
 if TYPE_CHECKING:
     from core.events import Run
@@ -28,22 +28,16 @@ class OfflineDesigner(VLM):
     """Designs tools and plans by classical means, from the scene's geometry and the task's goals.
 
     It uses no language model: it reads a request's brief, not its messages, and returns the document that a model is
-    asked for. The same brief gets the same answer, with the same camera.
+    asked for. The same brief gets the same answer.
     """
 
     model = "offline (embedded designer, no language model)"
     criticises = False
     sees = False
 
-    def __init__(self) -> None:
-        self._looks_near = False
-
     @hookimpl(trylast=True)
     def run_started(self, run: Run) -> None:
-        """Say which settings change nothing, and what of the goals no plan is made for; note where the camera is."""
-        # A fixed camera sees no better from nearer.
-        self._looks_near = run.settings.perception.camera == "hand"
-
+        """Say which settings change nothing, and for which goals no plan is made."""
         unread = _list_unread(run)
         if unread:
             say(
@@ -60,14 +54,17 @@ class OfflineDesigner(VLM):
 
         if unplanned:
             words = "; ".join(unplanned)
-            say(f"the embedded designer does not plan for: {words}", file=sys.stderr)
+            say(
+                f"the embedded designer does not plan for: {words}; ask a model, or an agent",
+                file=sys.stderr,
+            )
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """See `VLM.complete`. A brief that can't be answered gets a reply with the reason."""
         for request in requests:
             try:
-                document = answer(request.brief, looks_near=self._looks_near)
-            except (NothingToMove, DesignError) as error:
+                document = answer(request.brief)
+            except (NothingSuits, DesignError) as error:
                 yield Reply(request.id, "", self.model, error=str(error))
                 continue
 

@@ -1,276 +1,172 @@
-"""Count what is wrong with a plan: unwanted collisions, waypoints out of reach, and layouts in which it does not do.
-
-An overlap of two boxes counts 1, a metre of missed reach 100, and an arm that meets itself `BREAKS_RULES`. The boxes
-are those of the tool, with the hand where there is one, at places along the straight ways between waypoints.
-"""
+"""Count what is wrong with a tool and its plan: what it meets on its way, what the arm doesn't reach, broken rules."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Any, NamedTuple
 
+import coal
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from core.design import Tool
-from core.geometry import Array, Pose, step_lengths
-from core.interfaces import Anchor, Brief, Waypoints
-from core.robot.kinematics import Arm, arm_of
-from core.robot.trajectory import plan_motion
+from core.design import DesignError, Tool
+from core.designs.rules import check_tool
+from core.geometry import Array, step_lengths
+from core.interfaces import JointTrajectory, Material
+from core.robot.kinematics import arm_of, open_mounts
+from core.robot.solids import Solid, solids_of
 from core.solids.self_collision import find_self_collision
-from plugins.vlms.offline.boxes import Boxes, count_overlaps
-from plugins.vlms.offline.layouts import Layout
-from plugins.vlms.offline.paths import SampledPlan
-from plugins.vlms.offline.plan_writing import PlanWriter
-from plugins.vlms.offline.scene_model import SceneModel
-from plugins.vlms.offline.subgoals import Subgoal
-from plugins.vlms.offline.tool_parts import HAND, tool_boxes
+from plugins.vlms.offline.hand import hand_of
+from plugins.vlms.offline.layout import CONTACT_M, Layout
+from plugins.vlms.offline.making import Made
 
 BREAKS_RULES = 1000.0
 """The fault of a design that is refused."""
 
-_MISS_M = 0.005  # error of inverse kinematics that is not a fault
-_PER_METRE = 100.0  # faults for a metre of missed reach
-_TURN_M = 0.2  # of an error of inverse kinematics, for a radian: about what it moves a head by
-_HOPELESS_M = 0.1  # of an error; the waypoints after it are not looked at
-_STEP_M = 0.04  # between collision checks
-_CONTACT_M = 0.001  # a smaller overlap is only a contact
+_STEP_M = 0.04  # between two looks
+_MISS_M = 0.005  # a pose that is missed by less is reached
+_MISS_RAD = 0.03
+_PER_METRE = 100.0  # faults of a metre by which a pose is missed
+_TURN_M = 0.2  # a missed radian is as bad as so many metres
 
 
-class FaultCounter:
-    """Counts the faults of plans for a brief.
+class Places(NamedTuple):
+    """Places of the tool mount along its way.
 
-        faults = FaultCounter(brief, layouts, PlanWriter(brief, layouts[0]))
-        does = faults.count(tool, plan, subgoals) == 0.0
-
-    Args:
-        brief: what is asked for.
-        layouts: the one that plans are made for, and others in which they must do.
-        writer: of plans for the first layout.
+    Attributes:
+        positions: (K, 3).
+        turns: (K, 3, 3).
+        numbers: (K,) that of the waypoint to which each is on the way.
     """
 
-    def __init__(
-        self,
-        brief: Brief,
-        layouts: Sequence[Layout],
-        writer: PlanWriter,
-    ) -> None:
-        self._brief = brief
-        self._layouts = layouts
-        self._writer = writer
+    positions: Array
+    turns: Array
+    numbers: npt.NDArray[np.int64]
 
-    @property
-    def several(self) -> bool:
-        """Whether a plan must do in several layouts."""
-        return len(self._layouts) > 1
 
-    def resolve_elsewhere(self, rows: Array, anchors: Sequence[Anchor]) -> list[Array]:
-        """Compute what becomes of a plan's waypoints in the other layouts.
+def count_faults(
+    made: Made,
+    layout: Layout,
+    material: Material,
+    enough: float = np.inf,
+    *,
+    keeps_rules: bool = False,
+) -> float:
+    """Count the faults of a design; 0: it has none. The cheapest are looked for first.
 
-        Args:
-            rows: waypoints in the first layout, (N, 6) or (N, 7).
-            anchors: what each stands by.
-        """
-        if not self.several:
-            return []
+    Args:
+        made: a tool and its plan.
+        layout: where they are tried.
+        material: of which the tool is made.
+        enough: no more are counted than that.
+        keeps_rules: whether it is known that the tool keeps the rules.
+    """
+    places = find_places(made, layout)
+    fault = count_meetings(made, layout, places, enough)
+    if fault >= enough:
+        return fault
 
-        written = self._writer.write(rows, anchors)
-        plan = self._brief.actions.parse(written, gripper=self._brief.gripper)
-        return [plan.resolve(layout.seen).poses for layout in self._layouts[1:]]
+    arm = arm_of(layout.robot)
+    begin = arm.home_for(layout.home)
+    joints, errors = arm.follow(places.positions, places.turns, begin, arm.jump_rad)
+    if (errors > (_MISS_M, _MISS_RAD)).any():
+        worst = (errors[:, 0] + _TURN_M * errors[:, 1]).max()
+        fault += 1 + _PER_METRE * float(worst)
+    if fault >= enough:
+        return fault
 
-    def count(
-        self,
-        tool: Tool,
-        plan: SampledPlan,
-        subgoals: Sequence[Subgoal],
-        enough: float = np.inf,
-    ) -> float:
-        """Count the faults of a plan; 0: it has none.
+    if not keeps_rules and not obeys(made.tool, layout, material):
+        return fault + BREAKS_RULES
 
-        A plan without any in the first layout gets at most 1: the less, the later the first layout with some comes.
+    fingers = np.full(len(joints), layout.robot.opening_m)
+    motion = JointTrajectory(np.arange(len(joints), dtype=float), joints, fingers)
+    if find_self_collision(layout.robot, made.tool, motion) is not None:
+        return fault + BREAKS_RULES
+    return fault
 
-        Args:
-            tool: what carries the plan out.
-            plan: in the first layout.
-            subgoals: what it is for; their bodies and containers may be touched where the plan says so.
-            enough: above 0. Counting ends where the plan has as many; then the result is at least this.
-        """
-        moved = names_moved(subgoals)
-        here = self._layouts[0]
-        fault = self._count_in(
-            here, tool, plan, plan.rows, moved, enough - self.several
+
+def obeys(tool: Tool, layout: Layout, material: Material) -> bool:
+    """Report whether a tool keeps the rules for tools, and those for the start; the bare hand does."""
+    if not tool.components:
+        return True
+    try:
+        check_tool(material.made(tool), layout.robot, material)
+        layout.spawn.check_start(tool)
+    except DesignError:
+        return False
+    return True
+
+
+def place_solids(tool: Tool, layout: Layout) -> list[Solid]:
+    """Place the solids of a tool, and of the hand, in the frame of the tool mount, with the fingers open."""
+    mounts = open_mounts(layout.robot, tool.gripper)
+    solids = [*hand_of(layout.robot).solids] if tool.gripper else []
+    placed = tool.placed()
+    for component in tool.components:
+        mount, pose = placed[component.name]
+        solids += solids_of(component.name, component.shape, mounts[mount] @ pose)
+
+    return solids
+
+
+def count_meetings(
+    made: Made, layout: Layout, places: Places, enough: float = np.inf
+) -> float:
+    """Count how often a tool is in something that it must not touch, at places on its way; up to ``enough``."""
+    solids = place_solids(made.tool, layout)
+    boxes = [solid.bounds() for solid in solids]
+    middles = np.array([middle for middle, _ in boxes]).reshape(-1, 3)
+    halves = np.array([half for _, half in boxes]).reshape(-1, 3)
+
+    # Boxes along the world's axes, first, around the tool's solids at all places, (K, S, 3).
+    turns = places.turns
+    there = places.positions[:, None] + np.einsum("kij,sj->ksi", turns, middles)
+    around = np.einsum("kij,sj->ksi", np.abs(turns), halves) - CONTACT_M
+    obstacles = layout.all_solids
+    gaps = np.abs(there[:, :, None] - obstacles.centers)
+    near = (gaps <= around[:, :, None] + obstacles.halves).all(axis=-1)
+
+    moved = {name for job in made.option.jobs for name in job.moved}
+    is_moved = np.array([solid.name in moved for solid in obstacles.solids])
+    touches = np.array(made.touching)[places.numbers]
+    near &= ~(touches[:, None, None] & is_moved)
+
+    hits = 0.0
+    for place, part, other in np.argwhere(near):
+        frame = coal.Transform3s(turns[place], places.positions[place])
+        solid = solids[part]
+        hits += _overlap(
+            solid.geometry, frame * solid.transform, obstacles.solids[other]
         )
-        if fault > 0.0:
-            return fault + self.several
-
-        elsewhere = self.resolve_elsewhere(plan.rows, plan.anchors)
-        for number, rows in enumerate(elsewhere):
-            layout = self._layouts[number + 1]
-            if self._count_in(layout, tool, plan, rows, moved) > 0.0:
-                return 1.0 - number / len(elsewhere)
-
-        return 0.0
-
-    def _count_in(
-        self,
-        layout: Layout,
-        tool: Tool,
-        plan: SampledPlan,
-        rows: Array,
-        moved: set[str],
-        enough: float = np.inf,
-    ) -> float:
-        """Count faults in one layout.
-
-        Args:
-            layout: where the plan is tried.
-            tool: what carries it out.
-            plan: as it was sampled.
-            rows: its waypoints in this layout.
-            moved: the names of bodies that the head may touch where the plan says so.
-            enough: where counting ends.
-        """
-        boxes = tool_boxes(tool)
-        if tool.gripper:
-            boxes = Boxes.concatenate([boxes, HAND])
-
-        # The cheapest first: inverse kinematics takes longer.
-        model = layout.analysis.world
-        begin = np.concatenate([model.home.position, model.home.rpy])
-        way = np.vstack([begin, rows[:, :6]])
-        hits = count_collisions(model, boxes, way, plan.touching, moved)
-        if hits > 0 and hits >= enough:
-            return hits
-
-        return self.count_arm(tool, rows, hits, enough)
-
-    def count_arm(
-        self, tool: Tool, rows: Array, hits: float, enough: float = np.inf
-    ) -> float:
-        """Add to a tool's collisions what is wrong with the arm's motion.
-
-        Args:
-            tool: what carries the plan out.
-            rows: its waypoints, (N, 6) or (N, 7).
-            hits: collisions that were counted.
-            enough: where counting ends.
-        """
-        robot = self._brief.task.robot
-        arm = arm_of(robot)
-        hopeless = max(_MISS_M, (enough - hits) / _PER_METRE)
-        miss = reach_error(rows, arm, hopeless)
-        if miss > _MISS_M:
-            fault = hits + _PER_METRE * miss
-            return max(fault, enough) if miss > hopeless else fault
-
-        home = self._layouts[0].analysis.world.home
-        motion = plan_motion(Waypoints(rows), home, arm)
-        if find_self_collision(robot, tool, motion.trajectory) is not None:
-            return hits + BREAKS_RULES
-        return hits
-
-
-def names_moved(subgoals: Sequence[Subgoal]) -> set[str]:
-    """Name the bodies of subgoals, and their loose containers."""
-    names = set()
-    for subgoal in subgoals:
-        names |= {solid.body.name for solid in subgoal.solids}
-        if subgoal.loose_container is not None:
-            names.add(subgoal.loose_container.body.name)
-
-    return names
-
-
-def reach_error(rows: Array, arm: Arm, hopeless: float = np.inf) -> float:
-    """Compute the worst error of inverse kinematics over the waypoints, in metres, and `_TURN_M` for a radian.
-
-    Args:
-        rows: waypoints, (N, 6) or (N, 7).
-        arm: which goes from one to the next from its home.
-        hopeless: the waypoints after a larger error than this are not looked at.
-    """
-    hopeless = min(hopeless, _HOPELESS_M)
-    joints = arm.home
-    worst = 0.0
-    for row in rows:
-        solution = arm.inverse(Pose.xyz_rpy(row[:3], row[3:6]), joints)
-        joints = solution.joints
-        worst = max(worst, solution.error_m + _TURN_M * solution.error_rad)
-        if worst > hopeless:
+        if hits >= enough:
             break
 
-    return worst
+    return hits
 
 
-def count_collisions(
-    model: SceneModel,
-    tool: Boxes,
-    way: Array,
-    touching: Sequence[bool],
-    moved: set[str],
-) -> int:
-    """Count overlaps of a tool's boxes on the straight ways between waypoints.
-
-    Those with the ``moved`` bodies count on ways where the head must not touch them.
-
-    Args:
-        model: which has the bodies.
-        tool: boxes in the frame of the tool mount.
-        way: where the motion begins, and N waypoints, (N + 1, 6) or more columns.
-        touching: whether the tool may touch the moved bodies on the way to each waypoint, N.
-        moved: names of bodies.
-    """
-    bodies = [solid.boxes for name, solid in model.solids.items() if name in moved]
-    others = [solid.boxes for name, solid in model.solids.items() if name not in moved]
-    count = count_on_way(tool, way, Boxes.concatenate(others))
-    return count + count_on_way(tool, way, Boxes.concatenate(bodies), touching)
+def _overlap(geometry: Any, transform: Any, other: Solid) -> bool:
+    """Report whether a geometry of Coal is in a solid by more than a contact."""
+    request = coal.DistanceRequest()
+    result = coal.DistanceResult()
+    gap = coal.distance(
+        geometry, transform, other.geometry, other.transform, request, result
+    )
+    return bool(gap < -CONTACT_M)
 
 
-def count_on_way(
-    tool: Boxes,
-    way: Array,
-    bodies: Boxes,
-    touching: Sequence[bool] | None = None,
-    step: float = _STEP_M,
-) -> int:
-    """Count overlaps of a tool's boxes with others on the straight ways between waypoints.
-
-    Args:
-        tool: boxes in the frame of the tool mount.
-        way: N + 1 waypoints, (N + 1, 6) or more columns.
-        bodies: the other boxes, in the world.
-        touching: on which of the N ways they do not count; None: on none.
-        step: between two places that are checked, at most, metres.
-    """
-    positions, rotations, numbers = _sample_way(way[:, :6], step)
-    if touching is not None:
-        forbidden = ~np.array(touching, dtype=bool)[numbers]
-        positions = positions[forbidden]
-        rotations = rotations[forbidden]
-
-    boxes = tool.moved_to(positions, rotations)
-    return count_overlaps(boxes, bodies, margin=-_CONTACT_M)
-
-
-def _sample_way(way: Array, step: float) -> tuple[Array, Array, npt.NDArray[np.int64]]:
-    """Sample the straight ways between poses at both ends, and at least every ``step``.
-
-    Args:
-        way: N + 1 poses as x, y, z, roll, pitch and yaw.
-        step: metres.
-
-    Returns:
-        Positions (K, 3), rotations (K, 3, 3), and the number of the way that each is on (K,).
-    """
+def find_places(made: Made, layout: Layout) -> Places:
+    """Find places of the tool mount on its way, at both ends of each straight piece and at least every `_STEP_M`."""
+    home = np.concatenate([layout.home.position, layout.home.rpy])
+    way = np.vstack([home, made.rows[:, :6]])
     steps = np.diff(way[:, :3], axis=0)
-    counts = np.maximum(2, np.ceil(step_lengths(way[:, :3]) / step).astype(int) + 1)
-    numbers = np.repeat(np.arange(len(steps), dtype=np.int64), counts)
+    counts = np.ceil(step_lengths(way[:, :3]) / _STEP_M).astype(int) + 1
+    numbers = np.repeat(np.arange(len(steps)), counts)
     shares = np.concatenate([np.linspace(0.0, 1.0, count) for count in counts])
-    share = shares[:, None]
-    positions = way[numbers, :3] + share * steps[numbers]
 
-    turns = Rotation.from_euler("xyz", way[:, 3:6])
-    between = (turns[:-1].inv() * turns[1:]).as_rotvec()
-    turned = turns[numbers] * Rotation.from_rotvec(between[numbers] * share)
-
-    return positions, turned.as_matrix(), numbers
+    rotations = Rotation.from_euler("xyz", way[:, 3:])
+    between = (rotations[:-1].inv() * rotations[1:]).as_rotvec()
+    turned = rotations[numbers] * Rotation.from_rotvec(
+        between[numbers] * shares[:, None]
+    )
+    positions = way[numbers, :3] + shares[:, None] * steps[numbers]
+    return Places(positions, turned.as_matrix(), numbers)

@@ -1,0 +1,110 @@
+"""Find the ways of using a tool that suit a task in a layout."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from core.design import Tool
+from core.goals import Want, find_wants, numbered
+from core.interfaces import Task
+from plugins.vlms.offline.job import Job
+from plugins.vlms.offline.layout import Layout
+from plugins.vlms.offline.wants import list_alternatives
+from plugins.vlms.offline.ways import WAYS
+from plugins.vlms.offline.ways.way import Way
+
+_TURNS = (0.0, np.pi, np.pi / 2, -np.pi / 2)  # the first one away from the robot
+_HAND_TURNS = tuple(
+    np.arange(-3, 5) * np.pi / 8
+)  # half a turn brings fingers to where the other one was
+
+
+@dataclass(frozen=True, eq=False)
+class Option:
+    """A way of using a tool that suits an alternative of the task.
+
+    Attributes:
+        way: of using a tool.
+        number: of the alternative.
+        jobs: that are done one after another.
+        weight: how often it is chosen, in relation to others.
+    """
+
+    way: Way
+    number: int
+    jobs: Sequence[Job]
+    weight: float
+
+
+def list_options(
+    layout: Layout, task: Task, fingers: bool, given: Tool | None
+) -> list[Option]:
+    """List the ways of using a tool that suit a task in a layout, for all its alternatives.
+
+    Where a tool is given that is of no use as such tools are, it may be used as any other one.
+
+    Args:
+        layout: of the task.
+        task: whose goals are read.
+        fingers: whether tools are on the fingers of a gripper.
+        given: the tool for which plans are made; None: it is not known yet.
+    """
+    bare = given is not None and not given.components
+    ways = [way for way in WAYS if way.fingers == fingers and way.bare == bare]
+    options = _list_suiting(ways, layout, task)
+    if not options and given is not None:
+        others = [way for way in WAYS if not way.bolted]
+        options = _list_suiting(others, layout, task)
+
+    return options
+
+
+def _list_suiting(ways: Sequence[Way], layout: Layout, task: Task) -> list[Option]:
+    """List which of some ways suit; see `list_options`."""
+    alternatives = list_alternatives(task, layout.scene)
+    options = []
+
+    for way in ways:
+        for number, jobs in enumerate(_list_jobs(alternatives, layout, way)):
+            does = all(job.asks == way.does for job in jobs)
+            weight = min(way.suits(job) for job in jobs) if does else 0.0
+            if weight > 0:  # what does more goals is chosen more often
+                options.append(Option(way, number, jobs, weight * len(jobs) ** 2))
+
+    return options
+
+
+def _list_jobs(
+    alternatives: Sequence[Sequence[Want]], layout: Layout, way: Way
+) -> Iterator[tuple[Job, ...]]:
+    """Yield what a tool has to do in each alternative, from each side from which a way may do it."""
+    for wants in alternatives:
+        turns: Sequence[float] = _TURNS
+        if not way.approaches and not all(want.away for want in wants):
+            turns = _TURNS[:1]
+        if way.fingers:
+            turns = _HAND_TURNS
+        for turn in turns:
+            yield tuple(Job(layout, want, turn, way.approaches) for want in wants)
+
+
+def find_unplanned(task: Task, seed: int) -> list[str]:
+    """Name the goals of a task for which no way of using a tool suits, in the layout of a seed.
+
+    Args:
+        task: whose goals are read.
+        seed: of the layout.
+    """
+    layout = Layout(task, seed)
+    wants = find_wants(task.goals, layout.scene)
+    planned = set()
+    for way in WAYS:
+        for (job,) in _list_jobs([(want,) for want in wants], layout, way):
+            if job.asks == way.does and way.suits(job) > 0:
+                planned.add(job.want.number)
+
+    goals = numbered(task.goals)
+    return [goal.in_short() for number, goal in goals.items() if number not in planned]

@@ -1,0 +1,187 @@
+"""Search for designs: draw values for the parameters of a way, or change those of elites, and keep the best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from core.design import Tool
+from core.designs.rules import given_tool
+from core.errors import UserError
+from core.interfaces import Brief
+from plugins.vlms.offline.faults import (
+    BREAKS_RULES,
+    count_faults,
+    count_meetings,
+    find_places,
+)
+from plugins.vlms.offline.given import draw_head
+from plugins.vlms.offline.layout import Layout
+from plugins.vlms.offline.making import (
+    START_RANGES,
+    Made,
+    draw_mount,
+    draw_values,
+    make,
+    plan,
+    use,
+)
+from plugins.vlms.offline.notes import read_note
+from plugins.vlms.offline.options import Option, list_options
+from plugins.vlms.offline.shafts import SHAFTS
+from plugins.vlms.offline.ways.way import Values
+
+_TRIES = 6  # for a design without faults
+_MOST_TRIES = 40  # while none keeps the rules
+
+
+class NothingSuits(UserError):
+    """No way of using a tool suits what is asked; the message says what that is."""
+
+
+class Search:
+    """Searches for designs in a layout of a brief's task.
+
+        search = Search(brief)
+        made = search.invent()
+        another = search.replan(made)
+
+    Its random numbers are those of the brief's seed: the same calls in the same order give the same designs.
+
+    Attributes:
+        brief: what is asked for.
+        layout: that is searched.
+        given: the tool for which plans alone are asked for; None: tools are asked for.
+        options: the ways that suit it.
+        rng: random numbers.
+
+    Args:
+        brief: what is asked for.
+
+    Raises:
+        NothingSuits: no way of using a tool suits the task.
+    """
+
+    def __init__(self, brief: Brief) -> None:
+        self.brief = brief
+        self.layout = Layout(brief.task, brief.scene_seed)
+        self.rng = np.random.default_rng(brief.seed)
+        self.given = given_tool(brief.representation, brief.task)
+        self.options = list_options(self.layout, brief.task, brief.gripper, self.given)
+        self._material = brief.representation.material
+        if not self.options:
+            kind = "on fingers" if brief.gripper else "on the flange"
+            raise NothingSuits(
+                f"the embedded designer knows no way of using a tool {kind} for {brief.task.name}; ask a model, or an "
+                "agent"
+            )
+
+    def find_option(self, way: str, number: int) -> Option | None:
+        """Find an option by the name of its way and the number of its alternative; None: it is none here."""
+        for option in self.options:
+            if option.way.name == way and option.number == number:
+                return option
+        return None
+
+    def invent(self) -> Made:
+        """Draw a tool and a plan."""
+        return self.find_best(self._draw, self.given)
+
+    def _draw(self) -> Made:
+        """Draw an option, and all values."""
+        if self.given is not None:
+            return self._use(self.given)
+
+        option = self._draw_option(self.options)
+        way = option.way
+        values = draw_values({**way.sizes, **way.moves, **START_RANGES}, self.rng)
+        if way.bolted:
+            return self.make(option, values)
+        values |= draw_mount(option, values, self.rng)
+        return self._choose_shaft(option, values)
+
+    def _use(self, tool: Tool) -> Made:
+        """Draw a plan for a given tool: as it was made to be used, or else with what may be its head."""
+        note = read_note(tool)
+        alike = [
+            option for option in self.options if note and option.way.name == note.way
+        ]
+        option = self._draw_option(alike or self.options)
+        way = option.way
+        values = draw_values({**way.sizes, **way.moves, **START_RANGES}, self.rng)
+        if note and alike:
+            moves = {name: values[name] for name in way.moves}
+            return use(option, {**note.values[0], **moves}, tool)
+        if tool.components or not way.bare:
+            values |= draw_head(tool, self.layout, self.rng)
+        return use(option, values, tool)
+
+    def _draw_option(self, options: Sequence[Option]) -> Option:
+        """Draw one of some options."""
+        weights = np.array([option.weight for option in options])
+        return options[int(self.rng.choice(len(weights), p=weights / weights.sum()))]
+
+    def _choose_shaft(self, option: Option, values: Values) -> Made:
+        """Make a design with the first kind of shaft that meets nothing, or else the one that meets the least."""
+        best = self.make(option, values)
+        least = self._count_meetings(best)
+
+        for _ in SHAFTS[1:]:
+            if least == 0:
+                break
+            shaft = (values["shaft"] + 1 / len(SHAFTS)) % 1.0
+            values = {**values, "shaft": shaft}
+            other = self.make(option, values)
+            hits = self._count_meetings(other, least)
+            if hits < least:
+                best = other
+                least = hits
+
+        return best
+
+    def _count_meetings(self, made: Made, enough: float = np.inf) -> float:
+        """Count what a design meets on its way."""
+        places = find_places(made, self.layout)
+        return count_meetings(made, self.layout, places, enough)
+
+    def replan(self, made: Made) -> Made:
+        """Draw another plan for a tool."""
+        moves = made.option.way.moves
+
+        def draw() -> Made:
+            return plan(made, {**made.values, **draw_values(moves, self.rng)})
+
+        return self.find_best(draw, made.tool)
+
+    def make(self, option: Option, values: Values) -> Made:
+        """Make the design of an option with these values."""
+        return make(option, values, self._material)
+
+    def find_best(self, draw: Callable[[], Made], tool: Tool | None = None) -> Made:
+        """Draw designs until one has no faults, and return the best.
+
+        Args:
+            draw: makes a design.
+            tool: which all have that is known to keep the rules; None: each has its own.
+        """
+        best = draw()
+        least = self._count(best, np.inf, tool)
+
+        for tried in range(1, _MOST_TRIES):
+            if least == 0 or (tried >= _TRIES and least < BREAKS_RULES):
+                break
+            other = draw()
+            fault = self._count(other, least, tool)
+            if fault < least:
+                best = other
+                least = fault
+
+        return best
+
+    def _count(self, made: Made, enough: float, tool: Tool | None) -> float:
+        """Count the faults of a design."""
+        keeps_rules = made.tool is tool
+        return count_faults(
+            made, self.layout, self._material, enough, keeps_rules=keeps_rules
+        )

@@ -1,0 +1,184 @@
+"""Carry a head: bars from the mount to where it is attached, as thick as they must be to be stiff."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from core.design import RIGID_MOUNT, Component, Tool
+from core.designs.rules import MAX_BEND_M_N
+from core.geometry import Array, Box, Color, Pose
+from core.interfaces import Material
+from plugins.vlms.offline.heads import Head
+
+SHAFTS = ("gantry", "elbow", "slope", "bridge")
+"""Kinds of shafts.
+
+A gantry goes out from the mount and down to the head, an elbow down and out, a slope straight there. A bridge goes out,
+up, on above what stands there, and down.
+"""
+
+_SOCKET_M = (0.05, 0.05, 0.012)  # it covers a flange
+_THIN_M = 0.01  # a bar is at least so thick, to be made,
+_THICK_M = 0.04  # and at most, to find room
+_BEND = 0.3  # of what a tool may bend, a shaft does: the head bends too
+_BRIDGE_M = 0.06  # a bridge goes up by so much, over the mount or the head
+_UPRIGHT = 0.02  # the slope of a bar that counts as upright
+
+_STEEL: Color = (0.30, 0.33, 0.38, 1.0)
+HEAD_COLOR: Color = (0.90, 0.49, 0.13, 1.0)
+
+
+def find_thickness(length: float, material: Material) -> float:
+    """Find how thick a square bar must be that is held at one end, metres.
+
+    A force F bends its other end by F L^3 / (3 E I), and I is t^4 / 12. What is printed with walls is a little softer
+    than the solid that is reckoned with here, and the rules allow that much more.
+
+    Args:
+        length: of all bars together, metres.
+        material: of which it is made.
+    """
+    most = _BEND * MAX_BEND_M_N
+    thick = (4 * length**3 / (material.young_pa * most)) ** 0.25
+    return float(np.clip(thick, _THIN_M, _THICK_M))
+
+
+def build_tool(
+    head: Head,
+    mount: Pose,
+    kind: str,
+    material: Material,
+    name: str,
+) -> Tool:
+    """Build a rigid tool: a socket at the flange, bars, and the head.
+
+    Args:
+        head: its working end.
+        mount: the head's pose in the frame of the tool mount.
+        kind: of `SHAFTS`.
+        material: says how thick bars are.
+        name: of the way of using it.
+    """
+    builder = Builder({RIGID_MOUNT: Pose()})
+    bearer = RIGID_MOUNT
+    carried = ""
+
+    if head.mount is None:
+        end = mount.apply(head.attach)
+        foot = np.array([0.0, 0.0, -_SOCKET_M[2]])
+        length = float(np.abs(end - foot).sum())
+        thick = find_thickness(length, material)
+        bearer = builder.add("socket", bearer, Pose(foot / 2), _SOCKET_M)
+        bearer = builder.add_bars(kind, bearer, foot, end, thick)
+        carried = f", on a {kind} {length:.2f} m long"
+
+    names: list[str] = []
+    for piece in head.pieces:
+        parent = names[piece.parent] if names else bearer
+        pose = mount @ piece.pose
+        names.append(builder.add(piece.name, parent, pose, piece.size, HEAD_COLOR))
+
+    text = f"{head.text}{carried}"
+    return Tool(tuple(builder.components), name=f"{name}_{kind}", description=text)
+
+
+def _list_bars(
+    kind: str, start: Array, end: Array, thick: float
+) -> Iterator[tuple[Array, Array]]:
+    """Yield where the bars of a shaft begin and end, in the frame of the tool mount.
+
+    Args:
+        kind: of `SHAFTS`.
+        start: where the first one begins, (3,): below the middle of the socket.
+        end: where the last one ends, (3,).
+        thick: of each.
+    """
+    half = thick / 2
+    high = start[2] - half
+    points: Sequence[Array] = [start, end]
+    level = np.array([0.0, 0.0, half])
+
+    if np.hypot(*(end - start)[:2]) < thick:
+        points = [start, end]
+    elif kind == "gantry":
+        points = [np.array([*start[:2], high]), np.array([*end[:2], high]), end]
+    elif kind == "elbow":
+        low = min(end[2] + half, high)
+        points = [start, np.array([*start[:2], low]), end + level]
+    elif kind == "slope":
+        points = [start - level, end]
+    else:
+        top = max(high, end[2]) + _BRIDGE_M
+        bend = start + 0.35 * (end - start)
+        points = [
+            np.array([*start[:2], high]),
+            np.array([*bend[:2], high]),
+            np.array([*bend[:2], top]),
+            np.array([*end[:2], top]),
+            end,
+        ]
+
+    for first, second in pairwise(points):
+        if np.linalg.norm(second - first) > half:
+            yield first, second
+
+
+class Builder:
+    """Collects the boxes of a tool, with poses in the frame of the tool mount.
+
+    Args:
+        mounts: the poses of what the tool hangs from.
+    """
+
+    def __init__(self, mounts: Mapping[str, Pose]) -> None:
+        self.components: list[Component] = []
+        self._poses = dict(mounts)
+
+    def add(
+        self,
+        name: str,
+        parent: str,
+        pose: Pose,
+        size: Sequence[float],
+        color: Color = _STEEL,
+    ) -> str:
+        """Add a box of full sides (3,) at a pose, and return its name."""
+        x, y, z = (float(side) for side in size)
+        local = self._poses[parent].inverse() @ pose
+        self.components.append(
+            Component(name, parent, local, Box((x, y, z)), color=color)
+        )
+        self._poses[name] = pose
+        return name
+
+    def add_bars(
+        self,
+        kind: str,
+        parent: str,
+        start: Array,
+        end: Array,
+        thick: float,
+        name: str = "bar",
+    ) -> str:
+        """Add the bars of a shaft between two points (3,), and return the last one's name; see `SHAFTS`."""
+        last = parent
+        for number, (first, second) in enumerate(_list_bars(kind, start, end, thick)):
+            last = self.add_bar(f"{name}_{number}", last, first, second, thick)
+        return last
+
+    def add_bar(
+        self, name: str, parent: str, start: Array, end: Array, thick: float
+    ) -> str:
+        """Add a square bar between two points (3,); what is not upright is longer by half its thickness at each end."""
+        way = end - start
+        length = float(np.linalg.norm(way))
+        middle = (start + end) / 2
+        if np.hypot(way[0], way[1]) < _UPRIGHT * length:
+            return self.add(name, parent, Pose(middle), (thick, thick, length))
+
+        rpy = (0.0, -np.arcsin(way[2] / length), np.arctan2(way[1], way[0]))
+        size = (length + thick, thick, thick)
+        return self.add(name, parent, Pose.xyz_rpy(middle, rpy), size)

@@ -1,0 +1,79 @@
+"""Move a body between walls."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import ClassVar
+
+import numpy as np
+
+from plugins.vlms.offline.heads import Head, Step, at, box
+from plugins.vlms.offline.job import Job
+from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
+
+_WALLS_M = 0.012  # of room beside bodies, for walls
+
+
+class Cage(Way):
+    """Walls come down behind a body and beside it, and lead it where it has to go.
+
+    A fourth wall before the body stops what rolls.
+    """
+
+    name = "cage"
+    title = "leads a body along the ground between walls, which also stop what rolls"
+    sizes: ClassVar[Ranges] = {
+        "room": Range(0.003, 0.025),  # between the body and each wall
+        "height": Range(0.5, 1.2),  # of the body's
+        "thick": Range(0.005, 0.01),
+        "depth": Range(0.5, 1.1),  # of the body's, of the walls beside it
+        "front": Range(0.0, 1.0),  # from a half on there is a wall before the body
+    }
+    moves: ClassVar[Ranges] = {
+        "above": Range(0.002, 0.008),  # the ground
+        "farther": Range(-0.02, 0.02),  # than the body has to go
+        "speed": Range(0.1, 0.35),
+        "leaves": Range(0.0, 1.0),  # from a half on
+    }
+
+    def suits(self, job: Job) -> float:
+        if len(job.want.bodies) > 1 or job.falls or not job.slides or job.is_covered:
+            return 0.0
+        room = min(job.room(y=1.0), job.room(y=-1.0))
+        return 1.0 if room > _WALLS_M else 0.0
+
+    def head(self, job: Job, values: Values) -> Head:
+        thick = values["thick"]
+        height = float(np.clip(values["height"] * job.size[2], 0.02, 0.15))
+        inside = job.size[1] + 2 * values["room"]
+        closed = values["front"] > 0.5
+        depth = values["depth"] * job.size[0]
+        if closed:
+            depth = job.size[0] + 2 * values["room"]
+
+        across = (thick, inside + 2 * thick, height)
+        along = (depth + thick, thick, height)
+        x = (depth - thick) / 2
+        y = (inside + thick) / 2
+        pieces = [
+            box("back", -thick / 2, 0.0, height / 2, across),
+            box("left", x, y, height / 2, along),
+            box("right", x, -y, height / 2, along),
+        ]
+        if closed:
+            pieces.append(box("front", depth + thick / 2, 0.0, height / 2, across, 1))
+
+        return Head(pieces, np.array([-thick / 2, 0.0, height]), "walls around a body")
+
+    def motion(self, job: Job, values: Values) -> Iterator[Step]:
+        foot = min(values["above"], job.size[2] / 2)
+        behind = -job.size[0] / 2
+        begin = at(behind - values["room"], 0.0, foot)
+        end = at(behind + job.length + values["farther"], 0.0, foot)
+
+        yield above(job, begin)
+        yield Step(begin)
+        yield Step(end, speed=values["speed"], touch=True)
+
+        if values["leaves"] > 0.5 or job.want.released:
+            yield Step(above(job, end).pose, touch=True)

@@ -1,0 +1,129 @@
+"""Close the fingers of a gripper on a body, bare or with pads, and carry it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import ClassVar
+
+import numpy as np
+
+from plugins.vlms.offline.hand import hand_of
+from plugins.vlms.offline.heads import Head, Step, at, box
+from plugins.vlms.offline.job import Job
+from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
+
+_LEAST_SHAFT_M = 0.03  # of pads below the fingertips
+_OVER_M = 0.005  # what stands around the body, the palm stays
+_NARROW = 1.03  # times as wide as where it is narrowest, a body is where fingers close
+_PAD_M = 0.016  # of room on each side of it, for pads
+_SHORT = 0.3  # of its length, that are as short
+_ENTRY_M = 0.05  # of room above a body, to come down on it
+_LOW_M = 0.002  # above the ground, at least
+
+
+class Grip(Way):
+    """Pads on the fingers come down beside a body and close on it; they carry it, and open where it is set down.
+
+    They are so long that the palm stays above what stands around the body, and as far ahead as the arm is too short.
+    """
+
+    name = "grip"
+    approaches = True
+    fingers = True
+    bolted = True
+    title = "closes long fingers on a body, and carries it"
+    sizes: ClassVar[Ranges] = {
+        "room": Range(0.004, 0.015),  # between the body and each pad, open
+        "thick": Range(0.004, 0.01),
+        "length": Range(0.2, 0.8),  # of the body's
+        "height": Range(0.4, 1.0),  # of the body's
+        "into": Range(
+            0.7, 1.0
+        ),  # what stands around the body the fingers reach, in their lengths
+        "ahead": Range(-0.05, 0.05),  # of the hand, beside what the arm is too short
+    }
+    moves: ClassVar[Ranges] = {
+        "low": Range(0.0, 0.4),  # above the body's foot, in its heights
+        "turn": Range(-0.1, 0.1),  # about the vertical
+        "higher": Range(0.0, 0.03),  # than the body has to get
+        "lifting": Range(0.1, 0.3),
+        "carrying": Range(0.1, 0.4),
+        "drags": Range(
+            0.0, 1.0
+        ),  # from a half on, what needn't rise stays on the ground
+    }
+
+    def suits(self, job: Job) -> float:
+        if len(job.want.bodies) > 1 or job.beyond or not (job.goes or job.rises):
+            return 0.0
+        if job.size[1] > _NARROW * job.narrowest or job.room(z=1.0) < _ENTRY_M:
+            return 0.0
+        high = max(job.clear, job.size[2])
+        shaft = np.array([_SHORT * job.size[0], job.size[1] + 2 * _PAD_M, high])
+        if job.meets(np.array([0.0, 0.0, (high - job.size[2]) / 2]), shaft):
+            return 0.0
+        return 1.0 if job.rises or job.want.held else 0.5
+
+    def head(self, job: Job, values: Values) -> Head:
+        thick = values["thick"]
+        long = max(0.01, values["length"] * job.size[0])
+        height = float(np.clip(values["height"] * job.size[2], 0.015, 0.1))
+        y = job.size[1] / 2 + values["room"] + thick / 2
+        pads = [
+            box("left_pad", 0.0, -y, height / 2, (long, thick, height)),
+            box("right_pad", 0.0, y, height / 2, (long, thick, height)),
+        ]
+
+        hand = hand_of(job.layout.robot)
+        below = max(
+            height + _LEAST_SHAFT_M, job.clear + _OVER_M - values["into"] * hand.palm
+        )
+        x, y, _ = job.far * job.away
+        mount = hand.tips @ at(x + values["ahead"], y, -below)
+        return Head(pads, np.array([0.0, 0.0, height]), "two pads", mount)
+
+    def motion(self, job: Job, values: Values) -> Iterator[Step]:
+        turn = values["turn"]
+        low = max(_LOW_M, values["low"] * job.size[2])
+        grasp = at(0.0, 0.0, low, yaw=turn)
+        speed = values["lifting"]
+
+        yield above(job, grasp)
+        yield Step(grasp)
+        yield Step(grasp, touch=True, grip=1.0)
+
+        lift = max(0.0, job.rise) + values["higher"]
+        if job.goes and not job.rises:
+            lift = max(lift, job.clear + _LOW_M)
+            if values["drags"] > 0.5 and job.slides:
+                lift = 0.0
+        yield Step(at(0.0, 0.0, low + lift, yaw=turn), speed, touch=True, grip=1.0)
+
+        x, y, rise = job.way
+        there = at(x, y, low + lift, yaw=turn)
+        if job.goes:
+            yield Step(there, values["carrying"], touch=True, grip=1.0)
+        if job.rises or job.want.held:
+            return
+
+        down = at(x, y, low + min(lift, rise + _LOW_M), yaw=turn)
+        yield Step(down, speed, touch=True, grip=1.0)
+        yield Step(down, touch=True)
+        yield Step(above(job, down).pose, touch=True)
+
+
+class Hand(Grip):
+    """The bare fingers come down beside a body and close on it."""
+
+    name = "hand"
+    bare = True
+    title = "is the hand itself, whose fingers close on a body"
+    sizes: ClassVar[Ranges] = {}
+
+    def suits(self, job: Job) -> float:
+        if job.far > 0 or job.size[1] > hand_of(job.layout.robot).widest:
+            return 0.0
+        return super().suits(job)
+
+    def head(self, job: Job, values: Values) -> Head:
+        return Head([], np.zeros(3), "the bare hand", hand_of(job.layout.robot).tips)

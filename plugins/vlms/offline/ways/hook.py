@@ -1,0 +1,140 @@
+"""Pull bodies from behind, by a toe at the end of an arm that passes them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import ClassVar
+
+import numpy as np
+
+from core.geometry import Array, Pose
+from plugins.vlms.offline.heads import Head, Piece, Step, at
+from plugins.vlms.offline.job import Job
+from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
+
+_LEAST_ROOM_M = 0.012  # for an arm with its toe
+_BEHIND_M = 0.008  # of room behind bodies, for the toe
+_AHEAD_M = 0.1  # arms go on before bodies
+_MOST_ROOM_M = 0.1  # more room makes a side no likelier
+_PASS_M = 0.003  # between the toe and bodies that it passes
+_GAP_M = 0.002  # between the arm and the bodies
+_THIN_M = 0.004  # arm and toe, at least
+_THICK_M = 0.012  # and at most
+
+
+class Hook(Way):
+    """An arm comes in from where the bodies have to go, over or beside them, and a toe at its end gets behind them.
+
+    Where something covers the bodies, all of the way is below it.
+    """
+
+    name = "hook"
+    title = "passes bodies, over them or beside them, gets behind them with a toe, and pulls"
+    sizes: ClassVar[Ranges] = {
+        "place": Range(
+            0.0, 1.0
+        ),  # where the arm passes: over, on the left or on the right, by how much room is there
+        "arm": Range(0.15, 0.35),  # thick, of the room
+        "toe": Range(0.5, 0.9),  # long, of the room that is left
+        "breadth": Range(0.3, 0.9),  # of the toe, of the bodies' side
+        "ahead": Range(0.02, 0.1),  # of the bodies the arm goes on
+    }
+    moves: ClassVar[Ranges] = {
+        "low": Range(
+            0.002, 0.02
+        ),  # above the ground, or of a toe from above, the toe's slack
+        "before": Range(0.01, 0.04),  # the bodies, where it comes down
+        "behind": Range(0.003, 0.012),  # the bodies, where the toe gets in
+        "farther": Range(-0.02, 0.03),  # than the bodies have to go
+        "speed": Range(0.1, 0.35),
+        "leaves": Range(0.0, 1.0),  # from a half on
+    }
+
+    def suits(self, job: Job) -> float:
+        if len(job.want.bodies) > 1 or job.falls or not job.slides:
+            return 0.0
+        if job.room(x=-1.0) < _BEHIND_M or not any(self._measure_rooms(job)):
+            return 0.0
+        return 1.0 if job.is_covered else 0.3
+
+    def head(self, job: Job, values: Values) -> Head:
+        outward, thick, toe = self._measure(job, values)
+        length = job.size[0] + values["ahead"]
+        if job.is_covered:
+            length += job.length
+
+        across = thick + _GAP_M + toe
+        size = (thick, across, values["breadth"] * job.size[2])
+        if outward[2]:
+            size = (thick, values["breadth"] * job.size[1], across)
+
+        along = outward * (_GAP_M + thick / 2)
+        behind = outward * (_GAP_M + thick - across / 2)
+        along[0] = (length - thick) / 2
+        behind[0] = -thick / 2
+        pieces = [
+            Piece("arm", Pose(along), (length + thick, thick, thick)),
+            Piece("toe", Pose(behind), size),
+        ]
+        attach = along + np.array([length / 2, 0.0, thick / 2])
+        return Head(pieces, attach, f"a hook {length:.2f} m long")
+
+    def motion(self, job: Job, values: Values) -> Iterator[Step]:
+        outward, thick, toe = self._measure(job, values)
+        rear = -job.size[0] / 2
+        front = job.size[0] / 2 + values["before"] + thick
+        if job.is_covered:
+            front += job.length
+
+        edge = np.array([0.0, outward[1] * job.size[1] / 2, 0.0])
+        edge[2] = job.size[2] + values["low"] / 4
+        if outward[1]:
+            edge[2] = values["breadth"] * job.size[2] / 2 + values["low"]
+        aside = edge + outward * (toe + _PASS_M)
+
+        before = at(front, *aside[1:])
+        past = at(rear - values["behind"], *aside[1:])
+        behind = at(rear - values["behind"], *edge[1:])
+        end = at(rear + job.length + values["farther"], *edge[1:])
+
+        if job.is_covered:
+            yield Step(at(front, aside[1], aside[2] + 0.03))
+        else:
+            yield above(job, before)
+        yield Step(before)
+        yield Step(past)
+        yield Step(behind)
+        yield Step(end, speed=values["speed"], touch=True)
+
+        if values["leaves"] > 0.5 or job.want.released:
+            yield Step(at(end.position[0] - 0.03, *edge[1:]), touch=True)
+
+    @staticmethod
+    def _measure_rooms(job: Job) -> list[float]:
+        """Measure the room over the bodies, on their left and on their right; 0: an arm with its toe has none."""
+        ahead = job.length if job.is_covered else _AHEAD_M
+        rooms = [
+            job.room(z=1.0, ahead=ahead),
+            job.room(y=1.0, ahead=ahead),
+            job.room(y=-1.0, ahead=ahead),
+        ]
+        return [room if room > _LEAST_ROOM_M else 0.0 for room in rooms]
+
+    def _measure(self, job: Job, values: Values) -> tuple[Array, float, float]:
+        """Measure a hook by the room where its arm passes.
+
+        Returns:
+            The direction (3,) from the bodies to the arm, how thick the arm is, and how long the toe.
+        """
+        rooms = self._measure_rooms(job)
+        shares = np.cumsum(np.minimum(rooms, _MOST_ROOM_M))
+        chosen = int(np.searchsorted(shares, values["place"] * shares[-1]))
+        outward = np.array([(0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)])[chosen]
+        room = rooms[chosen]
+
+        most = min(_THICK_M, job.room(x=-1.0) - values["behind"] - _PASS_M)
+        thick = float(np.clip(values["arm"] * room, _THIN_M, max(most, _THIN_M)))
+        side = job.size[2] if outward[2] else job.size[1]
+        left = room - thick - _GAP_M - _PASS_M
+        toe = max(_THIN_M, min(values["toe"] * left, values["breadth"] * side))
+        return outward, thick, toe

@@ -1,0 +1,65 @@
+"""Push bodies from behind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import ClassVar
+
+import numpy as np
+
+from plugins.vlms.offline.heads import Head, Step, at, box
+from plugins.vlms.offline.job import Job
+from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
+
+
+class Push(Way):
+    """A wall comes down behind the bodies and moves as far as they have to go.
+
+    Where they only lie beside others, a narrow wall goes between these.
+    """
+
+    name = "push"
+    title = "pushes bodies along the ground from behind"
+    sizes: ClassVar[Ranges] = {
+        "width": Range(0.2, 1.6),  # of the bodies'
+        "height": Range(0.5, 1.2),  # of the bodies'
+        "thick": Range(0.006, 0.012),
+    }
+    moves: ClassVar[Ranges] = {
+        "behind": Range(0.004, 0.03),
+        "above": Range(0.002, 0.012),  # the ground
+        "farther": Range(-0.02, 0.02),  # than they have to go
+        "aside": Range(-0.05, 0.05),  # of their middle, in their widths
+        "speed": Range(0.1, 0.4),
+        "leaves": Range(0.0, 1.0),  # from a half on
+    }
+
+    def suits(self, job: Job) -> float:
+        if job.falls or not job.slides or job.is_covered:
+            return 0.0
+        return 0.5 if len(job.want.bodies) == 1 else 0.1
+
+    def head(self, job: Job, values: Values) -> Head:
+        thick = values["thick"]
+        room = min(job.room(y=1.0), job.room(y=-1.0))
+        widest = job.size[1] + 2 * room - 0.004
+        width = min(values["width"] * job.size[1], widest)
+        height = float(np.clip(values["height"] * job.size[2], 0.02, 0.15))
+        wall = box("wall", -thick / 2, 0.0, height / 2, (thick, width, height))
+        return Head([wall], np.array([-thick / 2, 0.0, height]), "a wall")
+
+    def motion(self, job: Job, values: Values) -> Iterator[Step]:
+        foot = min(values["above"], job.size[2] / 2)
+        beside = values["aside"] * job.size[1]
+        touching = -job.size[0] / 2
+        begin = at(touching - values["behind"], beside, foot)
+        end = at(touching + job.length + values["farther"], beside, foot)
+
+        yield above(job, begin)
+        yield Step(begin)
+        yield Step(end, speed=values["speed"], touch=True)
+
+        if values["leaves"] > 0.5 or job.want.released:
+            back = at(end.position[0] - 0.03, beside, foot)
+            yield Step(back, touch=True)
+            yield above(job, back)

@@ -1,0 +1,123 @@
+"""Scoop bodies up from the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import ClassVar
+
+import numpy as np
+
+from plugins.vlms.offline.heads import Head, Step, at, box
+from plugins.vlms.offline.job import Job
+from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
+
+_ENTRY_M = 0.05  # of room before bodies, to come down there
+_CLIMBED_M = (
+    0.01  # walls beside a floor begin so far behind its edge, onto which bodies climb
+)
+
+
+class Scoop(Way):
+    """A thin floor before a wall slides under the bodies, and lifts them; or carries them to a place, and tips.
+
+    It comes from a side where there is room.
+    """
+
+    name = "scoop"
+    approaches = True
+    title = (
+        "slides a thin floor under bodies, lifts them, carries them, and tips them out"
+    )
+    sizes: ClassVar[Ranges] = {
+        "room": Range(0.002, 0.02),  # beside the bodies
+        "depth": Range(0.9, 1.15),  # of the bodies' length
+        "floor": Range(0.001, 0.003),  # thick
+        "height": Range(0.7, 1.3),  # of the bodies', of the wall behind them
+        "rails": Range(0.0, 0.8),  # of that height, of the walls beside them
+    }
+    moves: ClassVar[Ranges] = {
+        "above": Range(0.0005, 0.003),  # the ground
+        "behind": Range(0.005, 0.03),  # the bodies
+        "under": Range(0.95, 1.03),  # of its depth
+        "speed": Range(0.08, 0.3),
+        "lean": Range(0.0, 0.25),  # back, with bodies on it
+        "higher": Range(0.0, 0.03),  # than the bodies have to get
+        "lifting": Range(0.12, 0.35),
+        "carrying": Range(0.15, 0.4),
+        "tip": Range(0.5, 1.3),
+        "to_edge": Range(0.0, 1.0),  # of the floor's depth, that lies over the place
+    }
+
+    def suits(self, job: Job) -> float:
+        if job.is_covered or job.beyond or job.room(x=-1.0) < _ENTRY_M:
+            return 0.0
+        if job.rises:
+            return 0.6
+        return 0.3 if job.goes and (job.falls or not job.slides) else 0.0
+
+    def head(self, job: Job, values: Values) -> Head:
+        floor = values["floor"]
+        wall = max(0.004, 2 * floor)
+        width, depth = self._measure(job, values)
+        height = float(np.clip(values["height"] * job.size[2], 0.02, 0.15))
+        pieces = [
+            box("wall", -wall / 2, 0.0, height / 2, (wall, width, height)),
+            box(
+                "floor",
+                (depth - wall) / 2,
+                0.0,
+                floor / 2,
+                (depth + wall, width, floor),
+            ),
+        ]
+
+        rail = values["rails"] * height
+        if rail > 2 * floor:
+            length = depth - _CLIMBED_M
+            for name, side in (("left_rail", 1.0), ("right_rail", -1.0)):
+                y = side * (width - wall) / 2
+                size = (length, wall, rail)
+                pieces.append(box(name, length / 2, y, rail / 2, size, parent=1))
+
+        text = f"a scoop {width:.2f} m wide"
+        return Head(pieces, np.array([-wall / 2, 0.0, height]), text)
+
+    def motion(self, job: Job, values: Values) -> Iterator[Step]:
+        _, depth = self._measure(job, values)
+        low = values["above"]
+        behind = -job.size[0] / 2 - values["behind"] - depth
+        before = at(behind, 0.0, low)
+        ahead = behind + values["behind"] + depth * values["under"]
+        lean = -values["lean"]
+
+        yield above(job, before)
+        yield Step(before)
+        yield Step(at(ahead, 0.0, low), speed=values["speed"], touch=True)
+        yield Step(at(ahead, 0.0, low, pitch=lean), touch=True)
+
+        lift = max(0.0, job.rise) + values["higher"]
+        if job.goes:
+            lift = max(lift, job.clear + 0.03 + depth * float(np.sin(values["tip"])))
+        up = at(ahead, 0.0, low + lift, pitch=lean)
+        yield Step(up, speed=values["lifting"], touch=True)
+        if not job.goes:
+            return
+
+        x, y, _ = job.way
+        x += ahead - values["to_edge"] * depth / 2
+        there = at(x, y, low + lift, pitch=lean)
+        yield Step(there, speed=values["carrying"], touch=True)
+        if job.rises:
+            return
+
+        tipped = at(x, y, low + lift, pitch=values["tip"])
+        yield Step(tipped, touch=True)
+
+    @staticmethod
+    def _measure(job: Job, values: Values) -> tuple[float, float]:
+        """Measure how wide the floor is, and how far it goes ahead of the wall."""
+        room = min(job.room(y=1.0), job.room(y=-1.0)) - 0.002
+        width = job.size[1] + 2 * min(values["room"], room)
+        ahead = job.room(x=1.0) - 0.002
+        depth = min(values["depth"] * job.size[0], job.size[0] + ahead)
+        return float(width), float(depth)

@@ -1,0 +1,80 @@
+"""Sweep scattered bodies together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import ClassVar
+
+import numpy as np
+
+from core.geometry import Pose
+from plugins.vlms.offline.heads import Head, Piece, Step, at, box
+from plugins.vlms.offline.job import Job
+from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
+
+
+class Sweep(Way):
+    """A wall between two wings that open forward comes down behind the bodies, and gathers them on its way to the goal.
+
+    A wing that is turned from the motion by less than about 60 degrees lets bodies slide along it to the middle.
+    """
+
+    name = "sweep"
+    title = "sweeps scattered bodies together with a wall between two wings"
+    sizes: ClassVar[Ranges] = {
+        "room": Range(0.0, 0.03),  # beside the outermost bodies
+        "narrow": Range(0.15, 0.6),  # the wall, of the width between the wings' ends
+        "angle": Range(0.4, 1.0),  # of the wings, from the motion
+        "height": Range(0.8, 1.8),  # of the bodies'
+        "thick": Range(0.005, 0.01),
+    }
+    moves: ClassVar[Ranges] = {
+        "behind": Range(0.3, 1.0),  # of the wings' depth, from where it comes down
+        "above": Range(0.001, 0.005),  # the ground
+        "heap": Range(0.02, 0.15),  # before the goal's middle the wall stops
+        "speed": Range(0.1, 0.35),
+        "leaves": Range(0.0, 1.0),  # from a half on
+    }
+
+    def suits(self, job: Job) -> float:
+        if len(job.want.bodies) < 2 or job.falls or job.is_covered:
+            return 0.0
+        return 1.0 if job.slides else 0.0
+
+    def head(self, job: Job, values: Values) -> Head:
+        thick = values["thick"]
+        height = float(np.clip(values["height"] * job.size[2], 0.02, 0.15))
+        wall, end, depth = self._measure(job, values)
+        pieces = [box("wall", -thick / 2, 0.0, height / 2, (thick, 2 * wall, height))]
+
+        length = float(np.hypot(depth, end - wall)) + thick
+        for name, side in (("left_wing", 1.0), ("right_wing", -1.0)):
+            turn = (0.0, 0.0, side * values["angle"])
+            foot = Pose.xyz_rpy((-thick, side * wall, height / 2), turn)
+            pose = foot @ at(length / 2, 0.0, 0.0)
+            pieces.append(Piece(name, pose, (length, thick, height)))
+
+        attach = np.array([-thick / 2, 0.0, height])
+        return Head(pieces, attach, f"a wall with wings {2 * end:.2f} m apart")
+
+    def motion(self, job: Job, values: Values) -> Iterator[Step]:
+        _, _, depth = self._measure(job, values)
+        foot = values["above"]
+        begin = at(-job.size[0] / 2 - 0.01 - values["behind"] * depth, 0.0, foot)
+        end = at(job.length - values["heap"], 0.0, foot)
+
+        yield above(job, begin)
+        yield Step(begin)
+        yield Step(end, speed=values["speed"], touch=True)
+
+        if values["leaves"] > 0.5 or job.want.released:
+            back = at(end.position[0] - 0.03, 0.0, foot)
+            yield Step(back, touch=True)
+            yield Step(above(job, back).pose, touch=True)
+
+    @staticmethod
+    def _measure(job: Job, values: Values) -> tuple[float, float, float]:
+        """Measure half the wall's width, half the width between the wings' ends, and how far they go ahead."""
+        end = float(job.size[1] / 2 + values["room"])
+        wall = values["narrow"] * end
+        return wall, end, float((end - wall) / np.tan(values["angle"]))

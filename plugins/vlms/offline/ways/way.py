@@ -1,0 +1,75 @@
+"""What a way of using a tool says of itself."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from core.geometry import Pose
+from plugins.vlms.offline.heads import Head, Step
+from plugins.vlms.offline.job import Asked, Job
+
+Values = Mapping[str, float]
+"""The parameters that a design was made with, by name."""
+
+
+class Range(NamedTuple):
+    """What a parameter is drawn from, each value as likely."""
+
+    low: float
+    high: float
+
+
+Ranges = Mapping[str, Range]
+"""Parameters, by name."""
+
+
+class Way(ABC):
+    """A way of using a tool: for what it is, and which head does it by which motion.
+
+    A way has no state: the same job and values give the same head and motion. Lengths are metres, angles radians,
+    speeds m/s; the frame is the job's (`Job.frame`).
+
+    Attributes:
+        name: a word for it, which stands in documents.
+        title: what it does, for tables: "pushes bodies from behind".
+        does: what it does for bodies (`Job.asks`).
+        approaches: whether the frame's x points away from the robot, even where bodies have to go another way.
+        fingers: whether its head is on the fingers of a gripper; else on the flange.
+        bolted: whether its head says itself where it is at the mount; else that is drawn, and a shaft carries it.
+        bare: whether the head is the hand itself.
+        sizes: the parameters of the head, which the motion may read, too.
+        moves: those of the motion alone, which each plan of a tool has for itself.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    does: ClassVar[Asked] = "place"
+    approaches: ClassVar[bool] = False
+    fingers: ClassVar[bool] = False
+    bolted: ClassVar[bool] = False
+    bare: ClassVar[bool] = False
+    sizes: ClassVar[Ranges]
+    moves: ClassVar[Ranges]
+
+    @abstractmethod
+    def suits(self, job: Job) -> float:
+        """Say how well it suits a job: 0, not at all, to 1. It is chosen so often in relation to others."""
+
+    @abstractmethod
+    def head(self, job: Job, values: Values) -> Head:
+        """Make the head."""
+
+    @abstractmethod
+    def motion(self, job: Job, values: Values) -> Iterator[Step]:
+        """Yield the poses of the head, from above the bodies on."""
+
+
+def above(job: Job, pose: Pose) -> Step:
+    """Return the step to 3 cm above everything near, over a pose."""
+    x, y, z = pose.position
+    height = max(job.clear, z) + 0.03
+    return Step(Pose(np.array([x, y, height]), pose.quaternion))
