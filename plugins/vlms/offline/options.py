@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from core.design import Tool
-from core.goals import Want, find_wants, numbered
+from core.goals import Want, numbered
 from core.interfaces import Task
 from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.layout import Layout
@@ -99,12 +99,15 @@ def find_unplanned(task: Task, seed: int) -> list[str]:
         seed: of the layout.
     """
     layout = Layout(task, seed)
-    wants = find_wants(task.goals, layout.scene)
+    alternatives = list_alternatives(task, layout.scene)
+    singles = [(want,) for wants in alternatives for want in wants]
     planned = set()
     for way in WAYS:
-        for (job,) in _list_jobs([(want,) for want in wants], layout, way):
+        for (job,) in _list_jobs(singles, layout, way):
             if job.asks == way.does and way.suits(job) > 0:
                 planned.add(job.want.number)
 
     goals = numbered(task.goals)
-    return [goal.in_short() for number, goal in goals.items() if number not in planned]
+    return [
+        goal.in_short() for number, goal in goals.items() if number not in planned
+    ]

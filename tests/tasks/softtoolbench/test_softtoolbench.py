@@ -18,7 +18,6 @@ from core.interfaces import Brief, RolloutSettings, Waypoints
 from core.plugins import installed
 from plugins.fitness.layouts import UNSEEN
 from plugins.vlms.offline.answer import answer
-from plugins.vlms.offline.unplanned import find_unplanned
 from tests.engines import simulator
 from tests.playing import evaluate_batch
 from tests.rare import rare
@@ -87,7 +86,7 @@ def test_names_words_and_configs(name):
 
 
 @quickest_task
-def test_the_embedded_designer_plans_for_it_and_says_what_it_leaves_out(name):
+def test_the_embedded_designer_plans_for_it(name):
     parts = installed()
     tools = parts.create("tool", "boxes")
     actions = parts.create("action", "anchored")
@@ -104,7 +103,6 @@ def test_the_embedded_designer_plans_for_it_and_says_what_it_leaves_out(name):
         actions=actions,
     )
     assert len(answer(brief)["strategies"]) == 2
-    assert "what a soft body does as it gives way" in find_unplanned(task_of(name), 0)
 
 
 @pytest.mark.thorough

@@ -29,7 +29,7 @@ UP = """
         (CUBE, "urdf", {"grip"}),
         (CUBE, "none", {"hand"}),
         (WIDE, "urdf", {"grip"}),
-        (WIDE, "none", set()),  # between bare fingers there is less room
+        (WIDE, "none", {"scoop"}),  # between bare fingers there is less room: they are used as any tool
         (COVERED, "urdf", set()),
     ],
 )

@@ -1,0 +1,136 @@
+"""The embedded designer's answers: the same for the same brief, and bred from what elites were made of."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.design import Candidate, Component, Tool
+from core.designs.planning import NO_PLAN
+from core.designs.reading import read_designs
+from core.geometry import Box, Pose
+from core.interfaces import Evaluation, Score, Waypoints
+from core.plugins import installed
+from plugins.vlms.offline.answer import answer
+from plugins.vlms.offline.notes import read_values
+from plugins.vlms.offline.options import find_unplanned
+from plugins.vlms.offline.search import NothingSuits
+from plugins.vlms.offline.vary import cross, list_ranges, mutate
+from plugins.vlms.offline.ways import WAYS
+from tests.panda import on_panda
+from tests.plugins.vlms.offline.test_ways import CUBE, NEARER, TURNED
+from tests.plugins.vlms.offline.trying import make_brief, read_task
+
+ROOT = Path(__file__).parents[4]
+
+
+@pytest.fixture
+def brief(tmp_path):
+    """Ask for three tools with two plans each."""
+    asked = make_brief(read_task(tmp_path, CUBE, NEARER))
+    return replace(asked, n_tool=3, n_action=2)
+
+
+def read(document, brief):
+    """Read the candidates of an answer."""
+    base = Candidate(None, NO_PLAN)
+    return read_designs(document, brief.representation, brief.task, base=base)
+
+
+def as_elites(candidates, reward=0.5):
+    return tuple(Evaluation(c, score=Score(reward)) for c in candidates)
+
+
+def test_the_same_brief_gets_the_same_answer(brief):
+    first = answer(brief)
+    assert json.dumps(answer(brief)) == json.dumps(first)
+    assert json.dumps(answer(replace(brief, seed=8))) != json.dumps(first)
+    found = read(first, brief)
+    assert [c.problem for c in found] == [None] * 6
+    assert len({c.content for c in found}) == 6
+
+
+def test_offspring_are_made_anew_of_what_their_parents_were_made_of(brief):
+    parents = read(answer(brief), brief)
+    made_of = {c.id: read_values(c) for c in parents}
+    assert all(made_of.values())
+
+    bred = replace(brief, elites=as_elites(parents, reward=1.0), seed=3, generation=1)
+    design = answer(bred)["strategies"][0]
+    (parent, *_) = design["parents"]
+    note, values = made_of[parent]
+    assert design["note"]["way"] == note.way
+
+    child = design["note"]["values"][0]
+    assert {*child} == {*values}
+    assert any(child[name] != values[name] for name in values)
+
+
+def test_strangers_are_varied_by_their_numbers(brief):
+    bar = Component("bar", "tool_mount", Pose(np.array([0, 0, -0.1])), Box((0.05, 0.05, 0.2)))
+    plan = Waypoints(np.array([[0.5, 0.0, 0.4, 0, 0, 0], [0.6, 0.0, 0.4, 0, 0, 0]]))
+    stranger = Candidate(Tool((bar,)), plan)
+    assert read_values(stranger) is None
+
+    elites = as_elites([stranger], reward=1.0)
+    children = read(answer(replace(brief, elites=elites)), brief)
+    assert [c.problem for c in children] == [None] * 6
+    assert all(c.tool.components[0].shape.volume for c in children)
+    assert len({c.plan.content for c in children}) > 1
+
+
+def test_values_are_mutated_and_crossed():
+    rng = np.random.default_rng(0)
+    ranges = list_ranges(WAYS[0])
+    first = {name: low for name, (low, _) in ranges.items()}
+    second = {name: high for name, (_, high) in ranges.items()}
+
+    crossed = cross(first, second, rng)
+    assert all(crossed[name] in (first[name], second[name]) for name in ranges)
+    from_second = {name for name in ranges if crossed[name] == second[name]}
+    assert from_second and from_second != {*ranges}
+
+    changed = mutate(first, ranges, 0.5, rng)
+    assert {*changed} == {*first}
+    assert changed != first
+    assert mutate(first, ranges, 0.0, rng) == first
+
+
+def test_what_no_way_suits_is_named_before_the_search(tmp_path):
+    task = read_task(tmp_path, CUBE, TURNED)
+    (named,) = find_unplanned(task, 0)
+    assert "cube" in named
+    with pytest.raises(NothingSuits, match="ask a model"):
+        answer(make_brief(task))
+
+    assert find_unplanned(read_task(tmp_path, CUBE, NEARER), 0) == []
+
+
+@pytest.mark.parametrize("name", ["BringCube", "SnatchCookie", "TurkeyLegs"])
+def test_the_benchmark_is_planned_for(name):
+    assert find_unplanned(on_panda(installed().create("task", name)), 0) == []
+
+
+def test_a_plan_that_may_look_is_done_again_until_the_goal_is_seen(brief):
+    actions = installed().create("action", "anchored", {"looks": True})
+    design = answer(replace(brief, actions=actions))["strategies"][0]
+    looks, plain = design["action_sets"]
+    assert looks[0]["until_seen"] == {"goal": 0}
+    assert all("repeat" not in step for step in plain)
+    assert {step["anchor"] for step in plain} == {"cube"}
+
+
+def test_a_given_tool_gets_plans_alone(tmp_path):
+    task = read_task(tmp_path, CUBE, NEARER)
+    document = answer(make_brief(task, gripper=True, tool="none"))
+    assert "tool_urdf" not in document["strategies"][0]
+    (candidate,) = read(document, make_brief(task, gripper=True, tool="none"))
+    assert candidate.problem is None
+
+
+def test_the_docs_have_each_way():
+    page = (ROOT / "docs/designer.md").read_text()
+    for way in WAYS:
+        assert f"| `{way.name}` | {way.title} |" in page

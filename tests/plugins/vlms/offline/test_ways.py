@@ -1,0 +1,89 @@
+"""The ways of using a rigid tool: for which bodies and goals each is, and what it earns in MuJoCo."""
+
+import pytest
+
+from core.interfaces import Task
+from core.plugins import installed
+from plugins.vlms.offline.ways import WAYS
+from tests.panda import on_panda
+from tests.plugins.vlms.offline.trying import earn, list_ways, make_brief, read_task
+
+CUBE = """
+  - {name: cube, box: [0.06, 0.06, 0.06], position: [0.6, 0, 0.03], mass: 0.2}
+"""
+CARDS = "\n" + "".join(
+    f"  - {{name: card_{x}_{y}, box: [0.03, 0.03, 0.03], position: [0.{x}, {y / 10}, 0.015], mass: 0.01}}\n"
+    for x in (5, 6, 7)
+    for y in (-1, 1)
+)
+TUNNEL = f"""{CUBE}
+  - {{name: roof, box: [0.6, 0.2, 0.02], position: [0.8, 0, 0.11], fixed: true}}
+"""
+WALLED = f"""{CUBE}
+  - {{name: wall, box: [0.02, 0.5, 0.2], position: [0.5, 0, 0.1], fixed: true}}
+"""
+NEARER = """
+  - {bodies: ["*"], place: [0.4, 0, null], tolerance: 0.02}
+"""
+UP = """
+  - {bodies: ["*"], raised: 0.15}
+"""
+FAR = """
+  - {bodies: ["*"], place: [2.0, 0, null], tolerance: 0.1}
+"""
+TURNED = """
+  - {bodies: ["*"], turned_deg: 90}
+"""
+
+
+@pytest.mark.parametrize(
+    ("bodies", "goals", "ways"),
+    [
+        (CUBE, NEARER, {"push", "cage", "hook"}),
+        (CARDS, NEARER, {"push", "sweep"}),
+        (TUNNEL, NEARER, {"hook"}),
+        (WALLED, NEARER, {"scoop"}),
+        (CUBE, UP, {"scoop"}),
+        (CUBE, FAR, {"throw"}),
+        (CUBE, TURNED, set()),
+    ],
+)
+def test_ways_are_for_bodies_and_goals(tmp_path, bodies, goals, ways):
+    task = read_task(tmp_path, bodies, goals)
+    assert list_ways(make_brief(task)) == ways
+
+
+def task_of(name: str) -> Task:
+    """Make a task of the benchmark."""
+    task: Task = on_panda(installed().create("task", name))
+    return task
+
+
+@pytest.mark.parametrize(
+    ("name", "way", "least"),
+    [
+        ("BringCube", "push", 0.9),
+        ("BringCube", "cage", 0.9),
+        ("CleanTable", "sweep", 0.7),
+        ("DislodgeCube", "hook", 0.9),
+        ("ElevatePlate", "lift", 0.9),
+        ("HighObject", "throw", 0.9),
+    ],
+)
+@pytest.mark.slow
+def test_a_way_does_what_it_is_for(name, way, least):
+    rewards = earn(make_brief(task_of(name)), way, 8)
+    assert max(rewards) > least
+
+
+@pytest.mark.slow
+def test_scoops_lift_what_lies_between_walls():
+    assert max(earn(make_brief(task_of("GatherSpheres")), "scoop", 3)) > 0.8
+
+
+def test_each_way_says_what_it_is():
+    names = [way.name for way in WAYS]
+    assert len(set(names)) == len(names)
+    for way in WAYS:
+        assert not {*way.sizes} & {*way.moves}
+        assert all(low < high for low, high in (*way.sizes.values(), *way.moves.values()))
