@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -33,6 +33,24 @@ _LOOK_M = 0.03  # between two looks along a way
 _HALVINGS = 6  # of a distance, to find how far something is away
 
 
+class Handles(NamedTuple):
+    """What stands out of a body on both sides of a frame's x; in that frame, metres.
+
+    Attributes:
+        inner: half of the body's width without it.
+        outer: half of the body's width.
+        low: where it begins, above the foot.
+        high: where it ends.
+        front: how far ahead it ends.
+    """
+
+    inner: float
+    outer: float
+    low: float
+    high: float
+    front: float
+
+
 @dataclass(frozen=True, eq=False)
 class Job:
     """Bodies that a tool moves together, and where they have to go.
@@ -55,8 +73,9 @@ class Job:
 
     @property
     def moved(self) -> tuple[str, ...]:
-        """The names of the bodies that the tool may touch, where a way says so."""
-        return self.want.bodies
+        """The names of the bodies that the tool may touch, where a way says so: with the vessel that they lie in."""
+        vessel = self.vessel
+        return self.want.bodies + (vessel.want.bodies if vessel else ())
 
     @cached_property
     def points(self) -> Array:
@@ -199,6 +218,12 @@ class Job:
         return np.asarray(ahead / np.hypot(x, y))
 
     @property
+    def goal_heading(self) -> float:
+        """The direction from the robot to where the bodies have to go, in the frame, radians."""
+        x, y = (self.center + self.shift - self.layout.reach.base)[:2]
+        return float(np.arctan2(y, x)) - self.heading
+
+    @property
     def far(self) -> float:
         """How far the bodies, or where they have to go, are out of the arm's reach."""
         reach = self.layout.reach
@@ -238,23 +263,34 @@ class Job:
         return min(found)[1] if found else None
 
     @cached_property
+    def vessel(self) -> Job | None:
+        """What the bodies lie in, if it is loose, as what is moved; None: there is none."""
+        holder = self.holder
+        if holder is None or self.layout.scene[holder].fixed:
+            return None
+        return replace(self, want=Want((holder,)))
+
+    @cached_property
     def overhang(self) -> tuple[float, float] | None:
         """What stands out of a body on both sides of the frame's x, above its foot: None, if nothing does.
 
         Returns:
             Half the width of the foot, and how high above it that begins.
         """
-        inside = self.frame.inverse()
-        halves = []
-        lows = []
-        for name in self.want.bodies:
-            for solid in self.layout.solids[name]:
-                points = inside.apply(solid_points(solid))
-                halves.append(np.abs(points[:, 1]).max())
-                lows.append(points[:, 2].min())
+        handles = self.handles
+        return None if handles is None else (handles.inner, handles.low)
 
-        wide = np.array(halves)
-        low = np.array(lows)
+    @cached_property
+    def handles(self) -> Handles | None:
+        """What stands out of a body on both sides of the frame's x, above its foot: None, if nothing does."""
+        inside = self.frame.inverse()
+        parts = [
+            inside.apply(solid_points(solid))
+            for name in self.want.bodies
+            for solid in self.layout.solids[name]
+        ]
+        wide = np.array([np.abs(points[:, 1]).max() for points in parts])
+        low = np.array([points[:, 2].min() for points in parts])
         foot = wide[low < _FOOT_M].max()
         out = (low >= _FOOT_M) & (wide > foot + _STANDS_OUT_M)
         if not out.any():
@@ -262,7 +298,17 @@ class Job:
 
         under = low[out].min()
         beside = wide[~out & (low < under)].max()
-        return float(beside), float(under)
+        outstanding = [points for points, is_out in zip(parts, out, strict=True) if is_out]
+        least, most = _span(np.concatenate(outstanding))
+        if least[1] > -foot or most[1] < foot:
+            return None
+        return Handles(
+            inner=float(beside),
+            outer=float(wide.max()),
+            low=float(under),
+            high=float(most[2]),
+            front=float(most[0]),
+        )
 
     def room(
         self,

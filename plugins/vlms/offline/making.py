@@ -137,6 +137,8 @@ def make(option: Option, values: Values, material: Material) -> Made:
     if way.fingers:
         robot = option.jobs[0].layout.robot
         tool = build_fingers(head, mount, material, way.name, robot)
+    elif way.bolted:
+        tool = build_tool(head, mount, "", material, way.name)
     else:
         kind = SHAFTS[min(int(values["shaft"] * len(SHAFTS)), len(SHAFTS) - 1)]
         tool = build_tool(head, mount, kind, material, way.name)

@@ -58,7 +58,7 @@ def build_tool(
     Args:
         head: its working end.
         mount: the head's pose in the frame of the tool mount.
-        kind: of `SHAFTS`.
+        kind: of `SHAFTS`; empty: the head is on the flange itself.
         material: says how thick bars are.
         name: of the way of using it.
     """
@@ -66,7 +66,7 @@ def build_tool(
     bearer = RIGID_MOUNT
     carried = ""
 
-    if head.mount is None:
+    if kind:
         end = mount.apply(head.attach)
         foot = np.array([0.0, 0.0, -_SOCKET_M[2]])
         length = float(np.abs(end - foot).sum())
@@ -82,7 +82,7 @@ def build_tool(
         names.append(builder.add(piece.name, parent, pose, piece.size, HEAD_COLOR))
 
     text = f"{head.text}{carried}"
-    return Tool(tuple(builder.components), name=f"{name}_{kind}", description=text)
+    return Tool(tuple(builder.components), name=f"{name}_{kind}" if kind else name, description=text)
 
 
 def _list_bars(

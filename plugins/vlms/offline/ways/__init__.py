@@ -4,6 +4,7 @@ from plugins.vlms.offline.ways.cage import Cage
 from plugins.vlms.offline.ways.grip import Grip, Hand
 from plugins.vlms.offline.ways.hook import Hook
 from plugins.vlms.offline.ways.lift import Lift
+from plugins.vlms.offline.ways.pour import Pour
 from plugins.vlms.offline.ways.push import Push
 from plugins.vlms.offline.ways.scoop import Scoop
 from plugins.vlms.offline.ways.sweep import Sweep
@@ -18,6 +19,7 @@ WAYS: tuple[Way, ...] = (
     Throw(),
     Lift(),
     Scoop(),
+    Pour(),
     Grip(),
     Hand(),
 )

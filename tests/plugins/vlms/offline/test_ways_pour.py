@@ -1,0 +1,53 @@
+"""A vessel that is taken by its handles and turned over where its content has to go."""
+
+import pytest
+
+from tests.panda import on_panda
+from tests.plugins.vlms.offline.trying import earn, list_ways, make_brief, read_task
+from tasks.turkey_legs import TurkeyLegs
+
+pytestmark = pytest.mark.slow
+
+GOAL = """
+  - {bodies: [cube], place: [0.6, 0.3, null], tolerance: 0.1}
+"""
+
+
+def write_pan(fixed, handles):
+    """Write a cube in a pan."""
+    ends = "".join(
+        f"\n      - {{box: [0.08, 0.04, 0.01], position: [0, {y}, 0.045]}}"
+        for y in handles
+    )
+    return f"""
+  - {{name: cube, box: [0.03, 0.03, 0.03], position: [0.6, 0, 0.026], mass: 0.05}}
+  - name: pan
+    position: [0.6, 0, 0]
+    fixed: {fixed}
+    mass: 0.3
+    parts:
+      - {{box: [0.2, 0.2, 0.01], position: [0, 0, 0.005]}}
+      - {{box: [0.2, 0.01, 0.05], position: [0, 0.095, 0.035]}}
+      - {{box: [0.2, 0.01, 0.05], position: [0, -0.095, 0.035]}}
+      - {{box: [0.01, 0.18, 0.05], position: [0.095, 0, 0.035]}}
+      - {{box: [0.01, 0.18, 0.05], position: [-0.095, 0, 0.035]}}{ends}
+"""
+
+
+@pytest.mark.parametrize(
+    ("fixed", "handles", "pours"),
+    [
+        ("false", (0.12, -0.12), True),
+        ("true", (0.12, -0.12), False),  # it doesn't come along
+        ("false", (0.12,), False),
+        ("false", (), False),
+    ],
+)
+def test_a_loose_vessel_with_two_handles_is_poured_out(tmp_path, fixed, handles, pours):
+    brief = make_brief(read_task(tmp_path, write_pan(fixed, handles), GOAL))
+    assert ("pour" in list_ways(brief)) == pours
+
+
+def test_legs_are_poured_into_the_box():
+    rewards = earn(make_brief(on_panda(TurkeyLegs())), "pour", 4)
+    assert sum(reward > 0.9 for reward in rewards) >= 2
