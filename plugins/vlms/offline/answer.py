@@ -85,7 +85,9 @@ class _Designer:
         return bred if bred is not None else self._vary_stranger(first)
 
     def _breed(self, first: Evaluation, second: Evaluation) -> dict[str, Any] | None:
-        """Breed from parents that were made here; None: the first was not."""
+        """Breed from parents that were made here; None: the first was not, or the tool is given."""
+        if self.search.given is not None:
+            return None
         read = read_values(first.candidate)
         other = read_values(second.candidate)
         if read is None:
@@ -134,7 +136,8 @@ class _Designer:
         assert candidate.tool is not None
         scale = float(np.clip(_SCALE * (1 - parent.reward), _LEAST_SCALE, 1.0))
         begin = Stranger(candidate.tool, candidate.plan)
-        first = self._vary_until_sound(begin, scale)
+        is_given = self.search.given is not None
+        first = self._vary_until_sound(begin, scale, is_given=is_given)
         plans = [first.plan]
         while len(plans) < self.brief.n_action:
             varied = self._vary_until_sound(first, scale, is_given=True)

@@ -30,6 +30,7 @@ _FOOT_M = 0.004  # parts of a body that begin lower are its foot,
 _STANDS_OUT_M = 0.006  # and those that stand out by more can be lifted
 _COVERED_M = 0.15  # what is nearer above bodies covers them
 _LOOK_M = 0.03  # between two looks along a way
+_TOOL_M = 0.55  # by which a tool makes an arm longer, at most
 _HALVINGS = 6  # of a distance, to find how far something is away
 
 
@@ -201,7 +202,7 @@ class Job:
         """Whether the bodies have to go where no tool gets."""
         reach = self.layout.reach
         goal = self.center + self.shift
-        return bool(np.hypot(*(goal - reach.base)[:2]) > reach.outer + 0.55)
+        return bool(np.hypot(*(goal - reach.base)[:2]) > reach.outer + _TOOL_M)
 
     @property
     def way(self) -> Array:
@@ -240,24 +241,14 @@ class Job:
         return float(top - self.frame.position[2])
 
     @cached_property
-    def deep(self) -> float:
-        """How far something near the bodies stands higher than they do."""
-        low = self.points.min(axis=0)[:2] - NEAR_M
-        high = self.points.max(axis=0)[:2] + NEAR_M
-        top = self.layout.top_at(low, high, self.want.bodies)
-        return max(0.0, float(top - self.points[:, 2].max()))
-
-    @cached_property
     def holder(self) -> str | None:
         """The smallest body that stands around all of the bodies, such as a jar or a tray; None: there is none."""
         origins = self.origins
         found = []
         for name, points in self.layout.points.items():
             low, high = _span(points)
-            if (
-                name not in self.want.bodies
-                and ((origins > low) & (origins < high)).all()
-            ):
+            is_around = ((origins > low) & (origins < high)).all()
+            if is_around and name not in self.want.bodies:
                 found.append((float(np.prod(high - low)), name))
 
         return min(found)[1] if found else None
@@ -298,7 +289,9 @@ class Job:
 
         under = low[out].min()
         beside = wide[~out & (low < under)].max()
-        outstanding = [points for points, is_out in zip(parts, out, strict=True) if is_out]
+        outstanding = [
+            points for points, is_out in zip(parts, out, strict=True) if is_out
+        ]
         least, most = _span(np.concatenate(outstanding))
         if least[1] > -foot or most[1] < foot:
             return None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -27,6 +26,10 @@ from plugins.vlms.told.reach import span_at
 
 CONTACT_M = 0.001
 """Solids that overlap by less only touch each other."""
+
+_FOLDED_M = 0.06  # nearer to the least distance that an arm reaches, it is folded
+_EASY = 0.85  # of the greatest distance, to which it works with ease on the level,
+_STRETCHED = 0.94  # and beyond which it is stretched
 
 
 class Layout:
@@ -54,9 +57,9 @@ class Layout:
         """The solids of each body that can be touched, in the world, by its name."""
         found = {}
         for body in self.scene.bodies:
-            solids = (
-                _soft_solids(body) if isinstance(body, Soft) else [*body_solids(body)]
-            )
+            solids = [*body_solids(body)]
+            if isinstance(body, Soft):
+                solids = _soft_solids(body)
             if solids:
                 found[body.name] = solids
 
@@ -93,15 +96,14 @@ class Layout:
             for solid in solids
         )
 
-    def top_at(self, low: Array, high: Array, but: Collection[str] = ()) -> float:
+    def top_at(self, low: Array, high: Array) -> float:
         """Find how high the bodies stand that are over a part of the ground, metres; minus infinity: none does.
 
         Args:
             low: the least x and y of that part.
             high: the greatest x and y of it.
-            but: the names of bodies that don't count.
         """
-        obstacles = self.others(frozenset(but))
+        obstacles = self.others(frozenset())
         lower = obstacles.centers - obstacles.halves
         upper = obstacles.centers + obstacles.halves
         over = ((lower[:, :2] < high[:2]) & (upper[:, :2] > low[:2])).all(axis=1)
@@ -170,4 +172,4 @@ def measure_reach(robot: Robot) -> Reach:
     most = model.reach if span is None else span.most
     base = robot.base.position
     shoulder = base + np.array([0.0, 0.0, height])
-    return Reach(base, shoulder, least + 0.06, 0.85 * most, 0.94 * most)
+    return Reach(base, shoulder, least + _FOLDED_M, _EASY * most, _STRETCHED * most)

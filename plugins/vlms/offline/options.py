@@ -108,6 +108,4 @@ def find_unplanned(task: Task, seed: int) -> list[str]:
                 planned.add(job.want.number)
 
     goals = numbered(task.goals)
-    return [
-        goal.in_short() for number, goal in goals.items() if number not in planned
-    ]
+    return [goal.in_short() for number, goal in goals.items() if number not in planned]

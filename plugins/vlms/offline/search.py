@@ -21,12 +21,12 @@ from plugins.vlms.offline.layout import Layout
 from plugins.vlms.offline.making import (
     START_RANGES,
     Made,
-    draw_mount,
     draw_values,
     make,
     plan,
     use,
 )
+from plugins.vlms.offline.mounting import draw_mount
 from plugins.vlms.offline.notes import read_note
 from plugins.vlms.offline.options import Option, list_options
 from plugins.vlms.offline.shafts import SHAFTS

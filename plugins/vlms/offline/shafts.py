@@ -82,7 +82,11 @@ def build_tool(
         names.append(builder.add(piece.name, parent, pose, piece.size, HEAD_COLOR))
 
     text = f"{head.text}{carried}"
-    return Tool(tuple(builder.components), name=f"{name}_{kind}" if kind else name, description=text)
+    return Tool(
+        tuple(builder.components),
+        name=f"{name}_{kind}" if kind else name,
+        description=text,
+    )
 
 
 def _list_bars(

@@ -11,7 +11,8 @@ from numpy.random import Generator
 from core.design import Tool
 from core.geometry import Array
 from core.interfaces import ActionPlan, Brief, Numbers
-from plugins.vlms.offline.making import MOUNT_RANGES, START_RANGES
+from plugins.vlms.offline.making import START_RANGES
+from plugins.vlms.offline.mounting import MOUNT_RANGES
 from plugins.vlms.offline.ways.way import Range, Values, Way
 
 _SPREAD = 0.15  # of a change, in the range of its parameter

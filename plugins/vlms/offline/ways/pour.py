@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import ClassVar
 
 import numpy as np
 
 from core.geometry import Pose
 from plugins.vlms.offline.heads import Head, Step, at, box
 from plugins.vlms.offline.job import Handles, Job
-from plugins.vlms.offline.ways.way import Range, Values, Way
+from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way
 
 _PLATE_M = 0.01  # thick, at the flange
 _WIDE_M = 0.06  # the plate
 _HIGH_M = 0.03  # the crossbar
-_TOP_M = 0.035  # that the plate covers above the flange's middle, and below the channels
+_TOP_M = (
+    0.035  # that the plate covers above the flange's middle, and below the channels
+)
 _INNER = 0.3  # of a handle, from the vessel on, that the channel leaves free
 _STEPS = 5  # of the turn
 _OVER_M = 0.01  # everything near, at least, the vessel passes
@@ -31,21 +34,23 @@ class Pour(Way):
     approaches = True
     bolted = True
     title = "takes a vessel by its handles, carries it, and pours out what lies in it"
-    sizes = {
+    sizes: ClassVar[Ranges] = {
         "drop": Range(0.07, 0.12),  # of the channels below the flange: clear of the arm
         "room": Range(0.002, 0.005),  # around a handle
         "lip": Range(0.004, 0.007),  # thickness of the channels
         "gap": Range(0.003, 0.012),  # between the crossbar and the vessel
         "longer": Range(-0.04, 0.0),  # channels than handles
     }
-    moves = {
+    moves: ClassVar[Ranges] = {
         "behind": Range(0.01, 0.03),  # the vessel, where it comes down
         "above": Range(0.06, 0.15),  # from where
         "taking": Range(0.1, 0.3),
         "higher": Range(0.0, 0.05),  # than the vessel has to pass
         "carrying": Range(0.15, 0.4),
         "heading": Range(-0.5, 0.8),  # at the place, beside the way from the robot
-        "turn": Range(2.2, 3.0),  # upside down, and more: what slopes inward empties, too
+        "turn": Range(
+            2.2, 3.0
+        ),  # upside down, and more: what slopes inward empties, too
         "side": Range(-1.0, 1.0),  # to the left from 0 on, to the right below
         "aside": Range(0.3, 0.7),  # of the drop, so that the mouth gets above the place
     }

@@ -69,7 +69,9 @@ def test_offspring_are_made_anew_of_what_their_parents_were_made_of(brief):
 
 
 def test_strangers_are_varied_by_their_numbers(brief):
-    bar = Component("bar", "tool_mount", Pose(np.array([0, 0, -0.1])), Box((0.05, 0.05, 0.2)))
+    bar = Component(
+        "bar", "tool_mount", Pose(np.array([0, 0, -0.1])), Box((0.05, 0.05, 0.2))
+    )
     plan = Waypoints(np.array([[0.5, 0.0, 0.4, 0, 0, 0], [0.6, 0.0, 0.4, 0, 0, 0]]))
     stranger = Candidate(Tool((bar,)), plan)
     assert read_values(stranger) is None

@@ -86,4 +86,6 @@ def test_each_way_says_what_it_is():
     assert len(set(names)) == len(names)
     for way in WAYS:
         assert not {*way.sizes} & {*way.moves}
-        assert all(low < high for low, high in (*way.sizes.values(), *way.moves.values()))
+        assert all(
+            low < high for low, high in (*way.sizes.values(), *way.moves.values())
+        )

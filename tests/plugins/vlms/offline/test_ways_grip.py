@@ -29,7 +29,11 @@ UP = """
         (CUBE, "urdf", {"grip"}),
         (CUBE, "none", {"hand"}),
         (WIDE, "urdf", {"grip"}),
-        (WIDE, "none", {"scoop"}),  # between bare fingers there is less room: they are used as any tool
+        (
+            WIDE,
+            "none",
+            {"scoop"},
+        ),  # between bare fingers there is less room: they are used as any tool
         (COVERED, "urdf", set()),
     ],
 )
