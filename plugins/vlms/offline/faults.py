@@ -26,6 +26,7 @@ BREAKS_RULES = 1000.0
 _STEP_M = 0.04  # between two looks
 _MISS_M = 0.005  # a pose that is missed by less is reached
 _MISS_RAD = 0.03
+_PIECE = 8  # places, after which it is asked whether the arm reached them
 _PER_METRE = 100.0  # faults of a metre by which a pose is missed
 _TURN_M = 0.2  # a missed radian is as bad as so many metres
 
@@ -66,15 +67,9 @@ def count_faults(
     if fault >= enough:
         return fault
 
-    arm = arm_of(layout.robot)
-    begin = arm.home_for(layout.home)
-    joints, errors = arm.follow(places.positions, places.turns, begin, arm.jump_rad)
-    if (errors > (_MISS_M, _MISS_RAD)).any():
-        worst = (errors[:, 0] + _TURN_M * errors[:, 1]).max()
-        fault += 1 + _PER_METRE * float(worst)
-    if fault >= enough:
-        return fault
-
+    joints, missed = _follow(places, layout)
+    if missed:
+        return fault + missed
     if not keeps_rules and not obeys(made.tool, layout, material):
         return fault + BREAKS_RULES
 
@@ -83,6 +78,28 @@ def count_faults(
     if find_self_collision(layout.robot, made.tool, motion) is not None:
         return fault + BREAKS_RULES
     return fault
+
+
+def _follow(places: Places, layout: Layout) -> tuple[Array, float]:
+    """Find the arm's joints (K, J) at places, as far as it reaches them, and the fault of what it misses.
+
+    It goes on piece by piece, and ends where it misses one, since what is out of reach takes longest.
+    """
+    arm = arm_of(layout.robot)
+    joints = arm.home_for(layout.home)[None]
+    count = len(places.positions)
+
+    for first in range(0, count, _PIECE):
+        piece = slice(first, first + _PIECE)
+        found, errors = arm.follow(
+            places.positions[piece], places.turns[piece], joints[-1], arm.jump_rad
+        )
+        joints = np.vstack([joints, found])
+        if (errors > (_MISS_M, _MISS_RAD)).any():
+            worst = (errors[:, 0] + _TURN_M * errors[:, 1]).max()
+            return joints, 1 + _PER_METRE * float(worst) * (1 - first / count)
+
+    return joints, 0.0
 
 
 def obeys(tool: Tool, layout: Layout, material: Material) -> bool:
@@ -110,10 +127,27 @@ def place_solids(tool: Tool, layout: Layout) -> list[Solid]:
 
 
 def count_meetings(
-    made: Made, layout: Layout, places: Places, enough: float = np.inf
+    made: Made,
+    layout: Layout,
+    places: Places,
+    enough: float = np.inf,
+    *,
+    only_head: bool = False,
 ) -> float:
-    """Count how often a tool is in something that it must not touch, at places on its way; up to ``enough``."""
+    """Count how often a tool, or its head alone, is in something that it must not touch, at places on its way.
+
+    Args:
+        made: a tool and its plan.
+        layout: where they are tried.
+        places: on the way.
+        enough: no more are counted than that.
+        only_head: whether the shaft does not count.
+    """
     solids = place_solids(made.tool, layout)
+    if only_head:
+        names = {piece.name for piece in made.head.pieces}
+        solids = [solid for solid in solids if solid.name in names]
+
     boxes = [solid.bounds() for solid in solids]
     middles = np.array([middle for middle, _ in boxes]).reshape(-1, 3)
     halves = np.array([half for _, half in boxes]).reshape(-1, 3)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -303,6 +303,7 @@ class Job:
             front=float(most[0]),
         )
 
+    @lru_cache(maxsize=32)  # noqa: B019 - a job lives as long as the answer to a brief
     def room(
         self,
         x: float = 0.0,

@@ -32,7 +32,7 @@ from plugins.vlms.offline.options import Option, list_options
 from plugins.vlms.offline.shafts import SHAFTS
 from plugins.vlms.offline.ways.way import Values
 
-_TRIES = 6  # for a design without faults
+_TRIES = 5  # for a design without faults
 _MOST_TRIES = 40  # while none keeps the rules
 
 
@@ -125,25 +125,24 @@ class Search:
     def _choose_shaft(self, option: Option, values: Values) -> Made:
         """Make a design with the first kind of shaft that meets nothing, or else the one that meets the least."""
         best = self.make(option, values)
-        least = self._count_meetings(best)
+        places = find_places(best, self.layout)
+        least = count_meetings(best, self.layout, places)
+        if least == 0:
+            return best
 
+        of_head = count_meetings(best, self.layout, places, only_head=True)
         for _ in SHAFTS[1:]:
-            if least == 0:
-                break
             shaft = (values["shaft"] + 1 / len(SHAFTS)) % 1.0
             values = {**values, "shaft": shaft}
             other = self.make(option, values)
-            hits = self._count_meetings(other, least)
+            hits = count_meetings(other, self.layout, places, least)
             if hits < least:
                 best = other
                 least = hits
+            if least <= of_head:
+                break
 
         return best
-
-    def _count_meetings(self, made: Made, enough: float = np.inf) -> float:
-        """Count what a design meets on its way."""
-        places = find_places(made, self.layout)
-        return count_meetings(made, self.layout, places, enough)
 
     def replan(self, made: Made) -> Made:
         """Draw another plan for a tool."""

@@ -93,7 +93,8 @@ class Pour(Way):
     @staticmethod
     def _measure_length(vessel: Job, handles: Handles, values: Values) -> float:
         """Measure how long the channels are: from behind the vessel to where the handles end."""
-        return handles.front + vessel.size[0] / 2 + values["gap"] + values["longer"]
+        half = float(vessel.size[0]) / 2
+        return handles.front + half + values["gap"] + values["longer"]
 
     def motion(self, job: Job, values: Values) -> Iterator[Step]:
         vessel, handles = _find(job)

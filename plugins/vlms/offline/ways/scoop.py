@@ -53,7 +53,7 @@ class Scoop(Way):
             return 0.0
         if job.rises:
             return 0.6
-        return 0.3 if job.goes and (job.falls or not job.slides) else 0.0
+        return 0.1 if job.goes and (job.falls or not job.slides) else 0.0
 
     def head(self, job: Job, values: Values) -> Head:
         floor = values["floor"]

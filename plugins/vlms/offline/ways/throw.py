@@ -65,7 +65,11 @@ class Throw(Way):
             stroke = values["share"] * job.length
             swing = 0.0
 
-        behind = -job.size[0] / 2 - values["behind"]
+        depth = values["depth"] * job.size[0] + job.size[1] / 2
+        turned = depth * abs(
+            np.sin(swing)
+        )  # so far its walls get nearer as it is turned
+        behind = -job.size[0] / 2 - values["behind"] - turned
         begin = at(behind * np.cos(yaw), behind * np.sin(yaw), foot, yaw=yaw - swing)
         ahead = behind + stroke
         end = at(ahead * np.cos(yaw), ahead * np.sin(yaw), foot, yaw=yaw + swing)

@@ -2,9 +2,9 @@
 
 import pytest
 
+from tasks.turkey_legs import TurkeyLegs
 from tests.panda import on_panda
 from tests.plugins.vlms.offline.trying import earn, list_ways, make_brief, read_task
-from tasks.turkey_legs import TurkeyLegs
 
 pytestmark = pytest.mark.slow
 
