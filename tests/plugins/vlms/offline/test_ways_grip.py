@@ -24,22 +24,19 @@ UP = """
 
 
 @pytest.mark.parametrize(
-    ("bodies", "tool", "ways"),
+    ("bodies", "tool", "way", "suits"),
     [
-        (CUBE, "urdf", {"grip"}),
-        (CUBE, "none", {"hand"}),
-        (WIDE, "urdf", {"grip"}),
-        (
-            WIDE,
-            "none",
-            {"scoop"},
-        ),  # between bare fingers there is less room: they are used as any tool
-        (COVERED, "urdf", set()),
+        (CUBE, "urdf", "grip", True),
+        (CUBE, "none", "hand", True),
+        (WIDE, "urdf", "grip", True),
+        (WIDE, "none", "hand", False),  # between bare fingers there is less room
+        (COVERED, "urdf", "grip", False),
     ],
 )
-def test_fingers_are_for_bodies_that_they_get_to(tmp_path, bodies, tool, ways):
+def test_fingers_are_for_bodies_that_they_get_to(tmp_path, bodies, tool, way, suits):
     task = read_task(tmp_path, bodies, UP)
-    assert list_ways(make_brief(task, gripper=True, tool=tool)) == ways
+    brief = make_brief(task, gripper=True, tool=tool)
+    assert (way in list_ways(brief)) == suits
 
 
 @pytest.mark.parametrize("goals", [UP, ASIDE])

@@ -13,7 +13,7 @@ GOAL = """
 """
 
 
-def write_pan(fixed, handles):
+def write_pan(holds, handles):
     """Write a cube in a pan."""
     ends = "".join(
         f"\n      - {{box: [0.08, 0.04, 0.01], position: [0, {y}, 0.045]}}"
@@ -23,8 +23,7 @@ def write_pan(fixed, handles):
   - {{name: cube, box: [0.03, 0.03, 0.03], position: [0.6, 0, 0.026], mass: 0.05}}
   - name: pan
     position: [0.6, 0, 0]
-    fixed: {fixed}
-    mass: 0.3
+    {holds}
     parts:
       - {{box: [0.2, 0.2, 0.01], position: [0, 0, 0.005]}}
       - {{box: [0.2, 0.01, 0.05], position: [0, 0.095, 0.035]}}
@@ -35,16 +34,16 @@ def write_pan(fixed, handles):
 
 
 @pytest.mark.parametrize(
-    ("fixed", "handles", "pours"),
+    ("holds", "handles", "pours"),
     [
-        ("false", (0.12, -0.12), True),
-        ("true", (0.12, -0.12), False),  # it doesn't come along
-        ("false", (0.12,), False),
-        ("false", (), False),
+        ("mass: 0.3", (0.12, -0.12), True),
+        ("fixed: true", (0.12, -0.12), False),  # it doesn't come along
+        ("mass: 0.3", (0.12,), False),
+        ("mass: 0.3", (), False),
     ],
 )
-def test_a_loose_vessel_with_two_handles_is_poured_out(tmp_path, fixed, handles, pours):
-    brief = make_brief(read_task(tmp_path, write_pan(fixed, handles), GOAL))
+def test_a_loose_vessel_with_two_handles_is_poured_out(tmp_path, holds, handles, pours):
+    brief = make_brief(read_task(tmp_path, write_pan(holds, handles), GOAL))
     assert ("pour" in list_ways(brief)) == pours
 
 
