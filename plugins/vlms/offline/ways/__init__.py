@@ -5,6 +5,7 @@ from plugins.vlms.offline.ways.grip import Grip, Hand
 from plugins.vlms.offline.ways.hook import Hook
 from plugins.vlms.offline.ways.lift import Lift
 from plugins.vlms.offline.ways.pour import Pour
+from plugins.vlms.offline.ways.press import Press
 from plugins.vlms.offline.ways.push import Push
 from plugins.vlms.offline.ways.scoop import Scoop
 from plugins.vlms.offline.ways.sweep import Sweep
@@ -20,6 +21,7 @@ WAYS: tuple[Way, ...] = (
     Lift(),
     Scoop(),
     Pour(),
+    Press(),
     Grip(),
     Hand(),
 )

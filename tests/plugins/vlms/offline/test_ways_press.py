@@ -1,0 +1,43 @@
+"""A rod that presses what a joint holds."""
+
+import pytest
+
+from plugins.tasks.file.task import FileTask
+from tests.panda import on_panda
+from tests.plugins.vlms.offline.trying import earn, list_ways, make_brief, read_task
+
+pytestmark = pytest.mark.slow
+
+LEVER = """
+  - {name: post, box: [0.04, 0.04, 0.1], position: [0.5, 0, 0.05], fixed: true}
+  - {name: lever, box: [0.2, 0.02, 0.02], position: [0.5, 0, 0.12], mass: 0.1}
+joints:
+  - {name: pivot, kind: hinge, body: lever, parent: post, lower: 0, upper: 1.2, friction: 0.02}
+"""
+KNOB = """
+  - {name: post, box: [0.04, 0.04, 0.1], position: [0.5, 0, 0.05], fixed: true}
+  - {name: knob, box: [0.03, 0.03, 0.03], position: [0.5, 0, 0.117], mass: 0.1}
+  - {name: left, box: [0.1, 0.02, 0.4], position: [0.5, 0.05, 0.2], fixed: true}
+  - {name: right, box: [0.1, 0.02, 0.4], position: [0.5, -0.05, 0.2], fixed: true}
+  - {name: behind, box: [0.02, 0.12, 0.4], position: [0.56, 0, 0.2], fixed: true}
+  - {name: before, box: [0.02, 0.12, 0.4], position: [0.44, 0, 0.2], fixed: true}
+joints:
+  - {name: pivot, kind: slider, body: knob, parent: post, axis: [1, 0, 0], lower: 0, upper: 0.01}
+"""
+
+
+@pytest.mark.parametrize(
+    ("bodies", "to", "suits"),
+    [(LEVER, 0.8, True), (KNOB, 0.01, False)],  # no rod gets beside the knob
+)
+def test_a_rod_is_for_what_it_gets_to(tmp_path, bodies, to, suits):
+    goal = f"\n  - {{joint: pivot, to: {to}, tolerance: 0.1}}\n"
+    ways = list_ways(make_brief(read_task(tmp_path, bodies, goal)))
+    assert ("press" in ways) == suits
+
+
+@pytest.mark.parametrize("scene", ["press_button", "turn_valve"])
+def test_a_rod_moves_a_joint(scene):
+    task = on_panda(FileTask(f"tasks/scenes/{scene}.yaml"))
+    rewards = earn(make_brief(task), "press", 6)
+    assert sum(reward > 0.85 for reward in rewards) >= 3
