@@ -11,7 +11,6 @@ from functools import cached_property
 
 import numpy as np
 
-from core.designs.statics import corners
 from core.geometry import Array, Box, Pose
 
 Size = tuple[float, float, float]
@@ -67,7 +66,7 @@ class Head:
     def corners(self) -> Array:
         """The corners of its boxes, (Q, 3)."""
         return np.concatenate(
-            [corners(Box(piece.size), piece.pose) for piece in self.pieces]
+            [piece.pose.apply(Box(piece.size).corners) for piece in self.pieces]
         )
 
     @property
