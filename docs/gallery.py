@@ -147,14 +147,8 @@ def measure(entry: Entry) -> dict[str, Any]:
     printed = entry.read(f"material={MATERIAL}")
     if printed.tool is not None and printed.tool.components:
         material = tool_part(entry.config(f"material={MATERIAL}")).create().material
-        printer = Printer()
-        problem = find_problem(
-            printed.tool,
-            entry.condition(DRAWS).task.shared().robot,
-            material,
-            tuple(printer.plate_mm),
-            printer.min_wall_mm,
-        )
+        robot = entry.condition(DRAWS).task.shared().robot
+        problem = find_problem(printed.tool, robot, material, Printer())
         figures["mass_g"] = round(1000 * printed.tool.mass, 1)
         figures["problem"] = str(problem or "")
 

@@ -67,13 +67,11 @@ class Buildable(Fitness):
                 f"fitness.margin_m must be between 0 and 0.2 m, got {margin_m}"
             )
 
-        self._printer = Printer(list(plate_mm), min_wall_mm)
         self._inner = inner.create(condition=condition)
         self.finals_check = self._inner.finals_check
         self._condition = condition
-        self._examination = Examination(
-            material, tuple(plate_mm), min_wall_mm, safety, margin_m
-        )
+        printer = Printer(tuple(plate_mm), min_wall_mm)
+        self._examination = Examination(material, printer, safety, margin_m)
 
     def instructions(self) -> str:
         """Return what the inner fitness says, and the rules."""
@@ -82,7 +80,7 @@ class Buildable(Fitness):
         material = examination.material
         rules = filled(
             "buildable.md.j2",
-            printer=self._printer,
+            printer=examination.printer,
             material=material,
             safety=examination.safety,
             most_kg=mass_limit(task.robot, material)[0],

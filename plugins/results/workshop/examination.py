@@ -40,8 +40,7 @@ class Examination:
 
     Attributes:
         material: of the tools.
-        plate_mm: the printer's build volume (x, y, z).
-        min_wall_mm: the thinnest wall that it prints.
+        printer: makes them.
         safety: the least safety factor.
         margin_m: the least distance of the arm from itself and from what is fixed, metres.
         plays: play the motion once more as it is exported, with forces. What speaks against the design then becomes
@@ -50,8 +49,7 @@ class Examination:
     """
 
     material: Material
-    plate_mm: tuple[float, ...]
-    min_wall_mm: float
+    printer: Printer
     safety: float
     margin_m: float
     plays: bool = True
@@ -63,9 +61,7 @@ class Examination:
             return None
 
         robot = condition.task.shared().robot
-        failing = find_problem(
-            tool, robot, self.material, self.plate_mm, self.min_wall_mm
-        )
+        failing = find_problem(tool, robot, self.material, self.printer)
         return f"{PROBLEM}{failing}" if failing else None
 
     def examine(
@@ -188,18 +184,13 @@ def _check_fixture(tool: Tool, min_wall_mm: float) -> list[Check]:
 
 @lru_cache(maxsize=16)
 def find_problem(
-    tool: Tool,
-    robot: Robot,
-    material: Material,
-    plate_mm: tuple[float, ...],
-    min_wall_mm: float,
+    tool: Tool, robot: Robot, material: Material, printer: Printer
 ) -> Check | None:
     """Find what fails of a tool as an export makes and checks it; its weight is the material's, and no fault."""
     verdicts = carried(tool, robot, material)
     if all(verdict.passed for verdict in verdicts):
-        printer = Printer(list(plate_mm), min_wall_mm)
         printed = make_tool(tool, robot, material, printer, Fit())
-        verdicts = [*printed.verdicts, *_check_fixture(tool, min_wall_mm)]
+        verdicts = [*printed.verdicts, *_check_fixture(tool, printer.min_wall_mm)]
 
     for verdict in verdicts:
         if verdict.passed is False and verdict.name != "weight":

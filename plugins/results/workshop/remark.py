@@ -34,9 +34,7 @@ def describe_printing(tool: Tool, robot: Robot, material: Material) -> str | Non
     if material.name == PAPER.name:
         material = node(load("evaluate", [f"material={DEFAULT}"]).material, Material)
 
-    printer = Printer()
-    plate_mm = tuple(printer.plate_mm)
-    problem = find_problem(tool, robot, material, plate_mm, printer.min_wall_mm)
+    problem = find_problem(tool, robot, material, Printer())
     verdict = "yes"
     if problem is not None:
         verdict = f"no (this check fails: {problem})"

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from core.errors import UsageError, check_positive
 
 
-@dataclass
+@dataclass(unsafe_hash=True)
 class Printer:
-    """A printer. The defaults are a Prusa MK4's.
+    """A printer, hashable. The defaults are a Prusa MK4's.
 
     Attributes:
         plate_mm: its build volume (x, y, z).
@@ -20,7 +20,7 @@ class Printer:
         UsageError: a number that is not positive, or not three lengths.
     """
 
-    plate_mm: list[float] = field(default_factory=lambda: [250.0, 210.0, 220.0])
+    plate_mm: tuple[float, ...] = (250.0, 210.0, 220.0)
     min_wall_mm: float = 0.8
     name: str = "mk4"
 
@@ -30,6 +30,8 @@ class Printer:
                 f"plate_mm must be three lengths (x, y, z), got {list(self.plate_mm)}"
             )
 
+        # A configuration has a list.
+        self.plate_mm = tuple(self.plate_mm)
         check_positive("plate_mm.", **dict(zip("xyz", self.plate_mm, strict=True)))
         check_positive("", min_wall_mm=self.min_wall_mm)
 
