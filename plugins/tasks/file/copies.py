@@ -87,11 +87,12 @@ def read_ranges(
     ranges = Values()
     for path, wanted in given.items():
         for single in _find_paths(whole, path):
-            holder, key = follow(whole, single)
             if isinstance(wanted, tuple):
                 ranges[single] = wanted
-            else:
-                ranges[single] = (holder[key] - wanted, holder[key] + wanted)
+                continue
+
+            holder, key = follow(whole, single)
+            ranges[single] = (holder[key] - wanted, holder[key] + wanted)
 
     return ranges
 

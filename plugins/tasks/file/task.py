@@ -219,8 +219,8 @@ class FileTask(Task):
         """
         for name, ranges in self.variations.items():
             for path, (low, high) in ranges.items():
-                if low > high:
-                    problem = f"its range is from {low:g} to {high:g}; write the lower number first"
+                problem = self._find_problem(path, low, high)
+                if problem:
                     raise self._tree.error(("variations", name, path), problem)
 
             sets = self._sets[name]
@@ -232,6 +232,20 @@ class FileTask(Task):
 
             for values in zip(*sets.values(), strict=True):
                 self._check_numbers(name, list(zip(sets, values, strict=True)))
+
+    def _find_problem(self, path: str, low: float, high: float) -> str:
+        """Say what is wrong with a range by itself; empty: nothing."""
+        if low > high:
+            return (
+                f"its range is from {low:g} to {high:g}; write the lower number first"
+            )
+
+        try:
+            tree.follow(copies.unfold(self._tree.data, [path], self._files), path)
+        except (LookupError, TypeError, ValueError):
+            return NO_NUMBER
+
+        return ""
 
     def _check_numbers(
         self, variation: str, numbers: Sequence[tuple[str, float]]
