@@ -3,6 +3,7 @@
 from plugins.vlms.offline.ways.cage import Cage
 from plugins.vlms.offline.ways.grip import Grip, Hand
 from plugins.vlms.offline.ways.hook import Hook
+from plugins.vlms.offline.ways.key import Key
 from plugins.vlms.offline.ways.lift import Lift
 from plugins.vlms.offline.ways.pour import Pour
 from plugins.vlms.offline.ways.press import Press
@@ -19,6 +20,7 @@ WAYS: tuple[Way, ...] = (
     Hook(),
     Throw(),
     Lift(),
+    Key(),
     Scoop(),
     Pour(),
     Press(),

@@ -1,0 +1,77 @@
+"""Lift a body by a slot in its middle, with a key that turns below it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import ClassVar
+
+import numpy as np
+
+from plugins.vlms.offline.heads import Head, Step, at, box
+from plugins.vlms.offline.job import Job
+from plugins.vlms.offline.layout import solid_points
+from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
+
+_BIT_M = 0.008  # high
+_STEM_M = 0.07  # longer than the body is high
+_LONGER = 1.3  # times as long as wide, a slot is at least: the turned key must rest on its edges
+
+
+class Key(Way):
+    """A T goes down through a slot along x, turns by a quarter below it, and lifts the body by the slot's edges."""
+
+    name = "key"
+    title = "goes through a slot, turns below it, and lifts"
+    approaches = True
+    sizes: ClassVar[Ranges] = {
+        "length": Range(0.75, 0.95),  # of the slot's
+        "width": Range(0.3, 0.6),  # of the slot's
+    }
+    moves: ClassVar[Ranges] = {
+        "below": Range(0.004, 0.02),  # the body, as it turns
+        "higher": Range(0.0, 0.03),  # than the body has to get
+        "lifting": Range(0.05, 0.2),
+    }
+
+    def suits(self, job: Job) -> float:
+        long, wide = _measure_slot(job)
+        return 1.0 if job.rises and long > _LONGER * wide > 0 else 0.0
+
+    def head(self, job: Job, values: Values) -> Head:
+        long, wide = _measure_slot(job)
+        thick = wide * values["width"]
+        top = _BIT_M + float(job.size[2]) + _STEM_M
+        bit = (long * values["length"], thick, _BIT_M)
+        pieces = [
+            box("stem", 0.0, 0.0, top / 2, (thick, thick, top)),
+            box("bit", 0.0, 0.0, _BIT_M / 2, bit),
+        ]
+        return Head(pieces, np.array([0.0, 0.0, top]), "a T")
+
+    def motion(self, job: Job, values: Values) -> Iterator[Step]:
+        low = -_BIT_M - values["below"]
+        quarter = np.pi / 2
+        yield above(job, at(0.0, 0.0, 0.0))
+        yield Step(at(0.0, 0.0, low), touch=True)
+        yield Step(at(0.0, 0.0, low, yaw=quarter), touch=True)
+
+        up = job.rise + values["higher"] - _BIT_M
+        yield Step(at(0.0, 0.0, up, yaw=quarter), values["lifting"], touch=True)
+
+
+def _measure_slot(job: Job) -> tuple[float, float]:
+    """Measure the hole in the middle of a body along the frame's x and y; 0, where there is none."""
+    inside = job.frame.inverse()
+    half = np.full(2, np.inf)
+    for name in job.want.bodies:
+        for solid in job.layout.solids[name]:
+            points = inside.apply(solid_points(solid))[:, :2]
+            low = points.min(axis=0)
+            high = points.max(axis=0)
+            for axis in range(2):
+                if low[1 - axis] < 0 < high[1 - axis]:
+                    gap = max(low[axis], -high[axis], 0.0)
+                    half[axis] = min(half[axis], gap)
+
+    x, y = 2 * half if np.isfinite(half).all() else (0.0, 0.0)
+    return float(x), float(y)
