@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import product
 
@@ -20,6 +20,7 @@ _OFF_M = 0.004  # a face, that is looked for what is before it
 _HEAD_ON = 0.7  # the cosine of how far off its way a face may be pushed, at most
 _ROOM_M = 0.07  # wide, what bears a rod needs behind it,
 _HIGH_M = 0.3  # and from there up
+_SHARES = (-0.8, -0.4, 0.0, 0.4, 0.8)  # of half a face, where points are taken
 _MOST_M = 0.4  # long, a rod is at most
 _STEP_M = 0.02  # between two lengths that are tried
 _LEAST_LEVER = 0.5  # of the longest lever
@@ -59,19 +60,23 @@ class Spot:
 @lru_cache(maxsize=32)
 def find_spots(job: Job) -> list[Spot]:
     """Find where a body can be pushed by a rod, so that its joint gets where a job wants it; the best levers alone."""
-    scene = job.layout.scene
-    joint = scene.placed_joints[job.want.joint]
-    if joint.joint.kind == "ball":
-        return []
-
-    parent = scene[joint.joint.parent].pose if joint.joint.parent else Pose()
-    found = [*_list_spots(job, joint, parent)]
+    found = []
+    for spot in list_spots(job):
+        depth = _measure_depth(job, spot.point, spot.way)
+        if depth is not None:
+            found.append(replace(spot, depth=depth))
     longest = max((spot.lever for spot in found), default=0.0)
     return [spot for spot in found if spot.lever >= _LEAST_LEVER * longest]
 
 
-def _list_spots(job: Job, joint: PlacedJoint, parent: Pose) -> Iterator[Spot]:
-    """Yield the points on the faces of a body's parts that can be pushed."""
+def list_spots(job: Job) -> Iterator[Spot]:
+    """Yield the points on the faces of a body's parts that are pushed the way that a job wants the joint to go."""
+    scene = job.layout.scene
+    joint = scene.placed_joints[job.want.joint]
+    if joint.joint.kind == "ball":
+        return
+
+    parent = scene[joint.joint.parent].pose if joint.joint.parent else Pose()
     start = joint.joint.start
     sign = float(np.sign(job.want.to - start))
     step = 1e-4 * sign
@@ -85,9 +90,7 @@ def _list_spots(job: Job, joint: PlacedJoint, parent: Pose) -> Iterator[Spot]:
             way = shift / max(float(np.linalg.norm(shift)), 1e-12)
             if lever < 1e-3 or -normal @ way < _HEAD_ON:
                 continue
-            depth = _measure_depth(job, point, way)
-            if depth is not None:
-                yield Spot(joint, parent, point, way, lever, depth)
+            yield Spot(joint, parent, point, way, lever)
 
 
 def _list_faces(solid: Solid) -> Iterator[tuple[Array, Array]]:
@@ -96,7 +99,7 @@ def _list_faces(solid: Solid) -> Iterator[tuple[Array, Array]]:
     for axis, side in product(range(3), (-1.0, 1.0)):
         normal = np.zeros(3)
         normal[axis] = side
-        for shares in product((-0.8, 0.0, 0.8), repeat=2):
+        for shares in product(_SHARES, repeat=2):
             place = np.insert(shares, axis, side)
             point = solid.pose.apply(middle + place * half)
             yield point, solid.pose.rotation.apply(normal)
@@ -106,18 +109,18 @@ def _measure_depth(job: Job, point: Array, way: Array) -> float | None:
     """Measure how far back a rod must reach, until there is room for what bears it; None: it doesn't get to a point."""
     for back in np.arange(_STEP_M, _MOST_M, _STEP_M):
         foot = aim(point - (_OFF_M + back / 2) * way, way)
-        if _is_blocked(job, foot, (back, _ROD_M, _ROD_M)):
+        if meets_anything(job, foot, (back, _ROD_M, _ROD_M)):
             return None
 
         end = point - (back + _ROOM_M / 2) * way
         over = Pose(end + np.array([0.0, 0.0, (_HIGH_M - _ROD_M) / 2]))
-        if not _is_blocked(job, over, (_ROOM_M, _ROOM_M, _HIGH_M)):
+        if not meets_anything(job, over, (_ROOM_M, _ROOM_M, _HIGH_M)):
             return float(back)
 
     return None
 
 
-def _is_blocked(job: Job, pose: Pose, size: Size) -> bool:
+def meets_anything(job: Job, pose: Pose, size: Size) -> bool:
     """Report whether a box at a pose in the world meets anything."""
     box = Solid("room", solid_geometry(Box(size)), pose)
     obstacles = job.layout.all_solids

@@ -7,6 +7,7 @@ from plugins.vlms.offline.ways.key import Key
 from plugins.vlms.offline.ways.lift import Lift
 from plugins.vlms.offline.ways.pour import Pour
 from plugins.vlms.offline.ways.press import Press
+from plugins.vlms.offline.ways.pull import Pull
 from plugins.vlms.offline.ways.push import Push
 from plugins.vlms.offline.ways.scoop import Scoop
 from plugins.vlms.offline.ways.sweep import Sweep
@@ -24,6 +25,7 @@ WAYS: tuple[Way, ...] = (
     Scoop(),
     Pour(),
     Press(),
+    Pull(),
     Grip(),
     Hand(),
 )
