@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 from core.config.schemas import PARTS, PromptSettings, Sampling
 from core.design import DesignError
 from core.hooks import hookimpl
-from core.interfaces import VLM, Reply, Request
+from core.interfaces import VLM, Brief, Reply, Request
 from core.support.cli import say
 from core.support.text import hydra_word
 from plugins.vlms.offline.answer import answer
@@ -35,9 +36,15 @@ class OfflineDesigner(VLM):
     criticises = False
     sees = False
 
+    def __init__(self) -> None:
+        self._takes_either = False  # tools on the flange or on the fingers
+
     @hookimpl(trylast=True)
     def run_started(self, run: Run) -> None:
-        """Say which settings change nothing, and for which goals no plan is made."""
+        """Say which settings change nothing, and for which goals no plan is made; note the kinds of tools."""
+        kinds = run.config.get("task", {}).get("tool_kinds") or run.task.tool_kinds
+        self._takes_either = len({*kinds}) > 1
+
         unread = _list_unread(run)
         if unread:
             say(
@@ -63,13 +70,29 @@ class OfflineDesigner(VLM):
         """See `VLM.complete`. A brief that can't be answered gets a reply with the reason."""
         for request in requests:
             try:
-                document = answer(request.brief)
+                document = self._answer(request.brief)
             except (NothingSuits, DesignError) as error:
                 yield Reply(request.id, "", self.model, error=str(error))
                 continue
 
             text = json.dumps(document, indent=1)
             yield Reply(request.id, text, self.model)
+
+    def _answer(self, brief: Brief) -> dict[str, Any]:
+        """Make the document for a brief; where no way suits its kind of tool, of the other kind if the run allows it.
+
+        Raises:
+            NothingSuits: no way of using a tool suits the task.
+            DesignError: plans can't be written as the brief asks.
+        """
+        try:
+            return answer(brief)
+        except NothingSuits:
+            is_given = brief.representation.given(brief.task) is not None
+            if is_given or not self._takes_either:
+                raise
+
+        return answer(replace(brief, gripper=not brief.gripper))
 
 
 def _list_unread(run: Run) -> list[str]:

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from core.design import Candidate, Component, Tool
 from core.designs.planning import NO_PLAN
 from core.designs.reading import read_designs
 from core.geometry import Box, Pose
-from core.interfaces import Evaluation, Score, Waypoints
+from core.interfaces import Evaluation, Request, Score, Waypoints
 from core.plugins import installed
 from plugins.vlms.offline.answer import answer
 from plugins.vlms.offline.notes import read_values
@@ -137,3 +138,23 @@ def test_the_docs_have_each_way():
     page = (ROOT / "docs/designer.md").read_text()
     for way in WAYS:
         assert f"| `{way.name}` | {way.title} |" in page
+
+
+def test_an_agent_whose_kind_of_tool_no_way_suits_makes_the_other_kind():
+    """A cookie is taken out of its jar by fingers alone."""
+    task = on_panda(installed().create("task", "SnatchCookie"))
+    brief = make_brief(task, gripper=False)
+    request = Request("g0-a0", brief, (), {}, 1.0)
+    designer = installed().create("vlm", "offline")
+    (reply,) = designer.complete([request])
+    assert "no way of using a tool on the flange" in reply.error
+
+    for kinds, is_answered in ((["rigid"], False), (["rigid", "gripper"], True)):
+        config = {"task": {"tool_kinds": kinds}}
+        designer.run_started(SimpleNamespace(config=config, task=task, seed=0))
+        (reply,) = designer.complete([request])
+        assert (reply.error is None) == is_answered
+
+    (candidate,) = read(json.loads(reply.text), brief)
+    assert candidate.problem is None
+    assert candidate.tool.gripper
