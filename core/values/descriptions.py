@@ -13,7 +13,6 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Color, Pose, Primitive, Shape, Triple, Vector
 
@@ -186,6 +185,8 @@ class RobotJoint:
         way = value * self.direction
         if self.kind == "prismatic":
             return Pose(way)
+
+        from scipy.spatial.transform import Rotation  # lists of plugins need it not
 
         return Pose.from_rotation((0.0, 0.0, 0.0), Rotation.from_rotvec(way))
 
