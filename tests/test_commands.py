@@ -246,6 +246,7 @@ def test_the_result(tiny):
     assert set(result["best"]) == {
         "reward",
         "margin",
+        "measured",
         "distance_m",
         "generation",
         "candidate",

@@ -1,7 +1,5 @@
 """Templates of prose: filled in by name, with numbers in short."""
 
-from types import SimpleNamespace
-
 import jinja2
 import pytest
 
@@ -27,6 +25,6 @@ def test_what_is_not_given_is_an_error():
 
 
 def test_macros_of_a_template_are_functions():
-    words = macros("plugins.tasks.file", "goals")
-    goal = SimpleNamespace(away=1 / 3)
-    assert words.Away(goal) == "must get 0.333333 m away from where it starts"
+    words = macros("plugins.vlms.told", "bodies")
+    assert words.place(1 / 3) == "33 %"
+    assert words.weight(0.1) == "light"

@@ -32,6 +32,7 @@ pytest.importorskip("mujoco")
 
 
 from plugins.simulators.mujoco.renderer import MuJoCoRenderer
+from plugins.simulators.rendering import joint_positions
 from tests.packages import without
 from tests.panda import FINGER_OPEN
 
@@ -233,11 +234,11 @@ def test_what_is_behind_glass_can_be_seen(own_renderer):
         red = Body.of(
             "red", Box((0.1, 0.1, 0.1)), (0.6, 0, 0.05), mass=1, color=(1, 0, 0, 1)
         )
-        own_renderer.load(Bodies(table(), red, pane), 0, None)
         task = Bodies(table(), red, pane)
-        own_renderer.pose(
-            still().arm[0], np.full(2, FINGER_OPEN), task.scene(0).state()
-        )
+        own_renderer.load(task, 0, HAND)
+        fingers = np.full(2, FINGER_OPEN)
+        joints = joint_positions(task.robot, HAND, still().arm[0], fingers)
+        own_renderer.pose(joints, task.scene(0).state())
         camera = replace(task.camera, position=(1.6, 0.0, 0.3), target=(0.6, 0.0, 0.1))
         seen = own_renderer.shoot(camera, 80, 60).astype(int)
         return (seen[..., 0] > seen[..., 1] + 60).sum()
