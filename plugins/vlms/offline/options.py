@@ -17,9 +17,8 @@ from plugins.vlms.offline.ways import WAYS
 from plugins.vlms.offline.ways.way import Way
 
 _TURNS = (0.0, np.pi, np.pi / 2, -np.pi / 2)  # the first one away from the robot
-_HAND_TURNS = tuple(
-    np.arange(-3, 5) * np.pi / 8
-)  # half a turn brings fingers to where the other one was
+# Half a turn brings each finger to where the other one was.
+_HAND_TURNS = tuple(np.arange(-3, 5) * np.pi / 8)
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,9 +37,7 @@ class Grip(Way):
         "thick": Range(0.004, 0.01),
         "length": Range(0.2, 0.8),  # of the body's
         "height": Range(0.4, 1.0),  # of the body's
-        "into": Range(
-            0.7, 1.0
-        ),  # what stands around the body the fingers reach, in their lengths
+        "into": Range(0.7, 1.0),  # what stands around the body, in finger lengths
         "ahead": Range(-0.05, 0.05),  # of the hand, beside what the arm is too short
     }
     moves: ClassVar[Ranges] = {
@@ -48,9 +46,7 @@ class Grip(Way):
         "higher": Range(0.0, 0.03),  # than the body has to get
         "lifting": Range(0.1, 0.3),
         "carrying": Range(0.1, 0.4),
-        "drags": Range(
-            0.0, 1.0
-        ),  # from a half on, what needn't rise stays on the ground
+        "drags": Range(0.0, 1.0),  # from a half on, it may stay on the ground
     }
 
     def suits(self, job: Job) -> float:

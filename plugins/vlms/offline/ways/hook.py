@@ -31,18 +31,14 @@ class Hook(Way):
     name = "hook"
     title = "passes bodies, over them or beside them, gets behind them with a toe, and pulls"
     sizes: ClassVar[Ranges] = {
-        "place": Range(
-            0.0, 1.0
-        ),  # where the arm passes: over, on the left or on the right, by how much room is there
+        "place": Range(0.0, 1.0),  # over, left or right, by the room there
         "arm": Range(0.15, 0.35),  # thick, of the room
         "toe": Range(0.5, 0.9),  # long, of the room that is left
         "breadth": Range(0.3, 0.9),  # of the toe, of the bodies' side
         "ahead": Range(0.02, 0.1),  # of the bodies the arm goes on
     }
     moves: ClassVar[Ranges] = {
-        "low": Range(
-            0.002, 0.02
-        ),  # above the ground, or of a toe from above, the toe's slack
+        "low": Range(0.002, 0.02),  # over the ground; over bodies a quarter of it
         "before": Range(0.01, 0.04),  # the bodies, where it comes down
         "behind": Range(0.003, 0.012),  # the bodies, where the toe gets in
         "farther": Range(-0.02, 0.03),  # than the bodies have to go

@@ -15,9 +15,7 @@ from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way
 _PLATE_M = 0.01  # thick, at the flange
 _WIDE_M = 0.06  # the plate
 _HIGH_M = 0.03  # the crossbar
-_TOP_M = (
-    0.035  # that the plate covers above the flange's middle, and below the channels
-)
+_TOP_M = 0.035  # the plate goes on above the flange's middle, and below the channels
 _INNER = 0.3  # of a handle, from the vessel on, that the channel leaves free
 _STEPS = 5  # of the turn
 _OVER_M = 0.01  # everything near, at least, the vessel passes
@@ -48,9 +46,7 @@ class Pour(Way):
         "higher": Range(0.0, 0.05),  # than the vessel has to pass
         "carrying": Range(0.15, 0.4),
         "heading": Range(-0.5, 0.8),  # at the place, beside the way from the robot
-        "turn": Range(
-            2.2, 3.0
-        ),  # upside down, and more: what slopes inward empties, too
+        "turn": Range(2.2, 3.0),  # so far that walls slope down to the mouth
         "side": Range(-1.0, 1.0),  # to the left from 0 on, to the right below
         "aside": Range(0.3, 0.7),  # of the drop, so that the mouth gets above the place
     }

@@ -18,9 +18,8 @@ _TOE_M = 0.006  # thick
 _BEHIND_M = 0.014  # a face there must be room for the toe
 _OUT_M = 0.25  # before it, for the arm and what bears it
 _WIDE_M = 0.016  # the opening must be
-_OFFSETS_M = np.linspace(
-    0.008, 0.03, 7
-)  # from a point on a face to the middle of an opening
+# From a point on a face to the middle of an opening.
+_OFFSETS_M = np.linspace(0.008, 0.03, 7)
 _ARC = 6  # steps of a turn
 
 

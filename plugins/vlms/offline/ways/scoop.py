@@ -12,9 +12,7 @@ from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
 
 _ENTRY_M = 0.05  # of room before bodies, to come down there
-_CLIMBED_M = (
-    0.01  # walls beside a floor begin so far behind its edge, onto which bodies climb
-)
+_CLIMBED_M = 0.01  # of the floor's edge has no walls: bodies climb onto it
 
 
 class Scoop(Way):

@@ -27,9 +27,7 @@ class Throw(Way):
         "behind": Range(0.005, 0.03),
         "above": Range(0.002, 0.008),  # the ground
         "stroke": Range(0.4, 0.9),  # metres, of bodies that are thrown far
-        "swing": Range(
-            -0.8, 0.8
-        ),  # to both sides of the way, of the head as it throws far: a wrist makes it faster
+        "swing": Range(-0.8, 0.8),  # of the wrist, to both sides, as it throws far
         "share": Range(0.3, 1.0),  # of their way, of bodies that fall
         "fast": Range(0.4, 2.0),  # m/s
         "heading": Range(-0.15, 0.15),
@@ -66,9 +64,8 @@ class Throw(Way):
             swing = 0.0
 
         depth = values["depth"] * job.size[0] + job.size[1] / 2
-        turned = depth * abs(
-            np.sin(swing)
-        )  # so far its walls get nearer as it is turned
+        # Its walls get nearer by so much as it is turned.
+        turned = depth * abs(np.sin(swing))
         behind = -job.size[0] / 2 - values["behind"] - turned
         begin = at(behind * np.cos(yaw), behind * np.sin(yaw), foot, yaw=yaw - swing)
         ahead = behind + stroke
