@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
 from core.geometry import Array, Box, Pose
 from core.goals import Want
 from core.robot.solids import Solid, contact, solid_geometry
-from plugins.vlms.offline.layout import CONTACT_M, Layout, solid_points
+from plugins.vlms.offline.layout import CONTACT_M, Layout
 
 Asked = Literal["place", "joint", "turn", "break", "else"]
 """What a goal asks of bodies."""
@@ -26,30 +26,10 @@ _NO_WAY_M = 0.01  # a shorter way on the ground gives no direction
 _RISES_M = 0.03  # what has to get up by more is lifted
 _FALLS_M = 0.1  # what has to get down by more falls
 _SUPPORT_M = 0.006  # what is so low beside a body is what it stands on
-_FOOT_M = 0.004  # parts of a body that begin lower are its foot,
-_STANDS_OUT_M = 0.006  # and those that stand out by more can be lifted
 _COVERED_M = 0.15  # what is nearer above bodies covers them
 _LOOK_M = 0.03  # between two looks along a way
 _TOOL_M = 0.55  # by which a tool makes an arm longer, at most
 _HALVINGS = 6  # of a distance, to find how far something is away
-
-
-class Handles(NamedTuple):
-    """What stands out of a body on both sides of a frame's x; in that frame, metres.
-
-    Attributes:
-        inner: half of the body's width without it.
-        outer: half of the body's width.
-        low: where it begins, above the foot.
-        high: where it ends.
-        front: how far ahead it ends.
-    """
-
-    inner: float
-    outer: float
-    low: float
-    high: float
-    front: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,22 +133,15 @@ class Job:
         """The job's frame in the world."""
         foot = np.array([*self.center[:2], self.points[:, 2].min()])
         level = Pose.xyz_rpy(foot, (0.0, 0.0, self.heading))
-        low, high = _span(level.inverse().apply(self.points))
+        low, high = span(level.inverse().apply(self.points))
         middle = level.apply([*(low + high)[:2] / 2, 0.0])
         return Pose.xyz_rpy(middle, (0.0, 0.0, self.heading))
 
     @cached_property
     def size(self) -> Array:
         """The bodies' extents along the frame's axes, (3,)."""
-        low, high = _span(self.frame.inverse().apply(self.points))
+        low, high = span(self.frame.inverse().apply(self.points))
         return high - low
-
-    @cached_property
-    def narrowest(self) -> float:
-        """How wide the bodies are on the level where they are narrowest."""
-        angles = np.arange(16) * np.pi / 16
-        across = self.points[:, :2] @ np.array([np.cos(angles), np.sin(angles)])
-        return float(np.ptp(across, axis=0).min())
 
     @property
     def length(self) -> float:
@@ -211,26 +184,6 @@ class Job:
             return np.array([self.want.away, 0.0, 0.0])
         return self.frame.rotation.inv().apply(self.shift)
 
-    @property
-    def away(self) -> Array:
-        """The direction from the robot to the bodies, along the ground of the frame, (3,)."""
-        x, y = (self.center - self.layout.reach.base)[:2]
-        ahead = self.frame.rotation.inv().apply([x, y, 0.0])
-        return np.asarray(ahead / np.hypot(x, y))
-
-    @property
-    def goal_heading(self) -> float:
-        """The direction from the robot to where the bodies have to go, in the frame, radians."""
-        x, y = (self.center + self.shift - self.layout.reach.base)[:2]
-        return float(np.arctan2(y, x)) - self.heading
-
-    @property
-    def far(self) -> float:
-        """How far the bodies, or where they have to go, are out of the arm's reach."""
-        reach = self.layout.reach
-        places = [self.center, self.center + self.shift]
-        return max(0.0, *(float(reach.excess(place[None])) for place in places))
-
     @cached_property
     def clear(self) -> float:
         """The height in the frame above everything that is near the bodies or their way."""
@@ -246,7 +199,7 @@ class Job:
         origins = self.origins
         found = []
         for name, points in self.layout.points.items():
-            low, high = _span(points)
+            low, high = span(points)
             is_around = ((origins > low) & (origins < high)).all()
             if is_around and name not in self.want.bodies:
                 found.append((float(np.prod(high - low)), name))
@@ -260,48 +213,6 @@ class Job:
         if holder is None or self.layout.scene[holder].fixed:
             return None
         return replace(self, want=Want((holder,)))
-
-    @cached_property
-    def overhang(self) -> tuple[float, float] | None:
-        """What stands out of a body on both sides of the frame's x, above its foot: None, if nothing does.
-
-        Returns:
-            Half the width of the foot, and how high above it that begins.
-        """
-        handles = self.handles
-        return None if handles is None else (handles.inner, handles.low)
-
-    @cached_property
-    def handles(self) -> Handles | None:
-        """What stands out of a body on both sides of the frame's x, above its foot: None, if nothing does."""
-        inside = self.frame.inverse()
-        parts = [
-            inside.apply(solid_points(solid))
-            for name in self.want.bodies
-            for solid in self.layout.solids[name]
-        ]
-        wide = np.array([np.abs(points[:, 1]).max() for points in parts])
-        low = np.array([points[:, 2].min() for points in parts])
-        foot = wide[low < _FOOT_M].max()
-        out = (low >= _FOOT_M) & (wide > foot + _STANDS_OUT_M)
-        if not out.any():
-            return None
-
-        under = low[out].min()
-        beside = wide[~out & (low < under)].max()
-        outstanding = [
-            points for points, is_out in zip(parts, out, strict=True) if is_out
-        ]
-        least, most = _span(np.concatenate(outstanding))
-        if least[1] > -foot or most[1] < foot:
-            return None
-        return Handles(
-            inner=float(beside),
-            outer=float(wide.max()),
-            low=float(under),
-            high=float(most[2]),
-            front=float(most[0]),
-        )
 
     @lru_cache(maxsize=32)  # noqa: B019 - a job lives as long as the answer to a brief
     def room(
@@ -373,6 +284,6 @@ class Job:
         return any(contact(box, other)[0] < 0.0 for other in others.near(box, 0.0))
 
 
-def _span(points: Array) -> tuple[Array, Array]:
+def span(points: Array) -> tuple[Array, Array]:
     """Return the least and the greatest coordinates of points (V, 3)."""
     return points.min(axis=0), points.max(axis=0)

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from core.geometry import Array
 from plugins.vlms.offline.hand import hand_of
 from plugins.vlms.offline.heads import Head, Step, at, box
 from plugins.vlms.offline.job import Job
@@ -15,6 +16,7 @@ from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
 _LEAST_SHAFT_M = 0.03  # of pads below the fingertips
 _OVER_M = 0.005  # what stands around the body, the palm stays
 _NARROW = 1.03  # times as wide as where it is narrowest, a body is where fingers close
+_ANGLES = 16  # of half a turn, at which widths are measured
 _PAD_M = 0.016  # of room on each side of it, for pads
 _SHORT = 0.3  # of its length, that are as short
 _ENTRY_M = 0.05  # of room above a body, to come down on it
@@ -52,7 +54,10 @@ class Grip(Way):
     def suits(self, job: Job) -> float:
         if len(job.want.bodies) > 1 or job.beyond or not (job.goes or job.rises):
             return 0.0
-        if job.size[1] > _NARROW * job.narrowest or job.room(z=1.0) < _ENTRY_M:
+        if (
+            job.size[1] > _NARROW * _measure_narrowest(job)
+            or job.room(z=1.0) < _ENTRY_M
+        ):
             return 0.0
         high = max(job.clear, job.size[2])
         shaft = np.array([_SHORT * job.size[0], job.size[1] + 2 * _PAD_M, high])
@@ -74,7 +79,7 @@ class Grip(Way):
         below = max(
             height + _LEAST_SHAFT_M, job.clear + _OVER_M - values["into"] * hand.palm
         )
-        x, y, _ = job.far * job.away
+        x, y, _ = _measure_excess(job) * _find_away(job)
         mount = hand.tips @ at(x + values["ahead"], y, -below)
         return Head(pads, np.array([0.0, 0.0, height]), "two pads", mount)
 
@@ -108,6 +113,27 @@ class Grip(Way):
         yield Step(above(job, down).pose, touch=True)
 
 
+def _measure_narrowest(job: Job) -> float:
+    """Measure how wide the bodies are on the level where they are narrowest."""
+    angles = np.arange(_ANGLES) * np.pi / _ANGLES
+    across = job.points[:, :2] @ np.array([np.cos(angles), np.sin(angles)])
+    return float(np.ptp(across, axis=0).min())
+
+
+def _measure_excess(job: Job) -> float:
+    """Measure how far the bodies, or where they have to go, are out of the arm's reach, metres."""
+    reach = job.layout.reach
+    places = [job.center, job.center + job.shift]
+    return max(0.0, *(float(reach.excess(place[None])) for place in places))
+
+
+def _find_away(job: Job) -> Array:
+    """Find the direction from the robot to the bodies, along the ground of the frame, (3,)."""
+    x, y = (job.center - job.layout.reach.base)[:2]
+    ahead = job.frame.rotation.inv().apply([x, y, 0.0])
+    return np.asarray(ahead / np.hypot(x, y))
+
+
 class Hand(Grip):
     """The bare fingers come down beside a body and close on it."""
 
@@ -117,7 +143,7 @@ class Hand(Grip):
     sizes: ClassVar[Ranges] = {}
 
     def suits(self, job: Job) -> float:
-        if job.far > 0 or job.size[1] > hand_of(job.layout.robot).widest:
+        if _measure_excess(job) > 0 or job.size[1] > hand_of(job.layout.robot).widest:
             return 0.0
         return super().suits(job)
 

@@ -7,9 +7,14 @@ from typing import ClassVar
 
 import numpy as np
 
+from plugins.vlms.offline.handles import Handles, find_handles
 from plugins.vlms.offline.heads import Head, Step, at, box
 from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
+
+_THIN_M = 0.004  # a tine, at least
+_THICK_M = 0.012  # and at most
+_WALL_M = 0.012  # thick, behind the tines
 
 
 class Lift(Way):
@@ -33,39 +38,34 @@ class Lift(Way):
     }
 
     def suits(self, job: Job) -> float:
-        if job.is_covered or job.overhang is None:
+        if job.is_covered or not job.rises or find_handles(job) is None:
             return 0.0
-        return 1.0 if job.rises else 0.0
+        return 1.0
 
     def head(self, job: Job, values: Values) -> Head:
-        assert job.overhang is not None
-        half, under = job.overhang
-        out = job.size[1] / 2 - half
+        handles, depth, thick = self._measure(job, values)
+        out = job.size[1] / 2 - handles.inner
         tine = max(0.006, out * values["tine"])
-        thick = float(np.clip(under * values["thick"], 0.004, 0.012))
-        depth = job.size[0] * values["depth"] + values["behind"]
-        inner = half + values["room"]
+        inner = handles.inner + values["room"]
         width = 2 * (inner + tine)
-        high = float(np.clip(job.size[2] - under, 0.03, 0.08))
+        high = float(np.clip(job.size[2] - handles.low, 0.03, 0.08))
 
-        wall = box("wall", -0.006, 0.0, high / 2, (0.012, width, high))
-        size = (depth + 0.012, tine, thick)
+        wall = box("wall", -_WALL_M / 2, 0.0, high / 2, (_WALL_M, width, high))
+        size = (depth + _WALL_M, tine, thick)
+        x = (depth - _WALL_M) / 2
         tines = [
-            box(name, depth / 2 - 0.006, side * (inner + tine / 2), thick / 2, size)
+            box(name, x, side * (inner + tine / 2), thick / 2, size)
             for name, side in (("left", 1.0), ("right", -1.0))
         ]
-        return Head([wall, *tines], np.array([-0.006, 0.0, high]), "a fork")
+        return Head([wall, *tines], np.array([-_WALL_M / 2, 0.0, high]), "a fork")
 
     def motion(self, job: Job, values: Values) -> Iterator[Step]:
-        assert job.overhang is not None
-        _, under = job.overhang
-        depth = job.size[0] * values["depth"] + values["behind"]
-        thick = float(np.clip(under * values["thick"], 0.004, 0.012))
-        low = max(0.001, under - thick - values["below"])
+        handles, depth, thick = self._measure(job, values)
+        low = max(0.001, handles.low - thick - values["below"])
         behind = -job.size[0] / 2 - values["behind"]
         before = at(behind - depth, 0.0, low)
         below = at(behind, 0.0, low)
-        lift = job.rise + values["higher"] + under - thick - low
+        lift = job.rise + values["higher"] + handles.low - thick - low
         up = at(behind, 0.0, low + lift)
 
         yield above(job, before)
@@ -77,3 +77,12 @@ class Lift(Way):
             x, y, _ = job.way
             there = at(behind + x, y, up.position[2])
             yield Step(there, speed=values["lifting"], touch=True)
+
+    @staticmethod
+    def _measure(job: Job, values: Values) -> tuple[Handles, float, float]:
+        """Measure what stands out, how far the tines go ahead of the wall, and how thick they are."""
+        handles = find_handles(job)
+        assert handles is not None  # the job suits
+        depth = job.size[0] * values["depth"] + values["behind"]
+        thick = float(np.clip(handles.low * values["thick"], _THIN_M, _THICK_M))
+        return handles, depth, thick

@@ -8,8 +8,9 @@ from typing import ClassVar
 import numpy as np
 
 from core.geometry import Pose
+from plugins.vlms.offline.handles import Handles, find_handles
 from plugins.vlms.offline.heads import Head, Step, at, box
-from plugins.vlms.offline.job import Handles, Job
+from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way
 
 _PLATE_M = 0.01  # thick, at the flange
@@ -55,7 +56,7 @@ class Pour(Way):
         vessel = job.vessel
         if vessel is None or not job.goes or job.beyond or abs(job.turned) > np.pi / 2:
             return 0.0
-        return 1.0 if vessel.handles else 0.0
+        return 0.0 if find_handles(vessel) is None else 1.0
 
     def head(self, job: Job, values: Values) -> Head:
         vessel, handles = _find(job)
@@ -112,7 +113,7 @@ class Pour(Way):
         yield Step(within @ at(-back, 0.0, high), speed, touch=True)
 
         side = 1.0 if values["side"] > 0 else -1.0
-        heading = job.goal_heading + values["heading"]
+        heading = _find_goal_heading(job) + values["heading"]
         place = Pose.xyz_rpy([*job.way[:2], within.position[2]], (0.0, 0.0, heading))
         there = place @ at(-back, -side * values["aside"] * drop, high)
         yield Step(there, values["carrying"], touch=True)
@@ -130,6 +131,14 @@ class Pour(Way):
 
 def _find(job: Job) -> tuple[Job, Handles]:
     """Find the vessel of a job that suits, and its handles."""
-    assert job.vessel is not None
-    assert job.vessel.handles is not None
-    return job.vessel, job.vessel.handles
+    vessel = job.vessel
+    assert vessel is not None
+    handles = find_handles(vessel)
+    assert handles is not None
+    return vessel, handles
+
+
+def _find_goal_heading(job: Job) -> float:
+    """Find the direction from the robot to where the bodies have to go, in the frame, radians."""
+    x, y = (job.center + job.shift - job.layout.reach.base)[:2]
+    return float(np.arctan2(y, x)) - job.heading
