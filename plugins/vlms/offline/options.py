@@ -9,7 +9,7 @@ import numpy as np
 
 from core.design import Tool
 from core.goals import Want, numbered
-from core.interfaces import Task
+from core.interfaces import Robot, Task
 from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.layout import Layout
 from plugins.vlms.offline.wants import list_alternatives
@@ -52,13 +52,19 @@ def list_options(
         given: the tool for which plans are made; None: it is not known yet.
     """
     bare = given is not None and not given.components
-    ways = [way for way in WAYS if way.fingers == fingers and way.bare == bare]
+    possible = _list_ways(task.robot)
+    ways = [way for way in possible if way.fingers == fingers and way.bare == bare]
     options = _list_suiting(ways, layout, task)
     if not options and given is not None:
-        others = [way for way in WAYS if not way.bolted]
+        others = [way for way in possible if not way.bolted]
         options = _list_suiting(others, layout, task)
 
     return options
+
+
+def _list_ways(robot: Robot) -> list[Way]:
+    """List the ways that are possible with a robot: with an arm that has no gripper, those without fingers."""
+    return [way for way in WAYS if robot.gripper is not None or not way.fingers]
 
 
 def _list_suiting(ways: Sequence[Way], layout: Layout, task: Task) -> list[Option]:
@@ -101,7 +107,7 @@ def find_unplanned(task: Task, seed: int) -> list[str]:
     alternatives = list_alternatives(task, layout.scene)
     singles = [(want,) for wants in alternatives for want in wants]
     planned = set()
-    for way in WAYS:
+    for way in _list_ways(task.robot):
         for (job,) in _list_jobs(singles, layout, way):
             if job.asks == way.does and way.suits(job) > 0:
                 planned.add(job.want.number)

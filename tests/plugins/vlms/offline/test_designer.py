@@ -117,6 +117,14 @@ def test_the_benchmark_is_planned_for(name):
     assert find_unplanned(on_panda(installed().create("task", name)), 0) == []
 
 
+def test_an_arm_without_a_gripper_needs_no_fingers():
+    task = installed().create("task", "SnatchCookie")
+    task.robot = installed().create("robot", "ur5")
+    assert len(find_unplanned(task, 0)) == 1
+    with pytest.raises(NothingSuits):
+        answer(make_brief(task))
+
+
 def test_a_plan_that_may_look_is_done_again_until_the_goal_is_seen(brief):
     actions = installed().create("action", "anchored", {"looks": True})
     design = answer(replace(brief, actions=actions))["strategies"][0]
