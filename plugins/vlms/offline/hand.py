@@ -113,4 +113,4 @@ def _add_finger(
 
     bearer = builder.add(f"{finger.name}_sleeve", finger.name, Pose(middle), _SLEEVE_M)
     bearer = builder.add_bars("gantry", bearer, foot, end, thick, f"{finger.name}_bar")
-    builder.add(piece.name, bearer, mount @ piece.pose, piece.size, HEAD_COLOR)
+    builder.add(piece.name, bearer, mount @ piece.pose, piece.shape.size, HEAD_COLOR)

@@ -15,6 +15,8 @@ from core.geometry import Array, Box, Pose
 
 Size = tuple[float, float, float]
 
+_THIN_M = 0.0005  # a side, at least
+
 
 @dataclass(frozen=True, eq=False)
 class Piece:
@@ -31,6 +33,12 @@ class Piece:
     pose: Pose
     size: Size
     parent: int = 0
+
+    @cached_property
+    def shape(self) -> Box:
+        """The box, at least half a millimetre thick: values that are mutated can leave a side less than nothing."""
+        x, y, z = (max(side, _THIN_M) for side in self.size)
+        return Box((x, y, z))
 
 
 def box(
@@ -66,7 +74,7 @@ class Head:
     def corners(self) -> Array:
         """The corners of its boxes, (Q, 3)."""
         return np.concatenate(
-            [piece.pose.apply(Box(piece.size).corners) for piece in self.pieces]
+            [piece.pose.apply(piece.shape.corners) for piece in self.pieces]
         )
 
     @property

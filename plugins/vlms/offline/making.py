@@ -24,6 +24,7 @@ START_RANGES = {"rise": Range(0.0, 1.0)}
 """How far out the arm rises to where it works, if that is above home: a parameter of every way."""
 
 _HIGHER_M = 0.05  # a first pose that is higher above home is risen to
+_NEAR_M = 1e-6  # to the base's axis, there is no way out from it
 _SEGMENT_S = 0.5  # the shortest time of a segment
 _MOST_SEGMENTS = 10  # of a step
 
@@ -178,7 +179,7 @@ def _rise(layout: Layout, first: Pose, share: float) -> list[Pose]:
 
     base = layout.reach.base[:2]
     out = first.position[:2] - base
-    far = float(np.linalg.norm(out))
+    far = max(float(np.linalg.norm(out)), _NEAR_M)
     near = layout.reach.inner + share * (far - layout.reach.inner)
     x, y = base + out * near / far
     return [

@@ -79,7 +79,9 @@ def build_tool(
     for piece in head.pieces:
         parent = names[piece.parent] if names else bearer
         pose = mount @ piece.pose
-        names.append(builder.add(piece.name, parent, pose, piece.size, HEAD_COLOR))
+        names.append(
+            builder.add(piece.name, parent, pose, piece.shape.size, HEAD_COLOR)
+        )
 
     text = f"{head.text}{carried}"
     return Tool(

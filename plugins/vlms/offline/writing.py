@@ -123,7 +123,7 @@ def choose_anchors(made: Made) -> list[Anchor]:
 
         for k, step in enumerate(steps):
             share = 0.0
-            if base.toward and k >= first:
+            if base.toward and k >= first and job.goes:
                 share = (step.pose.position[0] - begin) / job.length
             anchors.append(
                 Anchor(

@@ -130,8 +130,12 @@ def _measure_excess(job: Job) -> float:
 def _find_away(job: Job) -> Array:
     """Find the direction from the robot to the bodies, along the ground of the frame, (3,)."""
     x, y = (job.center - job.layout.reach.base)[:2]
+    distance = float(np.hypot(x, y))
+    if distance == 0.0:  # above the robot's base, no direction is away
+        return np.zeros(3)
+
     ahead = job.frame.rotation.inv().apply([x, y, 0.0])
-    return np.asarray(ahead / np.hypot(x, y))
+    return np.asarray(ahead / distance)
 
 
 class Hand(Grip):

@@ -20,6 +20,7 @@ _PASS_M = 0.003  # between the toe and bodies that it passes
 _GAP_M = 0.002  # between the arm and the bodies
 _THIN_M = 0.004  # arm and toe, at least
 _THICK_M = 0.012  # and at most
+_FIRST = 1e-6  # the share that is the first place with room
 
 
 class Hook(Way):
@@ -124,7 +125,8 @@ class Hook(Way):
         """
         rooms = self._measure_rooms(job)
         shares = np.cumsum(np.minimum(rooms, _MOST_ROOM_M))
-        chosen = int(np.searchsorted(shares, values["place"] * shares[-1]))
+        place = np.clip(values["place"], _FIRST, 1.0)
+        chosen = int(np.searchsorted(shares, place * shares[-1]))
         outward = np.array([(0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)])[chosen]
         room = rooms[chosen]
 

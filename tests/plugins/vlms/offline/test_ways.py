@@ -1,9 +1,16 @@
 """The ways of using a rigid tool: for which bodies and goals each is, and what it earns in MuJoCo."""
 
+import warnings
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from core.interfaces import Task
 from core.plugins import installed
+from plugins.vlms.offline.answer import answer
+from plugins.vlms.offline.search import Search
+from plugins.vlms.offline.vary import list_ranges
 from plugins.vlms.offline.ways import WAYS
 from tests.panda import on_panda
 from tests.plugins.vlms.offline.trying import earn, list_ways, make_brief, read_task
@@ -31,6 +38,23 @@ UP = """
 FAR = """
   - {bodies: ["*"], place: [2.0, 0, null], tolerance: 0.1}
 """
+WEDGED = """
+  - {name: card, box: [0.06, 0.003, 0.06], position: [0.6, 0, 0.03], mass: 0.02}
+  - {name: left, box: [0.4, 0.02, 0.03], position: [0.6, 0.0122, 0.015], fixed: true}
+  - {name: right, box: [0.4, 0.02, 0.03], position: [0.6, -0.0122, 0.015], fixed: true}
+"""
+OVER_BASE = """
+  - {name: cube, box: [0.06, 0.06, 0.06], position: [0, 0, 1], mass: 0.2}
+gravity: [0, 0, 0]
+"""
+TWO = """
+  - {name: left, box: [0.04, 0.04, 0.04], position: [0.6, 0.03, 0.02], mass: 0.1}
+  - {name: right, box: [0.04, 0.04, 0.04], position: [0.6, -0.03, 0.02], mass: 0.1}
+  - {name: plate, box: [0.02, 0.02, 0.001], position: [0.6, 0, 0.0005], fixed: true}
+"""
+OVER_PLATE = """
+  - {bodies: [left, right], at: plate, place: [0, 0, 0.3], tolerance: 0.2}
+"""
 TURNED = """
   - {bodies: ["*"], turned_deg: 90}
 """
@@ -51,6 +75,38 @@ TURNED = """
 def test_ways_are_for_bodies_and_goals(tmp_path, bodies, goals, ways):
     task = read_task(tmp_path, bodies, goals)
     assert list_ways(make_brief(task)) == ways
+
+
+@pytest.mark.parametrize("bodies", [CUBE, WALLED, CARDS, TUNNEL])
+def test_values_that_leave_their_ranges_still_make_a_design(tmp_path, bodies):
+    """Mutations go half a range beyond both ends, where a side can come out less than nothing."""
+    goals = UP if bodies == WALLED else NEARER
+    search = Search(make_brief(read_task(tmp_path, bodies, goals)))
+
+    for option in search.options:
+        ranges = list_ranges(option.way)
+        middle = {name: (low + high) / 2 for name, (low, high) in ranges.items()}
+        for name, (low, high) in ranges.items():
+            beyond = (high - low) / 2
+            for value in (low - beyond, high + beyond):
+                made = search.make(option, {**middle, name: value})
+                assert np.isfinite(made.rows).all()
+
+
+@pytest.mark.parametrize(
+    ("bodies", "goals", "gripper"),
+    [
+        (WEDGED, NEARER, False),  # no wall is as narrow as the room beside the card
+        (OVER_BASE, NEARER, True),  # nothing there is away from the robot
+        (TWO, OVER_PLATE, False),  # on the level they are where they have to be
+    ],
+)
+def test_odd_places_are_answered(tmp_path, bodies, goals, gripper):
+    brief = make_brief(read_task(tmp_path, bodies, goals), gripper=gripper)
+    actions = installed().create("action", "anchored")
+    with warnings.catch_warnings(action="error"):
+        (design,) = answer(replace(brief, actions=actions))["strategies"]
+    assert design["action_sets"]
 
 
 def task_of(name: str) -> Task:
