@@ -11,13 +11,13 @@ from core.design import DesignError
 from core.interfaces import Brief, Evaluation
 from plugins.vlms.offline.faults import obeys
 from plugins.vlms.offline.making import Made, plan
+from plugins.vlms.offline.mounting import list_ranges
 from plugins.vlms.offline.notes import read_values
 from plugins.vlms.offline.search import Search
 from plugins.vlms.offline.several import answer_several
 from plugins.vlms.offline.vary import (
     Stranger,
     cross,
-    list_ranges,
     mutate,
     vary_numbers,
 )

@@ -20,9 +20,6 @@ from plugins.vlms.offline.options import Option
 from plugins.vlms.offline.shafts import SHAFTS, build_tool
 from plugins.vlms.offline.ways.way import Range, Values
 
-START_RANGES = {"rise": Range(0.0, 1.0)}
-"""How far out the arm rises to where it works, if that is above home: a parameter of every way."""
-
 _HIGHER_M = 0.05  # a first pose that is higher above home is risen to
 _NEAR_M = 1e-6  # to the base's axis, there is no way out from it
 _SEGMENT_S = 0.5  # the shortest time of a segment

@@ -10,7 +10,7 @@ from core.geometry import Array, Pose
 from plugins.vlms.offline.layout import Layout
 from plugins.vlms.offline.making import list_steps
 from plugins.vlms.offline.options import Option
-from plugins.vlms.offline.ways.way import Range, Values
+from plugins.vlms.offline.ways.way import Range, Values, Way
 
 MOUNT_RANGES = {
     "mount_x": Range(-0.2, 0.9),
@@ -34,6 +34,13 @@ _MOST_DROP_M = 0.45  # and by less, or the shaft is long
 _CLEAR_M = 0.015  # above the scene, at home
 _EXCESS = 20.0  # what a metre out of reach costs, in metres that a shaft is longer
 _DOUBT_M = 0.15  # how much a longer shaft is taken by chance
+
+
+def list_ranges(way: Way) -> dict[str, Range]:
+    """List all parameters of a way, with those of the mount unless the head says where that is."""
+    if way.bolted:
+        return way.ranges
+    return {**way.ranges, **MOUNT_RANGES}
 
 
 def draw_mount(option: Option, values: Values, rng: Generator) -> dict[str, float]:

@@ -19,7 +19,6 @@ from plugins.vlms.offline.faults import (
 from plugins.vlms.offline.given import draw_head
 from plugins.vlms.offline.layout import Layout
 from plugins.vlms.offline.making import (
-    START_RANGES,
     Made,
     draw_values,
     make,
@@ -95,7 +94,7 @@ class Search:
 
         option = self._draw_option(self.options)
         way = option.way
-        values = draw_values({**way.sizes, **way.moves, **START_RANGES}, self.rng)
+        values = draw_values(way.ranges, self.rng)
         if way.bolted:
             return self.make(option, values)
         values |= draw_mount(option, values, self.rng)
@@ -109,7 +108,7 @@ class Search:
         ]
         option = self._draw_option(alike or self.options)
         way = option.way
-        values = draw_values({**way.sizes, **way.moves, **START_RANGES}, self.rng)
+        values = draw_values(way.ranges, self.rng)
         if note and alike:
             moves = {name: values[name] for name in way.moves}
             return use(option, {**note.values[0], **moves}, tool)

@@ -16,9 +16,10 @@ from core.design import Tool
 from core.interfaces import Brief, Evaluation
 from plugins.vlms.offline.faults import obeys
 from plugins.vlms.offline.making import Made
+from plugins.vlms.offline.mounting import list_ranges
 from plugins.vlms.offline.notes import read_note
 from plugins.vlms.offline.search import NothingSuits, Search
-from plugins.vlms.offline.vary import list_ranges, mutate
+from plugins.vlms.offline.vary import mutate
 from plugins.vlms.offline.writing import write_names
 
 _TRIES = 12  # for a tool that keeps the rules in all tasks
@@ -79,8 +80,7 @@ def _make_design(
 
 def _vary(elite: Evaluation, searches: list[Search], rng: Generator) -> Made | None:
     """Vary what an elite's tool was made of; None: it was not made here, or nothing fits."""
-    tool = elite.candidate.tool
-    note = read_note(tool) if tool is not None else None
+    note = read_note(elite.candidate.tool)
     if note is None:
         return None
 

@@ -11,21 +11,14 @@ from numpy.random import Generator
 from core.design import Tool
 from core.geometry import Array
 from core.interfaces import ActionPlan, Brief, Numbers
-from plugins.vlms.offline.making import START_RANGES
 from plugins.vlms.offline.mounting import MOUNT_RANGES
-from plugins.vlms.offline.ways.way import Range, Values, Way
+from plugins.vlms.offline.ways.way import Range, Values
 
 _SPREAD = 0.15  # of a change, in the range of its parameter
 _CHANGED = 0.3  # of the parameters, in a mutation
 _BEYOND = 0.5  # of a range, that values may leave it by
 _VARIES_TOOL = 0.5  # how often the tool of a stranger is varied, beside the plan
 _STEPS = 4.0  # of a move of numbers
-
-
-def list_ranges(way: Way) -> dict[str, Range]:
-    """List all parameters of a way, with those of the mount unless the head says where that is."""
-    ranges = {**way.sizes, **way.moves, **START_RANGES}
-    return ranges if way.bolted else {**ranges, **MOUNT_RANGES}
 
 
 def mutate(

@@ -26,6 +26,9 @@ class Range(NamedTuple):
 Ranges = Mapping[str, Range]
 """Parameters, by name."""
 
+START_RANGES: Ranges = {"rise": Range(0.0, 1.0)}
+"""How far out the arm rises to where it works, if that is above home: a parameter of every way."""
+
 
 class Way(ABC):
     """A way of using a tool: for what it is, and which head does it by which motion.
@@ -54,6 +57,11 @@ class Way(ABC):
     bare: ClassVar[bool] = False
     sizes: ClassVar[Ranges]
     moves: ClassVar[Ranges]
+
+    @property
+    def ranges(self) -> dict[str, Range]:
+        """Its parameters: those of the head and of the motion, and those of the start, which all ways have."""
+        return {**self.sizes, **self.moves, **START_RANGES}
 
     @abstractmethod
     def suits(self, job: Job) -> float:

@@ -15,10 +15,11 @@ from core.geometry import Box, Pose
 from core.interfaces import Evaluation, Request, Score, Waypoints
 from core.plugins import installed
 from plugins.vlms.offline.answer import answer
+from plugins.vlms.offline.mounting import list_ranges
 from plugins.vlms.offline.notes import read_values
 from plugins.vlms.offline.options import find_unplanned
 from plugins.vlms.offline.search import NothingSuits
-from plugins.vlms.offline.vary import cross, list_ranges, mutate
+from plugins.vlms.offline.vary import cross, mutate
 from plugins.vlms.offline.ways import WAYS
 from tests.panda import on_panda
 from tests.plugins.vlms.offline.test_ways import CUBE, NEARER, TURNED
@@ -82,6 +83,27 @@ def test_strangers_are_varied_by_their_numbers(brief):
     assert [c.problem for c in children] == [None] * 6
     assert all(c.tool.components[0].shape.volume for c in children)
     assert len({c.plan.content for c in children}) > 1
+
+
+@pytest.mark.parametrize(
+    "note",
+    [
+        {"way": "push", "number": 0, "values": []},
+        {"way": "push", "number": 0, "values": [{"width": 1.0}]},  # an older version's
+        {"way": "fly", "number": 0, "values": [{}]},
+        {"way": 1, "number": "first", "values": "none"},
+        "hammered out of a bar",
+    ],
+)
+def test_a_note_that_is_not_this_versions_is_a_strangers(brief, note):
+    document = answer(brief)
+    for design in document["strategies"]:
+        design["note"] = note
+    parents = read(document, brief)
+    assert [read_values(c) for c in parents] == [None] * 6
+
+    bred = replace(brief, elites=as_elites(parents, reward=1.0))
+    assert [c.problem for c in read(answer(bred), brief)] == [None] * 6
 
 
 def test_values_are_mutated_and_crossed():

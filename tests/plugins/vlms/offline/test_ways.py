@@ -9,8 +9,8 @@ import pytest
 from core.interfaces import Task
 from core.plugins import installed
 from plugins.vlms.offline.answer import answer
+from plugins.vlms.offline.mounting import list_ranges
 from plugins.vlms.offline.search import Search
-from plugins.vlms.offline.vary import list_ranges
 from plugins.vlms.offline.ways import WAYS
 from tests.panda import on_panda
 from tests.plugins.vlms.offline.trying import earn, list_ways, make_brief, read_task
