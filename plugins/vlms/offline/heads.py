@@ -53,6 +53,27 @@ def box(
     return Piece(name, Pose(np.array([x, y, z])), size, parent)
 
 
+def build_walls(
+    thick: float, inside: float, depth: float, height: float
+) -> list[Piece]:
+    """Build a wall across x and one on each side, which go on before it.
+
+    Args:
+        thick: each wall.
+        inside: the width between the two.
+        depth: how far they go on from the front of the first.
+        height: of all.
+    """
+    along = (depth + thick, thick, height)
+    x = (depth - thick) / 2
+    y = (inside + thick) / 2
+    return [
+        box("back", -thick / 2, 0.0, height / 2, (thick, inside + 2 * thick, height)),
+        box("left", x, y, height / 2, along),
+        box("right", x, -y, height / 2, along),
+    ]
+
+
 @dataclass(frozen=True, eq=False)
 class Head:
     """The working end of a tool.

@@ -7,9 +7,17 @@ from typing import ClassVar
 
 import numpy as np
 
-from plugins.vlms.offline.heads import Head, Step, at, box
+from plugins.vlms.offline.heads import Head, Step, at, box, build_walls
 from plugins.vlms.offline.job import Job
-from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
+from plugins.vlms.offline.ways.way import (
+    Range,
+    Ranges,
+    Values,
+    Way,
+    above,
+    leaves,
+    wall_height,
+)
 
 _WALLS_M = 0.012  # of room beside bodies, for walls
 
@@ -39,28 +47,22 @@ class Cage(Way):
     def suits(self, job: Job) -> float:
         if len(job.want.bodies) > 1 or job.falls or not job.slides or job.is_covered:
             return 0.0
-        room = min(job.room(y=1.0), job.room(y=-1.0))
-        return 1.0 if room > _WALLS_M else 0.0
+        if min(job.room(y=1.0), job.room(y=-1.0)) <= _WALLS_M:
+            return 0.0
+        return 1.0
 
     def head(self, job: Job, values: Values) -> Head:
         thick = values["thick"]
-        height = float(np.clip(values["height"] * job.size[2], 0.02, 0.15))
+        height = wall_height(job, values)
         inside = job.size[1] + 2 * values["room"]
         closed = values["front"] > 0.5
         depth = values["depth"] * job.size[0]
         if closed:
             depth = job.size[0] + 2 * values["room"]
 
-        across = (thick, inside + 2 * thick, height)
-        along = (depth + thick, thick, height)
-        x = (depth - thick) / 2
-        y = (inside + thick) / 2
-        pieces = [
-            box("back", -thick / 2, 0.0, height / 2, across),
-            box("left", x, y, height / 2, along),
-            box("right", x, -y, height / 2, along),
-        ]
+        pieces = build_walls(thick, inside, depth, height)
         if closed:
+            across = pieces[0].size
             pieces.append(box("front", depth + thick / 2, 0.0, height / 2, across, 1))
 
         return Head(pieces, np.array([-thick / 2, 0.0, height]), "walls around a body")
@@ -75,5 +77,5 @@ class Cage(Way):
         yield Step(begin)
         yield Step(end, speed=values["speed"], touch=True)
 
-        if values["leaves"] > 0.5 or job.want.released:
+        if leaves(job, values):
             yield Step(above(job, end).pose, touch=True)

@@ -10,7 +10,16 @@ import numpy as np
 from core.geometry import Array, Pose
 from plugins.vlms.offline.heads import Head, Piece, Step, at
 from plugins.vlms.offline.job import Job
-from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
+from plugins.vlms.offline.ways.way import (
+    BACK_M,
+    OVER_M,
+    Range,
+    Ranges,
+    Values,
+    Way,
+    above,
+    leaves,
+)
 
 _LEAST_ROOM_M = 0.012  # for an arm with its toe
 _BEHIND_M = 0.008  # of room behind bodies, for the toe
@@ -95,7 +104,7 @@ class Hook(Way):
         end = at(rear + job.length + values["farther"], *edge[1:])
 
         if job.is_covered:
-            yield Step(at(front, aside[1], aside[2] + 0.03))
+            yield Step(at(front, aside[1], aside[2] + OVER_M))
         else:
             yield above(job, before)
         yield Step(before)
@@ -103,8 +112,8 @@ class Hook(Way):
         yield Step(behind)
         yield Step(end, speed=values["speed"], touch=True)
 
-        if values["leaves"] > 0.5 or job.want.released:
-            yield Step(at(end.position[0] - 0.03, *edge[1:]), touch=True)
+        if leaves(job, values):
+            yield Step(at(end.position[0] - BACK_M, *edge[1:]), touch=True)
 
     @staticmethod
     def _measure_rooms(job: Job) -> list[float]:

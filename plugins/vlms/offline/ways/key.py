@@ -35,7 +35,7 @@ class Key(Way):
 
     def suits(self, job: Job) -> float:
         long, wide = _measure_slot(job)
-        return 1.0 if job.rises and long > _LONGER * wide > 0 else 0.0
+        return float(job.rises and long > _LONGER * wide > 0)
 
     def head(self, job: Job, values: Values) -> Head:
         long, wide = _measure_slot(job)
@@ -73,5 +73,7 @@ def _measure_slot(job: Job) -> tuple[float, float]:
                     gap = max(low[axis], -high[axis], 0.0)
                     half[axis] = min(half[axis], gap)
 
-    x, y = 2 * half if np.isfinite(half).all() else (0.0, 0.0)
-    return float(x), float(y)
+    if not np.isfinite(half).all():
+        return 0.0, 0.0
+    long, wide = 2 * half
+    return float(long), float(wide)

@@ -56,7 +56,7 @@ class Pour(Way):
         vessel = job.vessel
         if vessel is None or not job.goes or job.beyond or abs(job.turned) > np.pi / 2:
             return 0.0
-        return 0.0 if find_handles(vessel) is None else 1.0
+        return float(find_handles(vessel) is not None)
 
     def head(self, job: Job, values: Values) -> Head:
         vessel, handles = _find(job)

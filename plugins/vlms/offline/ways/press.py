@@ -11,7 +11,15 @@ from core.geometry import Array, Pose
 from plugins.vlms.offline.heads import Head, Piece, Step, at
 from plugins.vlms.offline.job import Asked, Job
 from plugins.vlms.offline.joints import Spot, find_spots
-from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
+from plugins.vlms.offline.ways.way import (
+    BACK_M,
+    Range,
+    Ranges,
+    Values,
+    Way,
+    above,
+    pick,
+)
 
 _ARC = 4  # steps of a turn: between two of them the way is straight
 
@@ -40,7 +48,7 @@ class Press(Way):
     }
 
     def suits(self, job: Job) -> float:
-        return 1.0 if find_spots(job) else 0.0
+        return float(len(find_spots(job)) > 0)
 
     def head(self, job: Job, values: Values) -> Head:
         spot = _choose(job, values)
@@ -80,14 +88,12 @@ class Press(Way):
             yield Step(pose, speed=values["speed"], touch=True)
 
         if values["leaves"] > 0.5 and not joint.springs_back:
-            yield Step(_shift(pose, -0.03 * back), touch=True)
+            yield Step(_shift(pose, -BACK_M * back), touch=True)
 
 
 def _choose(job: Job, values: Values) -> Spot:
     """Choose a point where the body is pushed."""
-    spots = find_spots(job)
-    number = int(np.clip(values["spot"], 0.0, 1.0) * len(spots))
-    return spots[min(number, len(spots) - 1)]
+    return pick(find_spots(job), values["spot"])
 
 
 def _find_heading(job: Job, spot: Spot) -> float:

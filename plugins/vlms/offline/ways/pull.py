@@ -12,7 +12,7 @@ from core.geometry import Array
 from plugins.vlms.offline.heads import Head, Piece, Step, at
 from plugins.vlms.offline.job import Asked, Job
 from plugins.vlms.offline.joints import Spot, list_spots, meets_anything
-from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
+from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above, pick
 
 _TOE_M = 0.006  # thick
 _BEHIND_M = 0.014  # a face there must be room for the toe
@@ -57,7 +57,7 @@ class Pull(Way):
     }
 
     def suits(self, job: Job) -> float:
-        return 1.0 if _find_openings(job) else 0.0
+        return float(len(_find_openings(job)) > 0)
 
     def head(self, job: Job, values: Values) -> Head:
         opening = _choose(job, values)
@@ -110,12 +110,8 @@ def _find_openings(job: Job) -> list[_Opening]:
         if np.hypot(*spot.way[:2]) < 0.9:
             continue
         left = np.array([-np.sin(yaw), np.cos(yaw), 0.0])
-        for side in (
-            left,
-            -left,
-            np.array([0.0, 0.0, 1.0]),
-            np.array([0.0, 0.0, -1.0]),
-        ):
+        up = np.array([0.0, 0.0, 1.0])
+        for side in (left, -left, up, -up):
             free = [off for off in _OFFSETS_M if _is_open(job, spot, off * side, yaw)]
             if free:
                 found.append(_Opening(spot, np.mean(free) * side))
@@ -136,9 +132,7 @@ def _is_open(job: Job, spot: Spot, offset: Array, yaw: float) -> bool:
 
 def _choose(job: Job, values: Values) -> _Opening:
     """Choose an opening."""
-    openings = _find_openings(job)
-    number = int(np.clip(values["opening"], 0.0, 1.0) * len(openings))
-    return openings[min(number, len(openings) - 1)]
+    return pick(_find_openings(job), values["opening"])
 
 
 def _heading(spot: Spot) -> float:

@@ -9,7 +9,16 @@ import numpy as np
 
 from plugins.vlms.offline.heads import Head, Step, at, box
 from plugins.vlms.offline.job import Job
-from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
+from plugins.vlms.offline.ways.way import (
+    BACK_M,
+    Range,
+    Ranges,
+    Values,
+    Way,
+    above,
+    leaves,
+    wall_height,
+)
 
 
 class Push(Way):
@@ -37,14 +46,16 @@ class Push(Way):
     def suits(self, job: Job) -> float:
         if job.falls or not job.slides or job.is_covered:
             return 0.0
-        return 0.5 if len(job.want.bodies) == 1 else 0.1
+        if len(job.want.bodies) > 1:
+            return 0.1
+        return 0.5
 
     def head(self, job: Job, values: Values) -> Head:
         thick = values["thick"]
         room = min(job.room(y=1.0), job.room(y=-1.0))
         widest = job.size[1] + 2 * room - 0.004
         width = min(values["width"] * job.size[1], widest)
-        height = float(np.clip(values["height"] * job.size[2], 0.02, 0.15))
+        height = wall_height(job, values)
         wall = box("wall", -thick / 2, 0.0, height / 2, (thick, width, height))
         return Head([wall], np.array([-thick / 2, 0.0, height]), "a wall")
 
@@ -59,7 +70,7 @@ class Push(Way):
         yield Step(begin)
         yield Step(end, speed=values["speed"], touch=True)
 
-        if values["leaves"] > 0.5 or job.want.released:
-            back = at(end.position[0] - 0.03, beside, foot)
+        if leaves(job, values):
+            back = at(end.position[0] - BACK_M, beside, foot)
             yield Step(back, touch=True)
             yield above(job, back)

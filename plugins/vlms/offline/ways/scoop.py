@@ -9,7 +9,7 @@ import numpy as np
 
 from plugins.vlms.offline.heads import Head, Step, at, box
 from plugins.vlms.offline.job import Job
-from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
+from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above, wall_height
 
 _ENTRY_M = 0.05  # of room before bodies, to come down there
 _CLIMBED_M = 0.01  # of the floor's edge has no walls: bodies climb onto it
@@ -51,13 +51,15 @@ class Scoop(Way):
             return 0.0
         if job.rises:
             return 0.6
-        return 0.1 if job.goes and (job.falls or not job.slides) else 0.0
+        if job.goes and (job.falls or not job.slides):
+            return 0.1
+        return 0.0
 
     def head(self, job: Job, values: Values) -> Head:
         floor = values["floor"]
         wall = max(0.004, 2 * floor)
         width, depth = self._measure(job, values)
-        height = float(np.clip(values["height"] * job.size[2], 0.02, 0.15))
+        height = wall_height(job, values)
         pieces = [
             box("wall", -wall / 2, 0.0, height / 2, (wall, width, height)),
             box(

@@ -10,7 +10,16 @@ import numpy as np
 from core.geometry import Pose
 from plugins.vlms.offline.heads import Head, Piece, Step, at, box
 from plugins.vlms.offline.job import Job
-from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
+from plugins.vlms.offline.ways.way import (
+    BACK_M,
+    Range,
+    Ranges,
+    Values,
+    Way,
+    above,
+    leaves,
+    wall_height,
+)
 
 
 class Sweep(Way):
@@ -39,11 +48,11 @@ class Sweep(Way):
     def suits(self, job: Job) -> float:
         if len(job.want.bodies) < 2 or job.falls or job.is_covered:
             return 0.0
-        return 1.0 if job.slides else 0.0
+        return float(job.slides)
 
     def head(self, job: Job, values: Values) -> Head:
         thick = values["thick"]
-        height = float(np.clip(values["height"] * job.size[2], 0.02, 0.15))
+        height = wall_height(job, values)
         wall, end, depth = self._measure(job, values)
         pieces = [box("wall", -thick / 2, 0.0, height / 2, (thick, 2 * wall, height))]
 
@@ -67,8 +76,8 @@ class Sweep(Way):
         yield Step(begin)
         yield Step(end, speed=values["speed"], touch=True)
 
-        if values["leaves"] > 0.5 or job.want.released:
-            back = at(end.position[0] - 0.03, 0.0, foot)
+        if leaves(job, values):
+            back = at(end.position[0] - BACK_M, 0.0, foot)
             yield Step(back, touch=True)
             yield Step(above(job, back).pose, touch=True)
 

@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from plugins.vlms.offline.heads import Head, Step, at, box
+from plugins.vlms.offline.heads import Head, Step, at, build_walls
 from plugins.vlms.offline.job import Job
-from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
+from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above, wall_height
 
 
 class Throw(Way):
@@ -36,22 +36,14 @@ class Throw(Way):
     def suits(self, job: Job) -> float:
         if not job.goes or job.rises or job.is_covered:
             return 0.0
-        return 1.0 if job.beyond or job.falls else 0.0
+        return float(job.beyond or job.falls)
 
     def head(self, job: Job, values: Values) -> Head:
         thick = values["thick"]
-        height = float(np.clip(values["height"] * job.size[2], 0.02, 0.15))
+        height = wall_height(job, values)
         inside = job.size[1] + 2 * values["room"]
         depth = values["depth"] * job.size[0]
-        across = (thick, inside + 2 * thick, height)
-        along = (depth + thick, thick, height)
-        x = (depth - thick) / 2
-        y = (inside + thick) / 2
-        pieces = [
-            box("back", -thick / 2, 0.0, height / 2, across),
-            box("left", x, y, height / 2, along),
-            box("right", x, -y, height / 2, along),
-        ]
+        pieces = build_walls(thick, inside, depth, height)
         return Head(pieces, np.array([-thick / 2, 0.0, height]), "a wall between two")
 
     def motion(self, job: Job, values: Values) -> Iterator[Step]:

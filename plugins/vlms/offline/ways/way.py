@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
-from typing import ClassVar, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 
 from core.geometry import Pose
 from plugins.vlms.offline.heads import Head, Step
 from plugins.vlms.offline.job import Asked, Job
+
+T = TypeVar("T")
+
+OVER_M = 0.03
+"""How far above everything near a head comes and goes."""
+
+BACK_M = 0.03
+"""How far a head goes back from what it has moved."""
+
+_LOW_M = 0.02  # a wall, at least
+_HIGH_M = 0.15  # and at most
 
 Values = Mapping[str, float]
 """The parameters that a design was made with, by name."""
@@ -76,8 +87,24 @@ class Way(ABC):
         """Yield the poses of the head, from above the bodies on."""
 
 
+def wall_height(job: Job, values: Values) -> float:
+    """Return how high a wall is that moves bodies: ``height`` of theirs, within what a tool carries."""
+    return float(np.clip(values["height"] * job.size[2], _LOW_M, _HIGH_M))
+
+
+def leaves(job: Job, values: Values) -> bool:
+    """Report whether the head leaves the bodies at the end: it must, or ``leaves`` is above a half."""
+    return job.want.released or values["leaves"] > 0.5
+
+
+def pick(choices: Sequence[T], share: float) -> T:
+    """Return the choice that is a share of the way through them, 0 to 1."""
+    number = int(np.clip(share, 0.0, 1.0) * len(choices))
+    return choices[min(number, len(choices) - 1)]
+
+
 def above(job: Job, pose: Pose) -> Step:
-    """Return the step to 3 cm above everything near, over a pose."""
+    """Return the step over a pose, above everything near."""
     x, y, z = pose.position
-    height = max(job.clear, z) + 0.03
+    height = max(job.clear, z) + OVER_M
     return Step(Pose(np.array([x, y, height]), pose.quaternion))
