@@ -81,8 +81,7 @@ class _Designer:
         if self.rng.random() < _FRESH * (1 - first.reward):
             return self._write(self.search.invent(), [])
 
-        bred = self._breed(first, second)
-        return bred if bred is not None else self._vary_stranger(first)
+        return self._breed(first, second) or self._vary_stranger(first)
 
     def _breed(self, first: Evaluation, second: Evaluation) -> dict[str, Any] | None:
         """Breed from parents that were made here; None: the first was not, or the tool is given."""
@@ -97,7 +96,7 @@ class _Designer:
         if option is None:
             return None
 
-        scale = float(np.clip(_SCALE * (1 - first.reward), _LEAST_SCALE, 1.0))
+        scale = _find_scale(first)
         ranges = list_ranges(option.way)
         alike = other is not None and other[0].way == note.way
         crosses = alike and second is not first and self.rng.random() < _CROSSES
@@ -108,7 +107,9 @@ class _Designer:
                 start = cross(values, other[1], self.rng)
             return self.search.make(option, mutate(start, ranges, scale, self.rng))
 
-        parents = [first, second] if crosses else [first]
+        parents = [first]
+        if crosses:
+            parents.append(second)
         return self._write(self.search.find_best(draw), parents, scale)
 
     def _write(
@@ -134,7 +135,7 @@ class _Designer:
         """Vary the numbers of an elite that was not made here."""
         candidate = parent.candidate
         assert candidate.tool is not None
-        scale = float(np.clip(_SCALE * (1 - parent.reward), _LEAST_SCALE, 1.0))
+        scale = _find_scale(parent)
         begin = Stranger(candidate.tool, candidate.plan)
         is_given = self.search.given is not None
         first = self._vary_until_sound(begin, scale, is_given=is_given)
@@ -153,7 +154,7 @@ class _Designer:
         }
 
     def _vary_until_sound(
-        self, begin: Stranger, scale: float, *, is_given: bool = False
+        self, begin: Stranger, scale: float, *, is_given: bool
     ) -> Stranger:
         """Vary numbers until the tool keeps the rules; where no variation does, it stays as it is."""
         layout = self.search.layout
@@ -169,3 +170,8 @@ class _Designer:
                 return varied
 
         return begin
+
+
+def _find_scale(parent: Evaluation) -> float:
+    """Find how large the changes to a parent are: the more reward is missing, the larger."""
+    return float(np.clip(_SCALE * (1 - parent.reward), _LEAST_SCALE, 1.0))

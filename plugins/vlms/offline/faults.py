@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import Any, NamedTuple
 
 import coal
@@ -117,7 +118,10 @@ def obeys(tool: Tool, layout: Layout, material: Material) -> bool:
 def place_solids(tool: Tool, layout: Layout) -> list[Solid]:
     """Place the solids of a tool, and of the hand, in the frame of the tool mount, with the fingers open."""
     mounts = open_mounts(layout.robot, tool.gripper)
-    solids = [*hand_of(layout.robot).solids] if tool.gripper else []
+    solids: list[Solid] = []
+    if tool.gripper:
+        solids += hand_of(layout.robot).solids
+
     placed = tool.placed()
     for component in tool.components:
         mount, pose = placed[component.name]
@@ -160,7 +164,7 @@ def count_meetings(
     gaps = np.abs(there[:, :, None] - obstacles.centers)
     near = (gaps <= around[:, :, None] + obstacles.halves).all(axis=-1)
 
-    moved = {name for job in made.option.jobs for name in job.moved}
+    moved = {*chain.from_iterable(job.moved for job in made.option.jobs)}
     is_moved = np.array([solid.name in moved for solid in obstacles.solids])
     touches = np.array(made.touching)[places.numbers]
     near &= ~(touches[:, None, None] & is_moved)

@@ -55,8 +55,9 @@ class Job:
     @property
     def moved(self) -> tuple[str, ...]:
         """The names of the bodies that the tool may touch, where a way says so: with the vessel that they lie in."""
-        vessel = self.vessel
-        return self.want.bodies + (vessel.want.bodies if vessel else ())
+        if self.vessel is None:
+            return self.want.bodies
+        return self.want.bodies + self.vessel.want.bodies
 
     @cached_property
     def points(self) -> Array:
@@ -96,7 +97,9 @@ class Job:
             return "joint"
         if self.want.breaks:
             return "break"
-        return "turn" if self.turn > np.radians(self.want.tolerance_deg) else "place"
+        if self.turn > np.radians(self.want.tolerance_deg):
+            return "turn"
+        return "place"
 
     @property
     def turn(self) -> float:
@@ -204,7 +207,8 @@ class Job:
             if is_around and name not in self.want.bodies:
                 found.append((float(np.prod(high - low)), name))
 
-        return min(found)[1] if found else None
+        _, smallest = min(found, default=(0.0, None))
+        return smallest
 
     @cached_property
     def vessel(self) -> Job | None:

@@ -89,12 +89,12 @@ class Layout:
     @lru_cache(maxsize=64)  # noqa: B019 - a layout lives as long as the answer to a brief
     def others(self, names: frozenset[str]) -> Obstacles:
         """Return all solids but those of some bodies."""
-        return Obstacles(
-            solid
-            for name, solids in self.solids.items()
-            if name not in names
-            for solid in solids
-        )
+        found: list[Solid] = []
+        for name, solids in self.solids.items():
+            if name not in names:
+                found += solids
+
+        return Obstacles(found)
 
     def top_at(self, low: Array, high: Array) -> float:
         """Find how high the bodies stand that are over a part of the ground, metres; minus infinity: none does.
@@ -168,8 +168,12 @@ def measure_reach(robot: Robot) -> Reach:
     model = robot_model(stand, Tool())
     height = float(model.place_joints(np.array([robot.home]))[1][2, 0, 2])
     span = span_at(arm_of(stand), height, 0.0)
-    least = 0.0 if span is None else span.least
-    most = model.reach if span is None else span.most
+    least = 0.0
+    most = model.reach
+    if span is not None:
+        least = span.least
+        most = span.most
+
     base = robot.base.position
     shoulder = base + np.array([0.0, 0.0, height])
     return Reach(base, shoulder, least + _FOLDED_M, _EASY * most, _STRETCHED * most)

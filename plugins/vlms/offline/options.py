@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -74,12 +75,18 @@ def _list_suiting(ways: Sequence[Way], layout: Layout, task: Task) -> list[Optio
 
     for way in ways:
         for number, jobs in enumerate(_list_jobs(alternatives, layout, way)):
-            does = all(job.asks == way.does for job in jobs)
-            weight = min(way.suits(job) for job in jobs) if does else 0.0
+            weight = min(_weigh(way, job) for job in jobs)
             if weight > 0:  # what does more goals is chosen more often
                 options.append(Option(way, number, jobs, weight * len(jobs) ** 2))
 
     return options
+
+
+def _weigh(way: Way, job: Job) -> float:
+    """Say how well a way suits a job: not at all, if it does something else."""
+    if job.asks != way.does:
+        return 0.0
+    return way.suits(job)
 
 
 def _list_jobs(
@@ -105,11 +112,11 @@ def find_unplanned(task: Task, seed: int) -> list[str]:
     """
     layout = Layout(task, seed)
     alternatives = list_alternatives(task, layout.scene)
-    singles = [(want,) for wants in alternatives for want in wants]
+    singles = [(want,) for want in chain.from_iterable(alternatives)]
     planned = set()
     for way in _list_ways(task.robot):
         for (job,) in _list_jobs(singles, layout, way):
-            if job.asks == way.does and way.suits(job) > 0:
+            if _weigh(way, job) > 0:
                 planned.add(job.want.number)
 
     goals = numbered(task.goals)

@@ -103,13 +103,14 @@ class Search:
     def _use(self, tool: Tool) -> Made:
         """Draw a plan for a given tool: as it was made to be used, or else with what may be its head."""
         note = read_note(tool)
-        alike = [
-            option for option in self.options if note and option.way.name == note.way
-        ]
+        alike = []
+        if note is not None:
+            alike = [option for option in self.options if option.way.name == note.way]
+
         option = self._draw_option(alike or self.options)
         way = option.way
         values = draw_values(way.ranges, self.rng)
-        if note and alike:
+        if note is not None and alike:
             moves = {name: values[name] for name in way.moves}
             return use(option, {**note.values[0], **moves}, tool)
         if tool.components or not way.bare:

@@ -64,7 +64,7 @@ def build_tool(
     """
     builder = Builder({RIGID_MOUNT: Pose()})
     bearer = RIGID_MOUNT
-    carried = ""
+    text = head.text
 
     if kind:
         end = mount.apply(head.attach)
@@ -73,7 +73,8 @@ def build_tool(
         thick = find_thickness(length, material)
         bearer = builder.add("socket", bearer, Pose(foot / 2), _SOCKET_M)
         bearer = builder.add_bars(kind, bearer, foot, end, thick)
-        carried = f", on a {kind} {length:.2f} m long"
+        text += f", on a {kind} {length:.2f} m long"
+        name += f"_{kind}"
 
     names: list[str] = []
     for piece in head.pieces:
@@ -83,12 +84,7 @@ def build_tool(
             builder.add(piece.name, parent, pose, piece.shape.size, HEAD_COLOR)
         )
 
-    text = f"{head.text}{carried}"
-    return Tool(
-        tuple(builder.components),
-        name=f"{name}_{kind}" if kind else name,
-        description=text,
-    )
+    return Tool(tuple(builder.components), name=name, description=text)
 
 
 def _list_bars(
@@ -172,10 +168,10 @@ class Builder:
         """Add the bars of a shaft between two points (3,), and return the last one's name; see `SHAFTS`."""
         last = parent
         for number, (first, second) in enumerate(_list_bars(kind, start, end, thick)):
-            last = self.add_bar(f"{name}_{number}", last, first, second, thick)
+            last = self._add_bar(f"{name}_{number}", last, first, second, thick)
         return last
 
-    def add_bar(
+    def _add_bar(
         self, name: str, parent: str, start: Array, end: Array, thick: float
     ) -> str:
         """Add a square bar between two points (3,); what is not upright is longer by half its thickness at each end."""

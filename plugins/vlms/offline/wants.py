@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import groupby
+from itertools import chain, groupby
 
 from core.goals import Want, find_wants
 from core.interfaces import Task
@@ -27,19 +27,25 @@ def list_alternatives(task: Task, scene: Scene) -> list[tuple[Want, ...]]:
     if not task.goals:
         wants = [Want((body.name,), away=_AWAY_M) for body in scene.free[:1]]
 
-    options = [
-        _split(list(goal)) for _, goal in groupby(wants, lambda want: want.number)
-    ]
-    each = [wants for option in options for wants in option]
+    goals = groupby(wants, lambda want: want.number)
+    options = [_split(list(goal)) for _, goal in goals]
+    alternatives = [*chain.from_iterable(options)]
     if not (task.every and len(options) > 1):
-        return each
+        return alternatives
 
     # Of what a goal leaves open, the first will do; and where no way does all goals, one is better than none.
-    return [tuple(want for option in options for want in option[0]), *each]
+    together = tuple(chain.from_iterable(option[0] for option in options))
+    return [together, *alternatives]
 
 
 def _split(wants: Sequence[Want]) -> list[tuple[Want, ...]]:
     """Split the wants of a goal into alternatives: one for each body, where one is enough."""
     if not wants[0].any:
         return [tuple(wants)]
-    return [(replace(want, bodies=(body,)),) for want in wants for body in want.bodies]
+
+    alternatives: list[tuple[Want, ...]] = []
+    for want in wants:
+        for body in want.bodies:
+            alternatives.append((replace(want, bodies=(body,)),))
+
+    return alternatives
