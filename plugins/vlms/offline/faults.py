@@ -166,7 +166,7 @@ def count_meetings(
 
     moved = {*chain.from_iterable(job.moved for job in made.option.jobs)}
     is_moved = np.array([solid.name in moved for solid in obstacles.solids])
-    touches = np.array(made.touching)[places.numbers]
+    touches = np.array([step.touch for step in made.steps])[places.numbers]
     near &= ~(touches[:, None, None] & is_moved)
 
     hits = 0.0

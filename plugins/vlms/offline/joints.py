@@ -23,6 +23,7 @@ _HIGH_M = 0.3  # and from there up
 _SHARES = (-0.8, -0.4, 0.0, 0.4, 0.8)  # of half a face, where points are taken
 _MOST_M = 0.4  # long, a rod is at most
 _STEP_M = 0.02  # between two lengths that are tried
+_LEAST_M = 1e-3  # a point moves by less for a metre or radian: it is on the axis
 _LEAST_LEVER = 0.5  # of the longest lever
 
 
@@ -88,7 +89,7 @@ def list_spots(job: Job) -> Iterator[Spot]:
             shift = moved.apply(point) - point
             lever = float(np.linalg.norm(shift) / abs(step))
             way = shift / max(float(np.linalg.norm(shift)), 1e-12)
-            if lever < 1e-3 or -normal @ way < _HEAD_ON:
+            if lever < _LEAST_M or -normal @ way < _HEAD_ON:
                 continue
             yield Spot(joint, parent, point, way, lever)
 

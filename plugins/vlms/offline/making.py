@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.random import Generator
@@ -49,11 +48,6 @@ class Made:
     rows: Array
     steps: Sequence[Step]
     owners: Sequence[int]
-
-    @cached_property
-    def touching(self) -> list[bool]:
-        """Whether the head may touch the bodies on the way to each waypoint."""
-        return [step.touch for step in self.steps]
 
 
 def list_steps(option: Option, values: Values) -> list[tuple[int, Step]]:
@@ -127,7 +121,7 @@ def find_mount(head: Head, values: Values) -> Pose:
     return Pose.xyz_rpy(place, (0.0, 0.0, values["mount_yaw"]))
 
 
-def use(option: Option, values: Values, tool: Tool) -> Made:
+def plan_given(option: Option, values: Values, tool: Tool) -> Made:
     """Plan the motion of a tool that is given, as if its head were the one that the values say."""
     head = option.way.head(option.jobs[0], values)
     return _plan(option, values, head, find_mount(head, values), tool)
@@ -140,26 +134,18 @@ def plan(made: Made, values: Values) -> Made:
 
 def _plan(option: Option, values: Values, head: Head, mount: Pose, tool: Tool) -> Made:
     """Plan the motion of a tool whose head is at ``mount`` in the frame of the tool mount."""
-    numbered = list_steps(option, values)
+    listed = list_steps(option, values)
     back = mount.inverse()
-    poses = [option.jobs[number].frame @ step.pose @ back for number, step in numbered]
-    rise = _rise(option.jobs[0].layout, poses[0], values["rise"])
-    numbered = [(0, Step(pose @ mount)) for pose in rise] + numbered
-    rows = [[*pose.position, *pose.rpy] for pose in (*rise, *poses)]
-    if tool.gripper:
-        grips = [step.grip for _, step in numbered]
-        rows = [[*row, grip] for row, grip in zip(rows, grips, strict=True)]
+    poses = [option.jobs[owner].frame @ step.pose @ back for owner, step in listed]
 
-    return Made(
-        option,
-        values,
-        head,
-        mount,
-        tool,
-        np.array(rows),
-        [step for _, step in numbered],
-        [number for number, _ in numbered],
-    )
+    rise = _rise(option.jobs[0].layout, poses[0], values["rise"])
+    owners = [0] * len(rise) + [owner for owner, _ in listed]
+    steps = [Step(pose @ mount) for pose in rise] + [step for _, step in listed]
+    rows = np.array([[*pose.position, *pose.rpy] for pose in (*rise, *poses)])
+    if tool.gripper:
+        rows = np.column_stack([rows, [step.grip for step in steps]])
+
+    return Made(option, values, head, mount, tool, rows, steps, owners)
 
 
 def _rise(layout: Layout, first: Pose, share: float) -> list[Pose]:

@@ -23,7 +23,7 @@ from plugins.vlms.offline.making import (
     draw_values,
     make,
     plan,
-    use,
+    plan_given,
 )
 from plugins.vlms.offline.mounting import draw_mount
 from plugins.vlms.offline.notes import read_note
@@ -90,7 +90,7 @@ class Search:
     def _draw(self) -> Made:
         """Draw an option, and all values."""
         if self.given is not None:
-            return self._use(self.given)
+            return self._plan_given(self.given)
 
         option = self._draw_option(self.options)
         way = option.way
@@ -100,7 +100,7 @@ class Search:
         values |= draw_mount(option, values, self.rng)
         return self._choose_shaft(option, values)
 
-    def _use(self, tool: Tool) -> Made:
+    def _plan_given(self, tool: Tool) -> Made:
         """Draw a plan for a given tool: as it was made to be used, or else with what may be its head."""
         note = read_note(tool)
         alike = []
@@ -112,10 +112,10 @@ class Search:
         values = draw_values(way.ranges, self.rng)
         if note is not None and alike:
             moves = {name: values[name] for name in way.moves}
-            return use(option, {**note.values[0], **moves}, tool)
+            return plan_given(option, {**note.values[0], **moves}, tool)
         if tool.components or not way.bare:
             values |= draw_head(tool, self.layout, self.rng)
-        return use(option, values, tool)
+        return plan_given(option, values, tool)
 
     def _draw_option(self, options: Sequence[Option]) -> Option:
         """Draw one of some options."""

@@ -25,6 +25,7 @@ _THIN_M = 0.01  # a bar is at least so thick, to be made,
 _THICK_M = 0.04  # and at most, to find room
 _BEND = 0.3  # of what a tool may bend, a shaft does: the head bends too
 _BRIDGE_M = 0.06  # a bridge goes up by so much, over the mount or the head
+_BEND_SHARE = 0.35  # of the way out, a bridge goes before it goes up
 _UPRIGHT = 0.02  # the slope of a bar that counts as upright
 
 _STEEL: Color = (0.30, 0.33, 0.38, 1.0)
@@ -114,7 +115,7 @@ def _list_bars(
         points = [start - level, end]
     else:
         top = max(high, end[2]) + _BRIDGE_M
-        bend = start + 0.35 * (end - start)
+        bend = start + _BEND_SHARE * (end - start)
         points = [
             np.array([*start[:2], high]),
             np.array([*bend[:2], high]),

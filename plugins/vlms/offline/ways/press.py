@@ -21,6 +21,7 @@ from plugins.vlms.offline.ways.way import (
     pick,
 )
 
+_UPRIGHT = 0.1  # the level part of a unit vector that counts as upright
 _ARC = 4  # steps of a turn: between two of them the way is straight
 
 
@@ -98,7 +99,7 @@ def _choose(job: Job, values: Values) -> Spot:
 
 def _find_heading(job: Job, spot: Spot) -> float:
     """Find where a rod points on the level, radians in the world; where it is upright, away from the robot."""
-    if np.hypot(*spot.way[:2]) < 0.1:
+    if np.hypot(*spot.way[:2]) < _UPRIGHT:
         return job.outward
     return float(np.arctan2(spot.way[1], spot.way[0]))
 

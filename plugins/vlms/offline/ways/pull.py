@@ -20,6 +20,7 @@ _OUT_M = 0.25  # before it, for the arm and what bears it
 _WIDE_M = 0.016  # the opening must be
 # From a point on a face to the middle of an opening.
 _OFFSETS_M = np.linspace(0.008, 0.03, 7)
+_LEVEL = 0.9  # the level part of a way that a level arm pulls, at least
 _ARC = 6  # steps of a turn
 
 
@@ -107,7 +108,7 @@ def _find_openings(job: Job) -> list[_Opening]:
     found = []
     for spot in list_spots(job):
         yaw = _heading(spot)
-        if np.hypot(*spot.way[:2]) < 0.9:
+        if np.hypot(*spot.way[:2]) < _LEVEL:
             continue
         left = np.array([-np.sin(yaw), np.cos(yaw), 0.0])
         up = np.array([0.0, 0.0, 1.0])

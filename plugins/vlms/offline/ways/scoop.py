@@ -9,8 +9,17 @@ import numpy as np
 
 from plugins.vlms.offline.heads import Head, Step, at, box
 from plugins.vlms.offline.job import Job
-from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above, wall_height
+from plugins.vlms.offline.ways.way import (
+    OVER_M,
+    Range,
+    Ranges,
+    Values,
+    Way,
+    above,
+    wall_height,
+)
 
+_CLEAR_M = 0.002  # of what is beside and before it, a floor stays
 _ENTRY_M = 0.05  # of room before bodies, to come down there
 _CLIMBED_M = 0.01  # of the floor's edge has no walls: bodies climb onto it
 
@@ -97,7 +106,7 @@ class Scoop(Way):
 
         lift = max(0.0, job.rise) + values["higher"]
         if job.goes:
-            lift = max(lift, job.clear + 0.03 + depth * float(np.sin(values["tip"])))
+            lift = max(lift, job.clear + OVER_M + depth * float(np.sin(values["tip"])))
         up = at(ahead, 0.0, low + lift, pitch=lean)
         yield Step(up, speed=values["lifting"], touch=True)
         if not job.goes:
@@ -116,8 +125,8 @@ class Scoop(Way):
     @staticmethod
     def _measure(job: Job, values: Values) -> tuple[float, float]:
         """Measure how wide the floor is, and how far it goes ahead of the wall."""
-        room = min(job.room(y=1.0), job.room(y=-1.0)) - 0.002
+        room = min(job.room(y=1.0), job.room(y=-1.0)) - _CLEAR_M
         width = job.size[1] + 2 * min(values["room"], room)
-        ahead = job.room(x=1.0) - 0.002
+        ahead = job.room(x=1.0) - _CLEAR_M
         depth = min(values["depth"] * job.size[0], job.size[0] + ahead)
         return float(width), float(depth)
