@@ -88,7 +88,8 @@ def build_fingers(
     for finger in fingers_of(robot):
         opens = finger.pose.rotation.apply(finger.opens)
         for piece in head.pieces:
-            if (mount @ piece.pose).position @ opens > 0:
+            side = mount.apply(piece.pose.position) - mount.position
+            if side @ opens > 0:  # wherever the head is, one pad hangs from each
                 _add_finger(builder, finger, piece, head, mount, material)
 
     text = f"{head.text} on long fingers"

@@ -15,6 +15,8 @@ from core.geometry import Box, Pose
 from core.interfaces import Evaluation, Request, Score, Waypoints
 from core.plugins import installed
 from plugins.vlms.offline.answer import answer
+from plugins.vlms.offline.hand import build_fingers, hand_of
+from plugins.vlms.offline.heads import Head, box
 from plugins.vlms.offline.mounting import list_ranges
 from plugins.vlms.offline.notes import read_values
 from plugins.vlms.offline.options import find_unplanned
@@ -137,6 +139,20 @@ def test_what_no_way_suits_is_named_before_the_search(tmp_path):
 @pytest.mark.parametrize("name", ["BringCube", "SnatchCookie", "TurkeyLegs"])
 def test_the_benchmark_is_planned_for(name):
     assert find_unplanned(on_panda(installed().create("task", name)), 0) == []
+
+
+def test_each_finger_gets_a_pad_where_the_head_is_aside(brief):
+    """Out of reach, the head is so far from the hand that both pads are on one side of its middle."""
+    robot = brief.task.robot
+    pads = [box("left_pad", 0, -0.03, 0, (0.02, 0.01, 0.02))]
+    pads.append(box("right_pad", 0, 0.03, 0, (0.02, 0.01, 0.02)))
+    head = Head(pads, np.array([0, 0, 0.02]), "two pads")
+    for aside in (-0.2, 0.0, 0.2):
+        mount = hand_of(robot).tips @ Pose(np.array([0, aside, -0.1]))
+        material = brief.representation.material
+        tool = build_fingers(head, mount, material, "grip", robot)
+        sleeves = [c.parent for c in tool.components if c.name.endswith("sleeve")]
+        assert sorted(sleeves) == ["left_finger", "right_finger"]
 
 
 def test_an_arm_without_a_gripper_needs_no_fingers():
