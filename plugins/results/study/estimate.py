@@ -22,7 +22,7 @@ from core.support.cli import print_table
 from plugins.results.pages.runs import AnyRun, FinishedRun, LeftOutRun
 from plugins.results.study.study_files import StudyRun, is_done, read_state
 
-# Of a language model's answer; measured of the embedded designer's designs, as text.
+# Of a language model's answer; measured of an earlier embedded designer's designs, as text.
 TOOL_TOKENS = 2000
 PLAN_TOKENS = 350
 
