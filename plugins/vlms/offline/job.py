@@ -54,10 +54,11 @@ class Job:
 
     @property
     def moved(self) -> tuple[str, ...]:
-        """The names of the bodies that the tool may touch, where a way says so: with the vessel that they lie in."""
+        """The names of what the tool may touch, where a way says so: what the bodies lie in and what is in them, too."""
+        names = (*self.want.bodies, *sorted(self.contents))
         if self.vessel is None:
-            return self.want.bodies
-        return self.want.bodies + self.vessel.want.bodies
+            return names
+        return names + self.vessel.want.bodies
 
     @cached_property
     def points(self) -> Array:
@@ -211,6 +212,18 @@ class Job:
         return smallest
 
     @cached_property
+    def contents(self) -> frozenset[str]:
+        """The names of what lies in the bodies and goes along, such as a ball in a tray."""
+        low, high = span(self.points)
+        found = set()
+        for body in self.layout.scene.free:
+            origin = body.pose.position
+            if ((origin > low) & (origin < high)).all():
+                found.add(body.name)
+
+        return frozenset(found.difference(self.want.bodies))
+
+    @cached_property
     def vessel(self) -> Job | None:
         """What the bodies lie in, if it is loose, as what is moved; None: there is none."""
         holder = self.holder
@@ -284,7 +297,7 @@ class Job:
         middle = self.frame.apply(shift + up + lift)
         geometry = solid_geometry(Box(tuple(sides)))
         box = Solid("room", geometry, Pose(middle, self.frame.quaternion))
-        others = self.layout.others(frozenset(self.want.bodies))
+        others = self.layout.others(self.contents.union(self.want.bodies))
         return any(contact(box, other)[0] < 0.0 for other in others.near(box, 0.0))
 
 

@@ -145,3 +145,19 @@ def test_each_way_says_what_it_is():
         assert all(
             low < high for low, high in (*way.sizes.values(), *way.moves.values())
         )
+
+
+def test_what_lies_in_a_body_goes_along_and_bars_nothing(tmp_path):
+    ball = "\n  - {name: ball, sphere: 0.01, mass: 0.02, position: [0.6, 0, 0.03]}\n"
+    tray = """
+  - name: tray
+    mass: 0.3
+    position: [0.6, 0, 0]
+    parts:
+      - {box: [0.1, 0.1, 0.01], position: [0, 0, 0.005]}
+      - {box: [0.01, 0.1, 0.04], position: [0.05, 0, 0.02]}
+      - {box: [0.01, 0.1, 0.04], position: [-0.05, 0, 0.02]}"""
+    goal = "\n  - {bodies: [tray], place: [0.5, 0, null]}\n"
+    alone = list_ways(make_brief(read_task(tmp_path, tray + "\n", goal)))
+    loaded = list_ways(make_brief(read_task(tmp_path, tray + ball, goal)))
+    assert loaded == alone != set()
