@@ -54,7 +54,7 @@ class Job:
 
     @property
     def moved(self) -> tuple[str, ...]:
-        """The names of what the tool may touch, where a way says so: what the bodies lie in and what is in them, too."""
+        """The names of what the tool may touch, where a way says so: what bodies lie in and what is in them, too."""
         names = (*self.want.bodies, *sorted(self.contents))
         if self.vessel is None:
             return names
