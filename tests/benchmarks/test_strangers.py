@@ -30,12 +30,12 @@ def test_a_scene_rests_and_earns_nothing_by_itself(file):
 @pytest.mark.slow
 @pytest.mark.thorough
 def test_a_search_is_a_row(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["", "middle_pin", f"folder={tmp_path}"])
+    monkeypatch.setattr(sys, "argv", ["", "turn_screw", f"folder={tmp_path}"])
     strangers.main()
 
     head, row, last = capsys.readouterr().out.splitlines()
     assert head == strangers.HEAD
-    assert row.startswith("middle_pin          0   1.000 ")
+    assert row.startswith("turn_screw          0   1.000 ")
     assert last == "1 of 1 reach 0.9"
 
 
