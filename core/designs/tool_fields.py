@@ -28,7 +28,7 @@ MAX_OVERLAP_M = 1e-4
 """The most that a fixture may be inside anything at the start."""
 
 NOTE = "note"
-"""The field of a design in which whoever made it may keep what it was made of, as JSON."""
+"""The field of a design in which its designer may keep what it was made of, as JSON."""
 
 MAX_NAME = 200  # characters
 MAX_DESCRIPTION = 5000
