@@ -30,7 +30,9 @@ except (ImportError, RuntimeError) as error:  # it reads MUJOCO_GL when it is im
     ) from error
 
 LIMIT_S = 60
+MAX_DEPTH = 64
 MAX_BODIES = 500
+MAX_ELEMENTS = 20_000  # with all copies of a replicate
 _READ = {"compiler", "default", "asset", "mesh", "material", "worldbody"}
 _READ |= {"body", "frame", "replicate", "inertial", "joint", "freejoint", "geom"}
 _MESHES = (".obj", ".stl", ".msh")
@@ -150,12 +152,22 @@ def _strip(root: Element, file: Path, folder: Path, left: Counter[str]) -> None:
     """Put in what is included, leave out what is not read, and count that.
 
     Raises:
-        UserError: a file can't be included.
+        UserError: there is too much, or a file can't be included.
     """
-    waiting = [root]
+    waiting = [(root, 0, 1)]
     included = {file.resolve()}
+    total = 0
     while waiting:
-        element = waiting.pop()
+        element, depth, copies = waiting.pop()
+        copies *= _count_copies(element)
+        total += copies
+        if depth > MAX_DEPTH:
+            raise UserError(f"elements are nested more than {MAX_DEPTH} deep")
+        if total > MAX_ELEMENTS:
+            raise UserError(
+                f"there are more than {MAX_ELEMENTS} elements, with all copies; leave some out"
+            )
+
         children = [*reversed(element)]
         element[:] = []
         while children:
@@ -170,6 +182,20 @@ def _strip(root: Element, file: Path, folder: Path, left: Counter[str]) -> None:
                 children += reversed(read_xml(part, other))
             elif child.tag in _READ and child.get("type") not in ("hfield", "sdf"):
                 element.append(child)
-                waiting.append(child)
+                waiting.append((child, depth + 1, copies))
             else:
                 left[clean(f"{child.tag} {child.get('type', '')}", 40)] += 1
+
+
+def _count_copies(element: Element) -> int:
+    """Return how many copies of what it holds an element makes."""
+    if element.tag != "replicate":
+        return 1
+
+    count = element.get("count", "").strip()
+    if not re.fullmatch("[0-9]{1,3}", count) or int(count) > MAX_BODIES:
+        raise UserError(
+            f"a replicate has count={clean(count, 20)}; it must be a number up to {MAX_BODIES}"
+        )
+
+    return int(count)
