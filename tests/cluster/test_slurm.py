@@ -25,7 +25,7 @@ TASKS = ("BringCube", "LiftBox", "OneBook", "ScoreGoal")
 FREE = "MoveBall"  # whose requests are never held
 # Two generations of a request each.
 SMALL = [
-    *("vlm=gemini", "vlm.retries=0", "sim=mujoco", "prompt.picture=false"),
+    *("vlm=gemini", "sim=mujoco", "prompt.picture=false"),
     *("prompt.repair=0", "film=false", "listener=[progress]", "executor.workers=1"),
     *("budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1"),
     *("budget.n_iteration=1", "budget.reward_save=0"),

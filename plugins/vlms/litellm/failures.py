@@ -13,6 +13,7 @@ from plugins.vlms.litellm.manner import says_no
 from plugins.vlms.litellm.room import is_too_long
 from plugins.vlms.litellm.transport import BadAnswer, TimedOut, Unanswered
 
+TRIES = 5  # of a call; a server that is away for longer is waited for by the run (`patience_s`)
 FIRST_WAIT_S = 1.0
 MAX_WAIT_S = 60.0
 MAX_REQUESTED_WAIT_S = 300.0  # a server that requests a longer wait means a daily quota
@@ -30,12 +31,15 @@ _NO_MODEL = re.compile(
 
 
 def pause(error: Exception, tries: int) -> float | None:
-    """Seconds to wait before the next try after ``tries``; None: another try would fail too.
+    """Seconds to wait before the next try after ``tries``; None: there were enough, or another would fail too.
 
     Args:
         error: of the last try.
         tries: made so far.
     """
+    if tries >= TRIES:
+        return None
+
     status = _status(error)
     if not isinstance(error, TimedOut) and status not in (408, 429) and status < 500:
         return None
@@ -50,7 +54,7 @@ def pause(error: Exception, tries: int) -> float | None:
 
     # At random, so that agents that were refused together do not retry together.
     jitter = random.uniform(0.75, 1.25)  # noqa: S311
-    return min(MAX_WAIT_S, FIRST_WAIT_S * 2.0 ** min(tries - 1, 10)) * jitter
+    return min(MAX_WAIT_S, FIRST_WAIT_S * 2.0 ** (tries - 1)) * jitter
 
 
 def unanswered(error: Exception) -> bool:

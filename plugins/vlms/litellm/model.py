@@ -46,7 +46,6 @@ class LanguageModel(VLM):
         concurrency: calls that may wait for an answer at the same time.
         requests_per_minute: calls that may begin in a minute, evenly spaced; None: no limit.
         timeout_s: a call is abandoned when its server is silent for so long, or after ten times as long.
-        retries: how often a call is repeated after a rate limit, a server error, a network error or a time-out.
         max_output_tokens: of an answer, thinking included; None: the provider's maximum.
         thinking: how much the model thinks before it answers, ``none``, ``low``, ``medium`` or ``high``; None: as the
             provider has it.
@@ -68,7 +67,6 @@ class LanguageModel(VLM):
     concurrency: int = 20
     requests_per_minute: float | None = None
     timeout_s: float = 600.0
-    retries: int = 4
     max_output_tokens: int | None = None
     thinking: str | None = None
     temperature: float | None = None
@@ -84,9 +82,6 @@ class LanguageModel(VLM):
 
         for name in _LIMITS:
             check_positive("vlm.", **{name: getattr(self, name)})
-
-        if self.retries < 0:
-            raise UsageError(f"vlm.retries must be at least 0, got {self.retries}")
 
         check_call_settings(self)
         self._client = Client(self.model, self.api_base, self)
@@ -158,7 +153,7 @@ class LanguageModel(VLM):
         return bool(shared) and not is_kept
 
     def _answer(self, request: Request, stop: threading.Event) -> Reply:
-        """Call the model until a call succeeds or the retries are used up.
+        """Call the model until a call succeeds, or another one would not.
 
         Args:
             request: that is sent.
@@ -200,7 +195,7 @@ class LanguageModel(VLM):
                 return kept
 
             wait_s = pause(error, tries)
-            if tries > self.retries or wait_s is None:
+            if wait_s is None:
                 after = f" (after {tries} tries)" if tries > 1 else ""
                 return self._failed(request, error, after)
 

@@ -21,6 +21,12 @@ def planted(monkeypatch):
     monkeypatch.setattr(failures, "FIRST_WAIT_S", 0.05)
 
 
+@pytest.fixture
+def one_try(monkeypatch):
+    """A call is not repeated."""
+    monkeypatch.setattr(failures, "TRIES", 1)
+
+
 @pytest.fixture(scope="session")
 def warm():
     """LiteLLM imports parts of itself at a first call, which may take longer than a test's time-outs."""

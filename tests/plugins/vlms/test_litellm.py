@@ -19,6 +19,7 @@ from core.errors import UsageError, UserError
 from core.interfaces import Picture, Text
 from core.plugins import installed
 from plugins.vlms import LITELLM
+from plugins.vlms.litellm import failures
 from plugins.vlms.litellm.model import LanguageModel
 from plugins.vlms.litellm.prices import estimate
 from tests.commands import python_m
@@ -239,8 +240,8 @@ def cases(protocol):
             2,
         ),
         ([Reset(), FINE], None, FINE.text, 2),
-        ([Reset()], r"\(after 3 tries\)", "", 3),
-        ([BUSY], r"RateLimitError: .*slow down.*\(after 3 tries\)", "", 3),
+        ([Reset()], r"\(after 5 tries\)", "", 5),
+        ([BUSY], r"RateLimitError: .*slow down.*\(after 5 tries\)", "", 5),
         (
             [Send(json.dumps({"error": {"message": f"bad key {ECHO}"}}), 401)],
             "AuthenticationError: .*bad key",
@@ -304,9 +305,7 @@ def test_each_fault_costs_its_own_reply_only_and_no_key_is_shown(protocol, caplo
     wanted = cases(protocol)
     scripts = [in_turn(*acts) for acts, *_ in wanted]
     with serving(lambda call: scripts[agent_of(call)](call)) as server:
-        replies = ask(
-            server, protocol, agents=len(wanted), concurrency=len(wanted), retries=2
-        )
+        replies = ask(server, protocol, agents=len(wanted), concurrency=len(wanted))
     calls = [agent_of(call) for call in server.calls]
     for agent, (acts, error, text, tries) in enumerate(wanted):
         reply = replies[agent]
@@ -325,11 +324,12 @@ def test_each_fault_costs_its_own_reply_only_and_no_key_is_shown(protocol, caplo
 
 
 @pytest.mark.parametrize("protocol", rare(PAID, "openai"))
-def test_a_server_that_stalls_meets_the_time_limit(protocol):
+def test_a_server_that_stalls_meets_the_time_limit(protocol, monkeypatch):
     """So does one that sends a byte at times; each costs its own reply only."""
+    monkeypatch.setattr(failures, "TRIES", 3)
     scripts = [in_turn(Stall()), in_turn(Stall(drip=True), FINE), in_turn(FINE)]
     with serving(lambda call: scripts[agent_of(call)](call)) as server:
-        replies = ask(server, protocol, agents=3, timeout_s=1.0, retries=2)
+        replies = ask(server, protocol, agents=3, timeout_s=1.0)
     assert (replies[0].error, replies[0].unanswered) == (
         "no answer within 1 s (after 3 tries)",
         True,
@@ -361,10 +361,10 @@ def test_a_wait_that_cannot_be_read_is_no_answer(when):
     """Parsing the first raises an OverflowError, which was stored as the answer."""
     busy = Send("{}", 429, (("Retry-After", when),))
     with serving(in_turn(busy)) as server:
-        reply = ask(server, "openai", retries=1)[0]
+        reply = ask(server, "openai")[0]
     assert "RateLimitError" in reply.error
     assert reply.unanswered
-    assert len(server.calls) == (1 if when.startswith("9") else 2)
+    assert len(server.calls) == (1 if when.startswith("9") else 5)
 
 
 @pytest.mark.parametrize("body", ["<html>log in</html>", "", "null", "[1]"])
@@ -374,7 +374,7 @@ def test_an_answer_that_cannot_be_read_is_asked_for_again(protocol, body):
         assert ask(server, protocol)[0].text == FINE.text
     assert len(server.calls) == 2
     with serving(in_turn(Send(body))) as server:
-        reply = ask(server, protocol, retries=0)[0]
+        reply = ask(server, protocol)[0]
     assert reply.unanswered
     assert reply.error.isprintable()
 
@@ -387,9 +387,7 @@ def test_a_thread_that_ends_is_not_waited_for(agents, monkeypatch):
         raise UnicodeEncodeError("utf-8", "\udcff", 0, 1, "surrogates not allowed")
 
     monkeypatch.setattr("plugins.vlms.litellm.client.explain", fail)
-    model = LanguageModel(
-        "ollama_chat/m", "http://127.0.0.1:9", concurrency=2, retries=0
-    )
+    model = LanguageModel("ollama_chat/m", "http://127.0.0.1:9", concurrency=2)
     with pytest.raises(UnicodeEncodeError):
         list(model.complete([request(agent) for agent in range(agents)]))
 
@@ -452,7 +450,6 @@ def test_unknown_provider(capfd):
         {"model": ""},
         {"concurrency": 0},
         {"timeout_s": 0.0},
-        {"retries": -1},
         {"requests_per_minute": 0.0},
         {"max_output_tokens": 0},
     ],

@@ -64,7 +64,7 @@ def tried(provider, api_base, sent):
     sent.clear()
     try:
         list(
-            LanguageModel(f"{provider}/m", api_base, retries=0, timeout_s=20).complete(
+            LanguageModel(f"{provider}/m", api_base, timeout_s=20).complete(
                 [request(0)]
             )
         )
@@ -139,7 +139,7 @@ def test_what_would_go_elsewhere_is_not_sent_and_a_line_says_so(model, monkeypat
     monkeypatch.setenv("AWS_REGION_NAME", "us-east-1")
     monkeypatch.setenv("REPLICATE_API_KEY", OWN)
     with serving(lambda call: Say()) as server:
-        vlm = LanguageModel(model, server.url, retries=0)
+        vlm = LanguageModel(model, server.url)
         (reply,) = vlm.complete([request(0)])
     assert server.calls == []
     provider = model.partition("/")[0]

@@ -133,7 +133,7 @@ def cut(act, text):
 def test_a_stream_that_is_cut_off_keeps_what_came(protocol, caplog):
     whole = STREAMS[protocol]([BEGUN[:100], BEGUN[100:], "THE END"])
     with serving(lambda call: cut(whole, BEGUN[100:])) as server:
-        reply = ask(server, protocol, retries=2)[0]
+        reply = ask(server, protocol)[0]
 
     assert (reply.error, reply.text) == (None, BEGUN)
     assert len(server.calls) == 1
@@ -144,7 +144,7 @@ def test_a_stream_that_is_cut_off_before_its_first_design_is_asked_for_again():
     act = openai([TEXT[:30], "THE END"])
     script = in_turn(cut(act, TEXT[:30]), openai(PIECES))
     with serving(script) as server:
-        reply = ask(server, "openai", retries=1)[0]
+        reply = ask(server, "openai")[0]
 
     assert (reply.error, reply.text) == (None, TEXT)
     assert len(server.calls) == 2

@@ -86,16 +86,13 @@ def test_a_packed_answer_is_read_and_half_of_one_is_an_error(protocol):
         reply = ask(server, protocol)[0]
     assert (reply.text, reply.error) == ("{}", None)
     with serving(in_turn(half)) as server:
-        assert ask(server, protocol, retries=0)[0].error
+        assert ask(server, protocol)[0].error
 
 
-def test_no_thread_reads_on_after_the_time_limit():
+def test_no_thread_reads_on_after_the_time_limit(one_try):
     with serving(lambda call: Stall(drip=True)) as server:
         before = threading.active_count()
-        assert (
-            ask(server, "openai", timeout_s=1.0, retries=0)[0].error
-            == "no answer within 1 s"
-        )
+        assert ask(server, "openai", timeout_s=1.0)[0].error == "no answer within 1 s"
         for _ in range(100):
             if threading.active_count() <= before + 1:  # the server's own
                 break
@@ -170,7 +167,7 @@ FEW = [(protocol, paths[0]) for protocol, paths in FIELDS.items()]
     rare([(p, path) for p, paths in FIELDS.items() for path in paths], *FEW),
     ids=str,
 )
-def test_a_wrong_field_gives_a_reply_that_can_be_stored(protocol, path):
+def test_a_wrong_field_gives_a_reply_that_can_be_stored(protocol, path, one_try):
     bodies = [changed(protocol, path, value) for value in WRONG]
     bodies += [
         changed(protocol, path, NAN).replace(f'"{NAN}"', number)
@@ -182,7 +179,6 @@ def test_a_wrong_field_gives_a_reply_that_can_be_stored(protocol, path):
             server,
             protocol,
             agents=len(bodies),
-            retries=0,
             concurrency=1,
             max_tokens_total=10**9,
         )

@@ -206,7 +206,7 @@ SCENE_TASKS = {"tasks": ["BringCube", "own.yaml"]}
         ),
         ({}, ["vlm.model=a"], "two", "own that differ in: the scene file's checksum"),
         ({"by_task": {"own": ["seed=3"]}}, ["vlm.model=a"], "one", "own that differ"),
-        ({}, ["vlm.model=a", "vlm.retries=1", "film=true"], "one", ""),
+        ({}, ["vlm.model=a", "vlm.timeout_s=1", "film=true"], "one", ""),
     ],
 )
 def test_another_model_or_scene_is_another_run(tmp_path, changes, words, scene, said):
