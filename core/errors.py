@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 T = TypeVar("T")
-ALSO = "; and "
-"""Between one of several problems and the next."""
 
 RAISED = (Exception, SystemExit)
 """What to catch around the code of a plugin. `sys.exit` raises no Exception, and must not end a run without a word."""
 
 
 class UserError(Exception):
-    """A mistake of the user; the message says what is wrong, where, and what is possible."""
+    """A mistake of the user; the message says what is wrong, where, and what is possible.
+
+    Attributes:
+        problems: the errors of which it was made; empty: it is one.
+    """
+
+    problems: Sequence[UserError] = ()
 
 
 class Problems(list[UserError]):
@@ -33,7 +37,11 @@ class Problems(list[UserError]):
     def report(self) -> None:
         """Raise one error for all that was noted, of the first one's type."""
         if self:
-            raise type(self[0])(ALSO.join(map(str, self)))
+            whole = type(self[0])("; and ".join(map(str, self)))
+            whole.problems = [
+                problem for error in self for problem in error.problems or [error]
+            ]
+            raise whole
 
 
 class NoPicture(UserError):

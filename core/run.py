@@ -100,7 +100,7 @@ def _hydra(given: list[str]) -> None:
     except KeyFound as found:
         raise UserError(str(found)) from None
     except (HydraException, OmegaConfBaseException) as error:
-        raise explain(error, "config") from error
+        raise explain(error, "config", words) from error
     except BrokenPipeError:
         raise
     except OSError as error:  # Hydra makes the run's folder

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -13,6 +12,7 @@ from typing import Any, TypeVar, cast
 from hydra import compose, initialize_config_module
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import (
     HydraException,
     MissingConfigException,
@@ -85,11 +85,12 @@ def load(name: str, overrides: Sequence[str], schema: type | None = None) -> Dic
     if schema is not None:
         _register_schema(name, schema)
 
+    words = quote_paths(overrides)
     try:
-        config = _compose(name, quote_paths(overrides))
+        config = _compose(name, words)
         check_keys(config)
     except (HydraException, OmegaConfBaseException) as error:
-        raise explain(error, name) from error
+        raise explain(error, name, words) from error
 
     return config
 
@@ -118,8 +119,14 @@ def _compose(name: str, overrides: Sequence[str]) -> DictConfig:
     return config
 
 
-def explain(error: Exception, name: str) -> UserError:
-    """Turn a complaint of Hydra or OmegaConf about the config ``name`` into one line that says what is possible."""
+def explain(error: Exception, name: str, words: Sequence[str] = ()) -> UserError:
+    """Turn a complaint of Hydra or OmegaConf into one line that says what is possible.
+
+    Args:
+        error: the complaint.
+        name: of the primary config.
+        words: the command line's, where Hydra read them.
+    """
     failed = installed().failed
 
     if isinstance(error, OverrideParseException):
@@ -134,22 +141,34 @@ def explain(error: Exception, name: str) -> UserError:
             f"{error.full_key} has no value; give one with {error.full_key}=VALUE"
         )
 
-    several = re.match(r"Ambiguous value for argument '(.*)'\n", str(error))
-    if several:
-        return explain_word(several[1])
-
-    no_group = re.match(r"Could not override '(.+?)'\. No match in the", str(error))
-    if no_group:
-        known = [str(key) for key in _compose(name, [])]
-        return choices("key", no_group.group(1), known, "the configuration")
-
     cause = error if isinstance(error, OmegaConfBaseException) else error.__cause__
     if isinstance(cause, ConfigAttributeError | ConfigKeyError):
         return _explain_key(cause)
+    if cause is None:
+        unread = _find_unread(name, words)
+        if unread is not None:
+            return unread
+
     message = " ".join(str(error).split())
     if isinstance(error.__cause__, OmegaConfBaseException):
         message = f"{message.rstrip('.')}: {first_line(error.__cause__)}"
     return UsageError(f"{message}{failed}")
+
+
+def _find_unread(name: str, words: Sequence[str]) -> UsageError | None:
+    """Find a word that lists values outside of a sweep, or that names a key which the config ``name`` has not."""
+    known = [str(key) for key in _compose(name, [])]
+    is_sweep = not {"-m", "--multirun"}.isdisjoint(words)
+    settings = [word for word in words if "=" in word and not word.startswith("-")]
+    for word in OverridesParser.create().parse_overrides(settings):
+        if word.is_sweep_override() and not is_sweep:
+            return explain_word(word.input_line or "")
+
+        key, _, _ = word.key_or_group.partition(".")
+        if key not in (*known, "hydra"):
+            return choices("key", key, known, "the configuration")
+
+    return None
 
 
 def _explain_key(error: ConfigAttributeError | ConfigKeyError) -> UsageError:

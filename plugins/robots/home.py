@@ -10,7 +10,7 @@ import numpy as np
 from omegaconf import MISSING
 
 from core.config.compose import load, part
-from core.errors import ALSO, UsageError, UserError
+from core.errors import UsageError, UserError
 from core.interfaces import Robot
 from core.plugins import ROBOT
 from core.plugins.registry import check_settings
@@ -69,7 +69,8 @@ def main(words: list[str]) -> None:
             place = named.pose.inverse().apply(np.array(at or START))
             found = replace(find_home(arm, chosen, place / factor), factor=factor)
     except UserError as error:  # a line for each problem
-        raise type(error)(str(error).replace(ALSO, "\n- ")) from error
+        lines = map(str, error.problems or [error])
+        raise type(error)("\n- ".join(lines)) from error
 
     if found.factor != 1:
         say(describe_factor(found.factor))

@@ -12,7 +12,11 @@ from core.interfaces import Message, Picture, Request, Text
 from core.support.files import write_whole
 
 NOW = "# What is wanted\n"
-"""The heading in a prompt above which all requests of a run are alike."""
+"""The heading in a prompt above which all requests of a run are alike.
+
+It is read from the text, not a field: a template, which may be a user's own, has no other way to say it, and a mailbox
+finds it again in a file of the round before.
+"""
 
 
 def begins_news(part: Text | Picture) -> bool:

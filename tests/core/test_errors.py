@@ -2,7 +2,15 @@ import math
 
 import pytest
 
-from core.errors import Fault, UsageError, UserError, check_positive, choices, fault
+from core.errors import (
+    Fault,
+    Problems,
+    UsageError,
+    UserError,
+    check_positive,
+    choices,
+    fault,
+)
 from core.plugins.blame import PluginError
 
 
@@ -78,3 +86,14 @@ def caused(error, cause):
 )
 def test_faults_of_the_machine_are_told_from_those_of_a_design(error, said):
     assert fault(error) == said
+
+
+def test_each_of_several_problems_stays_one_of_its_own():
+    inner = Problems([UserError("no file; and no folder"), UserError("no home")])
+    wrong = Problems([UsageError("no flange")])
+    wrong.attempt(inner.report)
+    with pytest.raises(UsageError) as caught:
+        wrong.report()
+    assert str(caught.value) == "no flange; and no file; and no folder; and no home"
+    said = [str(problem) for problem in caught.value.problems]
+    assert said == ["no flange", "no file; and no folder", "no home"]

@@ -137,3 +137,10 @@ def test_a_protocol_sets_what_it_fixes_and_the_command_line_goes_first(command):
     }
     assert len(config.protocol.tracks) == 2
     assert "robotoolbench" in tracks
+
+
+def test_a_key_that_is_not_there_and_several_values_are_told_by_the_words():
+    with pytest.raises(UsageError, match="can't read sim=mujoco,sapien; put its value"):
+        load("config", ["seed=3", "sim=mujoco,sapien"])
+    with pytest.raises(UsageError, match="can't read seed=3,4; put its value"):
+        load("config", ["sim=mujoco", "seed=3,4"])
