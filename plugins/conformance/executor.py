@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
+import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import product
@@ -20,6 +22,12 @@ from plugins.conformance.fitness import condition
 from plugins.conformance.scenery import stick
 
 Make = Callable[[], Executor]
+
+LONGEST_S = 60.0  # for `map` to end once the executor is closed
+LONGEST_START_S = 600.0  # for the first worker to give a result
+_over = (
+    threading.Event()
+)  # of each process: what waits in this one is let go at the end
 
 
 def roots(chunk: list[float]) -> list[float]:
@@ -83,6 +91,62 @@ def check_an_exception_of_the_source_is_raised(make: Make) -> None:
     with make() as executor, contextlib.suppress(LookupError):
         list(executor.map(roots, chunks()))
         raise AssertionError("an exception of the chunks' source is swallowed")
+
+
+def die(chunk: list[int]) -> list[int]:
+    """End the process at once if the chunk says so, unless it is the one that is named first."""
+    home, ends = chunk
+    if ends and os.getpid() != home:
+        os._exit(3)
+    return [os.getpid()]
+
+
+def check_a_dead_worker_costs_its_chunk_alone(make: Make) -> str | None:
+    home = os.getpid()
+    with make() as executor:
+        results = [*executor.map(die, [[home, 0], [home, 1], [home, 0], [home, 0]])]
+
+    died = [result for (_, ends), result in results if ends]
+    others = [result for (_, ends), result in results if not ends]
+    expect(
+        len(others) == 3 and all(isinstance(result, list) for result in others),
+        f"a worker that died took other chunks with it: {others}",
+    )
+    if died == [[home]]:
+        return "it calls the function in this process, where no worker can die"
+
+    expect(
+        len(died) == 1 and isinstance(died[0], Exception),
+        f"the chunk of a worker that died has the result {died}, not an exception",
+    )
+    return None
+
+
+def wait_for(chunk: list[float]) -> list[float]:
+    """Wait so many seconds."""
+    _over.wait(chunk[0])
+    return chunk
+
+
+def check_map_ends_when_another_thread_closes(make: Make) -> None:
+    executor = make()
+    begun = threading.Event()
+    _over.clear()
+
+    def read() -> None:
+        with contextlib.suppress(Exception):  # which `map` may end with
+            for _ in executor.map(wait_for, [[0.0], *[[1e6]] * 20]):
+                begun.set()
+
+    reading = threading.Thread(target=read, name="reads results", daemon=True)
+    reading.start()
+    try:
+        expect(begun.wait(LONGEST_START_S), "no chunk came back")
+        executor.close()
+        reading.join(LONGEST_S)
+        expect(not reading.is_alive(), "close was called, and map waits on")
+    finally:
+        _over.set()
 
 
 def check_rollouts_side_by_side_are_those_played_one_by_one(make: Make) -> str:

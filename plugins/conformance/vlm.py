@@ -6,7 +6,9 @@ checked.
 
 from __future__ import annotations
 
-from core.interfaces import VLM, Estimate, Reply, Request
+from dataclasses import replace
+
+from core.interfaces import VLM, Estimate, Message, Picture, Reply, Request
 from plugins.conformance.checking import (
     LengthOnly,
     between,
@@ -41,6 +43,14 @@ def check_each_request_has_its_reply(vlm: VLM) -> None:
     ids = ", ".join(sorted(reply.request_id for reply in replies))
     wanted = ", ".join(request.id for request in sent)
     expect(ids == wanted, f"the requests {wanted} had replies to {ids or 'none'}")
+
+
+def check_a_request_that_it_cannot_serve_has_its_reply_too(vlm: VLM) -> None:
+    """A picture that is none: the reply may be an error, but nothing is raised."""
+    sent = requests()[0]
+    broken = Message("user", (*sent.messages[-1].parts, Picture(b"no picture")))
+    replies = list(vlm.complete([replace(sent, messages=(broken,))]))
+    expect(len(replies) == 1, f"a request had {len(replies)} replies")
 
 
 def check_a_request_has_an_estimate(vlm: VLM) -> None:

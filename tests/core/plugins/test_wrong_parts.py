@@ -31,6 +31,14 @@ class Chatty(toys.ToyModel):
         yield "that is all"
 
 
+class Raising(toys.ToyModel):
+    """Answers once in a generation, and then raises what a model may not."""
+
+    def complete(self, requests):
+        yield next(super().complete(requests))
+        raise KeyError("choices")
+
+
 class Losing(toys.Here):
     def map(self, function, chunks):
         return (
@@ -76,6 +84,16 @@ def test_a_simulator_that_gives_something_else(play, part, said):
     for reason in reasons:
         assert reason.startswith("sim 'toy' of shoddy-parts (hook 'simulators'): ")
     assert re.search(said, reasons[0])
+
+
+def test_a_model_that_raises_costs_its_replies_and_is_named(play, capfd):
+    play("vlm", "toy", Raising)
+    named = (
+        "vlm 'toy' of shoddy-parts (hook 'vlms'): complete raised KeyError: 'choices'"
+    )
+    said = [line for line in capfd.readouterr().err.splitlines() if named in line]
+    assert said
+    assert said[0].endswith("requests have no reply")
 
 
 def test_replies_without_a_request_are_left_out(play, capfd):

@@ -24,11 +24,13 @@ from core.interfaces import (
     Reply,
     Score,
     Task,
+    Text,
     ToolRepresentation,
 )
 from core.plugins import KINDS, Offer, PluginPart, installed
 from core.scene import Body, Box, Scene, Sphere, floor, table
 from plugins.conformance import conformance_command as conformance
+from plugins.conformance import executor
 from plugins.conformance.checking import ready
 from plugins.conformance.scenery import GREY
 from plugins.conformance.suites import SUITES, examine, subject
@@ -236,6 +238,42 @@ class Greedy(Executor):
         pass
 
 
+class Deaf(Executor):
+    """Has one worker, which is waited for when the executor is closed."""
+
+    def map(self, function, chunks):
+        return ((chunk, function(chunk)) for chunk in chunks)
+
+    def close(self):
+        pass
+
+
+class Doomed(Executor):
+    """Takes all that follows for lost when a chunk's worker died."""
+
+    def map(self, function, chunks):
+        local = installed().create("executor", "local", workers=1)
+        lost = None
+        with local:
+            for chunk, result in local.map(function, chunks):
+                lost = result if isinstance(result, RuntimeError) else lost
+                yield chunk, lost or result
+
+    def close(self):
+        pass
+
+
+class Throws(VLM):
+    model = "throws"
+
+    def complete(self, requests):
+        for request in requests:
+            for part in request.messages[-1].parts:
+                if not isinstance(part, Text):
+                    raise TypeError("can't read the picture")
+            yield Reply(request.id, "", self.model, "no")
+
+
 class Threads(Executor):
     """Keeps all rules of an executor but that one thread of a process plays at a time."""
 
@@ -379,6 +417,9 @@ WRONG = {
         "each chunk comes back with its result": "12 chunks went in, 11 came out",
         "chunks are not read all at once": "before the first result was taken, 1000 of 1000 chunks were read",
     },
+    ("vlm", Throws): {
+        "a request that it cannot serve has its reply too": "TypeError: can't read the picture",
+    },
     ("executor", Threads): {
         "rollouts side by side are those played one by one": "two threads of one process play at once",
     },
@@ -401,7 +442,9 @@ def offered(monkeypatch):
 
 
 @pytest.mark.parametrize(("kind", "part"), WRONG)
-def test_what_is_wrong_is_reported(offered, kind, part):
+def test_what_is_wrong_is_reported(offered, kind, part, monkeypatch):
+    monkeypatch.setattr(executor, "LONGEST_START_S", 1.0)
+    monkeypatch.setattr(executor, "LONGEST_S", 0.2)
     problems = {
         verdict.check: verdict.problem
         for verdict in examine(kind, subject(offered(kind, part)))
@@ -410,6 +453,17 @@ def test_what_is_wrong_is_reported(offered, kind, part):
     for check, problem in WRONG[kind, part].items():
         assert problems[check] is not None, check
         assert problem in problems[check]
+
+
+def test_an_executor_that_cannot_be_closed_is_reported(monkeypatch):
+    monkeypatch.setattr(executor, "LONGEST_S", 0.2)
+    with pytest.raises(AssertionError, match="close was called, and map waits on"):
+        executor.check_map_ends_when_another_thread_closes(Deaf)
+
+
+def test_an_executor_that_loses_more_than_a_dead_worker_had_is_reported():
+    with pytest.raises(AssertionError, match="a worker that died took other chunks"):
+        executor.check_a_dead_worker_costs_its_chunk_alone(Doomed)
 
 
 def test_a_home_out_of_reach_is_reported_once():
