@@ -412,12 +412,13 @@ def test_a_run_that_has_come_to_its_end_says_so(toy, tmp_path, capsys):
     begin(toy, folder)
     before, asked = tables(folder), toy.lines("asked")
     best = result_of(folder)["best"]
+    distance = best["measured"]["distance_m"]
     for overrides in ([], ["executor.notes=elsewhere", "film=true"]):
         resume(folder, overrides)
         said = capsys.readouterr().out.splitlines()
         assert said == [
             f"{folder} holds a run that has come to its end",
-            f"best reward {best['reward']:.3f}, distance {best['distance_m']:.2f} m, candidate {best['candidate']}",
+            f"best reward {best['reward']:.3f}, distance {distance:.2f} m, candidate {best['candidate']}",
             str(folder / "best"),
         ]
     assert (tables(folder), toy.lines("asked")) == (before, asked)

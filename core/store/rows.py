@@ -78,19 +78,22 @@ def _with_usable_parts(config: RunConfig) -> RunConfig:
 class Best:
     """The best candidate of a run.
 
-    ``distance_m`` is None where it is not known, as of plans that were joined; ``margin`` is the least; ``reason`` says
-    why it earns nothing; ``torque`` is that of the joint that used most of its own. ``measured`` are the means of what
-    plugins measure (`core.trial.Figure`), as far as they are known.
+    ``margin`` is the least; ``reason`` says why it earns nothing; ``torque`` is that of the joint that used most of its
+    own. ``measured`` are the means of its figures (`core.trial.Figure`), as far as they are known.
     """
 
     reward: Reward
-    distance_m: Amount | None
     generation: Count
     candidate: Id
     margin: Margin | None = None
     reason: str = ""
     torque: TorqueShare | None = None
     measured: dict[Id, Number] = field(default_factory=dict)
+
+    @property
+    def distance_m(self) -> float | None:
+        """The way of the end-effector's origin; None: it is not known, as of plans that were joined."""
+        return self.measured.get("distance_m")
 
 
 @dataclass(frozen=True)

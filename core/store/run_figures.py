@@ -14,7 +14,7 @@ from functools import lru_cache
 from packaging.requirements import Requirement
 
 from core.events import Generation, Result, Run
-from core.simulation.measuring import offered_figures
+from core.simulation.measuring import figures
 from core.store.rows import (
     Best,
     FailedLayout,
@@ -60,10 +60,9 @@ def best_figures(result: Result) -> Best | None:
     if best is None:
         return None
 
-    means = {name: mean_figure(best.trials, name) for name in offered_figures()}
+    means = {name: mean_figure(best.trials, name) for name in figures()}
     return Best(
         reward=best.reward,
-        distance_m=None if math.isnan(best.distance_m) else best.distance_m,
         generation=best.candidate.generation,
         candidate=best.candidate.id,
         margin=best.least_margin,

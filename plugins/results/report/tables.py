@@ -9,7 +9,7 @@ from functools import wraps
 from statistics import fmean
 
 from core.interfaces import Reply
-from core.simulation.measuring import offered_figures
+from core.simulation.measuring import figures
 from core.store.rows import StoredDesign, StoredEvaluation
 from core.trial import best_first, best_tools
 from core.values.messages import Bill
@@ -292,8 +292,8 @@ def costs(results: Results) -> Rows:
 
 
 def runs(results: Results) -> Table:
-    """All runs that are counted, with a column for each figure that a plugin measures and shows."""
-    measured = {name: each for name, each in offered_figures().items() if each.column}
+    """All runs that are counted, with a column for each figure of a rollout that has one."""
+    measured = {name: figure for name, figure in figures().items() if figure.column}
     columns = [f"{figure.column}:{figure.digits}" for figure in measured.values()]
     head = "|".join([_RUNS, *columns, _WHERE])
     return Table.of("runs", head, _run_rows(results, measured))
@@ -301,7 +301,7 @@ def runs(results: Results) -> Table:
 
 _RUNS = (
     "task|method|seed:0|best reward:3|unseen layouts, mean:3|chance of failure below:3|perturbed:3"
-    "|least margin:2|torque share:2|distance (m):2"
+    "|least margin:2|torque share:2"
 )
 _WHERE = "generation:0|candidate|rollouts:0|wall time (s):0|the model is told|folder|recordings"
 
@@ -321,7 +321,6 @@ def _run_rows(results: Results, measured: Iterable[str]) -> Rows:
                 getattr(run.figures.perturbed, "fails_below", None),
                 getattr(best.margin, "margin", None),
                 getattr(best.torque, "share", None),
-                best.distance_m,
                 *map(best.measured.get, measured),
                 best.generation,
                 best.candidate,

@@ -10,7 +10,7 @@ from core.design import Candidate
 from core.errors import UsageError
 from core.plugins import Offer, installed
 from core.search.orchestration import run
-from core.simulation.measuring import figures, offered_figures
+from core.simulation.measuring import figures
 from core.store.reader import StoredRun
 from core.trial import Figure
 from plugins.results.pages.runs import find_runs
@@ -47,9 +47,9 @@ def reach(monkeypatch):
     figure = Figure(measure_reach, "reach (m)", 3, words, less_is_better=False)
     offer = Offer("figure", "reach_m", "tests", "tests", figure)
     monkeypatch.setitem(installed().offers, ("figure", "reach_m"), offer)
-    offered_figures.cache_clear()
+    figures.cache_clear()
     yield "reach_m"
-    offered_figures.cache_clear()
+    figures.cache_clear()
 
 
 def test_what_was_played_is_measured_and_what_was_not_has_no_figures():
@@ -72,11 +72,14 @@ def test_a_figure_of_a_plugin_is_stored_told_reported_and_decides(reach, tmp_pat
     highest = max(values.values())
 
     best = json.loads((folder / "result.json").read_text())["best"]
-    assert best["measured"] == {reach: highest} == {reach: values[best["candidate"]]}
+    assert best["measured"].keys() == figures().keys()
+    assert best["measured"][reach] == highest == values[best["candidate"]]
 
     table = runs(Results(tuple(find_runs([tmp_path])[0])))
-    column = [column.name for column in table.columns].index("reach (m)")
-    assert [row[column] for row in table.rows] == [highest]
+    names = [column.name for column in table.columns]
+    (row,) = table.rows
+    assert row[names.index("reach (m)")] == highest
+    assert row[names.index("distance (m)")] == best["measured"]["distance_m"]
 
     prompt = (folder / "requests" / "g1-a0.md").read_text()
     assert "- `reach_m`: how far the plan ends." in prompt

@@ -36,7 +36,7 @@ def test_rewards_by_task_and_method_are_those_of_the_result_files(made):
         assert float(row["standard deviation"]) == pytest.approx(
             np.std(rewards, ddof=1), abs=1e-15
         )
-        assert float(row["distance of the best (m)"]) == best["distance_m"]
+        assert float(row["distance of the best (m)"]) == best["measured"]["distance_m"]
         assert row["candidate"] == best["candidate"]
 
 
