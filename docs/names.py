@@ -1,7 +1,8 @@
-"""List in ``docs/api.md`` what plugins import of core: ``python docs/names.py``.
+"""Write what pages list of the code: ``python docs/names.py``.
 
-Names of the flat files have a line each, with the first sentence of their docstring. Names of inner rooms, which only
-the built-in plugins use, are listed without one.
+``docs/api.md`` lists what plugins import of core. Names of the flat files have a line each, with the first sentence of
+their docstring. Names of inner rooms, which only the built-in plugins use, are listed without one.
+``docs/scene_types.md`` has a row for each kind of shape, as its class says it.
 """
 
 from __future__ import annotations
@@ -13,8 +14,11 @@ import re
 from collections import defaultdict
 from pathlib import Path
 
+from core.geometry import KINDS
+
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "api.md"
+SCENE_TYPES = ROOT / "docs" / "scene_types.md"
 BEGIN = "<!-- names: python docs/names.py -->\n"
 END = "<!-- end of names -->\n"
 
@@ -69,6 +73,20 @@ def listing() -> str:
     return "\n".join(lines).lstrip() + "\n"
 
 
+def shape_table() -> str:
+    """Write a row for each kind of shape, as Markdown."""
+    lines = [
+        "| type | takes | in scene files and designs | |",
+        "|---|---|---|---|",
+    ]
+    for kind in KINDS:
+        lengths = ", ".join(f"`{name}`" for name in kind.lengths())
+        row = (f"`{kind.__name__}`", lengths, f"`{kind.kind}`", kind.means)
+        lines.append(f"| {' | '.join(row)} |")
+
+    return "\n".join(lines) + "\n"
+
+
 def split_page(page: str) -> tuple[str, str, str]:
     """Return what stands before the lists, the lists, and what stands after them."""
     before, _, others = page.partition(BEGIN)
@@ -77,9 +95,10 @@ def split_page(page: str) -> tuple[str, str, str]:
 
 
 def main() -> None:
-    before, _, after = split_page(PAGE.read_text("utf-8"))
-    page = f"{before}{BEGIN}\n{listing()}\n{END}{after}"
-    PAGE.write_text(page, encoding="utf-8")
+    for page, lists in ((PAGE, listing()), (SCENE_TYPES, shape_table())):
+        before, _, after = split_page(page.read_text("utf-8"))
+        text = f"{before}{BEGIN}\n{lists}\n{END}{after}"
+        page.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -5,7 +5,17 @@ import math
 import numpy as np
 import trimesh
 
-from core.geometry import Compound, Mesh
+from core.geometry import KINDS, Compound, Mesh
+
+
+def sample(kind):
+    """A shape of a kind, of a few centimetres: its numbers go down."""
+    count = sum(kind.lengths().values())
+    return kind.of(*(round(0.03 * 0.6**number, 4) for number in range(count)))
+
+
+SAMPLES = tuple(map(sample, KINDS))
+"""One of each kind that designs and scene files name."""
 
 
 def prism(sides, radius, length):
@@ -36,6 +46,15 @@ def bowl(radius, wall, rings=3, sides=16):
         Mesh.from_trimesh(trimesh.creation.revolve(outline, sections=sides)),
         tuple(parts),
     )
+
+
+def within(mesh, points):
+    """Tell which points (P,) are inside a closed mesh, from the solid angles of its triangles."""
+    a, b, c = (mesh.triangles[None, :, k] - points[:, None] for k in range(3))
+    la, lb, lc = (np.linalg.norm(x, axis=2) for x in (a, b, c))
+    high = np.einsum("ptx,ptx->pt", a, np.cross(b, c))
+    low = la * lb * lc + (a * b).sum(2) * lc + (b * c).sum(2) * la + (c * a).sum(2) * lb
+    return np.arctan2(high, low).sum(axis=1) > math.pi
 
 
 def _turn(line, angle):

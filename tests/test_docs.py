@@ -287,6 +287,12 @@ def test_the_list_of_names_that_plugins_import_is_todays():
     assert lists == names.listing()
 
 
+def test_the_table_of_shapes_is_todays():
+    """``python docs/names.py`` writes it."""
+    _, table, _ = names.split_page(names.SCENE_TYPES.read_text())
+    assert table == names.shape_table()
+
+
 def test_pictures_have_a_text_for_those_who_do_not_see_them():
     texts = {page.name: page.read_text() for page in [*PAGES, ROOT / "README.md"]}
     silent = {name for name, text in texts.items() if "![](" in text}

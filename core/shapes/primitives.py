@@ -23,6 +23,7 @@ class Primitive(Shape):
 
     Attributes:
         told: how a model writes its lengths, and where it lies.
+        means: what it is, in the format of scene files and on the page of the types of a scene.
         in_urdf: whether URDF has it, by the same names.
 
     Raises:
@@ -30,6 +31,7 @@ class Primitive(Shape):
     """
 
     told: ClassVar[str]
+    means: ClassVar[str]
     in_urdf: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
@@ -76,7 +78,7 @@ class Primitive(Shape):
         return ", ".join((self.kind, *words))
 
 
-class _Centered(Primitive):
+class Centered(Primitive):
     """One with its middle in its frame's origin, and the frame's axes as principal ones."""
 
     @property
@@ -97,7 +99,7 @@ class _Centered(Primitive):
 
 
 @dataclass(frozen=True)
-class Box(_Centered):
+class Box(Centered):
     """A box centred on its frame.
 
     Attributes:
@@ -110,6 +112,7 @@ class Box(_Centered):
     kind = "box"
     ending = "es"
     told = " with `size` [x, y, z], full side lengths along its own axes"
+    means = "Full side lengths along x, y and z, m"
 
     size: Triple
 
@@ -169,11 +172,12 @@ class Box(_Centered):
 
 
 @dataclass(frozen=True)
-class Sphere(_Centered):
+class Sphere(Centered):
     """A sphere centred on its frame."""
 
     kind = "sphere"
     told = " with `radius`"
+    means = "Its radius, m"
     is_round = True
 
     radius: float
@@ -218,11 +222,12 @@ class Sphere(_Centered):
 
 
 @dataclass(frozen=True)
-class Cylinder(_Centered):
+class Cylinder(Centered):
     """A cylinder along z, centred on its frame."""
 
     kind = "cylinder"
     told = " with `radius` and `length`, along its own z"
+    means = "A cylinder along its z"
     is_round = True
 
     radius: float
@@ -267,11 +272,12 @@ class Cylinder(_Centered):
 
 
 @dataclass(frozen=True)
-class Capsule(_Centered):
+class Capsule(Centered):
     """A cylinder along z, centred on its frame, with half a sphere on each end; ``length`` is without these."""
 
     kind = "capsule"
     told = ", the same with half a sphere added at each end, which `length` leaves out"
+    means = "A cylinder along its z with half a sphere at each end"
     is_round = True
     in_urdf = False
 

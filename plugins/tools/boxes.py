@@ -1,4 +1,4 @@
-"""Tools as a JSON list of boxes, cylinders, capsules and spheres, placed in the frame of their mount."""
+"""Tools as a JSON list of boxes and other shapes of a few lengths, placed in the frame of their mount."""
 
 from __future__ import annotations
 
@@ -52,7 +52,8 @@ def _read_shape(item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
     """Read a component's shape, which is centred on the component's frame.
 
     Raises:
-        DesignError: the shape is unknown, a size is missing or not above 0, or there is one that it has not.
+        DesignError: the shape is unknown, a size is missing or not above 0, there is one that it has not, or they make
+            no such shape.
     """
     name = item.get("shape", Box.kind)
     if not isinstance(name, str) or name not in PRIMITIVES:
@@ -61,13 +62,17 @@ def _read_shape(item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
         )
 
     kind = PRIMITIVES[name]
+    where = f"{where}, a {name}"
     written = {key: item[key] for key in _KEYS[1:] if key in item}
-    read = check(_LENGTHS[name], written, f"{where}, a {name}", DesignError)
+    read = check(_LENGTHS[name], written, where, DesignError)
     sizes: list[float] = []
     for value in vars(read).values():
         sizes += value if isinstance(value, tuple) else [value]
 
-    return kind.of(*sizes), Pose()
+    try:
+        return kind.of(*sizes), Pose()
+    except ValueError as error:
+        raise DesignError(f"{where}: {error}") from error
 
 
 def _shape_schemas() -> Iterator[dict[str, Any]]:

@@ -28,7 +28,7 @@ from pydantic import (
 from pydantic import model_validator as check_whole
 from pydantic_core import core_schema
 
-from core.geometry import PRIMITIVES, Primitive
+from core.geometry import KINDS, PRIMITIVES, Primitive
 from core.goals import AboveZero, Key, Reach
 from core.scene import Bond, Camera, Cloth, Color, Elastic, Joint, Rope
 from core.support.inputs import STRICT, check_plain, find_mistakes, in_unit
@@ -603,6 +603,10 @@ def json_schema() -> dict[str, Any]:
 
     text = (files(__package__) / "keys.yaml").read_text("utf-8")
     words: dict[str, str] = yaml.safe_load(text)
+    for primitive in KINDS:
+        words[primitive.kind] = primitive.means
+        words |= {f"{primitive.__name__}.{key}": "m" for key in primitive.lengths()}
+
     for kind in (schema, *schema["$defs"].values()):
         for key, found in kind["properties"].items():
             if "description" not in found:

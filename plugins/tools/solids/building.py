@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
-from manifold3d import CrossSection, Manifold, OpType
+from manifold3d import CrossSection, Manifold, Mesh64, OpType
 
-from core.geometry import Pose
+from core.geometry import PRIMITIVES, Mesh, Pose, Primitive
 from plugins.tools.solids.cutting import (
     MAX_PIECES,
     SLIVER,
@@ -34,7 +34,6 @@ MAX_TRIANGLES = 8_000
 _MAX_PAIRS = 500  # of parts that are intersected
 _FEW = 6  # cutters, of which each leaves out what the others have taken
 _ALIKE = 1e-3  # outlines of areas that differ by less are alike, mm^2
-_ROUND = ("sphere", "cylinder", "capsule", "cone")
 _OPERATIONS = {
     "union": OpType.Add,
     "difference": OpType.Subtract,
@@ -54,20 +53,20 @@ def segments(radius: float) -> int:
 
 def count_triangles(node: Node) -> int:
     """Estimate the triangles of all shapes of a tree, before any is built."""
-    around = 0
-    if node.kind in _ROUND:
-        around = segments(1000 * max(node.sizes[:2]))
-
     match node.kind:
         case "sphere" | "capsule":
+            around = segments(1000 * max(node.sizes))
             return around**2 // 2 + 2 * around
 
         case "cylinder" | "cone":
-            return 4 * around
+            return 4 * segments(1000 * max(node.sizes[:2]))
 
         case "revolve":
             radius = max(r for r, _ in node.points)
             return 2 * len(node.points) * segments(1000 * radius)
+
+        case kind if kind in PRIMITIVES and kind not in NATIVES:
+            return len(primitive(node).triangles.faces)
 
         case _:
             below = sum(map(count_triangles, node.children))
@@ -84,33 +83,57 @@ def _placed(node: Node, solid: Manifold) -> Manifold:
     return solid.transform(matrix[:3])
 
 
+def primitive(node: Node) -> Primitive:
+    """Make the shape of a node that is one of `core.geometry.KINDS`."""
+    return PRIMITIVES[node.kind].of(*node.sizes)
+
+
+def _sphere(radius: float) -> Manifold:
+    return Manifold.sphere(radius, segments(radius))
+
+
+def _cone(low: float, high: float, length: float) -> Manifold:
+    return Manifold.cylinder(length, low, high, segments(max(low, high)), True)
+
+
+def _capsule(radius: float, length: float) -> Manifold:
+    ball = _sphere(radius)
+    ends = [ball.translate([0, 0, way * length / 2]) for way in (-1, 1)]
+    return Manifold.batch_hull(ends)
+
+
+NATIVES: Mapping[str, Callable[..., Manifold]] = {
+    "box": lambda *sides: Manifold.cube(sides, True),
+    "sphere": _sphere,
+    "cylinder": lambda radius, length: _cone(radius, radius, length),
+    "capsule": _capsule,
+    "cone": _cone,
+}
+"""What Manifold has itself, about the origin, of the sizes in mm; other shapes are built of their triangles."""
+
+
 def _leaf(node: Node) -> Manifold:
-    """Build a convex primitive about the origin, or the hull of points."""
-    sizes = [1000 * size for size in node.sizes]
+    """Build a primitive about the origin, or the hull of points."""
+    if node.kind in NATIVES:
+        return NATIVES[node.kind](*(1000 * size for size in node.sizes))
+    if node.kind == "hull":
+        return Manifold.hull_points(1000 * np.array(node.points))
 
-    match node.kind:
-        case "box":
-            return Manifold.cube(sizes, True)
+    return _closed(primitive(node).triangles)
 
-        case "sphere":
-            return Manifold.sphere(sizes[0], segments(sizes[0]))
 
-        case "capsule":
-            radius, length = sizes
-            ball = Manifold.sphere(radius, segments(radius))
-            ends = [ball.translate([0, 0, way * length / 2]) for way in (-1, 1)]
-            return Manifold.batch_hull(ends)
+def _closed(mesh: Mesh) -> Manifold:
+    """Build the solid of a closed mesh."""
+    faces = mesh.faces.astype(np.uint64)
+    return Manifold(Mesh64(1000 * mesh.vertices, faces))
 
-        case "hull":
-            return Manifold.hull_points(1000 * np.array(node.points))
 
-        case "cylinder":
-            radius, length = sizes
-            return Manifold.cylinder(length, radius, radius, segments(radius), True)
+def _leaf_parts(node: Node) -> list[Manifold]:
+    """Build the convex parts of a primitive about the origin, or the hull of points."""
+    if node.kind not in PRIMITIVES or primitive(node).is_convex:
+        return [_leaf(node)]
 
-        case _:
-            low, high, length = sizes
-            return Manifold.cylinder(length, low, high, segments(max(low, high)), True)
+    return [_closed(part.triangles) for part in primitive(node).convex_parts()]
 
 
 def _outline(node: Node) -> CrossSection:
@@ -194,7 +217,7 @@ def convex_parts(node: Node, tolerance: Tolerance) -> list[Manifold]:
             parts = _revolved(_outline(node), math.degrees(node.sizes[0]), tolerance)
 
         case _:
-            parts = [_leaf(node)]
+            parts = _leaf_parts(node)
 
     if len(parts) > MAX_PIECES:
         raise TooManyPieces

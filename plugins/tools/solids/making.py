@@ -21,7 +21,13 @@ from core.geometry import (
     Primitive,
     Shape,
 )
-from plugins.tools.solids.building import MAX_TRIANGLES, TooFine, convex_parts, surface
+from plugins.tools.solids.building import (
+    MAX_TRIANGLES,
+    TooFine,
+    convex_parts,
+    primitive,
+    surface,
+)
 from plugins.tools.solids.cutting import (
     SLIVER,
     Tolerance,
@@ -29,7 +35,7 @@ from plugins.tools.solids.cutting import (
     is_convex,
     vertices_of,
 )
-from plugins.tools.solids.tree_reading import SIZES, Node
+from plugins.tools.solids.tree_reading import Node
 
 WITHIN_M = 0.001
 """The most between a solid and its convex parts, both ways."""
@@ -82,7 +88,11 @@ def make_shape(tree: Node, most: int = MAX_PARTS) -> tuple[Shape, Pose]:
     """
     pose = Pose.xyz_rpy(tree.at[:3], tree.at[3:])
     if tree.kind in PRIMITIVES:
-        return PRIMITIVES[tree.kind].of(*tree.sizes), pose
+        shape = primitive(tree)
+        if not shape.is_convex:
+            _check_count(len(shape.convex_parts()), most)
+
+        return shape, pose
 
     try:
         solid = surface(tree)
@@ -108,7 +118,7 @@ def node_of(shape: Shape) -> Node:
     """Return the tree that a shape was made from, or one that makes an equal shape; of a compound, of its parts."""
     if isinstance(shape, WrittenMesh | WrittenCompound) and shape.tree is not None:
         return shape.tree
-    if isinstance(shape, Primitive) and shape.kind in SIZES:
+    if isinstance(shape, Primitive):
         return Node(shape.kind, shape.numbers)
     if shape.is_convex:
         corners = shape.triangles.vertices.tolist()
@@ -126,17 +136,7 @@ def _parts(tree: Node, solid: Manifold, most: int) -> tuple[Mesh, ...]:
             parts = convex_parts(tree, tolerance)
             parts = [part for part in parts if part.volume() >= SLIVER]
 
-        needed = len(parts) or f"more than {MAX_PARTS}"
-        if not 0 < len(parts) <= most:
-            left = ""
-            if most < MAX_PARTS:
-                left = f", of which {most} are left"
-
-            raise DesignError(
-                f"needs {needed} convex parts to keep within {1000 * WITHIN_M:g} mm{problem}; at most {MAX_PARTS} "
-                f"are allowed for a tool{left}: make round hollows smaller or flat-walled, or leave some out"
-            )
-
+        _check_count(len(parts), most, problem)
         parts = [_slim(part) for part in parts]
         off = deviation(parts, solid)
         if off <= 1000 * WITHIN_M:
@@ -147,6 +147,28 @@ def _parts(tree: Node, solid: Manifold, most: int) -> tuple[Mesh, ...]:
     raise DesignError(
         f"can't be made of convex parts within {1000 * WITHIN_M:g} mm: they differ by {off:.2f} mm; make thin curved "
         "walls thicker, and avoid sharp rims"
+    )
+
+
+def _check_count(count: int, most: int, problem: str = "") -> None:
+    """Refuse more convex parts than there may be.
+
+    Args:
+        count: of them; 0: too many to count.
+        most: how many there may be.
+        problem: words for what is wrong with fewer.
+    """
+    if 0 < count <= most:
+        return
+
+    needed = count or f"more than {MAX_PARTS}"
+    left = ""
+    if most < MAX_PARTS:
+        left = f", of which {most} are left"
+
+    raise DesignError(
+        f"needs {needed} convex parts to keep within {1000 * WITHIN_M:g} mm{problem}; at most {MAX_PARTS} "
+        f"are allowed for a tool{left}: make round hollows smaller or flat-walled, or leave some out"
     )
 
 

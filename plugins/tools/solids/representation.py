@@ -8,9 +8,9 @@ from types import MappingProxyType
 from typing import Any
 
 from core.design import DesignError
-from core.geometry import Array, Box, Pose, Shape
+from core.geometry import KINDS, PRIMITIVES, Array, Box, Pose, Shape
 from plugins.tools.components import TEXT, ComponentTools, ReadShape, rounded
-from plugins.tools.solids.building import MAX_TRIANGLES, count_triangles
+from plugins.tools.solids.building import MAX_TRIANGLES, NATIVES, count_triangles
 from plugins.tools.solids.making import MAX_PARTS, WITHIN_M, make_shape, node_of
 from plugins.tools.solids.tree_reading import (
     MAX_NODES,
@@ -69,7 +69,7 @@ class SolidTools(ComponentTools):
     place, as a model without a strict schema may write them, are read as well.
     """
 
-    shapes = ("box", "cylinder", "capsule", "sphere")
+    shapes = tuple(PRIMITIVES)
     field = FIELD
     keys = ("solid",)
     template = "solids"
@@ -80,6 +80,7 @@ class SolidTools(ComponentTools):
             "MAX_POINTS": MAX_POINTS,
             "WITHIN_M": WITHIN_M,
             "MAX_PARTS": MAX_PARTS,
+            "kinds": [kind for kind in KINDS if kind.kind not in NATIVES],
         }
     )
     shape_schemas = ({"solid": TEXT | {"description": "the tree of shapes, as JSON"}},)

@@ -24,6 +24,7 @@ from pydantic import (
 
 from core.design import DesignError
 from core.designs.rules import MIN_SIDE_M
+from core.geometry import KINDS, Primitive
 from core.support.inputs import FIELDS, check, in_unit
 from core.support.text import kind, shorten
 from plugins.tools.components import (
@@ -253,7 +254,7 @@ def _pad(value: Any) -> Any:
 
 
 def _listed(value: Any) -> Any:
-    """Read the size of a sphere, which may stand without a list."""
+    """Read the only size of a shape, which may stand without a list."""
     return value if isinstance(value, list) else [value]
 
 
@@ -292,14 +293,27 @@ Corners = Annotated[
     Field(min_length=4, max_length=MAX_HULL_POINTS),
 ]
 Children = Annotated[list[Any], Field(min_length=2)]
+
+
+def _list_of(kind: type[Primitive]) -> Any:
+    """Make the type of the list of all numbers of a kind of shape."""
+
+    def check_whole(sizes: tuple[float, ...]) -> tuple[float, ...]:
+        return kind.of(*sizes).numbers
+
+    sizes = (Size,) * sum(kind.lengths().values())
+    listed: Any = Annotated[tuple[sizes], AfterValidator(check_whole)]  # type: ignore[valid-type]
+    if len(sizes) > 1:
+        return listed
+
+    return Annotated[listed, BeforeValidator(_listed)]
+
+
 SIZES: Mapping[str, Any] = {
-    "box": tuple[Size, Size, Size],
-    "sphere": Annotated[tuple[Size], BeforeValidator(_listed)],
-    "cylinder": tuple[Size, Size],
-    "capsule": tuple[Size, Size],
+    **{kind.kind: _list_of(kind) for kind in KINDS},
     "cone": tuple[Size, Tip, Size],
 }
-"""The sizes in each primitive's list: of a cone the radii below and above, of others radius and length."""
+"""The sizes in each primitive's list: of a cone the radii below and above, and its length."""
 
 
 def _written_as(name: str, content: Any, **extra: Any) -> type[BaseModel]:

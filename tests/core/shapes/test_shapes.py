@@ -6,10 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.geometry import Box, Capsule, Compound, Cylinder, Mesh, Sphere
-from tests.shapes import bowl, prism
+from tests.shapes import SAMPLES, bowl, prism, within
 
 ROUND = [Sphere(0.1), Cylinder(0.05, 0.3), Capsule(0.05, 0.3)]
-SHAPES = [Box((0.1, 0.2, 0.3)), *ROUND, prism(7, 0.1, 0.2), bowl(0.1, 0.01)]
+SHAPES = [
+    *(Box((0.1, 0.2, 0.3)), *ROUND, prism(7, 0.1, 0.2), bowl(0.1, 0.01)),
+    *SAMPLES,
+]
 sides = st.floats(0.01, 1.0)
 
 
@@ -51,18 +54,7 @@ def test_a_capsule_is_at_least_its_ends():
     assert Capsule(0.1, 0.1).resized((0.2, 0.2, 0.1)).length > 0
 
 
-@pytest.mark.parametrize(
-    "shape",
-    [
-        Box((0.1, 0.2, 0.3)),
-        Sphere(0.1),
-        Cylinder(0.05, 0.3),
-        Capsule(0.05, 0.3),
-        prism(5, 0.1, 0.2),
-        bowl(0.1, 0.01),
-    ],
-    ids=lambda shape: type(shape).__name__,
-)
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: type(shape).__name__)
 def test_measures_are_those_of_the_triangles(shape):
     """Within what a sphere of triangles lacks."""
     mesh = shape.to_trimesh()
@@ -78,6 +70,27 @@ def test_measures_are_those_of_the_triangles(shape):
     np.testing.assert_allclose(
         tensor, 2.0 * mesh.moment_inertia / mesh.volume, rtol=0.01, atol=1e-6
     )
+    ways = np.random.default_rng(0).normal(size=(50, 3))
+    for way in ways / np.linalg.norm(ways, axis=1)[:, None]:
+        reach = (mesh.vertices @ way).max()
+        assert shape.extent(way) == pytest.approx(reach, rel=0.01, abs=1e-4)
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: type(shape).__name__)
+def test_what_collides_fills_the_shape(shape):
+    mesh = shape.to_trimesh()
+    points = np.random.default_rng(0).uniform(*mesh.bounds, size=(2000, 3))
+    hulls = [part.hull() for part in shape.convex_parts()]
+    filled = np.any([within(hull, points) for hull in hulls], axis=0)
+    assert np.mean(filled != within(mesh, points)) < 0.03
+
+
+@pytest.mark.parametrize("shape", SAMPLES, ids=lambda shape: shape.kind)
+def test_a_kind_of_shape_is_made_of_its_numbers(shape):
+    assert type(shape).of(*shape.numbers) == shape
+    half = shape.scaled(0.5)
+    assert half.numbers == tuple(number / 2 for number in shape.numbers)
+    assert half.volume == pytest.approx(shape.volume / 8)
 
 
 @pytest.mark.parametrize("length", [0, -1, math.nan, math.inf])

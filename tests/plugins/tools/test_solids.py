@@ -15,6 +15,7 @@ from plugins.tools.solids.making import MAX_PARTS
 from plugins.tools.solids.representation import SolidTools
 from plugins.tools.solids.tree_reading import MAX_NODES
 from tests.panda import PANDA, on_panda
+from tests.shapes import SAMPLES, within
 
 pytestmark = pytest.mark.slow
 
@@ -90,15 +91,6 @@ def shape(solid):
     return component.shape
 
 
-def within(mesh, points):
-    """Tell which points (P,) are inside a closed mesh, from the solid angles of its triangles."""
-    a, b, c = (mesh.triangles[None, :, k] - points[:, None] for k in range(3))
-    la, lb, lc = (np.linalg.norm(x, axis=2) for x in (a, b, c))
-    high = np.einsum("ptx,ptx->pt", a, np.cross(b, c))
-    low = la * lb * lc + (a * b).sum(2) * lc + (b * c).sum(2) * la + (c * a).sum(2) * lb
-    return np.arctan2(high, low).sum(axis=1) > math.pi
-
-
 def inside(meshes, points):
     """Tell which points are in one of convex meshes."""
     found = np.zeros(len(points), dtype=bool)
@@ -127,6 +119,16 @@ def test_a_primitive_stays_one_and_its_pose_moves_the_component(solid, wanted):
         (0.1, 0, 0), (0, 0, 1.5)
     )
     np.testing.assert_allclose(component.pose.matrix, frame.matrix, atol=1e-12)
+
+
+@pytest.mark.parametrize("wanted", SAMPLES, ids=lambda sample: sample.kind)
+def test_every_kind_of_shape_is_a_node_alone_and_in_others(wanted):
+    tree = {wanted.kind: list(wanted.numbers)}
+    assert shape(tree) == wanted
+    rod = {"box": [0.1, 0.005, 0.005]}
+    joined = shape({"union": [tree, rod]})
+    assert wanted.volume < 1.03 * joined.volume < 1.05 * wanted.volume + 3e-6
+    assert len(joined.convex_parts()) <= MAX_PARTS
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,8 @@
 
 All of it happens side by side in one scene, `lanes.yaml`, which each engine plays once; what bonds do is in
 `bonds.yaml`, what names a design's fixture in `fixture.yaml`, the ground and what the robot holds in `ground.yaml`,
-where shapes and their copies have their faces in `shapes.yaml`, and what soft things do in `softs.yaml`. The robot
-waits meanwhile.
+where bodies and their copies have their faces in `shapes.yaml`, and what soft things do in `softs.yaml`. Each kind of
+shape stands in a scene that is written here. The robot waits meanwhile.
 """
 
 import re
@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from core.design import Component, Fixture, Tool
 from core.geometry import Box, Pose
@@ -31,6 +32,7 @@ from tests.engines import SIMULATORS, every_simulator, simulator
 from tests.faults import candidate
 from tests.panda import on_panda
 from tests.playing import evaluate_batch
+from tests.shapes import SAMPLES
 
 LANES = Path(__file__).parent / "lanes.yaml"
 BONDS = Path(__file__).parent / "bonds.yaml"
@@ -113,10 +115,6 @@ MEANT = [
 
 # What a rod shows that comes down on it, and where the rod's middle stops, m: 0.01 m above what it meets.
 SHAPED = [
-    ("capsule", "on_capsule", 0.11),
-    ("length of a cylinder", "on_cylinder", 0.09),
-    ("radius of a cylinder", "by_cylinder", 0.01),
-    ("sphere", "on_sphere", 0.07),
     ("tube", "through_tube", 0.01),
     ("wall", "on_tube", 0.07),
     ("floor, left out", "in_cup", 0.014),
@@ -216,6 +214,7 @@ def test_every_key_of_the_format_has_a_row_or_a_reason():
             *(row[1] for row in rows),
             HOLD,
             WEIGHED,
+            write_kinds(),
         ]
     )
     shown = {key for key in keys if re.search(rf"\b{key}:", said)}
@@ -309,6 +308,55 @@ def test_a_shape_is_where_it_says(tmp_path, row):
     ]
     for engine in SIMULATORS:
         check_first_alone_is_met(tasks, play(engine, SHAPES), engine)
+
+
+def write_kinds():
+    """Write a scene of a body of each kind of shape: a rod comes down on its top, and one beside it."""
+    bodies = []
+    joints = []
+    for number, shape in enumerate(SAMPLES):
+        top = shape.extent(np.array([0.0, 0.0, 1.0]))
+        vertices = shape.to_trimesh().vertices
+        x, y, _ = vertices[vertices[:, 2].argmax()].round(4).tolist()
+        away = -1.0 if x > 0 else 1.0  # from the rod on it
+        side = away * (0.004 + shape.extent(np.array([away, 0.0, 0.0])))
+        lengths = shape.numbers[0]
+        if len(shape.numbers) > 1:
+            lengths = {name: getattr(shape, name) for name in shape.lengths()}
+            lengths = list(*lengths.values()) if len(lengths) == 1 else lengths
+
+        place = [0.5 + 0.1 * number, -0.4, top]
+        bodies += [{"name": shape.kind, shape.kind: lengths, "position": place, "fixed": True}]  # fmt: skip
+        for where, (forward, left) in {"on": (x, y), "by": (side, 0.0)}.items():
+            above = [place[0] + forward, place[1] + left, 2 * top + 0.018]
+            rod = {"name": f"{where}_{shape.kind}", "box": [0.006, 0.006, 0.02]}
+            bodies += [rod | {"position": above, "mass": 0.005}]
+            joints += [{"name": f"j_{rod['name']}", "kind": "slider", "body": rod["name"],
+                        "axis": [0, 0, -1], "damping": 0.3}]  # fmt: skip
+
+    asked = {"goals": [{"bodies": [bodies[1]["name"]], "raised": 0.09}]}
+    words = {
+        "name": "Kinds",
+        "description": "Rods come down on shapes and beside them.",
+    }
+    return yaml.safe_dump(words | {"bodies": bodies, "joints": joints} | asked)
+
+
+@pytest.fixture(scope="module")
+def kinds(tmp_path_factory):
+    file = tmp_path_factory.mktemp("kinds") / "kinds.yaml"
+    file.write_text(write_kinds())
+    return file
+
+
+@pytest.mark.parametrize("shape", SAMPLES, ids=lambda shape: shape.kind)
+def test_a_kind_of_shape_is_where_it_says(kinds, shape):
+    top = 2 * shape.extent(np.array([0.0, 0.0, 1.0]))
+    for engine in SIMULATORS:
+        _, end, _ = play(engine, kinds)
+        for rod, height in (("on", top + 0.01), ("by", 0.01)):
+            at = end.position(f"{rod}_{shape.kind}")[2]
+            assert at == pytest.approx(height, abs=NEAR_M), (engine, rod)
 
 
 @pytest.mark.parametrize("row", JOINED, ids=[row[0] for row in JOINED])
