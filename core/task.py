@@ -13,7 +13,7 @@ import numpy as np
 
 from core.errors import UsageError, choices
 from core.geometry import Array, Pose
-from core.goals import Goal, goals_margins, needs_fixture, reaches
+from core.goals import Goal, goals_margins, reaches
 from core.scene import Camera, Region, Scene, State, Trace
 from core.values.layouts import NONE, Draw, Ranges
 from core.values.margins import Margin, least_first
@@ -150,7 +150,7 @@ class Task(ABC):
         By default that is a missing fixture, where all that is to be reached names it, or one that a goal can't use.
         """
         wanted = reaches(self.goals)
-        named = [goal for goal in wanted if needs_fixture(goal)]
+        named = [goal for goal in wanted if goal.needs_fixture]
         if fixture is None and wanted and len(named) == len(wanted):
             yield (
                 f"the goals of {self.name} name the fixture, and the design has none; add 'fixture', with a pose and "

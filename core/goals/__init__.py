@@ -5,153 +5,80 @@
         Untouched(("vase",)),
     )
 
-A goal is of one of two sorts. A `Reach` wants bodies, or a joint, to end in some way: `Placed`, `Inside`, `Away`,
-`JointAt`, `Apart`, `Flattened`, `Spread`, `Turned`, `TurnedBy`, `Facing` and `Broken`. A `Limit` says what must not
-happen meanwhile: `Kept`, `Untouched`, `Unbroken` and `Throughout`. All of them say how far they were fulfilled
-(`Goal.share`), and how far a rollout stayed from their limits (`Goal.margins`).
+A goal is of one of two sorts. A `Reach` wants bodies, or a joint, to end in some way, such as `Placed`. A `Limit` says
+what must not happen meanwhile, such as `Untouched`. All of them say how far they were fulfilled (`Goal.share`), and how
+far a rollout stayed from their limits (`Goal.margins`).
 
-A new kind is one class, wherever it is written: a `Reach` says what it measures, a `Limit` what it leaves of a reward.
+A kind is one class in one file, and a line here. `goal`, `reaching` and `limit` have what kinds share; `evidence` is
+what they judge, `measures` how they measure, `keys` how scene files say them.
 """
 
-from core.goals.apart import Apart
-from core.goals.away import Away
-from core.goals.base import (
-    SLIP_DEG,
-    SLIP_M,
-    SLIP_RAD,
-    Conduct,
-    Coordinate,
-    Coordinates,
-    Evidence,
-    Given,
-    Goal,
-    Limit,
-    Measure,
-    Reach,
-    check_names,
-    find_bans,
-    find_wants,
-    limits,
-    needs_fixture,
-    number_of,
-    numbered,
-    reaches,
-)
-from core.goals.broken import Broken
-from core.goals.facing import Facing
-from core.goals.flattened import Flattened
-from core.goals.inside import EMPTY, Inside
-from core.goals.joint_at import JointAt
-from core.goals.kept import Kept
-from core.goals.keys import AboveZero, Bound, Direction, Key, Least, Most, Names, Reads
-from core.goals.placed import Placed
-from core.goals.rewards import (
-    Aim,
-    goals_margins,
-    goals_reward,
-    goals_shares,
-    limits_margins,
-)
-from core.goals.sites import (
-    ANY_BODY,
-    BREAKABLE,
-    FREE_BODY,
-    JOINT,
-    SOLID_BODY,
-    Site,
-    Space,
-    find_names,
-    list_names,
-)
-from core.goals.spread import Spread
-from core.goals.throughout import Throughout
-from core.goals.turned import Turned
-from core.goals.turned_by import TurnedBy
-from core.goals.unbroken import Unbroken
-from core.goals.untouched import Untouched
-from core.goals.wants import Ban, Want
-from core.values.spans import Span
+from core.goals.evidence import Conduct as Conduct
+from core.goals.evidence import Evidence as Evidence
+from core.goals.goal import Given as Given
+from core.goals.goal import Goal as Goal
+from core.goals.inside import EMPTY as EMPTY
+from core.goals.keys import AboveZero as AboveZero
+from core.goals.keys import Bound as Bound
+from core.goals.keys import Direction as Direction
+from core.goals.keys import Key as Key
+from core.goals.keys import Least as Least
+from core.goals.keys import Most as Most
+from core.goals.keys import Names as Names
+from core.goals.keys import Reads as Reads
+from core.goals.limit import Limit as Limit
+from core.goals.limit import limits as limits
+from core.goals.measures import SLIP_DEG as SLIP_DEG
+from core.goals.measures import SLIP_M as SLIP_M
+from core.goals.measures import SLIP_RAD as SLIP_RAD
+from core.goals.measures import Measure as Measure
+from core.goals.phrases import Coordinate as Coordinate
+from core.goals.phrases import Coordinates as Coordinates
+from core.goals.reaching import Reach as Reach
+from core.goals.reaching import find_wants as find_wants
+from core.goals.reaching import numbered as numbered
+from core.goals.reaching import reaches as reaches
+from core.goals.rewards import Aim as Aim
+from core.goals.rewards import goals_margins as goals_margins
+from core.goals.rewards import goals_reward as goals_reward
+from core.goals.rewards import goals_shares as goals_shares
+from core.goals.rewards import limits_margins as limits_margins
+from core.goals.sites import ANY_BODY as ANY_BODY
+from core.goals.sites import BREAKABLE as BREAKABLE
+from core.goals.sites import FREE_BODY as FREE_BODY
+from core.goals.sites import JOINT as JOINT
+from core.goals.sites import SOLID_BODY as SOLID_BODY
+from core.goals.sites import Site as Site
+from core.goals.sites import Space as Space
+from core.goals.sites import find_names as find_names
+from core.goals.sites import list_names as list_names
+from core.goals.wants import Want as Want
+from core.values.spans import Span as Span
 
-KINDS: tuple[type[Goal], ...] = (
-    Placed,
-    Inside,
-    Away,
-    JointAt,
-    Apart,
-    Flattened,
-    Spread,
-    Turned,
-    TurnedBy,
-    Facing,
-    Kept,
-    Untouched,
-    Broken,
-    Unbroken,
-    Throughout,
-)
-"""The kinds that scene files know, in the order in which an entry of several keys has them."""
+# The kinds, in the order in which an entry of several keys has them.
+# isort: off
+from core.goals.placed import Placed as Placed
+from core.goals.inside import Inside as Inside
+from core.goals.away import Away as Away
+from core.goals.joint_at import JointAt as JointAt
+from core.goals.apart import Apart as Apart
+from core.goals.flattened import Flattened as Flattened
+from core.goals.spread import Spread as Spread
+from core.goals.turned import Turned as Turned
+from core.goals.turned_by import TurnedBy as TurnedBy
+from core.goals.facing import Facing as Facing
+from core.goals.kept import Kept as Kept
+from core.goals.untouched import Untouched as Untouched
+from core.goals.broken import Broken as Broken
+from core.goals.unbroken import Unbroken as Unbroken
+from core.goals.throughout import Throughout as Throughout
+# isort: on
 
-__all__ = [
-    "ANY_BODY",
-    "BREAKABLE",
-    "EMPTY",
-    "FREE_BODY",
-    "JOINT",
-    "KINDS",
-    "SLIP_DEG",
-    "SLIP_M",
-    "SLIP_RAD",
-    "SOLID_BODY",
-    "AboveZero",
-    "Aim",
-    "Apart",
-    "Away",
-    "Ban",
-    "Bound",
-    "Broken",
-    "Conduct",
-    "Coordinate",
-    "Coordinates",
-    "Direction",
-    "Evidence",
-    "Facing",
-    "Flattened",
-    "Given",
-    "Goal",
-    "Inside",
-    "JointAt",
-    "Kept",
-    "Key",
-    "Least",
-    "Limit",
-    "Measure",
-    "Most",
-    "Names",
-    "Placed",
-    "Reach",
-    "Reads",
-    "Site",
-    "Space",
-    "Span",
-    "Spread",
-    "Throughout",
-    "Turned",
-    "TurnedBy",
-    "Unbroken",
-    "Untouched",
-    "Want",
-    "check_names",
-    "find_bans",
-    "find_names",
-    "find_wants",
-    "goals_margins",
-    "goals_reward",
-    "goals_shares",
-    "limits",
-    "limits_margins",
-    "list_names",
-    "needs_fixture",
-    "number_of",
-    "numbered",
-    "reaches",
-]
+KINDS: tuple[type[Goal], ...] = tuple(
+    kind
+    for kind in [*globals().values()]
+    if isinstance(kind, type)
+    and issubclass(kind, Goal)
+    and kind not in (Goal, Reach, Limit)
+)
+"""The kinds that scene files know: those that are imported here."""

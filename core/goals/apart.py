@@ -9,8 +9,9 @@ from typing import ClassVar
 import numpy as np
 
 from core.geometry import Array
-from core.goals.base import SLIP_M, Measure, Reach
 from core.goals.keys import Key, Least
+from core.goals.measures import SLIP_M, Measure
+from core.goals.reaching import Reach
 from core.goals.sites import Site
 from core.values.spans import Span
 from core.values.states import State

@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from core.geometry import Array
-from core.goals.base import SLIP_M, Measure, Reach, length
+from core.goals.evidence import length
 from core.goals.keys import AT, NODE, Key, Most
+from core.goals.measures import SLIP_M, Measure
+from core.goals.reaching import Reach
 from core.goals.sites import ANY_BODY
 from core.goals.wants import Want
 from core.scene import Scene

@@ -8,8 +8,10 @@ from typing import ClassVar
 import numpy as np
 
 from core.geometry import Array
-from core.goals.base import BREAKS, Conduct, Evidence, Reach
+from core.goals.evidence import Conduct, Evidence
 from core.goals.keys import Key, Names
+from core.goals.measures import BREAKS
+from core.goals.reaching import Reach
 from core.goals.sites import BREAKABLE
 from core.goals.wants import Want
 from core.scene import Scene

@@ -9,15 +9,11 @@ from typing import ClassVar
 import numpy as np
 
 from core.geometry import Array, Vector
-from core.goals.base import (
-    SLIP_RAD,
-    Measure,
-    Reach,
-    length,
-    measure_angle,
-    vector,
-)
+from core.goals.evidence import length
 from core.goals.keys import AXIS, TOLERANCE_DEG, Key
+from core.goals.measures import SLIP_RAD, Measure, measure_angle
+from core.goals.phrases import vector
+from core.goals.reaching import Reach
 from core.goals.sites import ANY_BODY
 from core.goals.turned import ALONG
 from core.goals.wants import Want

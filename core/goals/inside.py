@@ -9,10 +9,10 @@ from typing import ClassVar, Self
 import numpy as np
 
 from core.geometry import Array, Primitive, Vector
-from core.goals.base import SLIP_M, Measure, Reach
 from core.goals.keys import Key
+from core.goals.measures import SLIP_M, Measure
+from core.goals.reaching import Reach
 from core.goals.sites import ANY_BODY, Site, Space
-from core.goals.wants import Want
 from core.scene import Scene
 from core.values.joints import rotate, rotate_back
 from core.values.states import State
@@ -92,13 +92,10 @@ class Inside(Reach):
         found = super().fit(site)
         return replace(
             found,
-            space=site.find_space(found.inside),
-            feet={name: site.find_foot(name) for name in found.bodies},
+            space=site.find_space(self.inside),
+            feet={name: site.find_foot(name) for name in self.bodies},
             down=site.scene.gravity,
         )
-
-    def add_want(self, want: Want, scene: Scene) -> Want:
-        return replace(want, container=self.inside, reference=self.inside)
 
     def find_fixture_fault(self, fixture: Fixture) -> str:
         if self.space.within(fixture) is not None:

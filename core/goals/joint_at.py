@@ -10,18 +10,10 @@ from typing import ClassVar
 import numpy as np
 
 from core.geometry import Array
-from core.goals.base import (
-    NEAR_M,
-    NEAR_RAD,
-    SLIP_M,
-    SLIP_RAD,
-    STILL_M_S,
-    STILL_RAD_S,
-    Given,
-    Measure,
-    Reach,
-)
+from core.goals.goal import Given
 from core.goals.keys import TOLERANCE, Bound, Key
+from core.goals.measures import NEAR_M, NEAR_RAD, SLIP_M, SLIP_RAD, Measure
+from core.goals.reaching import STILL_M_S, STILL_RAD_S, Reach
 from core.goals.sites import JOINT, Site
 from core.goals.wants import Want
 from core.scene import Scene

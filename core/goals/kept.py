@@ -11,10 +11,12 @@ import numpy as np
 
 from core.errors import refuse
 from core.geometry import Array
-from core.goals.base import Evidence, Given, Limit, Reach, needs_some
+from core.goals.evidence import Evidence
+from core.goals.goal import Given
 from core.goals.keys import AboveZero, KeptNames, Key
+from core.goals.limit import Limit
+from core.goals.reaching import Reach
 from core.goals.sites import FREE_BODY, Site
-from core.goals.wants import Ban
 from core.scene import Body, Scene
 from core.values.joints import rotate
 from core.values.margins import Margin
@@ -165,11 +167,10 @@ class Kept(Limit):
         return {**kept, "keep": given["bodies"], THROUGHOUT: True}
 
     def fit(self, site: Site) -> Self:
-        found = super().fit(site)
-        bodies = [site.scene[name] for name in found.keep]
+        bodies = [site.scene[name] for name in self.keep]
         balls = [body.name for body in bodies if _is_round(body, ball=True)]
         rounds = [body.name for body in bodies if _is_round(body)]
-        return replace(found, balls=tuple(balls), rounds=tuple(rounds))
+        return replace(self, balls=tuple(balls), rounds=tuple(rounds))
 
     def find_doubts(self, where: str, scene: Scene) -> Iterator[str]:
         for name in self.keep:
@@ -189,7 +190,7 @@ class Kept(Limit):
             if way > self.kept_m:
                 far[body] = way
 
-        if not needs_some(wanted, len(wanted.bodies), len(far)):
+        if not wanted.needs_some(len(wanted.bodies), len(far)):
             return ""
 
         body = min(far)
@@ -197,9 +198,6 @@ class Kept(Limit):
             f"{body} must get {far[body]:.3g} m from where it starts, and is to be kept within {self.kept_m:g} m of "
             "it; leave it out of keep, or give kept_m"
         )
-
-    def bans(self, scene: Scene) -> Ban:
-        return Ban(self.keep, moved=self.kept_m, turned_deg=self.kept_deg)
 
 
 def _is_round(body: Body, *, ball: bool = False) -> bool:

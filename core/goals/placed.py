@@ -10,18 +10,12 @@ from typing import ClassVar
 import numpy as np
 
 from core.geometry import Array
-from core.goals.base import (
-    NEAR_M,
-    SLIP_M,
-    Coordinates,
-    Given,
-    Measure,
-    Reach,
-    frame,
-    length,
-    vector,
-)
+from core.goals.evidence import length
+from core.goals.goal import Given
 from core.goals.keys import AT, NODE, TOLERANCE, Bounds, Key, Least, Place
+from core.goals.measures import NEAR_M, SLIP_M, Measure
+from core.goals.phrases import Coordinates, frame, vector
+from core.goals.reaching import Reach
 from core.goals.sites import ANY_BODY, Site
 from core.goals.wants import Want
 from core.scene import Scene

@@ -9,7 +9,10 @@ from typing import Protocol
 import numpy as np
 
 from core.geometry import Array
-from core.goals.base import Evidence, Goal, limits, numbered, reaches
+from core.goals.evidence import Evidence
+from core.goals.goal import Goal
+from core.goals.limit import limits
+from core.goals.reaching import numbered, reaches
 from core.values.margins import Margin
 from core.values.states import State
 from core.values.traces import Trace

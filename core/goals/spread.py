@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from core.geometry import Array
-from core.goals.base import SLIP_SHARE, Measure, Reach
 from core.goals.keys import AboveZero, Key
+from core.goals.measures import SLIP_SHARE, Measure
+from core.goals.reaching import Reach
 from core.values.states import State
 
 

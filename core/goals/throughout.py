@@ -9,10 +9,10 @@ from typing import Self
 import numpy as np
 
 from core.geometry import Array
-from core.goals.base import Evidence, Limit, Reach, needs_fixture
+from core.goals.evidence import Evidence
+from core.goals.limit import Limit
+from core.goals.reaching import Reach
 from core.goals.sites import Site
-from core.goals.wants import Ban
-from core.scene import Scene
 from core.values.margins import Margin
 
 
@@ -49,7 +49,7 @@ class Throughout(Limit):
         return replace(self, what=self.what.resolve(site))
 
     def find_faults(self, site: Site) -> Iterator[str]:
-        if needs_fixture(self.what):
+        if self.what.needs_fixture:
             return
 
         start = site.scene.state()
@@ -60,7 +60,3 @@ class Throughout(Limit):
                 f"throughout means from the start on, and at the start {self.what.subject} {verb} not so: nothing "
                 "could be earned; leave throughout out, and it must hold at the end (with held: true, in hand)"
             )
-
-    def bans(self, scene: Scene) -> Ban:
-        wants = self.what.wants(scene)
-        return Ban(self.what.subjects(scene.state()), lasting=tuple(wants))

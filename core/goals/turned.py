@@ -9,17 +9,11 @@ from typing import ClassVar
 import numpy as np
 
 from core.geometry import Array, Vector
-from core.goals.base import (
-    SLIP_DEG,
-    SLIP_RAD,
-    Given,
-    Measure,
-    Reach,
-    frame,
-    measure_angle,
-    vector,
-)
+from core.goals.goal import Given
 from core.goals.keys import AT, AXIS, TOLERANCE_DEG, Bound, Direction, Key
+from core.goals.measures import SLIP_DEG, SLIP_RAD, Measure, measure_angle
+from core.goals.phrases import frame, vector
+from core.goals.reaching import Reach
 from core.goals.sites import ANY_BODY, Site
 from core.goals.wants import Want
 from core.scene import Scene

@@ -9,8 +9,10 @@ from typing import ClassVar
 import numpy as np
 
 from core.geometry import Array
-from core.goals.base import SLIP_DEG, Given, Measure, Reach
+from core.goals.goal import Given
 from core.goals.keys import TOLERANCE_DEG, Bound, Key
+from core.goals.measures import SLIP_DEG, Measure
+from core.goals.reaching import Reach
 from core.goals.sites import Site
 from core.goals.turned import FAR_DEG, find_angle_faults, read_angle
 from core.goals.wants import Want

@@ -9,10 +9,12 @@ from typing import ClassVar
 import numpy as np
 
 from core.geometry import Array
-from core.goals.base import BREAKS, Evidence, Limit, Reach, needs_some
+from core.goals.evidence import Evidence
 from core.goals.keys import Key, Names
+from core.goals.limit import Limit
+from core.goals.measures import BREAKS
+from core.goals.reaching import Reach
 from core.goals.sites import BREAKABLE
-from core.goals.wants import Ban
 from core.scene import Scene
 from core.values.margins import Margin
 
@@ -75,10 +77,7 @@ class Unbroken(Limit):
 
     def find_conflict(self, wanted: Reach, scene: Scene) -> str:
         spared = {*wanted.breaks} & {*self.unbroken}
-        if not needs_some(wanted, len(wanted.breaks), len(spared)):
+        if not wanted.needs_some(len(wanted.breaks), len(spared)):
             return ""
 
         return f"{min(spared)} must break, and must not; leave one of the two out"
-
-    def bans(self, scene: Scene) -> Ban:
-        return Ban(self.unbroken, breaks=True)

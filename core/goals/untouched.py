@@ -10,10 +10,11 @@ import numpy as np
 
 from core.errors import refuse
 from core.geometry import Array
-from core.goals.base import Evidence, Limit, Reach, needs_some
+from core.goals.evidence import Evidence
 from core.goals.keys import Key, Most, Names
+from core.goals.limit import Limit
+from core.goals.reaching import Reach
 from core.goals.sites import SOLID_BODY, Site
-from core.goals.wants import Ban
 from core.scene import Scene
 from core.support.text import number_beside
 from core.values.margins import Margin
@@ -167,13 +168,10 @@ class Untouched(Limit):
         alone = {*wanted.bodies} & {*self.untouched}
         if not wanted.held or self.by or self.max_force_n:
             return ""
-        if not needs_some(wanted, len(wanted.bodies), len(alone)):
+        if not wanted.needs_some(len(wanted.bodies), len(alone)):
             return ""
 
         return (
             f"{min(alone)} must be held, and must not be touched by the robot; leave one of the two out, or give "
             "max_force_n"
         )
-
-    def bans(self, scene: Scene) -> Ban:
-        return Ban(self.untouched, force=self.max_force_n, by=self.by)

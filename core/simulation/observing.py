@@ -28,7 +28,7 @@ import numpy.typing as npt
 
 from core.errors import UsageError
 from core.geometry import Array
-from core.goals import Evidence, Goal, Reach, check_names, limits, reaches
+from core.goals import Evidence, Goal, Reach, limits, reaches
 from core.interfaces import Contact, Observation, Task
 from core.scene import Scene, State
 from core.simulation.attempt import Attempt
@@ -475,7 +475,7 @@ class _Case:
 def _fits(goal: Goal, scene: Scene) -> bool:
     """Report whether all that a goal names is in the scene."""
     try:
-        check_names(goal, scene)
+        goal.check_names(scene)
     except UsageError:
         return False
 

@@ -15,7 +15,7 @@ from core.design import Tool
 from core.designs.start import SpawnRules
 from core.errors import UsageError
 from core.geometry import Array
-from core.goals import check_names, reaches
+from core.goals import reaches
 from core.interfaces import Task
 from core.robot.kinematics import arm_of
 from core.robot.solids import Obstacles, body_solids, signed_distance
@@ -80,7 +80,7 @@ def check_goals_name_bodies_of_the_scene(task: Task) -> None:
 
     for goal in task.goals:
         try:
-            check_names(goal, scene)
+            goal.check_names(scene)
         except UsageError as error:
             raise AssertionError(f"a goal names what is not there: {error}") from error
 

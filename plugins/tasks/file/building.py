@@ -10,7 +10,7 @@ import numpy as np
 
 from core.errors import UsageError, UserError, choices
 from core.geometry import Pose
-from core.goals import find_names, needs_fixture
+from core.goals import find_names
 from core.scene import (
     FIXTURE,
     Body,
@@ -77,7 +77,7 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
             with _located(tree, ("marks", number)):
                 marks.append(_place_mark(mark, marks, bodies))
 
-    if any(needs_fixture(goal) for entry in spec.goals for goal in entry):
+    if any(goal.needs_fixture for entry in spec.goals for goal in entry):
         marks.append(_stand_in(tree, spec))
 
     taken = [body.name for body in around]

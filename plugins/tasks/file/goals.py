@@ -12,7 +12,6 @@ from core.goals import (
     Goal,
     Reach,
     Throughout,
-    needs_fixture,
     reaches,
 )
 from core.plugins import installed
@@ -119,16 +118,13 @@ def _join(reached: Sequence[Reach]) -> Reach:
     """Join what is to be reached of the same bodies at once.
 
     Raises:
-        ValueError: something of it is a goal of its own, or there are no bodies.
+        ValueError: something of it is a goal of its own.
     """
     first, *others = reached
-    if any(goal.alone for goal in reached):
-        if others:
-            raise ValueError(
-                "broken is a goal of its own; write what else is wanted as another one, with every: true"
-            )
-    elif bool(first.bodies) != first.of_bodies:
-        raise ValueError("a goal needs either 'bodies', a list of names, or a 'joint'")
+    if others and any(goal.alone for goal in reached):
+        raise ValueError(
+            "broken is a goal of its own; write what else is wanted as another one, with every: true"
+        )
 
     return replace(first, also=tuple(others)) if others else first
 
@@ -175,7 +171,7 @@ def describe_goals(goals: Sequence[Goal], every: bool = False) -> list[str]:
             "best."
         )
 
-    if any(needs_fixture(goal) for goal in goals):
+    if any(goal.needs_fixture for goal in goals):
         lines.append(
             "The fixture is what the design adds to the scene. Nothing is earned for a goal that names it where there "
             "is none."

@@ -21,7 +21,6 @@ from core.goals import (
     Span,
     Turned,
     Untouched,
-    check_names,
     goals_margins,
     goals_reward,
     goals_shares,
@@ -138,7 +137,7 @@ def test_a_goal_that_makes_no_sense_is_refused(make, wrong):
 
 def test_a_goal_to_reach_needs_bodies():
     with pytest.raises(UsageError, match="needs bodies"):
-        check_names(Away(bodies=(), away=0.1), SCENE)
+        Away(bodies=(), away=0.1).check_names(SCENE)
 
 
 def test_an_axis_needs_a_length():
@@ -207,9 +206,9 @@ def test_a_new_kind_of_goal_is_one_class():
         0.25,
         0.5,
     )
-    check_names(goal, SCENE)
+    goal.check_names(SCENE)
     with pytest.raises(UsageError, match="no body that can move 'cub'"):
-        check_names(Above(("cub",), height=0.25), SCENE)
+        Above(("cub",), height=0.25).check_names(SCENE)
 
 
 def test_a_joint_is_opened_and_a_designer_sees_a_place():
@@ -603,4 +602,4 @@ def test_what_nothing_can_face_is_refused(given, why):
 
 def test_what_is_to_be_faced_is_in_the_scene():
     with pytest.raises(UsageError, match=r"no body 'makr'.*mark"):
-        check_names(Facing(CUBE, facing="makr"), SCENE)
+        Facing(CUBE, facing="makr").check_names(SCENE)

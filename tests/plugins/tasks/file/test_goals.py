@@ -165,10 +165,10 @@ def test_what_is_also_wanted_alone_is_a_goal():
 
 
 STRANGER = '''
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from core.goals import Key, Measure, Reach
+from core.goals import FREE_BODY, Key, Measure, Names, Reach
 from core.hooks import hookimpl
 
 
@@ -193,9 +193,28 @@ class Above(Reach):
         return {"height": given[key]}
 
 
+@dataclass(frozen=True, kw_only=True)
+class Level(Reach):
+    """Bodies, named by a key of their own, that must end equally high."""
+
+    level: tuple[str, ...]
+
+    keys: ClassVar = {"level": Key(Names, "Bodies that must end equally high", head=True)}
+    names: ClassVar = {"level": FREE_BODY}
+
+    def measures(self, body, start):
+        def off(state):
+            return abs(state.position(body) - state.position(self.level[0]))[..., 2]
+
+        return [Measure(f"{body} off the height of the first", off, 0.01, 0.1, "m")]
+
+    def fit(self, site):
+        return replace(self, bodies=self.level)
+
+
 @hookimpl
 def goals():
-    return {"above": Above}
+    return {"above": Above, "level": Level}
 '''
 RUN = """
 import sys
@@ -207,17 +226,18 @@ installed().register(stranger, "stranger", "strangers-goals")
 from plugins.tasks.file.task import FileTask
 
 task = FileTask(sys.argv[1])
-(goal,) = task.goals
-print(goal, goal.in_short(), task.reward_in_words()[0], sep="\\n")
+above, level = task.goals
+print(above, above.in_short(), task.reward_in_words()[0], level.bodies, sep="\\n")
 """
 
 
-def test_a_plugins_kind_of_goal_is_in_scene_files(tmp_path):
+def test_plugins_kinds_of_goals_are_in_scene_files(tmp_path):
+    """One takes `bodies`; the other names them by a key of its own, and has them once its patterns are read."""
     (tmp_path / "stranger.py").write_text(STRANGER)
     file = write_scene("PushBlock", tmp_path / "push.yaml")
     text = file.read_text().partition("\ngoals:")[0]
     goal = "{bodies: [block], height_m: 0.3, rest: true}"
-    file.write_text(f"{text}\ngoals:\n  - {goal}\n")
+    file.write_text(f"{text}\ngoals:\n  - {goal}\n  - {{level: ['bl*']}}\n")
     paths = os.pathsep.join((str(tmp_path), str(ROOT)))
     ran = subprocess.run(
         [sys.executable, "-c", RUN, str(file)],
@@ -226,8 +246,9 @@ def test_a_plugins_kind_of_goal_is_in_scene_files(tmp_path):
         text=True,
         check=True,
     )
-    made, short, words = ran.stdout.splitlines()
+    made, short, words, found = ran.stdout.splitlines()
     assert made.startswith("Above(bodies=('block',)")
     assert "height=0.3" in made
     assert short == "lift block"
     assert words == "0. block must end above 0.3 m; must end at rest"
+    assert found == "('block',)"

@@ -1,390 +1,33 @@
-"""Define what all kinds of goals share, and what follows from many goals."""
+"""Define what is to be reached: the goals to which there is progress, and what follows from several of them."""
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import KW_ONLY, MISSING, dataclass, fields, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import KW_ONLY, dataclass, fields, replace
+from functools import partial
 from itertools import chain
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from core.errors import UsageError, choices, refuse
-from core.geometry import Array, Vector
+from core.errors import UsageError, refuse
+from core.geometry import Array
+from core.goals.evidence import Conduct, Evidence, length
+from core.goals.goal import Goal
 from core.goals.keys import AboveZero, Enough, Key, Names
-from core.goals.sites import FREE_BODY, Site, find_names, list_names
-from core.goals.wants import Ban, Place, Want
-from core.scene import FIXTURE, Scene, Soft
-from core.values.joints import rotate
+from core.goals.measures import Measure
+from core.goals.sites import FREE_BODY, Site
+from core.goals.wants import Place, Want
+from core.scene import Scene, Soft
 from core.values.margins import Margin
-from core.values.spans import Span
 from core.values.states import State
-from core.values.tools import Fixture
-from core.values.traces import TRACE_HZ, Trace
 
-Given = Mapping[str, Any]
-"""What an entry of a scene file's goals says."""
-
-Coordinate = float | Span | None
-Coordinates = tuple[Coordinate, Coordinate, Coordinate]
-"""A place, m; a coordinate that is None is free."""
-
-SLIP_M = 0.1  # what is right at the start counts as lost when it is so far off
-SLIP_RAD = 0.5
-SLIP_DEG = float(np.degrees(SLIP_RAD))
-SLIP_SHARE = 0.2  # of a limit of height or area: what is so far off counts as lost
-NEAR_M = 0.02  # observations call a body in place up to here, if the tolerance is less
-NEAR_RAD = 0.1
 STILL_M_S = 0.02  # what is slower is at rest
 STILL_RAD_S = 0.2
-REST_S = 0.3  # what is slower for so long is at rest: it does not only turn back
-BREAKS = "of what breaks it"  # the unit of forces on what can break
 DONE = 0.95  # a goal is fulfilled from this progress on, where instants are compared
-TOLERANCE = 0.01  # how far off a bare number of a scene file still is there, m or rad, where it has none
 MANY = 3  # bodies that are named in short; of more it is said how many
 NAMED = 4  # bodies that a description names, where there are more
-
-
-@dataclass(frozen=True, eq=False)
-class Evidence:
-    """What goals are judged by, of one world or of many.
-
-    Attributes:
-        start: the state after settling, before the motion.
-        end: the state after the motion.
-        trace: what happened in between; None: nothing was recorded.
-        goals: the task's, since one may come after another.
-    """
-
-    start: State
-    end: State
-    trace: Trace | None = None
-    goals: Sequence[Goal] = ()
-
-    @property
-    def film(self) -> Trace:
-        """The trace.
-
-        Raises:
-            ValueError: there is none.
-        """
-        if self.trace is None:
-            raise ValueError(
-                "the goals need a trace: declare reward(self, start, end, trace), and pass the trace on"
-            )
-
-        return self.trace
-
-    def hold(self, body: str) -> Array:
-        """Report at which instants a body is held: 1, or 0.5 where the robot only touches it, (..., T)."""
-        return np.maximum(self.film.held(body), self.film.contact(body, "robot") / 2)
-
-    def unrest(self, goal: Reach, body: str) -> Array:
-        """Measure how many times as fast as what is at rest a body was within `REST_S`, at each instant, (..., T)."""
-        values = goal.unrest(body, self.film.states)
-        count = round(REST_S * TRACE_HZ)
-        # Before the first instant it was as fast as there.
-        begin = np.repeat(values[..., :1], count, axis=-1)
-        longer = np.concatenate([begin, values], axis=-1)
-        windows = np.lib.stride_tricks.sliding_window_view(longer, count + 1, axis=-1)
-        return np.asarray(windows.max(axis=-1))
-
-    def moved(self, body: str) -> Array:
-        """Measure how far a body is from where it was at the start, m, (...)."""
-        return length(self.end.position(body) - self.start.position(body))
-
-    def ways(self, body: str) -> Array:
-        """Measure how far a body is from where it was at the start at each instant, m, (..., T)."""
-        begin = self.start.position(body)[..., None, :]
-        return length(self.film.states.position(body) - begin)
-
-
-@dataclass(frozen=True)
-class Conduct:
-    """What a trace says of bodies at its instants, or at its end: are they held, let go, and at rest?
-
-    Attributes:
-        evidence: with the trace.
-        at_end: whether only its last instant counts, (...); else all do, (..., T).
-    """
-
-    evidence: Evidence
-    at_end: bool = False
-
-    def hold(self, body: str) -> Array:
-        """Report how far the robot holds a body, see `Evidence.hold`."""
-        return self._read(self.evidence.hold(body))
-
-    def let_go(self, body: str) -> Array:
-        """Report where neither the robot nor what it moves along touches a body: 1, else 0."""
-        let_go = ~self.evidence.film.linked(body)
-        return self._read(let_go.astype(np.float64))
-
-    def unrest(self, goal: Reach, body: str, now: State) -> Array:
-        """Measure how many times as fast as what is at rest a body was lately, and is ``now``."""
-        speed = goal.unrest(body, now)
-        if self.evidence.trace is None:
-            return speed
-        return np.maximum(speed, self._read(self.evidence.unrest(goal, body)))
-
-    def strain(self, name: str) -> Array:
-        """Find the largest force so far on what can break, as a share of what it bears."""
-        return self._read(self.evidence.film.strain(name))
-
-    def _read(self, values: Array) -> Array:
-        return values[..., -1] if self.at_end else values
-
-
-@dataclass(frozen=True)
-class Measure:
-    """A figure of a state that is to end at most at a limit, or at least.
-
-    A cup that must end higher than 0.2 m::
-
-        Measure("height of cup", height, 0.2, slip=0.1, unit="m", at_least=True)
-
-    Attributes:
-        name: what it is, for its margin, such as ``height of cup``.
-        value: computes it from the states of one world or of many, (...).
-        limit: where it is to end; a place without a tolerance has the limit 0.
-        slip: how far beyond the limit counts as lost, where the figure is right at the start.
-        unit: of all its numbers: m, rad, ...
-        at_least: whether it must not end below the limit; else not above it.
-        near: up to here observations call it good, where the limit is lower.
-        far: so far below a limit that it must not exceed is safe; 0: where the figure is 0.
-        whole: whether less than half counts until it is there. What was there at the start is lost once it is not.
-    """
-
-    name: str
-    value: Callable[[State], Array]
-    limit: float
-    slip: float
-    unit: str
-    at_least: bool = False
-    near: float = 0.0
-    far: float = 0.0
-    whole: bool = False
-
-    @classmethod
-    def within(
-        cls,
-        span: Span,
-        name: str,
-        value: Callable[[State], Array],
-        unit: str,
-        far: float,
-    ) -> Iterator[Measure]:
-        """Yield what a span asks of a figure; so ``far`` beyond an end counts as lost, and so far within as safe."""
-        if not math.isinf(span.low):
-            yield cls(name, value, span.low, far, unit, at_least=True)
-        if not math.isinf(span.high):
-            yield cls(name, value, span.high, far, unit, far=far)
-
-    def left(self, state: State) -> Array:
-        """Compute how far a state is beyond the limit, (...)."""
-        value = self.value(state)
-
-        beyond = value - self.limit
-        if self.at_least:
-            beyond = self.limit - value
-
-        return np.maximum(beyond, 0.0)
-
-    def lost(self, before: Array, left: Array) -> Array:
-        """Compute which part of the way is ``left``, (...), of what was left ``before``, at the start; see `left`.
-
-        Where nothing was, it is counted in slips.
-        """
-        part: Array = left / np.maximum(before, self.slip)
-        if not self.whole:
-            return part
-
-        on_the_way = np.where(before > 0, (1 + part) / 2, 1.0)
-        return np.where(left > 0, on_the_way, 0.0)
-
-    def margin(self, end: State) -> Margin | None:
-        """Return the margin of one world; None: nothing may be off, so that there is no room."""
-        value = float(self.value(end))
-
-        if self.at_least:
-            return Margin.at_least(self.name, value, self.limit, self.unit, self.slip)
-        if self.limit > 0 or self.far:
-            return Margin.at_most(self.name, value, self.limit, self.unit, self.far)
-
-        return None
-
-
-class Goal(ABC):
-    """Something that a task wants.
-
-    Goals are hints for programs: the reward is the task's own, or `goals_reward`. A model is told of them in words, an
-    observer says by them what became of a body, and a margin says how close it was.
-
-    A kind of goal is a class that says all of itself: how far it is fulfilled, its words, what it names in a scene, the
-    keys that a scene file has it by, what is wrong with it or seldom meant, and what it wants of who plans.
-
-    Attributes:
-        keys: those of a scene file by which an entry wants a goal of this kind, or says more of it. A kind has those of
-            the kind that it is made from, too; so it has `names`.
-        names: the fields that name things of a scene, and which sort of things: `FREE_BODY`, `SOLID_BODY`, ...
-        asks: what it asks, for a prompt: a format of ``goal``; of one to reach what follows its bodies. A kind whose
-            words depend on more has a method `words`.
-    """
-
-    keys: ClassVar[Mapping[str, Key]] = {}
-    names: ClassVar[Mapping[str, str]] = {}
-    asks: ClassVar[str] = ""
-
-    def __init_subclass__(cls) -> None:
-        super().__init_subclass__()
-        for said in ("keys", "names"):
-            merged = dict[str, Any]()
-            for kind in reversed(cls.__mro__):
-                merged |= vars(kind).get(said, {})
-
-            setattr(cls, said, merged)
-
-    # What it measures:
-
-    @abstractmethod
-    def share(self, evidence: Evidence) -> Array:
-        """Compute how far it was fulfilled, 0..1, (...).
-
-        Raises:
-            ValueError: it needs a trace, and there is none.
-        """
-
-    @abstractmethod
-    def margins(self, evidence: Evidence) -> list[Margin]:
-        """Return how far one world stayed from its limits."""
-
-    @property
-    def needs_trace(self) -> bool:
-        """Whether its share depends on what happened before the end, or on what touched."""
-        return False
-
-    @property
-    def needs_peaks(self) -> bool:
-        """Whether it limits a force, so that each step of the engine has to be recorded."""
-        return False
-
-    @property
-    def parts(self) -> tuple[Goal, ...]:
-        """The goal itself, and what it also wants."""
-        return (self,)
-
-    # Its words:
-
-    def words(self) -> str:
-        """Say what it asks, see ``asks``; by default its kind and its fields."""
-        if self.asks:
-            return self.asks.format(goal=self)
-
-        shared = {field.name for field in fields(Reach)}
-        said = [
-            f"{name}={value!r}"
-            for name, value in vars(self).items()
-            if name not in shared
-        ]
-        return f"{type(self).__name__}({', '.join(said)})"
-
-    def describe(self) -> str:
-        """Describe it for a prompt."""
-        return self.words()
-
-    # How a scene file says it:
-
-    @classmethod
-    def prepare(cls, given: Given) -> Given:
-        """Rewrite what an entry of a scene file says, before its keys are looked at.
-
-        Raises:
-            ValueError: it has no sense.
-        """
-        return given
-
-    @classmethod
-    def translate(cls, key: str, given: Given) -> Given:
-        """Return the fields that an entry does not have by their names.
-
-        Args:
-            key: for which it wants a goal of this kind.
-            given: the whole entry.
-        Raises:
-            ValueError: it has no sense.
-        """
-        return {}
-
-    @classmethod
-    def read(cls, key: str, given: Given) -> Self:
-        """Make the goal that a key of a scene file's entry stands for; for arguments see `translate`.
-
-        Raises:
-            ValueError: something is missing, or has no sense.
-        """
-        values = {"tolerance": TOLERANCE, **given, **cls.translate(key, given)}
-        taken = [field for field in fields(cls) if field.init]  # type: ignore[arg-type]
-        for field in taken:
-            needed = field.default is MISSING and field.default_factory is MISSING
-            if needed and field.name not in values:
-                raise ValueError(f"a goal with {key!r} needs {field.name!r}, too")
-
-        return cls(**{f.name: values[f.name] for f in taken if f.name in values})
-
-    # In a scene:
-
-    def list_named(self) -> Iterator[tuple[str, str]]:
-        """Yield what the goal and its parts name in a scene: which sort of thing, and its name."""
-        for part in self.parts:
-            for field, what in part.names.items():
-                named = getattr(part, field) or ()
-                if isinstance(named, str):
-                    named = (named,)
-
-                for name in named:
-                    yield what, name
-
-    def resolve(self, site: Site) -> Self:
-        """Return the goal with the names that its patterns fit, and what it needs to know of a scene.
-
-        Raises:
-            UsageError: it names what is not there, can never be met, or asks nothing.
-        """
-        found = self.fit(site)
-        for fault in found.find_faults(site):
-            raise UsageError(fault)
-
-        return found
-
-    def fit(self, site: Site) -> Self:
-        """Return it with the names that its patterns fit; kinds add what they need to know.
-
-        Raises:
-            UsageError: it names what is not there.
-        """
-        found = {}
-        for field, what in self.names.items():
-            patterns = getattr(self, field)
-            if isinstance(patterns, tuple):
-                found[field] = find_names(patterns, list_names(what, site.scene))
-
-        fitted: Self = replace(self, **found)  # type: ignore[type-var]
-        check_names(fitted, site.scene)
-        return fitted
-
-    def find_faults(self, site: Site) -> Iterator[str]:
-        """Yield why it can never be met in a scene, or asks nothing."""
-        yield from ()
-
-    def find_fixture_fault(self, fixture: Fixture) -> str:
-        """Say why it can't be met with what a design adds to the scene; empty: it can."""
-        return ""
-
-    def find_doubts(self, where: str, scene: Scene) -> Iterator[str]:
-        """Yield a line for what is possible, and seldom meant; ``where`` names the goal."""
-        yield from ()
 
 
 @dataclass(frozen=True)
@@ -472,6 +115,11 @@ class Reach(Goal):
     moves: ClassVar[bool] = False
     offset: ClassVar[bool] = False
     turns: ClassVar[bool] = False
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if not cls.of_bodies:
+            del cls.keys["bodies"]
 
     def __post_init__(self) -> None:
         fields = ("tolerance", "tolerance_deg", "away")  # that kinds have
@@ -607,7 +255,7 @@ class Reach(Goal):
         ``conduct`` says whether the robot holds a body, and how it moved lately; None: that does not count. Nothing is
         fulfilled that names a fixture, where the design has none.
         """
-        if needs_fixture(self) and start.fixture is None:
+        if self.needs_fixture and start.fixture is None:
             return np.zeros(now.positions.shape[:-2])
 
         shares = []
@@ -615,10 +263,8 @@ class Reach(Goal):
         for body in self.subjects(now):
             reached = self._approach(body, start, now)
 
-            if self.rest and conduct is None:
-                reached = reached / np.maximum(self.unrest(body, now), 1.0)
-            elif self.rest and conduct is not None:
-                speed = conduct.unrest(self, body, now)
+            if self.rest:
+                speed = self._find_unrest(body, now, conduct)
                 reached = reached / np.maximum(speed, 1.0)
             if self.held and conduct is not None:
                 reached = reached * conduct.hold(body)
@@ -628,6 +274,11 @@ class Reach(Goal):
             shares.append(reached)
 
         return self._average(shares)
+
+    def _find_unrest(self, body: str, now: State, conduct: Conduct | None) -> Array:
+        """Measure how many times as fast as what is at rest a body is, or was lately, (...)."""
+        figure = partial(self.unrest, body)
+        return figure(now) if conduct is None else conduct.highest(figure, now)
 
     def _average(self, shares: Sequence[Array]) -> Array:
         """Average the shares (...) of the best of its things: of as many as are enough."""
@@ -649,6 +300,10 @@ class Reach(Goal):
         if isinstance(self.enough, float):
             return math.ceil(round(self.enough * bodies, 9))
         return min(self.enough, bodies)
+
+    def needs_some(self, things: int, forbidden: int) -> bool:
+        """Report whether it needs one of the forbidden things: the others are not enough."""
+        return forbidden > 0 and self.count_enough(things) > things - forbidden
 
     def _approach(self, body: str, start: State, now: State) -> Array:
         """Compute which share of a body's way from its start is done, 0..1, (...).
@@ -697,15 +352,17 @@ class Reach(Goal):
         Raises:
             ValueError: there is no such goal.
         """
-        number = number_of(which, evidence.goals)
-        if number is None:
-            others = numbered(evidence.goals)
-            names = [goal.name or count for count, goal in others.items()]
+        others = numbered(evidence.goals)
+        called = [
+            goal for number, goal in others.items() if which in (number, goal.name)
+        ]
+        if not called:
+            names = [goal.name or number for number, goal in others.items()]
             raise ValueError(
                 f"a goal comes after {which!r}, which is no goal; there are: {', '.join(map(str, names))}"
             )
 
-        other = numbered(evidence.goals)[number]
+        other = called[0]
         first = other.progress_over_time(evidence)
         unfulfilled = self.progress_over_time(evidence) < DONE
 
@@ -743,7 +400,8 @@ class Reach(Goal):
 
         if self.rest:
             conduct = Conduct(evidence, at_end=True)
-            speeds = sorted(float(conduct.unrest(self, b, end)) for b in bodies)
+            unrests = [self._find_unrest(body, end, conduct) for body in bodies]
+            speeds = sorted(map(float, unrests))
             fastest = speeds[self.count_enough(len(speeds)) - 1]
             unit = "resting speeds"
             found.append(Margin.at_most(f"speed of {what}", fastest, 1.0, unit))
@@ -809,9 +467,20 @@ class Reach(Goal):
         wanted = "any" if self.any else f"all {len(self.bodies)}"
         return f"{wanted} of {first} to {last}"
 
+    def list_fields(self) -> dict[str, Any]:
+        shared = {field.name for field in fields(Reach)}
+        own = super().list_fields().items()
+        return {name: value for name, value in own if name not in shared}
+
+    def check_names(self, scene: Scene) -> None:
+        if self.of_bodies and not self.bodies:
+            raise UsageError("a goal to reach needs bodies, a list of names")
+
+        super().check_names(scene)
+
     def fit(self, site: Site) -> Self:
         also = tuple(part.resolve(site) for part in self.also)
-        return Goal.fit(replace(self, also=also), site)
+        return replace(self, also=also)
 
     def find_faults(self, site: Site) -> Iterator[str]:
         for name in self.bodies:
@@ -844,9 +513,6 @@ class Reach(Goal):
                 any=self.any,
                 held=self.held,
                 released=self.released,
-                rest=self.rest,
-                ever=self.ever,
-                by_s=self.by_s,
                 place=place,
             )
             for part in self.parts:
@@ -867,131 +533,22 @@ class Reach(Goal):
         return None
 
 
-class Limit(Goal):
-    """What must not happen, whichever goal is reached.
-
-    Its share is what it leaves of the reward.
-    """
-
-    def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
-        """Yield what one world did against it, for observations: when, s, and what."""
-        return iter(())
-
-    def find_conflict(self, wanted: Reach, scene: Scene) -> str:
-        """Say why it does not let a goal be reached; empty: it does."""
-        return ""
-
-    def bans(self, scene: Scene) -> Ban:
-        """Return what it forbids in a layout; by default no more than its kind's name."""
-        return Ban(unsaid=type(self).__name__)
-
-
 def reaches(goals: Iterable[Goal]) -> list[Reach]:
     """Return the goals that want something reached."""
     return [goal for goal in goals if isinstance(goal, Reach)]
 
 
-def numbered(goals: Iterable[Goal]) -> dict[int, Reach]:
+def numbered(goals: Iterable[object]) -> dict[int, Reach]:
     """Return the goals that want something reached, by their numbers among all."""
     return {
         number: goal for number, goal in enumerate(goals) if isinstance(goal, Reach)
     }
 
 
-def number_of(which: str | int | None, goals: Iterable[Goal]) -> int | None:
-    """Find the number of a goal that wants something reached; None: there is no such goal.
-
-    Args:
-        which: its name, or its number, whatever its name, as `Reach.after` has it; None: no goal.
-        goals: of a task.
-    """
-    for number, goal in numbered(goals).items():
-        if which in (number, goal.name):
-            return number
-
-    return None
-
-
-def limits(goals: Iterable[Goal]) -> list[Limit]:
-    """Return the goals that forbid something."""
-    return [goal for goal in goals if isinstance(goal, Limit)]
-
-
 def find_wants(goals: Sequence[Goal], scene: Scene) -> list[Want]:
     """Return what a task's goals to reach want of bodies in a layout, with the numbers of the goals."""
     found = list[Want]()
     for number, goal in numbered(goals).items():
-        after = number_of(goal.after, goals)
-        wants = goal.wants(scene)
-        found += [replace(want, number=number, after=after) for want in wants]
+        found += [replace(want, number=number) for want in goal.wants(scene)]
 
     return found
-
-
-def find_bans(goals: Iterable[Goal], scene: Scene) -> list[Ban]:
-    """Return what a task's limits forbid in a layout."""
-    return [limit.bans(scene) for limit in limits(goals)]
-
-
-def check_names(goal: Goal, scene: Scene) -> None:
-    """Refuse a goal that names what a scene lacks, or that is about no body.
-
-    Raises:
-        UsageError: names what is possible.
-    """
-    if isinstance(goal, Reach) and goal.of_bodies and not goal.bodies:
-        raise UsageError("a goal to reach needs bodies")
-
-    for what, name in goal.list_named():
-        possible = list_names(what, scene)
-        if name not in possible:
-            raise choices(what, name, possible)
-
-
-def needs_fixture(goal: Goal) -> bool:
-    """Report whether a goal names the fixture that a design brings (`core.design.Fixture`)."""
-    return any(name == FIXTURE for _, name in goal.list_named())
-
-
-def needs_some(goal: Reach, things: int, forbidden: int) -> bool:
-    """Report whether a goal needs one of the forbidden things: the others are not enough."""
-    return forbidden > 0 and goal.count_enough(things) > things - forbidden
-
-
-def measure_angle(
-    body: str, axis: Vector, towards: Callable[[State], Array]
-) -> Callable[[State], Array]:
-    """Make what measures the angle between an axis of a body's frame and unit vectors (..., 3), rad, (...)."""
-    own = np.divide(axis, np.linalg.norm(axis))
-
-    def angle(state: State) -> Array:
-        now = rotate(state.quaternion(body), own)
-        along = (now * towards(state)).sum(axis=-1)
-        return np.asarray(np.arccos(np.clip(along, -1.0, 1.0)))
-
-    return angle
-
-
-def vector(numbers: Iterable[Coordinate], digits: int = 6) -> str:
-    """Write a place or a direction; a coordinate that is None is free."""
-    said = []
-    for axis, number in zip("xyz", numbers, strict=True):
-        if number is None:
-            said.append(f"any {axis}")
-        elif isinstance(number, Span):
-            said.append(str(number))
-        else:
-            said.append(f"{round(number, digits):g}")
-
-    return f"({', '.join(said)})"
-
-
-def frame(at: str | None) -> str:
-    """Say in whose frame a place or a direction is."""
-    return "" if at is None else f" in the frame of {at}"
-
-
-def length(vectors: Array) -> Array:
-    """Compute the lengths (...) of vectors (..., 3)."""
-    lengths: Array = np.linalg.norm(vectors, axis=-1)
-    return lengths

@@ -1,0 +1,110 @@
+"""Hold what goals are judged by: the states of worlds before and after, and what happened in between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from core.geometry import Array
+from core.values.states import State
+from core.values.traces import TRACE_HZ, Trace
+
+REST_S = 0.3  # what is slower for so long is at rest: it does not only turn back
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What goals are judged by, of one world or of many.
+
+    Attributes:
+        start: the state after settling, before the motion.
+        end: the state after the motion.
+        trace: what happened in between; None: nothing was recorded.
+        goals: the task's, since one may come after another.
+    """
+
+    start: State
+    end: State
+    trace: Trace | None = None
+    goals: Sequence[object] = ()
+
+    @property
+    def film(self) -> Trace:
+        """The trace.
+
+        Raises:
+            ValueError: there is none.
+        """
+        if self.trace is None:
+            raise ValueError(
+                "the goals need a trace: declare reward(self, start, end, trace), and pass the trace on"
+            )
+
+        return self.trace
+
+    def hold(self, body: str) -> Array:
+        """Report at which instants a body is held: 1, or 0.5 where the robot only touches it, (..., T)."""
+        return np.maximum(self.film.held(body), self.film.contact(body, "robot") / 2)
+
+    def highest(self, figure: Callable[[State], Array]) -> Array:
+        """Compute the highest that a figure of a state (...) was within `REST_S`, at each instant, (..., T)."""
+        values = figure(self.film.states)
+        count = round(REST_S * TRACE_HZ)
+        # Before the first instant it was as high as there.
+        begin = np.repeat(values[..., :1], count, axis=-1)
+        longer = np.concatenate([begin, values], axis=-1)
+        windows = np.lib.stride_tricks.sliding_window_view(longer, count + 1, axis=-1)
+        return np.asarray(windows.max(axis=-1))
+
+    def moved(self, body: str) -> Array:
+        """Measure how far a body is from where it was at the start, m, (...)."""
+        return length(self.end.position(body) - self.start.position(body))
+
+    def ways(self, body: str) -> Array:
+        """Measure how far a body is from where it was at the start at each instant, m, (..., T)."""
+        begin = self.start.position(body)[..., None, :]
+        return length(self.film.states.position(body) - begin)
+
+
+@dataclass(frozen=True)
+class Conduct:
+    """What a trace says of bodies at its instants, or at its end: are they held, let go, and at rest?
+
+    Attributes:
+        evidence: with the trace.
+        at_end: whether only its last instant counts, (...); else all do, (..., T).
+    """
+
+    evidence: Evidence
+    at_end: bool = False
+
+    def hold(self, body: str) -> Array:
+        """Report how far the robot holds a body, see `Evidence.hold`."""
+        return self._read(self.evidence.hold(body))
+
+    def let_go(self, body: str) -> Array:
+        """Report where neither the robot nor what it moves along touches a body: 1, else 0."""
+        let_go = ~self.evidence.film.linked(body)
+        return self._read(let_go.astype(np.float64))
+
+    def highest(self, figure: Callable[[State], Array], now: State) -> Array:
+        """Compute the highest that a figure was lately, and is ``now``, see `Evidence.highest`."""
+        value = figure(now)
+        if self.evidence.trace is None:
+            return value
+        return np.maximum(value, self._read(self.evidence.highest(figure)))
+
+    def strain(self, name: str) -> Array:
+        """Find the largest force so far on what can break, as a share of what it bears."""
+        return self._read(self.evidence.film.strain(name))
+
+    def _read(self, values: Array) -> Array:
+        return values[..., -1] if self.at_end else values
+
+
+def length(vectors: Array) -> Array:
+    """Compute the lengths (...) of vectors (..., 3)."""
+    lengths: Array = np.linalg.norm(vectors, axis=-1)
+    return lengths
