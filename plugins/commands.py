@@ -25,7 +25,7 @@ def commands() -> dict[str, Command]:
             "plugins.robots.home:main",
         ),
         "new": Command(
-            "write a plugin package to start from", "plugins.new.packages:main"
+            "write a plugin package to start from", "plugins.new.new_command:main"
         ),
         "prompt": Command(
             "write the request that a model would receive, and estimate its cost",

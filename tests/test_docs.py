@@ -30,7 +30,7 @@ from docs import build, gallery, names
 from docs.diagrams import DRAWINGS
 from plugins.conformance.scenery import stick
 from plugins.conformance.suites import examine
-from plugins.new.packages import write as write_package
+from plugins.new.new_command import write as write_package
 from plugins.trying.prompt import PromptConfig
 from tests.commands import python_m, warm_python
 from tests.core.run_folders import write_run

@@ -1,7 +1,7 @@
 """An agent drives a run by calls: it looks, checks, tries and watches, and ``evolution=agent`` is the search.
 
 The run is the ordinary one. Its strategy waits for the agent's designs (`plugins.agents.strategy`), and the model that
-it asks answers with them (`plugins.agents.model`). The calls come by the Model Context Protocol
+it asks answers with them (`plugins.agents.agent`). The calls come by the Model Context Protocol
 (`plugins.agents.server`), and all work is done in the run's own thread (`plugins.agents.bench`).
 """
 
@@ -14,7 +14,7 @@ from core.hooks import Command, hookimpl
 
 @hookimpl
 def vlms() -> Mapping[str, str]:
-    return {"agent": "plugins.agents.model:Agent"}
+    return {"agent": "plugins.agents.agent:Agent"}
 
 
 @hookimpl

@@ -32,6 +32,7 @@ from core.simulation.checking import find_problems
 from core.support.templates import fill
 from core.support.text import by_reason
 from core.trial import best_first
+from plugins.agents.agent import Agent
 from plugins.agents.arguments import (
     DESIGNS,
     GUIDE,
@@ -48,7 +49,6 @@ from plugins.agents.arguments import (
 )
 from plugins.agents.bench import Answer, Later, Refused
 from plugins.agents.describing import Told
-from plugins.agents.model import Agent
 from plugins.agents.viewing import Viewer, draw_trial
 
 _LISTED = 40  # candidates that have a line

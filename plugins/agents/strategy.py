@@ -11,8 +11,8 @@ from core.interfaces import Brief, Budget, EvolutionStrategy, Message, Request, 
 from core.search.assignment import Team
 from core.search.designer import ModelDesigner
 from core.trial import Evaluation, count_rollouts
+from plugins.agents.agent import ABSENT, Agent
 from plugins.agents.bench_tools import Tools
-from plugins.agents.model import ABSENT, Agent
 
 _ALONE = Team([0])
 _LATER = (
@@ -29,7 +29,7 @@ class AgentSearch(EvolutionStrategy):
     plans each, and ``n_rollouts``.
 
     Args:
-        designer: composes and reads; its model is `plugins.agents.model.Agent`.
+        designer: composes and reads; its model is `plugins.agents.agent.Agent`.
         budget: its limits.
 
     Raises:

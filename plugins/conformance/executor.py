@@ -23,6 +23,8 @@ from plugins.conformance.scenery import stick
 
 Make = Callable[[], Executor]
 
+MANY = 10_000  # chunks, which many workers would not end in `LONGEST_S`
+CHUNK_S = 1.0  # an executor without workers ends after the chunk that it is at
 LONGEST_S = 60.0  # for `map` to end once the executor is closed
 LONGEST_START_S = 600.0  # for the first worker to give a result
 _over = (
@@ -135,7 +137,7 @@ def check_map_ends_when_another_thread_closes(make: Make) -> None:
 
     def read() -> None:
         with contextlib.suppress(Exception):  # which `map` may end with
-            for _ in executor.map(wait_for, [[0.0], *[[1e6]] * 20]):
+            for _ in executor.map(wait_for, [[CHUNK_S]] * MANY):
                 begun.set()
 
     reading = threading.Thread(target=read, name="reads results", daemon=True)

@@ -18,7 +18,7 @@ from urllib.parse import quote
 from core.errors import UsageError, UserError
 from core.plugins import check_settings
 from core.support.cli import say
-from plugins.results.folders import folders_and_overrides
+from plugins.results.named_folders import folders_and_overrides
 
 HERE = "127.0.0.1"
 USAGE = "usage: vlmgineer view FOLDER [web=true] [port=N]; FOLDER, or runs=FOLDER, is a run's or a multirun's"

@@ -10,7 +10,7 @@ from core.imports.urdf import read_urdf
 from core.support.cli import expand
 from core.support.files import read_untrusted
 from core.values.descriptions import Description
-from plugins.robots.settings import ArmSettings
+from plugins.robots.arm_settings import ArmSettings
 
 ARMS = (".urdf", ".xml", ".mjcf", ".xacro")
 _SHOWN = 5  # files that a message lists

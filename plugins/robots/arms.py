@@ -14,7 +14,7 @@ import yaml
 
 from core.geometry import Pose
 from core.interfaces import ISO_9409_1_50, Gripper, Robot
-from plugins.robots.descriptions import mend
+from plugins.robots.example_robots import mend
 from plugins.robots.programs import program
 
 _HERE = files(__package__)

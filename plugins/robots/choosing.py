@@ -12,9 +12,9 @@ from core.errors import Problems, UsageError, UserError, choices
 from core.geometry import Array, Pose
 from core.interfaces import Gripper
 from core.values.descriptions import DIGITS, Description, Limits, Origin, RobotJoint
+from plugins.robots.arm_settings import ArmSettings, GripperOptions
 from plugins.robots.completing import complete
-from plugins.robots.naming import names_jaw, write_word
-from plugins.robots.settings import ArmSettings, GripperOptions
+from plugins.robots.foreign_names import names_jaw, write_word
 
 # Where limits that a file lacks are given.
 _TURNING = {

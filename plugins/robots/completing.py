@@ -13,8 +13,8 @@ from core.values.descriptions import (
     RobotLink,
     Weight,
 )
+from plugins.robots.arm_settings import ArmSettings
 from plugins.robots.hulls import make_all, make_shape, solid_of
-from plugins.robots.settings import ArmSettings
 
 
 def complete(

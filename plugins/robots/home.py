@@ -18,17 +18,17 @@ from core.robot.kinematics import arm_of
 from core.support.cli import arguments, say
 from core.support.text import short_numbers
 from plugins.robots.arm_files import read_arm
+from plugins.robots.arm_settings import ArmSettings
 from plugins.robots.enlarging import describe_factor, find_factor
+from plugins.robots.foreign_names import write_word
 from plugins.robots.home_search import (
     HOME_DIGITS,
     find_for_tasks,
     find_home,
     measure_depth,
 )
-from plugins.robots.mounting import START
-from plugins.robots.naming import write_word
-from plugins.robots.reading import Unmounted, build_unmounted
-from plugins.robots.settings import ArmSettings
+from plugins.robots.own_arm import Unmounted, build_unmounted
+from plugins.robots.turned_mount import START
 from plugins.robots.urdf import urdf
 
 USAGE = (

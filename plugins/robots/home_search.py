@@ -19,15 +19,15 @@ from core.robot.kinematics import Arm, Solution, arm_of, link_poses, robot_model
 from core.robot.solids import corners, robot_solids
 from core.solids.self_collision import find_self_collision
 from core.support.text import short_numbers
+from plugins.robots.arm_settings import ArmSettings
 from plugins.robots.enlarging import REACH_M
-from plugins.robots.mounting import (
+from plugins.robots.own_arm import Unmounted
+from plugins.robots.turned_mount import (
     START,
     find_middles,
     turn_mount,
     wrist_height,
 )
-from plugins.robots.reading import Unmounted
-from plugins.robots.settings import ArmSettings
 
 _ONWARD = 0.7  # cosine between a tool's direction and the last link's
 _UPRIGHT = 0.94  # of the last joint's axis, where a square flange looks down

@@ -22,7 +22,7 @@ from core.values.descriptions import (
     RobotLink,
     RobotShape,
 )
-from plugins.robots.naming import names_tool_frame
+from plugins.robots.foreign_names import names_tool_frame
 
 try:
     import mujoco

@@ -4,12 +4,12 @@ import inspect
 import typing
 
 from core.interfaces import Robot
-from plugins.robots.reading import read_robot
-from plugins.robots.settings import ArmSettings
+from plugins.robots.arm_settings import ArmSettings
+from plugins.robots.own_arm import read_robot
 
 
 def urdf(**settings: typing.Any) -> Robot:
-    """Make the arm between a description's base and flange; `plugins.robots.settings.ArmSettings` are the settings."""
+    """Make the arm between a base and a flange, with the settings `plugins.robots.arm_settings.ArmSettings`."""
     return read_robot(**settings)
 
 

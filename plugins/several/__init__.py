@@ -10,4 +10,4 @@ def tasks() -> Factories:
 
 @hookimpl
 def action_representations() -> Factories:
-    return {"several": "plugins.several.plans:TaskActions"}
+    return {"several": "plugins.several.joined_plans:TaskActions"}

@@ -28,7 +28,7 @@ from core.search.answers import Answer
 from core.search.assignment import Team
 from core.search.designer import ModelDesigner, ScenePictures
 from core.search.kept_tools import KnownTool
-from plugins.several.plans import TaskPlans
+from plugins.several.joined_plans import TaskPlans
 
 NO_PLANS = TaskPlans()
 

@@ -10,7 +10,7 @@ from itertools import chain
 from core.design import Candidate
 from core.interfaces import ActionPlan, Condition, Evaluation, Fitness, Score, Trial
 from core.values.contents import digest
-from plugins.several.plans import TaskPlans
+from plugins.several.joined_plans import TaskPlans
 
 # What counts of a candidate's rewards in the tasks, by the name in the configuration.
 COMBINE: dict[str, Callable[[Sequence[float]], float]] = {

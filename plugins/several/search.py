@@ -14,7 +14,7 @@ from core.search.builder import SearchBuilder, build_fitness_in
 from core.search.designer import ModelDesigner, ScenePictures
 from plugins.several.designer import SeveralDesigner
 from plugins.several.fitness import Together
-from plugins.several.plans import TaskActions
+from plugins.several.joined_plans import TaskActions
 
 
 class SeveralSearch(SearchBuilder):

@@ -19,7 +19,7 @@ from core.simulation.engines import SteppingSimulator
 from core.support.scratch import scratch
 from plugins.simulators.bonds import Bonds
 from plugins.simulators.forces import Impulses, Totals
-from plugins.simulators.steps import check_time_step, choose_step
+from plugins.simulators.step_lengths import check_time_step, choose_step
 
 Prepared = TypeVar("Prepared")
 

@@ -17,7 +17,10 @@ LITELLM = {
 def vlms() -> Mapping[str, str]:
     return {
         "offline": "plugins.vlms.offline.designer:OfflineDesigner",
-        **{name: f"plugins.vlms.litellm.model:{cls}" for name, cls in LITELLM.items()},
+        **{
+            name: f"plugins.vlms.litellm.language_model:{cls}"
+            for name, cls in LITELLM.items()
+        },
         "replay": "plugins.vlms.replay:PastReplies",
         "mailbox": "plugins.vlms.mailbox:Mailbox",
         "command": "plugins.vlms.command:Command",

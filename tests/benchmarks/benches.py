@@ -38,7 +38,7 @@ from plugins.tasks.file.bench.drafts import Draft
 from plugins.tasks.file.bench.fitting import measure_off, place_points
 from plugins.tasks.file.bench.marks import Numbers
 from plugins.tasks.file.bench.photographs import Photograph, read_photographs
-from plugins.tasks.file.bench.replies import Beside, Sighting
+from plugins.tasks.file.bench.scene_replies import Beside, Sighting
 from plugins.tasks.file.bench.views import View
 from plugins.tasks.file.task import FileTask
 from plugins.tasks.file.tree import Tree

@@ -1,7 +1,7 @@
 """A fuzzer of URDF files: ``python -m tests.fuzz.urdfs [-runs=10000] [-seed=1]``.
 
 It changes a few files at random, their trees and sometimes their bytes, and reads each as a scene's import
-(`plugins.tasks.file.imports.read_bodies`) or as an arm of one's own (`plugins.robots.reading.read_robot`). What is read
+(`plugins.tasks.file.imports.read_bodies`) or as an arm of one's own (`plugins.robots.own_arm.read_robot`). What is read
 must make a scene of finite numbers, which MuJoCo plays in one case of ten, or a robot whose arm can be computed; else
 there is an error of one line. All else is a finding, as is a file that takes more than 20 s. Each is printed with its
 seed; ``-seed=N -runs=1`` repeats it.
@@ -31,7 +31,7 @@ from core.robot.kinematics import arm_of
 from core.robot.solids import robot_solids
 from plugins.conformance.worlds import BARE, Bodies, still
 from plugins.robots import hulls
-from plugins.robots.reading import read_robot
+from plugins.robots.own_arm import read_robot
 from plugins.simulators.inertia import inertia_of
 from plugins.tasks.file.imports import read_bodies, solids
 from tests import outside_arm

@@ -26,13 +26,13 @@ from core.scene import Soft, State
 from core.simulation.attempt import prepare
 from core.task import reward_of
 from core.trial import Evaluation
-from plugins.listeners.rerun.layout import design_text, layout
-from plugins.listeners.rerun.meshes import (
+from plugins.listeners.rerun.archetypes import (
     links,
     shaded,
     to_mesh,
     to_transform,
 )
+from plugins.listeners.rerun.blueprint import design_text, layout
 
 _FLUSH_S = 10.0  # until all data are on the disk
 _END_S = 5.0

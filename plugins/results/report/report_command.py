@@ -11,13 +11,13 @@ from pathlib import Path
 from core.config.compose import load
 from core.errors import UsageError, UserError
 from core.support.cli import print_table, say, write_bytes
-from plugins.results.folders import folders_and_overrides
+from plugins.results.named_folders import folders_and_overrides
 from plugins.results.pages.formats import Table, printed
 from plugins.results.pages.runs import find_runs
-from plugins.results.report.contents import DATA, contents
 from plugins.results.report.entries import Entry, ListedEntry, read_entry
 from plugins.results.report.entry_tables import entry_tables
 from plugins.results.report.own_entries import find_entries
+from plugins.results.report.report_files import DATA, contents
 from plugins.results.report.results import Results
 from plugins.results.report.tables import rewards
 from plugins.results.report.verify import verification, verify

@@ -24,7 +24,7 @@ from plugins.results.toolbox.held_tools import (
     find_tools,
 )
 from plugins.results.toolbox.library import read_library
-from plugins.results.toolbox.trials import attempt, groups
+from plugins.results.toolbox.tool_trials import attempt, groups
 
 
 @dataclass

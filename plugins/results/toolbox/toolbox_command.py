@@ -18,7 +18,7 @@ from core.plugins import ACTION, installed
 from core.support.cli import key_of, print_table, say, write_bytes
 from core.support.text import number
 from plugins.results.artifacts import save_design
-from plugins.results.folders import folders_and_overrides
+from plugins.results.named_folders import folders_and_overrides
 from plugins.results.pages.formats import Column, Table, to_csv
 from plugins.results.pages.runs import find_runs
 from plugins.results.toolbox.choice import Toolbox, ToolboxConfig, toolbox

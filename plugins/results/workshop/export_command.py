@@ -19,7 +19,7 @@ from core.support.cli import print_table, say
 from core.support.files import writing
 from core.values.efforts import PERTURBED, Held
 from plugins.results.chosen import DesignsConfig, chosen_evaluations, config_for
-from plugins.results.folders import folders_and_overrides
+from plugins.results.named_folders import folders_and_overrides
 from plugins.results.workshop.export import Export
 from plugins.results.workshop.export_folder import new_folder, write_export
 from plugins.results.workshop.playback import make_export

@@ -16,7 +16,7 @@ from plugins.simulators.mujoco.robot import add_servos, load, set_gains
 from plugins.simulators.mujoco.shapes import Element, add_geom
 from plugins.simulators.mujoco.softs import add_softs, hull_boxes
 from plugins.simulators.rolling import rollers
-from plugins.simulators.steps import choose_step, spare_cards
+from plugins.simulators.step_lengths import choose_step, spare_cards
 
 MAX_TIME_STEP = 0.005  # s; above, contacts get soft
 # m, of what is searched for a contact: at MuJoCo's own, 1e-6, lying cylinders roll by themselves.

@@ -34,7 +34,7 @@ from plugins.simulators.pybullet.urdf_links import (
     offset_of,
     text_file,
 )
-from plugins.simulators.steps import MILD
+from plugins.simulators.step_lengths import MILD
 
 _KINDS = {
     "hinge": "revolute",

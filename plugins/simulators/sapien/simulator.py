@@ -8,7 +8,7 @@ from plugins.simulators.fresh import FreshWorlds
 from plugins.simulators.rendering import DrawingSimulator
 from plugins.simulators.sapien.bodies import Weighed
 from plugins.simulators.sapien.world import Settings, World
-from plugins.simulators.steps import spare_cards
+from plugins.simulators.step_lengths import spare_cards
 
 
 class SapienSimulator(FreshWorlds[Weighed], DrawingSimulator):

@@ -37,8 +37,8 @@ from core.values.softs import MAX_NODES
 from plugins.tasks.file.goals import ALL_KINDS, Entry, read_entry
 from plugins.tasks.file.hollows import COLUMN_M
 from plugins.tasks.file.imports import imported as limits
-from plugins.tasks.file.spans import Varied
 from plugins.tasks.file.tree import Tree
+from plugins.tasks.file.varied_numbers import Varied
 from plugins.tasks.file.vessels import Vessel
 
 MAX_BODIES = 100

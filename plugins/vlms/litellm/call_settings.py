@@ -37,7 +37,7 @@ _REFUSED = {
 
 
 class CallSettings(Protocol):
-    """What a user sets for each call; see `plugins.vlms.litellm.model.LanguageModel`."""
+    """What a user sets for each call; see `plugins.vlms.litellm.language_model.LanguageModel`."""
 
     timeout_s: float
     max_output_tokens: int | None

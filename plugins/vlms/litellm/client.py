@@ -1,4 +1,4 @@
-"""Make one call through LiteLLM: settings, request, answer. Retries and limits are in `plugins.vlms.litellm.model`."""
+"""Make one call through LiteLLM: settings, request, answer. `LanguageModel` repeats and limits calls."""
 
 from __future__ import annotations
 
@@ -22,7 +22,6 @@ from plugins.vlms.litellm.hearing import Hearing
 from plugins.vlms.litellm.loading import load
 from plugins.vlms.litellm.manner import Form, Manner, weaken
 from plugins.vlms.litellm.prices import count_cached, find_prices, saved
-from plugins.vlms.litellm.rendering import explain_schema, render, without_pictures
 from plugins.vlms.litellm.room import explain_room, is_too_long
 from plugins.vlms.litellm.transport import (
     OPENAI,
@@ -34,6 +33,7 @@ from plugins.vlms.litellm.transport import (
     calling,
 )
 from plugins.vlms.litellm.unwrapping import find_text
+from plugins.vlms.litellm.wire_messages import explain_schema, render, without_pictures
 
 _log = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ from typing import Any
 from core.interfaces import Estimate, Message, Picture, Request, Text
 from plugins.vlms.letters import split_news
 from plugins.vlms.litellm.loading import load
-from plugins.vlms.litellm.rendering import explain_schema, render
+from plugins.vlms.litellm.wire_messages import explain_schema, render
 
 PIXELS_PER_TOKEN = 750  # https://docs.claude.com/en/docs/vision
 

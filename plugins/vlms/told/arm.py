@@ -17,8 +17,8 @@ from core.robot.kinematics import Arm, arm_of
 from core.robot.trajectory import plan_motion
 from core.support.text import short_number, short_numbers
 from plugins.vlms.told.outline import extents_at_home
+from plugins.vlms.told.phrases import phrase, table
 from plugins.vlms.told.reach import compute_reach, turns_at
-from plugins.vlms.told.tables import phrase, table
 
 DIRECTIONS = ("forward", "left", "up")
 LENGTHS_M = (0.1, 0.2, 0.4)

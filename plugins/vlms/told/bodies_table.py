@@ -10,7 +10,7 @@ import numpy as np
 from core.geometry import Array, Pose
 from core.interfaces import Task
 from core.scene import Body, Soft
-from plugins.vlms.told.tables import phrase, table
+from plugins.vlms.told.phrases import phrase, table
 
 _FLAT_M = 1e-9  # what is thinner has no ends
 

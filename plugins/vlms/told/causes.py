@@ -10,7 +10,7 @@ from core.interfaces import Evaluation, Trial
 from core.support.text import clean, hide_numbers, number
 from core.values.efforts import holds
 from core.values.observations import Offset, Sight
-from plugins.vlms.told.tables import phrase
+from plugins.vlms.told.phrases import phrase
 
 _CAUSES = 3  # of an elite
 _LAYOUTS = 4  # that are named for a cause

@@ -18,7 +18,7 @@ from core.values.observations import Sight
 from core.values.torques import find_hardest
 from plugins.vlms.telling import REACHED, last_generation, outcome_of
 from plugins.vlms.told.causes import cause_lines
-from plugins.vlms.told.tables import phrase
+from plugins.vlms.told.phrases import phrase
 
 WHOLE = 2
 """So many elites have their plans and what was observed; the others have a line in the last round."""

@@ -14,7 +14,7 @@ from core.robot.solids import Solid, signed_distance, solid_geometry
 from core.scene import Body, Soft
 from core.support.text import short_number, short_numbers
 from plugins.vlms.told.bodies_table import bounds, bounds_in_world
-from plugins.vlms.told.tables import phrase, table
+from plugins.vlms.told.phrases import phrase, table
 
 _ALIKE = 3  # bodies alike, one after the other, from which on they share a row
 _HOLLOW = (

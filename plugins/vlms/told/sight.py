@@ -10,8 +10,8 @@ import numpy as np
 from core.interfaces import Task
 from core.scene import Camera
 from core.values.observations import Moved, Sight
+from plugins.vlms.told.phrases import phrase
 from plugins.vlms.told.projection import project
-from plugins.vlms.told.tables import phrase
 
 _WIDTH = 640  # pixels, of which ways are shares
 _HEIGHT = 480

@@ -8,7 +8,7 @@ import pytest
 from core import Experiment
 from core.config.compose import load
 from core.search.orchestration import run
-from plugins.new.packages import write_scene
+from plugins.new.new_command import write_scene
 from plugins.results.pages.runs import find_runs
 
 SEVERAL = ["fitness=robust", "fitness.sims=[mujoco,sapien]", "fitness.seeds=[1,2]"]

@@ -6,8 +6,13 @@ from core.interfaces import Executor
 class Here(Executor):
     """For debuggers, and where processes can't be started."""
 
+    def __init__(self):
+        self._closed = False
+
     def map(self, function, chunks):
         for chunk in chunks:
+            if self._closed:
+                return
             try:
                 result = function(chunk)
             except Exception as error:  # belongs to its chunk; the others go on
@@ -15,4 +20,4 @@ class Here(Executor):
             yield chunk, result
 
     def close(self):
-        pass
+        self._closed = True

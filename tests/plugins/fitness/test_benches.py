@@ -6,7 +6,7 @@ from core import Experiment
 from core.interfaces import Condition, RolloutSettings
 from core.plugins import PluginPart
 from plugins.fitness.layouts import UNSEEN, Layouts
-from plugins.new.packages import write_scene
+from plugins.new.new_command import write_scene
 
 
 @pytest.fixture

@@ -22,7 +22,7 @@ from core.interfaces import Budget
 from core.plugins import event_hub, installed
 from plugins.actions.anchored import AnchoredActions
 from plugins.conformance.evaluations import tried_once
-from plugins.listeners.rerun.layout import MAX_TEXT
+from plugins.listeners.rerun.blueprint import MAX_TEXT
 from plugins.listeners.rerun.writer import replay
 from tests import solutions
 from tests.panda import ARM

@@ -19,7 +19,7 @@ from core.search.orchestration import run, run_and_print
 from core.support.text import hydra_word
 from core.trial import Evaluation, Tally, Trial, Where
 from plugins.conformance.evaluations import tried_once
-from plugins.new.packages import write_scene
+from plugins.new.new_command import write_scene
 from plugins.trying import evaluate
 from tests.core.run_folders import hook
 from tests.outside_arm import write_arm

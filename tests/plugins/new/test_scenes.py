@@ -2,7 +2,7 @@ import pytest
 
 from core.errors import UsageError, UserError
 from core.plugins import installed
-from plugins.new.packages import main, write_scene
+from plugins.new.new_command import main, write_scene
 
 
 def test_the_command_writes_a_scene_and_says_how_to_go_on(

@@ -6,8 +6,8 @@ import pytest
 from core.errors import UsageError, UserError
 from core.robot.kinematics import arm_of
 from plugins.robots import home
-from plugins.robots.descriptions import robots_folder
-from plugins.robots.reading import read_robot
+from plugins.robots.example_robots import robots_folder
+from plugins.robots.own_arm import read_robot
 from tests.outside_arm import FLANGE, HOME
 
 pytestmark = pytest.mark.usefixtures("in_this_process")

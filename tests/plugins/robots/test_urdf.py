@@ -12,7 +12,7 @@ from plugins import render
 from plugins.conformance.suites import SUITES
 from plugins.trying import evaluate
 from tests.outside_arm import FLANGE, HOME, write_arm
-from tests.plugins.robots.test_reading import gripped
+from tests.plugins.robots.test_own_arm import gripped
 from tests.rare import rare
 
 ROOT = Path(__file__).parents[3]

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from core.errors import LimitReached
-from plugins.vlms.litellm.model import LanguageModel
+from plugins.vlms.litellm.language_model import LanguageModel
 from tests.plugins.vlms.servers import request
 
 KEYS = {

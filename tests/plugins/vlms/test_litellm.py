@@ -20,7 +20,7 @@ from core.interfaces import Picture, Text
 from core.plugins import installed
 from plugins.vlms import LITELLM
 from plugins.vlms.litellm import failures
-from plugins.vlms.litellm.model import LanguageModel
+from plugins.vlms.litellm.language_model import LanguageModel
 from plugins.vlms.litellm.prices import estimate
 from tests.commands import python_m
 from tests.plugins.vlms.asking import (
@@ -521,7 +521,7 @@ def watched(function):
 socket.getaddrinfo = watched(socket.getaddrinfo)
 socket.socket.connect = watched(socket.socket.connect)
 from tests.plugins.vlms.servers import request
-from plugins.vlms.litellm.model import LanguageModel
+from plugins.vlms.litellm.language_model import LanguageModel
 vlm = LanguageModel(sys.argv[1], sys.argv[2])
 for reply in vlm.complete([request(0), request(1)]):
     print(reply.text, reply.error, sent_to, flush=True)

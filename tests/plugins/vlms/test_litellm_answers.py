@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from plugins.vlms.litellm.model import LanguageModel
+from plugins.vlms.litellm.language_model import LanguageModel
 from tests.plugins.vlms.asking import ask
 from tests.plugins.vlms.servers import Say, Send, request, serving
 

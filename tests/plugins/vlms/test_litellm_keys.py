@@ -9,8 +9,8 @@ import httpx
 import pytest
 
 from core.errors import UsageError, UserError
+from plugins.vlms.litellm.language_model import LanguageModel
 from plugins.vlms.litellm.loading import load
-from plugins.vlms.litellm.model import LanguageModel
 from plugins.vlms.litellm.transport import OPENAI
 from tests.plugins.vlms.asking import KEYS, ask
 from tests.plugins.vlms.servers import Say, request, serving

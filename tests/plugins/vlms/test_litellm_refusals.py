@@ -5,7 +5,7 @@ import json
 import pytest
 
 from core.interfaces import Message, Text
-from plugins.vlms.litellm.model import LanguageModel
+from plugins.vlms.litellm.language_model import LanguageModel
 from tests.plugins.vlms.asking import ask, in_turn
 from tests.plugins.vlms.servers import Say, Send, request, serving
 

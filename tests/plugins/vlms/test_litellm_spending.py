@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from core.errors import LimitReached, UsageError, UserError
-from plugins.vlms.litellm.model import LanguageModel
+from plugins.vlms.litellm.language_model import LanguageModel
 from tests.plugins.vlms.asking import PAID, ask, model_at, until_limit
 from tests.plugins.vlms.servers import Say, Send, request, serving
 

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from plugins.vlms.litellm.model import LanguageModel
+from plugins.vlms.litellm.language_model import LanguageModel
 from tests.plugins.vlms.asking import PROTOCOLS, ask, in_turn, until_limit
 from tests.plugins.vlms.servers import Say, Send, request, serving
 

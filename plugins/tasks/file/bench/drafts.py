@@ -21,7 +21,7 @@ from plugins.tasks.file.bench.edits import set_variation
 from plugins.tasks.file.bench.fitting import Fit, fit_seen
 from plugins.tasks.file.bench.marks import Numbers
 from plugins.tasks.file.bench.photographs import Photograph
-from plugins.tasks.file.bench.replies import LONGEST, Beside, read_reply
+from plugins.tasks.file.bench.scene_replies import LONGEST, Beside, read_reply
 from plugins.tasks.file.bench.views import LEAST_PLACES, Landmarks
 from plugins.tasks.file.spec import list_mistakes
 from plugins.tasks.file.task import FileTask

@@ -15,7 +15,7 @@ from core.scene import Scene
 from plugins.tasks.file.bench.cameras import Bundle
 from plugins.tasks.file.bench.marks import Numbers
 from plugins.tasks.file.bench.photographs import Photograph
-from plugins.tasks.file.bench.replies import Sighting
+from plugins.tasks.file.bench.scene_replies import Sighting
 from plugins.tasks.file.bench.touching import Touching
 from plugins.tasks.file.bench.views import View
 from plugins.tasks.file.contacts import OVERLAP_M

@@ -21,12 +21,12 @@ from core.support.files import read_text
 from core.support.templates import fill
 from core.support.text import clean
 from plugins.tasks.file.bench.asking import open_asker
+from plugins.tasks.file.bench.bench_page import draw_page
 from plugins.tasks.file.bench.board import find_by_board, print_board
 from plugins.tasks.file.bench.drafts import PACKAGE, Draft
 from plugins.tasks.file.bench.findings import describe_fit
-from plugins.tasks.file.bench.page import draw_page
 from plugins.tasks.file.bench.photographs import read_photographs
-from plugins.tasks.file.bench.replies import LONGEST
+from plugins.tasks.file.bench.scene_replies import LONGEST
 from plugins.tasks.file.bench.views import CameraError
 
 USAGE = (

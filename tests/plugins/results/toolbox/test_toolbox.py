@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-import plugins.results.toolbox.trials as trials
+import plugins.results.toolbox.tool_trials as trials
 from core.design import Component, Tool
 from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError

@@ -3,7 +3,7 @@
 import pytest
 
 from core.search.builder import check_starts
-from plugins.new.packages import write_scene
+from plugins.new.new_command import write_scene
 from plugins.tasks.file.doubts import find_doubts, find_empty_place, find_idle_goals
 from tests.panda import on_panda
 from tests.plugins.tasks.file.test_task import task_of

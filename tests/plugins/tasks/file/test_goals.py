@@ -24,7 +24,7 @@ from core.goals import (
     goals_reward,
 )
 from core.scene import Elastic, Filling, Scene, Soft
-from plugins.new.packages import write_scene
+from plugins.new.new_command import write_scene
 from plugins.tasks.file.goals import (
     join_entries,
     read_entry,

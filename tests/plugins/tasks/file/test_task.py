@@ -23,7 +23,7 @@ from core.interfaces import JointTrajectory, Rollout
 from core.plugins import PluginPart, installed
 from core.robot.kinematics import arm_of
 from plugins.conformance.suites import SUITES, examine
-from plugins.new.packages import write_scene
+from plugins.new.new_command import write_scene
 from plugins.tasks.file.goals import describe_goals
 from plugins.tasks.file.task import FileTask
 from plugins.tasks.file.tree import Tree

@@ -1,4 +1,4 @@
-from plugins.vlms.told.tables import table
+from plugins.vlms.told.phrases import table
 
 
 def test_no_text_of_a_cell_ends_its_cell_or_row():

@@ -9,7 +9,7 @@ from PIL import Image
 
 from core.errors import UserError
 from plugins.tasks.file.bench.edits import set_variation
-from plugins.tasks.file.bench.replies import read_reply
+from plugins.tasks.file.bench.scene_replies import read_reply
 from plugins.tasks.file.pixels import as_png
 from plugins.tasks.file.tree import Tree
 

@@ -14,7 +14,7 @@ from plugins.tasks.file.bench.drafts import Draft
 from plugins.tasks.file.bench.findings import describe_fit
 from plugins.tasks.file.bench.fitting import measure_off, place_points
 from plugins.tasks.file.bench.photographs import Photograph
-from plugins.tasks.file.bench.replies import Beside, Sighting, read_reply
+from plugins.tasks.file.bench.scene_replies import Beside, Sighting, read_reply
 from plugins.tasks.file.bench.views import CameraError, View
 from plugins.tasks.file.task import FileTask
 from tests.panda import on_panda

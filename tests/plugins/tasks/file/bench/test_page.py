@@ -1,6 +1,6 @@
 """The page of a scene: what a plan says of a body that is turned."""
 
-from plugins.tasks.file.bench.page import draw_page
+from plugins.tasks.file.bench.bench_page import draw_page
 from plugins.tasks.file.task import FileTask
 from tests.panda import on_panda
 

@@ -16,8 +16,8 @@ from plugins.render import RenderConfig
 from plugins.tasks.file.bench.board import find_by_board
 from plugins.tasks.file.bench.drafts import Draft
 from plugins.tasks.file.bench.photographs import Photograph, read_photographs
-from plugins.tasks.file.bench.replies import read_reply
 from plugins.tasks.file.bench.scene_command import main
+from plugins.tasks.file.bench.scene_replies import read_reply
 from plugins.tasks.file.bench.views import CameraError, View
 from plugins.tasks.file.task import FileTask
 from tests.panda import on_panda

@@ -16,13 +16,13 @@ from core.support.cli import expand
 from core.support.text import clean
 from core.values.descriptions import Description
 from plugins.robots.arm_files import read_arm
+from plugins.robots.arm_settings import ArmSettings, BoltOptions
 from plugins.robots.choosing import choose_arm
 from plugins.robots.doubting import find_doubts
 from plugins.robots.enlarging import describe_factor, enlarge, find_factor
-from plugins.robots.mounting import turn_mount
-from plugins.robots.naming import choose_all_names
+from plugins.robots.foreign_names import choose_all_names
 from plugins.robots.normalise import normalise, read_meshes
-from plugins.robots.settings import ArmSettings, BoltOptions
+from plugins.robots.turned_mount import turn_mount
 
 _log = logging.getLogger(__name__)
 

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from plugins.results.folders import folders_and_overrides
+from plugins.results.named_folders import folders_and_overrides
 
 
 @pytest.mark.parametrize(

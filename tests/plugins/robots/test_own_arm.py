@@ -16,8 +16,8 @@ from core.geometry import Pose
 from core.robot.kinematics import arm_of, link_frames
 from core.robot.solids import robot_solids
 from core.values.robots import ISO_9409_1_50, Robot
-from plugins.robots.reading import read_robot
-from plugins.robots.settings import BoltOptions, GripperOptions
+from plugins.robots.arm_settings import BoltOptions, GripperOptions
+from plugins.robots.own_arm import read_robot
 from tests.outside_arm import FLANGE, HOME, LIMIT
 
 pytestmark = pytest.mark.usefixtures("in_this_process")

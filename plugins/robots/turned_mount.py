@@ -32,7 +32,7 @@ def turn_mount(
     """Turn the mount of a robot as its home has it, and the arm in place until the mount is exactly upright.
 
     Args:
-        robot: made by `plugins.robots.reading.build_unmounted`.
+        robot: made by `plugins.robots.own_arm.build_unmounted`.
         axis: the last joint's (3,) in the flange's frame: a flange is square to it.
         rpy: how the mount is turned in the flange's frame, radians; None: by right angles, to be nearest to the world.
         face_m: how far it is beyond the flange's frame.

@@ -7,7 +7,7 @@ from core.design import Candidate, DesignError, Tool
 from core.interfaces import Waypoints
 from core.plugins import PluginPart, installed
 from plugins.conformance.suites import SUITES, subject
-from plugins.several.plans import TaskPlans
+from plugins.several.joined_plans import TaskPlans
 
 HOME = [[0.5, 0.0, 0.4, 0.0, 0.0, 0.0]]
 SEVERAL = installed().create("action", "several")

@@ -4,7 +4,7 @@ import pytest
 
 from core.geometry import Cylinder
 from core.values.descriptions import Inertial, Origin, RobotShape
-from plugins.robots.descriptions import mend
+from plugins.robots.example_robots import mend
 
 UR5 = "ur_description/urdf/ur5_robot.urdf"
 MOMENTS = (0.1, 0.01, 0.02, 0.2, 0.03, 0.25)

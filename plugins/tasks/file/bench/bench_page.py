@@ -17,7 +17,7 @@ from core.interfaces import Simulator, Task
 from core.simulation.pictures import png, report_missing
 from plugins.tasks.file.bench.checks import SURROUNDINGS
 from plugins.tasks.file.bench.photographs import Photograph
-from plugins.tasks.file.bench.replies import Sighting
+from plugins.tasks.file.bench.scene_replies import Sighting
 
 PLANS = {
     "plan: x to the right, y up": [0, 1],
