@@ -16,7 +16,6 @@ from plugins.vlms.offline.ways.way import Range, Values
 
 _SPREAD = 0.15  # of a change, in the range of its parameter
 _CHANGED = 0.3  # of the parameters, in a mutation
-_BEYOND = 0.5  # of a range, that values may leave it by
 _VARIES_TOOL = 0.5  # how often the tool of a stranger is varied, beside the plan
 _STEPS = 4.0  # of a move of numbers
 
@@ -25,6 +24,8 @@ def mutate(
     values: Values, ranges: Mapping[str, Range], scale: float, rng: Generator
 ) -> dict[str, float]:
     """Change some of the parameters by a little.
+
+    A value stays within its range; one that is outside of it, as those of mounts may be drawn, gets no farther out.
 
     Args:
         values: of all parameters.
@@ -38,13 +39,11 @@ def mutate(
     changed = dict(values)
 
     for name, is_chosen in zip(names, chosen, strict=True):
+        before = values[name]
         low, high = ranges[name]
-        width = high - low
-        value = values[name] + rng.normal(0.0, _SPREAD * scale * width)
+        value = before + rng.normal(0.0, _SPREAD * scale * (high - low))
         if is_chosen:
-            changed[name] = float(
-                np.clip(value, low - _BEYOND * width, high + _BEYOND * width)
-            )
+            changed[name] = float(np.clip(value, min(low, before), max(high, before)))
 
     return changed
 

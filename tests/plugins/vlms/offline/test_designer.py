@@ -126,6 +126,28 @@ def test_values_are_mutated_and_crossed():
     assert mutate(first, ranges, 0.0, rng) == first
 
 
+def test_mutated_values_stay_in_their_ranges():
+    """A speed below zero would be as fast as the arm goes."""
+    rng = np.random.default_rng(0)
+    for way in WAYS:
+        ranges = list_ranges(way)
+        for end in (0, 1):
+            values = {name: ends[end] for name, ends in ranges.items()}
+            for _ in range(20):
+                values = mutate(values, ranges, 1.0, rng)
+            for name, (low, high) in ranges.items():
+                assert low <= values[name] <= high
+
+
+def test_a_mount_outside_of_its_range_gets_no_farther_out():
+    rng = np.random.default_rng(0)
+    ranges = {"mount_y": list_ranges(WAYS[0])["mount_y"]}
+    values = {"mount_y": 0.5}
+    found = [mutate(values, ranges, 1.0, rng)["mount_y"] for _ in range(50)]
+    assert max(found) == 0.5
+    assert min(found) < 0.4
+
+
 def test_what_no_way_suits_is_named_before_the_search(tmp_path):
     task = read_task(tmp_path, CUBE, TURNED)
     (named,) = find_unplanned(task, 0)
