@@ -26,7 +26,6 @@ _NO_WAY_M = 0.01  # a shorter way on the ground gives no direction
 _RISES_M = 0.03  # what has to get up by more is lifted
 _FALLS_M = 0.1  # what has to get down by more falls
 _SUPPORT_M = 0.006  # what is so low beside a body is what it stands on
-_COVERED_M = 0.15  # what is nearer above bodies covers them
 _LOOK_M = 0.03  # between two looks along a way
 _TOOL_M = 0.55  # by which a tool makes an arm longer, at most
 _HALVINGS = 6  # of a distance, to find how far something is away
@@ -169,6 +168,12 @@ class Job:
         """Whether the bodies have to get down by much."""
         return self.rise < -_FALLS_M
 
+    @cached_property
+    def is_borne(self) -> bool:
+        """Whether something bears the bodies where they have to go: let go there, they fall by little."""
+        below = self.way - np.array([0.0, 0.0, _RISES_M])
+        return self.meets(below, self.size)
+
     @property
     def goes(self) -> bool:
         """Whether the bodies have to go somewhere on the ground."""
@@ -265,13 +270,15 @@ class Job:
 
     @cached_property
     def is_covered(self) -> bool:
-        """Whether something is so close above the bodies that nothing comes down to them."""
-        return self.room(z=1.0) < _COVERED_M
+        """Whether something is above the bodies, however high: heads come down from above all that is near."""
+        height = self.clear - float(self.size[2])
+        up = np.array([0.0, 0.0, 1.0])
+        return height > 0 and not self._is_free(up, height, 0.0)
 
     @cached_property
     def slides(self) -> bool:
-        """Whether the bodies get where they have to go along the ground, past all others."""
-        if not self.goes or self.rises or self.beyond:
+        """Whether the bodies get where they have to go along the ground, past all others, and may be left there."""
+        if not self.goes or self.rises or self.beyond or self.want.held:
             return False
 
         ahead = self.way * [1.0, 1.0, 0.0]

@@ -54,6 +54,8 @@ class Grip(Way):
     def suits(self, job: Job) -> float:
         if len(job.want.bodies) > 1 or job.beyond or not (job.goes or job.rises):
             return 0.0
+        if job.want.released and job.rises and not job.is_borne:
+            return 0.0
         if (
             job.size[1] > _NARROW * _measure_narrowest(job)
             or job.room(z=1.0) < _ENTRY_M
@@ -104,7 +106,7 @@ class Grip(Way):
         there = at(x, y, low + lift, yaw=turn)
         if job.goes:
             yield Step(there, values["carrying"], touch=True, grip=1.0)
-        if job.rises or job.want.held:
+        if job.want.held or (job.rises and not job.want.released):
             return
 
         down = at(x, y, low + min(lift, rise + _LOW_M), yaw=turn)

@@ -34,8 +34,10 @@ class Key(Way):
     }
 
     def suits(self, job: Job) -> float:
+        if job.is_covered or not job.rises or job.want.released:
+            return 0.0
         long, wide = _measure_slot(job)
-        return float(job.rises and long > _LONGER * wide > 0)
+        return float(long > _LONGER * wide > 0)
 
     def head(self, job: Job, values: Values) -> Head:
         long, wide = _measure_slot(job)

@@ -38,9 +38,9 @@ class Lift(Way):
     }
 
     def suits(self, job: Job) -> float:
-        if job.is_covered or not job.rises or find_handles(job) is None:
+        if job.is_covered or not job.rises or job.want.released:
             return 0.0
-        return 1.0
+        return float(find_handles(job) is not None)
 
     def head(self, job: Job, values: Values) -> Head:
         handles, depth, thick = self._measure(job, values)

@@ -54,7 +54,9 @@ class Pour(Way):
 
     def suits(self, job: Job) -> float:
         vessel = job.vessel
-        if vessel is None or not job.goes or job.beyond or abs(job.turned) > np.pi / 2:
+        if vessel is None or not job.goes or job.beyond or job.want.held:
+            return 0.0
+        if vessel.is_covered or abs(job.turned) > np.pi / 2:
             return 0.0
         return float(find_handles(vessel) is not None)
 

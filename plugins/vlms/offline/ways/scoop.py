@@ -59,7 +59,9 @@ class Scoop(Way):
         if job.is_covered or job.beyond or job.room(x=-1.0) < _ENTRY_M:
             return 0.0
         if job.rises:
-            return 0.6
+            return 0.0 if job.want.released else 0.6
+        if job.want.held:
+            return 0.0
         if job.goes and (job.falls or not job.slides):
             return 0.1
         return 0.0

@@ -34,7 +34,7 @@ class Throw(Way):
     }
 
     def suits(self, job: Job) -> float:
-        if not job.goes or job.rises or job.is_covered:
+        if not job.goes or job.rises or job.is_covered or job.want.held:
             return 0.0
         return float(job.beyond or job.falls)
 

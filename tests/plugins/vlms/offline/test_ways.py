@@ -26,11 +26,30 @@ CARDS = "\n" + "".join(
 TUNNEL = f"""{CUBE}
   - {{name: roof, box: [0.6, 0.2, 0.02], position: [0.8, 0, 0.11], fixed: true}}
 """
+# Its edge is 1 cm before the cube's side, and 1 cm behind it.
+SHELF = """
+  - {{name: shelf, box: [0.6, 0.2, 0.02], position: [{}, 0, {}], fixed: true}}
+"""
+OVERHUNG = CUBE + SHELF.format(0.92, 0.27)
+BESIDE_SHELF = CUBE + SHELF.format(0.94, 0.27)
+UNDER_A_ROOF = CUBE + SHELF.format(0.8, 0.67)
+BESIDE_STAND = f"""{CUBE}
+  - {{name: stand, box: [0.1, 0.1, 0.1], position: [0.5, 0.3, 0.05], fixed: true}}
+"""
 WALLED = f"""{CUBE}
   - {{name: wall, box: [0.02, 0.5, 0.2], position: [0.5, 0, 0.1], fixed: true}}
 """
 NEARER = """
   - {bodies: ["*"], place: [0.4, 0, null], tolerance: 0.02}
+"""
+ON_STAND = """
+  - {bodies: [cube], at: stand, place: [0, 0, 0.08], tolerance: 0.02, released: true}
+"""
+IN_THE_AIR = """
+  - {bodies: [cube], at: stand, place: [0, 0, 0.2], tolerance: 0.02, released: true}
+"""
+IN_HAND = """
+  - {bodies: [cube], place: [0.4, 0, null], tolerance: 0.02, held: true}
 """
 UP = """
   - {bodies: ["*"], raised: 0.15}
@@ -66,15 +85,41 @@ TURNED = """
         (CUBE, NEARER, {"push", "cage", "hook"}),
         (CARDS, NEARER, {"push", "sweep"}),
         (TUNNEL, NEARER, {"hook"}),
+        (OVERHUNG, NEARER, {"hook"}),
+        (BESIDE_SHELF, NEARER, {"push", "cage", "hook"}),
+        (UNDER_A_ROOF, NEARER, {"hook"}),
         (WALLED, NEARER, {"scoop"}),
         (CUBE, UP, {"scoop"}),
         (CUBE, FAR, {"throw"}),
         (CUBE, TURNED, set()),
+        (CUBE, IN_HAND, set()),
+        (BESIDE_STAND, ON_STAND, set()),
     ],
 )
 def test_ways_are_for_bodies_and_goals(tmp_path, bodies, goals, ways):
     task = read_task(tmp_path, bodies, goals)
     assert list_ways(make_brief(task)) == ways
+
+
+@pytest.mark.parametrize(
+    ("bodies", "goals", "ways"),
+    [
+        (BESIDE_STAND, ON_STAND, {"grip"}),
+        (BESIDE_STAND, IN_THE_AIR, set()),
+        (CUBE, IN_HAND, {"grip"}),
+    ],
+)
+def test_fingers_are_for_what_ends_in_them_or_on_something(
+    tmp_path, bodies, goals, ways
+):
+    task = read_task(tmp_path, bodies, goals)
+    assert list_ways(make_brief(task, gripper=True)) == ways
+
+
+@pytest.mark.slow
+def test_fingers_let_go_of_what_they_stack(tmp_path):
+    task = read_task(tmp_path, BESIDE_STAND, ON_STAND)
+    assert max(earn(make_brief(task, gripper=True), "grip", 6)) > 0.9
 
 
 @pytest.mark.parametrize("bodies", [CUBE, WALLED, CARDS, TUNNEL])
