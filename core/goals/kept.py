@@ -52,6 +52,7 @@ class Kept(Limit):
         "throughout": Reach.keys["throughout"],
     }
     names: ClassVar = {"keep": FREE_BODY}
+    holds_untouched: ClassVar = True
 
     def __post_init__(self) -> None:
         problems = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from typing import ClassVar
 
 from core.goals.evidence import Evidence
 from core.goals.goal import Goal
@@ -14,7 +15,12 @@ class Limit(Goal):
     """What must not happen, whichever goal is reached.
 
     Its share is what it leaves of the reward.
+
+    Attributes:
+        holds_untouched: whether it holds where nothing touches the things that it names.
     """
+
+    holds_untouched: ClassVar[bool] = False
 
     def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
         """Yield what one world did against it, for observations: when, s, and what."""

@@ -33,6 +33,7 @@ class Unbroken(Limit):
         )
     }
     names: ClassVar = {"unbroken": BREAKABLE}
+    holds_untouched: ClassVar = True
 
     @property
     def needs_trace(self) -> bool:

@@ -50,6 +50,7 @@ class Untouched(Limit):
         "max_force_n": Key(Most, "How hard it may press on them, N; 0 is not at all"),
     }
     names: ClassVar = {"untouched": SOLID_BODY, "by": SOLID_BODY}
+    holds_untouched: ClassVar = True
 
     def __post_init__(self) -> None:
         refuse("a goal's ", {"max_force_n must be 0 or more": self.max_force_n < 0})

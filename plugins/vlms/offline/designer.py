@@ -15,8 +15,9 @@ from core.interfaces import VLM, Brief, Reply, Request
 from core.support.cli import say
 from core.support.text import hydra_word
 from plugins.vlms.offline.answer import answer
-from plugins.vlms.offline.options import find_unplanned
+from plugins.vlms.offline.options import KINDS, find_unplanned
 from plugins.vlms.offline.search import NothingSuits
+from plugins.vlms.offline.wants import list_unheeded
 
 if TYPE_CHECKING:
     from core.events import Run
@@ -41,30 +42,32 @@ class OfflineDesigner(VLM):
 
     @hookimpl(trylast=True)
     def run_started(self, run: Run) -> None:
-        """Say which settings change nothing, and for which goals no plan is made; note the kinds of tools."""
-        kinds = run.config.get("task", {}).get("tool_kinds") or run.task.tool_kinds
+        """Say which settings change nothing, and what designs pay no regard to; note the kinds of tools."""
+        chosen = run.config.get("task", {}).get("tool_kinds")
+        kinds = chosen or run.task.tool_kinds or KINDS
         self._takes_either = len({*kinds}) > 1
 
         unread = _list_unread(run)
         if unread:
-            say(
-                f"the embedded designer reads no prompt, so these change nothing: {' '.join(unread)}",
-                file=sys.stderr,
-            )
+            words = " ".join(unread)
+            _warn(f"reads no prompt, so these change nothing: {words}")
 
-        parts = run.task.parts
         unplanned = []
-        for task in parts:
-            prefix = f"{task.name}: " if len(parts) > 1 else ""
-            for what in find_unplanned(task, run.seed):
-                unplanned.append(prefix + what)
+        unheeded = []
+        for task in run.task.parts:
+            prefix = f"{task.name}: " if task is not run.task else ""
+            is_made = run.representation.given(task) is None
+            goals = find_unplanned(task, run.seed, kinds if is_made else KINDS)
+            limits = list_unheeded(task, task.scene(run.seed))
+            unplanned += [prefix + goal for goal in goals]
+            unheeded += [prefix + limit for limit in limits]
 
         if unplanned:
             words = "; ".join(unplanned)
-            say(
-                f"the embedded designer does not plan for: {words}; ask a model, or an agent",
-                file=sys.stderr,
-            )
+            _warn(f"does not plan for: {words}; ask a model, or an agent")
+        if unheeded:
+            words = "; ".join(unheeded)
+            _warn(f"pays no regard to these limits, only rewards do: {words}")
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """See `VLM.complete`. A brief that can't be answered gets a reply with the reason."""
@@ -93,6 +96,11 @@ class OfflineDesigner(VLM):
                 raise
 
         return answer(replace(brief, gripper=not brief.gripper))
+
+
+def _warn(text: str) -> None:
+    """Say what the designer does not do."""
+    say(f"the embedded designer {text}", file=sys.stderr)
 
 
 def _list_unread(run: Run) -> list[str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain
 
 import numpy as np
 
@@ -16,6 +15,9 @@ from plugins.vlms.offline.layout import Layout
 from plugins.vlms.offline.wants import list_alternatives
 from plugins.vlms.offline.ways import WAYS
 from plugins.vlms.offline.ways.way import Way
+
+KINDS = ("rigid", "gripper")
+"""All kinds of tools: on the flange, and on the fingers of a gripper."""
 
 _TURNS = (0.0, np.pi, np.pi / 2, -np.pi / 2)  # the first one away from the robot
 # Half a turn brings each finger to where the other one was.
@@ -103,21 +105,30 @@ def _list_jobs(
             yield tuple(Job(layout, want, turn, way.approaches) for want in wants)
 
 
-def find_unplanned(task: Task, seed: int) -> list[str]:
+def find_unplanned(task: Task, seed: int, kinds: Sequence[str] = KINDS) -> list[str]:
     """Name the goals of a task for which no way of using a tool suits, in the layout of a seed.
+
+    Where one goal is enough and planned for, none is missing. Where all count, and no way does all of them, that is
+    named.
 
     Args:
         task: whose goals are read.
         seed: of the layout.
+        kinds: of tools that may be made.
     """
-    layout = Layout(task, seed)
-    alternatives = list_alternatives(task, layout.scene)
-    singles = [(want,) for want in chain.from_iterable(alternatives)]
-    planned = set()
-    for way in _list_ways(task.robot):
-        for (job,) in _list_jobs(singles, layout, way):
-            if _weigh(way, job) > 0:
-                planned.add(job.want.number)
+    ways = [way for way in _list_ways(task.robot) if way.kind in kinds]
+    options = _list_suiting(ways, Layout(task, seed), task)
+    planned = [{job.want.number for job in option.jobs} for option in options]
+    if planned and not task.every:
+        return []
 
     goals = numbered(task.goals)
-    return [goal.in_short() for number, goal in goals.items() if number not in planned]
+    unplanned = []
+    for number, goal in goals.items():
+        if not any(number in numbers for numbers in planned):
+            unplanned.append(goal.in_short())
+
+    if not unplanned and {*goals} not in planned:
+        unplanned.append("all goals with one tool")
+
+    return unplanned

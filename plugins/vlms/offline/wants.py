@@ -1,4 +1,4 @@
-"""Say what a tool may do for a task: the alternatives that its goals leave."""
+"""Say what a tool may do for a task: the alternatives that its goals leave, and limits that no tool heeds."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain, groupby
 
-from core.goals import Want, find_wants
+from core.goals import Want, find_wants, limits
 from core.interfaces import Task
 from core.scene import Scene
 
@@ -49,3 +49,25 @@ def _split(wants: Sequence[Want]) -> list[tuple[Want, ...]]:
             alternatives.append((replace(want, bodies=(body,)),))
 
     return alternatives
+
+
+def list_unheeded(task: Task, scene: Scene) -> list[str]:
+    """List the limits of a task to which no way of using a tool pays regard, in words.
+
+    A tool stays away from all that it doesn't move, so that only limits are left that are about what it moves, or that
+    hold something all the time.
+
+    Args:
+        task: whose limits are read.
+        scene: the layout.
+    """
+    wants = find_wants(task.goals, scene)
+    moved = {*chain.from_iterable(want.bodies for want in wants)}
+    unheeded = []
+
+    for limit in limits(task.goals):
+        named = {name for _, name in limit.list_named()}
+        if not limit.holds_untouched or not moved.isdisjoint(named):
+            unheeded.append(limit.describe())
+
+    return unheeded

@@ -74,6 +74,11 @@ class Way(ABC):
         """Its parameters: those of the head and of the motion, and those of the start, which all ways have."""
         return {**self.sizes, **self.moves, **START_RANGES}
 
+    @property
+    def kind(self) -> str:
+        """The kind of its tools: ``gripper`` or ``rigid``."""
+        return "gripper" if self.fingers else "rigid"
+
     @abstractmethod
     def suits(self, job: Job) -> float:
         """Say how well it suits a job: 0, not at all, to 1. It is chosen so often in relation to others."""

@@ -22,11 +22,18 @@ from plugins.vlms.offline.notes import read_values
 from plugins.vlms.offline.options import find_unplanned
 from plugins.vlms.offline.search import NothingSuits
 from plugins.vlms.offline.vary import cross, mutate
+from plugins.vlms.offline.wants import list_unheeded
 from plugins.vlms.offline.ways import WAYS
 from tests.panda import on_panda
 from tests.plugins.vlms.offline.test_ways import CUBE, NEARER, TURNED
 from tests.plugins.vlms.offline.trying import make_brief, read_task
 
+BALL = """
+  - {name: other, sphere: 0.03, position: [0.6, 0.3, 0.03], mass: 0.2}
+"""
+SECOND = """
+  - {name: other, box: [0.06, 0.06, 0.06], position: [0.6, 0.3, 0.03], mass: 0.2}
+"""
 ROOT = Path(__file__).parents[4]
 
 
@@ -41,6 +48,15 @@ def read(document, brief):
     """Read the candidates of an answer."""
     base = Candidate(None, NO_PLAN)
     return read_designs(document, brief.representation, brief.task, base=base)
+
+
+def start_run(designer, task, kinds):
+    """Tell a designer that a run starts with some kinds of tools."""
+    config = {"task": {"tool_kinds": kinds}}
+    representation = installed().create("tool", "urdf")
+    designer.run_started(
+        SimpleNamespace(config=config, task=task, seed=0, representation=representation)
+    )
 
 
 def as_elites(candidates, reward=0.5):
@@ -158,6 +174,57 @@ def test_what_no_way_suits_is_named_before_the_search(tmp_path):
     assert find_unplanned(read_task(tmp_path, CUBE, NEARER), 0) == []
 
 
+def test_what_only_fingers_do_is_unplanned_where_there_are_none():
+    task = on_panda(installed().create("task", "SnatchCookie"))
+    assert len(find_unplanned(task, 0, ["rigid"])) == 1
+    assert find_unplanned(task, 0, ["rigid", "gripper"]) == []
+
+
+@pytest.mark.parametrize(
+    ("every", "bodies", "named"),
+    [
+        ("", CUBE + BALL, 0),  # one of both is enough
+        ("every: true\n", CUBE + BALL, 1),  # no tool pushes and throws
+        ("every: true\n", CUBE + SECOND, 0),
+    ],
+)
+def test_goals_that_no_tool_does_together_are_named(tmp_path, every, bodies, named):
+    goals = """
+  - {bodies: [cube], place: [0.4, 0, null], tolerance: 0.02}
+  - {bodies: [other], place: [%s, 0.3, null], tolerance: 0.1}
+"""
+    far = 2.0 if bodies.endswith(BALL) else 0.4
+    task = read_task(tmp_path, bodies, goals % far + every)
+    found = find_unplanned(task, 0)
+    assert len(found) == named
+    assert all("one tool" in words for words in found)
+
+
+@pytest.mark.parametrize(
+    ("limit", "is_said"),
+    [
+        ("keep: [other]", False),
+        ("untouched: [other]", False),
+        ("unbroken: [other]", False),
+        ("untouched: [cube], max_force_n: 5", True),
+        ("untouched: [other], by: [cube]", True),
+        ("bodies: [cube], axis: [0, 0, 1], throughout: true", True),
+    ],
+)
+def test_limits_that_no_way_heeds_are_said_before_the_search(
+    tmp_path, capsys, limit, is_said
+):
+    """A tool stays away from what it doesn't move, so that nothing has to be said of that."""
+    bodies = CUBE + SECOND.replace("mass", "breaks_n: 50, mass")
+    task = read_task(
+        tmp_path, bodies, f"{NEARER}  - {{{limit}}}\n".replace('"*"', "cube")
+    )
+    assert len(list_unheeded(task, task.scene(0))) == is_said
+
+    start_run(installed().create("vlm", "offline"), task, ["rigid"])
+    assert ("pays no regard" in capsys.readouterr().err) == is_said
+
+
 @pytest.mark.parametrize("name", ["BringCube", "SnatchCookie", "TurkeyLegs"])
 def test_the_benchmark_is_planned_for(name):
     assert find_unplanned(on_panda(installed().create("task", name)), 0) == []
@@ -218,8 +285,7 @@ def test_an_agent_whose_kind_of_tool_no_way_suits_makes_the_other_kind():
     assert "no way of using a tool on the flange" in reply.error
 
     for kinds, is_answered in ((["rigid"], False), (["rigid", "gripper"], True)):
-        config = {"task": {"tool_kinds": kinds}}
-        designer.run_started(SimpleNamespace(config=config, task=task, seed=0))
+        start_run(designer, task, kinds)
         (reply,) = designer.complete([request])
         assert (reply.error is None) == is_answered
 
