@@ -2,7 +2,7 @@
 
 ``docs/api.md`` lists what plugins import of core. Names of the flat files have a line each, with the first sentence of
 their docstring. Names of inner rooms, which only the built-in plugins use, are listed without one.
-``docs/scene_types.md`` has a row for each kind of shape, as its class says it.
+Tables of other pages are those of `docs.tables`.
 """
 
 from __future__ import annotations
@@ -14,11 +14,9 @@ import re
 from collections import defaultdict
 from pathlib import Path
 
-from core.geometry import KINDS
+from docs.tables import figure_table, goal_tables, shape_table
 
 ROOT = Path(__file__).parent.parent
-PAGE = ROOT / "docs" / "api.md"
-SCENE_TYPES = ROOT / "docs" / "scene_types.md"
 BEGIN = "<!-- names: python docs/names.py -->\n"
 END = "<!-- end of names -->\n"
 
@@ -73,20 +71,6 @@ def listing() -> str:
     return "\n".join(lines).lstrip() + "\n"
 
 
-def shape_table() -> str:
-    """Write a row for each kind of shape, as Markdown."""
-    lines = [
-        "| type | takes | in scene files and designs | |",
-        "|---|---|---|---|",
-    ]
-    for kind in KINDS:
-        lengths = ", ".join(f"`{name}`" for name in kind.lengths())
-        row = (f"`{kind.__name__}`", lengths, f"`{kind.kind}`", kind.means)
-        lines.append(f"| {' | '.join(row)} |")
-
-    return "\n".join(lines) + "\n"
-
-
 def split_page(page: str) -> tuple[str, str, str]:
     """Return what stands before the lists, the lists, and what stands after them."""
     before, _, others = page.partition(BEGIN)
@@ -94,11 +78,25 @@ def split_page(page: str) -> tuple[str, str, str]:
     return before, lists.strip() + "\n", after
 
 
+WRITTEN = {
+    "api": listing,
+    "scene_types": shape_table,
+    "scene_goals": goal_tables,
+    "settings": figure_table,
+}
+"""What is written on each page of docs."""
+
+
+def page_of(name: str) -> Path:
+    """Return the file of a page."""
+    return ROOT / "docs" / f"{name}.md"
+
+
 def main() -> None:
-    for page, lists in ((PAGE, listing()), (SCENE_TYPES, shape_table())):
-        before, _, after = split_page(page.read_text("utf-8"))
-        text = f"{before}{BEGIN}\n{lists}\n{END}{after}"
-        page.write_text(text, encoding="utf-8")
+    for name, write in WRITTEN.items():
+        before, _, after = split_page(page_of(name).read_text("utf-8"))
+        text = f"{before}{BEGIN}\n{write()}\n{END}{after}"
+        page_of(name).write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
+from core import geometry, goals
 from core.config.compose import load
 from core.config.sources import defaults
 from core.plugins import KINDS, installed
@@ -53,6 +54,14 @@ def public(module: ast.Module) -> Iterator[str]:
         else:
             found = []
         yield from (name for name in found if name and not name.startswith("_"))
+
+
+def kinds() -> set[str]:
+    """Names of the kinds of goals and shapes: a new one joins the list when it is next written."""
+    return {
+        *(f"name core.goals.{kind.__name__}" for kind in goals.KINDS),
+        *(f"name core.geometry.{kind.__name__}" for kind in geometry.KINDS),
+    }
 
 
 def keys() -> Iterator[str]:

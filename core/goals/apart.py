@@ -24,7 +24,7 @@ class Apart(Reach):
     """Bodies each of which must end so far from the nearest other of them; or two nodes of soft ones from each other.
 
     Attributes:
-        apart: of the distance between their middles, m.
+        apart: a `Span` of the distance between their middles, m.
         nodes: the two nodes of each soft body, where its own length is meant; empty: the bodies' distance.
 
     Raises:

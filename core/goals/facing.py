@@ -23,12 +23,12 @@ from core.values.states import State
 
 @dataclass(frozen=True, kw_only=True)
 class Facing(Reach):
-    """Bodies whose ``axis`` (3,), in their frames, must end pointing at the middle of another body or mark.
+    """Bodies whose ``axis`` (3,), in their frames, must end pointing at another body or mark; it is x if left out.
 
     A lamp whose x axis must point at a book, wherever both end: ``Facing(("lamp",), facing="book")``.
 
     Attributes:
-        facing: the name of the body or mark.
+        facing: the body or mark at whose middle the axis must point.
         tolerance_deg: how far the axis may be off, degrees.
 
     Raises:

@@ -25,12 +25,13 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, kw_only=True)
 class JointAt(Reach):
-    """A ``joint`` that must end at the position ``to``, within ``tolerance``: m, or rad.
+    """A ``joint`` that must end at a position, m or rad.
 
     A drawer that must be open by 0.2 m: ``JointAt(joint="drawer", to=0.2, tolerance=0.01)``.
 
     Attributes:
-        to: the position, or a `Span` of it; to this nothing is added.
+        to: the position, or a `Span` of it.
+        tolerance: how far off a position still counts as there; to a span nothing is added.
         relative: whether it counts from where the joint starts.
     """
 

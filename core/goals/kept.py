@@ -31,11 +31,15 @@ NOTICED = 0.25  # of what it may move is worth a word
 
 @dataclass(frozen=True)
 class Kept(Limit):
-    """Bodies to leave in place: ``keep`` has their names, as in ``Kept(("glass",), kept_m=0.01)``.
+    """Bodies to leave in place, as in ``Kept(("glass",), kept_m=0.01)``.
 
-    Beyond ``kept_m`` metres or ``kept_deg`` degrees less is earned, and nothing where one moved or turned five times as
-    far. Its place and turn at the end count; with ``throughout`` the farthest ones. A ball's turn can't be seen, and of
-    what is round only that of its axis: ``balls`` and ``rounds`` have their names.
+    Attributes:
+        keep: their names.
+        kept_m: how far each may move, m. Beyond it less is earned, and nothing where one moved five times as far.
+        throughout: whether the farthest place and turn count; else those at the end.
+        kept_deg: how far each may turn, degrees; likewise.
+        balls: those of them whose turn can't be seen.
+        rounds: those of which only the turn of their axis can be seen.
     """
 
     keep: tuple[str, ...]

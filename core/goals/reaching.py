@@ -42,7 +42,7 @@ class Reach(Goal):
         any: whether one of the bodies is enough.
         enough: how many of them are, a whole number, or which share of them, up to 1.0; None: all are wanted.
         also: what else must hold of the same bodies at once; their names need not be repeated there.
-        rest: they must end at rest, and have been so for `REST_S`, if there is a trace.
+        rest: they must end at rest, and have been so for 0.3 s, if there is a trace.
         held: the robot must carry them at the end: they touch it, and nothing that is fixed.
         released: the robot must not touch them at the end, nor anything that it touches through other bodies.
         by_s: how long the motion may take until the goal is fulfilled, s.

@@ -18,9 +18,10 @@ from core.values.margins import Margin
 
 @dataclass(frozen=True)
 class Throughout(Limit):
-    """What must hold all the time: what bodies are asked for at the end, from the start on.
+    """What must hold all the time, from the start on.
 
-    What it leaves of a reward is the least progress of ``what`` over time: 0 where it was lost.
+    Attributes:
+        what: a goal to reach. Its least progress over time is left of the reward: 0 where it was lost.
     """
 
     what: Reach

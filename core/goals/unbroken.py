@@ -21,7 +21,7 @@ from core.values.margins import Margin
 
 @dataclass(frozen=True)
 class Unbroken(Limit):
-    """Things that must not break, whatever presses them: ``unbroken`` has their names, see `Broken`."""
+    """Bodies and bonds that must not break, whatever presses or pulls them: ``unbroken`` has their names."""
 
     unbroken: tuple[str, ...]
 

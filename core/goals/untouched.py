@@ -23,13 +23,17 @@ from core.values.traces import Flags, Trace
 
 @dataclass(frozen=True)
 class Untouched(Limit):
-    """Bodies that the robot must not touch, or with ``max_force_n`` above 0, not press harder at any instant, N.
-
-    The peak over the engine's steps counts, so that a blow does; with ``mean`` what a slow scale reads, the mean over
-    an instant of the trace. With ``by`` it is not the robot that must not, but bodies of these names.
+    """Bodies that the robot must not touch, or not press too hard.
 
     An egg that bears 5 N: ``Untouched(("egg",), max_force_n=5.0)``. A table on which no grain may fall:
     ``Untouched(("table",), by=("grain_0", "grain_1"))``.
+
+    Attributes:
+        untouched: their names.
+        max_force_n: how hard each may be pressed at any instant, N; 0: it must not be touched. The peak over the
+            engine's steps counts, so that a blow does.
+        mean: whether what a slow scale reads counts instead, the mean over an instant of the trace.
+        by: the bodies that must not touch them; empty: the robot must not.
     """
 
     untouched: tuple[str, ...]
