@@ -24,10 +24,10 @@ from core.interfaces import (
     Task,
     Waypoints,
 )
-from core.plugins import ACTION, PluginPart, describe_part
-from core.plugins.blame import judge_design
+from core.plugins import ACTION, PluginPart
+from core.plugins.blame import call_part
 from core.scene import Scene
-from core.support.text import kind, shorten
+from core.support.text import kind
 
 NO_PLAN = Waypoints(np.empty((0, 6)))  # of a candidate whose plan can't be read
 
@@ -53,23 +53,6 @@ def named_actions(design: dict[Any, Any]) -> ActionRepresentation:
         return part.shared()
     except UserError as error:
         raise DesignError(str(error)) from error
-
-
-def call_part(part: object, method: str, wanted: type, *args: Any, **named: Any) -> Any:
-    """Call a method of a plugin's part that reads a design: a bug there costs the design, not the run.
-
-    Raises:
-        DesignError: see `judge_design`; or the method returned nothing of the type ``wanted``.
-    """
-    owner = f"{describe_part(part)}: {method}"
-    value = judge_design(owner, getattr(part, method), *args, **named)
-
-    if not isinstance(value, wanted):
-        raise DesignError(
-            f"{owner} gave {shorten(repr(value))}; expected {wanted.__name__}"
-        )
-
-    return value
 
 
 def parse_plan(actions: ActionRepresentation, raw: object, gripper: bool) -> ActionPlan:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from core.design import Candidate, DesignError, Tool
-from core.designs.planning import NO_PLAN, call_part, named_actions, parse_plan
+from core.designs.planning import NO_PLAN, named_actions, parse_plan
 from core.designs.replies import EXPECTED, Fields, parse_reply, reader
 from core.designs.rules import check_tool, given_tool
 from core.designs.start import SpawnRules
@@ -31,6 +31,7 @@ from core.designs.tool_fields import (
 from core.errors import UsageError, UserError
 from core.interfaces import ActionRepresentation, Task, ToolRepresentation, Waypoints
 from core.plugins import installed
+from core.plugins.blame import call_part
 from core.support.files import read_text
 from core.support.text import kind
 

@@ -14,12 +14,12 @@ from typing import Any
 
 from core.design import DesignError, Fixture, Tool
 from core.designs.plan_rules import check_waypoint
-from core.designs.planning import call_part
 from core.designs.replies import Fields, Unread, reader
 from core.designs.rules import MAX_MOUNT_GAP_M, check_gripper
 from core.geometry import Pose
 from core.interfaces import Task, ToolRepresentation
 from core.plugins import describe_part
+from core.plugins.blame import call_part
 from core.robot.solids import Solid, closest, solids_of
 from core.scene import FIXTURE, Region
 from core.support.text import clean, kind

@@ -16,6 +16,7 @@ from core.errors import RAISED, in_line
 from core.hooks import Command, hookimpl
 from core.plugins.registry import Offer, Plugins, describe_part, installed
 from core.support.cli import say
+from core.support.text import shorten
 
 # Errors of the machine, in the code of any plugin: they say nothing about a design.
 _MACHINE = {
@@ -77,6 +78,23 @@ def judge_design(
         if getattr(error, "errno", None) in _MACHINE:
             raise
         raise DesignError(f"{owner} raised {in_line(error)}") from error
+
+
+def call_part(part: object, method: str, wanted: type, *args: Any, **named: Any) -> Any:
+    """Call a method of a plugin's part that reads a design: a bug there costs the design, not the run.
+
+    Raises:
+        DesignError: see `judge_design`; or the method returned nothing of the type ``wanted``.
+    """
+    owner = f"{describe_part(part)}: {method}"
+    value = judge_design(owner, getattr(part, method), *args, **named)
+
+    if not isinstance(value, wanted):
+        raise DesignError(
+            f"{owner} gave {shorten(repr(value))}; expected {wanted.__name__}"
+        )
+
+    return value
 
 
 def add_listener(hub: pluggy.PluginManager, listener: object, name: str) -> None:

@@ -90,8 +90,9 @@ def build_designer(
             "does with vlm=NAME, or leave prompt=human away"
         )
 
-    builder = builder_for(task_part(cfg))
-    assignment = _read_assignment(cfg)
+    named = task_part(cfg)
+    builder = builder_for(named)
+    assignment = _read_assignment(cfg, named.create())
     settings = node(cfg.rollout, RolloutSettings)
     # Plans for a known tool are shown with what was observed of them, too.
     asks_for_plans = assignment.given is not None or builder.asks_for_plans
@@ -153,14 +154,13 @@ def count_repairs(cfg: DictConfig, vlm: object) -> int:
     return int(can_mend and cfg.budget.name != "paper")
 
 
-def _read_assignment(cfg: DictConfig) -> Assignment:
-    """Read what agents are asked for.
+def _read_assignment(cfg: DictConfig, task: Task) -> Assignment:
+    """Read what agents are asked for, to solve a task.
 
     Raises:
         UserError: a part or setting that can't be used; no tool kind that the robot can bear, or no given tool.
     """
     budget = _read_budget(cfg)
-    task = task_part(cfg).create()
     representation = tool_part(cfg).create()
     check_starts(task)
     kinds = list(cfg.task.get("tool_kinds") or task.tool_kinds or DEFAULT_KINDS)

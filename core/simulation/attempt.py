@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache, partial
 
 from core.design import Candidate, DesignError, Tool
 from core.designs.plan_rules import check_motion, doubt_turns
-from core.designs.planning import call_part, resolve
+from core.designs.planning import resolve
 from core.designs.start import SpawnRules
 from core.interfaces import (
     Begin,
@@ -22,6 +22,7 @@ from core.interfaces import (
     Task,
     Waypoints,
 )
+from core.plugins.blame import call_part
 from core.robot.trajectory import plan_task_motion
 from core.scene import Scene
 from core.simulation.engines import check_support

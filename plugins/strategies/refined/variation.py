@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from core.design import Candidate, DesignError, Tool
-from core.designs.planning import call_part
 from core.designs.reading import dump_design, read_designs
 from core.designs.start import SpawnRules
 from core.geometry import Array
 from core.interfaces import ActionPlan, Numbers
+from core.plugins.blame import call_part
 from core.search.assignment import Assignment
 
 
