@@ -20,7 +20,7 @@ FLOORS = {
     "values": ("values", "scene", "goals", "design", "task", "trial"),
     "interfaces and events": ("interfaces", "events", "hooks"),
     "plugins and config": ("plugins", "config"),
-    "robot and solids": ("robot", "imports", "solids", "designs"),
+    "robot and solids": ("imports", "robot", "solids", "designs"),
     "one rollout": ("simulation",),
     "one run": ("store", "search"),
     "commands": ("__init__", "run", "__main__", "evaluate", "prompt"),

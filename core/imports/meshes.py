@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import io
+import re
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -12,34 +13,80 @@ from scipy.spatial import ConvexHull
 
 from core.errors import UserError
 from core.geometry import Array, Color
+from core.support.files import read_untrusted
 
+KINDS = (".stl", ".obj", ".ply", ".dae", ".glb", ".3mf")
+MAX_MB = 64
+LARGEST_M = 5.0
+SMALLEST_M = 1e-4
 # PhysX takes at most 255 faces, and cuts larger hulls its own way; a hull of V corners has up to 2 V - 4.
 MAX_CORNERS = 128
 _MANY = 8_000  # corners of a hull: of more, only those farthest in many directions are looked at
+_MAX_COORDINATE = 1e9  # in the unit of the file
+# Groups of an OBJ file stay apart.
+_OPTIONS: dict[str, dict[str, Any]] = {
+    "obj": {"split_objects": True, "split_groups": True}
+}
+_MATERIALS = re.compile(rb"^mtllib[ \t]+(.+?)[ \t\r]*$", re.MULTILINE)
 
 
-def load_parts(
-    source: Path | BinaryIO, kind: str, options: Mapping[str, Any]
-) -> tuple[list[trimesh.Trimesh], str | None]:
-    """Read the parts of a mesh file that have triangles; call it in a process of its own.
-
-    Args:
-        source: the file, or its content.
-        kind: such as ``obj``.
-        options: of Trimesh's reader.
-
-    Returns:
-        the parts, in the file's unit; and the name of that, if the file says it.
+def kind_of(file: Path) -> str:
+    """Return the kind of a mesh file, such as ``obj``.
 
     Raises:
-        UserError: it can't be read, has no triangles, or a corner is no finite number.
+        UserError: it is of another kind.
     """
+    suffix = file.suffix.lower()
+    if suffix not in KINDS:
+        raise UserError(
+            f"mesh {file} is of no kind that is read: {', '.join(KINDS)}; export it as one of them"
+        )
+
+    return suffix[1:]
+
+
+def whole_content(file: Path, data: bytes) -> bytes:
+    """Return a file's content with that of the materials beside it, which tells equal meshes.
+
+    Args:
+        file: the mesh file.
+        data: its content.
+    """
+    for found in _MATERIALS.findall(data) if kind_of(file) == "obj" else ():
+        beside = file.parent / Path(found.decode("utf-8", "replace")).name
+        if beside.is_file():
+            data += read_untrusted(beside, MAX_MB * 1_000_000)
+
+    return data
+
+
+def load_parts(data: bytes, file: Path) -> list[trimesh.Trimesh]:
+    """Read the parts of a mesh file that have triangles, in metres; call it in a process of its own.
+
+    Groups of an OBJ file, nodes, and what has another material are parts. A unit that the file names counts, an axis
+    that it calls up does not, as in RViz. Of other files, materials and textures are read that lie in its folder.
+
+    Args:
+        data: its content.
+        file: where it lies.
+
+    Raises:
+        UserError: it can't be read, has no triangles, or a corner is no usual number.
+    """
+    kind = kind_of(file)
     try:
-        scene = trimesh.load_scene(source, file_type=kind, **options)
+        scene = trimesh.load_scene(
+            io.BytesIO(data),
+            file_type=kind,
+            resolver=trimesh.resolvers.FilePathResolver(str(file)),
+            process=False,
+            **_OPTIONS.get(kind, {}),
+        )
         units = (part.units for part in scene.geometry.values() if part.units)
         unit = next(units, None)
+        factor = trimesh.units.unit_conversion(unit, "meters") if unit else 1.0
         parts = [
-            part
+            part.apply_scale(factor)
             for part in scene.dump()
             if isinstance(part, trimesh.Trimesh) and len(part.faces)
         ]
@@ -52,10 +99,31 @@ def load_parts(
 
     if not parts:
         raise UserError("has no triangles; export it again")
-    if not all(np.isfinite(some).all() for some in corners):
-        raise UserError("has a corner that is not a finite number; export it again")
+    if not all((np.abs(some) <= _MAX_COORDINATE).all() for some in corners):
+        raise UserError(
+            "has a corner that is not a finite number of usual size; export it again"
+        )
 
-    return parts, unit
+    return parts
+
+
+def check_size(size: float) -> None:
+    """Refuse a mesh that is far too large or small, such as one that was drawn in millimetres.
+
+    Args:
+        size: of the longest side of its bounding box, metres.
+
+    Raises:
+        UserError: it is.
+    """
+    if size > LARGEST_M:
+        raise UserError(
+            f"is {size:.4g} m large; if it is in millimetres, give it the scale 0.001 (in a URDF "
+            '<mesh scale="0.001 0.001 0.001">)'
+        )
+
+    if size < SMALLEST_M:
+        raise UserError(f"is only {size:.2g} m large; give it another scale")
 
 
 def used_corners(part: trimesh.Trimesh) -> Array:

@@ -17,7 +17,8 @@ import trimesh
 
 from core.design import Tool
 from core.errors import UserError
-from core.geometry import Color, Mesh, Triple
+from core.geometry import Color, Mesh, Shape, Triple
+from core.imports.meshes import find_color, load_parts
 from core.robot.description import assembled
 from core.scene import Geom
 from core.support.files import write_whole
@@ -104,15 +105,19 @@ def _pieces(file: Path, scale: Triple) -> tuple[tuple[Mesh, Color | None], ...]:
     """Read a file's meshes, scaled, and their colours; None: the file has none."""
     pieces: list[tuple[Mesh, Color | None]] = []
 
-    for piece in trimesh.load_scene(file).dump():
-        if isinstance(piece, trimesh.Trimesh) and len(piece.faces):  # not lines
-            color: Color | None = None
-            if piece.visual.kind == "texture":
-                rgba = piece.visual.material.main_color / 255
-                color = tuple(rgba.tolist())
-
-            piece.merge_vertices(merge_tex=True, merge_norm=True)
-            piece.apply_scale(scale)
-            pieces.append((Mesh.from_trimesh(piece), color))
+    for piece in load_parts(file.read_bytes(), file):
+        color = find_color(piece)
+        piece.merge_vertices(merge_tex=True, merge_norm=True)
+        piece.apply_scale(scale)
+        pieces.append((Mesh.from_trimesh(piece), color))
 
     return tuple(pieces)
+
+
+def solid_of(shape: RobotShape) -> Shape:
+    """Return what collides of a shape of a robot: of a file, its mesh."""
+    if not isinstance(shape.shape, Path):
+        return shape.shape
+
+    mesh = trimesh.load_mesh(shape.shape)
+    return Mesh.from_trimesh(mesh.apply_scale(shape.scale))

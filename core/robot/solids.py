@@ -9,7 +9,6 @@ import itertools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import coal
@@ -19,8 +18,8 @@ import trimesh
 from core.design import Tool
 from core.geometry import Array, Pose, Shape
 from core.robot.description import assembled
+from core.robot.meshes import solid_of
 from core.scene import Body, Geom
-from core.shapes.solid import convex_hull
 from core.values.robots import Robot
 
 WORLD = -1  # the frame of what never moves
@@ -162,13 +161,7 @@ def robot_solids(robot: Robot, gripper: bool) -> tuple[Solid, ...]:
 
     for link in assembled(robot, Tool(gripper=gripper)).links.values():
         for part in link.collisions:
-            shape = part.shape
-            if isinstance(shape, Path):
-                mesh = trimesh.load_mesh(shape).apply_scale(part.scale)
-                geometry = convex_hull(mesh.vertices)
-            else:
-                geometry = solid_geometry(shape)
-
+            geometry = solid_geometry(solid_of(part))
             solids.append(Solid(link.name, geometry, part.origin.pose))
 
     return tuple(solids)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from core.errors import UsageError, check_positive
 from core.robot.description import merge_inertias, weigh
+from core.robot.meshes import solid_of
 from core.values.descriptions import (
     DIGITS,
     Description,
@@ -14,7 +15,7 @@ from core.values.descriptions import (
     Weight,
 )
 from plugins.robots.arm_settings import ArmSettings
-from plugins.robots.hulls import make_all, make_shape, solid_of
+from plugins.robots.hulls import make_all, make_shape
 
 
 def complete(

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from core.robot.meshes import solid_of
 from core.values.descriptions import Description, RobotJoint, RobotLink
 from core.values.doubts import find_doubt
-from plugins.robots.hulls import solid_of
 
 STRONG_WRIST = 110.0  # N m; the last joint of an arm that bears 20 kg has some 100
 

@@ -14,20 +14,26 @@ import trimesh
 from scipy.spatial import QhullError
 
 from core.errors import UserError
-from core.geometry import Color, Mesh, Shape, Triple
-from core.imports.meshes import find_color, hull_corners, load_parts, used_corners
+from core.geometry import Color, Triple
+from core.imports.meshes import (
+    MAX_MB,
+    check_size,
+    find_color,
+    hull_corners,
+    kind_of,
+    load_parts,
+    used_corners,
+    whole_content,
+)
 from core.robot.meshes import keep_file, kept_file
 from core.support.files import read_untrusted
 from core.support.sandbox import isolated
 from core.values.descriptions import ONE, RobotLink, RobotShape
 
-KINDS = (".stl", ".obj", ".dae", ".ply", ".glb")
-MAX_MB = 64
 GREY: Color = (0.7, 0.7, 0.7, 1.0)  # of shapes without a colour
 LIMIT_S = 120
 MAX_DRAWN = 100_000  # triangles
 _HEAD = 10_000  # bytes of a Collada file, of which the materials are the first
-_LARGEST_M = 10.0  # a link's mesh that is larger was drawn in millimetres
 
 
 class Job(NamedTuple):
@@ -35,11 +41,10 @@ class Job(NamedTuple):
 
     The hull is a binary STL file in metres; of more than `MAX_CORNERS` corners those stay that stick out the most. What
     is drawn is a Collada file, z up. It keeps its own colours, one for each of its parts; corners of more than
-    `MAX_DRAWN` triangles are merged where they are close. The unit that a Collada file names counts, its upward axis
-    does not, as in RViz.
+    `MAX_DRAWN` triangles are merged where they are close.
 
     Attributes:
-        mesh: the path of an STL, OBJ, Collada, PLY or GLB file.
+        mesh: the path of the file.
         scale: multiplies x, y and z.
         color: of parts that have none, red, green, blue and opacity, 0..1.
     """
@@ -59,15 +64,10 @@ class Job(NamedTuple):
             UserError: it is missing, of another kind, or too large.
         """
         mesh = Path(self.mesh)
-        suffix = mesh.suffix.lower()
-        if suffix not in KINDS:
-            raise UserError(
-                f"mesh {mesh} is of no kind that is read: {', '.join(KINDS)}"
-            )
-
-        key = f"{suffix} {[*self.scale, *(self.color or ())]}"
+        key = f".{kind_of(mesh)} {[*self.scale, *(self.color or ())]}"
         try:
-            return key.encode() + read_untrusted(mesh, int(MAX_MB * 1_000_000))
+            data = read_untrusted(mesh, int(MAX_MB * 1_000_000))
+            return key.encode() + whole_content(mesh, data)
         except UserError as error:
             raise UserError(
                 f"mesh {error}; a large one needs fewer triangles, as MeshLab's edge collapse makes"
@@ -117,14 +117,6 @@ def make_shape(shape: RobotShape, drawn: bool) -> RobotShape:
         color = main_color(file) or job.color
 
     return RobotShape(file, shape.origin, color)
-
-
-def solid_of(shape: RobotShape) -> Shape:
-    """Return what collides of a shape that `make_shape` returned."""
-    if isinstance(shape.shape, Path):
-        return Mesh.from_trimesh(trimesh.load_mesh(shape.shape))
-
-    return shape.shape
 
 
 def make_all(links: Iterable[RobotLink]) -> None:
@@ -183,18 +175,12 @@ def _load(mesh: Path, scale: Triple) -> list[trimesh.Trimesh]:
     Raises:
         UserError: it can't be read, is empty, or far too large for a link.
     """
-    kind = mesh.suffix[1:].lower()
-    parts, unit = load_parts(mesh, kind, {"process": False})
-    factor = trimesh.units.unit_conversion(unit, "meters") if unit else 1.0
-    factors = factor * np.array(scale)
-    size = max(float(np.abs(used_corners(part) * factors).max()) for part in parts)
-    if size > _LARGEST_M:
-        mend = 'if it is in millimetres, give its <mesh> scale="0.001 0.001 0.001"'
-        raise UserError(f"reaches {size:.4g} m from its origin; {mend}")
-
+    parts = load_parts(mesh.read_bytes(), mesh)
     for part in parts:
-        part.apply_transform(np.diag([*factors, 1.0]))
+        part.apply_transform(np.diag([*scale, 1.0]))
 
+    corners = np.concatenate([used_corners(part) for part in parts])
+    check_size(float(np.ptp(corners, axis=0).max()))
     return parts
 
 

@@ -8,8 +8,8 @@ from multiprocessing import parent_process
 from pathlib import Path
 
 from core.errors import UserError
+from core.imports.meshes import KINDS
 from plugins.tasks.file.imports import Imported, read_bodies, read_mesh
-from plugins.tasks.file.imports.solids import KINDS
 
 HOLDING = (".urdf", ".xml", ".mjcf")
 

@@ -25,7 +25,7 @@ from core.values.descriptions import (
     RobotShape,
 )
 from plugins.tasks.file.imports.imported import Imported, find_left_out, joined_body
-from plugins.tasks.file.imports.solids import KINDS, load_solid, read_inside
+from plugins.tasks.file.imports.solids import load_solid, read_inside
 
 _FRICTION = 0.5  # of shapes that say none
 _READ = ("link", "joint", "material")
@@ -43,7 +43,7 @@ def read_bodies(
     """Make bodies and joints of a URDF or MJCF file: a body of all links that are rigidly joined, named like the first.
 
     A joint of a URDF starts at 0, or at the end of its range that is next to it; one of MJCF at its ``qpos0``. Meshes
-    are OBJ, STL or GLB, in the file's own axes; of a URDF they are cut into convex parts as `read_mesh` does. As in
+    are in the file's own axes; of a URDF they are cut into convex parts as `read_mesh` does. As in
     MuJoCo, a mesh of MJCF collides as its convex hull, each body that is fixed in the world stays one, and what hangs
     from it collides with it.
 
@@ -267,13 +267,16 @@ class _Making:
             return [Geom(Mesh.from_trimesh(hull), pose, color)]
         if not isinstance(solid, Path):
             return [Geom(solid, pose, color)]
-        if drawn and solid.suffix.lower() not in KINDS:
-            self._notes.append(
-                f"left out: what is drawn of {solid.name}; {', '.join(KINDS)} are read"
-            )
+
+        try:
+            found = load_solid(solid, self._folder, shape.scale, drawn_only=drawn)
+        except UserError as error:
+            if not drawn:
+                raise
+
+            self._notes.append(f"not drawn: {error}")
             return []
 
-        found = load_solid(solid, self._folder, shape.scale, drawn_only=drawn)
         if drawn:
             return [Geom(mesh, pose, known or color) for mesh, known in found.drawn]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,37 +18,26 @@ from core.imports.meshes import (
     find_color,
     hull_corners,
     load_parts,
-    used_corners,
 )
 from plugins.tasks.file.imports.pieces import find_pieces
 
 MAX_FACES = 200_000
 MAX_PARTS = 64  # into which what is not convex is cut
-MAX_COORDINATE = 1e9  # in the unit of the file
 _CONCAVE = 0.02  # how concave a part may be, as CoACD measures it
 _UNPAINTED = (np.nan,) * 4
-# Groups of an OBJ file stay apart; no file is looked for that it names.
-_OPTIONS = {
-    "obj": {
-        "split_objects": True,
-        "split_groups": True,
-        "group_material": False,
-        "skip_materials": True,
-    }
-}
 
 
-def read_mesh(data: bytes, kind: str, *, drawn_only: bool) -> dict[str, Any]:
+def read_mesh(data: bytes, file: Path, *, drawn_only: bool) -> dict[str, Any]:
     """Return arrays: ``v0``, ``f0``, ``c0`` of what is drawn in each colour, and unless ``drawn_only`` what collides.
 
-    That is ``p0``, the corners of each convex part, and ``volume``. A colour is nan where there is none, the volume
-    where the mesh is not closed.
+    That is ``p0``, the corners of each convex part, and ``volume``. All is in metres. A colour is nan where there is
+    none, the volume where the mesh is not closed.
 
     Raises:
         UserError: the mesh can't be read, or not be cut.
     """
-    groups, _ = load_parts(io.BytesIO(data), kind, _OPTIONS.get(kind, {}))
-    _check_size(groups)
+    groups = [part.process() for part in load_parts(data, file)]
+    _check_faces(groups)
     painted = [(find_color(part), part) for part in groups]
     found: dict[str, Any] = {}
     for number, color in enumerate(dict.fromkeys(color for color, _ in painted)):
@@ -75,14 +65,12 @@ def read_mesh(data: bytes, kind: str, *, drawn_only: bool) -> dict[str, Any]:
     return found
 
 
-def _check_size(groups: Sequence[trimesh.Trimesh]) -> None:
-    """Refuse a mesh with too many triangles, or with corners that are no usual numbers."""
+def _check_faces(groups: Sequence[trimesh.Trimesh]) -> None:
+    """Refuse a mesh with too many triangles to look for pieces in it, and cut it."""
     faces = sum(len(part.faces) for part in groups)
     if faces > MAX_FACES:
         mend = "reduce them, for example with MeshLab's quadric edge collapse"
         raise UserError(f"has {faces} triangles; at most {MAX_FACES} are read: {mend}")
-    if any(np.abs(used_corners(part)).max() > MAX_COORDINATE for part in groups):
-        raise UserError("has a corner of no usual size; export it again")
 
 
 def cut(vertices: Array, faces: Array, max_parts: int) -> list[Array]:
@@ -114,8 +102,9 @@ def cut(vertices: Array, faces: Array, max_parts: int) -> list[Array]:
     return [corners for corners, _ in found]
 
 
-def read_bytes(data: bytes, kind: str, wanted: str) -> bytes:
+def read_bytes(data: bytes, file: str, wanted: str) -> bytes:
     """Return what `read_mesh` does as an .npz file."""
     stream = io.BytesIO()
-    np.savez_compressed(stream, **read_mesh(data, kind, drawn_only=wanted == "drawn"))
+    found = read_mesh(data, Path(file), drawn_only=wanted == "drawn")
+    np.savez_compressed(stream, **found)
     return stream.getvalue()

@@ -28,7 +28,7 @@ def read_mesh(
     The y axis of a GLB file points up, as its standard says, and is turned to z.
 
     Args:
-        file: OBJ, STL or GLB.
+        file: of one of `core.imports.meshes.KINDS`.
         scale: metres for one unit of the file.
         folder: where the file, and what links lead to, must lie; None: where the file itself is.
 

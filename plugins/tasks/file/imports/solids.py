@@ -13,15 +13,13 @@ import trimesh
 
 from core.errors import UserError
 from core.geometry import Array, Mesh, frozen_array
+from core.imports.meshes import MAX_MB, check_size, kind_of, whole_content
 from core.robot.meshes import keep_file
 from core.scene import Color
 from core.support.files import read_untrusted
 from core.support.sandbox import isolated
 from plugins.tasks.file.imports.convex import read_bytes
 
-KINDS = (".glb", ".obj", ".stl")
-MAX_MB = 64
-_LARGEST_M = 5.0
 _NO_TURN = frozen_array(np.eye(3))
 
 
@@ -78,7 +76,7 @@ def load_solid(
     """Read a mesh file: convex pieces as they are, the rest cut into convex parts, once for each content.
 
     Args:
-        file: OBJ, STL or GLB.
+        file: of one of the kinds that are read.
         folder: where it must lie.
         scale: of x, y and z.
         drawn_only: without convex parts.
@@ -87,14 +85,9 @@ def load_solid(
     Raises:
         UserError: it can't be read or cut.
     """
-    suffix = file.suffix.lower()
-    if suffix not in KINDS:
-        raise UserError(
-            f"mesh {file} is of no kind that is read: {', '.join(KINDS)}; export it as one of them"
-        )
-
+    kind_of(file)
     data = read_inside(file, folder, "mesh")
-    found = _read(data, suffix[1:], drawn_only, str(file))
+    found = _read(data, str(file.absolute()), drawn_only)
     change = np.diag(np.asarray(scale, dtype=np.float64)) @ turn
     determinant = float(np.linalg.det(change))
 
@@ -114,31 +107,27 @@ def load_solid(
         corners = found[f"p{len(parts)}"] @ change.T
         parts.append(Mesh.from_trimesh(trimesh.convex.convex_hull(corners)))
 
-    size = float(max(mesh.bounds[1].max() for mesh, _ in drawn))
-    if size > _LARGEST_M:
-        raise UserError(
-            f"mesh {file} is {size:.4g} m large; if it is in millimetres, give its scale as 0.001"
-        )
-
-    if size < 1e-4:
-        raise UserError(
-            f"mesh {file} is only {size:.2g} m large; give it another scale"
-        )
+    try:
+        check_size(float(max(mesh.bounds[1].max() for mesh, _ in drawn)))
+    except UserError as error:
+        raise UserError(f"mesh {file} {error}") from error
 
     volume = float(found.get("volume", np.nan)) * abs(determinant)
     return MeshSolid(tuple(drawn), tuple(parts), volume)
 
 
 @lru_cache(maxsize=64)
-def _read(data: bytes, kind: str, drawn_only: bool, name: str) -> dict[str, Array]:
+def _read(data: bytes, name: str, drawn_only: bool) -> dict[str, Array]:
     """Read a mesh in a process of its own, see `convex.read_mesh`; kept on disk by its content."""
     wanted = "drawn" if drawn_only else "solid"
     step = f"reading {name}, and cutting what is not convex, which is kept for the next time"
 
     def read() -> bytes:
-        return isolated(read_bytes, f"mesh {name}", data, kind, wanted, step=step)
+        return isolated(read_bytes, f"mesh {name}", data, name, wanted, step=step)
 
-    file = keep_file("pieces", "npz", f"{kind} {wanted} ".encode() + data, read)
+    path = Path(name)
+    content = f"{kind_of(path)} {wanted} ".encode() + whole_content(path, data)
+    file = keep_file("pieces", "npz", content, read)
     try:
         with np.load(file) as found:
             return dict(found)
