@@ -12,7 +12,7 @@ from core.design import DesignError
 from core.designs.plan_rules import check_plan
 from core.designs.planning import look
 from core.interfaces import ActionPlan, ActionRepresentation, Perception, Waypoints
-from plugins.conformance.checking import (
+from plugins.conformance.shared import (
     WILD,
     LengthOnly,
     as_json,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from core.interfaces import Simulator
 from core.scene import Body, Bond, Box, Scene
-from plugins.conformance.checking import between, near
+from plugins.conformance.shared import between, near
 from plugins.conformance.worlds import watch
 
 _WEIGHT_N = 0.2 * 9.81

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from core.geometry import Array
 from core.interfaces import Simulator
 from core.scene import Body, Joint, Scene
-from plugins.conformance.checking import near
+from plugins.conformance.shared import near
 from plugins.conformance.worlds import Film, watch
 
 Measure = Callable[[Film], ArrayLike]

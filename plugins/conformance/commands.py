@@ -9,7 +9,7 @@ import sys
 from core.errors import UsageError, UserError
 from core.hooks import Command
 from core.plugins import PluginPart, installed
-from plugins.conformance.checking import expect
+from plugins.conformance.shared import expect
 
 
 def _call(part: PluginPart[Command], word: str) -> tuple[object, str]:

@@ -21,8 +21,8 @@ from core.interfaces import (
 from core.plugins import ACTION, installed
 from core.search.assignment import Assignment, Team
 from core.trial import Evaluation
-from plugins.conformance.checking import LengthOnly, expect, expect_a, rigid, some_task
 from plugins.conformance.evaluations import tried_once
+from plugins.conformance.shared import LengthOnly, expect, expect_a, rigid, some_task
 
 Make = Callable[[Designer, Budget], EvolutionStrategy]
 BUDGET = Budget(

@@ -17,9 +17,9 @@ from core.interfaces import Condition, Executor, Waypoints
 from core.plugins import PluginPart
 from core.search.trials import Trials, key_of
 from core.simulation.play import play
-from plugins.conformance.checking import expect, simulators, some_task
 from plugins.conformance.fitness import condition
 from plugins.conformance.scenery import stick
+from plugins.conformance.shared import expect, simulators, some_task
 
 Make = Callable[[], Executor]
 

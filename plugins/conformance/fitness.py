@@ -17,7 +17,8 @@ from core.errors import RAISED
 from core.interfaces import Condition, Fitness, Score, Task, Trial, Waypoints
 from core.plugins import PluginPart
 from core.trial import Evaluation, Status
-from plugins.conformance.checking import (
+from plugins.conformance.scenery import stick
+from plugins.conformance.shared import (
     as_json,
     between,
     expect,
@@ -26,7 +27,6 @@ from plugins.conformance.checking import (
     some_simulator,
     some_task,
 )
-from plugins.conformance.scenery import stick
 from plugins.conformance.task import layout_of
 
 Make = Callable[[Condition], Fitness]

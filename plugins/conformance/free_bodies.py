@@ -12,7 +12,6 @@ from core.geometry import Box, Capsule, Cylinder, Shape, Sphere, Vector
 from core.interfaces import Simulator
 from core.scene import Body, Scene, table
 from plugins.conformance.cases import Case, compare, moved, place, spin, velocity
-from plugins.conformance.checking import near
 from plugins.conformance.scenery import (
     FAR,
     compound,
@@ -24,6 +23,7 @@ from plugins.conformance.scenery import (
     turn,
 )
 from plugins.conformance.shapes import arch
+from plugins.conformance.shared import near
 from plugins.conformance.worlds import GRAVITY, watch
 
 LYING = (math.pi / 2, 0.0, 0.0)

@@ -11,8 +11,8 @@ from core.interfaces import Feel, JsonObject, Outcome, RolloutSettings, Simulato
 from core.scene import Body
 from core.simulation.attempt import prepare
 from core.values.jobs import FEEL_S
-from plugins.conformance.checking import expect, near
 from plugins.conformance.scenery import cube, make_body, stick
+from plugins.conformance.shared import expect, near
 from plugins.conformance.worlds import Bodies, arm, film, play
 
 _STICK = 0.2  # m

@@ -10,7 +10,7 @@ from core.interfaces import Rollout, Task
 from core.robot.trajectory import at_home
 from core.solids.contacts import find_contacts, make_trace
 from core.solids.tracks import SAMPLE_HZ
-from plugins.conformance.checking import LeftOut, between, expect, some_simulator
+from plugins.conformance.shared import LeftOut, between, expect, some_simulator
 from plugins.conformance.task import SEEDS, reward_for
 from plugins.conformance.worlds import end, film, play, start
 

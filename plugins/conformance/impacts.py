@@ -20,8 +20,8 @@ from core.geometry import Box, Cylinder, Pose, Sphere
 from core.interfaces import JointTrajectory, Simulator
 from core.scene import Scene, table
 from plugins.conformance.cases import Case, compare, velocity
-from plugins.conformance.checking import between, expect, near
 from plugins.conformance.scenery import box, cube, make_body, slope, stick
+from plugins.conformance.shared import between, expect, near
 from plugins.conformance.worlds import GRAVITY, arm, motion, opened, watch
 
 _OFF = 0.08  # of the speed of an impact

@@ -11,7 +11,6 @@ import numpy as np
 from core.interfaces import Simulator
 from core.scene import Body, Drive, Joint, Latch, Scene, State
 from plugins.conformance.cases import Case, Measure, compare
-from plugins.conformance.checking import between, near
 from plugins.conformance.releases import (
     ACROSS,
     BLOCK,
@@ -24,6 +23,7 @@ from plugins.conformance.releases import (
     make_rod,
     tool_with,
 )
+from plugins.conformance.shared import between, near
 from plugins.conformance.worlds import GRAVITY, watch
 
 

@@ -26,7 +26,8 @@ from core.events import Generation, Result, Run
 from core.interfaces import Budget, Reply, Simulator, Waypoints
 from core.plugins import event_hub
 from core.trial import Evaluation, Score, Trial, Where
-from plugins.conformance.checking import (
+from plugins.conformance.evaluations import tried_once
+from plugins.conformance.shared import (
     LengthOnly,
     brief,
     describe_error,
@@ -36,7 +37,6 @@ from plugins.conformance.checking import (
     some_simulator,
     some_task,
 )
-from plugins.conformance.evaluations import tried_once
 
 Make = Callable[[], Any]
 PLAIN = "a stick"

@@ -11,8 +11,8 @@ import numpy as np
 from core.geometry import Array, Box, Cylinder, Sphere
 from core.interfaces import Image, JointTrajectory, Outcome, Rollout, Simulator
 from core.scene import table
-from plugins.conformance.checking import between, expect, near
 from plugins.conformance.scenery import cube, make_body, stick
+from plugins.conformance.shared import between, expect, near
 from plugins.conformance.worlds import (
     HAND,
     Bodies,

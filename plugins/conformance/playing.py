@@ -14,8 +14,8 @@ from core.interfaces import Ability, Block, Passed, Rollout, Simulator, World
 from core.robot.description import assemble
 from core.scene import Scene, State, table
 from core.simulation.playback import play as play_world
-from plugins.conformance.checking import LeftOut, expect, near
 from plugins.conformance.scenery import box, cube, stick
+from plugins.conformance.shared import LeftOut, expect, near
 from plugins.conformance.worlds import Bodies, arm, end, film, motion, play, still
 
 _HEAVY_KG = 2.0

@@ -8,9 +8,9 @@ from core.design import Tool
 from core.geometry import Box, Vector
 from core.interfaces import Simulator
 from core.scene import Body, table
-from plugins.conformance.checking import between, near
 from plugins.conformance.robots import follow, hold
 from plugins.conformance.scenery import box, cube, make_body, stick
+from plugins.conformance.shared import between, near
 from plugins.conformance.worlds import (
     BARE,
     HAND,

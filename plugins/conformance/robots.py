@@ -23,8 +23,8 @@ from core.robot.description import assembled
 from core.robot.kinematics import arm_of
 from core.robot.solids import robot_solids
 from core.robot.trajectory import plan_motion
-from plugins.conformance.checking import between, expect, near, simulators
 from plugins.conformance.scenery import box
+from plugins.conformance.shared import between, expect, near, simulators
 from plugins.conformance.worlds import Bodies, film, play
 
 # The radius of gyration of a link, about the middle of its collision shapes, is at most this many diagonals of the box

@@ -21,8 +21,8 @@ from core.geometry import (
 )
 from core.interfaces import Simulator
 from core.scene import Body, table
-from plugins.conformance.checking import near
 from plugins.conformance.scenery import make_body, stick
+from plugins.conformance.shared import near
 from plugins.conformance.worlds import end, move
 
 _SHAFT = 0.2

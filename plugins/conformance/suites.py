@@ -34,7 +34,7 @@ from plugins.conformance import (
     tool,
     vlm,
 )
-from plugins.conformance.checking import LeftOut, describe_error
+from plugins.conformance.shared import LeftOut, describe_error
 
 Check = Callable[[Any], str | None]
 """Raises an AssertionError that says what is wrong; may return a remark."""

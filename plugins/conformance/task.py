@@ -21,7 +21,7 @@ from core.robot.kinematics import arm_of
 from core.robot.solids import Obstacles, body_solids, signed_distance
 from core.scene import Scene, Soft, State, Trace
 from core.task import reward_of
-from plugins.conformance.checking import between, expect, expect_a, near
+from plugins.conformance.shared import between, expect, expect_a, near
 
 SEEDS = (0, 1, 2)  # layouts that are looked at
 MAX_OVERLAP_M = 0.001

@@ -14,7 +14,7 @@ from core.designs.rules import check_tool, given_tool
 from core.errors import UserError
 from core.interfaces import ToolRepresentation
 from core.plugins import TASK, installed
-from plugins.conformance.checking import (
+from plugins.conformance.shared import (
     WILD,
     as_json,
     brief,

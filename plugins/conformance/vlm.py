@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from core.interfaces import VLM, Estimate, Message, Picture, Reply, Request
-from plugins.conformance.checking import (
+from plugins.conformance.shared import (
     LengthOnly,
     between,
     brief,

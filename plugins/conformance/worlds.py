@@ -25,7 +25,7 @@ from core.robot.kinematics import Arm, arm_of
 from core.robot.trajectory import plan_motion
 from core.scene import Body, Bond, Joint, Scene, State
 from core.simulation.engines import check_support, scene_of
-from plugins.conformance.checking import LeftOut, expect
+from plugins.conformance.shared import LeftOut, expect
 
 T = TypeVar("T")
 Size = tuple[float, float, float]

@@ -14,7 +14,7 @@ from core.geometry import Array
 from core.interfaces import Robot, Task
 from core.plugins import TASK
 from core.scene import Region, Scene, State
-from plugins.several.search import SeveralSearch
+from plugins.several.several_search import SeveralSearch
 
 
 class Several(Task):

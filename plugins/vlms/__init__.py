@@ -31,7 +31,7 @@ def vlms() -> Mapping[str, str]:
 @hookimpl
 def prompt_values() -> Mapping[str, str]:
     return {
-        "arm": "plugins.vlms.told.arm:arm_value",
+        "arm": "plugins.vlms.told.arm_facts:arm_value",
         "urdf": "plugins.vlms.told.outline:urdf_value",
         "elites": "plugins.vlms.told.elites:elites_value",
         "critiques": "plugins.vlms.told.elites:critiques_value",

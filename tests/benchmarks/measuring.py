@@ -25,7 +25,7 @@ from core.errors import UsageError, UserError, choices
 from core.interfaces import Executor
 from core.plugins import PluginPart, installed
 from core.trial import Condition
-from plugins.conformance.checking import ready
+from plugins.conformance.shared import ready
 from plugins.trying.prompt import PromptConfig, compose
 from tests.playing import evaluate_all
 

@@ -14,7 +14,7 @@ from core.plugins import ROBOT
 from core.robot.kinematics import arm_of
 from core.support.cli import arguments, say
 from core.support.templates import fill
-from plugins.vlms.told.arm import segments
+from plugins.vlms.told.arm_facts import segments
 from plugins.vlms.told.reach import compute_reach
 
 USAGE = "usage: vlmgineer facts [robot=NAME]"

@@ -9,8 +9,8 @@ import pytest
 from core.interfaces import Ability
 from core.plugins import installed
 from plugins.conformance import bonds, free_bodies, softs
-from plugins.conformance.checking import LeftOut
 from plugins.conformance.output import digest
+from plugins.conformance.shared import LeftOut
 from plugins.conformance.suites import SUITES
 from tests.engines import every_simulator, mujoco_first, simulator
 

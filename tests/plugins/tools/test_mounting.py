@@ -4,7 +4,7 @@ import pytest
 from core.design import Component, Tool
 from core.designs.rules import check_tool
 from core.geometry import Box, Pose
-from plugins.conformance.checking import LengthOnly, brief
+from plugins.conformance.shared import LengthOnly, brief
 from plugins.tools.mounting import describe_mount, first_box
 from tasks.one_book import OneBook
 from tests.panda import PANDA, on_panda

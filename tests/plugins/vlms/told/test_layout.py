@@ -10,7 +10,7 @@ from core.geometry import Pose
 from core.interfaces import Task
 from core.plugins import installed
 from core.scene import Body, Box, Cylinder, Geom, Mesh, Scene, Sphere
-from plugins.conformance.checking import ready
+from plugins.conformance.shared import ready
 from plugins.vlms.told.layout_table import layout_table
 
 RED = (1.0, 0.0, 0.0, 1.0)

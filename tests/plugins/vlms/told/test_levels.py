@@ -15,7 +15,7 @@ from core.search.experiment import Experiment
 from core.values.messages import Text
 from plugins.trying.prompt import PromptConfig, compose
 from plugins.vlms.offline.designer import OfflineDesigner
-from plugins.vlms.told.arm import describe_arm
+from plugins.vlms.told.arm_facts import describe_arm
 from plugins.vlms.told.bodies_table import bodies_table
 from tests.rare import rare
 

@@ -5,7 +5,7 @@ import pytest
 from core.geometry import Pose
 from core.interfaces import RolloutSettings, Task
 from core.plugins import installed
-from plugins.vlms.told.arm import describe_arm, segments
+from plugins.vlms.told.arm_facts import describe_arm, segments
 from tests.panda import ARM, PANDA
 
 pytestmark = pytest.mark.slow
