@@ -11,6 +11,9 @@ from core import geometry, goals
 from core.goals import Goal, Limit, Reach
 from core.simulation.measuring import BUILT_IN
 
+ATTRIBUTE = re.compile(r"^ {8}(\w+): (.*(?:\n {12}.*)*)", re.MULTILINE)
+"""A field in a class's docstring."""
+
 
 def write_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Write a table, a line for each row."""
@@ -70,8 +73,13 @@ def figure_table() -> str:
 
 def _kind_row(kind: type[Goal]) -> tuple[str, str]:
     """Write what a kind of goal is, and its fields but those that all kinds to reach have."""
+    shared = {field.name for field in fields(Reach)}
     what, described = read_docstring(kind)
-    said = [f"`{name}`: {text}" for name, text in described.items()]
+    said = [
+        f"`{name}`: {text}"
+        for name, text in described.items()
+        if not (issubclass(kind, Reach) and name in shared)
+    ]
     return f"`{kind.__name__}`", " ".join([what, *said])
 
 
@@ -83,18 +91,15 @@ def _describe(kind: type, field: Field[object]) -> tuple[str, str]:
 
 
 def read_docstring(kind: type) -> tuple[str, Mapping[str, str]]:
-    """Return the first sentence of a class's docstring, and what it says of each field."""
-    text = inspect.getdoc(kind) or ""
-    _, _, section = text.partition("\nAttributes:\n")
-    section, _, _ = section.partition("\n\n")
-
+    """Return the first sentence of a class's docstring, and what it and what it inherits from say of its fields."""
     names = {field.name for field in fields(kind)}  # type: ignore[arg-type]
     described = {}
-    for name, said in re.findall(
-        r"^    (\w+): (.*(?:\n {8}.*)*)", section, re.MULTILINE
-    ):
-        if name in names:
-            described[name] = _on_one_line(said)
+    for part in reversed(kind.__mro__):
+        _, _, section = (part.__doc__ or "").partition("\n    Attributes:\n")
+        section, _, _ = section.partition("\n\n")
+        for name, said in ATTRIBUTE.findall(section):
+            if name in names:
+                described[name] = _on_one_line(said)
 
     return _sentence(kind), described
 

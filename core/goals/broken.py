@@ -71,7 +71,7 @@ class Broken(Reach):
 
         strains = [conduct.strain(name) for name in self.broken]
         shares = [np.where(strain > 1, 1.0, strain / 2) for strain in strains]
-        return self._average(shares)
+        return self.average(shares)
 
     def is_in_place(self, body: str, start: State, end: State) -> bool:
         return False

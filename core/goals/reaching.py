@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import KW_ONLY, dataclass, fields, replace
 from functools import partial
@@ -11,13 +10,13 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from core.errors import UsageError, refuse
+from core.errors import refuse
 from core.geometry import Array
 from core.goals.evidence import Conduct, Evidence, length
 from core.goals.goal import Goal
-from core.goals.keys import AboveZero, Enough, Key, Names
 from core.goals.measures import Measure
-from core.goals.sites import FREE_BODY, Site
+from core.goals.sites import Site
+from core.goals.terms import Terms
 from core.goals.wants import Place, Want
 from core.scene import Scene, Soft
 from core.values.margins import Margin
@@ -27,30 +26,16 @@ STILL_M_S = 0.02  # what is slower is at rest
 STILL_RAD_S = 0.2
 DONE = 0.95  # a goal is fulfilled from this progress on, where instants are compared
 MANY = 3  # bodies that are named in short; of more it is said how many
-NAMED = 4  # bodies that a description names, where there are more
 
 
 @dataclass(frozen=True)
-class Reach(Goal):
+class Reach(Terms):
     """Bodies that must end in some way: at rest or held, wherever they are; its kinds say more.
 
     Of a cube that only has to be held: ``Reach(("cube",), held=True)``. A kind says what it measures of each body
-    (`measures`), and where it wants them (`place_of`).
+    (`measures`), and where it wants them (`place_of`). How many, how and when are its `Terms`.
 
     Attributes:
-        bodies: their names.
-        any: whether one of the bodies is enough.
-        enough: how many of them are, a whole number, or which share of them, up to 1.0; None: all are wanted.
-        also: what else must hold of the same bodies at once; their names need not be repeated there.
-        rest: they must end at rest, and have been so for 0.3 s, if there is a trace.
-        held: the robot must carry them at the end: they touch it, and nothing that is fixed.
-        released: the robot must not touch them at the end, nor anything that it touches through other bodies.
-        by_s: how long the motion may take until the goal is fulfilled, s.
-        ever: whether it is enough to fulfil it at some time; else it must be fulfilled at the end.
-        after: the ``name``, or the number from 0, of a goal that must be fulfilled before this one is.
-        weight: how much it counts where all goals do.
-        name: see ``after``.
-        of_bodies: whether the kind is about ``bodies``; else other fields say what it is about.
         alone: whether no other kind may be joined to it.
         short: what is done to ``bodies``, beginning with a verb: a format of these and of ``goal``.
         from_start: whether it counts from where bodies start, so that a picture shows that.
@@ -59,56 +44,9 @@ class Reach(Goal):
         turns: whether it asks for a turn, which a soft body does not have.
     """
 
-    bodies: tuple[str, ...] = ()
     _: KW_ONLY
-    any: bool = False
-    enough: int | float | None = None
     also: tuple[Reach, ...] = ()
-    rest: bool = False
-    held: bool = False
-    released: bool = False
-    by_s: float | None = None
-    ever: bool = False
-    after: str | int | None = None
-    weight: float = 1.0
-    name: str = ""
 
-    keys: ClassVar = {
-        "bodies": Key(Names, 'Their names, or patterns such as "grain*"'),
-        "any": Key(bool, "Whether one of the bodies is enough"),
-        "enough": Key(
-            Enough,
-            "How many of the bodies are enough, a whole number such as 3, or which share of them, with a point such as "
-            "0.8 or 1.0",
-        ),
-        "also": Key(
-            Any,
-            "What else must hold of the same bodies at once, as further keys say it, too",
-        ),
-        "rest": Key(bool, "Whether they must end at rest"),
-        "held": Key(
-            bool,
-            "Whether they must end in the robot's hand, touching nothing fixed",
-        ),
-        "released": Key(bool, "Whether they must end touched by no part of the robot"),
-        "by_s": Key(
-            AboveZero,
-            "Until when it must be reached, s from the beginning of the motion",
-        ),
-        "ever": Key(bool, "Whether it is enough to reach it at any time"),
-        "after": Key(
-            str | int,
-            "The goal that must be reached before this one is, by number from 0 or by name",
-        ),
-        "weight": Key(AboveZero, "How much it counts beside others"),
-        "name": Key(str, "By which other goals and reports call it"),
-        "throughout": Key(
-            bool,
-            "Whether it must hold all the time, from before the robot moves; of what holds only later leave it out",
-        ),
-    }
-    names: ClassVar = {"bodies": FREE_BODY}
-    of_bodies: ClassVar[bool] = True
     alone: ClassVar[bool] = False
     short: ClassVar[str] = ""
     from_start: ClassVar[bool] = False
@@ -116,38 +54,17 @@ class Reach(Goal):
     offset: ClassVar[bool] = False
     turns: ClassVar[bool] = False
 
-    def __init_subclass__(cls) -> None:
-        super().__init_subclass__()
-        if not cls.of_bodies:
-            del cls.keys["bodies"]
-
     def __post_init__(self) -> None:
-        fields = ("tolerance", "tolerance_deg", "away")  # that kinds have
-        least = min(getattr(self, name, 0.0) for name in fields)
-        ends = [self.rest, self.held, self.released]
-        only_bodies = type(self) is Reach and not (any(ends) or self.also)
-        asked = [(part.rest, part.held, part.released) for part in self.also]
-        misplaced = np.greater(asked or ends, ends).any()
-
+        super().__post_init__()
+        lengths = ("tolerance", "tolerance_deg", "away")  # that kinds have
+        least = min(getattr(self, name, 0.0) for name in lengths)
+        asks = self.rest or self.held or self.released or self.also
         refuse(
             "a goal's ",
             {
                 "tolerances and ways must be 0 or more": least < 0,
-                "enough must be above 0": self.enough is not None and self.enough <= 0,
-                "enough must be a whole number of bodies, or a share of them up to 1.0": (
-                    isinstance(self.enough, float) and self.enough > 1
-                ),
-                "any and enough both say how many; leave one of them out": (
-                    self.any and self.enough is not None
-                ),
-                "weight must be above 0": not 0 < self.weight < np.inf,
-                "by_s must be above 0": self.by_s is not None and not self.by_s > 0,
-                "kind must say what is to be reached, or rest, held or released": only_bodies,
-                "held and released say the opposite; leave one of them out": (
-                    self.held and self.released
-                ),
-                "rest, held and released stand in the goal itself, not in also": bool(
-                    misplaced
+                "kind must say what is to be reached, or rest, held or released": (
+                    type(self) is Reach and not asks
                 ),
             },
         )
@@ -172,11 +89,6 @@ class Reach(Goal):
     def subjects(self, state: State) -> tuple[str, ...]:
         """Return the bodies that are looked at."""
         return self.bodies
-
-    @property
-    def subject(self) -> str:
-        """What it is about, in words."""
-        return (" or " if self.any else ", ").join(self.bodies)
 
     @property
     def reference(self) -> str | None:
@@ -226,22 +138,11 @@ class Reach(Goal):
             return f"hold {bodies}"
         return f"lay down {bodies}" if self.rest else f"let go of {bodies}"
 
-    def label(self, number: int) -> str:
-        """Return its name, or what it is about and its number among the goals."""
-        what = ", ".join(self.bodies[:3]) or self.subject
-        return self.name or f"{what} (goal {number})"
-
     # What follows from it:
 
     @property
     def parts(self) -> tuple[Reach, ...]:
         return (self, *self.also)
-
-    @property
-    def needs_trace(self) -> bool:
-        """Whether it asks for a time, or for what the robot touches."""
-        in_time = self.by_s is not None or self.ever or self.after is not None
-        return self.held or self.released or self.rest or in_time
 
     def all_measures(self, body: str, start: State) -> list[Measure]:
         """Return what its parts ask of a body."""
@@ -273,37 +174,12 @@ class Reach(Goal):
 
             shares.append(reached)
 
-        return self._average(shares)
+        return self.average(shares)
 
     def _find_unrest(self, body: str, now: State, conduct: Conduct | None) -> Array:
         """Measure how many times as fast as what is at rest a body is, or was lately, (...)."""
         figure = partial(self.unrest, body)
         return figure(now) if conduct is None else conduct.highest(figure, now)
-
-    def _average(self, shares: Sequence[Array]) -> Array:
-        """Average the shares (...) of the best of its things: of as many as are enough."""
-        if not shares:
-            raise ValueError("a goal to reach needs bodies")
-
-        best = self.count_enough(len(shares))
-        counted = np.array(shares)
-        if best < len(shares):
-            counted = np.sort(shares, axis=0)[-best:]
-        return np.asarray(np.mean(counted, axis=0))
-
-    def count_enough(self, bodies: int) -> int:
-        """Return how many of so many bodies are enough."""
-        if self.any:
-            return 1
-        if self.enough is None:
-            return bodies
-        if isinstance(self.enough, float):
-            return math.ceil(round(self.enough * bodies, 9))
-        return min(self.enough, bodies)
-
-    def needs_some(self, things: int, forbidden: int) -> bool:
-        """Report whether it needs one of the forbidden things: the others are not enough."""
-        return forbidden > 0 and self.count_enough(things) > things - forbidden
 
     def _approach(self, body: str, start: State, now: State) -> Array:
         """Compute which share of a body's way from its start is done, 0..1, (...).
@@ -431,52 +307,14 @@ class Reach(Goal):
         return super().words() if type(self) is not Reach else ""
 
     def describe(self) -> str:
-        when = {
-            self._say_enough(): self.enough is not None,
-            "must end at rest": self.rest,
-            "must end held by the robot, touching nothing fixed (half counts if it is only touched)": self.held,
-            "must end released, touched by no part of the robot, nor by what touches it": self.released,
-            f"by {self.by_s or 0:g} s after the motion begins": self.by_s is not None,
-            "at any time, not at the end": self.ever,
-            f"after goal {self.after}": self.after is not None,
-            f"weight {self.weight:g}": self.weight != 1,
-        }
-        asked = [part.words() for part in self.parts]
-        asked += [words for words, applies in when.items() if applies]
-        described = f"{self._say_subject()} {'; '.join(filter(None, asked))}"
+        asked = [*(part.words() for part in self.parts), *self.say_terms()]
+        described = f"{self.say_subject()} {'; '.join(filter(None, asked))}"
         return f"{self.name}: {described}" if self.name else described
-
-    def _say_enough(self) -> str:
-        """Say how many of the bodies are enough."""
-        is_share = isinstance(self.enough, float)
-        if self.enough == 1 and is_share:
-            return "all of these bodies are needed"
-        if self.enough == 1:
-            return "one of these bodies is enough"
-
-        enough = self.enough or 0
-        share = f"{100 * enough:g} %" if is_share else f"{enough:g}"
-        return f"of these bodies {share} are enough"
-
-    def _say_subject(self) -> str:
-        """Say what it is about; of many bodies the first, the last and how many."""
-        if len(self.bodies) <= NAMED:
-            return self.subject
-
-        first, *_, last = self.bodies
-        wanted = "any" if self.any else f"all {len(self.bodies)}"
-        return f"{wanted} of {first} to {last}"
 
     def list_fields(self) -> dict[str, Any]:
         shared = {field.name for field in fields(Reach)}
         own = super().list_fields().items()
         return {name: value for name, value in own if name not in shared}
-
-    def check_names(self, scene: Scene) -> None:
-        if self.of_bodies and not self.bodies:
-            raise UsageError("a goal to reach needs bodies, a list of names")
-
-        super().check_names(scene)
 
     def fit(self, site: Site) -> Self:
         also = tuple(part.resolve(site) for part in self.also)
@@ -493,11 +331,7 @@ class Reach(Goal):
             if self.turns and nodes:
                 yield f"the soft body {name!r} has no axis; its nodes move"
 
-        if isinstance(self.enough, int) and self.enough > len(self.bodies) > 0:
-            yield (
-                f"enough: {self.enough} is a number of bodies, and these are {len(self.bodies)}; for a share of them "
-                "write it with a point, such as 0.8, and for all of them leave it out"
-            )
+        yield from super().find_faults(site)
 
     def wants(self, scene: Scene) -> list[Want]:
         """Return what is wanted of the bodies in a layout: one want for all that it wants at one place."""
