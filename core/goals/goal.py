@@ -39,7 +39,7 @@ class Goal(ABC):
             words depend on more has a method `words`.
     """
 
-    keys: ClassVar[dict[str, Key]] = {}
+    keys: ClassVar[Mapping[str, Key]] = {}
     names: ClassVar[Mapping[str, str]] = {}
     asks: ClassVar[str] = ""
 

@@ -90,11 +90,6 @@ class Terms(Goal):
     names: ClassVar = {"bodies": FREE_BODY}
     of_bodies: ClassVar[bool] = True
 
-    def __init_subclass__(cls) -> None:
-        super().__init_subclass__()
-        if not cls.of_bodies:
-            del cls.keys["bodies"]
-
     def __post_init__(self) -> None:
         ends = [self.rest, self.held, self.released]
         asked = [(part.rest, part.held, part.released) for part in self.also]

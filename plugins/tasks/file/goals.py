@@ -12,6 +12,7 @@ from core.goals import (
     Goal,
     Reach,
     Throughout,
+    limits,
     reaches,
 )
 from core.plugins import installed
@@ -58,10 +59,10 @@ def read_entry(given: Given) -> Entry:
     if not reaching and given.keys() & {*ENDS}:
         heads = {"bodies": Reach, **heads}
     if not (heads or given.get("also")) or len(ways) > 1:
-        others = [key for key, kind in HEADS.items() if not kind.keys[key].way]
+        ways = [key for key, kind in HEADS.items() if kind.keys[key].way]
+        others = [key for key in HEADS if key not in ways]
         raise ValueError(
-            "a goal needs either place or away (the distance from the start), or places, inside, or joint and to, not "
-            f"two of these; or one of {', '.join([*ENDS, *others])}"
+            f"a goal needs one of {', '.join(ways)}, not two of these; or one of {', '.join([*ENDS, *others])}"
         )
 
     own = {key: value for key, value in given.items() if key != "also"}
@@ -76,16 +77,16 @@ def read_entry(given: Given) -> Entry:
     if idle:
         raise ValueError(_explain_idle(idle[0], heads))
 
-    limits = [goal for goal in goals if not isinstance(goal, Reach)]
+    forbidden = limits(goals)
     reached = [*reaches(goals), *_read_also(given)]
     if not reached:
-        return tuple(limits)
+        return tuple(forbidden)
 
     whole = _join(reached)
-    if given.get("throughout") and "keep" not in given:
-        return (Throughout(whole), *limits)
+    if given.get("throughout") and not any("throughout" in f.keys for f in forbidden):
+        return (Throughout(whole), *forbidden)
 
-    return (whole, *limits)
+    return (whole, *forbidden)
 
 
 def _find_heads(given: Given) -> dict[str, type[Goal]]:
@@ -118,13 +119,15 @@ def _join(reached: Sequence[Reach]) -> Reach:
     """Join what is to be reached of the same bodies at once.
 
     Raises:
-        ValueError: something of it is a goal of its own.
+        ValueError: something of it is a goal of its own, or is about no bodies.
     """
     first, *others = reached
-    if others and any(goal.alone for goal in reached):
-        raise ValueError(
-            "broken is a goal of its own; write what else is wanted as another one, with every: true"
-        )
+    for goal in reached:
+        if (others and goal.alone) or (goal.bodies and not goal.of_bodies):
+            raise ValueError(
+                f"{goal.subject} is a goal of its own, without bodies; write what else is wanted as another one, with "
+                "every: true"
+            )
 
     return replace(first, also=tuple(others)) if others else first
 
