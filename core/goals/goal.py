@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 from core.errors import UsageError, choices
 from core.geometry import Array
 from core.goals.evidence import Evidence
-from core.goals.keys import Key
+from core.goals.keys import NEAR_ENOUGH, Key
 from core.goals.sites import Site, find_names, list_names
 from core.scene import FIXTURE, Scene
 from core.values.margins import Margin
@@ -18,8 +18,6 @@ from core.values.tools import Fixture
 
 Given = Mapping[str, Any]
 """What an entry of a scene file's goals says."""
-
-TOLERANCE = 0.01  # how far off a bare number of a scene file still is there, m or rad, where it has none
 
 
 class Goal(ABC):
@@ -129,7 +127,7 @@ class Goal(ABC):
         Raises:
             ValueError: something is missing, or has no sense.
         """
-        values = {"tolerance": TOLERANCE, **given, **cls.translate(key, given)}
+        values = {"tolerance": NEAR_ENOUGH, **given, **cls.translate(key, given)}
         taken = [field for field in fields(cls) if field.init]  # type: ignore[arg-type]
         for field in taken:
             needed = field.default is MISSING and field.default_factory is MISSING

@@ -12,6 +12,7 @@ from core.values.spans import Span
 
 LARGEST = 1e4
 FARTHEST_M = 20.0
+NEAR_ENOUGH = 0.01  # how far off a bare number still is there, m or rad, where an entry does not say it
 _BOUND = re.compile(r"\s*([<>])=?\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*")
 _FORMS = 'must be a number, "> 0.3", "< 0.3", or [0.2, 0.4] (the lowest and the highest, null: no limit)'
 
@@ -162,11 +163,9 @@ _SPANS = {"type": ["number", "string", "array", "null"], "description": _FORMS}
 Names = tuple[str, ...]
 Most = Annotated[float, Within(ge=0)]
 AboveZero = Annotated[float, Within(gt=0)]
-Coordinate = Annotated[
-    float, Within(ge=-FARTHEST_M, le=FARTHEST_M, unit="it is in metres")
-]
-Direction = tuple[Coordinate, Coordinate, Coordinate]
-Place = tuple[Coordinate | None, Coordinate | None, Coordinate | None]
+Metres = Annotated[float, Within(ge=-FARTHEST_M, le=FARTHEST_M, unit="it is in metres")]
+Direction = tuple[Metres, Metres, Metres]
+Place = tuple[Metres | None, Metres | None, Metres | None]
 Bound = Annotated[Any, Reads(read_span, _SPANS)]
 Least = Annotated[Any, Reads(read_least, _SPANS)]
 Bounds = tuple[Bound, Bound, Bound]
@@ -179,7 +178,7 @@ AT = Key(str, "The body or mark in whose frame places are, as it stands at the s
 NODE = Key(int, "Of soft bodies, the node that counts")
 TOLERANCE = Key(
     AboveZero,
-    "How far off a bare number is near enough, m or rad; 0.01 if left out, and nothing of a span",
+    f"How far off a bare number is near enough, m or rad; {NEAR_ENOUGH:g} if left out, and nothing of a span",
 )
 TOLERANCE_DEG = Key(AboveZero, "How far off is near enough, degrees")
 AXIS = Key(Direction, "A direction in the frame of each body")
