@@ -163,9 +163,18 @@ class Body:
         return bool(self.collisions)
 
     @property
+    def touched(self) -> tuple[Geom, ...]:
+        """What others touch of it, as shapes in its frame."""
+        return self.collisions
+
+    @property
     def spawn(self) -> Pose:
         """Its pose in the state at the start."""
         return self.pose
+
+    def pose_in(self, state: State) -> Pose:
+        """Return where it is in the state of one world."""
+        return self.pose if self.fixed else state.pose(self.name)
 
     @property
     def launched(self) -> bool:
@@ -237,8 +246,18 @@ class Soft(Body):
         return True
 
     @property
+    def touched(self) -> tuple[Geom, ...]:
+        """Its surface."""
+        return self.visuals
+
+    @property
     def spawn(self) -> Pose:
         return Pose(self.center)
+
+    def pose_in(self, state: State) -> Pose:
+        """Return its pose at spawn, moved as its middle is."""
+        shift = state.position(self.name) - self.center
+        return Pose(self.pose.position + shift, self.pose.quaternion)
 
     @property
     def placed(self) -> Array:

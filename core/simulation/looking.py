@@ -136,19 +136,8 @@ class Lookout:
         return SceneJudge(self._task, self._scene, self._first.poses)
 
     def _poses(self, state: State) -> dict[str, Pose]:
-        """Return where bodies and marks are. A soft body has its place at spawn moved as its middle is."""
-        poses = {}
-        for body in self._scene.bodies:
-            pose = body.pose
-            if isinstance(body, Soft):
-                shift = state.position(body.name) - body.center
-                pose = Pose(pose.position + shift, pose.quaternion)
-            elif not body.fixed:
-                pose = state.pose(body.name)
-
-            poses[body.name] = pose
-
-        return poses
+        """Return where bodies and marks are."""
+        return {body.name: body.pose_in(state) for body in self._scene.bodies}
 
     @property
     def _in_hand(self) -> bool:

@@ -19,7 +19,7 @@ from core.goals import reaches
 from core.interfaces import Task
 from core.robot.kinematics import arm_of
 from core.robot.solids import Obstacles, body_solids, signed_distance
-from core.scene import Scene, Soft, State, Trace
+from core.scene import Scene, State, Trace
 from core.task import reward_of
 from plugins.conformance.shared import between, expect, expect_a, near
 
@@ -135,8 +135,7 @@ def check_nothing_overlaps_at_spawn(task: Task) -> None:
     """No two rigid bodies are inside each other, unless a joint connects them or both are fixed."""
     for seed in SEEDS:
         scene = task.scene(seed)
-        rigid = [body for body in scene.bodies if not isinstance(body, Soft)]
-        for other, body in combinations(rigid, 2):
+        for other, body in combinations(scene.bodies, 2):
             joined = frozenset((other.name, body.name)) in scene.joined
             if joined or (other.fixed and body.fixed):
                 continue

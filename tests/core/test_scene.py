@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from core.geometry import Box, Pose
-from core.scene import Body, Geom, Scene, State, floor, table
+from core.scene import Body, Cloth, Elastic, Geom, Scene, Soft, State, floor, table
 
 RED = (1, 0, 0, 1)
 
@@ -55,6 +55,26 @@ def test_a_completed_state_has_the_places_of_what_does_not_move():
     assert worlds[1].position("goal").shape == (3,)
     np.testing.assert_array_equal(scene.state().position("goal"), [0.5, 0.2, 0])
     assert worlds.position("a").shape == (3, 3)
+
+
+def test_bodies_say_where_they_are_and_what_is_touched_of_them():
+    """A soft one as its middle moved, and its surface."""
+    lies = Pose.xyz_rpy((0.4, 0, 0.2), (0, 0, 1))
+    cloth = Soft.make(
+        "b", Cloth((0.1, 0.2)), Elastic(300.0, 1e5), lies, color=(1.0, 0.0, 0.0, 1.0)
+    )
+    box = Body.of("a", Box((0.1,) * 3), (0.3, 0, 0.1), mass=0.1, color=RED)
+    mark = Body.mark("goal", (0.5, 0.2, 0), 0.1, RED)
+    found = Scene((cloth, box, mark)).complete(state(0))
+    assert box.pose_in(found) == found.pose("a")
+    assert mark.pose_in(found) == mark.pose
+    moved = cloth.pose_in(found)
+    np.testing.assert_allclose(
+        moved.position - lies.position, found.position("b") - cloth.center
+    )
+    assert moved.rotation_matrix == pytest.approx(lies.rotation_matrix)
+    touched = [len(body.touched) for body in (cloth, box, mark)]
+    assert touched == [1, 1, 0]
 
 
 def test_a_body_that_the_state_does_not_speak_of():

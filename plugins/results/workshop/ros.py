@@ -9,7 +9,7 @@ import numpy as np
 import yaml
 
 from core.geometry import Array, Box, Cylinder, Pose, Shape, Sphere
-from core.scene import Scene, Soft
+from core.scene import Scene
 from core.support.cli import write_bytes
 from core.support.templates import build_environment
 from core.values.robots import Robot
@@ -57,8 +57,7 @@ def scene_message(robot: Robot, scene: Scene) -> dict[str, Any]:
             "header": dict(header),
             "pose": _pose(pose),
         }
-        shapes = body.visuals if isinstance(body, Soft) else body.collisions
-        for part in shapes:
+        for part in body.touched:
             kind, data = _shape(part.shape)
             poses = "mesh_poses" if kind == "meshes" else "primitive_poses"
             entry.setdefault(kind, []).append(data)

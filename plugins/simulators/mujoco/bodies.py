@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose
-from core.scene import Body, Scene, Soft, State
+from core.scene import Body, Scene, State
 from core.values.joints import Joint, PlacedJoint, Placement, multiply, rotate
 from plugins.simulators.forces import latch_force
 from plugins.simulators.inertia import inertia_of
@@ -85,8 +85,8 @@ def add_bodies(spec: Element, scene: Scene) -> dict[str, Element]:
 
 
 def _rigid(scene: Scene) -> list[Body]:
-    """List the bodies that can move and do not bend."""
-    return [body for body in scene.free if not isinstance(body, Soft)]
+    """List the bodies that can move and do not bend: what bends has no collision parts."""
+    return [body for body in scene.free if body.collisions]
 
 
 def _name(scene: Scene, body: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from core.design import Tool
 from core.robot.description import assembled
-from core.scene import Scene, Soft
+from core.scene import Scene
 from core.values.robots import Robot
 from plugins.simulators.mujoco import contacts
 from plugins.simulators.mujoco.bodies import add_bodies
@@ -112,11 +112,8 @@ def build_spec(
     add_bonds(spec, scene, bearers)
 
     for body, surface in zip(scene.bodies, surfaces, strict=True):
-        if isinstance(body, Soft):
-            continue
-        bearer = bearers[body.name]
-
         for part in body.collisions:
+            bearer = bearers[body.name]
             pose = part.pose
             if body.fixed:
                 pose = body.pose @ pose
