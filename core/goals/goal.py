@@ -1,4 +1,4 @@
-"""Define what a task wants: what all kinds of goals say, and the limits among them."""
+"""Define what all kinds of goals say: measure, words, keys, and what is wrong with one in a scene."""
 
 from __future__ import annotations
 
