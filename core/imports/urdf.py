@@ -7,6 +7,7 @@ import os
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from graphlib import CycleError, TopologicalSorter
+from itertools import chain
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -328,11 +329,9 @@ def _read_geometry(geometry: Element) -> tuple[Primitive | Path, Triple]:
 
     if element.tag in PRIMITIVES and PRIMITIVES[element.tag].in_urdf:
         kind = PRIMITIVES[element.tag]
-        numbers = []
-        for name, count in kind.lengths().items():
-            numbers += _read_numbers(element, name, count)
-
-        return kind.of(*numbers), ONE
+        lengths = kind.lengths().items()
+        numbers = [_read_numbers(element, name, count) for name, count in lengths]
+        return kind.of(*chain.from_iterable(numbers)), ONE
 
     tag = shorten(element.tag)[1:-1]
     raise UserError(f"<{tag}> is no shape of a URDF: use box, sphere, cylinder or mesh")

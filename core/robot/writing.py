@@ -93,8 +93,7 @@ def _shape_element(tag: str, shape: RobotShape, mesh_path: MeshPath) -> Any:
     else:
         # They and their lengths are named as in URDF; others are files by now.
         assert isinstance(solid, Primitive)
-        lengths = {name: getattr(solid, name) for name in solid.lengths()}
-        body = _element(solid.kind, **lengths)
+        body = _element(solid.kind, **solid.sizes)
 
     origin = _origin_element(shape.origin)
     return _element(tag, origin, _element("geometry", body))

@@ -55,9 +55,14 @@ class Primitive(Shape):
         return cls(*numbers)
 
     @property
+    def sizes(self) -> dict[str, Any]:
+        """Its fields: a number each, or several."""
+        return {name: getattr(self, name) for name in self.lengths()}
+
+    @property
     def numbers(self) -> tuple[float, ...]:
         """All its numbers."""
-        return tuple(getattr(self, name) for name in self.lengths())
+        return tuple(self.sizes.values())
 
     def urdf_parts(self) -> tuple[Part, ...]:
         """Return itself, if URDF has it."""

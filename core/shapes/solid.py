@@ -241,6 +241,13 @@ class Mesh(Shape):
         """Copy the triangles of a Trimesh."""
         return cls(np.asarray(mesh.vertices), np.asarray(mesh.faces))
 
+    @classmethod
+    def hull_of(cls, points: npt.ArrayLike) -> Mesh:
+        """Make the convex hull of points (N, 3)."""
+        import trimesh
+
+        return cls.from_trimesh(trimesh.convex.convex_hull(points))
+
     def to_trimesh(self) -> trimesh.Trimesh:
         """Return its triangles."""
         import trimesh

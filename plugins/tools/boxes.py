@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import chain, islice
+from itertools import chain
 from types import MappingProxyType
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import BaseModel, Field, Strict, create_model
 
 from core.design import DesignError
@@ -65,12 +66,8 @@ def _read_shape(item: Mapping[str, Any], where: str) -> tuple[Shape, Pose]:
     where = f"{where}, a {name}"
     written = {key: item[key] for key in _KEYS[1:] if key in item}
     read = check(_LENGTHS[name], written, where, DesignError)
-    sizes: list[float] = []
-    for value in vars(read).values():
-        sizes += value if isinstance(value, tuple) else [value]
-
     try:
-        return kind.of(*sizes), Pose()
+        return kind(**vars(read)), Pose()
     except ValueError as error:
         raise DesignError(f"{where}: {error}") from error
 
@@ -112,10 +109,9 @@ class BoxTools(ComponentTools):
                 f"{where} is a mesh, which tool=boxes can't write; use tool=solids"
             )
 
-        sizes = iter(rounded(shape.numbers))
         item: dict[str, Any] = {"shape": shape.kind}
-        for name, count in shape.lengths().items():
-            numbers = list(islice(sizes, count))
-            item[name] = numbers[0] if count == 1 else numbers
+        for name, size in shape.sizes.items():
+            numbers = rounded(np.ravel(size))
+            item[name] = numbers if isinstance(size, tuple) else numbers[0]
 
         return item

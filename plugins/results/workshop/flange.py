@@ -15,14 +15,14 @@ from scipy.spatial.transform import Rotation
 
 from core.design import RIGID_MOUNT
 from core.errors import UserError
-from core.geometry import Array, Cylinder, Pose
+from core.geometry import Array, Cylinder, Mesh, Pose
 from core.robot.kinematics import link_poses
 from core.robot.solids import corners, robot_solids
 from core.values.robots import ISO_9409_1_50, Robot
 from plugins.results.workshop.mount import Mount
 from plugins.results.workshop.printing import Check
 from plugins.results.workshop.settings import Fit
-from plugins.results.workshop.solid import Placed, ToolLink, hull, union
+from plugins.results.workshop.solid import Placed, ToolLink, union
 
 HEADS_MM = {"M3": 5.5, "M4": 7.0, "M5": 8.5, "M6": 10.0, "M8": 13.0, "M10": 16.0}
 """Diameters of the heads of screws, ISO 4762."""
@@ -163,7 +163,9 @@ def _arm(robot: Robot) -> tuple[Placed, ...]:
         if solid.name in robot.near_mount:
             place = mount @ poses[solid.name] @ solid.pose
             points = place.apply(corners(solid.geometry))
-            found.append((hull(np.maximum(points, (-np.inf, -np.inf, 0.0))), Pose()))
+            found.append(
+                (Mesh.hull_of(np.maximum(points, (-np.inf, -np.inf, 0.0))), Pose())
+            )
 
     return tuple(found)
 

@@ -17,7 +17,7 @@ from core.values.robots import Robot
 from plugins.results.workshop.mount import Mount
 from plugins.results.workshop.printing import Check
 from plugins.results.workshop.settings import Fit
-from plugins.results.workshop.solid import Placed, ToolLink, box, hull, rod, union
+from plugins.results.workshop.solid import Placed, ToolLink, box, rod, union
 
 WALL_MM = 2.4
 SLEEVE_MM = 25.0  # its length from the finger's tip
@@ -87,7 +87,7 @@ def _slide_to_base(robot: Robot, finger: Finger) -> list[Mesh]:
     for part in robot_solids(robot, True):
         if part.name == finger.name:
             points = part.pose.apply(corners(part.geometry))
-            slid.append(hull(np.vstack([points, points - BASE_M * finger.tip])))
+            slid.append(Mesh.hull_of(np.vstack([points, points - BASE_M * finger.tip])))
 
     return slid
 

@@ -16,7 +16,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool, ToolJoint
-from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape
+from core.geometry import Array, Box, Cylinder, Pose, Shape
 
 Placed = tuple[Shape, Pose]
 
@@ -164,11 +164,6 @@ def to_mesh(solid: Any) -> trimesh.Trimesh:
 def closed(mesh: trimesh.Trimesh) -> bool:
     """Report whether a mesh is closed as STL files hold it: in single precision, corners at one place being one."""
     return bool(trimesh.Trimesh(mesh.vertices.astype(np.float32), mesh.faces).is_volume)
-
-
-def hull(points: Array) -> Mesh:
-    """Return the convex hull of points (N, 3)."""
-    return Mesh.from_trimesh(trimesh.convex.convex_hull(points))
 
 
 def box(low: Sequence[float] | Array, high: Sequence[float] | Array) -> Placed:

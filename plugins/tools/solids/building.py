@@ -52,25 +52,11 @@ def segments(radius: float) -> int:
 
 
 def count_triangles(node: Node) -> int:
-    """Estimate the triangles of all shapes of a tree, before any is built."""
-    match node.kind:
-        case "sphere" | "capsule":
-            around = segments(1000 * max(node.sizes))
-            return around**2 // 2 + 2 * around
+    """Count the triangles of all shapes of a tree, before they are joined or cut."""
+    if node.children:
+        return sum(map(count_triangles, node.children))
 
-        case "cylinder" | "cone":
-            return 4 * segments(1000 * max(node.sizes[:2]))
-
-        case "revolve":
-            radius = max(r for r, _ in node.points)
-            return 2 * len(node.points) * segments(1000 * radius)
-
-        case kind if kind in PRIMITIVES and kind not in NATIVES:
-            return len(primitive(node).triangles.faces)
-
-        case _:
-            below = sum(map(count_triangles, node.children))
-            return max(12, 4 * len(node.points)) + below
+    return int(_leaf(node).num_tri())
 
 
 def _placed(node: Node, solid: Manifold) -> Manifold:
@@ -113,13 +99,24 @@ NATIVES: Mapping[str, Callable[..., Manifold]] = {
 
 
 def _leaf(node: Node) -> Manifold:
-    """Build a primitive about the origin, or the hull of points."""
-    if node.kind in NATIVES:
-        return NATIVES[node.kind](*(1000 * size for size in node.sizes))
-    if node.kind == "hull":
-        return Manifold.hull_points(1000 * np.array(node.points))
+    """Build a node without children about the origin."""
+    match node.kind:
+        case kind if kind in NATIVES:
+            return NATIVES[kind](*(1000 * size for size in node.sizes))
 
-    return _closed(primitive(node).triangles)
+        case "hull":
+            return Manifold.hull_points(1000 * np.array(node.points))
+
+        case "extrude":
+            return _extrude(_outline(node), node)
+
+        case "revolve":
+            outline = _outline(node)
+            around = segments(outline.bounds()[2])
+            return outline.revolve(around, math.degrees(node.sizes[0]))
+
+        case _:
+            return _closed(primitive(node).triangles)
 
 
 def _closed(mesh: Mesh) -> Manifold:
@@ -163,25 +160,15 @@ def surface(node: Node) -> Manifold:
     Raises:
         TooFine: there are too many triangles.
     """
-    match node.kind:
-        case "union" | "difference" | "intersection":
-            operation = _OPERATIONS[node.kind]
-            solid = surface(node.children[0])
-            for child in node.children[1:]:
-                solid = Manifold.batch_boolean([solid, surface(child)], operation)
-                if solid.num_tri() > MAX_TRIANGLES:
-                    raise TooFine
-
-        case "extrude":
-            solid = _extrude(_outline(node), node)
-
-        case "revolve":
-            outline = _outline(node)
-            around = segments(outline.bounds()[2])
-            solid = outline.revolve(around, math.degrees(node.sizes[0]))
-
-        case _:
-            solid = _leaf(node)
+    if node.children:
+        operation = _OPERATIONS[node.kind]
+        solid = surface(node.children[0])
+        for child in node.children[1:]:
+            solid = Manifold.batch_boolean([solid, surface(child)], operation)
+            if solid.num_tri() > MAX_TRIANGLES:
+                raise TooFine
+    else:
+        solid = _leaf(node)
 
     if solid.num_tri() > MAX_TRIANGLES:
         raise TooFine

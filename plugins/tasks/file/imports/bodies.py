@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import trimesh
 
 from core.errors import UserError
 from core.geometry import Color, Mesh, Pose
@@ -263,8 +262,7 @@ class _Making:
         color = shape.color or _GREY
         solid = shape.shape
         if isinstance(solid, Mesh) and not drawn:
-            hull = trimesh.convex.convex_hull(hull_corners(solid.vertices))
-            return [Geom(Mesh.from_trimesh(hull), pose, color)]
+            return [Geom(Mesh.hull_of(hull_corners(solid.vertices)), pose, color)]
         if not isinstance(solid, Path):
             return [Geom(solid, pose, color)]
 

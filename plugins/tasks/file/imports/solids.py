@@ -9,7 +9,6 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-import trimesh
 
 from core.errors import UserError
 from core.geometry import Array, Mesh, frozen_array
@@ -105,7 +104,7 @@ def load_solid(
     parts: list[Mesh] = []
     while f"p{len(parts)}" in found:
         corners = found[f"p{len(parts)}"] @ change.T
-        parts.append(Mesh.from_trimesh(trimesh.convex.convex_hull(corners)))
+        parts.append(Mesh.hull_of(corners))
 
     try:
         check_size(float(max(mesh.bounds[1].max() for mesh, _ in drawn)))

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from core.design import Component, Tool
-from core.geometry import Box, Cylinder, Pose
+from core.geometry import Box, Cylinder, Mesh, Pose
 from core.interfaces import Material
 from core.robot.solids import corners, robot_solids
 from plugins.results.workshop.settings import Fit, Printer
-from plugins.results.workshop.solid import hull, manifold
+from plugins.results.workshop.solid import manifold
 from plugins.results.workshop.tool import make_tool
 from tests.panda import PANDA
 
@@ -116,7 +116,7 @@ def test_a_sleeve_slides_over_the_finger_and_does_not_meet_it(mount):
     assert {check.name for check in found.checks if not check.passed} <= {"weight"}
     sleeve = found.parts[0].solid
     finger = [
-        manifold(hull(1000 * s.pose.apply(corners(s.geometry))).to_trimesh())
+        manifold(Mesh.hull_of(1000 * s.pose.apply(corners(s.geometry))).to_trimesh())
         for s in robot_solids(PANDA, True)
         if s.name == mount
     ]

@@ -293,8 +293,7 @@ def write_kinds():
         side = away * (0.004 + shape.extent(np.array([away, 0.0, 0.0])))
         lengths = shape.numbers[0]
         if len(shape.numbers) > 1:
-            lengths = {name: getattr(shape, name) for name in shape.lengths()}
-            lengths = list(*lengths.values()) if len(lengths) == 1 else lengths
+            lengths = shape.sizes if len(shape.sizes) > 1 else list(shape.numbers)
 
         place = [0.5 + 0.1 * number, -0.4, top]
         bodies += [{"name": shape.kind, shape.kind: lengths, "position": place, "fixed": True}]  # fmt: skip
