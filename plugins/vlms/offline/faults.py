@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -15,7 +16,7 @@ from core.designs.rules import check_tool
 from core.geometry import Array, step_lengths
 from core.interfaces import JointTrajectory, Material
 from core.robot.kinematics import arm_of, open_mounts
-from core.robot.solids import Solid, solids_of
+from core.robot.solids import Obstacles, Solid, solids_of
 from core.solids.self_collision import find_self_collision
 from plugins.vlms.offline.hand import hand_of
 from plugins.vlms.offline.layout import CONTACT_M, Layout
@@ -152,18 +153,10 @@ def count_meetings(
         names = {piece.name for piece in made.head.pieces}
         solids = [solid for solid in solids if solid.name in names]
 
-    boxes = [solid.bounds() for solid in solids]
-    middles = np.array([middle for middle, _ in boxes]).reshape(-1, 3)
-    halves = np.array([half for _, half in boxes]).reshape(-1, 3)
-
-    # Boxes along the world's axes, first, around the tool's solids at all places, (K, S, 3).
-    turns = places.turns
-    there = places.positions[:, None] + np.einsum("kij,sj->ksi", turns, middles)
-    around = np.einsum("kij,sj->ksi", np.abs(turns), halves) - CONTACT_M
     obstacles = layout.all_solids
-    gaps = np.abs(there[:, :, None] - obstacles.centers)
-    near = (gaps <= around[:, :, None] + obstacles.halves).all(axis=-1)
+    near = _find_near(solids, places, obstacles)
 
+    # What is moved may be touched on the way of steps that say so.
     moved = {*chain.from_iterable(job.moved for job in made.option.jobs)}
     is_moved = np.array([solid.name in moved for solid in obstacles.solids])
     touches = np.array([step.touch for step in made.steps])[places.numbers]
@@ -171,7 +164,7 @@ def count_meetings(
 
     hits = 0.0
     for place, part, other in np.argwhere(near):
-        frame = coal.Transform3s(turns[place], places.positions[place])
+        frame = coal.Transform3s(places.turns[place], places.positions[place])
         solid = solids[part]
         hits += _overlap(
             solid.geometry, frame * solid.transform, obstacles.solids[other]
@@ -180,6 +173,29 @@ def count_meetings(
             break
 
     return hits
+
+
+def _find_near(
+    solids: Sequence[Solid], places: Places, obstacles: Obstacles
+) -> npt.NDArray[np.bool_]:
+    """Find which solids of a tool are near which obstacles at which places, (K, S, O), by boxes along the world's axes.
+
+    Args:
+        solids: S of them, in the frame of the tool mount.
+        places: K of them.
+        obstacles: O of them.
+    """
+    boxes = [solid.bounds() for solid in solids]
+    middles = np.array([middle for middle, _ in boxes]).reshape(-1, 3)
+    halves = np.array([half for _, half in boxes]).reshape(-1, 3)
+
+    turned = np.einsum("kij,sj->ksi", places.turns, middles)
+    centers = places.positions[:, None] + turned
+    around = np.einsum("kij,sj->ksi", np.abs(places.turns), halves) - CONTACT_M
+
+    gaps = np.abs(centers[:, :, None] - obstacles.centers)
+    is_near = gaps <= around[:, :, None] + obstacles.halves
+    return np.asarray(is_near.all(axis=-1))
 
 
 def _overlap(geometry: Any, transform: Any, other: Solid) -> bool:

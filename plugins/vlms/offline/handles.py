@@ -35,30 +35,34 @@ class Handles(NamedTuple):
 @lru_cache(maxsize=32)
 def find_handles(job: Job) -> Handles | None:
     """Find what stands out of a job's bodies on both sides, above their foot; None: nothing does."""
-    inside = job.frame.inverse()
+    into_frame = job.frame.inverse()
     parts = []
     for name in job.want.bodies:
         for solid in job.layout.solids[name]:
-            parts.append(inside.apply(solid_points(solid)))
+            parts.append(into_frame.apply(solid_points(solid)))
 
-    wide = np.array([np.abs(points[:, 1]).max() for points in parts])
-    low = np.array([points[:, 2].min() for points in parts])
-    foot = wide[low < _FOOT_M].max()
-    stands_out = (low >= _FOOT_M) & (wide > foot + _STANDS_OUT_M)
-    if not stands_out.any():
+    # Parts of the foot, and those that stand out beyond it.
+    widths = np.array([np.abs(points[:, 1]).max() for points in parts])
+    heights = np.array([points[:, 2].min() for points in parts])
+    is_foot = heights < _FOOT_M
+    foot = widths[is_foot].max()
+    is_handle = ~is_foot & (widths > foot + _STANDS_OUT_M)
+    if not is_handle.any():
         return None
 
-    under = low[stands_out].min()
-    beside = wide[~stands_out & (low < under)].max()
-    outstanding = [parts[number] for number in np.flatnonzero(stands_out)]
-    least, most = span(np.concatenate(outstanding))
-    if least[1] > -foot or most[1] < foot:
+    handles = [parts[number] for number in np.flatnonzero(is_handle)]
+    least, most = span(np.concatenate(handles))
+    is_on_both_sides = least[1] <= -foot and most[1] >= foot
+    if not is_on_both_sides:
         return None
 
+    # What is below the handles, beside which a tine or an edge of a channel gets.
+    low = heights[is_handle].min()
+    inner = widths[~is_handle & (heights < low)].max()
     return Handles(
-        inner=float(beside),
-        outer=float(wide.max()),
-        low=float(under),
+        inner=float(inner),
+        outer=float(widths.max()),
+        low=float(low),
         high=float(most[2]),
         front=float(most[0]),
     )

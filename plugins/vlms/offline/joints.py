@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -15,16 +15,18 @@ from core.values.joints import PlacedJoint, Placement
 from plugins.vlms.offline.heads import Size
 from plugins.vlms.offline.job import Job
 
-_ROD_M = 0.02  # wide, as what comes to a point is taken
-_OFF_M = 0.004  # a face, that is looked for what is before it
-_HEAD_ON = 0.7  # the cosine of how far off its way a face may be pushed, at most
-_ROOM_M = 0.07  # wide, what bears a rod needs behind it,
-_HIGH_M = 0.3  # and from there up
-_SHARES = (-0.8, -0.4, 0.0, 0.4, 0.8)  # of half a face, where points are taken
-_MOST_M = 0.4  # long, a rod is at most
-_STEP_M = 0.02  # between two lengths that are tried
-_LEAST_M = 1e-3  # a point moves by less for a metre or radian: it is on the axis
-_LEAST_LEVER = 0.5  # of the longest lever
+_SHARES = (-0.8, -0.4, 0.0, 0.4, 0.8)  # of half a face, where points on it are taken
+_HEAD_ON = 0.7  # the cosine of the angle between push and face: else a rod slips off
+_LEAST_LEVER = 0.5  # of the longest lever: what is nearer to an axis takes more force
+_ON_AXIS_M = 1e-3  # a point that moves by less for a metre or radian lies on the axis
+_NUDGE = 1e-4  # metres or radians of a joint, to see which way points move
+
+_ROD_M = 0.02  # as wide as a rod, with a little room
+_ROD_LENGTH_M = 0.4  # at most: longer ones are not stiff
+_LENGTH_STEP_M = 0.02  # between two lengths that are tried
+_OFF_M = 0.004  # a face begins the room for a rod, so as not to meet the face itself
+_BEARER_M = 0.07  # as wide as what comes down and bears a rod, with room for its socket
+_BEARER_HEIGHT_M = 0.3  # of that, from the rod up: there it may turn aside
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +39,7 @@ class Spot:
         point: in the world, (3,), at the start.
         way: that it moves, as a unit vector of the world, (3,), at the start.
         lever: how far it moves, m, for a metre or radian of the joint.
-        depth: how far back along the way there is no room for what bears a rod, metres.
+        depth: how long a rod must be, until there is room for what bears it, metres; 0: that is not measured.
     """
 
     joint: PlacedJoint
@@ -47,15 +49,29 @@ class Spot:
     lever: float
     depth: float = 0.0
 
-    def carry(self, value: float) -> Pose:
-        """Return how the body has moved when the joint is there, in the world: the pose that its start gets."""
-        start = _place(self.joint, self.parent, self.joint.joint.start)
-        return _place(self.joint, self.parent, value) @ start.inverse()
-
-    @cached_property
+    @property
     def turns(self) -> bool:
         """Whether the body turns as it moves."""
         return self.joint.joint.kind == "hinge"
+
+    @property
+    def springs_back(self) -> bool:
+        """Whether the joint goes back when it is let go."""
+        return self.joint.joint.springs_back
+
+    def carry(self, to: float, farther: float, count: int) -> Iterator[Pose]:
+        """Yield how the body has moved on its joint's way, in the world: the pose that a frame at the world's gets.
+
+        Args:
+            to: the position that the joint has to get to.
+            farther: than that, as a share of the way.
+            count: of poses, at even distances; the last one is the end.
+        """
+        start = self.joint.joint.start
+        begin = _place(self.joint, self.parent, start).inverse()
+        way = (to - start) * (1 + farther)
+        for share in np.linspace(0.0, 1.0, count + 1)[1:]:
+            yield _place(self.joint, self.parent, start + share * way) @ begin
 
 
 @lru_cache(maxsize=32)
@@ -66,35 +82,38 @@ def find_spots(job: Job) -> list[Spot]:
         depth = _measure_depth(job, spot.point, spot.way)
         if depth is not None:
             found.append(replace(spot, depth=depth))
+
     longest = max((spot.lever for spot in found), default=0.0)
     return [spot for spot in found if spot.lever >= _LEAST_LEVER * longest]
 
 
 def list_spots(job: Job) -> Iterator[Spot]:
     """Yield the points on the faces of a body's parts that are pushed the way that a job wants the joint to go."""
-    scene = job.layout.scene
-    joint = scene.placed_joints[job.want.joint]
-    if joint.joint.kind == "ball":
+    joint = job.layout.scene.placed_joints[job.want.joint]
+    if joint.joint.kind == "ball" or job.want.to == joint.joint.start:
         return
 
-    parent = scene[joint.joint.parent].pose if joint.joint.parent else Pose()
-    start = joint.joint.start
-    sign = float(np.sign(job.want.to - start))
-    step = 1e-4 * sign
-    before = _place(joint, parent, start)
-    moved = _place(joint, parent, start + step) @ before.inverse()
+    parent = Pose()
+    if joint.joint.parent:
+        parent = job.layout.scene[joint.joint.parent].pose
+
+    nudge = float(np.copysign(_NUDGE, job.want.to - joint.joint.start))
+    before = _place(joint, parent, joint.joint.start)
+    nudged = _place(joint, parent, joint.joint.start + nudge) @ before.inverse()
 
     for solid in job.layout.solids[joint.joint.body]:
-        for point, normal in _list_faces(solid):
-            shift = moved.apply(point) - point
-            lever = float(np.linalg.norm(shift) / abs(step))
-            way = shift / max(float(np.linalg.norm(shift)), 1e-12)
-            if lever < _LEAST_M or -normal @ way < _HEAD_ON:
+        for point, normal in _list_face_points(solid):
+            shift = nudged.apply(point) - point
+            moved = float(np.linalg.norm(shift))
+            lever = moved / _NUDGE
+            if lever < _ON_AXIS_M:
                 continue
-            yield Spot(joint, parent, point, way, lever)
+            way = shift / moved
+            if -normal @ way >= _HEAD_ON:
+                yield Spot(joint, parent, point, way, lever)
 
 
-def _list_faces(solid: Solid) -> Iterator[tuple[Array, Array]]:
+def _list_face_points(solid: Solid) -> Iterator[tuple[Array, Array]]:
     """Yield points on the faces of the box around a solid, with the faces' normals, in the world."""
     middle, half = bounding_box(solid.geometry)
     for axis, side in product(range(3), (-1.0, 1.0)):
@@ -107,28 +126,33 @@ def _list_faces(solid: Solid) -> Iterator[tuple[Array, Array]]:
 
 
 def _measure_depth(job: Job, point: Array, way: Array) -> float | None:
-    """Measure how far back a rod must reach, until there is room for what bears it; None: it doesn't get to a point."""
-    for back in np.arange(_STEP_M, _MOST_M, _STEP_M):
-        foot = aim(point - (_OFF_M + back / 2) * way, way)
-        if meets_anything(job, foot, (back, _ROD_M, _ROD_M)):
+    """Measure how long a rod must be that pushes a point: until, at its other end, there is room for what bears it.
+
+    Returns:
+        Its length, metres; None: a rod doesn't get to the point, or would be too long.
+    """
+    for length in np.arange(_LENGTH_STEP_M, _ROD_LENGTH_M, _LENGTH_STEP_M):
+        middle = _aim(point - (_OFF_M + length / 2) * way, way)
+        if meets_anything(job, middle, (length, _ROD_M, _ROD_M)):
             return None
 
-        end = point - (back + _ROOM_M / 2) * way
-        over = Pose(end + np.array([0.0, 0.0, (_HIGH_M - _ROD_M) / 2]))
-        if not meets_anything(job, over, (_ROOM_M, _ROOM_M, _HIGH_M)):
-            return float(back)
+        end = point - (length + _BEARER_M / 2) * way
+        up = np.array([0.0, 0.0, (_BEARER_HEIGHT_M - _ROD_M) / 2])
+        bearer = (_BEARER_M, _BEARER_M, _BEARER_HEIGHT_M)
+        if not meets_anything(job, Pose(end + up), bearer):
+            return float(length)
 
     return None
 
 
 def meets_anything(job: Job, pose: Pose, size: Size) -> bool:
-    """Report whether a box at a pose in the world meets anything."""
-    box = Solid("room", solid_geometry(Box(size)), pose)
+    """Report whether a box of full sides (3,) at a pose in the world meets anything."""
+    room = Solid("room", solid_geometry(Box(size)), pose)
     obstacles = job.layout.all_solids
-    return any(contact(box, other)[0] < 0.0 for other in obstacles.near(box, 0.0))
+    return any(contact(room, other)[0] < 0.0 for other in obstacles.near(room, 0.0))
 
 
-def aim(point: Array, way: Array) -> Pose:
+def _aim(point: Array, way: Array) -> Pose:
     """Return the pose at a point whose x points along a unit vector (3,), and whose y is level."""
     yaw = float(np.arctan2(way[1], way[0]))
     pitch = -float(np.arcsin(np.clip(way[2], -1.0, 1.0)))

@@ -31,6 +31,7 @@ _TURNS = [0.6, 0.1, 0.1, 0.1, 0.1]
 _DROP_M = 0.03  # the mount is above a head by more, for a shaft,
 _LOW_M = 0.08  # above what is below it, the mount may be
 _MOST_DROP_M = 0.45  # and by less, or the shaft is long
+_PLAY_M = 0.02  # between the least drop and the most, at least
 _CLEAR_M = 0.015  # above the scene, at home
 _EXCESS = 20.0  # what a metre out of reach costs, in metres that a shaft is longer
 _DOUBT_M = 0.15  # how much a longer shaft is taken by chance
@@ -115,21 +116,33 @@ def _draw_places(layout: Layout, attach: Array, hang: float, rng: Generator) -> 
         hang: how far the head goes below that point.
         rng: random numbers.
     """
+    least, most = _find_drop(layout, attach, hang)
     reach = layout.reach
-    home = layout.home.position
-    obstacles = layout.others(frozenset())
-    tops = (obstacles.centers + obstacles.halves)[:, 2]
-    ground = float(tops[tops < home[2]].max(initial=-np.inf))
-    room = home[2] - ground - hang - _CLEAR_M
-    least = _DROP_M
-    most = float(np.clip(room, least + 0.02, _MOST_DROP_M))
-    if attach[2] > home[2]:
-        least = float(np.clip(ground + _LOW_M - attach[2], -_MOST_DROP_M, 0.0))
-
-    ahead = float(np.arctan2(*(home - reach.base)[[1, 0]]))
+    x, y, _ = layout.home.position - reach.base
+    ahead = float(np.arctan2(y, x))
     angles = ahead + rng.uniform(-_SECTOR_RAD, _SECTOR_RAD, _PLACES)
     radii = rng.uniform(reach.inner, reach.outer, _PLACES)
     heights = attach[2] + rng.uniform(least, most, _PLACES)
-    x = reach.base[0] + radii * np.cos(angles)
-    y = reach.base[1] + radii * np.sin(angles)
-    return np.column_stack([x, y, heights])
+    return np.column_stack(
+        [
+            reach.base[0] + radii * np.cos(angles),
+            reach.base[1] + radii * np.sin(angles),
+            heights,
+        ]
+    )
+
+
+def _find_drop(layout: Layout, attach: Array, hang: float) -> tuple[float, float]:
+    """Find how far the mount may be above the end of a shaft, at least and at most, metres; see `_draw_places`."""
+    home = float(layout.home.position[2])
+    obstacles = layout.others(frozenset())
+    tops = (obstacles.centers + obstacles.halves)[:, 2]
+    ground = float(tops[tops < home].max(initial=-np.inf))
+
+    room = home - ground - hang - _CLEAR_M
+    most = float(np.clip(room, _DROP_M + _PLAY_M, _MOST_DROP_M))
+    if attach[2] <= home:
+        return _DROP_M, most
+
+    # The head works above home: the mount may stay below it, over the ground.
+    return float(np.clip(ground + _LOW_M - attach[2], -_MOST_DROP_M, 0.0)), most

@@ -40,6 +40,11 @@ class Option:
     jobs: Sequence[Job]
     weight: float
 
+    @property
+    def numbers(self) -> set[int]:
+        """The numbers of the goals that it does."""
+        return {job.want.number for job in self.jobs}
+
 
 def list_options(
     layout: Layout, task: Task, fingers: bool, given: Tool | None
@@ -118,7 +123,7 @@ def find_unplanned(task: Task, seed: int, kinds: Sequence[str] = KINDS) -> list[
     """
     ways = [way for way in _list_ways(task.robot) if way.kind in kinds]
     options = _list_suiting(ways, Layout(task, seed), task)
-    planned = [{job.want.number for job in option.jobs} for option in options]
+    planned = [option.numbers for option in options]
     if planned and not task.every:
         return []
 

@@ -14,10 +14,10 @@ from core.interfaces import ActionPlan, Brief, Numbers
 from plugins.vlms.offline.mounting import MOUNT_RANGES
 from plugins.vlms.offline.ways.way import Range, Values
 
-_SPREAD = 0.15  # of a change, in the range of its parameter
+_SPREAD = 0.15  # the deviation of a change, in widths of its parameter's range
 _CHANGED = 0.3  # of the parameters, in a mutation
 _VARIES_TOOL = 0.5  # how often the tool of a stranger is varied, beside the plan
-_STEPS = 4.0  # of a move of numbers
+_STEPS = 4.0  # the deviation of a shift, in steps of its number
 
 
 def mutate(
@@ -111,15 +111,24 @@ def vary_numbers(
 
 
 def _move(numbers: Numbers, scale: float, rng: Generator) -> Array:
-    """Shift one coordinate of neighbouring points of a table, by up to some steps, and return all values."""
-    ends = np.cumsum([points * width for points, width in numbers.shapes])
+    """Shift one coordinate of neighbouring points of one table, all by as much, and return all values.
+
+    Args:
+        numbers: of a tool or a plan: tables of points, a row each, one table after another.
+        scale: of the shift, 0 to 1.
+        rng: random numbers.
+    """
+    counts = [points * width for points, width in numbers.shapes]
+    ends = np.cumsum(counts)
     table = int(np.searchsorted(ends, rng.integers(ends[-1]), side="right"))
+    begin = ends[table] - counts[table]
+
     points, width = numbers.shapes[table]
     first = int(rng.integers(points))
     last = int(rng.integers(first, points))
+    coordinate = rng.integers(width)
+    chosen = begin + np.arange(first, last + 1) * width + coordinate
 
-    places = np.arange(first, last + 1) * width + rng.integers(width)
-    chosen = ends[table] - points * width + places
     moved = numbers.values.copy()
     moved[chosen] += rng.normal(0.0, _STEPS * scale) * numbers.steps[chosen]
     return np.clip(moved, numbers.lower, numbers.upper)

@@ -10,6 +10,7 @@ import numpy as np
 from core.design import DesignError, Tool
 from core.designs.tool_fields import NOTE
 from core.interfaces import Anchor, Brief, Waypoints
+from plugins.vlms.offline.heads import Step
 from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.layout import Layout
 from plugins.vlms.offline.making import Made
@@ -118,23 +119,28 @@ def choose_anchors(made: Made) -> list[Anchor]:
             if owner == number
         ]
         base = _choose_base(job)
-        first = next((k for k, step in enumerate(steps) if step.touch), len(steps))
-        begin = steps[max(first - 1, 0)].pose.position[0]
+        shares = [0.0] * len(steps)
+        if base.toward and job.goes:
+            shares = _share_way(steps, job.length)
 
-        for k, step in enumerate(steps):
-            share = 0.0
-            if base.toward and k >= first and job.goes:
-                share = (step.pose.position[0] - begin) / job.length
-            anchors.append(
-                Anchor(
-                    base.name,
-                    base.axes,
-                    base.toward,
-                    round(float(np.clip(share, 0.0, 1.0)), 3),
-                )
-            )
+        for share in shares:
+            anchors.append(Anchor(base.name, base.axes, base.toward, share))
 
     return anchors
+
+
+def _share_way(steps: Sequence[Step], length: float) -> list[float]:
+    """Say which share of the bodies' way, of a length along x, lies behind each step: none until one touches them."""
+    touching = [number for number, step in enumerate(steps) if step.touch]
+    first = min(touching, default=len(steps))
+    begin = steps[max(first - 1, 0)].pose.position[0]
+    shares = [0.0] * first
+    for step in steps[first:]:
+        ahead = step.pose.position[0] - begin
+        share = float(np.clip(ahead / length, 0.0, 1.0))
+        shares.append(round(share, 3))
+
+    return shares
 
 
 def _choose_base(job: Job) -> Anchor:

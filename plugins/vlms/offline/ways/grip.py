@@ -13,13 +13,17 @@ from plugins.vlms.offline.heads import Head, Step, at, box
 from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
 
-_LEAST_SHAFT_M = 0.03  # of pads below the fingertips
-_OVER_M = 0.005  # what stands around the body, the palm stays
-_NARROW = 1.03  # times as wide as where it is narrowest, a body is where fingers close
+_NARROW = (
+    1.03  # times its least width, a body is wide where fingers close: else it turns
+)
 _ANGLES = 16  # of half a turn, at which widths are measured
-_PAD_M = 0.016  # of room on each side of it, for pads
-_SHORT = 0.3  # of its length, that are as short
 _ENTRY_M = 0.05  # of room above a body, to come down on it
+_PAD_ROOM_M = 0.016  # on each side of a body, for pads
+_PAD_SHARE = 0.3  # of a body's length, that there is room for pads
+_LEAST_PAD_M = 0.01  # long: shorter pads let a body turn
+_PAD_HEIGHT_M = (0.015, 0.1)  # at least, to hold it upright, and at most, to be stiff
+_BELOW_TIPS_M = 0.03  # pads begin at least, for the bars that bear them
+_OVER_M = 0.005  # what stands around the body, the palm stays
 _LOW_M = 0.002  # above the ground, at least
 
 
@@ -46,8 +50,8 @@ class Grip(Way):
         "low": Range(0.0, 0.4),  # above the body's foot, in its heights
         "turn": Range(-0.1, 0.1),  # about the vertical
         "higher": Range(0.0, 0.03),  # than the body has to get
-        "lifting": Range(0.1, 0.3),
-        "carrying": Range(0.1, 0.4),
+        "lifting": Range(0.1, 0.3),  # speed
+        "carrying": Range(0.1, 0.4),  # speed
         "drags": Range(0.0, 1.0),  # from a half on, it may stay on the ground
     }
 
@@ -56,33 +60,28 @@ class Grip(Way):
             return 0.0
         if job.want.released and job.rises and not job.is_borne:
             return 0.0
-        if (
-            job.size[1] > _NARROW * _measure_narrowest(job)
-            or job.room(z=1.0) < _ENTRY_M
-        ):
+        if job.size[1] > _NARROW * _measure_least_width(job):
             return 0.0
-        high = max(job.clear, job.size[2])
-        shaft = np.array([_SHORT * job.size[0], job.size[1] + 2 * _PAD_M, high])
-        if job.meets(np.array([0.0, 0.0, (high - job.size[2]) / 2]), shaft):
+        if job.room(z=1.0) < _ENTRY_M or not _is_free_for_pads(job):
             return 0.0
         return 1.0 if job.rises or job.want.held else 0.5
 
     def head(self, job: Job, values: Values) -> Head:
         thick = values["thick"]
-        long = max(0.01, values["length"] * job.size[0])
-        height = float(np.clip(values["height"] * job.size[2], 0.015, 0.1))
+        long = max(_LEAST_PAD_M, values["length"] * job.size[0])
+        height = float(np.clip(values["height"] * job.size[2], *_PAD_HEIGHT_M))
         y = job.size[1] / 2 + values["room"] + thick / 2
         pads = [
             box("left_pad", 0.0, -y, height / 2, (long, thick, height)),
             box("right_pad", 0.0, y, height / 2, (long, thick, height)),
         ]
 
+        # So far below the fingertips that the palm stays above what stands around, and as far ahead as the arm lacks.
         hand = hand_of(job.layout.robot)
-        below = max(
-            height + _LEAST_SHAFT_M, job.clear + _OVER_M - values["into"] * hand.palm
-        )
-        x, y, _ = _measure_excess(job) * _find_away(job)
-        mount = hand.tips @ at(x + values["ahead"], y, -below)
+        palm = job.clear + _OVER_M - values["into"] * hand.palm
+        below = max(height + _BELOW_TIPS_M, palm)
+        ahead, left, _ = _measure_excess(job) * _find_away(job)
+        mount = hand.tips @ at(ahead + values["ahead"], left, -below)
         return Head(pads, np.array([0.0, 0.0, height]), "two pads", mount)
 
     def motion(self, job: Job, values: Values) -> Iterator[Step]:
@@ -95,6 +94,7 @@ class Grip(Way):
         yield Step(grasp)
         yield Step(grasp, touch=True, grip=1.0)
 
+        # It is lifted as far as it has to get, or over everything near, or not at all.
         lift = max(0.0, job.rise) + values["higher"]
         if job.goes and not job.rises:
             lift = max(lift, job.clear + _LOW_M)
@@ -103,10 +103,12 @@ class Grip(Way):
         yield Step(at(0.0, 0.0, low + lift, yaw=turn), speed, touch=True, grip=1.0)
 
         x, y, rise = job.way
-        there = at(x, y, low + lift, yaw=turn)
         if job.goes:
+            there = at(x, y, low + lift, yaw=turn)
             yield Step(there, values["carrying"], touch=True, grip=1.0)
-        if job.want.held or (job.rises and not job.want.released):
+
+        is_kept = job.want.held or (job.rises and not job.want.released)
+        if is_kept:
             return
 
         down = at(x, y, low + min(lift, rise + _LOW_M), yaw=turn)
@@ -115,7 +117,15 @@ class Grip(Way):
         yield Step(above(job, down).pose, touch=True)
 
 
-def _measure_narrowest(job: Job) -> float:
+def _is_free_for_pads(job: Job) -> bool:
+    """Report whether there is room for pads beside the body, from its foot to above everything near."""
+    high = max(job.clear, job.size[2])
+    wide = job.size[1] + 2 * _PAD_ROOM_M
+    room = np.array([_PAD_SHARE * job.size[0], wide, high])
+    return not job.meets(np.array([0.0, 0.0, (high - job.size[2]) / 2]), room)
+
+
+def _measure_least_width(job: Job) -> float:
     """Measure how wide the bodies are on the level where they are narrowest."""
     angles = np.arange(_ANGLES) * np.pi / _ANGLES
     across = job.points[:, :2] @ np.array([np.cos(angles), np.sin(angles)])

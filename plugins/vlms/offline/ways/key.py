@@ -57,6 +57,7 @@ class Key(Way):
         yield Step(at(0.0, 0.0, low), touch=True)
         yield Step(at(0.0, 0.0, low, yaw=quarter), touch=True)
 
+        # The body lies on the bit, which ends at its height.
         up = job.rise + values["higher"] - _BIT_M
         yield Step(at(0.0, 0.0, up, yaw=quarter), values["lifting"], touch=True)
 

@@ -12,20 +12,30 @@ from plugins.vlms.offline.heads import Head, Step, at, box
 from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
 
-_THIN_M = 0.004  # a tine, at least
+_THIN_M = 0.004  # a tine is at least so thick, to be made,
 _THICK_M = 0.012  # and at most
+_NARROW_M = 0.006  # a tine is at least so wide, to bear what lies on it
 _WALL_M = 0.012  # thick, behind the tines
+_WALL_HEIGHT_M = (0.03, 0.08)  # at least, to bear the tines, and at most
+_GROUND_M = 0.001  # below tines, at least
 
 
 class Lift(Way):
-    """Two tines go in beside the bodies' foot, below what stands out of them, and lift them straight up."""
+    """Two tines go in beside the bodies' foot, below what stands out of them, and lift them straight up.
+
+    Seen from above, with x to the right; the head's origin is at the wall's front, at the tines' foot:
+
+        |=========   left tine
+        | wall [foot]
+        |=========   right tine
+    """
 
     name = "lift"
     approaches = True
     title = "lifts bodies by what stands out of them, with two tines beside their foot"
     sizes: ClassVar[Ranges] = {
         "depth": Range(0.8, 1.1),  # of the bodies' length
-        "tine": Range(0.4, 0.9),  # of what stands out
+        "tine": Range(0.4, 0.9),  # wide, of what stands out
         "thick": Range(0.3, 0.6),  # of the height below what stands out
         "room": Range(0.002, 0.01),  # between tines and foot
         "behind": Range(0.01, 0.04),  # bodies the wall stays
@@ -34,7 +44,7 @@ class Lift(Way):
         "below": Range(0.002, 0.012),  # what stands out, as they go in
         "higher": Range(0.0, 0.02),  # than the bodies have to get
         "speed": Range(0.1, 0.35),
-        "lifting": Range(0.1, 0.35),
+        "lifting": Range(0.1, 0.35),  # speed
     }
 
     def suits(self, job: Job) -> float:
@@ -44,38 +54,41 @@ class Lift(Way):
 
     def head(self, job: Job, values: Values) -> Head:
         handles, depth, thick = self._measure(job, values)
-        out = job.size[1] / 2 - handles.inner
-        tine = max(0.006, out * values["tine"])
+        stands_out = job.size[1] / 2 - handles.inner
+        wide = max(_NARROW_M, stands_out * values["tine"])
         inner = handles.inner + values["room"]
-        width = 2 * (inner + tine)
-        high = float(np.clip(job.size[2] - handles.low, 0.03, 0.08))
+        across = 2 * (inner + wide)
+        high = float(np.clip(job.size[2] - handles.low, *_WALL_HEIGHT_M))
 
-        wall = box("wall", -_WALL_M / 2, 0.0, high / 2, (_WALL_M, width, high))
-        size = (depth + _WALL_M, tine, thick)
+        wall = box("wall", -_WALL_M / 2, 0.0, high / 2, (_WALL_M, across, high))
+        size = (depth + _WALL_M, wide, thick)
         x = (depth - _WALL_M) / 2
         tines = [
-            box(name, x, side * (inner + tine / 2), thick / 2, size)
+            box(name, x, side * (inner + wide / 2), thick / 2, size)
             for name, side in (("left", 1.0), ("right", -1.0))
         ]
         return Head([wall, *tines], np.array([-_WALL_M / 2, 0.0, high]), "a fork")
 
     def motion(self, job: Job, values: Values) -> Iterator[Step]:
         handles, depth, thick = self._measure(job, values)
-        low = max(0.001, handles.low - thick - values["below"])
+        low = max(_GROUND_M, handles.low - thick - values["below"])
         behind = -job.size[0] / 2 - values["behind"]
         before = at(behind - depth, 0.0, low)
         below = at(behind, 0.0, low)
-        lift = job.rise + values["higher"] + handles.low - thick - low
-        up = at(behind, 0.0, low + lift)
 
         yield above(job, before)
         yield Step(before)
         yield Step(below, speed=values["speed"], touch=True)
+
+        # The tines come to what stands out, and then the bodies rise.
+        lift = job.rise + values["higher"] + handles.low - thick - low
+        high = low + lift
+        up = at(behind, 0.0, high)
         yield Step(up, speed=values["lifting"], touch=True)
 
         if job.goes:
             x, y, _ = job.way
-            there = at(behind + x, y, up.position[2])
+            there = at(behind + x, y, high)
             yield Step(there, speed=values["lifting"], touch=True)
 
     @staticmethod

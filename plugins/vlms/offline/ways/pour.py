@@ -3,30 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from core.geometry import Pose
-from plugins.vlms.offline.handles import Handles, find_handles
-from plugins.vlms.offline.heads import Head, Step, at, box
+from plugins.vlms.offline.handles import find_handles
+from plugins.vlms.offline.heads import Head, Piece, Step, at, box
 from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way
 
-_PLATE_M = 0.01  # thick, at the flange
-_WIDE_M = 0.06  # the plate
-_HIGH_M = 0.03  # the crossbar
-_TOP_M = 0.035  # the plate goes on above the flange's middle, and below the channels
-_INNER = 0.3  # of a handle, from the vessel on, that the channel leaves free
-_STEPS = 5  # of the turn
-_OVER_M = 0.01  # everything near, at least, the vessel passes
-_SHAKE_M = 0.02
+_PLATE_M = 0.01  # thick: the plate at the flange, and the crossbar before it
+_PLATE_WIDTH_M = 0.06  # covers a flange
+_PLATE_MARGIN_M = 0.035  # goes on above the flange's middle, and below the channels'
+_CROSSBAR_HEIGHT_M = 0.03  # stiff enough for a full vessel
+_FREE_SHARE = 0.3  # of a handle, beside the vessel, that the channel leaves free
+_OVER_M = 0.01  # the vessel passes everything near by so much, at least
+_TURN_STEPS = 5  # of half a second each, at least: nothing is flung out
+_SHAKE_M = 0.02  # what sticks to a wall comes off
 
 
 class Pour(Way):
     """Two channels slide over the handles of a vessel, carry it to the place, and turn it over.
 
-    The flange points ahead meanwhile, so that the arm's last joint turns the vessel: x of the head is its axis.
+    Seen from behind and from the left, with F for the flange, which points ahead:
+
+             F plate              F
+             |                    |  web and edges
+        [----+----] crossbar     ||=========
+        channels                  plate, crossbar
+
+    Each channel is open towards the vessel, between its two edges, so that the handle lies in it whichever way is up.
+    The head's origin is F and its x points ahead, so that the arm's last joint turns head and vessel about x.
     """
 
     name = "pour"
@@ -36,19 +44,19 @@ class Pour(Way):
     sizes: ClassVar[Ranges] = {
         "drop": Range(0.07, 0.12),  # of the channels below the flange: clear of the arm
         "room": Range(0.002, 0.005),  # around a handle
-        "lip": Range(0.004, 0.007),  # thickness of the channels
+        "lip": Range(0.004, 0.007),  # thickness of web and edges
         "gap": Range(0.003, 0.012),  # between the crossbar and the vessel
         "longer": Range(-0.04, 0.0),  # channels than handles
     }
     moves: ClassVar[Ranges] = {
-        "behind": Range(0.01, 0.03),  # the vessel, where it comes down
-        "above": Range(0.06, 0.15),  # from where
-        "taking": Range(0.1, 0.3),
+        "behind": Range(0.01, 0.03),  # the vessel, where the channels come down
+        "above": Range(0.06, 0.15),  # from where they do
+        "taking": Range(0.1, 0.3),  # speed until the vessel is lifted
         "higher": Range(0.0, 0.05),  # than the vessel has to pass
-        "carrying": Range(0.15, 0.4),
+        "carrying": Range(0.15, 0.4),  # speed
         "heading": Range(-0.5, 0.8),  # at the place, beside the way from the robot
         "turn": Range(2.2, 3.0),  # so far that walls slope down to the mouth
-        "side": Range(-1.0, 1.0),  # to the left from 0 on, to the right below
+        "side": Range(-1.0, 1.0),  # it turns to: the left from 0 on, the right below
         "aside": Range(0.3, 0.7),  # of the drop, so that the mouth gets above the place
     }
 
@@ -61,86 +69,125 @@ class Pour(Way):
         return float(find_handles(vessel) is not None)
 
     def head(self, job: Job, values: Values) -> Head:
-        vessel, handles = _find(job)
         drop = values["drop"]
-        lip = values["lip"]
-        length = self._measure_length(vessel, handles, values)
-        outer = handles.outer + values["room"]
-        inner = handles.inner + _INNER * (handles.outer - handles.inner)
-        half = (handles.high - handles.low) / 2 + values["room"] + lip / 2
-
-        plate = (_PLATE_M, _WIDE_M, drop + 2 * _TOP_M)
-        crossbar = (_PLATE_M, 2 * (outer + lip), _HIGH_M)
+        fit = _fit_channels(job, values)
+        plate = (_PLATE_M, _PLATE_WIDTH_M, drop + 2 * _PLATE_MARGIN_M)
+        crossbar = (_PLATE_M, 2 * (fit.outer + values["lip"]), _CROSSBAR_HEIGHT_M)
         pieces = [
             box("plate", _PLATE_M / 2, 0.0, -drop / 2, plate),
             box("crossbar", 1.5 * _PLATE_M, 0.0, -drop, crossbar),
+            *_build_channel("left", 1.0, fit, values),
+            *_build_channel("right", -1.0, fit, values),
         ]
-        web = (length, lip, 2 * half + lip)
-        edge = (length, outer - inner, lip)
-        x = 2 * _PLATE_M + length / 2
-        for name, side in (("left", 1.0), ("right", -1.0)):
-            y = side * (outer + inner) / 2
-            pieces += [
-                box(f"{name}_web", x, side * (outer + lip / 2), -drop, web, 1),
-                box(f"{name}_lower", x, y, -drop - half, edge, 1),
-                box(f"{name}_upper", x, y, -drop + half, edge, 1),
-            ]
-
-        mount = at(0.0, 0.0, 0.0, pitch=np.pi / 2)
-        return Head(pieces, np.zeros(3), "two channels for handles", mount)
-
-    @staticmethod
-    def _measure_length(vessel: Job, handles: Handles, values: Values) -> float:
-        """Measure how long the channels are: from behind the vessel to where the handles end."""
-        half = float(vessel.size[0]) / 2
-        return handles.front + half + values["gap"] + values["longer"]
+        ahead = at(0.0, 0.0, 0.0, pitch=np.pi / 2)
+        return Head(pieces, np.zeros(3), "two channels for handles", ahead)
 
     def motion(self, job: Job, values: Values) -> Iterator[Step]:
-        vessel, handles = _find(job)
-        drop = values["drop"]
-        within = job.frame.inverse() @ vessel.frame
-        back = vessel.size[0] / 2 + values["gap"] + 2 * _PLATE_M
-        length = self._measure_length(vessel, handles, values)
+        fit = _fit_channels(job, values)
+        foot = job.frame.inverse() @ fit.vessel.frame
+        low = fit.height + values["drop"]
+        high = _find_passing_height(job, fit, foot, low) + values["higher"]
 
-        low = (handles.low + handles.high) / 2 + drop
-        start = -back - length - values["behind"]
-        lying = max(vessel.size[:2]) / 2
-        high = job.clear - within.position[2] + max(low, lying) + _OVER_M
-        high += values["higher"]
-
+        # The channels come down behind the vessel, go ahead over its handles, and lift it.
+        away = fit.back + fit.length + values["behind"]
         speed = values["taking"]
-        yield Step(within @ at(start, 0.0, low + values["above"]))
-        yield Step(within @ at(start, 0.0, low))
-        yield Step(within @ at(-back, 0.0, low), speed, touch=True)
-        yield Step(within @ at(-back, 0.0, high), speed, touch=True)
+        yield Step(foot @ at(-away, 0.0, low + values["above"]))
+        yield Step(foot @ at(-away, 0.0, low))
+        yield Step(foot @ at(-fit.back, 0.0, low), speed, touch=True)
+        yield Step(foot @ at(-fit.back, 0.0, high), speed, touch=True)
 
+        # It goes to where the vessel's mouth will be above the place.
         side = 1.0 if values["side"] > 0 else -1.0
-        heading = _find_goal_heading(job) + values["heading"]
-        place = Pose.xyz_rpy([*job.way[:2], within.position[2]], (0.0, 0.0, heading))
-        there = place @ at(-back, -side * values["aside"] * drop, high)
+        heading = _find_heading_there(job) + values["heading"]
+        place = Pose.xyz_rpy([*job.way[:2], foot.position[2]], (0.0, 0.0, heading))
+        there = place @ at(-fit.back, -side * values["aside"] * values["drop"], high)
         yield Step(there, values["carrying"], touch=True)
 
+        # It is turned over, and shaken.
         turn = side * values["turn"]
-        for share in np.linspace(0.0, 1.0, _STEPS + 1)[1:]:
+        for share in np.linspace(0.0, 1.0, _TURN_STEPS + 1)[1:]:
             over = there @ at(0.0, 0.0, 0.0, roll=share * turn)
             yield Step(over, touch=True)
 
         shaken = at(0.0, 0.0, _SHAKE_M) @ over
-        yield Step(shaken, touch=True)
-        yield Step(over, touch=True)
-        yield Step(shaken, touch=True)
+        for pose in (shaken, over, shaken):
+            yield Step(pose, touch=True)
 
 
-def _find(job: Job) -> tuple[Job, Handles]:
-    """Find the vessel of a job that suits, and its handles."""
+class _Fit(NamedTuple):
+    """How channels fit the handles of a vessel; metres, across and along its frame.
+
+    Attributes:
+        vessel: what is carried.
+        height: of the handles' middle, above the vessel's foot.
+        inner: from the vessel's middle to where a channel begins.
+        outer: from there to its web.
+        half: from a channel's middle up and down to those of its edges.
+        length: of a channel.
+        back: from the vessel's middle to the flange.
+    """
+
+    vessel: Job
+    height: float
+    inner: float
+    outer: float
+    half: float
+    length: float
+    back: float
+
+
+def _fit_channels(job: Job, values: Values) -> _Fit:
+    """Fit channels to the handles of the vessel of a job that suits."""
     vessel = job.vessel
     assert vessel is not None
     handles = find_handles(vessel)
     assert handles is not None
-    return vessel, handles
+
+    to_crossbar = vessel.size[0] / 2 + values["gap"]
+    deep = handles.outer - handles.inner
+    high = handles.high - handles.low
+    return _Fit(
+        vessel=vessel,
+        height=(handles.low + handles.high) / 2,
+        inner=handles.inner + _FREE_SHARE * deep,
+        outer=handles.outer + values["room"],
+        half=high / 2 + values["room"] + values["lip"] / 2,
+        length=float(handles.front + to_crossbar + values["longer"]),
+        back=to_crossbar + 2 * _PLATE_M,
+    )
 
 
-def _find_goal_heading(job: Job) -> float:
+def _build_channel(name: str, side: float, fit: _Fit, values: Values) -> list[Piece]:
+    """Build a channel before the crossbar, on the left for a side of 1, on the right for -1."""
+    lip = values["lip"]
+    middle = -values["drop"]
+    x = 2 * _PLATE_M + fit.length / 2
+    y = side * (fit.outer + fit.inner) / 2
+    web = (fit.length, lip, 2 * fit.half + lip)
+    edge = (fit.length, fit.outer - fit.inner, lip)
+    crossbar = 1  # the number of the piece that bears it
+    return [
+        box(f"{name}_web", x, side * (fit.outer + lip / 2), middle, web, crossbar),
+        box(f"{name}_lower", x, y, middle - fit.half, edge, crossbar),
+        box(f"{name}_upper", x, y, middle + fit.half, edge, crossbar),
+    ]
+
+
+def _find_passing_height(job: Job, fit: _Fit, foot: Pose, low: float) -> float:
+    """Find how high above the vessel's foot the flange passes everything near, with the vessel upright or lying.
+
+    Args:
+        job: that suits.
+        fit: of its vessel.
+        foot: the vessel's frame in the job's.
+        low: how high the flange is above the foot, metres.
+    """
+    lying = max(fit.vessel.size[:2]) / 2
+    top = job.clear - foot.position[2]
+    return float(top + max(low, lying) + _OVER_M)
+
+
+def _find_heading_there(job: Job) -> float:
     """Find the direction from the robot to where the bodies have to go, in the frame, radians."""
     x, y = (job.center + job.shift - job.layout.reach.base)[:2]
     return float(np.arctan2(y, x)) - job.heading

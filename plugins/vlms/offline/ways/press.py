@@ -21,14 +21,16 @@ from plugins.vlms.offline.ways.way import (
     pick,
 )
 
+_TOUCH_M = 0.001  # before a point, the rod is at it
 _UPRIGHT = 0.1  # the level part of a unit vector that counts as upright
-_ARC = 4  # steps of a turn: between two of them the way is straight
+_ARC_STEPS = 4  # of a turn: between two of them the rod goes straight
 
 
 class Press(Way):
     """A rod comes to a point of a body that a joint holds, and pushes it along the joint's way.
 
-    Its head is level, with x along the way at the start, and its origin at the rod's end.
+    The head's origin is the rod's end that pushes. Its x points where that goes at first, but level; the rod itself
+    slopes as the way does. So the arm's flange stays upright.
     """
 
     name = "press"
@@ -45,54 +47,51 @@ class Press(Way):
         "farther": Range(0.0, 0.15),  # than the joint has to get, of its way
         "follows": Range(0.0, 1.0),  # of the body's turn, that the rod turns with it
         "speed": Range(0.05, 0.25),
-        "leaves": Range(0.0, 1.0),  # from a half on
+        "leaves": Range(0.0, 1.0),  # from a half on, what stays where it is
     }
 
     def suits(self, job: Job) -> float:
         return float(len(find_spots(job)) > 0)
 
     def head(self, job: Job, values: Values) -> Head:
-        spot = _choose(job, values)
-        rise = float(np.arcsin(np.clip(spot.way[2], -1.0, 1.0)))
+        spot = _choose_spot(job, values)
         thick = values["thick"]
         length = spot.depth + values["longer"]
+
+        rise = float(np.arcsin(np.clip(spot.way[2], -1.0, 1.0)))
         along = at(0.0, 0.0, 0.0, pitch=-rise)
         rod = Piece("rod", along @ at(-length / 2, 0.0, 0.0), (length, thick, thick))
         attach = along.apply([thick / 2 - length, 0.0, 0.0])
         return Head([rod], attach, f"a rod {length:.2f} m long")
 
     def motion(self, job: Job, values: Values) -> Iterator[Step]:
-        spot = _choose(job, values)
-        level = at(*spot.point, yaw=_find_heading(job, spot))
-        within = job.frame.inverse()
-        back = within.rotation.apply(spot.way)
-        begin = within @ level
-        touching = _shift(begin, -0.001 * back)
-        away = _shift(begin, -(spot.depth + values["before"]) * back)
+        spot = _choose_spot(job, values)
+        heading = _find_heading(job, spot)
+        into_frame = job.frame.inverse()
 
+        # The rod comes down behind the point, and goes to it.
+        begin = into_frame @ at(*spot.point, yaw=heading)
+        ahead = into_frame.rotation.apply(spot.way)
+        away = _shift(begin, -(spot.depth + values["before"]) * ahead)
         yield above(job, away)
         yield Step(away)
-        yield Step(touching)
+        yield Step(_shift(begin, -_TOUCH_M * ahead))
 
-        joint = spot.joint.joint
-        way = (job.want.to - joint.start) * (1 + values["farther"])
-        steps = _ARC if spot.turns else 1
-        pose = begin
-        for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
-            carried = spot.carry(joint.start + share * way)
-            turn = float(carried.rotation.as_rotvec()[2]) * values["follows"]
-            point = carried.apply(spot.point)
-            ahead = carried.rotation.apply(spot.way) * values["into"]
-            level = at(*(point + ahead), yaw=_find_heading(job, spot) + turn)
-            pose = within @ level
-            back = within.rotation.apply(carried.rotation.apply(spot.way))
+        # It goes where the point goes as the joint moves, and a little into the body.
+        count = _ARC_STEPS if spot.turns else 1
+        for carried in spot.carry(job.want.to, values["farther"], count):
+            turned = float(carried.rotation.as_rotvec()[2]) * values["follows"]
+            way = carried.rotation.apply(spot.way)
+            point = carried.apply(spot.point) + values["into"] * way
+            pose = into_frame @ at(*point, yaw=heading + turned)
             yield Step(pose, speed=values["speed"], touch=True)
 
-        if values["leaves"] > 0.5 and not joint.springs_back:
-            yield Step(_shift(pose, -BACK_M * back), touch=True)
+        if values["leaves"] > 0.5 and not spot.springs_back:
+            back = into_frame.rotation.apply(-way)
+            yield Step(_shift(pose, BACK_M * back), touch=True)
 
 
-def _choose(job: Job, values: Values) -> Spot:
+def _choose_spot(job: Job, values: Values) -> Spot:
     """Choose a point where the body is pushed."""
     return pick(find_spots(job), values["spot"])
 

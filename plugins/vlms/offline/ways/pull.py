@@ -8,33 +8,42 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from core.geometry import Array
-from plugins.vlms.offline.heads import Head, Piece, Step, at
+from core.geometry import Array, Pose
+from plugins.vlms.offline.heads import Head, Piece, Size, Step, at
 from plugins.vlms.offline.job import Asked, Job
 from plugins.vlms.offline.joints import Spot, list_spots, meets_anything
 from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above, pick
 
 _TOE_M = 0.006  # thick
 _BEHIND_M = 0.014  # a face there must be room for the toe
-_OUT_M = 0.25  # before it, for the arm and what bears it
-_WIDE_M = 0.016  # the opening must be
-# From a point on a face to the middle of an opening.
-_OFFSETS_M = np.linspace(0.008, 0.03, 7)
+_BEFORE_M = 0.25  # it there must be room for the arm, and what bears it
+_WIDTH_M = 0.008  # of that room: as much as an arm has, at most
+_DISTANCES_M = np.linspace(0.008, 0.03, 7)  # from a point, an opening is looked for
 _LEVEL = 0.9  # the level part of a way that a level arm pulls, at least
-_ARC = 6  # steps of a turn
+_ARC_STEPS = 6  # of a turn: between two of them the arm goes straight
+
+_SIDES = np.array([[0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=float)
 
 
 class _Opening(NamedTuple):
-    """An opening beside a point that is pulled: the middle between its edges is ``offset`` (3,) from the point."""
+    """An opening beside a point that is pulled.
+
+    Attributes:
+        spot: the point.
+        side: the direction from the point to the opening, one of `_SIDES`, in the head's frame.
+        distance: from the point to the opening's middle, metres.
+    """
 
     spot: Spot
-    offset: Array
+    side: Array
+    distance: float
 
 
 class Pull(Way):
     """An arm with a toe goes in through an opening in a body's face, the toe gets behind the face, and pulls.
 
-    The head is level: x goes in.
+    The head is level: x goes in, and its origin is the middle of the arm's end. The toe is there, on the arm's side
+    towards the point that is pulled.
     """
 
     name = "pull"
@@ -45,9 +54,9 @@ class Pull(Way):
     sizes: ClassVar[Ranges] = {
         "opening": Range(0.0, 1.0),  # which one
         "long": Range(0.06, 0.14),  # the arm
-        "arm": Range(0.004, 0.008),  # thick
+        "arm": Range(0.004, 0.008),  # thick, towards the toe
         "toe": Range(0.004, 0.01),  # beside the arm
-        "wide": Range(0.008, 0.015),
+        "wide": Range(0.008, 0.015),  # arm and toe
     }
     moves: ClassVar[Ranges] = {
         "behind": Range(0.001, 0.004),  # the face, the toe gets in
@@ -61,45 +70,48 @@ class Pull(Way):
         return float(len(_find_openings(job)) > 0)
 
     def head(self, job: Job, values: Values) -> Head:
-        opening = _choose(job, values)
-        level = _heading(opening.spot)
-        side = at(0.0, 0.0, 0.0, yaw=-level).apply(opening.offset)
-        out = -side / np.linalg.norm(side)
-        arm = values["arm"]
-        high = values["toe"] + arm
-        across = np.where(np.abs(out) > 0.5, high, values["wide"])
-        toe = at(-_TOE_M / 2, *(out * (high - arm) / 2)[1:])
-        size = np.where(np.abs(out) > 0.5, arm, values["wide"])
+        to_point = -_choose_opening(job, values).side
+        long = values["long"]
+        thick = values["arm"]
+        toe = values["toe"]
+
+        arm_size = _lay(long, thick, values["wide"], to_point)
+        toe_size = _lay(_TOE_M, thick + toe, values["wide"], to_point)
+        toe_middle = to_point * toe / 2
+        toe_middle[0] = -_TOE_M / 2
         pieces = [
-            Piece(
-                "arm", at(-values["long"] / 2, 0.0, 0.0), (values["long"], *size[1:])
-            ),
-            Piece("toe", toe, (_TOE_M, *across[1:])),
+            Piece("arm", at(-long / 2, 0.0, 0.0), arm_size),
+            Piece("toe", Pose(toe_middle), toe_size),
         ]
-        return Head(pieces, np.array([arm - values["long"], 0.0, 0.0]), "a hook")
+        return Head(pieces, np.array([thick - long, 0.0, 0.0]), "a hook")
 
     def motion(self, job: Job, values: Values) -> Iterator[Step]:
-        opening = _choose(job, values)
+        opening = _choose_opening(job, values)
         spot = opening.spot
-        within = job.frame.inverse()
-        yaw = _heading(spot)
-        out = opening.offset / np.linalg.norm(opening.offset)
+        yaw = _find_heading(spot)
+        side = at(0.0, 0.0, 0.0, yaw=yaw).apply(opening.side)
+        into_frame = job.frame.inverse()
+
+        # In the world: before the opening, within it behind the face, and with the toe behind the point.
         inside = spot.point - (values["behind"] + _TOE_M) * spot.way
-        middle = inside + opening.offset + out * values["toe"] / 2
+        middle = inside + (opening.distance + values["toe"] / 2) * side
         before = middle + (values["before"] + _TOE_M) * spot.way
-        hooked = middle - values["aside"] * out
+        hooked = at(*(middle - values["aside"] * side), yaw=yaw)
 
-        yield above(job, within @ at(*before, yaw=yaw))
-        yield Step(within @ at(*before, yaw=yaw))
-        yield Step(within @ at(*middle, yaw=yaw), touch=True)
-        yield Step(within @ at(*hooked, yaw=yaw), touch=True)
+        yield above(job, into_frame @ at(*before, yaw=yaw))
+        yield Step(into_frame @ at(*before, yaw=yaw))
+        yield Step(into_frame @ at(*middle, yaw=yaw), touch=True)
+        yield Step(into_frame @ hooked, touch=True)
 
-        joint = spot.joint.joint
-        way = (job.want.to - joint.start) * (1 + values["farther"])
-        for share in np.linspace(0.0, 1.0, _ARC + 1)[1:]:
-            carried = spot.carry(joint.start + share * way)
-            pose = within @ carried @ at(*hooked, yaw=yaw)
+        for carried in spot.carry(job.want.to, values["farther"], _ARC_STEPS):
+            pose = into_frame @ carried @ hooked
             yield Step(pose, speed=values["speed"], touch=True)
+
+
+def _lay(long: float, thick: float, wide: float, side: Array) -> Size:
+    """Return the sides of a box that is long along x, thick along a side (3,), which is y or z, and else wide."""
+    _, y, z = np.where(side != 0, thick, wide)
+    return long, float(y), float(z)
 
 
 @lru_cache(maxsize=32)
@@ -107,35 +119,35 @@ def _find_openings(job: Job) -> list[_Opening]:
     """Find openings beside points that can be pulled."""
     found = []
     for spot in list_spots(job):
-        yaw = _heading(spot)
         if np.hypot(*spot.way[:2]) < _LEVEL:
             continue
-        left = np.array([-np.sin(yaw), np.cos(yaw), 0.0])
-        up = np.array([0.0, 0.0, 1.0])
-        for side in (left, -left, up, -up):
-            free = [off for off in _OFFSETS_M if _is_open(job, spot, off * side, yaw)]
+        for side in _SIDES:
+            free = [far for far in _DISTANCES_M if _is_open(job, spot, side, far)]
             if free:
-                found.append(_Opening(spot, np.mean(free) * side))
+                found.append(_Opening(spot, side, float(np.mean(free))))
+
     return found
 
 
-def _is_open(job: Job, spot: Spot, offset: Array, yaw: float) -> bool:
-    """Report whether an arm gets past a point, at an offset (3,) from it, and a toe from there to behind it."""
-    side = np.abs(at(0.0, 0.0, 0.0, yaw=-yaw).apply(offset))
-    behind = spot.point + offset / 2 - _TOE_M * spot.way
-    if meets_anything(job, at(*behind, yaw=yaw), tuple(np.maximum(side, _TOE_M))):
+def _is_open(job: Job, spot: Spot, side: Array, distance: float) -> bool:
+    """Report whether an arm gets past a point, at a distance to a side of it, and a toe from there to behind it."""
+    level = at(*spot.point, yaw=_find_heading(spot))
+    out = level.rotation.inv().apply(spot.way)
+    between = Pose(distance / 2 * side - _TOE_M * out)
+    passage = np.maximum(distance * np.abs(side), _TOE_M)
+    if meets_anything(job, level @ between, tuple(passage)):
         return False
 
-    size = (_BEHIND_M + _OUT_M, _WIDE_M / 2, _WIDE_M / 2)
-    middle = spot.point + offset + (_OUT_M - _BEHIND_M) / 2 * spot.way
-    return not meets_anything(job, at(*middle, yaw=yaw), size)
+    arm = Pose(distance * side + (_BEFORE_M - _BEHIND_M) / 2 * out)
+    room = (_BEHIND_M + _BEFORE_M, _WIDTH_M, _WIDTH_M)
+    return not meets_anything(job, level @ arm, room)
 
 
-def _choose(job: Job, values: Values) -> _Opening:
+def _choose_opening(job: Job, values: Values) -> _Opening:
     """Choose an opening."""
     return pick(_find_openings(job), values["opening"])
 
 
-def _heading(spot: Spot) -> float:
+def _find_heading(spot: Spot) -> float:
     """Find where the way in points, radians in the world."""
     return float(np.arctan2(-spot.way[1], -spot.way[0]))

@@ -22,12 +22,18 @@ from plugins.vlms.offline.ways.way import (
 _CLEAR_M = 0.002  # of what is beside and before it, a floor stays
 _ENTRY_M = 0.05  # of room before bodies, to come down there
 _CLIMBED_M = 0.01  # of the floor's edge has no walls: bodies climb onto it
+_WALL_M = 0.004  # thick, at least; and twice as thick as the floor
 
 
 class Scoop(Way):
     """A thin floor before a wall slides under the bodies, and lifts them; or carries them to a place, and tips.
 
-    It comes from a side where there is room.
+    It comes from a side where there is room. Seen from the right, with x to the right; the head's origin is at the
+    wall's front, at the floor's underside:
+
+        |
+        | wall, and rails beside the floor
+        |__________  floor
     """
 
     name = "scoop"
@@ -49,9 +55,9 @@ class Scoop(Way):
         "speed": Range(0.08, 0.3),
         "lean": Range(0.0, 0.25),  # back, with bodies on it
         "higher": Range(0.0, 0.03),  # than the bodies have to get
-        "lifting": Range(0.12, 0.35),
-        "carrying": Range(0.15, 0.4),
-        "tip": Range(0.5, 1.3),
+        "lifting": Range(0.12, 0.35),  # speed
+        "carrying": Range(0.15, 0.4),  # speed
+        "tip": Range(0.5, 1.3),  # down, to pour them out
         "to_edge": Range(0.0, 1.0),  # of the floor's depth, that lies over the place
     }
 
@@ -67,62 +73,60 @@ class Scoop(Way):
         return 0.0
 
     def head(self, job: Job, values: Values) -> Head:
-        floor = values["floor"]
-        wall = max(0.004, 2 * floor)
+        thin = values["floor"]
+        thick = max(_WALL_M, 2 * thin)
         width, depth = self._measure(job, values)
         height = wall_height(job, values)
+        wall = (thick, width, height)
+        floor = (depth + thick, width, thin)
         pieces = [
-            box("wall", -wall / 2, 0.0, height / 2, (wall, width, height)),
-            box(
-                "floor",
-                (depth - wall) / 2,
-                0.0,
-                floor / 2,
-                (depth + wall, width, floor),
-            ),
+            box("wall", -thick / 2, 0.0, height / 2, wall),
+            box("floor", (depth - thick) / 2, 0.0, thin / 2, floor),
         ]
 
         rail = values["rails"] * height
-        if rail > 2 * floor:
+        if rail > 2 * thin:
             length = depth - _CLIMBED_M
             for name, side in (("left_rail", 1.0), ("right_rail", -1.0)):
-                y = side * (width - wall) / 2
-                size = (length, wall, rail)
+                y = side * (width - thick) / 2
+                size = (length, thick, rail)
                 pieces.append(box(name, length / 2, y, rail / 2, size, parent=1))
 
         text = f"a scoop {width:.2f} m wide"
-        return Head(pieces, np.array([-wall / 2, 0.0, height]), text)
+        return Head(pieces, np.array([-thick / 2, 0.0, height]), text)
 
     def motion(self, job: Job, values: Values) -> Iterator[Step]:
         _, depth = self._measure(job, values)
         low = values["above"]
         behind = -job.size[0] / 2 - values["behind"] - depth
-        before = at(behind, 0.0, low)
         ahead = behind + values["behind"] + depth * values["under"]
         lean = -values["lean"]
 
+        # The floor slides under the bodies, and leans back.
+        before = at(behind, 0.0, low)
         yield above(job, before)
         yield Step(before)
         yield Step(at(ahead, 0.0, low), speed=values["speed"], touch=True)
         yield Step(at(ahead, 0.0, low, pitch=lean), touch=True)
 
+        # What goes somewhere else passes everything, with the floor's edge tipped down too.
         lift = max(0.0, job.rise) + values["higher"]
         if job.goes:
-            lift = max(lift, job.clear + OVER_M + depth * float(np.sin(values["tip"])))
-        up = at(ahead, 0.0, low + lift, pitch=lean)
+            hangs = depth * float(np.sin(values["tip"]))
+            lift = max(lift, job.clear + OVER_M + hangs)
+        high = low + lift
+        up = at(ahead, 0.0, high, pitch=lean)
         yield Step(up, speed=values["lifting"], touch=True)
         if not job.goes:
             return
 
         x, y, _ = job.way
         x += ahead - values["to_edge"] * depth / 2
-        there = at(x, y, low + lift, pitch=lean)
+        there = at(x, y, high, pitch=lean)
         yield Step(there, speed=values["carrying"], touch=True)
-        if job.rises:
-            return
-
-        tipped = at(x, y, low + lift, pitch=values["tip"])
-        yield Step(tipped, touch=True)
+        if not job.rises:
+            tipped = at(x, y, high, pitch=values["tip"])
+            yield Step(tipped, touch=True)
 
     @staticmethod
     def _measure(job: Job, values: Values) -> tuple[float, float]:

@@ -21,9 +21,17 @@ from plugins.vlms.offline.ways.way import (
     wall_height,
 )
 
+_BEHIND_M = 0.01  # the bodies the wall comes down, at least
+
 
 class Sweep(Way):
-    """A wall between two wings that open forward comes down behind the bodies, and gathers them on its way to the goal.
+    r"""A wall between two wings that open forward comes down behind bodies, and gathers them on its way to the goal.
+
+    Seen from above, with x to the right; the head's origin is at the wall's front:
+
+             /  left wing
+            |   wall
+             \  right wing
 
     A wing that is turned from the motion by less than about 60 degrees lets bodies slide along it to the middle.
     """
@@ -56,12 +64,13 @@ class Sweep(Way):
         wall, end, depth = self._measure(job, values)
         pieces = [box("wall", -thick / 2, 0.0, height / 2, (thick, 2 * wall, height))]
 
+        # A wing goes from an end of the wall's back to beside the bodies.
         length = float(np.hypot(depth, end - wall)) + thick
         for name, side in (("left_wing", 1.0), ("right_wing", -1.0)):
             turn = (0.0, 0.0, side * values["angle"])
-            foot = Pose.xyz_rpy((-thick, side * wall, height / 2), turn)
-            pose = foot @ at(length / 2, 0.0, 0.0)
-            pieces.append(Piece(name, pose, (length, thick, height)))
+            root = Pose.xyz_rpy((-thick, side * wall, height / 2), turn)
+            middle = root @ at(length / 2, 0.0, 0.0)
+            pieces.append(Piece(name, middle, (length, thick, height)))
 
         attach = np.array([-thick / 2, 0.0, height])
         return Head(pieces, attach, f"a wall with wings {2 * end:.2f} m apart")
@@ -69,7 +78,8 @@ class Sweep(Way):
     def motion(self, job: Job, values: Values) -> Iterator[Step]:
         _, _, depth = self._measure(job, values)
         foot = values["above"]
-        begin = at(-job.size[0] / 2 - 0.01 - values["behind"] * depth, 0.0, foot)
+        behind = -job.size[0] / 2 - _BEHIND_M - values["behind"] * depth
+        begin = at(behind, 0.0, foot)
         end = at(job.length - values["heap"], 0.0, foot)
 
         yield above(job, begin)
