@@ -157,7 +157,11 @@ def explain(error: Exception, name: str, words: Sequence[str] = ()) -> UserError
 
 def _find_unread(name: str, words: Sequence[str]) -> UsageError | None:
     """Find a word that lists values outside of a sweep, or that names a key which the config ``name`` has not."""
-    known = [str(key) for key in _compose(name, [])]
+    try:
+        known = [str(key) for key in _compose(name, [])]
+    except (HydraException, OmegaConfBaseException):  # it is not the words
+        return None
+
     is_sweep = not {"-m", "--multirun"}.isdisjoint(words)
     settings = [word for word in words if "=" in word and not word.startswith("-")]
     for word in OverridesParser.create().parse_overrides(settings):

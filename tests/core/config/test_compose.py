@@ -144,3 +144,8 @@ def test_a_key_that_is_not_there_and_several_values_are_told_by_the_words():
         load("config", ["seed=3", "sim=mujoco,sapien"])
     with pytest.raises(UsageError, match="can't read seed=3,4; put its value"):
         load("config", ["sim=mujoco", "seed=3,4"])
+
+
+def test_a_config_that_cannot_be_composed_is_one_line_whatever_the_words():
+    with pytest.raises(UsageError, match="Cannot find primary config 'missing'"):
+        load("missing", ["seed=3"])
