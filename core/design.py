@@ -87,7 +87,7 @@ class Budget:
         n_iteration: generations after the first.
         k_top: candidates that may become elites.
         reward_save: an elite earns more than this.
-        stop_reward: the run ends when a reward reaches it; None: never.
+        stop_reward: the run ends when a reward reaches it, from 0.95 on that of a solved task; None: never.
         final_s: for how long, s, candidates are tried in more layouts at the end; 8 rollouts count as a second, with
             soft bodies 1. 0: what is known then decides.
         elite_s: for how long they are after each generation. 0: the reward and the distance choose elites, and all

@@ -22,6 +22,8 @@ from core.values.observations import Sight
 from core.values.robots import Robot
 from core.values.tools import Fixture
 
+_ROUNDING = 1e-9  # of a mean of rewards
+
 
 class Task(ABC):
     """A manipulation task: a scene, a goal, and a reward. The model reads its source file as it is.
@@ -36,7 +38,7 @@ class Task(ABC):
         every: whether all goals to reach count; else one is enough.
         hold_s: the least time after the plan, s; the rollout's own setting may be longer.
         home: the end-effector's pose in the world at the start.
-        success_reward: from here on the task counts as solved.
+        success_reward: of a solved task, see `is_solved`; less than 1 where the task has a rule of its own.
         variations: by name, what `draw` draws at random, and from which range.
         tool_kinds: that a tool for it may have, where its configuration names none.
         fixture: where a designed fixture may stand (`core.design.Fixture`); None: there can be none.
@@ -59,7 +61,7 @@ class Task(ABC):
     hold_s: ClassVar[float] = 0.0
     home: ClassVar[Pose] = Pose(np.array([0.5, 0.0, 0.5]))
     camera: ClassVar[Camera] = Camera()
-    success_reward: ClassVar[float] = 0.95
+    success_reward: ClassVar[float] = 1.0
     variations: ClassVar[Mapping[str, Ranges]] = {}
     variation: str = NONE
     tool_kinds: Sequence[str] = ()
@@ -127,6 +129,14 @@ class Task(ABC):
         bodies too: take goals from there, since they differ between layouts. With a third parameter, ``trace``,
         it gets what happened in between too (`Trace`).
         """
+
+    def is_solved(self, reward: float) -> bool:
+        """Say whether a rollout with this reward solved the task. All who ask that ask here.
+
+        By default that is a reward of 1: every goal is reached within its own tolerance, and every limit is kept, for
+        which alone `core.goals.goals_reward` pays so much. A reward that comes near to 1 is a goal that was missed.
+        """
+        return reward >= self.success_reward - _ROUNDING
 
     def margins(
         self, start: State, end: State, trace: Trace | None = None
@@ -278,8 +288,5 @@ def margins_of(
             [Margin.at_least("reward", reward, task.success_reward, "", far)]
         )
 
-    return tuple(
-        margin
-        for margin in margins
-        if reward < task.success_reward or margin.margin >= 0
-    )
+    solved = task.is_solved(reward)
+    return tuple(m for m in margins if m.margin >= 0 or not solved)

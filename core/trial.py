@@ -174,6 +174,7 @@ class Trial:
         status: ``ok``; ``rejected``: the design breaks a rule there; or ``failed``: the rollout failed.
         reward: 0..1; 0 where it was rejected or failed.
         reason: why it was rejected, failed, or earns nothing; or empty.
+        solved: whether it did what the task wants (`Task.is_solved`).
         moved_m: the distance of each free body's end from its start.
         warnings: what else is to be said of it.
         objections: what `Condition.examiner` found to speak against the candidate.
@@ -193,6 +194,7 @@ class Trial:
     status: Status = "ok"
     reward: float = 0.0
     reason: str = ""
+    solved: bool = False
     moved_m: dict[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     objections: tuple[str, ...] = ()
@@ -295,7 +297,7 @@ class Tally:
 
         Args:
             trials: of one candidate.
-            tie: rewards that miss 1 by no more lose nothing.
+            tie: see `count_lost`.
         """
         groups: dict[tuple[int, int | None], list[Trial]] = {}
         for trial in trials:
@@ -306,8 +308,8 @@ class Tally:
         for number, group in enumerate(groups.values()):
             losses = {}
             for engine, rewards in rewards_by_engine(group).items():
-                lost = 1.0 - float(np.mean(rewards))
-                losses[engine] = lost if lost > tie else 0.0
+                there = [trial for trial in group if trial.engine == engine]
+                losses[engine] = count_lost(float(np.mean(rewards)), there, tie)
 
             tally.trials[number] = tuple(group)
             tally.losses[number] = losses
@@ -315,9 +317,10 @@ class Tally:
         return tally
 
     def count_held(self, first: int = 0) -> Held:
-        """Count the layouts from a number on in which it held, in each engine."""
-        lost = [max(self.losses[n].values()) for n in self.losses if n >= first]
-        return Held(sum(holds(1 - loss) for loss in lost), len(lost))
+        """Count the layouts from a number on in which it was solved, in each engine."""
+        layouts = [self.trials[number] for number in self.trials if number >= first]
+        held = sum(all(trial.solved for trial in trials) for trials in layouts)
+        return Held(held, len(layouts))
 
     def in_order(self) -> tuple[Trial, ...]:
         """Return all trials, in the order of the layouts."""
@@ -352,6 +355,21 @@ class Evaluation:
     def status(self) -> Status:
         """The status of the trial that is shown; without trials ``rejected``."""
         return self.shown.status if self.shown is not None else "rejected"
+
+    @property
+    def solved(self) -> bool:
+        """Whether all its trials were solved."""
+        return bool(self.trials) and all(trial.solved for trial in self.trials)
+
+    @property
+    def holds(self) -> bool:
+        """Whether nearly all its trials were solved in each engine (`holds`)."""
+        by_engine: dict[str, list[bool]] = {}
+        for trial in self.trials:
+            by_engine.setdefault(trial.engine, []).append(trial.solved)
+
+        shares = [sum(solved) / len(solved) for solved in by_engine.values()]
+        return holds(min(shares, default=0.0))
 
     @property
     def reason(self) -> str:
@@ -496,6 +514,19 @@ def rewards_by_engine(trials: Iterable[Trial]) -> Rewards:
     return rewards
 
 
+def count_lost(reward: float, trials: Iterable[Trial], slack: float) -> float:
+    """Compute what a candidate missed of a reward of 1 in a layout; nothing where it solved the task within ``slack``.
+
+    Args:
+        reward: that it earned there.
+        trials: for which it earned that.
+        slack: what misses 1 by no more counts as 1, if it is solved.
+    """
+    solved = all(trial.solved for trial in trials)
+    lost = 1.0 - reward
+    return 0.0 if solved and lost <= slack else lost
+
+
 def mean_figure(trials: Iterable[Trial], name: str) -> float:
     """Return the mean of a figure over the trials that were played to their end; nan: there is none."""
     found = [trial.figure(name) for trial in trials if trial.status == "ok"]
@@ -527,17 +558,19 @@ def ranked(
     items: Iterable[T],
     figures: Callable[[T], tuple[float, float | None]],
     tie: float = TIE,
+    is_done: Callable[[T], bool] = lambda item: True,
 ) -> list[T]:
     """Sort items by reward and cost, the best first.
 
-    Rewards within ``tie`` of the highest count as equal: of these items the one with the lower cost goes first, then
-    the one with the higher reward. The items that are left are sorted by the same rule, and so on. Items with
-    the same figures keep their order.
+    Rewards within ``tie`` of the highest count as equal: of these items what is done goes first, then the one with the
+    lower cost, then the one with the higher reward. The items that are left are sorted by the same rule, and so on.
+    Items with the same figures keep their order.
 
     Args:
         items: what is sorted.
         figures: gives an item's reward and cost, such as its distance in metres; a cost of None or nan is the highest.
         tie: the largest difference from the highest reward that counts as none.
+        is_done: says of an item whether it is.
     """
     places = []
     highest = np.inf
@@ -548,15 +581,17 @@ def ranked(
             highest = reward  # what is within a tie of it counts as equal
         if cost is None or np.isnan(cost):
             cost = np.inf
-        places.append((-highest, cost, item))
+        places.append((-highest, not is_done(item), cost, item))
 
-    places.sort(key=lambda place: place[:2])
+    places.sort(key=lambda place: place[:3])
 
-    return [item for _, _, item in places]
+    return [item for *_, item in places]
 
 
 def best_first(evaluations: Iterable[Evaluation], tie: float = TIE) -> list[Evaluation]:
     """Sort the evaluations with status ``ok``, the best first (`ranked`), at last by `Candidate.key`.
+
+    Of those that earn alike what solved the task goes first.
 
     Where some were tried in further layouts, what each earns in another one at least counts (`Evaluation.assured`).
     Those alike have mean rewards within the tie, too.
@@ -566,7 +601,7 @@ def best_first(evaluations: Iterable[Evaluation], tie: float = TIE) -> list[Eval
     raced = any(evaluation.finals.count for evaluation in tried)
 
     if not raced:
-        return ranked(tried, lambda e: (e.reward, e.cost), tie)
+        return ranked(tried, lambda e: (e.reward, e.cost), tie, _is_solved)
 
     groups: list[list[Evaluation]] = []
     for evaluation in sorted(tried, key=lambda e: (-e.assured, -e.mean)):
@@ -575,8 +610,14 @@ def best_first(evaluations: Iterable[Evaluation], tie: float = TIE) -> list[Eval
         else:
             groups.append([evaluation])
 
-    alike_first = [ranked(group, lambda e: (0.0, e.cost)) for group in groups]
+    alike_first = [
+        ranked(group, lambda e: (0.0, e.cost), is_done=_is_solved) for group in groups
+    ]
     return list(chain.from_iterable(alike_first))
+
+
+def _is_solved(evaluation: Evaluation) -> bool:
+    return evaluation.solved
 
 
 def _are_alike(best: Evaluation, other: Evaluation, tie: float) -> bool:

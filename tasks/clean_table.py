@@ -65,6 +65,7 @@ class CleanTable(Task):
         "random. Sweep them all away from the robot, into the green circle, without pushing any off the table or past "
         "the circle."
     )
+    success_reward = 0.95  # the paper's goals have no tolerance
     goals = (
         Placed(bodies=DUST, place=(0.0, 0.0, None), tolerance=RADIUS, at="circle"),
     )

@@ -103,6 +103,7 @@ class DislodgeCube(Task):
         "either opening, and leave it on the table. The arm starts low above the table, so that only a tool that lies "
         "flat starts clear of it."
     )
+    success_reward = 0.95  # the paper's goals have no tolerance
     goals = (
         Placed(bodies=("cube",), place=(CUBE[0], BRANCH_Y - SIDE / 2, None), at="pipe"),
         Placed(bodies=("cube",), place=(NEAR - SIDE / 2, CUBE[1], None), at="pipe"),

@@ -93,6 +93,7 @@ class ElevatePlate(Task):
         "foot there is a narrow gap between the plate's underside and the table. Lift the plate straight up by 0.4 m, "
         "level, and hold it there."
     )
+    success_reward = 0.95  # the paper's goals have no tolerance
     goals = (Placed(bodies=("plate",), place=(0.0, 0.0, LIFT), at="plate"),)
     variations = {
         "near": around("plate", START, 0.03),

@@ -98,6 +98,7 @@ class GatherSpheres(Task):
         "and the table is the floor. Scoop up as many of the spheres as possible, lift them above z = 0.3 m, and hold "
         "them there."
     )
+    success_reward = 0.95  # the paper's goals have no tolerance
     goals = (
         Placed(bodies=NAMES, place=(None, None, WANTED_HEIGHT + 0.05), tolerance=0.05),
     )

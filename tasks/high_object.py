@@ -74,6 +74,7 @@ class HighObject(Task):
         "A green cube lies on the upper board of a shelf in front of the robot. Between the robot and the shelf an "
         "open bin stands on the floor. Bring the cube into the bin. There is no table: the robot stands on the floor."
     )
+    success_reward = 0.95  # the paper's goals have no tolerance
     goals = (
         Placed(
             bodies=("cube",), place=(0.0, 0.0, BIN_CENTER[2]), tolerance=0.05, at="bin"

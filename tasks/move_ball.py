@@ -35,6 +35,7 @@ class MoveBall(Task):
         "robot's right, and leave it there. The reward is measured when the motion is over, and the ball's speed, in "
         "m/s, is subtracted from it."
     )
+    success_reward = 0.95  # the paper's goals have no tolerance
     goals = (Placed(bodies=("ball",), place=(0.0, 0.0, RADIUS), at="mark"),)
     variations = {
         "near": {**around("ball", START, 0.03), **around("mark", TARGET, 0.03)},

@@ -86,6 +86,7 @@ class OneBook(Task):
         "robot. Pull the third one, the red one in the middle, out of the row by at least 0.15 m, and leave the other "
         "four where they are."
     )
+    success_reward = 0.95  # the paper's goals have no tolerance
     goals = (Away(bodies=("book_3",), away=PULLED_OUT), Kept(OTHERS))
     variations = {
         "near": around("row", (CENTER_X, 0.0), 0.03, 0.3),

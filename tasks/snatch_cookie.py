@@ -138,6 +138,7 @@ class SnatchCookie(Task):
         "Twelve cookies, flat round discs, lie at its bottom in two columns of six, one nearer to the robot and one "
         "farther. Take one cookie out of the jar and hold it higher than z = 0.3."
     )
+    success_reward = 0.95  # the paper's goals have no tolerance
     goals = (
         Placed(
             bodies=tuple(f"cookie_{i}" for i in range(1, COOKIES + 1)),

@@ -183,6 +183,7 @@ class TurkeyLegs(Task):
         "the robot, with a gap between bar and pot. Five turkey legs, slippery, lie in it. To its left a chef's box, "
         "an open tray, is fixed to the table. Bring all legs into the box, but not the pot."
     )
+    success_reward = 0.95  # the paper's goals have no tolerance
     goals = (Placed(bodies=LEGS, place=(0.0, 0.0, 0.03), tolerance=0.1, at="box"),)
     variations = {
         "near": {**around("pot", POT, 0.03, 0.1), **around("box", BOX, 0.02)},

@@ -83,7 +83,9 @@ def _assignment_values(
         "tie": facts.tie,
         "decides": facts.decides,
         "feedback": facts.settings.feedback,
-        "solved": any(elite.reward >= 1 - facts.tie for elite in brief.elites),
+        "solved": any(
+            elite.solved and elite.reward >= 1 - facts.tie for elite in brief.elites
+        ),
         **plan_limits(),
     }
 

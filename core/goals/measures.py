@@ -18,7 +18,7 @@ SLIP_M = 0.1  # what is right at the start counts as lost when it is so far off
 SLIP_RAD = 0.5
 SLIP_DEG = float(np.degrees(SLIP_RAD))
 SLIP_SHARE = 0.2  # of a limit of height or area: what is so far off counts as lost
-NEAR_M = 0.02  # observations call a body in place up to here, if the tolerance is less
+NEAR_M = 0.02  # observations call a body in place up to here, where the goal has no tolerance
 NEAR_RAD = 0.1
 BREAKS = "of what breaks it"  # the unit of forces on what can break
 
@@ -38,7 +38,7 @@ class Measure:
         slip: how far beyond the limit counts as lost, where the figure is right at the start.
         unit: of all its numbers: m, rad, ...
         at_least: whether it must not end below the limit; else not above it.
-        near: up to here observations call it good, where the limit is lower.
+        near: up to here observations call it good, where no tolerance says when it is.
         far: so far below a limit that it must not exceed is safe; 0: where the figure is 0.
         whole: whether less than half counts until it is there. What was there at the start is lost once it is not.
     """

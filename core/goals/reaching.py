@@ -24,7 +24,7 @@ from core.values.states import State
 
 STILL_M_S = 0.02  # what is slower is at rest
 STILL_RAD_S = 0.2
-DONE = 0.95  # a goal is fulfilled from this progress on, where instants are compared
+DONE = 1 - 1e-9  # a goal is fulfilled from this progress on: 1, but for rounding
 MANY = 3  # bodies that are named in short; of more it is said how many
 
 
@@ -249,11 +249,11 @@ class Reach(Terms):
         return np.where(before >= DONE, 1.0, before)
 
     def is_in_place(self, body: str, start: State, end: State) -> bool:
-        """Report whether a body of one world ends as it should, with the tolerance of an observer."""
+        """Report whether a body of one world ends as it should; where the goal has no tolerance, with an observer's."""
         if self.rest and self.unrest(body, end) * DONE > 1:
             return False
         return all(
-            measure.left(end) <= max(measure.near - measure.limit, 0.0)
+            measure.left(end) <= (0.0 if measure.limit else measure.near)
             for measure in self.all_measures(body, start)
         )
 

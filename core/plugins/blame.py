@@ -118,19 +118,18 @@ class ListenerProxy:
                 passed_on = self._pass_on(event, getattr(listener, event))
                 setattr(self, event, hookimpl(**options)(passed_on))
 
-    def _pass_on(
-        self, event: str, function: Callable[..., None]
-    ) -> Callable[..., None]:
+    def _pass_on(self, event: str, function: Callable[..., Any]) -> Callable[..., Any]:
         @wraps(function)
-        def pass_on(*arguments: Any) -> None:
+        def pass_on(*arguments: Any) -> Any:
             if self._failed and event != "run_ended":
-                return
+                return None
             try:
-                function(*arguments)
+                return function(*arguments)
             except RAISED as error:  # of a plugin
                 if not self._failed:
                     what = f"{describe_part(self._listener)}: {event} raised {in_line(error)}"
                     say(f"{what}; it receives no more events", file=sys.stderr)
                 self._failed = True
+                return None
 
         return pass_on

@@ -17,6 +17,7 @@ from core.plugins import describe_part, installed
 from core.search.finalists import Race, evaluate_in_race
 from core.support.text import shorten
 from core.trial import Evaluation, count_rollouts
+from core.values.efforts import HOLDS
 
 
 def evolve(
@@ -29,7 +30,7 @@ def evolve(
     elites: int = 0,
     least: int = 0,
 ) -> Result:
-    """Run the generations of a strategy, fewer if the highest reward reaches ``budget.stop_reward``.
+    """Run the generations of a strategy, fewer if a reward reaches ``budget.stop_reward``.
 
     A limit that the strategy runs into, or an interrupt, ends the loop early (`Result.stopped`).
 
@@ -103,14 +104,16 @@ def _make_generation(
 
 
 def _is_enough(generations: Sequence[Generation], budget: Budget) -> bool:
-    """Report whether the highest reward so far ends the run."""
+    """Report whether what was earned so far ends the run."""
     goal = budget.stop_reward
     if goal is None:
         return False
 
-    rewards = [generation.best_reward for generation in generations]
-    known = [reward for reward in rewards if reward is not None]
-    return max(known, default=-1.0) >= goal
+    return any(
+        evaluation.reward >= goal and (evaluation.solved or goal < HOLDS)
+        for generation in generations
+        for evaluation in generation.ranking
+    )
 
 
 @dataclass(eq=False)

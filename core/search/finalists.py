@@ -25,7 +25,7 @@ from core.events import Result
 from core.interfaces import Fitness
 from core.search.trials import Trials, make_score
 from core.support.progress_display import busy
-from core.trial import Condition, Evaluation, Trial, best_first
+from core.trial import Condition, Evaluation, Trial, best_first, count_lost
 from core.values.efforts import HOLDS, Held
 
 WIDTH = 8  # trials in an engine at once
@@ -175,13 +175,19 @@ class Race:
         size = len(trials) // len(numbers)  # all layouts have as many conditions
 
         for place, number in enumerate(numbers):
-            losses = {}
-            for engine, rewards in by_engine.items():
-                lost = 1.0 - rewards[place]
-                losses[engine] = lost if lost > self._slack else 0.0
+            there = trials[place * size : (place + 1) * size]
+            runner.finals.trials[number] = there
+            runner.finals.losses[number] = {
+                engine: self._count_lost(rewards[place], engine, there)
+                for engine, rewards in by_engine.items()
+            }
 
-            runner.finals.losses[number] = losses
-            runner.finals.trials[number] = trials[place * size : (place + 1) * size]
+    def _count_lost(self, reward: float, engine: str, trials: Sequence[Trial]) -> float:
+        """Compute what a runner lost in a layout in an engine. What only checks a choice asks no more than a reward."""
+        asked = [trial for trial in trials if trial.engine == engine]
+        return count_lost(
+            reward, [] if self.fitness.finals_check else asked, self._slack
+        )
 
     def compare(
         self, ranking: Sequence[Evaluation], rollouts: float, most: int

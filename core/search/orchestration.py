@@ -136,6 +136,10 @@ def run_search(search: Search, store: RunStore) -> Result:
         if result.best is not None and result.stopped != INTERRUPTED:
             result = choose_winner(result, race, run.budget.final_s)
 
+    if result.best is not None and result.stopped != INTERRUPTED:
+        elsewhere = events.hook.winner_chosen(run=run, result=result)
+        result = replace(result, elsewhere=elsewhere)
+
     result = replace(result, wall_time_s=store.seconds + result.wall_time_s)
     with writing(run.folder):
         for export in installed().factories("export").values():

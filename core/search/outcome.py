@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 from core.errors import UserError
@@ -13,6 +14,8 @@ from core.store.rows import Best
 from core.store.run_figures import best_figures
 from core.support.cli import say
 from core.support.text import number
+
+DIFFERENT = 0.1  # between the rewards of two engines: the user is told at once
 
 
 def resume_hint(folder: Path) -> str:
@@ -36,11 +39,25 @@ def print_best(best: Best, folder: Path) -> None:
     figures = [f"best reward {number(best.reward, 3)}"]
     if best.reason:
         figures[0] += f" ({best.reason})"
+    figures += _doubt_engine(best)
     if best.distance_m is not None:  # of joined plans it is not known
         figures.append(f"distance {best.distance_m:.2f} m")
 
     figures.append(f"candidate {best.candidate}")
     say(", ".join(figures), str(folder / "best"))
+
+
+def _doubt_engine(best: Best) -> Iterator[str]:
+    """Say what the best candidate earned in a second engine, where that differs much: one of the two may be wrong."""
+    other = best.elsewhere
+    if other is None or abs(other.reward - other.here) <= DIFFERENT:
+        return
+
+    there = number(other.reward, 3)
+    here = (
+        "" if other.here == best.reward else f" where it earned {number(other.here, 3)}"
+    )
+    yield f"but {there} in {other.engine}{here}"
 
 
 def report_end(result: Result, folder: Path) -> None:

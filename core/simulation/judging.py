@@ -154,6 +154,7 @@ def _make_trial(
         attempt.candidate.id,
         "ok",
         reward,
+        solved=task.is_solved(reward),
         moved_m=dict(zip(start.names, shifts, strict=True)),
         warnings=(
             *attempt.warnings,
@@ -168,7 +169,7 @@ def _make_trial(
     )
     if not 0.0 <= reward <= 1.0:
         reason = f"task {task.name}: the reward {reward} is not in [0, 1]"
-        trial = replace(trial, status="failed", reward=0.0, reason=reason)
+        trial = replace(trial, status="failed", reward=0.0, solved=False, reason=reason)
 
     return _forbid_penetration(stage, _observe(stage, trial, attempt), attempt.findings)
 
@@ -196,7 +197,7 @@ def _forbid_penetration(stage: Stage, trial: Trial, found: Sequence[Finding]) ->
 
     counts = f"so that its reward of {number(trial.reward, 2)} does not count"
     reason = trial.reason or f"{passages[0]}, {counts}"
-    return replace(trial, reward=0.0, reason=reason)
+    return replace(trial, reward=0.0, solved=False, reason=reason)
 
 
 def _rewards(

@@ -2,7 +2,7 @@
 
 The goal's bodies are classed by the first rule that applies:
 
-- solved: the reward is `Task.success_reward` or more.
+- solved: `Task.is_solved` says so.
 - forbidden: something happened that a goal forbids (`Limit.breaches`); the first of it.
 - placed: all are where the goal wants them, yet the reward is less.
 - The earliest of these causes, if there is one. The first two count only from the robot's first touch of these bodies
@@ -242,7 +242,7 @@ class _Case:
         Returns:
             The class, the thing that it is about, and when it happened, seconds; None: at no one instant.
         """
-        if reward >= self.task.success_reward:
+        if self.task.is_solved(reward):
             return "solved", "", None
 
         forbidden = min(self._breaches(), default=None)

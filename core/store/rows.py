@@ -75,19 +75,32 @@ def _with_usable_parts(config: RunConfig) -> RunConfig:
 
 
 @dataclass(frozen=True)
+class ElsewhereFigures:
+    """What the best candidate earned in a second engine, and ``here`` in the same layout in the run's own."""
+
+    engine: Id
+    reward: Reward
+    here: Reward
+    solved: bool = False
+
+
+@dataclass(frozen=True)
 class Best:
     """The best candidate of a run.
 
-    ``margin`` is the least; ``reason`` says why it earns nothing; ``torque`` is that of the joint that used most of its
-    own. ``measured`` are the means of its figures (`core.trial.Figure`), as far as they are known.
+    ``solved`` says whether all trials of the search were. ``margin`` is the least; ``reason`` says why it earns
+    nothing; ``torque`` is that of the joint that used most of its own. ``measured`` are the means of its figures
+    (`core.trial.Figure`), as far as they are known.
     """
 
     reward: Reward
     generation: Count
     candidate: Id
+    solved: bool = False
     margin: Margin | None = None
     reason: str = ""
     torque: TorqueShare | None = None
+    elsewhere: ElsewhereFigures | None = None
     measured: dict[Id, Number] = field(default_factory=dict)
 
     @property

@@ -17,6 +17,7 @@ from core.events import Generation, Result, Run
 from core.simulation.measuring import figures
 from core.store.rows import (
     Best,
+    ElsewhereFigures,
     FailedLayout,
     GenerationFigures,
     HeldFigures,
@@ -63,13 +64,27 @@ def best_figures(result: Result) -> Best | None:
     means = {name: mean_figure(best.trials, name) for name in figures()}
     return Best(
         reward=best.reward,
+        solved=best.solved,
         generation=best.candidate.generation,
         candidate=best.candidate.id,
         margin=best.least_margin,
         reason=best.why_nothing,
         torque=best.hardest,
+        elsewhere=elsewhere_figures(result),
         measured={name: value for name, value in means.items() if math.isfinite(value)},
     )
+
+
+def elsewhere_figures(result: Result) -> ElsewhereFigures | None:
+    """Return what the best candidate earned in a second engine; None: it was not tried, or not to the end."""
+    trial = result.elsewhere
+    best = result.best
+    if best is None or trial is None or trial.status != "ok":
+        return None
+
+    alike = [tried.reward for tried in best.trials if tried.layout == trial.layout]
+    here = alike[0] if alike else best.reward
+    return ElsewhereFigures(trial.engine, trial.reward, here, trial.solved)
 
 
 def held_figures(held: Held) -> HeldFigures | None:
@@ -99,11 +114,10 @@ def failed_layouts(run: Run, result: Result) -> Iterator[FailedLayout]:
     tasks = {task.name: task for task in run.task.parts}
 
     for trial in sorted(result.unseen_trials, key=lambda trial: trial.reward):
-        task = tasks[trial.task]
-        if trial.reward >= task.success_reward:
+        if trial.solved:
             continue
 
-        draw = task.draw(trial.layout)
+        draw = tasks[trial.task].draw(trial.layout)
         numbers = {name: round(draw(name, math.nan), 4) for name in draw.ranges}
         where = trial.task, trial.engine, trial.layout
         failed = FailedLayout(*where, trial.reward, trial.cause, numbers)

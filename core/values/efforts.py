@@ -9,13 +9,13 @@ LEAST_S = 0.1  # less counts as this, as with mass
 LEAST_KG = 0.001
 NARROW = 0.1  # added to margins, so that those near 0 can be compared
 CONFIDENCE = 0.95  # of `least_share`
-HOLDS = 0.95  # the mean reward from which on a design holds
+HOLDS = 0.95  # the mean from which on a design holds: of rewards, or of what is solved
 PERTURBED = "layouts with tool and bodies perturbed"
 _ROUNDING = 1e-9  # of a sum of rewards
 
 
 def holds(mean: float) -> bool:
-    """Say whether a design with this mean reward holds: 19 of 20 layouts do, in whatever order they are added."""
+    """Say whether a design with this mean holds: 19 of 20 layouts do, in whatever order they are added."""
     return mean >= HOLDS - _ROUNDING
 
 

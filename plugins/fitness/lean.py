@@ -10,15 +10,15 @@ from core.design import Candidate
 from core.errors import UsageError
 from core.interfaces import Condition, Score, Trial
 from core.support.templates import fill
-from core.trial import Evaluation, worst_mean
-from core.values.efforts import HOLDS, Effort, holds
+from core.trial import Evaluation
+from core.values.efforts import HOLDS, Effort
 from plugins.fitness.layouts import Layouts
 
 
 class Lean(Layouts):
     """The rewards over layouts, and of designs that hold the effort saved (`core.values.efforts.Effort.saved`).
 
-    A design holds if its mean reward is at least `HOLDS` in each engine. Its score s becomes a reward of
+    A design holds if a share of `HOLDS` of its trials is solved in each engine. Its score s becomes a reward of
     0.5 + 0.5 s / (1 + s), so that the reference earns 0.75, and no design 1. What does not hold earns half its mean.
 
     Args:
@@ -62,7 +62,7 @@ class Lean(Layouts):
         score = super().score(candidate, trials)
         tried = Evaluation(candidate, tuple(trials))
         effort = tried.effort
-        if effort is None or not holds(worst_mean(tried.by_engine)):
+        if effort is None or not tried.holds:
             return replace(score, reward=score.reward / 2)
 
         saved = effort.saved(self._reference)

@@ -289,9 +289,9 @@ class SeveralDesigner(ModelDesigner):
         held: dict[str, ActionPlan] = {}
         for task in self.tasks:
             plan = evaluation.candidate.plan.of(task.name)
-            reward = evaluation.figures.get(task.name, 0.0)
+            solved = evaluation.in_task(task.name).solved
 
-            if reward >= task.success_reward and isinstance(plan, ActionPlan):
+            if solved and isinstance(plan, ActionPlan):
                 held[task.name] = plan
 
         return held

@@ -55,7 +55,6 @@ class Several(Task):
             "name": "+".join(names),
             "combine": combine,
             "home": self._parts[0].home,
-            "success_reward": min(task.success_reward for task in self._parts),
             "description": " ".join(texts),
             "in_words": " ".join(in_words),
             "fixture": _find_common_region(self._parts),

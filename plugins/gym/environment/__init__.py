@@ -202,7 +202,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
 
         before = self._earned
         self._earned = self._reward(world, world.state())
-        done = self._earned >= self.task.success_reward
+        done = self.task.is_solved(self._earned)
         info = {"reward": self._earned, "is_success": done}
 
         return self._observation(world), self._earned - before, done, False, info

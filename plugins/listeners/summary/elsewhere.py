@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from omegaconf import OmegaConf
 
@@ -15,6 +15,7 @@ from core.simulation.engines import list_scene_needs
 from core.simulation.play import play
 from core.support.progress_display import busy
 from core.support.text import clean, number
+from core.trial import Where
 
 if TYPE_CHECKING:
     from core.events import Result, Run
@@ -27,22 +28,22 @@ ENGINES = ("mujoco", "pybullet", "sapien")
 LONGEST = 300  # letters of a cause
 
 
-class Elsewhere(NamedTuple):
-    """What the winner of a run came to in a second engine.
+def describe_elsewhere(trial: Trial) -> str:
+    """Say what the winner earned in a second engine, or that it could not be tried there."""
+    if trial.status == "failed" and not trial.measured:
+        return f"the best could not be tried in {trial.engine}"
 
-    Attributes:
-        outcome: what it earned, or that it could not be tried.
-        cause: why, where it earned less than success; or empty.
-    """
-
-    outcome: str
-    cause: str = ""
-
-    def __str__(self) -> str:
-        return f"{self.outcome}: {self.cause}" if self.cause else self.outcome
+    return f"in {trial.engine} it earns {number(trial.reward, 3)}"
 
 
-def try_elsewhere(run: Run, result: Result, chosen: str = AUTO) -> Elsewhere | None:
+def explain_elsewhere(trial: Trial) -> str:
+    """Say that, and why it did not solve the task there, if so."""
+    cause = "" if trial.solved else clean(trial.cause, LONGEST)
+    outcome = describe_elsewhere(trial)
+    return f"{outcome}: {cause}" if cause else outcome
+
+
+def try_elsewhere(run: Run, result: Result, chosen: str = AUTO) -> Trial | None:
     """Try the best candidate in a second engine; None: it is not tried, or no other engine can play it.
 
     Of several tasks, or where the fitness has several engines, that is known or asked for otherwise.
@@ -69,13 +70,11 @@ def try_elsewhere(run: Run, result: Result, chosen: str = AUTO) -> Elsewhere | N
         try:
             trial = _play(run, best, name)
         except UserError as error:
-            why = clean(str(error), LONGEST)
-            return Elsewhere(f"the best could not be tried in {name}", why)
+            where = Where(run.task.name, name, run.seed)
+            return Trial(where, best.candidate.id, "failed", reason=str(error))
 
         if trial.status != "rejected":
-            solved = trial.reward >= run.task.success_reward
-            cause = "" if solved else clean(trial.cause, LONGEST)
-            return Elsewhere(f"in {name} it earns {number(trial.reward, 3)}", cause)
+            return trial
 
     return None
 

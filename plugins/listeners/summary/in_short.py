@@ -9,18 +9,17 @@ from core.goals import reaches
 from core.plugins import installed
 from core.support.text import clean, number
 from core.trial import NOTHING
+from plugins.listeners.summary.elsewhere import describe_elsewhere
 
 if TYPE_CHECKING:
     from core.events import Result, Run
-    from plugins.listeners.summary.elsewhere import Elsewhere
+    from core.interfaces import Evaluation
 
 LONGEST = 60  # letters of a tool's name
 REMARK = 300  # letters of what a plugin says
 
 
-def tell_in_short(
-    run: Run, result: Result, elsewhere: Elsewhere | None
-) -> Iterator[str]:
+def tell_in_short(run: Run, result: Result) -> Iterator[str]:
     """Say which tool did what, what that earned here and in another engine, and what plugins remark.
 
     For example: "in short: a J hook of 45 g brings cube to its place: 0.995; in mujoco it earns 0.977; printable in
@@ -29,7 +28,6 @@ def tell_in_short(
     Args:
         run: whose task has goals.
         result: of the run.
-        elsewhere: what came of it in another engine; None: it was tried in none.
     """
     best = result.best
     if best is None or best.candidate.tool is None:
@@ -38,10 +36,10 @@ def tell_in_short(
     tool = best.candidate.tool
     name = clean(tool.name or best.candidate.design_name, LONGEST) or "tool"
     mass = f" of {1000 * tool.mass:.0f} g" if tool.components else ""
-    does = _say_what_is_done(run, best.reward)
+    does = _say_what_is_done(run, best)
     parts = [f"in short: {name}{mass} {does}: {number(best.reward, 3)}"]
-    if elsewhere is not None:
-        parts.append(elsewhere.outcome)
+    if result.elsewhere is not None:
+        parts.append(describe_elsewhere(result.elsewhere))
 
     for remark in installed().factories("remark").values():
         said = remark(run, best.candidate)
@@ -51,16 +49,21 @@ def tell_in_short(
     yield "; ".join(parts)
 
 
-def _say_what_is_done(run: Run, reward: float) -> str:
-    """Say by the goals what the task wants, and whether it was done: wholly, in part or not."""
+def _say_what_is_done(run: Run, best: Evaluation) -> str:
+    """Say by the goals what the task wants, and whether it was done: wholly, in part or not.
+
+    What was done but for a limit that was missed is done in part: the limit is named.
+    """
     tasks = run.task.parts
     goals = [goal for task in tasks for goal in reaches(task.goals)]
     wanted = [*dict.fromkeys(goal.in_short() for goal in goals)]
     joint = " and " if run.task.every or len(tasks) > 1 else " or "
     what = joint.join(wanted) or f"do {run.task.name}"
 
-    if reward >= run.task.success_reward:
+    if best.solved:
         return f"does what is wanted, to {what}"
-    if reward >= NOTHING:
-        return f"does in part what is wanted, to {what}"
+    if best.reward >= NOTHING:
+        least = best.least_margin
+        missed = f" ({least})" if least is not None and least.margin < 0 else ""
+        return f"does in part what is wanted, to {what}{missed}"
     return f"does not do what is wanted, to {what}"

@@ -23,7 +23,7 @@ from core.store.run_figures import failed_layouts
 from core.support.cli import print_table, say
 from core.support.text import by_reason, clean, count_words, hydra_word, number
 from core.trial import NOTHING, Evaluation, Trial, best_tools
-from core.values.efforts import PERTURBED, holds
+from core.values.efforts import PERTURBED
 from core.values.messages import Bill, sum_known
 
 if TYPE_CHECKING:
@@ -61,16 +61,22 @@ class SummaryListener:
         """Keep a reply for the sum of what it cost."""
         self._replies.append(reply)
 
+    @hookimpl
+    def winner_chosen(self, run: Run, result: Result) -> Trial | None:
+        """Try the winner in a second engine."""
+        # Engines are imported with it, which would slow down a list of settings.
+        from plugins.listeners.summary.elsewhere import try_elsewhere
+
+        return try_elsewhere(run, result, self.second)
+
     @hookimpl(trylast=True)
     def run_finished(self, run: Run, result: Result) -> None:
         """Print it after other listeners, whose files it names."""
-        # Engines are imported with it, which would slow down a list of settings.
-        from plugins.listeners.summary.elsewhere import try_elsewhere
+        from plugins.listeners.summary.elsewhere import explain_elsewhere
         from plugins.listeners.summary.in_short import tell_in_short
 
         best = result.best
         lines = [_spent(self._replies)]
-        elsewhere = try_elsewhere(run, result, self.second)
 
         if best is None:
             first = next((e.reason for e in result.evaluations), "no candidate came")
@@ -83,7 +89,8 @@ class SummaryListener:
                 *lines,
             ]
             lines += _remarks(run, result, best)
-            lines += [str(elsewhere)] if elsewhere is not None else []
+            if result.elsewhere is not None:
+                lines.append(explain_elsewhere(result.elsewhere))
 
         say(*lines, *_next_steps(run, result), file=sys.stderr)
         if best is not None:
@@ -91,13 +98,13 @@ class SummaryListener:
             _print_tools(result, self.top)
 
         say(*_unseen_failures(run, result), *_failures(result), file=sys.stderr)
-        say(*tell_in_short(run, result, elsewhere), file=sys.stderr)
+        say(*tell_in_short(run, result), file=sys.stderr)
 
 
 def _causes(run: Run, best: Evaluation) -> Iterator[str]:
     """Say why the best candidate earned nothing, or less than success, where that is known."""
     known = best.observation is not None or best.reason
-    if not known or best.reward >= run.task.success_reward:
+    if not known or best.solved:
         return
 
     level = installed().factory("level", PromptSettings.told)()
@@ -252,13 +259,13 @@ def _count_benches(run: Run, result: Result, best: Evaluation) -> Iterator[str]:
     if not count:
         return
 
-    rewards = defaultdict[int, list[float]](list)
+    solved = defaultdict[int, list[bool]](list)
     for trial in (*best.trials, *best.finals.in_order(), *result.unseen_trials):
-        rewards[trial.layout % count].append(trial.reward)
+        solved[trial.layout % count].append(trial.solved)
 
-    held = sum(holds(fmean(earned)) for earned in rewards.values())
-    line = f"the best holds in {held} of {len(rewards)} benches as yours may be"
-    yield line if len(rewards) == count else f"{line}, of {count} that there are"
+    held = sum(map(all, solved.values()))
+    line = f"the best holds in {held} of {len(solved)} benches as yours may be"
+    yield line if len(solved) == count else f"{line}, of {count} that there are"
 
 
 def _unseen_failures(run: Run, result: Result) -> Iterator[str]:

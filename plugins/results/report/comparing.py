@@ -18,7 +18,6 @@ from plugins.results.report.results import Results
 from plugins.results.report.statistics import interquartile_mean, interval
 from plugins.results.study.study_files import Published
 
-REACHED = 0.95  # a reward that counts as solved
 GOOD = 0.6  # in one engine ...
 KEPT = 0.4  # ... and still good in another
 
@@ -30,7 +29,7 @@ def comparing_tables(results: Results) -> list[Table]:
     return [
         Table.of(
             "gains",
-            f"method|against|tasks:0|pairs of runs:0|gain:3|low:3|high:3|runs from {REACHED:g} on:0|of:0",
+            "method|against|tasks:0|pairs of runs:0|gain:3|low:3|high:3|solved:0|of runs:0",
             _gains(results),
         ),
         Table.of(
@@ -68,11 +67,11 @@ def _gains(results: Results) -> Rows:
 
         low, high = interval(by_task, "interquartile mean") or (None, None)
         every = sum(by_task, list[float]())
-        rewards = [r for group in results.groups_of(method) for r in group.rewards]
-        reached = sum(reward >= REACHED for reward in rewards)
+        runs = [run for group in results.groups_of(method) for run in group.runs]
+        solved = sum(run.best.solved for run in runs)
         counts = (len(by_task), len(every))
         gain = interquartile_mean(every)
-        yield method, first, *counts, gain, low, high, reached, len(rewards)
+        yield method, first, *counts, gain, low, high, solved, len(runs)
 
 
 def _differences(mine: Group, other: Group) -> list[float]:

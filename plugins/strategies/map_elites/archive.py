@@ -21,8 +21,7 @@ from core.errors import UsageError, choices
 from core.geometry import Array
 from core.interfaces import ToolRepresentation
 from core.support.inputs import check
-from core.trial import TIE, Evaluation, best_first, mean_figure, worst_mean
-from core.values.efforts import holds
+from core.trial import TIE, Evaluation, best_first, mean_figure
 
 MAX_BINS = 100
 
@@ -224,7 +223,7 @@ def lean_front(evaluations: Iterable[Evaluation]) -> list[Evaluation]:
     held = list[Evaluation]()
     for evaluation in evaluations:
         effort = evaluation.effort
-        if effort is not None and holds(worst_mean(evaluation.by_engine)):
+        if effort is not None and evaluation.holds:
             points.append((effort.mass_kg, effort.motion_s))
             held.append(evaluation)
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from core.interfaces import Evaluation, Trial
 from core.support.text import clean, hide_numbers, number
-from core.values.efforts import holds
 from core.values.observations import Offset, Sight
 from plugins.vlms.told.phrases import phrase
 
@@ -42,7 +41,7 @@ def failing_trials(evaluation: Evaluation) -> list[Trial]:
         min(trials, key=lambda trial: trial.reward)
         for trials in evaluation.finals.trials.values()
     ]
-    failed = [trial for trial in worst if not holds(trial.reward)]
+    failed = [trial for trial in worst if not trial.solved]
     return sorted(failed, key=lambda trial: (trial.reward, trial.layout))
 
 

@@ -223,7 +223,7 @@ def _poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
     poor: list[dict[str, Any]] = []
     tried = (*evaluation.trials, *evaluation.finals.in_order())
     for trial in sorted(tried, key=lambda trial: trial.reward):
-        if trial.where.change is not None or trial.reward >= task.success_reward:
+        if trial.where.change is not None or trial.solved:
             continue
 
         described = {

@@ -10,7 +10,6 @@ from core.design import Tool
 from core.designs.prompt_values import RunFacts
 from core.interfaces import Brief, Evaluation, Task, Trial
 from core.support.text import clean
-from core.values.efforts import holds
 
 _LEAST = 2  # candidates that fail in a layout, before it is the layout that is hard
 _FEW_LAYOUTS = 2  # in so many, numbers are near each other by chance
@@ -42,7 +41,7 @@ def hard_layouts_value(brief: Brief, mounted: Tool, facts: RunFacts) -> list[str
 
 
 def find_hard_layouts(evaluations: Iterable[Evaluation]) -> Hard:
-    """Return the further layouts in which several candidates were tried and none held."""
+    """Return the further layouts in which several candidates were tried and none solved it."""
     tallies = {e.candidate.content: e.finals for e in evaluations if e.finals.count}
     tried: dict[int, dict[str, list[Trial]]] = {}
     for content, tally in tallies.items():
@@ -55,7 +54,7 @@ def find_hard_layouts(evaluations: Iterable[Evaluation]) -> Hard:
         worst = [
             min(trials, key=lambda t: t.reward) for trials in by_candidate.values()
         ]
-        if len(worst) >= _LEAST and not any(holds(trial.reward) for trial in worst):
+        if len(worst) >= _LEAST and not any(trial.solved for trial in worst):
             hard[layout] = worst
 
     return hard
