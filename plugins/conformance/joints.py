@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from core.geometry import Array, Box
 from core.interfaces import Simulator
 from core.scene import Body, Drive, Joint, Latch, Scene, State
 from plugins.conformance.cases import Case, Measure, compare
@@ -25,6 +26,10 @@ from plugins.conformance.releases import (
 )
 from plugins.conformance.shared import between, near
 from plugins.conformance.worlds import GRAVITY, watch
+
+_AIR = (0.75, 0.3, 1.0)
+_GREY = (0.5, 0.5, 0.5, 1.0)
+_PLATE_KG = 0.05
 
 
 def check_joints_of_tools_move_as_formulas_say(simulator: Simulator) -> None:
@@ -96,6 +101,41 @@ def check_drive_keeps_its_schedule(simulator: Simulator) -> None:
     played = watch(simulator, Scene((BLOCK,), (joint,)), 2.0, settle_s=0.3)
     found = played.states.joint("gate").position
     near("where a driven slider is, m", found, drive.sample(played.times), lag + 0.004)
+
+
+def check_drive_bears_its_load(simulator: Simulator) -> None:
+    """Light plates stay level and lifts rise, empty and with what is laid on them, up to the drive's force."""
+    for load_kg in (0.0, 0.014, 0.2, 1.0):
+        level = Drive((0.0,), (0.0,), 20.0)
+        edge = Joint("j", "hinge", "plate", None, ACROSS, (0.025, 0.0, 0.0))
+        found = _bear(simulator, load_kg, replace(edge, drive=level))
+        what = f"how a driven plate with {load_kg} kg on it turns, rad"
+        near(what, found[-1], 0.0, 0.004)
+
+        rise = Drive((0.0, 0.5), (0.0, 0.1), 50.0)
+        found = _bear(simulator, load_kg, Joint("j", "slider", "plate", drive=rise))
+        what = f"how far a lift with {load_kg} kg on it rises, m"
+        near(what, found[-1], 0.1, 0.001)
+
+    for share, due, within in ((1.2, 0.0, 0.002), (0.8, -3.0, 1.0)):
+        weight = (1.0 + _PLATE_KG) * GRAVITY
+        still = Drive((0.0,), (0.0,), share * weight)
+        found = _bear(simulator, 1.0, Joint("j", "slider", "plate", drive=still))
+        what = f"how far a lift sinks that can do {share} times the weight on it, m"
+        near(what, found[-1], due, within)
+
+
+def _bear(simulator: Simulator, load_kg: float, joint: Joint) -> Array:
+    """Follow the joint of a plate in the air on which a box of so many kg lies; 0: there is none."""
+    plate = Body.of("plate", Box((0.05, 0.05, 0.01)), _AIR, mass=_PLATE_KG, color=_GREY)
+    bodies = [plate]
+    if load_kg:
+        above = np.add(_AIR, (0.0, 0.0, 0.0202))
+        box = Box((0.03, 0.03, 0.03))
+        bodies.append(Body.of("load", box, above, mass=load_kg, color=_GREY))
+
+    played = watch(simulator, Scene(tuple(bodies), (joint,)), 1.5, settle_s=0.3)
+    return np.asarray(played.states.joint("j").position)
 
 
 def _check_together(states: State) -> None:

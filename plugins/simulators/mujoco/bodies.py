@@ -129,7 +129,7 @@ def _add_joint(spec: Element, bearer: Element, joint: Joint, name: str) -> None:
         servo = spec.add_actuator(
             name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT
         )
-        servo.set_to_pid(kp=1.0, kv=1.0)
+        servo.set_to_pid(kp=1.0, kv=1.0, ki=1.0, imax=joint.drive.force)
 
 
 class _Place(NamedTuple):

@@ -55,7 +55,7 @@ def compile_model(
     last_joint = assembled(robot, tool, fused=True).named[robot.arm_joints[-1]]
     add_feeler(spec, last_joint.child)
     model = spec.compile()
-    set_gains(model, robot, tracking_rate)
+    set_gains(model, robot, tool, tracking_rate)
 
     return model
 

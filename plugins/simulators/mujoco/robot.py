@@ -19,6 +19,8 @@ from plugins.simulators.mujoco.shapes import Element
 FINGER_INERTIA = 0.5  # kg, a guess: a spindle is hard to push back
 # The impedance of dry friction in a joint: it hardly creeps.
 HOLDS = [0.9999, 0.9999, 0.001, 0.5, 2.0]
+GIVES_WAY = 0.015  # m or rad: so far off a scene's drive does its full force
+LIFTS_RATE = 5.0  # 1/s: how fast its integral makes up for what it bears
 _AHEAD = 3.0  # how many times faster a joint's speed converges than its position
 
 
@@ -133,7 +135,7 @@ def add_servos(spec: Element, robot: Robot, tool: Tool) -> None:
         coupling.solref = [2 * spec.option.timestep, 1.0]
 
 
-def set_gains(model: Element, robot: Robot, tracking_rate: float) -> None:
+def set_gains(model: Element, robot: Robot, tool: Tool, tracking_rate: float) -> None:
     """Place each joint's two poles, by its inertia at home: one at the tracking rate, one faster.
 
     Take the inertia M, the time step h, a = h kv / M and b = h^2 kp / M. A step changes the error x and its rate v to
@@ -142,11 +144,13 @@ def set_gains(model: Element, robot: Robot, tracking_rate: float) -> None:
     give a and b.
 
     A faster second pole would follow better, but a joint at its force limit would move too far within a step, and
-    shake.
+    shake. What a scene's drive will bear is not known here, and is no part of its inertia. So it is at least so stiff
+    that it does its full force where it is `GIVES_WAY` off, and damped for such a load; its integral then lifts that.
 
     Args:
         model: compiled; its servos are changed.
         robot: the arm.
+        tool: what it holds.
         tracking_rate: of the slower pole, 1/s.
     """
     data = mujoco.MjData(model)
@@ -168,6 +172,11 @@ def set_gains(model: Element, robot: Robot, tracking_rate: float) -> None:
         a = 1 / product - 1
         b = (1 + product - total) / product
 
-    masses: Array = np.diag(inertia)[model.jnt_dofadr[model.actuator_trnid[:count, 0]]]
+    joints = model.actuator_trnid[:count, 0]
+    masses: Array = np.diag(inertia)[model.jnt_dofadr[joints]]
+    drives = slice(len(robot.joints(tool.gripper)), None)
+    stiffness = model.jnt_actfrcrange[joints[drives], 1] / GIVES_WAY
+    masses[drives] = np.maximum(masses[drives], stiffness * h**2 / b)
+    model.actuator_gainprm[drives, 0] = LIFTS_RATE * b * masses[drives] / h**2
     model.actuator_biasprm[:, 1] = -b * masses / h**2
     model.actuator_biasprm[:, 2] = -a * masses / h

@@ -292,7 +292,9 @@ class World(interfaces.World):
 
     def _split(self, states: Array) -> tuple[Array, Array]:
         """Split states (..., X) into positions (..., Q) and speeds (..., V)."""
-        _, qpos, qvel = np.split(states, [1, 1 + self._model.nq], axis=-1)
+        speeds = 1 + self._model.nq
+        ends = [1, speeds, speeds + self._model.nv]
+        _, qpos, qvel, _ = np.split(states, ends, axis=-1)
         return qpos, qvel
 
     def _run(self, block: Block, sensed: Array | None = None) -> Array:

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from core.geometry import Array, Cylinder
-from core.scene import Body, Scene, State
+from core.scene import Body, Joint, Scene, State
 from core.values.joints import rotate
-from plugins.simulators.inertia import Inertia, inertia_of
+from plugins.simulators.inertia import Inertia, inertia_of, principal
 from plugins.simulators.rolling import rollers
 from plugins.simulators.sapien.brakes import Brake, Brakes
 from plugins.simulators.sapien.engine import physx
@@ -26,6 +26,9 @@ _SEPARATION = 2.0
 # Without, it begins to roll by itself.
 _LEAST_RESTING = 0.02
 _LEAST_ROLLING = 0.01
+# A motor's inertia, kg m^2, for each N m that it can do. The solver sees a body turn about its centre of mass, and a light
+# one on a hinge would give way to its load, however stiff its drive is.
+_ROTOR = 0.001
 # Seconds between two updates of the normal force on a rolling body.
 _BRAKE_EVERY = 0.02
 
@@ -65,6 +68,11 @@ class Weighed:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.inertias = {body.name: inertia_of(body) for body in scene.free}
+        for joint in scene.joints:
+            if joint.drive is not None and joint.kind == "hinge":
+                body = self.inertias[joint.body]
+                self.inertias[joint.body] = _with_rotor(body, joint)
+
         self.radii: dict[str, float] = {}
         for body in scene.free:
             lying = [shape for shape in rollers(body) if isinstance(shape, Cylinder)]
@@ -74,6 +82,15 @@ class Weighed:
         self.moving = {Surface.of(body) for body in scene.free}
         fixed = [body for body in scene.bodies if body.fixed and body.collisions]
         self.fixed = {Surface.of(body) for body in fixed}
+
+
+def _with_rotor(inertia: Inertia, joint: Joint) -> Inertia:
+    """Return the inertia of a body with the rotor of its joint's drive, about the joint's axis."""
+    turn = inertia.frame.rotation.as_matrix()
+    tensor = turn @ np.diag(inertia.moments) @ turn.T
+    force = 0.0 if joint.drive is None else joint.drive.force
+    rotor = _ROTOR * force * np.outer(joint.axis, joint.axis)
+    return principal(inertia.mass, inertia.frame.position, tensor + rotor)
 
 
 def weigh(component: Any, inertia: Inertia) -> None:

@@ -48,7 +48,8 @@ def earn(condition, candidates):
             raise OSError(28, "No space left on device")
         if reward == "raise":
             raise ValueError
-        found.append(Trial(where, candidate.id, "ok", float(reward)))
+        earned = float(reward)
+        found.append(Trial(where, candidate.id, reward=earned, solved=earned >= 0.95))
     return found
 
 

@@ -52,6 +52,7 @@ def summary(
                     Where("BringCube", "pybullet", layout),
                     candidate.id,
                     reward=reward,
+                    solved=reward >= 0.95,
                     measured={"distance_m": 0.5 + i},
                     **fields,
                 )

@@ -134,7 +134,7 @@ def model(
     for servo in spec.actuators:
         servo.set_to_position(kp=1.0, kv=1.0)
     compiled = spec.compile()
-    set_gains(compiled, robot, tracking_rate)
+    set_gains(compiled, robot, tool, tracking_rate)
     compiled.actuator_gainprm[:, 0] = 1.0
     # As MuJoCo does itself.
     for friction in (compiled.geom_friction, compiled.pair_friction):

@@ -24,10 +24,14 @@ NEAR = [n for n in range(300) if WIDE.draw(n)("cube.x", 0) < 0.88]
 def elite(number, failing, among=range(300), outcome="missed cube"):
     """An elite that fails in these further layouts."""
     trials = [
-        Trial(Where("BringCube", "mujoco", n), reward=float(n not in failing))
+        Trial(
+            Where("BringCube", "mujoco", n),
+            reward=float(n not in failing),
+            solved=n not in failing,
+            outcome=outcome if n in failing else "",
+        )
         for n in among
     ]
-    trials = [replace(t, outcome="" if t.reward else outcome) for t in trials]
     tally = Tally(
         {trial.layout: (trial,) for trial in trials},
         {trial.layout: {"mujoco": 1 - trial.reward} for trial in trials},
