@@ -41,6 +41,7 @@ from core.search.assignment import DEFAULT_KINDS, Assignment, borne_kinds
 from core.search.designer import ModelDesigner
 from core.search.kept_tools import KeptTools
 from core.simulation.measuring import describe_best, figures
+from core.solids.standing import find_layout_doubts
 from core.trial import TIE
 
 _log = logging.getLogger(__name__)
@@ -246,7 +247,7 @@ def check_starts(task: Task) -> None:
 def warn_of_doubts(task: Task) -> None:
     """Say what is doubtful in the scene of a task, before anything is drawn, asked or tried."""
     for stage in task.parts:
-        for doubt in stage.find_doubts():
+        for doubt in (*stage.find_doubts(), *find_layout_doubts(stage)):
             _log.warning("%s: %s", stage.name, doubt)
 
 

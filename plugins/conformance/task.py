@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 
@@ -18,13 +17,12 @@ from core.geometry import Array
 from core.goals import reaches
 from core.interfaces import Task
 from core.robot.kinematics import arm_of
-from core.robot.solids import Obstacles, body_solids, signed_distance
 from core.scene import Scene, State, Trace
+from core.solids.standing import find_layout_doubts, find_overlaps
 from core.task import reward_of
 from plugins.conformance.shared import between, expect, expect_a, near
 
 SEEDS = (0, 1, 2)  # layouts that are looked at
-MAX_OVERLAP_M = 0.001
 
 
 def check_it_is_described(task: Task) -> None:
@@ -134,28 +132,12 @@ def check_the_arm_reaches_home_clear_of_the_scene(task: Task) -> None:
 def check_nothing_overlaps_at_spawn(task: Task) -> None:
     """No two rigid bodies are inside each other, unless a joint connects them or both are fixed."""
     for seed in SEEDS:
-        scene = task.scene(seed)
-        for other, body in combinations(scene.bodies, 2):
-            joined = frozenset((other.name, body.name)) in scene.joined
-            if joined or (other.fixed and body.fixed):
-                continue
-
-            obstacles = Obstacles(body_solids(other))
-            deep = 0.0
-
-            for solid in body_solids(body):
-                for obstacle in obstacles.near(solid, 0.0):
-                    deep = max(deep, -signed_distance(solid, obstacle))
-
-            what = f"with seed {seed} {body.name!r} starts {1000 * deep:.1f} mm inside {other.name!r}"
-            expect(
-                deep < MAX_OVERLAP_M,
-                f"{what}; an engine pushes them apart, so leave a clearance",
-            )
+        for fault in find_overlaps(task.scene(seed)):
+            raise AssertionError(f"with seed {seed} {fault.text}")
 
 
 def check_variations_draw_layouts(task: Task) -> str:
-    """Two seeds of a variation give two layouts, in which nothing overlaps either."""
+    """Two seeds of a variation give two layouts, in which nothing overlaps, falls or is left in the air either."""
     for name in task.variations:
         varied = copy(task)
         varied.variation = name
@@ -164,6 +146,7 @@ def check_variations_draw_layouts(task: Task) -> str:
             differ,
             f"variation {name!r}: two seeds give the same layout; use self.draw(seed)",
         )
-        check_nothing_overlaps_at_spawn(varied)
+        for doubt in find_layout_doubts(varied):
+            raise AssertionError(doubt)
 
     return ", ".join(task.variations) or "it has none"

@@ -12,6 +12,7 @@ from core.geometry import Array, Pose, frozen_array
 from core.scene import Body, Geom
 
 _ROUNDING_M = 1e-12  # of a centre of mass
+ROTOR = 0.001  # a drive's inertia, kg m^2 or kg, for each N m or N that it can do
 
 
 @dataclass(frozen=True)

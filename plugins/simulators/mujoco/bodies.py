@@ -12,7 +12,7 @@ from core.geometry import Array, Pose
 from core.scene import Body, Scene, State
 from core.values.joints import Joint, PlacedJoint, Placement, multiply, rotate
 from plugins.simulators.forces import latch_force
-from plugins.simulators.inertia import inertia_of
+from plugins.simulators.inertia import ROTOR, inertia_of
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.robot import HOLDS
 from plugins.simulators.mujoco.shapes import Element, add_body
@@ -126,6 +126,7 @@ def _add_joint(spec: Element, bearer: Element, joint: Joint, name: str) -> None:
     if joint.drive:
         element.actfrcrange = [-joint.drive.force, joint.drive.force]
         element.actgravcomp = True
+        element.armature = ROTOR * joint.drive.force
         servo = spec.add_actuator(
             name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT
         )

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from core.geometry import Array, Cylinder
 from core.scene import Body, Joint, Scene, State
 from core.values.joints import rotate
-from plugins.simulators.inertia import Inertia, inertia_of, principal
+from plugins.simulators.inertia import ROTOR, Inertia, inertia_of, principal
 from plugins.simulators.rolling import rollers
 from plugins.simulators.sapien.brakes import Brake, Brakes
 from plugins.simulators.sapien.engine import physx
@@ -26,9 +26,6 @@ _SEPARATION = 2.0
 # Without, it begins to roll by itself.
 _LEAST_RESTING = 0.02
 _LEAST_ROLLING = 0.01
-# A motor's inertia, kg m^2, for each N m that it can do. The solver sees a body turn about its centre of mass, and a light
-# one on a hinge would give way to its load, however stiff its drive is.
-_ROTOR = 0.001
 # Seconds between two updates of the normal force on a rolling body.
 _BRAKE_EVERY = 0.02
 
@@ -70,8 +67,8 @@ class Weighed:
         self.inertias = {body.name: inertia_of(body) for body in scene.free}
         for joint in scene.joints:
             if joint.drive is not None and joint.kind == "hinge":
-                body = self.inertias[joint.body]
-                self.inertias[joint.body] = _with_rotor(body, joint)
+                moved = self.inertias[joint.body]
+                self.inertias[joint.body] = _with_rotor(moved, joint)
 
         self.radii: dict[str, float] = {}
         for body in scene.free:
@@ -85,11 +82,15 @@ class Weighed:
 
 
 def _with_rotor(inertia: Inertia, joint: Joint) -> Inertia:
-    """Return the inertia of a body with the rotor of its joint's drive, about the joint's axis."""
+    """Return the inertia of a body with the rotor of its joint's drive, about the joint's axis.
+
+    The solver sees a body turn about its centre of mass. A light one would give way to its load, however stiff its
+    drive is.
+    """
     turn = inertia.frame.rotation.as_matrix()
     tensor = turn @ np.diag(inertia.moments) @ turn.T
     force = 0.0 if joint.drive is None else joint.drive.force
-    rotor = _ROTOR * force * np.outer(joint.axis, joint.axis)
+    rotor = ROTOR * force * np.outer(joint.axis, joint.axis)
     return principal(inertia.mass, inertia.frame.position, tensor + rotor)
 
 

@@ -11,7 +11,7 @@ import trimesh
 
 from core.geometry import Array, Box, Mesh, Pose, Shape
 from core.scene import Body, Color, Filling, Geom, Soft, floor
-from plugins.tasks.file.doubts import bound
+from core.solids.standing import bound
 from plugins.tasks.file.imports.imported import HEAVIEST, LIGHTEST
 from plugins.tasks.file.named_files import Files
 from plugins.tasks.file.spec import (

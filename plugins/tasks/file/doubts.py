@@ -6,65 +6,41 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from core.designs.rules import MAX_MOUNT_GAP_M
-from core.geometry import Array, Pose, Vector
+from core.geometry import Pose, Vector
 from core.goals import Goal, Reach, numbered
-from core.robot.solids import body_solids
-from core.scene import Body, Camera, Region, Scene, Soft, State
+from core.scene import Body, Camera, Region, Scene, State
+from core.solids.standing import bound, find_falls, list_held, turn_upright
 from core.values.doubts import find_doubt
 
 SEEN = 0.9  # of half a picture's height: what is farther from its middle is hardly seen
-FALLS_M = 0.002  # more than engines need to settle what rests
 HELD_M = 0.01  # a bond holds a point of a body, not one farther from it
 # Of an eighth of a turn: 1.57 and 0.785 are so near to what they stand for.
 ROUNDED = 0.005
 FAR_M = 1.6  # beyond the reach of the longest arms, 1.3 m, with a tool of 0.3 m
 
-Box = tuple[Array, Array]
-
 
 def find_doubts(scene: Scene) -> Iterator[str]:
     """Yield a line for each thing that is seldom meant."""
-    upright = _turn_upright(scene.gravity)
-    boxes = {}
-    below = {}
-    for body in scene.bodies:
-        if body.collides:
-            boxes[body.name] = bound(body)
-            turned = replace(body, pose=upright @ body.pose)
-            below[body.name] = bound(turned)
-
-    hanging = {joint.body for joint in scene.joints}
-    hanging |= {bond.body for bond in scene.bonds}
-    hanging |= {soft.name for soft in scene.softs if soft.pinned}
-
+    held = list_held(scene)
     for body in scene.free:
-        if body.name not in boxes:
+        if not body.collides:
             continue
 
-        low, high = boxes[body.name]
+        low, high = bound(body)
         where = f"body {body.name}"
         yield from find_doubt(where, "body mass", body.mass)
         yield from find_doubt(where, "length", float((high - low).max()))
         volume = sum(geom.shape.volume for geom in body.collisions)
         if volume > 0:
             yield from find_doubt(where, "density", body.mass / volume)
-        if body.name in hanging or any(body.velocity) or not any(scene.gravity):
-            continue
 
         weight = body.mass * float(np.linalg.norm(scene.gravity))
-        if 0 < body.breaks_n < weight:
+        if 0 < body.breaks_n < weight and body.name not in held:
             yield f"body {body.name} weighs {weight:.3g} N, and breaks at {body.breaks_n:g} N where it lies"
 
-        gap = _gap_below(body.name, below)
-        if gap > FALLS_M:
-            under = f"it falls by {1000 * gap:.3g} mm"
-            if np.isinf(gap):
-                under = "nothing stops it where gravity draws it"
-
-            yield f"body {body.name} begins in the air: {under}; a position is that of its middle"
+    yield from (fault.text for fault in find_falls(scene))
 
 
 def find_idle_joints(scene: Scene) -> Iterator[str]:
@@ -123,21 +99,12 @@ def find_empty_place(scene: Scene, place: Region | None) -> Iterator[str]:
     )
 
 
-def _turn_upright(gravity: Vector) -> Pose:
-    """Return the turn after which a scene's gravity points down."""
-    if not any(gravity):
-        return Pose()
-
-    turn, _ = Rotation.align_vectors([[0.0, 0.0, -1.0]], [gravity])
-    return Pose.from_rotation((0.0, 0.0, 0.0), turn)
-
-
 def find_foot(scene: Scene, body: Body) -> float:
     """Measure how far the frame of a body is above its lowest point as gravity draws, m."""
     if not body.collides:
         return 0.0
 
-    turned = replace(body, pose=_turn_upright(scene.gravity) @ body.pose)
+    turned = replace(body, pose=turn_upright(scene.gravity) @ body.pose)
     low, _ = bound(turned)
     return float(turned.spawn.position[2] - low[2])
 
@@ -192,27 +159,3 @@ def find_unseen(camera: Camera, state: State, names: Iterable[str]) -> list[str]
             unseen.append(name)
 
     return unseen
-
-
-def bound(body: Body) -> Box:
-    """Bound a body's collision shapes in the world, or the nodes of a soft one with its thickness."""
-    if isinstance(body, Soft):
-        half = body.form.thickness / 2
-        return body.placed.min(axis=0) - half, body.placed.max(axis=0) + half
-
-    bounds = np.array([solid.bounds() for solid in body_solids(body)])
-    middles = bounds[:, 0]
-    halves = bounds[:, 1]
-    return (middles - halves).min(axis=0), (middles + halves).max(axis=0)
-
-
-def _gap_below(name: str, boxes: Mapping[str, Box]) -> float:
-    """Compute how far a body's box is above the next one below it, m; 0 where boxes overlap, inf: there is none."""
-    low, high = boxes[name]
-    least = float("inf")
-    for other, (bottom, top) in boxes.items():
-        overlap = (low[:2] < top[:2]).all() and (high[:2] > bottom[:2]).all()
-        if other != name and overlap and bottom[2] < low[2]:
-            least = min(least, max(0.0, float(low[2] - top[2])))
-
-    return least

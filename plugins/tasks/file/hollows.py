@@ -18,7 +18,7 @@ from core.design import Fixture
 from core.geometry import Array, Pose, Shape
 from core.goals import EMPTY, Space
 from core.scene import FIXTURE, Body, Geom
-from plugins.tasks.file.doubts import bound
+from core.solids.standing import bound
 
 _CELLS = 16_000  # of the grid that a body is looked at by
 _LEAST = 8  # cells along a side

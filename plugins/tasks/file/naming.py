@@ -9,8 +9,9 @@ from graphlib import CycleError, TopologicalSorter
 from core.errors import UsageError, choices
 from core.goals import Goal, Space, limits, reaches
 from core.scene import FIXTURE, Scene
+from core.solids.standing import find_gaps
 from plugins.tasks.file.body_building import build_mark
-from plugins.tasks.file.contacts import CONTACT_M, find_gaps
+from plugins.tasks.file.contacts import CONTACT_M
 from plugins.tasks.file.doubts import find_foot
 from plugins.tasks.file.goals import Entry, join_entries
 from plugins.tasks.file.hollows import FixtureHollow, find_hollow, space_of

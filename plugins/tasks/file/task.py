@@ -16,6 +16,7 @@ from core.goals import goals_reward, reaches
 from core.interfaces import Picture, Task
 from core.robot.kinematics import arm_of
 from core.scene import Scene, State, Trace
+from core.solids.standing import find_overlaps, say_first
 from core.support.cli import expand
 from core.values.layouts import NONE, Draw, Ranges, Sets
 from plugins.tasks.file import (
@@ -37,10 +38,6 @@ FARTHEST_M = 10.0
 SEEN = "seen"  # the variation of a scene that was seen in photographs: the benches that fit these
 SEARCH_WORDS = (f"task.variation={SEEN}", "fitness=layouts")
 VARYING = ("bodies", "imports", "marks", "joints")
-NO_NUMBER = (
-    "there is no such number; a range needs a number that is written in the file, such as bodies.cup.position.x, or of "
-    "copies, bodies.ball_3.mass or bodies.ball_*.mass"
-)
 
 
 class FileTask(Task):
@@ -124,7 +121,8 @@ class FileTask(Task):
                     ranges |= copies.read_ranges(self._tree.data, one, self._files)
                 except (LookupError, TypeError, ValueError):
                     where = ("variations", name, path)
-                    raise self._tree.error(where, NO_NUMBER) from None
+                    problem = tree.explain_missing(path)
+                    raise self._tree.error(where, problem) from None
 
             found[name] = ranges
 
@@ -159,7 +157,8 @@ class FileTask(Task):
 
     def find_doubts(self) -> Iterator[str]:
         """See `core.interfaces.Task.find_doubts`; what needs no robot is said where the file is read."""
-        yield from contacts.find_overlaps(self._scene)
+        overlaps = [fault.text for fault in find_overlaps(self._scene)]
+        yield from say_first(overlaps, "pairs of bodies overlap")
         arm = arm_of(self.robot)
         for goal in reaches(self.goals):
             yield from places.find_far(goal, arm, self._scene)
@@ -243,7 +242,7 @@ class FileTask(Task):
         try:
             tree.follow(copies.unfold(self._tree.data, [path], self._files), path)
         except (LookupError, TypeError, ValueError):
-            return NO_NUMBER
+            return tree.explain_missing(path)
 
         return ""
 

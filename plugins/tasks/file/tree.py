@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,11 @@ Where = tuple[str | int, ...]
 """The way to an entry: keys of objects and numbers of items."""
 
 _NUMBER = re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?")
-_AXES = {"x": 0, "y": 1, "z": 2, "roll": 0, "pitch": 1, "yaw": 2}
+_PLACES = ("x", "y", "z")
+_TURNS = ("roll", "pitch", "yaw")
+_AXES = {"rpy_deg": _TURNS}
+"""The names of a vector's numbers, by its key; those of others are `_PLACES`."""
+
 _WORDS = {"true": True, "false": False, "null": None, "~": None, "": None}
 
 
@@ -186,11 +190,13 @@ def follow(data: Mapping[str, Any], path: str) -> tuple[Any, str | int]:
     node: Any = data
     holder: Any = None
     key: str | int = ""
+    name = ""
     for step in path.split("."):
         holder = node
         key = step
         if isinstance(node, list):
-            key = find_item(node, step)
+            key = find_item(node, step, _AXES.get(name, _PLACES))
+        name = step
 
         node = holder[key]
 
@@ -200,8 +206,23 @@ def follow(data: Mapping[str, Any], path: str) -> tuple[Any, str | int]:
     return holder, key
 
 
-def find_item(items: list[Any], step: str) -> int:
-    """Return the number of an item that a step of a path leads to.
+def explain_missing(path: str) -> str:
+    """Say why a path leads to no number, and what to write where it has an axis of another key."""
+    holder, _, axis = path.rpartition(".")
+    body, _, key = holder.rpartition(".")
+    right = "rpy_deg" if axis in _TURNS else "position"
+    if key in ("position", "rpy_deg") and key != right and axis in (*_PLACES, *_TURNS):
+        has = ", ".join(_AXES.get(key, _PLACES))
+        return f"{key} has {has}; {axis} is of {right}: write {right} in the file, and {body}.{right}.{axis} here"
+
+    return (
+        "there is no such number; a range needs a number that is written in the file, such as bodies.cup.position.x, "
+        "or of copies, bodies.ball_3.mass or bodies.ball_*.mass"
+    )
+
+
+def find_item(items: list[Any], step: str, axes: Sequence[str]) -> int:
+    """Return the number of an item that a step of a path leads to; ``axes`` are the names of a vector's numbers.
 
     Raises:
         ValueError: the step is neither a name, nor an axis, nor a number.
@@ -210,7 +231,7 @@ def find_item(items: list[Any], step: str) -> int:
         if isinstance(item, dict) and item.get("name") == step:
             return number
 
-    if step in _AXES:
-        return _AXES[step]
+    if step in axes:
+        return axes.index(step)
 
     return int(step)

@@ -12,7 +12,7 @@ from core.goals import reaches
 from core.interfaces import Robot
 from core.robot.kinematics import arm_of
 from core.scene import Scene
-from plugins.tasks.file.doubts import bound
+from core.solids.standing import bound
 from plugins.tasks.file.places import find_ends
 from plugins.tasks.file.task import FileTask
 

@@ -12,13 +12,13 @@ from scipy.optimize import least_squares
 from core.errors import UserError
 from core.geometry import Array, Shape
 from core.scene import Scene
+from core.solids.standing import OVERLAP_M
 from plugins.tasks.file.bench.cameras import Bundle
 from plugins.tasks.file.bench.marks import Numbers
 from plugins.tasks.file.bench.photographs import Photograph
 from plugins.tasks.file.bench.scene_replies import Sighting
 from plugins.tasks.file.bench.touching import Touching
 from plugins.tasks.file.bench.views import View
-from plugins.tasks.file.contacts import OVERLAP_M
 from plugins.tasks.file.task import FileTask
 
 PIXEL_PX = 6.0  # how well a model points, one standard deviation

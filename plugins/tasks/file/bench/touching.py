@@ -6,9 +6,8 @@ import numpy as np
 
 from core.geometry import Array
 from core.scene import Scene
+from core.solids.standing import OVERLAP_M, TOUCHES_M
 from plugins.tasks.file.contacts import (
-    OVERLAP_M,
-    TOUCHES_M,
     Meeting,
     Shapes,
     find_meetings,
