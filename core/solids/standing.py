@@ -25,6 +25,7 @@ OVERLAP_M = 0.001  # what is more is a mistake
 FALLS_M = 0.002  # more than engines need to settle what rests
 STAYS_M = 1e-6  # a body that moves less from layout to layout stays
 LAYOUTS = 8  # that are looked at
+_DEEPEST_M = 3.0  # of falls: where nothing is below, something else stops it
 _MOST = 5  # pairs or bodies that are named
 
 Box = tuple[Array, Array]
@@ -80,11 +81,10 @@ def list_held(scene: Scene) -> set[str]:
 
 def measure_fall(name: str, boxes: Mapping[str, Box]) -> float:
     """Compute how far a body's box is above the next one below it, m; 0 where boxes overlap, inf: there is none."""
-    low, high = boxes[name]
+    low, _ = boxes[name]
     least = float("inf")
-    for other, (bottom, top) in boxes.items():
-        overlap = (low[:2] < top[:2]).all() and (high[:2] > bottom[:2]).all()
-        if other != name and overlap and bottom[2] < low[2]:
+    for other, (_, top) in boxes.items():
+        if other != name and _is_below(name, other, boxes):
             least = min(least, max(0.0, float(low[2] - top[2])))
 
     return least
@@ -220,3 +220,51 @@ def find_layout_doubts(task: Task) -> Iterator[str]:
         for bodies, text in first.items()
     ]
     yield from say_first(lines, "such doubts of layouts")
+
+
+class Flight(NamedTuple):
+    """A body that moves by itself: how fast it gets, m/s, and how thin it is, or the thinnest that it may hit, m."""
+
+    body: str
+    speed: float
+    thin: float
+
+
+def find_flights(scene: Scene) -> Iterator[Flight]:
+    """Yield the bodies that are thrown, or fall before anything touches them."""
+    boxes = bound_upright(scene)
+    pull = float(np.linalg.norm(scene.gravity))
+    hung = {joint.body for joint in scene.joints} | {bond.body for bond in scene.bonds}
+    thin = {
+        body.name: min(part.shape.thickness for part in body.collisions)
+        for body in scene.bodies
+        if body.collisions
+    }
+
+    for body in scene.free:
+        if body.name not in thin or body.name in hung:
+            continue
+
+        gap = measure_fall(body.name, boxes)
+        fall = min(gap, _DEEPEST_M) if pull else 0.0
+        thrown = float(np.linalg.norm(body.velocity))
+        if not thrown and fall <= FALLS_M:
+            continue
+
+        met = [
+            name
+            for name in thin
+            if name != body.name and (thrown or _is_below(body.name, name, boxes))
+        ]
+        thinnest = min([thin[body.name], *(thin[name] for name in met)])
+        yield Flight(
+            body.name, float(np.hypot(thrown, np.sqrt(2 * pull * fall))), thinnest
+        )
+
+
+def _is_below(name: str, other: str, boxes: Mapping[str, Box]) -> bool:
+    """Report whether a body would fall on another one, by their boxes."""
+    low, high = boxes[name]
+    bottom, top = boxes[other]
+    over = (low[:2] < top[:2]).all() and (high[:2] > bottom[:2]).all()
+    return bool(over and bottom[2] < low[2])

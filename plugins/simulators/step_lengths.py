@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -10,10 +11,15 @@ from core.design import Tool
 from core.designs.springs import bound_speeds, measure_lightness
 from core.errors import UsageError, check_positive
 from core.scene import Body, Scene
+from core.solids.standing import Flight, find_flights
 
 LONGEST_S = 0.02
 WALL_M = 0.01  # what springs move goes no farther in a step than walls are thick
 CARD_M = 0.004  # thinner bodies that fall on each other may pass through
+HALFWAY = (
+    0.5  # of what is thin: what goes farther in a step may come out on the other side
+)
+MOST_HZ = 10_000.0  # however fast something falls
 MILD = 0.5  # of a joint's speed: what a damper may take of it in a step
 
 
@@ -30,19 +36,45 @@ def check_time_step(time_step: float) -> None:
         )
 
 
-def choose_step(tool: Tool, time_step: float) -> float:
-    """Return the time step that the springs and dampers of a tool need, s, where others get ``time_step``.
+def choose_step(tool: Tool, scene: Scene, time_step: float) -> float:
+    """Return the time step that a tool and what moves by itself in a scene need, s, where others get ``time_step``.
 
-    It is an integer part of that. What they move turns by no more than a radian of its swing in a step.
+    It is an integer part of that.
+    """
+    rate = max(_find_rate_of_springs(tool), _find_rate_of_flights(tool, scene))
+    return time_step / max(1, math.ceil(rate * time_step))
+
+
+def _find_rate_of_flights(tool: Tool, scene: Scene) -> float:
+    """Return how many steps a second are needed so that what falls or is thrown goes through nothing.
+
+    In a step it goes `HALFWAY` through the thinnest that it may hit, be that of the scene or of the tool.
+    """
+    thin = [part.shape.thickness for part in tool.components]
+    rates = [
+        flight.speed / (HALFWAY * min([flight.thin, *thin]))
+        for flight in _flights(scene)
+    ]
+    return min(max(rates, default=0.0), MOST_HZ)
+
+
+@lru_cache(maxsize=8)
+def _flights(scene: Scene) -> tuple[Flight, ...]:
+    return tuple(find_flights(scene))
+
+
+def _find_rate_of_springs(tool: Tool) -> float:
+    """Return how many steps a second the springs and dampers of a tool need.
+
+    What they move turns by no more than a radian of its swing in a step.
     """
     if not tool.bearers:
-        return time_step
+        return 0.0
     joints = [bearer.joint for bearer in tool.bearers]
     lightness = measure_lightness(tool)
     swings = np.sqrt(lightness * [joint.stiffness for joint in joints])
     decays = lightness * [joint.damping / MILD for joint in joints]
-    rate = float(np.max([swings, decays, bound_speeds(tool) / WALL_M]))
-    return time_step / max(1, math.ceil(rate * time_step))
+    return float(np.max([swings, decays, bound_speeds(tool) / WALL_M]))
 
 
 def spare_cards(scene: Scene, time_step: float) -> float:

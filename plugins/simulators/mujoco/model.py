@@ -44,7 +44,7 @@ def compile_model(
     Raises:
         UserError: the scene has what MuJoCo can't play.
     """
-    time_step = choose_step(tool, _choose_time_step(scene, time_step))
+    time_step = choose_step(tool, scene, _choose_time_step(scene, time_step))
     spec = build_spec(robot, scene, tool, time_step, slip_rate)
     if any(rollers(body) for body in scene.bodies):
         spec.option.ccd_tolerance = CCD_TOLERANCE
