@@ -4,7 +4,7 @@ The goal's bodies are classed by the first rule that applies:
 
 - solved: `Task.is_solved` says so.
 - forbidden: something happened that a goal forbids (`Limit.breaches`); the first of it.
-- placed: all are where the goal wants them, yet the reward is less.
+- placed: all are where the goal wants them (`Reach.is_in_place`), yet the reward is less.
 - The earliest of these causes, if there is one. The first two count only from the robot's first touch of these bodies
   to its last, or at any time if it touches none.
   - unreachable: the arm misses the way to a waypoint by more than `MISSED_M` or `MISSED_RAD`.

@@ -522,7 +522,7 @@ class SceneSpec(_Spec):
     ]
     every: bool = False
     hold_s: Annotated[float, Field(ge=0, le=60)] = 0.0
-    success_reward: Annotated[float, Field(gt=0, le=1)] = 0.95
+    success_reward: Annotated[float, Field(gt=0, le=1)] = 1.0
     home: HomeSpec = HomeSpec()
     camera: CameraSpec = Camera()
     pictures: Annotated[tuple[PhotoSpec, ...], Field(max_length=MAX_PHOTOS)] = ()

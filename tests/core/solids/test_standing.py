@@ -1,0 +1,112 @@
+"""What overlaps, falls or is left behind in a layout, and how fast things get that move by themselves."""
+
+import numpy as np
+import pytest
+
+from core.errors import UserError
+from core.plugins import installed
+from core.scene import Body, Box, Scene, Sphere, table
+from core.solids.standing import (
+    find_falls,
+    find_flights,
+    find_layout_doubts,
+    find_left_behind,
+    find_overlaps,
+)
+
+GREY = (0.5, 0.5, 0.5, 1.0)
+SCENE = """
+name: Press
+description: A button sits on a post beside a crate, and a cube lies on the table. Press the button.
+bodies:
+  - {name: post, fixed: true, box: [0.05, 0.05, 0.06], position: [0.72, 0.1, 0.03]}
+  - {name: button, cylinder: {radius: 0.015, length: 0.02}, position: [0.72, 0.1, 0.0725], mass: 0.05}
+  - {name: cube, box: [0.05, 0.05, 0.05], position: [0.5, 0.12, 0.0251], rpy_deg: [0, 0, 0], mass: 0.2}
+  - {name: crate, fixed: true, box: [0.1, 0.1, 0.1], position: [0.5, -0.2, 0.05]}
+joints:
+  - {name: press, kind: slider, body: button, axis: [0, 0, -1], lower: 0, upper: 0.01, friction: 1, damping: 5}
+goals:
+  - {joint: press, to: "> 0.008", ever: true}
+variations:
+  wide:
+    RANGES
+"""
+
+
+def cube(name, x, z, side=0.05, mass=0.1, shape=Box):
+    form = Sphere(side / 2) if shape is Sphere else Box((side, side, side))
+    return Body.of(name, form, (x, 0.0, z), mass=mass, color=GREY)
+
+
+def doubts(tmp_path, ranges):
+    file = tmp_path / "press.yaml"
+    file.write_text(SCENE.replace("RANGES", ranges))
+    task = installed().create("task", "file", file=str(file), variation="wide")
+    return list(find_layout_doubts(task))
+
+
+@pytest.mark.parametrize(("sunk", "overlaps"), [(0.0009, 0), (0.0011, 1)])
+def test_what_is_deeper_than_a_millimetre_overlaps(sunk, overlaps):
+    scene = Scene((table(), cube("low", 0.6, 0.025), cube("high", 0.6, 0.075 - sunk)))
+    assert len(list(find_overlaps(scene))) == overlaps
+
+
+@pytest.mark.parametrize(("gap", "falls"), [(0.0019, 0), (0.0021, 1)])
+def test_what_is_higher_than_two_millimetres_falls(gap, falls):
+    scene = Scene((table(), cube("low", 0.6, 0.025 + gap)))
+    assert len(list(find_falls(scene))) == falls
+
+
+@pytest.mark.parametrize(("way", "left"), [(0.0, 0), (0.002, 0), (0.004, 1)])
+def test_what_stays_while_its_bearer_moves_is_left_behind(way, left):
+    nominal = Scene((cube("post", 0.6, 0.025, mass=0.0), cube("cup", 0.6, 0.0751)))
+    moved = Scene((cube("post", 0.6 + way, 0.025, mass=0.0), cube("cup", 0.6, 0.0751)))
+    assert len(list(find_left_behind(moved, nominal))) == left
+
+
+@pytest.mark.parametrize(
+    ("ranges", "said"),
+    [
+        ("bodies.cube.position.x: [0.48, 0.52]", None),
+        ("bodies.cube.rpy_deg.yaw: [-20, 20]", None),
+        ("bodies.post.position.y: [0.02, 0.15]", "button stays where it is while post"),
+        ("bodies.button.position.y: [0.06, 0.14]", None),  # its joint takes it along
+        ("bodies.cube.position.z: [0.03, 0.2]", "cube begins in the air"),
+        ("bodies.cube.position.z: [-0.01, 0.0]", "table and cube overlap"),
+        ("bodies.cube.position.y: [-0.2, -0.1]", "cube and crate overlap"),
+        ("bodies.cube.box.2: [0.03, 0.04]", "cube begins in the air"),
+    ],
+)
+def test_layouts_are_looked_at_as_the_nominal_one_is(tmp_path, ranges, said):
+    found = doubts(tmp_path, ranges)
+    assert bool(found) == (said is not None), found
+    assert said is None or said in found[0]
+    assert said is None or "of variation wide" in found[0]
+
+
+@pytest.mark.parametrize(
+    ("path", "right"),
+    [
+        ("bodies.cube.position.yaw", "bodies.cube.rpy_deg.yaw"),
+        ("bodies.cube.rpy_deg.z", "bodies.cube.position.z"),
+        ("bodies.cube.box.yaw", "there is no such number"),
+    ],
+)
+def test_an_axis_belongs_to_its_key(tmp_path, path, right):
+    with pytest.raises(UserError, match=right):
+        doubts(tmp_path, f"{path}: [0.1, 0.2]")
+
+
+def test_what_falls_or_is_thrown_has_a_speed_and_meets_the_thinnest_in_its_way():
+    plate = Body.of(
+        "plate", Box((0.2, 0.2, 0.002)), (0.6, 0, 0.2), mass=0.0, color=GREY
+    )
+    aside = Body.of(
+        "wire", Box((0.2, 0.001, 0.001)), (0.6, 0.3, 0.2), mass=0.0, color=GREY
+    )
+    ball = cube("ball", 0.6, 0.5, side=0.02, shape=Sphere)
+    rests = cube("rests", 0.9, 0.0251)
+    (flight,) = find_flights(Scene((table(), plate, aside, ball, rests)))
+    assert flight.body == "ball"
+    assert flight.thin == pytest.approx(0.002)
+    assert flight.speed == pytest.approx(np.sqrt(2 * 9.81 * 0.289), rel=1e-3)
