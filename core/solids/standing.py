@@ -248,8 +248,8 @@ def find_flights(scene: Scene) -> Iterator[Flight]:
         gap = measure_fall(body.name, boxes)
         fall = min(gap, _DEEPEST_M) if pull else 0.0
         thrown = float(np.linalg.norm(body.velocity))
-        if not thrown and fall <= FALLS_M:
-            continue
+        if not thrown and (fall <= FALLS_M or find_gaps(scene, {body.name})):
+            continue  # it lies, or hangs on what it touches
 
         met = [
             name
