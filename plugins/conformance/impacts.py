@@ -18,7 +18,7 @@ import numpy as np
 from core.design import Tool
 from core.geometry import Box, Cylinder, Pose, Sphere
 from core.interfaces import JointTrajectory, Simulator
-from core.scene import Scene, table
+from core.scene import Body, Geom, Scene, table
 from plugins.conformance.cases import Case, compare, velocity
 from plugins.conformance.scenery import box, cube, make_body, slope, stick
 from plugins.conformance.shared import between, expect, near
@@ -33,6 +33,8 @@ _LINK = 0.01  # kg m^2 of the last link about the last joint, with a bar of 5 g
 _BLOW_HZ = 400.0  # in every engine a step or two
 _BLOW_S = 0.02  # no blow lasts as long
 _IMPULSE = 0.01  # of the momentum that a blow gives
+
+_BAR = 0.002  # m, of a net
 
 _ICE = make_body("ice", Box((4.0, 4.0, 0.1)), (1.0, 0.0, -0.05), friction=0.0)
 
@@ -121,6 +123,38 @@ def _swing_bar(rate: float, struck: float) -> tuple[Tool, JointTrajectory]:
 
     trajectory = JointTrajectory(times, joints, opened(len(times)))
     return Tool((post, bar)), trajectory
+
+
+def check_a_net_holds_what_does_not_fit_through(simulator: Simulator) -> None:
+    """Balls that fall 0.55 m stay on a net of thin bars with smaller holes, and fall through one with larger holes."""
+    for size, share in product((0.003, 0.006, 0.012), (0.8, 1.6)):
+        net = _make_net(share * size)
+        place = np.add(net.pose.position, [share * size / 2, share * size / 2, 0.55])
+        ball = make_body("ball", Sphere(size / 2), place, mass=0.001)
+        scene = Scene((table(), net, ball))
+        heights = watch(simulator, scene, 0.6).states.position("ball")[:, 2]
+        least = heights.min() - net.pose.position[2]
+        what = f"where a ball of {1000 * size:g} mm gets to on holes {share} times as wide, m above the net"
+        if share < 1:
+            between(what, least, 0.0, 0.05)
+        else:
+            between(what, least, -1.0, -0.1)
+
+
+def _make_net(hole: float) -> Body:
+    """Make a fixed net of bars 2 mm thick, 0.2 m above the table, with square holes so wide; one is in the middle."""
+    pitch = hole + _BAR
+    reach = 6 * pitch
+    bars = []
+    for number in range(-6, 7):
+        off = number * pitch - _BAR / 2
+        along = Pose(np.array([off, 0.0, 0.0]))
+        across = Pose(np.array([0.0, off, 0.0]))
+        bars.append(Geom(Box((_BAR, 2 * reach, _BAR)), along))
+        bars.append(Geom(Box((2 * reach, _BAR, _BAR)), across))
+
+    place = Pose(np.array([0.75, 0.3, 0.2]))
+    return Body("net", place, 0.0, tuple(bars), tuple(bars))
 
 
 def check_forces_are_those_that_press(simulator: Simulator) -> None:
