@@ -25,7 +25,7 @@ from core.support.files import write_whole
 from core.values.descriptions import RobotShape
 from core.values.robots import Robot
 
-_VERSION = 1  # of what is written
+_VERSION = 2  # of what is written
 _GREY: Color = (0.8, 0.8, 0.8, 1.0)  # of shapes without a material
 
 
