@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import itertools
 import json
+import re
 import sqlite3
 import threading
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from functools import partial
@@ -16,8 +18,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core.errors import UserError
-from core.store.rows import MAX_BYTES, Row, check_row, find_fault
+from core.store.rows import MAX_BYTES, TABLES, Row, check_row, find_fault
 from core.support.files import file_mark, unwritable, writing
+from core.support.sandbox import isolated
 from core.support.secrets import scrub_all
 from core.support.text import clean
 
@@ -46,6 +49,14 @@ _PATIENCE_S = 10.0  # with another process that has the file open, as a SQLite s
 _ASKED_S = 0.2  # to wait for a lock that another process holds for an instant
 _sound: set[object] = set()  # the states of files that this process has checked
 
+# What others made is read within these bounds. A store takes some 2 kB for a rollout.
+MOST_FILE = 4_000_000_000  # bytes
+MOST_ROWS = 2_000_000  # of a table
+ALONE = 200_000_000  # bytes, from which on it is first read in a process of its own
+MOST_S = 600.0  # for a statement
+_LOOK = 100_000  # SQLite's steps between two looks at the clock, some milliseconds
+_MADE = re.compile(r"CREATE (TABLE|(UNIQUE )?INDEX) ", re.IGNORECASE)
+_COMPUTED = (2, 3)  # how SQLite marks generated columns
 
 _dump = partial(json.dumps, default=float)  # an engine's numbers may be numpy's
 
@@ -97,8 +108,11 @@ def reading(folder: Path) -> Iterator[sqlite3.Connection]:
         if not file.exists():
             raise UserError(f"{folder} holds no run: there is no {FILE} in it")
         for path in folder.glob(f"{FILE}*"):
-            if not path.is_file():  # opening a pipe would wait without end
+            # Opening a pipe would wait without end, and a link leads out of the folder.
+            if path.is_symlink() or not path.is_file():
                 raise UserError(f"{path} is no regular file")
+            if path.stat().st_size > MOST_FILE:
+                raise UserError(f"{path} has more than {MOST_FILE / 1e9:g} GB")
 
         # Without a log it is at rest: SQLite needs no lock, nor a folder that can be written.
         mode = "mode=ro" if log.exists() else "mode=ro&immutable=1"
@@ -108,8 +122,11 @@ def reading(folder: Path) -> Iterator[sqlite3.Connection]:
             database.row_factory = sqlite3.Row
             database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_BYTES)
             database.execute("PRAGMA trusted_schema = OFF")
+            _limit_time(database)
             state = (file.resolve(), file_mark(file), file_mark(log))
             if state not in _sound:
+                if file.stat().st_size > ALONE:
+                    isolated(check_alone, str(file), b"", str(folder.resolve()))
                 _check(database, file)
                 _sound.add(state)
 
@@ -117,6 +134,38 @@ def reading(folder: Path) -> Iterator[sqlite3.Connection]:
     except (sqlite3.Error, OSError) as error:
         why = clean(str(error), 300)  # SQLite quotes a text that it can't decode
         raise UserError(f"{file} can't be read: {why}; use a copy") from error
+
+
+def check_alone(_: bytes, folder: str) -> bytes:
+    """Read a whole store in a process of its own, which has less time and memory than a stranger's store may take."""
+    for table in TABLES:
+        read_table(Path(folder), table)
+    return b"sound"
+
+
+def _limit_time(database: sqlite3.Connection) -> None:
+    """End a statement that takes too long, and let a signal end it before: SQLite looks at no signal."""
+    until = time.monotonic() + MOST_S
+    database.set_progress_handler(lambda: time.monotonic() > until, _LOOK)
+
+
+def _refuse_programs(database: sqlite3.Connection) -> None:
+    """Check that all tables hold what stands in them: a view or a generated column computes it, maybe without end.
+
+    Raises:
+        sqlite3.DatabaseError: one does not.
+    """
+    for (made,) in database.execute("SELECT sql FROM sqlite_master WHERE sql NOTNULL"):
+        if not _MADE.match(str(made)):
+            raise sqlite3.DatabaseError(f"it holds more than tables: {made}")
+
+    for table in TABLES:
+        columns = database.execute(
+            "SELECT name, hidden FROM pragma_table_xinfo(?)", (table,)
+        )
+        for name, hidden in columns:
+            if hidden in _COMPUTED:
+                raise sqlite3.DatabaseError(f"its column {table}.{name} is computed")
 
 
 def _check(database: sqlite3.Connection, file: Path) -> None:
@@ -128,6 +177,7 @@ def _check(database: sqlite3.Connection, file: Path) -> None:
     """
     if not _has_tables(database):
         return
+    _refuse_programs(database)
     for row in database.execute("SELECT schema_version FROM run"):
         if row["schema_version"] != SCHEMA_VERSION:
             raise UserError(
@@ -146,9 +196,13 @@ def _check(database: sqlite3.Connection, file: Path) -> None:
 def _rows(database: sqlite3.Connection, table: str) -> Iterator[Row]:
     """Yield the rows of a table in their order, each with its ``row_number``."""
     order = _ORDERS.get(table, "rowid")
-    yield from database.execute(
+    rows = database.execute(
         f"SELECT rowid AS row_number, * FROM {table} ORDER BY {order}"  # noqa: S608
     )
+    for count, row in enumerate(rows):
+        if count == MOST_ROWS:
+            raise sqlite3.DatabaseError(f"{table} has more than {MOST_ROWS:,} rows")
+        yield row
 
 
 def read_table(folder: Path, table: str) -> list[Row]:

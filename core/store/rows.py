@@ -439,23 +439,34 @@ def find_fault(read: Callable[[str], Iterable[Row]]) -> str | None:
     Args:
         read: returns the rows of a table, each with its ``row_number``.
     """
-    found: dict[str, list[Any]] = {table: [] for table in TABLES}
-    for table, values in found.items():
+    referring: list[tuple[str, Key | None, list[int]]] = []
+    designs = set[Key]()
+    numbers = set[int]()
+    # Evaluations first: a run that goes on adds what they refer to before.
+    for table in sorted(TABLES, key=lambda name: name != "evaluations"):
         for row in read(table):
             try:
-                values.append(check_row(table, row))
+                checked = check_row(table, row)
             except ValueError as error:
                 return f"row {row['row_number']} of {table}: {error}"
 
-    designs = {design.key for design in found["designs"]}
-    numbers = {row["number"] for row in read("trials")}
-    for evaluation in found["evaluations"]:
-        if evaluation.status == "ok" and evaluation.design_key not in designs:
-            return f"evaluations: {evaluation.candidate} has no row in designs"
+            if table == "designs":
+                designs.add(checked.key)
+            elif table == "trials":
+                numbers.add(row["number"])
+            elif table == "evaluations":
+                key = checked.design_key if checked.status == "ok" else None
+                details = checked.details
+                trials = [*details.trials, *details.finals]
+                referring.append((checked.candidate, key, trials))
 
-        details = evaluation.details
-        for number in (*details.trials, *details.finals):
+    for candidate, key, trials in referring:
+        if key is not None and key not in designs:
+            return f"evaluations: {candidate} has no row in designs"
+        for number in trials:
             if number not in numbers:
-                return f"evaluations: trial {number} of {evaluation.candidate} has no row in trials"
+                return (
+                    f"evaluations: trial {number} of {candidate} has no row in trials"
+                )
 
     return None
