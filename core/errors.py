@@ -97,8 +97,12 @@ def fault(error: BaseException | None) -> str | None:
 
 
 def in_line(error: BaseException) -> str:
-    """Describe an error in one line: its type, and what it says."""
-    return " ".join(f"{type(error).__name__}: {error}".split())
+    """Describe an error in one line: its type, and what it says, if it can say it."""
+    try:
+        text = str(error)
+    except Exception:  # of a plugin's class
+        text = "it can't be printed"
+    return " ".join(f"{type(error).__name__}: {text}".split())
 
 
 def check_positive(where: str, **numbers: float | None) -> None:

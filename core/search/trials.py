@@ -21,6 +21,7 @@ from core.plugins import describe_part
 from core.plugins.blame import PluginError
 from core.simulation.measuring import cost_of
 from core.simulation.play import play
+from core.support.text import shorten
 from core.support.threads import run_in_thread
 from core.trial import Condition, Evaluation, Score, Trial, TrialKey
 
@@ -140,7 +141,8 @@ class Trials:
             UserError: the executor plays in several threads of one process.
         """
         broken: list[tuple[Chunk, Exception]] = []
-        for chunk, result in self.executor.map(player, chunks):
+        for pair in self.executor.map(player, chunks):
+            chunk, result = self._read_pair(pair)
             if isinstance(result, SharedByThreads):
                 raise UserError(f"{describe_part(self.executor)}: {result}")
             if isinstance(result, Exception):
@@ -150,6 +152,26 @@ class Trials:
             yield from self._drain()
 
         return broken
+
+    def _read_pair(self, pair: object) -> tuple[Chunk, Sequence[Trial] | Exception]:
+        """Return a chunk and its result, as an executor gave them.
+
+        Raises:
+            UserError: it gave something else; names it.
+        """
+        match pair:
+            case (Chunk() as chunk, Exception() as error):
+                return chunk, error
+            case (Chunk() as chunk, list(trials)) if all(
+                isinstance(trial, Trial) for trial in trials
+            ):
+                if len(trials) == len(chunk):
+                    return chunk, trials
+                got = f"{len(trials)} trials for a chunk of {len(chunk)}"
+            case _:
+                got = f"{shorten(repr(pair))}; expected pairs of a chunk and what the function gave for it"
+
+        raise UserError(f"{describe_part(self.executor)}: map gave {got}")
 
     def _chunks(
         self,
@@ -195,6 +217,9 @@ class Trials:
             if key not in self._under_way:
                 name = describe_part(self.executor)
                 raise UserError(f"{name}: map gave the result of a chunk twice")
+            if trial.candidate != candidate.id:
+                name = describe_part(self.executor)
+                raise UserError(f"{name}: map gave a chunk the result of another")
 
             self.tell(key, trial)
             with self._lock:

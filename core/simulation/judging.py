@@ -26,7 +26,7 @@ from core.solids.contacts import (
 )
 from core.solids.penetration import Explosion, Finding, findings
 from core.solids.record_rate import is_finite
-from core.support.text import number
+from core.support.text import number, shorten
 from core.task import margins_of, reward_of
 from core.trial import NOTHING, Trial
 
@@ -221,7 +221,14 @@ def _rewards(
         PluginError: the task returned something else; names it.
     """
     count = len(ends.positions)
-    rewards = np.asarray(reward_of(task, starts, ends, trace), dtype=np.float64)
+    given = reward_of(task, starts, ends, trace)
+    try:
+        rewards = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        got = shorten(repr(given))
+        raise PluginError(
+            f"{describe_part(task)}: reward gave {got}; expected an array ({count},)"
+        ) from error
 
     if rewards.shape != (count,):
         raise PluginError(

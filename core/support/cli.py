@@ -6,12 +6,12 @@ import contextlib
 import errno
 import io
 import math
-import os
 import re
 import signal
 import sys
 import time
 from collections.abc import Callable, Collection, Iterable, Sequence
+from os import _exit
 from pathlib import Path
 from typing import NoReturn, TextIO
 
@@ -215,11 +215,17 @@ class _Interrupt:
         now = time.monotonic()
         if now > self.first + 1.0:
             remove_scratch()
-            os._exit(130)
+            _exit(130)
 
         if now < self.first:
             self.first = now
             raise KeyboardInterrupt
+
+
+def was_interrupted() -> bool:
+    """Report whether a signal came; where a command does not listen to them, nobody can tell, and it may have."""
+    handler = signal.getsignal(signal.SIGINT)
+    return not isinstance(handler, _Interrupt) or handler.first < math.inf
 
 
 def _leave(line: str, code: int) -> NoReturn:
@@ -233,4 +239,4 @@ def _leave(line: str, code: int) -> NoReturn:
         sys.stdout.flush()
 
     remove_scratch()
-    os._exit(code)
+    _exit(code)

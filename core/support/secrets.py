@@ -82,6 +82,10 @@ class Scrubbed:
         for line in lines:
             self.write(line)
 
+    def close(self) -> None:
+        """Stay open: whoever closes a command's stream takes it from all others."""
+        self._stream.flush()
+
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 

@@ -119,6 +119,46 @@ def test_an_executor_that_loses_chunks_ends_the_run(play):
         play("executor", "here", Losing)
 
 
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda pairs: [(chunk, None) for chunk, _ in pairs], "expected pairs of"),
+        (lambda pairs: [5 for _ in pairs], "map gave '5'; expected pairs of a chunk"),
+        (lambda pairs: [(c, [*r, *r]) for c, r in pairs], "6 trials for a chunk of 3"),
+        (
+            lambda pairs: [(chunk, trials[::-1]) for chunk, trials in pairs],
+            "map gave a chunk the result of another",
+        ),
+    ],
+)
+def test_an_executor_that_gives_something_else_ends_the_run(play, change, said):
+    class Strange(toys.Here):
+        def map(self, function, chunks):
+            return change(list(super().map(function, chunks)))
+
+    with pytest.raises(UserError, match="executor 'here' of shoddy-parts") as error:
+        play("executor", "here", Strange)
+    assert said in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("reward", "said"),
+    [
+        ("one", r"reward gave .*one.*; expected an array \(\d+,\)"),
+        (1j, r"reward gave .*1j.*; expected an array \(\d+,\)"),
+        ([[0.5]], r"reward gave an array of shape \(1, 1\) for \d+ worlds"),
+    ],
+)
+def test_a_reward_that_is_something_else_names_its_task(play, reward, said):
+    task = type(installed().create("task", "BringCube"))
+    strange = type("BringCube", (task,), {"reward": lambda *_: reward})
+    reasons = play("task", "BringCube", strange)
+    strange = [reason for reason in reasons if "reward gave" in reason]
+    assert strange
+    assert strange[0].startswith("task 'BringCube' of shoddy-parts (hook 'tasks'): ")
+    assert re.search(said, strange[0])
+
+
 @pytest.mark.parametrize(("asked", "said"), [
     (lambda self: iter(["a hammer"]), "ask gave \"'a hammer'\" among its candidates; expected a Candidate"),
     (lambda self: None, "ask gave None; expected an iterator of Candidate"),

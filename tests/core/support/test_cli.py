@@ -19,7 +19,7 @@ def signals(monkeypatch):
     """The time, and the status that the process ended with; None: it did not end."""
     happened = {"time": 100.0, "left": None}
     monkeypatch.setattr(cli.time, "monotonic", lambda: happened["time"])
-    monkeypatch.setattr(cli.os, "_exit", lambda code: happened.update(left=code))
+    monkeypatch.setattr(cli, "_exit", lambda code: happened.update(left=code))
     # Engines of other tests keep files there.
     monkeypatch.setattr(cli, "remove_scratch", lambda: None)
     return happened

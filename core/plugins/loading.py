@@ -1,0 +1,72 @@
+"""Run the code of a plugin where nothing of this program would be there any more to say whose it was."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from typing import NoReturn
+
+from core.errors import RAISED, in_line
+from core.support.cli import was_interrupted
+from core.support.progress_display import busy
+
+PATIENCE_S = 10.0  # until it is said what is being loaded
+
+
+class Contained(Exception):
+    """A plugin raised what ends a program, or would have ended it; the message says what."""
+
+
+@contextmanager
+def contained(doing: str = "") -> Iterator[None]:
+    """Contain what a plugin's code does as it is loaded: it ends no command, and takes no module out of reach.
+
+    What it raises that is no `Exception` becomes one. An interrupt of the user stays what it is.
+
+    Args:
+        doing: what is said if it lasts; empty: nothing.
+
+    Raises:
+        Contained: of what would have ended the program without a word, or in another's name.
+    """
+    folders = sys.path.copy()
+    try:
+        with _kept_alive(), busy(doing, PATIENCE_S) if doing else nullcontext():
+            yield
+    except RAISED:
+        raise
+    except KeyboardInterrupt as error:
+        if was_interrupted():
+            raise
+        raise Contained(in_line(error)) from error
+    except BaseException as error:
+        raise Contained(in_line(error)) from error
+    finally:
+        missing = [folder for folder in folders if folder not in sys.path]
+        sys.path.extend(missing)
+
+    if missing:
+        raise Contained("it takes folders out of sys.path, where this program's lie")
+
+
+@contextmanager
+def _kept_alive() -> Iterator[None]:
+    """Refuse to end the process, and only this one: what a plugin starts may end as it likes."""
+    process = os.getpid()
+    end = os._exit
+    abort = os.abort
+
+    def refuse(*_: object) -> NoReturn:
+        if os.getpid() != process:
+            end(1)
+        raise Contained("it ends the program, by os._exit or os.abort")
+
+    os._exit = refuse  # type: ignore[assignment]
+    os.abort = refuse
+    try:
+        yield
+    finally:
+        os._exit = end
+        os.abort = abort
