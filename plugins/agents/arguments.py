@@ -126,12 +126,13 @@ KINDS: dict[str, ToolKind] = {
     "check_design": ToolKind(
         CheckDesign,
         "Say what is wrong with designs without playing them: rules, reach, collisions of the arm, and whether the "
-        "robot would touch anything. Free.",
+        "robot would touch anything. Free. Where nobody measured the scene: rules alone.",
     ),
     "try_design": ToolKind(
         TryDesign,
         "Play designs in the layouts of the search: reward, reason, what was observed. Costs rollouts of the budget. "
-        "A design that breaks a rule is not played, and costs nothing.",
+        "A design that breaks a rule is not played, and costs nothing; where nobody measured the scene, one that does "
+        "not start clear of it counts.",
         reads_only=False,
     ),
     "watch": ToolKind(

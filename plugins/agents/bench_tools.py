@@ -52,6 +52,10 @@ from plugins.agents.describing import Told
 from plugins.agents.viewing import Viewer, draw_trial
 
 _LISTED = 40  # candidates that have a line
+_ONLY_RULES = (
+    "These are the rules of tools and plans. Whether a tool starts clear of the scene, and what it reaches, nobody "
+    "measured: look shows it, and try_design finds it out."
+)
 
 
 class Driven(Protocol):
@@ -123,6 +127,11 @@ class Tools:
         return answer_schema(self._search.brief())
 
     @property
+    def _unseen(self) -> bool:
+        """Whether nobody is told a number of the scene: then no free answer may be a ruler, and a yes or no is one."""
+        return not self._search.asked.prompts.facts.level.numbers
+
+    @property
     def _run(self) -> Run:
         run = self._search.agent.run
         assert run is not None
@@ -165,7 +174,7 @@ class Tools:
             layouts=sorted({condition.layout for condition in self._conditions}),
             engines=sorted({condition.where.engine for condition in self._conditions}),
             seed=self._run.seed,
-            unseen=not self._search.asked.prompts.facts.level.numbers,
+            unseen=self._unseen,
         )
 
     def explain_designs(self) -> str:
@@ -223,15 +232,19 @@ class Tools:
 
     def _check_design(self, asked: CheckDesign) -> Answer:
         lines = []
-        for candidate in self._read(read_text(asked.designs)):
+        for candidate in self._read(read_text(asked.designs), starts=not self._unseen):
             found = self._find_problems(candidate) or "nothing found"
             lines.append(f"- {_name(candidate)}: {found}")
+        if self._unseen:
+            lines.append(_ONLY_RULES)
         return [Text("\n".join(lines))]
 
     def _find_problems(self, candidate: Candidate) -> str:
         """Say what is wrong with a candidate in the layouts of the search, on one line; empty: nothing was found."""
         if candidate.problem is not None:
             return self._told.clean(candidate.problem)
+        if self._unseen:
+            return ""
 
         found = [
             (f"layout {condition.layout}", self._told.clean(problem))
@@ -249,7 +262,7 @@ class Tools:
             )
 
         text = read_text(asked.designs)
-        candidates = self._read(text)
+        candidates = self._read(text, starts=not self._unseen)
         faults = [
             f"- {_name(candidate)}: {self._told.clean(candidate.problem)}"
             for candidate in candidates
@@ -344,8 +357,12 @@ class Tools:
 
     # --- reading ----------------------------------------------------------------------------------------------------
 
-    def _read(self, text: str) -> list[Candidate]:
+    def _read(self, text: str, *, starts: bool = True) -> list[Candidate]:
         """Read the candidates of a designs document, with the rule that each breaks, if any.
+
+        Args:
+            text: the document.
+            starts: a tool that does not start clear of everything breaks a rule.
 
         Raises:
             Refused: it can't be read, or holds more than a call may.
@@ -357,7 +374,7 @@ class Tools:
             raise Refused(f"designs: {error}") from error
 
         self._refuse_many(designs, brief)
-        return read_candidates(brief, designs, starts=True)
+        return read_candidates(brief, designs, starts=starts)
 
     def _refuse_many(self, designs: Sequence[Any], brief: Brief) -> None:
         """Refuse a document of which a part would not be read."""

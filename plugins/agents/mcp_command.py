@@ -17,6 +17,7 @@ from typing import Any, BinaryIO, cast
 from omegaconf import OmegaConf
 
 from core.config.compose import load
+from core.config.gate import choose_again
 from core.errors import UsageError, UserError
 from core.run import main as run_main
 from core.store.reader import StoredRun
@@ -137,7 +138,7 @@ def _choose_run(folder: Path | None, words: Sequence[str]) -> list[str]:
         return chosen
     if StoredRun(folder).exists and StoredRun(folder).config():
         _refuse_other_run(folder, chosen)
-        return [f"resume={folder}"]
+        return [f"resume={folder}", *choose_again(StoredRun(folder).config(), chosen)]
     return [*chosen, f"hydra.run.dir={hydra_word(str(folder))}"]
 
 

@@ -77,7 +77,9 @@ class AgentSearch(EvolutionStrategy):
         """Count the candidates that may still be tried, of which one takes ``each`` rollouts."""
         left = self.most - len(self.tried)
         if self.budget.n_rollouts is not None:
-            left = min(left, (self.budget.n_rollouts - self.rollouts) // each)
+            # One that was refused in the scene says where things are, as one that was played does.
+            refused = sum(evaluation.status == "rejected" for evaluation in self.tried)
+            left = min(left, (self.budget.n_rollouts - self.rollouts) // each - refused)
         return max(left, 0)
 
     # --- the search -----------------------------------------------------------------------------------------------

@@ -124,7 +124,8 @@ def test_at_pictures_no_tool_says_a_number_of_a_body(session):
                 r'"components": \[.*?\]|"action_plan": \[\[.*?\]\]', "", line
             )
             assert not BODY_NUMBER.search(without_design), line
-    assert "comes no nearer than some mm to cube" in text(said["check"])
+    assert "nothing found" in text(said["check"])
+    assert "cube" not in text(said["check"])
 
 
 def test_progress_is_reported_and_grows(session):
@@ -174,6 +175,55 @@ def test_another_run_in_the_same_folder_is_refused(session):
     out, err = done.communicate(timeout=300)
     assert (done.returncode, out) == (2, b"")
     assert b"holds a run with another budget" in err
+
+
+def stem(reach):
+    """A stem with a probe that reaches into the cube where it is long, at the start."""
+    parts = [
+        ("stem", "tool_mount", [0.02, 0.02, 0.48], [0, 0, -0.24]),
+        ("probe", "stem", [reach, 0.006, 0.006], [reach / 2, 0, -0.475]),
+    ]
+    components = [
+        {
+            "name": name,
+            "parent": parent,
+            "shape": "box",
+            "size": size,
+            "position": place,
+            "mass": 0.03,
+        }
+        for name, parent, size, place in parts
+    ]
+    design = {"gripper": False, "tool_name": "probe", "tool_components": components}
+    plan = [[0.5, 0.0, 0.6, 0.0, 0.0, 0.0]]
+    return {"strategies": [{**design, "action_sets": [plan]}]}
+
+
+def test_a_free_answer_is_no_ruler_and_a_paid_one_is_counted(tmp_path):
+    """At pictures the same is said of a probe in the cube and of one before it; a try says it, and counts."""
+    said = {}
+
+    async def measure(client):
+        for level_words, reach in (("free", 0.05), ("free", 0.55)):
+            answer = await client.call_tool("check_design", {"designs": stem(reach)})
+            said.setdefault(level_words, set()).add(text(answer))
+        said["try"] = await client.call_tool("try_design", {"designs": stem(0.55)})
+        said["second"] = await client.call_tool("try_design", {"designs": stem(0.55)})
+
+    words = (*SMALL, "tool=boxes", "budget.n_rollouts=1", "folder=run")
+    converse(measure, tmp_path, *words, "prompt.told=pictures")
+    (free,) = said["free"]
+    assert "nothing found" in free
+    assert "starts" in text(said["try"])
+    assert "0 candidates left" in text(said["try"])
+    assert said["second"].is_error
+
+    said.clear()
+    (tmp_path / "told").mkdir()
+    converse(measure, tmp_path / "told", *words, "prompt.told=words")
+    assert len(said["free"]) == 2
+    assert said["try"].is_error
+    assert "nothing is counted" in text(said["try"])
 
 
 # --- a flood of nonsense ------------------------------------------------------------------------------------------
