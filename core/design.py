@@ -24,6 +24,7 @@ from core.values.tools import (
     Tool as Tool,
     ToolJoint as ToolJoint,
 )
+from core.values.harmless import Harmless
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +108,7 @@ class Budget:
     final_s: float = 60.0
     elite_s: float = 10.0
     n_rollouts: int | None = None
-    name: str = ""
+    name: Harmless[str] = ""
 
     @property
     def population(self) -> int:

@@ -22,6 +22,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import pluggy
 
+from core.values.harmless import Harmless as Harmless
+from core.values.harmless import Names as Names
+from core.values.harmless import PartsOf as PartsOf
+
 if TYPE_CHECKING:
     from core.events import Generation, Result, Run
     from core.interfaces import Reply, Request

@@ -15,6 +15,7 @@ from core.errors import UsageError, choices
 from core.geometry import Array, Pose
 from core.goals import Goal, goals_margins, reaches
 from core.scene import Camera, Region, Scene, State, Trace
+from core.values.harmless import Harmless
 from core.values.layouts import NONE, Draw, Ranges
 from core.values.margins import Margin, least_first
 from core.values.messages import Picture
@@ -73,7 +74,7 @@ class Task(ABC):
     search_words: Sequence[str] = ()
     robot: Robot
 
-    def __init__(self, variation: str = NONE) -> None:
+    def __init__(self, variation: Harmless[str] = NONE) -> None:
         if variation not in (NONE, *self.variations):
             raise choices(
                 "variation",

@@ -7,6 +7,7 @@ has a deadline: what is slow on a busy machine is not wrong.
 import importlib.util
 import os
 import signal
+import tempfile
 
 import pytest
 from hypothesis import settings
@@ -15,6 +16,9 @@ from core.errors import UserError
 from tests.disks import disk, sealed  # noqa: F401  # fixtures
 from tests.executors import inline  # noqa: F401  # a fixture
 from tests.processes import undisturbed  # noqa: F401  # a fixture
+
+# What this user has typed is no part of a test, nor what a test types of this user.
+os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="vlmgineer-state-")
 
 # In the background of a shell Ctrl-C is ignored, and every process started from here would ignore it too.
 signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -25,6 +25,8 @@ from core.geometry import Cylinder, Mesh, Sphere
 from core.goals import KINDS, Reach
 from core.interfaces import Seen
 from core.plugins import Plugins, installed
+from core.plugins.outside import is_outside
+from core.plugins.registry import hints_of
 from core.scene import Body, Bond, Box, Camera, Geom, Joint, Pose, Scene, State, Trace
 from docs import build, gallery, names
 from docs.diagrams import DRAWINGS
@@ -214,7 +216,7 @@ def test_each_kind_of_block_is_looked_at():
         "paper.md": {"bibtex": 2, "yaml": 1},
         "from_photograph.md": {"yaml": 1},
         "plans.md": {"json": 3},
-        "plugins.md": {"python": 3, "toml": 1},
+        "plugins.md": {"python": 4, "toml": 1},
         "layouts.md": {"json": 1},
         "looks.md": {"json": 1},
         "models.md": {"json": 1},
@@ -320,7 +322,7 @@ def test_drawings_are_up_to_date(name):
 
 def test_the_rule_of_a_lab_refuses_what_its_printer_can_not_make(monkeypatch):
     lab = ModuleType("lab")
-    exec(blocks(ROOT / "docs/plugins.md", "python")[2], vars(lab))
+    exec(blocks(ROOT / "docs/plugins.md", "python")[3], vars(lab))
     plugins = Plugins()
     plugins.register(lab, "lab", "this process")
     monkeypatch.setattr("core.designs.rules.installed", lambda: plugins)
@@ -379,10 +381,19 @@ def test_a_store_is_read_as_the_page_has_it(tmp_path, monkeypatch, capsys):
     ]
 
 
+def test_the_types_of_settings_say_what_is_typed_again():
+    page = ModuleType("page")
+    exec(blocks(ROOT / "docs/plugins.md", "python")[1], vars(page))
+    hints = hints_of(page.Pool)
+    judged = {name: is_outside("text", hint) for name, hint in hints.items()}
+    assert judged == {"style": False, "server": True, "members": False}
+    assert is_outside([{"name": "command", "command": ["sh"]}], hints["members"])
+
+
 def test_example_configs_are_found_through_the_hook(tmp_path, monkeypatch):
     folder = tmp_path / "my_task"
     (folder / "conf/task").mkdir(parents=True)
-    (folder / "__init__.py").write_text(blocks(ROOT / "docs/plugins.md", "python")[1])
+    (folder / "__init__.py").write_text(blocks(ROOT / "docs/plugins.md", "python")[2])
     monkeypatch.syspath_prepend(tmp_path)
     import my_task
 

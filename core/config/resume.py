@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -21,11 +20,9 @@ from omegaconf.errors import OmegaConfBaseException
 
 from core.config.compose import explain, first_line, load
 from core.config.schemas import RunConfig
-from core.config.trust import refuse_key_words, texts
+from core.config.trust import refuse_key_words
 from core.config.words import quote_paths
 from core.errors import UsageError, UserError
-from core.support.cli import key_of
-from core.support.text import clean
 
 # What may change in a run that goes on: parts as a whole, their settings, and single ones.
 GROUPS = ("executor", "listener")
@@ -39,9 +36,6 @@ KEYS = (
     "budget.stop_reward",
     "evolution.refine",
 )
-
-# The last word of a setting that is an address.
-_ADDRESS = re.compile(r"(^|_)(base|url|host|address|endpoint|server)$")
 
 
 def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
@@ -167,43 +161,3 @@ def _apply(config: DictConfig, override: Override) -> None:
         config[key] = load("config", [line])[key]
     else:
         OmegaConf.update(config, key, override.value(), force_add=True)
-
-
-def refuse_stored_receivers(config: dict[str, Any], repeated: Sequence[str]) -> None:
-    """Check that a stored run calls no server, and asks no model but its part's own.
-
-    Requests would carry this machine's key there. What the command line names too is asked for by the user.
-
-    Raises:
-        UserError: there is an address of the model, the executor or a listener, or a model; says what to repeat.
-    """
-    given = set(map(key_of, repeated))
-    usual = _usual_model(config)
-    found: dict[str, str] = {}
-
-    for kind in ("vlm", "executor", "listener"):
-        for path, value in texts(config.get(kind), kind):
-            name = path.rpartition(".")[2]
-            is_address = "://" in value or _ADDRESS.search(name) is not None
-            other_model = name == "model" and value != usual
-            repeated_here = any(f"{path}.".startswith(f"{key}.") for key in given)
-            if (is_address or other_model) and not repeated_here:
-                found[path] = clean(value, 300)
-
-    if found:
-        words = " ".join(f"{path}={value}" for path, value in found.items())
-        raise UserError(
-            f"the run leads to {', '.join(found.values())}, with what it sends, keys included; if you trust that, "
-            f"repeat it: {words}"
-        )
-
-
-def _usual_model(config: Mapping[str, Any]) -> object:
-    """Return the model that the configuration's ``vlm`` asks where nothing else is set.
-
-    None: it has none, or the part can't be found here.
-    """
-    try:
-        return load("config", [f"vlm={config['vlm']['name']}"]).vlm.get("model")
-    except (UserError, KeyError, TypeError):
-        return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import yaml
 from omegaconf import MISSING
@@ -12,6 +12,7 @@ from omegaconf import MISSING
 from core.design import Budget
 from core.errors import UsageError
 from core.interfaces import RolloutSettings
+from core.values.harmless import Harmless, Names
 from core.values.materials import Material
 
 # Not as a resource of `prompts`: a folder of the user's may hide that, which is said later.
@@ -58,23 +59,25 @@ class PromptSettings:
         tools: the templates of a request for tools only; plans are asked for later.
     """
 
-    name: str = MISSING
-    dir: str | None = None
-    file: str | None = None
-    told: str = "source"
+    name: Harmless[str] = MISSING
+    dir: Annotated[str | None, Names("folder")] = None
+    file: Annotated[str | None, Names("file")] = None
+    told: Harmless[str] = "source"
     picture: bool = True
-    photographs: str = "beside"
-    feedback: str = "numbers"
+    photographs: Harmless[str] = "beside"
+    feedback: Harmless[str] = "numbers"
     generation_characters: int = 1_200
     repair: int | None = None
     critic: int = 0
-    lessons: Any = field(default_factory=list)  # a word, or a list of them
-    examples: list[str] = field(default_factory=list)
-    system: list[str] = field(default_factory=PARTS["system"].copy)
-    initial: list[str] = field(default_factory=PARTS["initial"].copy)
-    evolution: list[str] = field(default_factory=PARTS["evolution"].copy)
-    given: list[str] = field(default_factory=PARTS["given"].copy)
-    tools: list[str] = field(default_factory=PARTS["tools"].copy)
+    lessons: Annotated[Any, Names("folder")] = field(
+        default_factory=list
+    )  # a word, or a list of them
+    examples: Annotated[list[str], Names("folder")] = field(default_factory=list)
+    system: Harmless[list[str]] = field(default_factory=PARTS["system"].copy)
+    initial: Harmless[list[str]] = field(default_factory=PARTS["initial"].copy)
+    evolution: Harmless[list[str]] = field(default_factory=PARTS["evolution"].copy)
+    given: Harmless[list[str]] = field(default_factory=PARTS["given"].copy)
+    tools: Harmless[list[str]] = field(default_factory=PARTS["tools"].copy)
 
     @property
     def lesson_folders(self) -> list[str]:
@@ -138,7 +141,7 @@ class TrialConfig(SceneConfig):
     fitness: PartConfig = MISSING
     executor: PartConfig = MISSING
     rollout: RolloutSettings = field(default_factory=RolloutSettings)
-    protocol: PartConfig = MISSING
+    protocol: Harmless[PartConfig] = MISSING
 
 
 @dataclass
@@ -160,7 +163,7 @@ class RunConfig(SearchConfig):
     machine or a server that fails, see `core.search.patience`.
     """
 
-    name: str = ""
+    name: Harmless[str] = ""
     listener: PartConfig = field(default_factory=dict)
     film: bool = True
     patience_s: float = 0.0

@@ -156,18 +156,19 @@ def _get_schema(representation: ToolRepresentation) -> dict[str, Any]:
     return schema
 
 
-def load_designs(path: Path) -> object:
+def load_designs(path: Path, within: Path | None = None) -> object:
     """Read the document in a designs file, for `read_designs`; a model's reply is one, too.
 
     Args:
         path: of the file, JSON or a text that holds it.
+        within: a folder that it must lie in, links followed; None: anywhere.
 
     Raises:
         UserError: the file can't be read, or holds no designs document.
     """
     what = f"designs file {path}"
     try:
-        document = parse_reply(read_text(path, what))
+        document = parse_reply(read_text(path, what, within=within))
         list_designs(document)
     except DesignError as error:
         raise UserError(f"{what}: {error}") from error

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import inspect
 import pkgutil
+import re
 import typing
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
@@ -16,15 +17,19 @@ from weakref import WeakKeyDictionary
 import pluggy
 from pydantic import ValidationError
 
-from core.errors import RAISED, UsageError, UserError, choices, in_line
+from core.errors import RAISED, UsageError, UserError, choices
 from core.hooks import PROJECT, Command, Configs, Factory, Parts
 from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins.kinds import COMMAND, HOOKS, KINDS, ROBOT, Kind
+from core.plugins.loading import contained
+from core.plugins.moved import explain
 from core.plugins.packages import check_configs, refuse_hiding, refuse_rivals
 from core.support.inputs import adapter, find_mistakes
 from core.values.materials import PAPER, Material
 
 Settings = Mapping[str, Any] | None
+_MOST_OFFERS = 10_000  # of a hook
+_NAME = re.compile(r"\w[\w.-]{0,99}")
 T = TypeVar("T")
 
 
@@ -83,9 +88,10 @@ class Plugins:
         # This project's own come first: no other package replaces a built-in part.
         for entry, distribution in sorted(found, key=lambda pair: pair[1] != PROJECT):
             try:
-                plugin = entry.load()
+                with contained(f"loading the plugin {entry.name} of {distribution}"):
+                    plugin = entry.load()
             except RAISED as error:  # a third-party import may raise anything
-                reason = f"import failed: {in_line(error)}"
+                reason = f"import failed: {explain(error)}"
                 self.failures.append(Failure(entry.name, distribution, reason))
             else:
                 self.register(plugin, entry.name, distribution)
@@ -112,12 +118,16 @@ class Plugins:
             fail(f"{plugin!r} implements no hook; possible: {', '.join(HOOKS)}")
         for hook in hooks:
             try:
-                for offered in hook():
-                    if hook.name == "config_path":
+                with contained(f"asking the plugin {name} of {distribution}"):
+                    offers = [_read_offer(hook.name, offered) for offered in hook()]
+                if all(impl.wrapper for impl in hook.get_hookimpls()):
+                    fail(f"hook {hook.name!r} wraps nothing: plugins are asked alone")
+                for offered in offers:
+                    if isinstance(offered, str):
                         check_configs(offered)
                         self.configs.setdefault(offered, distribution)
                         continue
-                    for part, factory in dict(offered).items():
+                    for part, factory in offered.items():
                         kind = HOOKS[hook.name]
                         offer = Offer(kind, part, name, distribution, factory)
                         first = self.offers.setdefault((kind, part), offer)
@@ -125,7 +135,7 @@ class Plugins:
                             owner = f"{first.entry_point} of {first.distribution}"
                             fail(f"{kind} {part!r} is taken by {owner}")
             except RAISED as error:  # a third-party hook may raise anything
-                fail(f"hook {hook.name!r} failed: {in_line(error)}")
+                fail(f"hook {hook.name!r} failed: {explain(error)}")
 
     def names(self, kind: str) -> list[str]:
         """Return the names of the parts of a kind, sorted."""
@@ -199,11 +209,12 @@ class Plugins:
         offer = self.offers[group, name]
         try:
             checked = check_settings(factory, settings or {}, f"{group}={name}", given)
-            part = factory(**checked, **given)
+            with contained():
+                part = factory(**checked, **given)
         except UserError:
             raise
         except RAISED as error:  # a third-party factory may raise anything
-            raise UserError(f"{offer} can't be made: {in_line(error)}") from error
+            raise UserError(f"{offer} can't be made: {explain(error)}") from error
 
         with suppress(TypeError):  # one that can't be a key is described by its class
             self._origins[part] = offer
@@ -230,6 +241,32 @@ class Plugins:
         )
 
 
+def _read_offer(hook: str, offered: Any) -> str | dict[str, Any]:
+    """Return what a hook gave: parts by their names, or where configs are.
+
+    Raises:
+        ValueError: it is neither, or too much to be meant.
+    """
+    if hook == "config_path":
+        return str(offered)
+
+    parts = dict(offered)
+    if len(parts) > _MOST_OFFERS:
+        raise ValueError(f"it offers {len(parts):,} parts, of at most {_MOST_OFFERS:,}")
+
+    for name, factory in parts.items():
+        if not isinstance(name, str) or not _NAME.fullmatch(name):
+            raise ValueError(
+                f"{name!r} is no name; use letters, digits, '_', '-' and '.'"
+            )
+        if hook == COMMAND.hook and not isinstance(factory, Command):
+            raise TypeError(f"{name!r} is no core.hooks.Command")
+        if not (isinstance(factory, str | Command) or callable(factory)):
+            raise TypeError(f'{name!r} is neither callable nor "module:attribute"')
+
+    return parts
+
+
 def check_settings(
     factory: Callable[..., Any],
     settings: Mapping[str, Any],
@@ -242,8 +279,7 @@ def check_settings(
         UserError: a setting that is unknown, missing, or of the wrong type.
     """
     possible = settings_of(factory, given)
-    function = factory.__init__ if inspect.isclass(factory) else factory
-    hints = typing.get_type_hints(function)
+    hints = hints_of(factory)
     checked: dict[str, Any] = {}
     for name, value in settings.items():
         if name not in possible:
@@ -279,6 +315,12 @@ def settings_of(
     }
 
 
+def hints_of(factory: Callable[..., Any]) -> dict[str, Any]:
+    """Return the types of a factory's parameters by their names, with what is noted in them."""
+    function = factory.__init__ if inspect.isclass(factory) else factory
+    return typing.get_type_hints(function, include_extras=True)
+
+
 def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any]:
     """Import what a text ``"module:attribute"`` names.
 
@@ -289,11 +331,12 @@ def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any
         return what
 
     try:
-        return typing.cast(Callable[..., Any], pkgutil.resolve_name(what))
+        with contained(f"importing {offer.owner}"):
+            return typing.cast(Callable[..., Any], pkgutil.resolve_name(what))
     except UserError:
         raise
     except RAISED as error:  # a third-party import may raise anything
-        raise UserError(f"{offer.owner} can't be imported: {in_line(error)}") from error
+        raise UserError(f"{offer.owner} can't be imported: {explain(error)}") from error
 
 
 def describe_part(part: object) -> str:

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from core.config.resume import changed, refuse_other_run, refuse_stored_receivers
+from core.config.gate import note_typed, take_stored
+from core.config.resume import changed, refuse_other_run
 from core.errors import RAISED, UserError, fault
 from core.events import INTERRUPTED, Result
 from core.plugins import installed
@@ -80,6 +81,7 @@ def run(
     search = build_search(cfg, folder, store.past.replies if store is not None else {})
     # From here on the folder is this run's.
     store = store or RunStore.create(folder, search.run.config)
+    note_typed(search.run.config)
     # Registered last it is called first, and what it raises ends the run: no reply and no evaluation may be lost.
     for listener in listeners:
         search.events.register(listener)
@@ -166,9 +168,11 @@ def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
         raise UserError(f"{folder} holds no run that has begun; {hint}")
 
     try:
-        cfg = changed(store.config, overrides)
+        config, left = store.config, list(overrides)
+        if overrides or store.result is None or store.result.stopped is not None:
+            config, left = take_stored(config, folder, overrides)
+        cfg = changed(config, left)
         if not _has_ended(store, cfg):
-            refuse_stored_receivers(store.config, overrides)
             store.overrides = overrides
         _go_on(store, folder, cfg)
     finally:

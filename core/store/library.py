@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from core.config.gate import take_stored
 from core.config.trust import as_stored
 from core.errors import UserError
 from core.store.rows import Id, Reward, parsed
@@ -16,6 +17,7 @@ from core.support.inputs import check
 FACTS = "tool.json"
 DESIGN = "design.json"
 MAX_BYTES = 5_000_000
+MOST_TOOLS = 1_000
 
 OF_RUN = ("robot", "sim", "action", "material", "fitness", "rollout", "seed")
 """Settings of the run that its tool was tried with."""
@@ -63,6 +65,11 @@ def list_library(library: Path) -> list[Path]:
     if not files:
         raise UserError(f"{library} holds no tool; {_hint(library)}")
 
+    if len(files) > MOST_TOOLS:
+        raise UserError(
+            f"{library} holds {len(files):,} tools, of at most {MOST_TOOLS:,}"
+        )
+
     return [file.parent for file in files]
 
 
@@ -70,18 +77,15 @@ def _hint(library: Path) -> str:
     return f"keep tools in it with vlmgineer toolbox add RUN output={library}"
 
 
-def read_kept(folder: Path) -> tuple[KeptTool, Mapping[str, Any]]:
-    """Read what a library knows of a tool, and the settings of its run.
-
-    Args:
-        folder: of the tool.
+def read_facts(folder: Path) -> KeptTool:
+    """Read what a library says of the tool in a folder; of its configuration nothing may be used yet (`read_kept`).
 
     Raises:
         UserError: it can't be read.
     """
     file = folder / FACTS
     try:
-        kept = check(KeptTool, parsed(read_untrusted(file, MAX_BYTES)))
+        kept = check(KeptTool, parsed(read_untrusted(file, MAX_BYTES, within=folder)))
     except ValueError as error:
         raise UserError(f"{file}: {error}") from error
 
@@ -89,4 +93,23 @@ def read_kept(folder: Path) -> tuple[KeptTool, Mapping[str, Any]]:
     if lacks:
         raise UserError(f"{file}: config lacks {min(lacks)}")
 
-    return kept, as_stored(kept.config, file)
+    return kept
+
+
+def read_kept(
+    folder: Path, kinds: Collection[str] | None = None
+) -> tuple[KeptTool, Mapping[str, Any]]:
+    """Read what a library knows of a tool, and the settings of its run, as they may be used (`core.config.gate`).
+
+    Args:
+        folder: of the tool.
+        kinds: the sections of the settings that are used; None: all.
+
+    Raises:
+        UserError: it can't be read, or names something outside of the library that this user has not typed.
+    """
+    kept = read_facts(folder)
+    stored = as_stored(kept.config, folder / FACTS)
+    config, _ = take_stored(stored, folder, kinds=kinds)
+
+    return kept, config

@@ -125,6 +125,13 @@ class StoredRun:
             for stored in rows
         ]
 
+    def reward_of(self, candidate: str) -> float | None:
+        """Return what a candidate earned by its evaluation; None: it has none."""
+        for row in self._read("evaluations"):
+            if row["candidate"] == candidate:
+                return float(row["reward"])
+        return None
+
     def _rows(self, schema: type[T], table: str) -> Iterable[T]:
         for row in self._read(table):
             yield check(schema, dict(row))

@@ -11,6 +11,9 @@ from pathlib import Path
 
 from core.errors import UserError
 
+MOST_TEXT = 20_000_000
+"""Bytes of a text, unless whoever reads it says otherwise: a designs file of a thousand tools has 5 MB."""
+
 FileMark = tuple[int, ...]
 """Numbers of which at least one changes when a file is changed or replaced. The first is its size, bytes."""
 
@@ -30,20 +33,27 @@ def file_mark(file: Path) -> FileMark | None:
     )
 
 
-def read_text(file: Path, what: str) -> str:
-    """Read a text in UTF-8; ``what`` names the file in an error.
+def read_text(
+    file: Path, what: str = "", most: int = MOST_TEXT, within: Path | None = None
+) -> str:
+    """Read a text in UTF-8, which others may have made; see `read_untrusted`.
+
+    Args:
+        file: the file.
+        what: names it in an error; empty: its path does.
+        most: bytes.
+        within: a folder that it must lie in, links followed; None: anywhere.
 
     Raises:
         UserError: it can't be read, or is no such text.
     """
+    name = what or str(file)
     try:
-        data = file.read_bytes()
-    except FileNotFoundError as error:
-        raise UserError(f"{what}: there is no such file") from error
-    except OSError as error:
-        raise UserError(f"{what} can't be read: {error.strerror}") from error
-
-    return _decode(data, what)
+        return _decode(read_untrusted(file, most, name, within), name)
+    except UserError as error:
+        if isinstance(error.__cause__, FileNotFoundError):
+            raise UserError(f"{name}: there is no such file") from error
+        raise
 
 
 def _decode(data: bytes, what: str) -> str:
@@ -100,37 +110,39 @@ def writing(folder: Path) -> Iterator[None]:
         raise unwritable(folder, error.strerror or error) from error
 
 
-def read_untrusted(file: Path, most: int) -> bytes:
+def read_untrusted(
+    file: Path, most: int, what: str = "", within: Path | None = None
+) -> bytes:
     """Read a file that others made: a regular one of at most ``most`` bytes. Of a pipe or a device nothing is read.
+
+    For the arguments see `read_text`.
 
     Raises:
         UserError: it is no such file, or can't be read; says why in one line.
     """
+    name = what or str(file)
     try:
+        if within is not None and not file.resolve().is_relative_to(within.resolve()):
+            raise UserError(
+                f"{name} is a link that leads out of {within}; copy it there"
+            )
+
         # Opening a pipe would wait otherwise.
         handle = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         with os.fdopen(handle, "rb") as stream:
             if not stat.S_ISREG(os.fstat(handle).st_mode):
-                raise UserError(f"{file} is no regular file")
+                raise UserError(f"{name} is no regular file")
             data = stream.read(most + 1)
             size = os.fstat(handle).st_size
-    except OSError as error:
-        raise UserError(f"{file} can't be read: {error.strerror}") from error
+    except (OSError, RuntimeError) as error:  # the latter: links in a circle
+        reason = getattr(error, "strerror", None) or error
+        raise UserError(f"{name} can't be read: {reason}") from error
     except ValueError as error:  # a zero byte in its name
         raise UserError(f"{str(file)!r} can't be a file's name: {error}") from error
 
     if len(data) > most:
         raise UserError(
-            f"{file} has {size / 1e6:.1f} MB; at most {most / 1e6:g} MB are read"
+            f"{name} has {size / 1e6:.1f} MB; at most {most / 1e6:g} MB are read"
         )
 
     return data
-
-
-def read_untrusted_text(file: Path, most: int) -> str:
-    """Read a text in UTF-8 that others made; see `read_untrusted`.
-
-    Raises:
-        UserError: there is none.
-    """
-    return _decode(read_untrusted(file, most), str(file))

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from core.errors import UsageError, check_positive, choices
 from core.geometry import Array
+from core.values.harmless import Harmless
 from core.values.motions import JointTrajectory, Motion
 from core.values.states import State
 
@@ -187,7 +188,7 @@ class Perception:
     yaw: float = 0.0
     height: float = 0.0
     look_s: float = 0.5
-    camera: str = "fixed"
+    camera: Harmless[str] = "fixed"
 
     def __post_init__(self) -> None:
         for name in ("position", "yaw", "height"):
@@ -256,7 +257,7 @@ class RolloutSettings:
     speed: float = 0.95
     max_motion_s: float = 120.0
     stop_s: float = 0.0
-    penetration: str = "forbid"
+    penetration: Harmless[str] = "forbid"
     observe: bool = False
     perception: Perception = field(default_factory=Perception)
     feel: Feel = field(default_factory=Feel)

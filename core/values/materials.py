@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from core.errors import UsageError, check_positive
 from core.geometry import Shape
+from core.values.harmless import Harmless
 from core.values.tools import Tool
 
 STEEL_PA = 200e9  # Young's modulus; hardly a material that tools are made of is stiffer
@@ -30,7 +31,7 @@ class Material:
         UsageError: a number is not finite, or out of its range.
     """
 
-    name: str = "paper"
+    name: Harmless[str] = "paper"
     density_kg_m3: float | None = None
     infill: float = 1.0
     wall_mm: float = 0.0

@@ -12,9 +12,10 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache, partial
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from core.errors import RAISED, Fault, UsageError, UserError, check_positive
+from core.hooks import Names
 from core.interfaces import Executor
 from core.support.scratch import scratch, use_scratch
 from plugins.executors.dispatch import (
@@ -51,7 +52,7 @@ class RayExecutor(Executor):
 
     def __init__(
         self,
-        address: str | None = None,
+        address: Annotated[str | None, Names("host")] = None,
         workers: int | None = None,
         num_cpus: float = 1.0,
         num_gpus: float = 0.0,

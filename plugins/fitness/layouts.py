@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Annotated, Any
 
 from core.config.compose import engines
 from core.design import Candidate
 from core.errors import UsageError, choices
+from core.hooks import Harmless, PartsOf
 from core.interfaces import Condition, Fitness, Score, Simulator, Task, Trial
 from core.support.templates import fill
 from core.trial import Part
@@ -58,10 +59,10 @@ class Layouts(Fitness):
         self,
         condition: Condition,
         layouts: int = 5,
-        combine: str = "mean",
-        sims: list[str | dict[str, Any]] = [],  # noqa: B006 - read as a configuration's default
+        combine: Harmless[str] = "mean",
+        sims: Annotated[list[str | dict[str, Any]], PartsOf("sim")] = [],  # noqa: B006 - read as a configuration's default
         unseen: int = 20,
-        unseen_sims: list[str | dict[str, Any]] = [],  # noqa: B006
+        unseen_sims: Annotated[list[str | dict[str, Any]], PartsOf("sim")] = [],  # noqa: B006
     ) -> None:
         if layouts < 1:
             raise UsageError(f"fitness.layouts must be at least 1, got {layouts}")

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Annotated, Any
 
 from core.design import Candidate
 from core.errors import UsageError
+from core.hooks import PartsOf
 from core.interfaces import Condition, Score, Trial
 from core.support.templates import fill
 from core.trial import Evaluation
@@ -31,9 +32,9 @@ class Lean(Layouts):
         condition: Condition,
         references: dict[str, list[float | None]] = {},  # noqa: B006 - read as a configuration's default
         layouts: int = 5,
-        sims: list[str | dict[str, Any]] = [],  # noqa: B006
+        sims: Annotated[list[str | dict[str, Any]], PartsOf("sim")] = [],  # noqa: B006
         unseen: int = 20,
-        unseen_sims: list[str | dict[str, Any]] = [],  # noqa: B006
+        unseen_sims: Annotated[list[str | dict[str, Any]], PartsOf("sim")] = [],  # noqa: B006
     ) -> None:
         super().__init__(condition, layouts, "mean", sims, unseen, unseen_sims)
         self.races = False  # the effort counts too

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Annotated, Any
 
 from core.config.compose import engines
 from core.design import Candidate
+from core.hooks import PartsOf
 from core.interfaces import Condition, Fitness, Score, Trial
 from core.support.templates import fill
 from plugins.fitness.robustness import Perturbation, PerturbationRange, check_draws
 from plugins.fitness.several import score_by_worst_engine
+
+ENGINES: list[str | dict[str, Any]] = ["pybullet", "sapien"]
 
 
 class Robust(Fitness):
@@ -30,7 +33,7 @@ class Robust(Fitness):
     def __init__(
         self,
         condition: Condition,
-        sims: list[str | dict[str, Any]] = ["pybullet", "sapien"],  # noqa: B006 - read as a configuration's default
+        sims: Annotated[list[str | dict[str, Any]], PartsOf("sim")] = ENGINES,
         seeds: list[int] = [0, 1, 2],  # noqa: B006
         perturbation: PerturbationRange = PerturbationRange(),  # noqa: B008
     ) -> None:

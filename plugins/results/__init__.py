@@ -23,6 +23,10 @@ def commands() -> dict[str, Command]:
             "try tools on each other's tasks, and choose few that do most",
             "plugins.results.toolbox.toolbox_command:main",
         ),
+        "inspect": Command(
+            "say what a folder of somebody else's would do, and play its winner again",
+            "plugins.results.inspect_command:main",
+        ),
         "transfer": Command(
             "try the best designs in several engines and in perturbed scenes",
             "plugins.results.transfer:main",

@@ -13,6 +13,7 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from core.config.compose import first_line, load
+from core.config.gate import take_stored
 from core.config.schemas import PartConfig
 from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError
@@ -20,7 +21,7 @@ from core.interfaces import Material, RolloutSettings, Task, ToolRepresentation
 from core.plugins import SIMULATOR, installed
 from core.search.saved_designs import read_stored
 from core.store.reader import StoredRun
-from core.support.cli import key_of, say
+from core.support.cli import key_of, read_path, say
 from core.trial import TIE, Evaluation, best_first
 
 _SECTIONS = ("rollout", "material")  # settings that are taken over key by key
@@ -121,24 +122,41 @@ def config_for(words: Sequence[str], name: str, schema: type, usage: str) -> Dic
     Raises:
         UserError: no designs are given, or the run's configuration can't be used here.
     """
-    cfg = load(name, words, schema)
+    run, left = _take_run(words)
+    cfg = load(name, left, schema)
     if OmegaConf.is_missing(cfg, "designs"):
         raise UsageError(f"no designs given; {usage}")
 
-    folder = Path(cfg.designs)
-    named = set(map(key_of, words))
+    named = set(map(key_of, left))
     if "sims" in cfg and "sims" not in named:
         cfg.sims = [name for name in cfg.sims if _is_usable(name)]
 
-    if folder.is_dir():
+    if run is not None:
         try:
-            _take_over(cfg, stored_config(folder), named)
+            _take_over(cfg, run, named)
         except (KeyError, OmegaConfBaseException) as error:
             raise UserError(
-                f"{folder}: its configuration can't be used here: {first_line(error)}"
+                f"{cfg.designs}: its configuration can't be used here: {first_line(error)}"
             ) from error
 
     return cfg
+
+
+def _take_run(words: Sequence[str]) -> tuple[dict[str, Any] | None, list[str]]:
+    """Return the configuration of the run that words name as ``designs``, and the words that it does not hold.
+
+    Raises:
+        UserError: it has to be typed again (`core.config.gate`), or can't be read.
+    """
+    for word in words:
+        key, _, value = word.partition("=")
+        folder = read_path(value)
+        if key == "designs" and folder.is_dir():
+            chosen = set(map(key_of, words))
+            kinds = [kind for kind in _KINDS if kind not in chosen]
+            return take_stored(stored_config(folder), folder, words, kinds)
+
+    return None, list(words)
 
 
 def _is_usable(engine: str) -> bool:

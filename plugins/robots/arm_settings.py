@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import ConfigDict
 
 from core.errors import UsageError, check_positive
 from core.geometry import Cylinder
+from core.hooks import Harmless, Names
 from core.values.robots import ISO_9409_1_50, Flange
 
 PAYLOAD_KG = 1.0  # a URDF has none
@@ -27,8 +28,8 @@ class GripperOptions:
         friction: of the fingers.
     """
 
-    link: str
-    joints: tuple[str, str]
+    link: Harmless[str]
+    joints: Harmless[tuple[str, str]]
     force_n: float | None = None
     friction: float = 1.0
 
@@ -53,7 +54,7 @@ class BoltOptions:
 
     circle_m: float = 0.05
     count: int = 4
-    thread: str = "M6"
+    thread: Harmless[str] = "M6"
     angle: float = math.pi / 4
     disc_m: float = 0.063
     centring_m: float | None = 0.0315
@@ -100,10 +101,10 @@ class ArmSettings:
         without: links that are left out, with all that they bear.
     """
 
-    path: Path
+    path: Annotated[Path, Names("file")]
     home: list[float] | None = None
-    flange: str | None = None
-    title: str = ""
+    flange: Harmless[str | None] = None
+    title: Harmless[str] = ""
     mount_rpy: tuple[float, float, float] | None = None
     face_m: float = 0.0
     payload_kg: float = PAYLOAD_KG
@@ -116,5 +117,5 @@ class ArmSettings:
     motor_inertia: list[float] | None = None
     gripper: GripperOptions | None = None
     bolts: BoltOptions | None = None
-    fixed: list[str] | dict[str, float] | None = None
-    without: list[str] | None = None
+    fixed: Harmless[list[str] | dict[str, float] | None] = None
+    without: Harmless[list[str] | None] = None

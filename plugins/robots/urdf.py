@@ -15,4 +15,7 @@ def urdf(**settings: typing.Any) -> Robot:
 
 # A configuration may set what is in the signature.
 urdf.__signature__ = inspect.signature(ArmSettings)  # type: ignore[attr-defined]
-urdf.__annotations__ = {**typing.get_type_hints(ArmSettings), "return": Robot}
+urdf.__annotations__ = {
+    **typing.get_type_hints(ArmSettings, include_extras=True),
+    "return": Robot,
+}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from core.config.compose import load, read_parts
 from core.design import Fixture
 from core.errors import UsageError
 from core.geometry import Array
+from core.hooks import PartsOf
 from core.interfaces import Robot, Task
 from core.plugins import TASK
 from core.scene import Region, Scene, State
@@ -33,7 +34,9 @@ class Several(Task):
     builder = SeveralSearch
 
     def __init__(
-        self, of: list[str | dict[str, Any]], combine: Literal["mean", "worst"] = "mean"
+        self,
+        of: Annotated[list[str | dict[str, Any]], PartsOf("task")],
+        combine: Literal["mean", "worst"] = "mean",
     ) -> None:
         super().__init__()
         self.sources = list(read_parts(TASK, of).values())

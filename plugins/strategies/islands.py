@@ -7,7 +7,7 @@ from typing import cast
 
 from core.design import Candidate
 from core.errors import UsageError, check_positive
-from core.hooks import hookimpl
+from core.hooks import Harmless, hookimpl
 from core.interfaces import Budget, Designer, EvolutionStrategy
 from core.search.assignment import AsksTeams, Team
 from core.trial import Evaluation, best_first, best_tools
@@ -48,7 +48,7 @@ class Islands(EvolutionStrategy):
         migrate: int = 2,
         patience: int = 3,
         warmth: float = 0.25,
-        styles: list[str] = STYLES,
+        styles: Harmless[list[str]] = STYLES,
     ) -> None:
         super().__init__(designer, budget)
         check_positive(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from omegaconf import OmegaConf
 
@@ -12,6 +12,7 @@ from core.config.compose import part
 from core.design import Tool
 from core.designs.reading import load_tool
 from core.errors import UsageError, choices
+from core.hooks import Names, PartsOf
 from core.interfaces import GivenTools, Task, ToolRepresentation
 from core.plugins import TOOL
 from plugins.tools.library import LibraryTools
@@ -75,7 +76,9 @@ class KnownTools(FileTools):
 
 
 def make_known_tools(
-    file: str | Path = "", library: str | Path = "", of: str | dict[str, Any] = "urdf"
+    file: Annotated[str | Path, Names("file")] = "",
+    library: Annotated[str | Path, Names("folder")] = "",
+    of: Annotated[str | dict[str, Any], PartsOf("tool")] = "urdf",
 ) -> ToolRepresentation:
     """Make a representation of tools that are known.
 

@@ -65,8 +65,8 @@ class LibraryTools(ToolRepresentation):
 
     def _read(self, folder: Path, number: int, task: Task) -> Candidate:
         """Read a tool and its plan, for this robot and material."""
-        _, config = read_kept(folder)
-        document = load_designs(folder / DESIGN)
+        _, config = read_kept(folder, ["tool"])
+        document = load_designs(folder / DESIGN, within=folder)
         base = Candidate(None, NO_PLAN, 0, number)
         theirs = self._make(config["tool"])
         candidate = read_designs(document, theirs, task, base=base)[0]

@@ -12,12 +12,12 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import IO
+from typing import IO, Annotated
 
 from core.designs.composer import as_markdown
 from core.errors import UsageError, UserError, check_positive
 from core.events import Run
-from core.hooks import hookimpl
+from core.hooks import Names, hookimpl
 from core.interfaces import VLM, Reply, Request
 from core.support.secrets import holds_secret, is_secret_name, scrub
 from core.support.text import clean
@@ -56,10 +56,10 @@ class Command(VLM):
 
     def __init__(
         self,
-        command: list[str] = [],  # noqa: B006 - read as a configuration's default
+        command: Annotated[list[str], Names("program")] = [],  # noqa: B006 - read as a configuration's default
         timeout_s: float = 1800.0,
         concurrency: int = 2,
-        environment: list[str] = [],  # noqa: B006
+        environment: Annotated[list[str], Names("keys")] = [],  # noqa: B006
         model: str = "",
     ) -> None:
         check_positive("vlm.", timeout_s=timeout_s, concurrency=concurrency)

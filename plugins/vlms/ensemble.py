@@ -9,14 +9,14 @@ from dataclasses import replace
 from functools import partial
 from math import fsum
 from statistics import fmean
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from core.config.compose import read_parts
 from core.errors import LimitReached, UsageError, check_positive
 from core.events import Generation, Run
-from core.hooks import hookimpl
+from core.hooks import PartsOf, hookimpl
 from core.interfaces import VLM, Reply, Request, Spending
 from core.plugins import MODEL, event_hub
 from core.plugins.blame import add_listener
@@ -44,7 +44,7 @@ class Ensemble(VLM):
 
     def __init__(
         self,
-        members: list[str | dict[str, Any]] = [],  # noqa: B006 - read as a configuration's default
+        members: Annotated[list[str | dict[str, Any]], PartsOf("vlm")] = [],  # noqa: B006 - read as a configuration's default
         max_cost_usd: float | None = None,
         max_tokens_total: int | None = None,
         seed: int = 0,

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 from core.design import DesignError
 from core.designs.composer import as_markdown
@@ -14,12 +15,12 @@ from core.designs.reading import list_designs
 from core.designs.replies import parse_reply
 from core.errors import UserError, check_positive
 from core.events import Generation, Run
-from core.hooks import hookimpl
+from core.hooks import Names, hookimpl
 from core.interfaces import VLM, Evaluation, Reply, Request
 from core.plugins import installed
 from core.search.answers import read_candidates
 from core.support.cli import say
-from core.support.files import FileMark, file_mark, read_untrusted_text
+from core.support.files import FileMark, file_mark, read_text
 from core.support.text import number
 from plugins.vlms.letters import NOW, write_file, write_letter
 from plugins.vlms.second_look import list_faults
@@ -78,7 +79,10 @@ class Mailbox(VLM):
     takes_schema = True
 
     def __init__(
-        self, folder: str = "", poll_s: float = 0.5, amend: bool = True
+        self,
+        folder: Annotated[str, Names("folder")] = "",
+        poll_s: float = 0.5,
+        amend: bool = True,
     ) -> None:
         check_positive("vlm.", poll_s=poll_s)
         self._folder = Path(folder or "mailbox")
@@ -327,7 +331,7 @@ def _load(file: Path) -> str:
         raise DesignError("it is a link; put the file itself there")
 
     try:
-        return read_untrusted_text(file, MAX_BYTES)
+        return read_text(file, most=MAX_BYTES)
     except UserError as error:
         raise DesignError(str(error)) from error
 

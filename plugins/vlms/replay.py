@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Annotated
 
 from core.errors import UsageError, UserError
+from core.hooks import Names
 from core.interfaces import VLM, Reply, Request
 
 
@@ -22,7 +24,7 @@ class PastReplies(VLM):
         UserError: it holds no run.
     """
 
-    def __init__(self, run: str = "") -> None:
+    def __init__(self, run: Annotated[str, Names("folder")] = "") -> None:
         from core.store.reader import StoredRun  # imports what only runs need
 
         if not run:

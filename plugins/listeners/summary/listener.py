@@ -17,7 +17,7 @@ from omegaconf import OmegaConf
 from core.config.schemas import PromptSettings
 from core.design import Candidate
 from core.errors import UserError
-from core.hooks import hookimpl
+from core.hooks import Harmless, hookimpl
 from core.plugins import TASK, installed
 from core.store.run_figures import failed_layouts
 from core.support.cli import print_table, say
@@ -51,7 +51,7 @@ class SummaryListener:
         second: the engine in which the winner is tried once more; ``auto``: one that can; ``none``: in no other.
     """
 
-    def __init__(self, top: int = 3, second: str = "auto") -> None:
+    def __init__(self, top: int = 3, second: Harmless[str] = "auto") -> None:
         self.top = top
         self.second = second
         self._replies: list[Reply] = []

@@ -10,6 +10,7 @@ import numpy as np
 from omegaconf import OmegaConf
 
 from core.config.compose import task_part, tool_part
+from core.config.gate import take_stored
 from core.design import Tool
 from core.errors import UserError
 from core.interfaces import Material, Robot, Task, ToolRepresentation
@@ -65,7 +66,8 @@ def best_tool(run: FinishedRun) -> Winner:
         raise UserError(f"its best candidate {name} is not among those that were tried")
 
     kinds = ("task", "tool", "material", "robot")
-    settings = {kind: run.config.get(kind, {}) for kind in kinds}
+    config, _ = take_stored(run.config, run.folder, kinds=kinds)
+    settings = {kind: config.get(kind, {}) for kind in kinds}
     representation, task = _parts(json.dumps(settings, sort_keys=True))
     design = run.store.designs()[evaluation.design_key]
     # It may break a rule, but must have a size: there were others when it was tried.

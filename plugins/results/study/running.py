@@ -15,6 +15,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress
 
+from core.config.gate import choose_again
 from core.support.files import read_text
 from core.support.text import clean, hydra_word, number
 from plugins.results.pages.runs import AnyRun, FinishedRun, is_held
@@ -27,6 +28,7 @@ from plugins.results.study.study_files import (
 )
 
 LOOK_S = 0.5  # between two looks at a run of another process
+MOST_LOG = 1_000_000_000  # bytes
 MOST_FAILURES = 3  # one after the other, until no further run starts
 
 
@@ -106,7 +108,11 @@ class Runner:
         """Start a run or go on with it, and wait for its end; return the exit status."""
         words = [*run.words, f"hydra.run.dir={hydra_word(str(run.folder))}"]
         if state is not None:
-            words = [f"resume={run.folder}", *list_repeated(run.words)]
+            repeated = list_repeated(run.words)
+            repeated += choose_again(
+                state.config, [w for w in run.words if w not in repeated]
+            )
+            words = [f"resume={run.folder}", *repeated]
 
         run.folder.parent.mkdir(parents=True, exist_ok=True)
 
@@ -150,7 +156,7 @@ def _log(run: StudyRun) -> Path:
 
 def _explain(run: StudyRun, state: AnyRun | None, status: int) -> str:
     """Say why a run ended before its end, by the last line that it printed."""
-    lines = read_text(_log(run), str(_log(run))).split("\n")
+    lines = read_text(_log(run), most=MOST_LOG).split("\n")
     printed = [line for line in lines if line.strip()]
     last = printed[-1] if printed else f"it ended with status {status}"
     reason = str(getattr(state, "reason", "")) if status == 0 else last

@@ -16,7 +16,7 @@ import yaml
 
 from core.errors import UsageError, UserError, choices
 from core.support.cli import expand, path_exists, say
-from core.support.files import read_text, read_untrusted_text
+from core.support.files import read_text
 from core.support.inputs import FIELDS, check
 from core.support.text import clean, hydra_word
 from plugins.results.pages.runs import AnyRun, FinishedRun, LeftOutRun, read_run
@@ -234,7 +234,7 @@ def _read_yaml(file: Path) -> Any:
         UserError: it is too large or too deep, no UTF-8, or no YAML.
     """
     try:
-        text = read_untrusted_text(file, MOST_BYTES)
+        text = read_text(file, most=MOST_BYTES)
         _check_depth(text, file)
         return yaml.safe_load(text)
     except (yaml.YAMLError, ValueError) as error:  # such as a date that is none

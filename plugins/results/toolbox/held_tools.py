@@ -9,10 +9,12 @@ from typing import Any, NamedTuple
 from omegaconf import OmegaConf
 
 from core.config.compose import read_parts, task_part, tool_part
+from core.config.gate import take_stored
 from core.design import Candidate, Tool
 from core.errors import UsageError
 from core.interfaces import ActionPlan, Evaluation, ToolRepresentation
 from core.plugins import TASK
+from core.store.library import KEPT_SETTINGS
 from core.values.contents import digest
 from plugins.results.chosen import chosen_evaluations
 from plugins.results.pages.figure import slug
@@ -69,7 +71,8 @@ def find_tools(runs: Iterable[FinishedRun], top: int) -> list[HeldTool]:
     """
     tools = {}
     for run in runs:
-        settings = {**run.config, "designs": str(run.folder), "top": top}
+        stored, _ = take_stored(run.config, run.folder, kinds=KEPT_SETTINGS)
+        settings = {**stored, "designs": str(run.folder), "top": top}
         config = OmegaConf.create(settings)
         task = task_part(config).create()
         representation = tool_part(config).create()
@@ -111,7 +114,10 @@ def all_task_configs(runs: Iterable[FinishedRun], more: list[Any]) -> TaskConfig
     Raises:
         UserError: a task has different settings in two of them, or can't be used.
     """
-    tasks = [run.config["task"] for run in runs]
+    tasks = []
+    for run in runs:
+        stored, _ = take_stored(run.config, run.folder, kinds=["task"])
+        tasks.append(stored["task"])
     if more:
         tasks.append({"name": "several", "of": more})
     found: dict[str, TaskConfig] = {}

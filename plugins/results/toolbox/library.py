@@ -9,6 +9,7 @@ from pathlib import Path
 from omegaconf import OmegaConf
 
 from core.config.compose import task_part, tool_part
+from core.config.gate import note_typed
 from core.designs.reading import load_designs, read_designs
 from core.errors import UserError
 from core.store.library import (
@@ -49,6 +50,7 @@ def keep_tool(run: FinishedRun, held: HeldTool, library: Path) -> Path:
         config={kind: held.config[kind] for kind in KEPT_SETTINGS},
     )
 
+    note_typed(kept.config)
     with writing(library):
         save_design(held.candidate, representation, folder)
     text = json.dumps(asdict(kept), indent=2) + "\n"
@@ -72,7 +74,9 @@ def _read_tool(folder: Path) -> HeldTool:
     task = task_part(settings).create()
     representation = tool_part(settings).create()
     design = folder / DESIGN
-    candidate, *_ = read_designs(load_designs(design), representation, task)
+    candidate, *_ = read_designs(
+        load_designs(design, within=folder), representation, task
+    )
     if candidate.tool is None or candidate.problem is not None:
         raise UserError(f"{design} can't be used: {candidate.problem}")
 

@@ -9,6 +9,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import load, part, task_part, tool_part
+from core.config.gate import take_stored
 from core.design import DesignError
 from core.designs.start import SpawnRules
 from core.errors import UsageError, UserError
@@ -20,6 +21,7 @@ from core.store.reader import StoredRun
 from core.store.recorder import RunStore
 from core.support.cli import key_of
 from core.support.files import writing
+from core.support.text import hydra_word
 from core.values.contents import digest
 from plugins.results.artifacts import save_design
 from plugins.results.chosen import stored_evaluations
@@ -141,6 +143,8 @@ def _read(folder: Path, file: Path) -> Cells | None:
     if result is None or result.stopped is not None:
         return None
 
+    typed = [f"tool.file={hydra_word(str(file))}"]
+    config, _ = take_stored(config, folder, typed, ("task", "tool", "robot"))
     config["tool"]["file"] = str(file)  # the folder may have been moved
     known = OmegaConf.create(config)
     representation = tool_part(known).create()

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Annotated, Any
 
 from core.config.compose import read_parts
 from core.design import Candidate
 from core.designs.statics import mass_limit, moment_limit
 from core.errors import UsageError, check_positive
+from core.hooks import PartsOf
 from core.interfaces import Condition, Fitness, Material, Score, Trial
 from core.plugins import FITNESS
 from core.support.text import number
@@ -47,7 +48,7 @@ class Buildable(Fitness):
     def __init__(
         self,
         condition: Condition,
-        of: str | dict[str, Any] = "nominal",
+        of: Annotated[str | dict[str, Any], PartsOf("fitness")] = "nominal",
         material: Material = PAPER,
         plate_mm: list[float] = [250.0, 210.0, 220.0],  # noqa: B006 - read as a configuration's default
         min_wall_mm: float = 0.8,

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from core.design import Candidate
+from core.hooks import Harmless
 from core.interfaces import Budget, Designer, EvolutionStrategy, ToolRepresentation
 from core.trial import Evaluation, best_first, best_tools
 from plugins.strategies.map_elites.archive import (
@@ -40,7 +41,7 @@ class MapElites(EvolutionStrategy):
         self,
         designer: Designer,
         budget: Budget,
-        measures: list[str | dict[str, Any]] = ["extent", "distance"],  # noqa: B006
+        measures: Harmless[list[str | dict[str, Any]]] = ["extent", "distance"],  # noqa: B006
     ) -> None:
         super().__init__(designer, budget)
         self._archive = Archive(read_measures(measures))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Annotated, Any, Protocol, cast
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from core.config.compose import read_parts
 from core.design import Candidate
 from core.errors import check_positive
 from core.geometry import Array
+from core.hooks import PartsOf
 from core.interfaces import (
     Budget,
     Designer,
@@ -155,7 +156,7 @@ class Refined(Refinement):
         self,
         designer: Designer,
         budget: Budget,
-        of: str | dict[str, Any] = "vlmgineer",
+        of: Annotated[str | dict[str, Any], PartsOf("evolution")] = "vlmgineer",
         rollouts: int = 240,
     ) -> None:
         check_positive("evolution.", rollouts=rollouts)

@@ -6,13 +6,14 @@ from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from core.errors import UserError
 from core.geometry import Array, Pose, Vector
 from core.goals import goals_reward, reaches
+from core.hooks import Harmless, Names
 from core.interfaces import Picture, Task
 from core.robot.kinematics import arm_of
 from core.scene import Scene, State, Trace
@@ -56,7 +57,9 @@ class FileTask(Task):
 
     language = "yaml"
 
-    def __init__(self, file: str, variation: str = NONE) -> None:
+    def __init__(
+        self, file: Annotated[str, Names("file")], variation: Harmless[str] = NONE
+    ) -> None:
         path = expand(file)
         self._text, self._tree = tree.Tree.read(path)
         self._files = Files(path.absolute().parent)

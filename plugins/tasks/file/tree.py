@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 from core.errors import UserError
-from core.support.files import read_untrusted_text
+from core.support.files import read_text
 from core.support.text import clean
 
 MAX_BYTES = 100_000
@@ -77,11 +77,7 @@ class Tree:
         Raises:
             UserError: it can't be read.
         """
-        try:
-            text = read_untrusted_text(file, MAX_BYTES)
-        except UserError as error:
-            raise UserError(f"scene file {error}") from error
-
+        text = read_text(file, f"scene file {file}", MAX_BYTES)
         return text, cls(file, text)
 
     def error(self, where: Where, message: str) -> UserError:

@@ -7,13 +7,13 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 from core.design import DesignError
 from core.designs.reading import list_designs
 from core.designs.replies import parse_reply
 from core.errors import LimitReached, UsageError, UserError, check_positive
-from core.hooks import hookimpl
+from core.hooks import Harmless, Names, hookimpl
 from core.interfaces import VLM, Estimate, Reply, Request, Spending
 from plugins.vlms.calls import Arrivals, Calls
 from plugins.vlms.letters import split_news
@@ -34,6 +34,8 @@ _LIMITS = (
     "max_tokens_total",
 )
 """Settings that are greater than 0, or None where this means no limit."""
+
+Paid = Annotated[str, Names("model that is paid")]
 
 
 @dataclass(eq=False)
@@ -62,15 +64,15 @@ class LanguageModel(VLM):
     takes_schema = True
     repairs = True
 
-    model: str = ""
-    api_base: str | None = None
+    model: Paid = ""
+    api_base: Annotated[str | None, Names("host")] = None
     concurrency: int = 20
     requests_per_minute: float | None = None
     timeout_s: float = 600.0
     max_output_tokens: int | None = None
-    thinking: str | None = None
+    thinking: Harmless[str | None] = None
     temperature: float | None = None
-    options: dict[str, Any] | None = None
+    options: Annotated[dict[str, Any] | None, Names("host")] = None
     max_cost_usd: float | None = None
     max_tokens_total: int | None = None
 
@@ -293,28 +295,28 @@ def _holds_designs(request: Request, text: str) -> bool:
 class Gemini(LanguageModel):
     """Google's models, with a key in ``GEMINI_API_KEY``."""
 
-    model: str = "gemini/gemini-2.5-pro"
+    model: Paid = "gemini/gemini-2.5-pro"
 
 
 @dataclass(eq=False)
 class OpenAI(LanguageModel):
     """OpenAI's models, with a key in ``OPENAI_API_KEY``."""
 
-    model: str = "openai/gpt-5.4"
+    model: Paid = "openai/gpt-5.4"
 
 
 @dataclass(eq=False)
 class Anthropic(LanguageModel):
     """Anthropic's models, with a key in ``ANTHROPIC_API_KEY``."""
 
-    model: str = "anthropic/claude-sonnet-4-6"
+    model: Paid = "anthropic/claude-sonnet-4-6"
 
 
 @dataclass(eq=False)
 class Ollama(LanguageModel):
     """A model on the user's own machine, which is slow and answers few requests in parallel."""
 
-    model: str = "ollama_chat/qwen3-vl:8b"
+    model: Paid = "ollama_chat/qwen3-vl:8b"
     concurrency: int = 2
     timeout_s: float = 1800.0
 

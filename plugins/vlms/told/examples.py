@@ -9,6 +9,7 @@ from pathlib import Path
 from omegaconf import OmegaConf
 
 from core.config.compose import task_part
+from core.config.gate import take_stored
 from core.design import DesignError, Tool
 from core.designs.prompt_values import RunFacts
 from core.errors import UserError
@@ -114,7 +115,7 @@ def read_winner(folder: str, representation: ToolRepresentation) -> Winner:
     where = f"prompt.examples: {folder}"
     store = StoredRun(Path(folder))
     try:
-        config = store.config()
+        config, _ = take_stored(store.config(), Path(folder), kinds=["task", "robot"])
         task = task_part(OmegaConf.create(config)).create()
         winner = _find_winner(store)
         design = store.designs()[winner.design_key]

@@ -29,6 +29,7 @@ from core.support.text import clean
 FILE = "lessons.json"
 LESSON = "lesson"  # a kind of what is recalled
 MOST_WORDS = 400  # of all lessons in a prompt
+MOST_BYTES = 1_000_000  # of a file
 LONGEST = 400  # letters of a sentence
 MOST = 200  # lessons that are read of a file
 MOST_WRITTEN = 12  # lessons of a run
@@ -129,7 +130,7 @@ def read_lessons(folder: Path) -> list[Lesson]:
         UserError: there are none, or a lesson says nothing; says in which file.
     """
     file = folder / FILE
-    text = read_text(file, f"prompt.lessons: {file}")
+    text = read_text(file, f"prompt.lessons: {file}", MOST_BYTES, within=folder)
     try:
         document = json.loads(text)
     except (ValueError, RecursionError) as error:

@@ -6,7 +6,7 @@ import pytest
 from omegaconf import OmegaConf
 
 from core.config.compose import load
-from core.config.resume import changed, refuse_other_run, refuse_stored_receivers
+from core.config.resume import changed, refuse_other_run
 from core.errors import UsageError, UserError
 
 pytestmark = pytest.mark.slow
@@ -100,53 +100,3 @@ def test_a_configuration_that_lacks_a_setting(began, group, key):
         match=f"can't be used by this version: it lacks {group + '.' if group else ''}{key}$",
     ):
         changed(config, [])
-
-
-RECEIVERS = [
-    {"vlm": {"api_base": "http://evil.example/v1"}},
-    {"vlm": {"api_base": "evil.example"}},
-    {"vlm": {"model": "huggingface/https://evil.example"}},
-    {"vlm": {"name": "gemini", "model": "zai/glm-4.6"}},
-    {"vlm": {"name": "litellm", "model": "gemini/gemini-2.5-pro"}},
-    {"vlm": {"name": "nonesuch", "model": "mine"}},
-    {"executor": {"address": "10.0.0.1:6379"}},
-    {"listener": {"rerun": {"connect": "rerun+http://evil.example"}}},
-]
-
-
-@pytest.mark.parametrize("change", RECEIVERS)
-def test_stored_addresses_and_models_are_used_only_when_repeated(change):
-    with pytest.raises(UserError, match="if you trust that, repeat it: ") as error:
-        refuse_stored_receivers(change, ["vlm.timeout_s=5"])
-    refuse_stored_receivers(change, [str(error.value).partition("repeat it: ")[2]])
-
-
-def test_all_that_is_to_be_repeated_is_said_at_once_and_the_usual_is_not():
-    with pytest.raises(
-        UserError,
-        match=r"repeat it: vlm\.model=openai/mine vlm\.api_base=http://evil\.example$",
-    ):
-        refuse_stored_receivers(
-            {"vlm": {"model": "openai/mine", "api_base": "http://evil.example"}}, []
-        )
-    refuse_stored_receivers(
-        {"vlm": {"name": "gemini", "api_base": None, "model": "gemini/gemini-2.5-pro"}},
-        [],
-    )
-
-
-@pytest.mark.parametrize(
-    ("key", "value"), [("api_base", "http://evil.example"), ("model", "zai/glm-4.6")]
-)
-def test_receivers_in_a_list_are_used_only_when_it_is_repeated(key, value):
-    config = {
-        "vlm": {
-            "name": "ensemble",
-            "members": ["gemini", {"name": "openai", key: value}],
-        }
-    }
-    with pytest.raises(
-        UserError, match=rf"leads to {value}.*repeat it: vlm\.members\.{key}={value}"
-    ):
-        refuse_stored_receivers(config, ["vlm.max_cost_usd=5"])
-    refuse_stored_receivers(config, ["vlm.members=[gemini,openai]"])

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from core.errors import UserError
-from core.support.files import file_mark, read_untrusted, write_whole
+from core.support.files import file_mark, read_text, read_untrusted, write_whole
 
 
 def test_a_file_is_replaced_whole(tmp_path):
@@ -65,6 +65,24 @@ def test_a_change_of_the_same_length_and_date_is_noticed(tmp_path):
     now = file.stat()
     assert file_mark(file) != before
     assert (now.st_size, now.st_mtime_ns) == (was.st_size, was.st_mtime_ns)
+
+
+def test_a_link_within_a_folder_is_followed_and_one_that_leads_out_is_not(tmp_path):
+    folder, outside = tmp_path / "folder", tmp_path / "outside"
+    folder.mkdir()
+    for path in (folder / "made", outside):
+        path.write_bytes(b"12345")
+    (folder / "inside").symlink_to("made")
+    (folder / "out").symlink_to(outside)
+    (folder / "round").symlink_to("round")
+    assert read_untrusted(folder / "inside", 5, within=folder) == b"12345"
+    assert read_untrusted(folder / "out", 5) == b"12345"
+    with pytest.raises(UserError, match="out is a link that leads out of"):
+        read_untrusted(folder / "out", 5, within=folder)
+    with pytest.raises(UserError, match="is a link that leads out of"):
+        read_text(folder / ".." / "outside", within=folder)
+    with pytest.raises(UserError, match="round can't be read"):
+        read_untrusted(folder / "round", 5, within=folder)
 
 
 def test_what_others_made_is_read_if_it_is_a_regular_file_of_bounded_size(

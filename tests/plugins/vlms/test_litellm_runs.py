@@ -91,7 +91,9 @@ def test_a_served_run_has_the_result_of_its_answers(tmp_path):
 
 
 @pytest.mark.thorough
-def test_a_run_that_reaches_its_limit_ends_well_and_resumes_with_a_higher_one(tmp_path):
+def test_a_run_that_reaches_its_limit_ends_well_and_resumes_with_a_higher_one(
+    tmp_path, monkeypatch
+):
     folder = tmp_path / "run"
     words = [
         *COMMON,
@@ -110,14 +112,14 @@ def test_a_run_that_reaches_its_limit_ends_well_and_resumes_with_a_higher_one(tm
         assert message in first.stopped
         assert first.best.reward > 0.95
         assert (folder / "best" / "design.json").is_file()
-        with pytest.raises(UserError) as refused:
-            resume(folder, ["vlm.max_tokens_total=null"])
-        assert str(refused.value) == (
-            f"the run leads to {server.url}, with what it sends, keys included; if you trust that, repeat it: "
-            f"vlm.api_base={server.url}"
-        )
+        with monkeypatch.context() as elsewhere:  # where nobody has typed the address
+            elsewhere.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+            with pytest.raises(
+                UserError, match=f"type it again: vlm.api_base={server.url}"
+            ):
+                resume(folder, ["vlm.max_tokens_total=null"])
         assert len(server.calls) == 2
-        resume(folder, ["vlm.max_tokens_total=null", f"vlm.api_base={server.url}"])
+        resume(folder, ["vlm.max_tokens_total=null"])
     assert (
         len({call.body["generationConfig"]["seed"] for call in server.calls})
         == len(server.calls)

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from core.errors import UsageError
+from core.hooks import Harmless
 from core.interfaces import Ability, Outcome, Rollout, Task
 from core.scene import Scene
 from core.simulation.engines import check_support, scene_of
@@ -48,7 +49,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
 
     def __init__(
         self,
-        device: str = "cuda",
+        device: Harmless[str] = "cuda",
         worlds: int = 8192,
         time_step: float = 0.0025,
         tracking_rate: float = 50.0,

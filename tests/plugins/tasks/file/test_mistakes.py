@@ -68,7 +68,7 @@ def test_what_is_no_scene_is_refused(file, text, line):
 
 def test_a_file_that_is_not_there_or_no_text_is_named(file):
     with pytest.raises(
-        UserError, match=r"scene file my_scene.yaml can't be read: No such file"
+        UserError, match=r"scene file my_scene.yaml: there is no such file"
     ):
         FileTask(file.name)
     file.write_bytes(b"x" * (MAX_BYTES + 1))
