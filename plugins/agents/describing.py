@@ -53,6 +53,7 @@ class Told:
         entry: dict[str, Any] = {
             "id": candidate.id,
             "reward": float(number(evaluation.reward, 4)),
+            "solved": evaluation.solved,
         }
         if evaluation.status != "ok":
             entry["status"] = evaluation.status

@@ -99,6 +99,7 @@ def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
         "design": evaluation.candidate.design,
         "plan": evaluation.candidate.action,
         "reward": evaluation.reward,
+        "solved": evaluation.solved,
         **means,
         "status": evaluation.status,
         "reason": evaluation.reason,

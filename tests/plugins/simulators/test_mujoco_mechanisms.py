@@ -188,8 +188,8 @@ def test_states_are_what_mujoco_makes_of_positions_and_speeds(seed, kinds):
                     kind,
                     name,
                     parent,
-                    rng.normal(size=3),
-                    rng.normal(size=3),
+                    tuple(rng.normal(size=3)),
+                    tuple(rng.normal(size=3)),
                     start=begin,
                 )
             )

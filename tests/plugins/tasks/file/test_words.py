@@ -209,7 +209,7 @@ MISTAKES = [
     ("line", "name", "value", "left_out"),
     [
         ("tool_in_place: true", "tool_in_place", True, False),
-        ("success_reward: 0.6", "success_reward", 0.6, 0.95),
+        ("success_reward: 0.6", "success_reward", 0.6, 1.0),
         ("in_words: A cup  and grains.", "in_words", "A cup and grains.", ""),
         ("hold_s: 2.5", "hold_s", 2.5, 0.0),
         ("every: true", "every", True, False),
