@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from core.geometry import Array, Primitive, Vector
+from core.geometry import Array, Vector
 from core.goals.keys import Key
 from core.goals.measures import SLIP_M, Measure
 from core.goals.reaching import Reach
@@ -117,8 +117,7 @@ class Inside(Reach):
         widest = 2 * self.space.passage
         for name in self.bodies:
             shapes = [part.shape for part in scene[name].collisions]
-            # Those in which a ball fits that is as wide as their smallest side.
-            is_known = len(shapes) == 1 and isinstance(shapes[0], Primitive)
+            is_known = len(shapes) == 1 and shapes[0].holds_ball
             if not is_known or self.progress(start, start) >= 1.0:
                 continue
 

@@ -32,7 +32,7 @@ class Primitive(Shape):
 
     told: ClassVar[str]
     means: ClassVar[str]
-    in_urdf: ClassVar[bool] = True
+    in_urdf: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         self._check_lengths(vars(self))
@@ -103,8 +103,15 @@ class Centered(Primitive):
         return np.zeros(3), np.diag(self.moments(mass))
 
 
+class _Native(Centered):
+    """One that every engine has, and in which a ball fits that is as wide as its smallest side."""
+
+    is_hull = False
+    holds_ball = True
+
+
 @dataclass(frozen=True)
-class Box(Centered):
+class Box(_Native):
     """A box centred on its frame.
 
     Attributes:
@@ -116,6 +123,7 @@ class Box(Centered):
 
     kind = "box"
     ending = "es"
+    in_urdf = True
     told = " with `size` [x, y, z], full side lengths along its own axes"
     means = "Full side lengths along x, y and z, m"
 
@@ -177,10 +185,11 @@ class Box(Centered):
 
 
 @dataclass(frozen=True)
-class Sphere(Centered):
+class Sphere(_Native):
     """A sphere centred on its frame."""
 
     kind = "sphere"
+    in_urdf = True
     told = " with `radius`"
     means = "Its radius, m"
     is_round = True
@@ -227,10 +236,11 @@ class Sphere(Centered):
 
 
 @dataclass(frozen=True)
-class Cylinder(Centered):
+class Cylinder(_Native):
     """A cylinder along z, centred on its frame."""
 
     kind = "cylinder"
+    in_urdf = True
     told = " with `radius` and `length`, along its own z"
     means = "A cylinder along its z"
     is_round = True
@@ -277,14 +287,13 @@ class Cylinder(Centered):
 
 
 @dataclass(frozen=True)
-class Capsule(Centered):
+class Capsule(_Native):
     """A cylinder along z, centred on its frame, with half a sphere on each end; ``length`` is without these."""
 
     kind = "capsule"
     told = ", the same with half a sphere added at each end, which `length` leaves out"
     means = "A cylinder along its z with half a sphere at each end"
     is_round = True
-    in_urdf = False
 
     radius: float
     length: float

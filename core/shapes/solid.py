@@ -49,12 +49,16 @@ class Shape(ABC):
         ending: of the word for several.
         is_convex: whether it collides as it is.
         is_round: whether it looks the same however it turns about its z.
+        is_hull: whether engines take its corners alone; PyBullet makes such a hull thicker by a margin.
+        holds_ball: whether a ball surely fits in it that is as wide as its smallest side.
     """
 
     kind: ClassVar[str]
     ending: ClassVar[str] = "s"
     is_convex: ClassVar[bool] = True
     is_round: ClassVar[bool] = False
+    is_hull: ClassVar[bool] = True
+    holds_ball: ClassVar[bool] = False
 
     @abstractmethod
     def to_trimesh(self) -> trimesh.Trimesh:

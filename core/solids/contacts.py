@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from core.design import Tool
-from core.geometry import Array, Primitive
+from core.geometry import Array
 from core.interfaces import Recording, Robot
 from core.robot.kinematics import link_frames
 from core.scene import Scene, State, Trace
@@ -174,7 +174,7 @@ def _find_touches(
 
     # Where they are near enough.
     shapes = [solid.shape for solid in solids.items]
-    hulls = np.array([not isinstance(shape, Primitive) for shape in shapes])
+    hulls = np.array([shape is None or shape.is_hull for shape in shapes])
     most = TOUCH_M + HULL_M * hulls[pairs].sum(axis=1)
     everywhere = np.ones((len(pairs), len(taken.times) - 1), dtype=bool)
     near = may_meet(tracks, pairs, -most, everywhere)

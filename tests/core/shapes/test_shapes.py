@@ -1,11 +1,13 @@
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.geometry import Box, Capsule, Compound, Cylinder, Mesh, Sphere
+from core.geometry import Box, Capsule, Compound, Cylinder, Mesh, Primitive, Sphere
 from tests.shapes import SAMPLES, bowl, prism, within
 
 ROUND = [Sphere(0.1), Cylinder(0.05, 0.3), Capsule(0.05, 0.3)]
@@ -91,6 +93,31 @@ def test_a_kind_of_shape_is_made_of_its_numbers(shape):
     half = shape.scaled(0.5)
     assert half.numbers == tuple(number / 2 for number in shape.numbers)
     assert half.volume == pytest.approx(shape.volume / 8)
+
+
+@dataclass(frozen=True)
+class Cone(Primitive):
+    """A kind that gives its triangles, and no more."""
+
+    kind = "cone"
+    told = " with `radius` and `height`"
+    means = "A cone along its z"
+
+    radius: float
+    height: float
+
+    def to_trimesh(self):
+        return trimesh.creation.cone(self.radius, self.height)
+
+
+def test_a_kind_that_gives_its_triangles_is_a_hull_of_them():
+    cone = Cone(0.03, 0.06)
+    assert cone.urdf_parts() == ((cone.triangles, None),)
+    assert cone.volume == pytest.approx(math.pi * 0.03**2 * 0.02, rel=0.02)
+    assert cone.bounds[0] == pytest.approx((0, 0, 0.03))
+    # Contacts with a hull count from farther, and a ball of its smallest side may not fit.
+    assert (cone.is_hull, cone.holds_ball) == (True, False)
+    assert {(shape.is_hull, shape.holds_ball) for shape in ROUND} == {(False, True)}
 
 
 @pytest.mark.parametrize("length", [0, -1, math.nan, math.inf])
