@@ -22,6 +22,7 @@ from core.search.patience import run_patiently
 from core.search.setup import Search, build_search
 from core.search.trials import Trials
 from core.store.database import FILE
+from core.store.reader import StoredRun
 from core.store.recorder import RunStore
 from core.support.cli import say
 from core.support.files import writing
@@ -194,6 +195,9 @@ def _go_on(store: RunStore, folder: Path, cfg: DictConfig) -> None:
     """
     if store.result is not None and _has_ended(store, cfg):
         say(f"{folder} holds a run that has come to its end")
+        false = StoredRun(folder).find_false_claim()
+        if false:
+            raise UserError(f"{folder}: {false}")
         if store.result.best is None:
             raise UserError("no candidate could be tried")
         print_best(store.result.best, folder)

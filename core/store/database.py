@@ -52,7 +52,7 @@ _sound: set[object] = set()  # the states of files that this process has checked
 # What others made is read within these bounds. A store takes some 2 kB for a rollout.
 MOST_FILE = 4_000_000_000  # bytes
 MOST_ROWS = 2_000_000  # of a table
-ALONE = 200_000_000  # bytes, from which on it is first read in a process of its own
+ALONE = 50_000_000  # bytes, from which on it is first read in a process of its own
 MOST_S = 600.0  # for a statement
 _LOOK = 100_000  # SQLite's steps between two looks at the clock, some milliseconds
 _MADE = re.compile(r"CREATE (TABLE|(UNIQUE )?INDEX) ", re.IGNORECASE)
@@ -92,10 +92,10 @@ def refuse_links(folder: Path) -> None:
 
 
 @contextmanager
-def reading(folder: Path) -> Iterator[sqlite3.Connection]:
+def reading(folder: Path, *, check: bool = True) -> Iterator[sqlite3.Connection]:
     """Open the store in ``folder`` to read it; a process that writes it goes on.
 
-    All of it is checked first (`core.store.rows`), once for each state of the file.
+    All of it is checked first (`core.store.rows`), once for each state of the file, unless ``check`` is false.
 
     Raises:
         UserError: the folder holds no store, or it can't be read or is damaged; raised for the statements within as
@@ -124,7 +124,7 @@ def reading(folder: Path) -> Iterator[sqlite3.Connection]:
             database.execute("PRAGMA trusted_schema = OFF")
             _limit_time(database)
             state = (file.resolve(), file_mark(file), file_mark(log))
-            if state not in _sound:
+            if check and state not in _sound:
                 if file.stat().st_size > ALONE:
                     isolated(check_alone, str(file), b"", str(folder.resolve()))
                 _check(database, file)
@@ -137,9 +137,20 @@ def reading(folder: Path) -> Iterator[sqlite3.Connection]:
 
 
 def check_alone(_: bytes, folder: str) -> bytes:
-    """Read a whole store in a process of its own, which has less time and memory than a stranger's store may take."""
-    for table in TABLES:
-        read_table(Path(folder), table)
+    """Read each table of a store whole, as its readers do, in a process of its own that has limits.
+
+    Raises:
+        UserError: a table can't be read, or not within these.
+    """
+    with reading(Path(folder), check=False) as database:
+        _refuse_programs(database)
+        for table in TABLES:
+            try:
+                rows = [check_row(table, row) for row in _rows(database, table)]
+            except ValueError as error:
+                raise UserError(f"can't be read: {table}: {error}") from error
+            del rows
+
     return b"sound"
 
 

@@ -24,8 +24,10 @@ from core.store.rows import (
     parsed,
 )
 from core.support.inputs import check
+from core.support.text import number
 
 T = TypeVar("T")
+_ROUNDING = 1e-6  # of a reward
 
 
 class StoredRun:
@@ -131,6 +133,23 @@ class StoredRun:
             if row["candidate"] == candidate:
                 return float(row["reward"])
         return None
+
+    def find_false_claim(self) -> str:
+        """Say where the result claims another reward for the best candidate than was stored when that was tried.
+
+        Empty: nowhere, or it claims none.
+        """
+        figures = self.result()
+        if figures is None or figures.best is None:
+            return ""
+
+        best = figures.best
+        earned = self.reward_of(best.candidate)
+        if earned is not None and abs(earned - best.reward) <= _ROUNDING:
+            return ""
+
+        claimed = f"its result claims {number(best.reward, 3)} for {best.candidate}"
+        return f"{claimed}, and its evaluation says {number(earned, 3)}"
 
     def _rows(self, schema: type[T], table: str) -> Iterable[T]:
         for row in self._read(table):

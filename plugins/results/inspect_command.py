@@ -29,7 +29,7 @@ from core.support.cli import key_of, print_table, say
 from core.support.text import hydra_word, number
 from core.values.messages import Bill
 from plugins.results.named_folders import folders_and_overrides
-from plugins.results.pages.runs import find_false_claim, run_folders, short
+from plugins.results.pages.runs import run_folders, short
 
 USAGE = """usage: vlmgineer inspect FOLDER [KEY=VALUE ...]
 
@@ -165,7 +165,7 @@ def _read_run(folder: Path) -> Inspected:
                 return candidate
         raise UserError("its best candidate is not stored")
 
-    false = find_false_claim(store, result)
+    false = store.find_false_claim()
     return Inspected(folder, says, config, claims, read, false)
 
 

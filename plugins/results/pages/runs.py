@@ -32,7 +32,6 @@ MAX_DEPTH = 6
 """Of a run's folder below one that the user names."""
 
 _LONGEST = 300
-_ROUNDING = 1e-6  # of a reward
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +219,7 @@ def read_run(folder: Path) -> AnyRun:
     try:
         config = store.config()
         figures = store.result()
-        false = find_false_claim(store, figures)
+        false = store.find_false_claim()
     except UserError as error:
         return LeftOutRun(folder, "unreadable", short(str(error)))
 
@@ -240,23 +239,6 @@ def read_run(folder: Path) -> AnyRun:
         return LeftOutRun(folder, "unreadable", false, figures.task, config)
 
     return FinishedRun(folder, figures, config)
-
-
-def find_false_claim(store: StoredRun, figures: RunFigures | None) -> str:
-    """Say where a result claims another reward for its best candidate than was stored when that was tried.
-
-    Empty: nowhere, or it claims none.
-    """
-    if figures is None or figures.best is None:
-        return ""
-
-    best = figures.best
-    earned = store.reward_of(best.candidate)
-    if earned is not None and abs(earned - best.reward) <= _ROUNDING:
-        return ""
-
-    said = "none" if earned is None else number(earned, 3)
-    return f"its result claims {number(best.reward, 3)} for {best.candidate}, and its evaluation says {said}"
 
 
 def _first_reason(store: StoredRun) -> str:

@@ -91,7 +91,9 @@ def test_rows_and_bytes_have_bounds(honest, monkeypatch):
             assert len(StoredRun(honest).trials()) == 2
 
 
-def test_a_large_store_is_read_in_a_process_with_limits_first(honest, monkeypatch):
+def test_a_large_store_is_read_in_a_process_with_limits_first(
+    honest, monkeypatch, tmp_path
+):
     monkeypatch.setattr(database, "ALONE", 1000)
     monkeypatch.setattr(database, "_sound", set())
     assert len(StoredRun(honest).trials()) == 2
@@ -100,6 +102,12 @@ def test_a_large_store_is_read_in_a_process_with_limits_first(honest, monkeypatc
     monkeypatch.setattr(sandbox, "LIMIT_S", 0.01)
     with pytest.raises(UserError, match="takes more than"):
         StoredRun(honest).trials()
+
+    monkeypatch.setattr(sandbox, "LIMIT_S", 600)
+    damaged = shutil.copytree(honest, tmp_path / "run")
+    alter(damaged, ["UPDATE trials SET details = '['"])
+    with pytest.raises(UserError, match="can't be read"):
+        StoredRun(damaged).trials()
 
 
 def test_a_statement_is_ended_by_its_time(honest, monkeypatch):

@@ -8,7 +8,7 @@ import pytest
 
 from core.config.compose import load
 from core.errors import UserError
-from core.search.orchestration import run
+from core.search.orchestration import resume, run
 from core.store.database import FILE
 from core.support.secrets import is_secret_name
 from plugins.results.inspect_command import main as inspect
@@ -80,6 +80,9 @@ def test_a_false_claim_is_said_and_what_it_replays(tmp_path, capsys):
         "its result claims 1.000 for g0-a0-s0-p0, and its evaluation says 0.990" in said
     )
     assert "g0-a0-s0-p0 claims 1.000, replays 0." in said
+
+    with pytest.raises(UserError, match=r"its result claims 1\.000"):
+        resume(folder)
 
     found = read_run(folder)
     assert isinstance(found, LeftOutRun)
