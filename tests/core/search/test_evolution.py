@@ -236,6 +236,26 @@ def test_the_highest_reward_ends_the_run_not_the_winners(stop_reward, generation
     assert result.best.reward == 0.896
 
 
+@pytest.mark.parametrize(
+    ("reward", "solved", "stop_reward", "generations"),
+    [
+        (0.98, False, 0.97, 2),
+        (0.98, True, 0.97, 1),
+        (0.98, True, 0.99, 2),
+        (0.98, False, 0.9, 1),  # so little asks for no more than that
+    ],
+)
+def test_a_reward_near_one_ends_the_run_where_the_task_is_solved(
+    reward, solved, stop_reward, generations
+):
+    def earn_alike(chunk):
+        return [tried_once(c, "ok", reward=reward, solved=solved) for c in chunk]
+
+    asked = [population(i, 2) for i in range(2)]
+    result, _, _ = run(asked, earn_alike, stop_reward=stop_reward)
+    assert len(result.generations) == generations
+
+
 def test_the_strategy_gets_an_empty_generation_too():
     result, strategy, _ = run([[], population(1, 2)])
     assert strategy.evaluated[0] == []
