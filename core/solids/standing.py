@@ -26,6 +26,8 @@ FALLS_M = 0.002  # more than engines need to settle what rests
 STAYS_M = 1e-6  # a body that moves less from layout to layout stays
 LAYOUTS = 8  # that are looked at
 _DEEPEST_M = 3.0  # of falls: where nothing is below, something else stops it
+MOST_HZ = 10_000.0  # steps a second, however fast something is
+_HALFWAY = 0.5  # through what is thin: farther in a step, it may come out behind
 _MOST = 5  # pairs or bodies that are named
 
 Box = tuple[Array, Array]
@@ -228,6 +230,22 @@ class Flight(NamedTuple):
     body: str
     speed: float
     thin: float
+
+    @property
+    def rate(self) -> float:
+        """How many steps a second are needed, so that it goes no farther than halfway through what is thin in one."""
+        return self.speed / (_HALFWAY * self.thin)
+
+
+def find_fast(scene: Scene) -> Iterator[str]:
+    """Yield a line for each body that moves by itself so fast that no engine's steps are fine enough."""
+    for flight in find_flights(scene):
+        if flight.rate > MOST_HZ:
+            thin = f"{1000 * flight.thin:.2g} mm"
+            yield (
+                f"body {flight.body} gets to {flight.speed:.1f} m/s, and may go through what is {thin} thick; make "
+                "that thicker, or let it begin slower or lower"
+            )
 
 
 def find_flights(scene: Scene) -> Iterator[Flight]:

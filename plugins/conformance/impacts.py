@@ -141,6 +141,20 @@ def check_a_net_holds_what_does_not_fit_through(simulator: Simulator) -> None:
             between(what, least, -1.0, -0.1)
 
 
+def check_a_thin_wall_stops_what_is_thrown(simulator: Simulator) -> None:
+    """Balls of 3 and 20 mm that are thrown at 5 m/s don't go through an upright sheet of 2 mm, and fly past its end."""
+    wall = make_body("wall", Box((0.4, 0.002, 0.4)), (0.8, 0.3, 0.3), mass=0.0)
+    for size, x in product((0.003, 0.02), (0.8, 1.1)):
+        thrown = make_body("ball", Sphere(size / 2), (x, 0.1, 0.4), mass=0.001)
+        ball = replace(thrown, velocity=(0.0, 5.0, 0.0))
+        way = watch(simulator, Scene((wall, ball)), 0.08).states.position("ball")[:, 1]
+        what = f"how far a ball of {1000 * size:g} mm gets that is thrown at a wall, m"
+        if x < 1:
+            between(what, way.max(), 0.25, 0.3)
+        else:
+            between(what, way.max(), 0.4)
+
+
 def _make_net(hole: float) -> Body:
     """Make a fixed net of bars 2 mm thick, 0.2 m above the table, with square holes so wide; one is in the middle."""
     pitch = hole + _BAR

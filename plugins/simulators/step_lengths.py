@@ -11,15 +11,11 @@ from core.design import Tool
 from core.designs.springs import bound_speeds, measure_lightness
 from core.errors import UsageError, check_positive
 from core.scene import Body, Scene
-from core.solids.standing import Flight, find_flights
+from core.solids.standing import MOST_HZ, Flight, find_flights
 
 LONGEST_S = 0.02
 WALL_M = 0.01  # what springs move goes no farther in a step than walls are thick
 CARD_M = 0.004  # thinner bodies that fall on each other may pass through
-HALFWAY = (
-    0.5  # of what is thin: what goes farther in a step may come out on the other side
-)
-MOST_HZ = 10_000.0  # however fast something falls
 MILD = 0.5  # of a joint's speed: what a damper may take of it in a step
 
 
@@ -48,12 +44,11 @@ def choose_step(tool: Tool, scene: Scene, time_step: float) -> float:
 def _find_rate_of_flights(tool: Tool, scene: Scene) -> float:
     """Return how many steps a second are needed so that what falls or is thrown goes through nothing.
 
-    In a step it goes `HALFWAY` through the thinnest that it may hit, be that of the scene or of the tool.
+    What it may hit is of the scene or of the tool.
     """
-    thin = [part.shape.thickness for part in tool.components]
+    thin = min((part.shape.thickness for part in tool.components), default=math.inf)
     rates = [
-        flight.speed / (HALFWAY * min([flight.thin, *thin]))
-        for flight in _flights(scene)
+        flight._replace(thin=min(flight.thin, thin)).rate for flight in _flights(scene)
     ]
     return min(max(rates, default=0.0), MOST_HZ)
 

@@ -11,7 +11,7 @@ from core.designs.rules import MAX_MOUNT_GAP_M
 from core.geometry import Pose, Vector
 from core.goals import Goal, Reach, numbered
 from core.scene import Body, Camera, Region, Scene, State
-from core.solids.standing import bound, find_falls, list_held, turn_upright
+from core.solids.standing import bound, find_falls, find_fast, list_held, turn_upright
 from core.values.doubts import find_doubt
 
 SEEN = 0.9  # of half a picture's height: what is farther from its middle is hardly seen
@@ -41,6 +41,7 @@ def find_doubts(scene: Scene) -> Iterator[str]:
             yield f"body {body.name} weighs {weight:.3g} N, and breaks at {body.breaks_n:g} N where it lies"
 
     yield from (fault.text for fault in find_falls(scene))
+    yield from find_fast(scene)
 
 
 def find_idle_joints(scene: Scene) -> Iterator[str]:

@@ -8,6 +8,7 @@ from core.plugins import installed
 from core.scene import Body, Box, Scene, Sphere, table
 from core.solids.standing import (
     find_falls,
+    find_fast,
     find_flights,
     find_layout_doubts,
     find_left_behind,
@@ -110,3 +111,10 @@ def test_what_falls_or_is_thrown_has_a_speed_and_meets_the_thinnest_in_its_way()
     assert flight.body == "ball"
     assert flight.thin == pytest.approx(0.002)
     assert flight.speed == pytest.approx(np.sqrt(2 * 9.81 * 0.289), rel=1e-3)
+
+
+@pytest.mark.parametrize(("thick", "doubted"), [(0.0006, 0), (0.0003, 1)])
+def test_what_no_step_is_fine_enough_for_is_doubted(thick, doubted):
+    foil = Body.of("foil", Box((0.2, 0.2, thick)), (0.6, 0, 0.2), mass=0.0, color=GREY)
+    ball = cube("ball", 0.6, 0.5, side=0.02, shape=Sphere)
+    assert len(list(find_fast(Scene((foil, ball))))) == doubted
