@@ -1,7 +1,7 @@
 # The commands of a contributor. `make setup` comes first.
 PYTHON = .venv/bin/python
 
-.PHONY: setup check test site real-model cluster
+.PHONY: setup check test site real-model cluster slicer
 
 setup:
 	python3.11 -m venv .venv
@@ -31,3 +31,7 @@ real-model:
 # Slurm and Ray with several nodes on this machine. As root it installs Slurm and Munge from Debian's packages.
 cluster:
 	$(PYTHON) -m pytest -n 0 -s -m cluster tests/cluster
+
+# What printing takes, by a real slicer: apt-get install prusa-slicer
+slicer:
+	$(PYTHON) -m pytest -n 0 -s -m slicer tests/plugins/results/workshop

@@ -58,7 +58,7 @@ def lacks_pybullet(error: BaseException) -> bool:
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave out what is marked ``thorough``, ``weekly``, ``real`` or ``cluster``, unless ``-m`` names it."""
+    """Leave out what is ``thorough``, ``weekly``, ``real``, ``cluster`` or ``slicer``, unless ``-m`` names it."""
     left_out = [
         item
         for item in items
@@ -71,7 +71,7 @@ def pytest_collection_modifyitems(config, items):
 
 def _rarest_mark(item: pytest.Item) -> str | None:
     """Return the mark by which a test is left out: one that is both weekly and thorough is tried weekly."""
-    for mark in ("real", "cluster", "weekly", "thorough"):
+    for mark in ("real", "cluster", "slicer", "weekly", "thorough"):
         if item.get_closest_marker(mark):
             return mark
 

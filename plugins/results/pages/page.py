@@ -22,7 +22,7 @@ from core.design import Tool
 from core.support.templates import build_environment
 from core.support.text import clean
 from core.values.robots import Robot
-from plugins.results.pages.drawing import painted
+from plugins.results.pages.drawing import Painted, painted
 from plugins.results.pages.figure import INK
 from plugins.results.pages.formats import links, printed, relative
 
@@ -119,8 +119,18 @@ def in_viewer(tool: Tool, robot: Robot, name: str, caption: str) -> dict[str, An
         name: above it.
         caption: below it, after the tool's description.
     """
+    if tool.description:
+        caption = f"{tool.description} ({caption})"
+
+    return drawn_in_viewer(painted(tool, robot), name, caption)
+
+
+def drawn_in_viewer(
+    items: Sequence[Painted], name: str, caption: str
+) -> dict[str, Any]:
+    """Return solids for the viewer; see `in_viewer`."""
     solids = []
-    for item in painted(tool, robot):
+    for item in items:
         mesh = item.solid
         sharp = mesh.face_adjacency_edges[mesh.face_adjacency_angles > _SHARP]
         solid = {
@@ -131,6 +141,4 @@ def in_viewer(tool: Tool, robot: Robot, name: str, caption: str) -> dict[str, An
         }
         solids.append(solid)
 
-    if tool.description:
-        caption = f"{tool.description} ({caption})"
     return {"name": clean(name, 200), "caption": clean(caption, 1000), "solids": solids}

@@ -11,13 +11,13 @@ import manifold3d
 
 from core.design import Tool
 from core.values.materials import Material
+from plugins.results.workshop.lying import lay
 from plugins.results.workshop.mount import Mount
 from plugins.results.workshop.printing import (
     OVERLAP,
     Check,
     PrintedPart,
     joined,
-    lay,
     print_part,
 )
 from plugins.results.workshop.settings import Printer
@@ -56,14 +56,16 @@ class Body:
     one_piece: Check
 
     def printed(self, printer: Printer, material: Material) -> PrintedPart:
-        """Lay it on a printer's plate, and check it."""
+        """Lay it on a printer's plate, as a whole, and check it."""
+        name = self.link.name
         return print_part(
-            self.link.name,
+            name,
+            self.link,
             self.mount.solid,
             self.weld_mm,
-            self.one_piece,
             printer,
             material,
+            (self.one_piece._replace(part=name),),
         )
 
 
@@ -115,7 +117,8 @@ def check_faithful(body: Body) -> Check:
     narrow = joined_solids([_offset(shape, -off) for shape in shapes])
     solid = body.mount.solid
     excess = max(0.0, (solid - wide - union(body.mount.adding)).volume())
-    lack = max(0.0, (narrow - union(body.mount.taking) - solid).volume())
+    taken = union((*body.mount.clearing, *body.mount.taking))
+    lack = max(0.0, (narrow - taken - solid).volume())
     differs = f"{excess:.1f} mm³ too much and {lack:.1f} too little, {off:g} mm off what was simulated"
 
     mend = "make hollow components thicker, or of simple shapes"

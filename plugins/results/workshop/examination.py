@@ -24,7 +24,7 @@ from plugins.results.workshop.replay import (
 )
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.strength import measured
-from plugins.results.workshop.tool import make_tool
+from plugins.results.workshop.tool import PrintedTool, make_tool
 from plugins.results.workshop.verdicts import carried, strong
 
 PROBLEM = "not buildable: "
@@ -116,7 +116,10 @@ class Examination:
             replay = play_motion(condition, scene, tool, motion)
 
         replays = {condition.sim.name: replay}
-        rows = measured(tool, task.robot, self.material, scene, motion, replays)
+        printed = print_tool(tool, task.robot, self.material, self.printer)
+        rows = measured(
+            tool, task.robot, self.material, scene, motion, replays, printed.joints
+        )
         verdicts = strong(self.material, rows, task, self.safety)
         problems = [str(verdict) for verdict in verdicts if verdict.passed is False]
 
@@ -183,13 +186,20 @@ def _check_fixture(tool: Tool, min_wall_mm: float) -> list[Check]:
 
 
 @lru_cache(maxsize=16)
+def print_tool(
+    tool: Tool, robot: Robot, material: Material, printer: Printer
+) -> PrintedTool:
+    """Make a tool as an export does."""
+    return make_tool(tool, robot, material, printer, Fit())
+
+
 def find_problem(
     tool: Tool, robot: Robot, material: Material, printer: Printer
 ) -> Check | None:
     """Find what fails of a tool as an export makes and checks it; its weight is the material's, and no fault."""
     verdicts = carried(tool, robot, material)
     if all(verdict.passed for verdict in verdicts):
-        printed = make_tool(tool, robot, material, printer, Fit())
+        printed = print_tool(tool, robot, material, printer)
         verdicts = [*printed.verdicts, *_check_fixture(tool, printer.min_wall_mm)]
 
     for verdict in verdicts:

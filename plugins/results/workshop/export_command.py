@@ -6,7 +6,7 @@ Nothing here commands a robot.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,19 +17,24 @@ from core.errors import UsageError, UserError
 from core.store.reader import StoredRun
 from core.support.cli import print_table, say
 from core.support.files import writing
+from core.support.text import count_words
 from core.values.efforts import PERTURBED, Held
 from plugins.results.chosen import DesignsConfig, chosen_evaluations, config_for
 from plugins.results.named_folders import folders_and_overrides
+from plugins.results.workshop.exact import check_kernel, write_step
 from plugins.results.workshop.export import Export
 from plugins.results.workshop.export_folder import new_folder, write_export
 from plugins.results.workshop.playback import make_export
 from plugins.results.workshop.settings import Fit, Printer
-from plugins.results.workshop.tool import make_tool, write_tool
+from plugins.results.workshop.slicing import ask_slicer, find_slicer
+from plugins.results.workshop.tool import PrintedTool, make_tool, write_tool
 
 USAGE = (
     "usage: vlmgineer export RUN_FOLDER | designs=FILE task=NAME [output=DIR] [sims=[NAME,...]] [rate_hz=1000] "
     "[speed=1] [start=[RADIANS,...]] [KEY=VALUE ...]"
 )
+
+FORMATS = ("stl", "step")
 
 
 @dataclass
@@ -43,7 +48,10 @@ class ExportConfig(DesignsConfig):
         speed: 1 is the motion as it was simulated.
         start: joints (J,) from which the arm approaches, radians; none: its home.
         printer: whose plate and thinnest wall count.
-        fit: the clearances of what joins the tool to the arm.
+        fit: the clearances of what joins the tool to the arm, and its parts to each other.
+        slice: the name of a slicer that says what printing takes, such as ``prusa-slicer``; empty: none is asked.
+        slicer: the slicer's program, where it is not on the PATH.
+        format: ``step`` writes exact solids, too.
     """
 
     sims: list[Any] = MISSING
@@ -53,6 +61,9 @@ class ExportConfig(DesignsConfig):
     start: list[float] = field(default_factory=list)
     printer: Printer = field(default_factory=Printer)
     fit: Fit = field(default_factory=Fit)
+    slice: str = ""
+    slicer: str = ""
+    format: str = "stl"
 
 
 def export(cfg: DictConfig) -> list[Export]:
@@ -64,6 +75,15 @@ def export(cfg: DictConfig) -> list[Export]:
         UserError: the design or a setting can't be used, there is something in the folder, or it can't be written.
     """
     check_seed(cfg.seed)
+    if cfg.format not in FORMATS:
+        raise UsageError(f"format={cfg.format}; possible: {', '.join(FORMATS)}")
+    if cfg.format == "step":
+        check_kernel()
+
+    slicer = None
+    if cfg.slice or cfg.slicer:
+        slicer = find_slicer(cfg.slice or cfg.slicer, cfg.slicer)
+
     output = new_folder(Path(cfg.output))
     task = task_part(cfg).create()
     representation = tool_part(cfg).create()
@@ -79,9 +99,13 @@ def export(cfg: DictConfig) -> list[Export]:
 
     held = describe_held(Path(cfg.designs))
     found = []
-
     with writing(output):
-        written = write_tool(printed, output / "tool")
+        written = write_tool(printed, output / "tool", printer)
+        if cfg.format == "step":
+            written = written.with_checks(write_step(written, output / "tool"))
+
+        asked = ask_slicer(slicer, written.parts, printer, representation.material)
+        written = replace(written, sliced=asked[0]).with_checks(*asked[1])
         for item in exports:
             folder = output / item.task.name if len(exports) > 1 else output
             found.append(write_export(item, written, representation, folder, held))
@@ -128,11 +152,22 @@ def show(result: Export) -> None:
     motion = result.motion
     longer = f"{motion.slower:.3f} times as long as in simulation"
     say(f"the motion takes {motion.times[-1]:.2f} s, {longer}")
+    say(describe_making(result.printed))
     mass = f"payload {result.payload['mass_kg']:g} kg of {task.robot.payload_kg:g}"
     most = max(result.limits, key=lambda joint: joint["computed_torque_share"] or 0.0)
     say(f"{mass}; most torque in {most['joint']}")
     say(*(f"– {verdict}" for verdict in result.verdicts if verdict.passed is None))
     say(*(f"✗ {verdict}" for verdict in result.verdicts if verdict.passed is False))
+
+
+def describe_making(tool: PrintedTool) -> str:
+    """Say in how many pieces a tool comes, and what printing takes, if a slicer was asked."""
+    made = count_words(len(tool.parts), "piece")
+    made = f"to make: {made}, {tool.mass_g:.0f} g"
+    if tool.sliced:
+        made += f"; sliced: {tool.sliced['hours']:.1f} h, {tool.sliced['grams']:.0f} g of filament"
+
+    return made
 
 
 def main(words: list[str]) -> None:

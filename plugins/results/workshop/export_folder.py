@@ -80,7 +80,7 @@ def write_export(
         checked = replace(written, checks=(*export.checks, *written.checks))
         verdicts = write_sheet(checked, export.task, export.strengths, folder, held)
 
-    export = replace(export, verdicts=verdicts)
+    export = replace(export, verdicts=verdicts, printed=written)
 
     if export.dry_run is not None:
         _write_plan(export, representation, folder / "plan")

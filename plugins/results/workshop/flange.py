@@ -127,8 +127,9 @@ def at_flange(robot: Robot, link: ToolLink, solid: Any, fit: Fit) -> Mount:
         solid=clear + union(adding) - union(bores),
         name="mount_plate",
         simulated=(plate,),
+        clearing=arm,
         adding=tuple(adding),
-        taking=(*arm, *bores),
+        taking=tuple(bores),
         checks=tuple(checks),
         hardware=tuple(hardware),
     )

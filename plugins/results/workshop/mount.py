@@ -25,7 +25,8 @@ class Mount:
         solid: a Manifold, with what was added to its components, and without what was taken away.
         name: what was added, as in the names of components.
         simulated: shapes like those that were added, as components.
-        adding: the shapes that were added, and ``taking`` those that were taken away.
+        clearing: the shapes that were taken away first.
+        adding: the shapes that were added then, and ``taking`` those that were taken away from all of it.
         checks: what was checked.
         hardware: what is bought.
     """
@@ -33,6 +34,7 @@ class Mount:
     solid: Any
     name: str = ""
     simulated: tuple[Placed, ...] = ()
+    clearing: tuple[Placed, ...] = ()
     adding: tuple[Placed, ...] = ()
     taking: tuple[Placed, ...] = ()
     checks: tuple[Check, ...] = ()

@@ -29,11 +29,12 @@ from core.support.text import count_words, number
 from plugins.results.workshop.carrying import dump_settings
 from plugins.results.workshop.dry_run import DryRun
 from plugins.results.workshop.export import Export
+from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.parting import describe_parting
 from plugins.results.workshop.printing import Check
 from plugins.results.workshop.replay import Playable, PlayedMotion, play_motion
 from plugins.results.workshop.settings import Fit
-from plugins.results.workshop.strength import measured
+from plugins.results.workshop.strength import Strength, measured
 from plugins.results.workshop.tolerance import check_tolerance
 from plugins.results.workshop.tool import PrintedTool
 from plugins.results.workshop.ways import close_ways, sample_before, sample_moves
@@ -61,6 +62,11 @@ class Stage:
 
     conditions: Mapping[str, Condition]
     scene: Scene
+
+    @property
+    def first(self) -> Condition:
+        """The condition in the first engine."""
+        return next(iter(self.conditions.values()))
 
     def play(self, tool: Tool, motion: Playable) -> dict[str, PlayedMotion]:
         """Play a motion in each engine; see `play_motion`."""
@@ -123,7 +129,6 @@ def make_export(
     if contact_s is not None and dry_run is None:
         moves |= sample_before(cfg, task, planned, contact_s / motion.slower)
 
-    held = candidate.tool
     export = Export(
         task=task,
         scene=scene,
@@ -133,7 +138,7 @@ def make_export(
         replays=replays,
         contact_s=contact_s,
         printed=tool,
-        strengths=measured(held, task.robot, tool.material, scene, motion, replays),
+        strengths=_measure(tool, task, scene, motion, replays),
         dry_run=dry_run,
         settings=dump_settings(cfg, task_part),
     )
@@ -143,12 +148,30 @@ def make_export(
         mounted = stage.rewards(tool.printed, export.playable)
         check = compare_rewards("with its mount", mounted, list_rewards(replays))
         checks.append(check._replace(name="mounted", mend=ROOM, part=part))
-        where = next(iter(conditions.values()))
         off_m = node(cfg.fit, Fit).tolerance_mm / 1000
         export = replace(export, mounted=mounted)
-        checks += check_tolerance(export, where, off_m)
+        checks += check_tolerance(export, stage.first, off_m)
 
     return close_ways(replace(export, checks=checks))
+
+
+def _measure(
+    printed: PrintedTool,
+    task: Task,
+    scene: Scene,
+    motion: Sampled,
+    replays: Mapping[str, PlayedMotion],
+) -> list[Strength]:
+    """Find the worst that a motion does to a tool and its joints; see `measured`."""
+    return measured(
+        printed.tool,
+        task.robot,
+        printed.material,
+        scene,
+        motion,
+        replays,
+        printed.joints,
+    )
 
 
 def _check_motion(

@@ -12,14 +12,16 @@ import networkx
 import numpy as np
 import trimesh
 import trimesh.sample
-from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Mesh
 from core.values.materials import PAPER, Material
+from plugins.results.workshop.lying import OVERHANG_DEG, Lying, lay
 from plugins.results.workshop.settings import Printer
 from plugins.results.workshop.solid import (
+    SHORTEST_MM,
     WELDS_MM,
     Placed,
+    ToolLink,
     closed,
     manifold,
     to_mesh,
@@ -31,14 +33,13 @@ METAL_KG_M3 = 2000.0  # metals are denser, plastics are not
 
 OVERLAP = "let components overlap by more than a wall"
 THICKEN = "thicken the thinnest component"
+LARGER = "shorten it, or choose a larger printer"
 
 _SAMPLES = 3000  # points at which walls are measured
 _SKIN_MM = 1e-4  # a hit nearer than this is the face where the ray began
 _SLIVER_MM2 = 1e-3  # smaller faces have no reliable direction
 _SPOT_MM2 = 5.0  # of a surface that decides how thin a wall is; less of it is an edge
 _WALL = 0.96  # cosine up to which two faces make a wall; beyond it they meet at an edge
-_FLAT = 0.999  # cosine up to which two faces lie in one plane
-_SIDES = 24  # on which a piece may be laid; the largest are tried first
 
 
 class Check(NamedTuple):
@@ -67,38 +68,26 @@ class Check(NamedTuple):
         return text
 
 
-class Lying(NamedTuple):
-    """A mesh as it lies on the plate.
-
-    Attributes:
-        mesh: its lowest point is at 0.
-        fits: whether the plate holds it.
-        back: (4, 4), takes it back to where it came from.
-    """
-
-    mesh: trimesh.Trimesh
-    fits: bool
-    back: Array
-
-
 @dataclass(frozen=True, eq=False)
 class PrintedPart:
     """A solid to print.
 
     Attributes:
-        name: of the link of the tool that it is.
+        name: of the link of the tool that it is, with its number where the tool comes in pieces.
+        link: the link of the tool that it is of, by its name.
+        mount: what bears it.
         solid: a Manifold in the frame of its mount.
-        mesh: as it lies on the plate, centred, its lowest point at 0.
-        to_mount: (4, 4) from the mesh to the frame of its mount, millimetres.
+        lying: it as a mesh on the plate.
         weld_mm: by how much its sides were moved out.
         mass_g: with walls and infill of its material; without a density it is solid PLA.
         checks: what was checked.
     """
 
     name: str
+    link: str
+    mount: str
     solid: Any
-    mesh: trimesh.Trimesh
-    to_mount: Array
+    lying: Lying
     weld_mm: float
     mass_g: float
     checks: tuple[Check, ...]
@@ -107,28 +96,46 @@ class PrintedPart:
     def file(self) -> str:
         return f"{self.name}.stl"
 
+    @property
+    def mesh(self) -> trimesh.Trimesh:
+        """It as it lies on the plate, centred, its lowest point at 0."""
+        return self.lying.mesh
+
+    @property
+    def to_mount(self) -> Array:
+        """Lead (4, 4) from the mesh to the frame of its mount, millimetres."""
+        return self.lying.back
+
 
 def print_part(
     name: str,
+    link: ToolLink,
     solid: Any,
     weld_mm: float,
-    one_piece: Check,
     printer: Printer,
     material: Material = PAPER,
+    known: Sequence[Check] = (),
+    too_large: str = "",
 ) -> PrintedPart:
     """Lay a solid on the plate, check it, and weigh it.
 
     Args:
-        name: of the tool's link that it is.
+        name: of the part.
+        link: of the tool that it is of.
         solid: a Manifold in the frame of its mount, millimetres.
         weld_mm: by how much its sides were moved out.
-        one_piece: the check that it is in one piece.
         printer: whose plate and thinnest wall count; metal is milled, and needs no plate.
         material: what it is made of.
+        known: what was checked of it already.
+        too_large: what to change where it does not fit the plate.
     """
-    mesh = to_mesh(solid)
-    lying = lay(mesh, printer.plate_mm)
-    is_closed = closed(lying.mesh)
+    for shortest_mm in SHORTEST_MM:
+        mesh = to_mesh(solid, shortest_mm)
+        lying = lay(mesh, printer.plate_mm)
+        is_closed = closed(lying.mesh)
+        if is_closed:
+            break
+
     wall = thinnest(mesh) - 2 * weld_mm
     least = printer.min_wall_mm
     walls = f"thinnest {wall:.2f} mm, at least {least:g} mm"
@@ -140,23 +147,48 @@ def print_part(
             "let components overlap, or part them clearly",
             name,
         ),
-        one_piece._replace(part=name),
+        *known,
         Check("walls", wall >= least, walls, THICKEN, name),
     ]
     if not is_metal(material):
-        size = " × ".join(f"{side:.0f}" for side in lying.mesh.extents)
-        room = " × ".join(f"{side:g}" for side in printer.plate_mm)
-        found = f"{size} mm as it lies, the plate is {room} mm"
-        mend = "shorten it, choose a larger printer, or cut and join it in the slicer"
-        checks.append(Check("fits the plate", lying.fits, found, mend, name))
+        checks += check_lying(lying, printer, name, too_large)
 
     metres = Mesh(np.asarray(lying.mesh.vertices) / 1000, np.asarray(lying.mesh.faces))
     density = material.density_kg_m3 or 1000 * PLA_G_PER_CM3
     mass_g = 1000 * material.volume_of(metres) * density
 
     return PrintedPart(
-        name, solid, lying.mesh, lying.back, weld_mm, mass_g, tuple(checks)
+        name, link.name, link.mount, solid, lying, weld_mm, mass_g, tuple(checks)
     )
+
+
+def check_lying(
+    lying: Lying, printer: Printer, name: str, too_large: str
+) -> list[Check]:
+    """Check that a part fits the plate, and say how it stands there and what it leans out by.
+
+    Args:
+        lying: the part on the plate.
+        printer: whose plate counts.
+        name: of the part.
+        too_large: what to change where it does not fit.
+    """
+    size = " × ".join(f"{side:.0f}" for side in lying.size)
+    room = " × ".join(f"{side:g}" for side in printer.plate_mm)
+    found = f"{size} mm as it lies, the plate is {room} mm"
+
+    stands = f"it touches the plate with {lying.contact_mm2:.0f} mm²"
+    if not lying.firm:
+        stands += f", {lying.size[2]:.0f} mm high: print it with a brim"
+
+    leans = "nothing leans out beyond 45°"
+    if lying.overhang_mm2 >= 1:
+        leans = f"{lying.overhang_mm2:.0f} mm² lean out beyond {OVERHANG_DEG:g}°"
+
+    return [
+        Check("fits the plate", lying.fits, found, too_large or LARGER, name),
+        Check("lies", True if lying.firm else None, f"{stands}; {leans}", "", name),
+    ]
 
 
 def is_metal(material: Material) -> bool:
@@ -266,57 +298,6 @@ def _measure_wall(solid: Any, start: Array, direction: Array, length: float) -> 
             return thickness if facing > _WALL else math.inf
 
     return math.inf
-
-
-def lay(mesh: trimesh.Trimesh, plate: Sequence[float]) -> Lying:
-    """Lay a mesh on one of its sides and turn it so that it fits the plate.
-
-    Of the ways that fit it is the one that touches the plate most, else the one that exceeds it least.
-
-    Args:
-        mesh: closed, millimetres.
-        plate: the printer's build volume (x, y, z), millimetres.
-    """
-    hull = mesh.convex_hull
-    by_area = np.argsort(-hull.facets_area, kind="stable")[:_SIDES]
-    sides = [hull.facets_normal[i] for i in by_area] or [np.array([0.0, 0.0, -1.0])]
-    ways = []
-    for down in sides:
-        turned = trimesh.geometry.align_vectors(down, [0.0, 0.0, -1.0])
-        angle, excess = _turn(hull.vertices @ turned[:3, :3].T, plate)
-        matrix = trimesh.transformations.rotation_matrix(angle, [0, 0, 1]) @ turned
-        looks_down = np.asarray(mesh.face_normals) @ down > _FLAT
-        touching = float(mesh.area_faces[looks_down].sum())
-        ways.append((max(excess, 0.0), -touching, matrix))
-
-    excess, _, matrix = min(ways, key=lambda way: way[:2])
-
-    lying = mesh.copy().apply_transform(matrix)
-    low, high = lying.bounds
-    to_middle = [*(-(low + high)[:2] / 2), -low[2]]
-    moved = trimesh.transformations.translation_matrix(to_middle)
-    back = np.linalg.inv(moved @ matrix)
-
-    return Lying(lying.apply_transform(moved), excess == 0, back)
-
-
-def _turn(corners: Array, plate: Sequence[float]) -> tuple[float, float]:
-    """Find the angle about z at which points exceed the plate least, in whole degrees; the first that fits, if any.
-
-    Args:
-        corners: points (N, 3), millimetres.
-        plate: the build volume (x, y, z), millimetres.
-
-    Returns:
-        The angle, radians, and by how much they exceed the plate, millimetres.
-    """
-    angles = np.deg2rad(np.arange(180))
-    turns = Rotation.from_rotvec(np.outer(angles, [0.0, 0.0, 1.0])).as_matrix()
-    sides = np.ptp(corners @ turns.transpose(0, 2, 1), axis=1)
-    excess = (sides - plate).max(axis=1)
-    chosen = int(np.argmin(np.maximum(excess, 0.0)))  # the first that fits, if any
-
-    return float(angles[chosen]), float(excess[chosen])
 
 
 def to_stl(part: PrintedPart) -> bytes:

@@ -7,8 +7,9 @@ from core.design import Candidate, DesignError, Tool
 from core.designs.stiffness import find_weakness
 from core.events import Run
 from core.interfaces import Material, Robot
+from core.support.text import count_words
 from core.values.materials import PAPER
-from plugins.results.workshop.examination import find_problem
+from plugins.results.workshop.examination import find_problem, print_tool
 from plugins.results.workshop.settings import Printer
 
 DEFAULT = "pla"
@@ -35,8 +36,11 @@ def describe_printing(tool: Tool, robot: Robot, material: Material) -> str | Non
         material = node(load("evaluate", [f"material={DEFAULT}"]).material, Material)
 
     problem = find_problem(tool, robot, material, Printer())
-    verdict = "yes"
-    if problem is not None:
+    if problem is None:
+        printed = print_tool(tool, robot, material, Printer())
+        pieces = count_words(len(printed.parts), "piece")
+        verdict = f"yes, in {pieces}, {printed.mass_g:.0f} g"
+    else:
         verdict = f"no (this check fails: {problem})"
 
     soft = _find_softness(tool, robot, material)

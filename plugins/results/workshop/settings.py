@@ -15,6 +15,7 @@ class Printer:
         plate_mm: its build volume (x, y, z).
         min_wall_mm: the thinnest wall, of two lines.
         name: of the machine.
+        profile: a file of settings for the slicer, which count before those of ours; empty: none.
 
     Raises:
         UsageError: a number that is not positive, or not three lengths.
@@ -23,6 +24,7 @@ class Printer:
     plate_mm: tuple[float, ...] = (250.0, 210.0, 220.0)
     min_wall_mm: float = 0.8
     name: str = "mk4"
+    profile: str = ""
 
     def __post_init__(self) -> None:
         if len(self.plate_mm) != 3:
@@ -46,6 +48,7 @@ class Fit:
         sleeve_mm: the gap between a sleeve and the finger, on each side.
         insert_mm: the bore of the clamping screw: 4.0 fits a brass insert M3.
         tolerance_mm: by how much a printed dimension may be off.
+        joint_mm: the gap between tongue and socket of a joint between pieces, on each side.
 
     Raises:
         UsageError: a number is negative or not finite, or a wall is 0.
@@ -56,6 +59,7 @@ class Fit:
     sleeve_mm: float = 0.2
     insert_mm: float = 4.0
     tolerance_mm: float = 0.2
+    joint_mm: float = 0.1
 
     def __post_init__(self) -> None:
         limits = {
@@ -64,6 +68,7 @@ class Fit:
             "sleeve_mm": (0, 5),
             "insert_mm": (0.8, 500),
             "tolerance_mm": (0, 5),
+            "joint_mm": (0, 1),
         }
         for name, (low, high) in limits.items():
             value = getattr(self, name)

@@ -12,14 +12,21 @@ from typing import Any
 
 import numpy as np
 
-from core.design import RIGID_MOUNT, Tool
+from core.design import RIGID_MOUNT
 from core.designs.statics import flange_moment
 from core.interfaces import Material, Task
 from core.support.cli import write_bytes
 from core.values.robots import Robot
 from plugins.results.pages.best_tool import size
-from plugins.results.pages.page import in_viewer, render
+from plugins.results.pages.page import (
+    data_address,
+    drawn_in_viewer,
+    in_viewer,
+    render,
+)
+from plugins.results.workshop.assembly import draw_apart, picture
 from plugins.results.workshop.clearance import payload
+from plugins.results.workshop.joints import Joint
 from plugins.results.workshop.printing import Check, PrintedPart, is_metal
 from plugins.results.workshop.strength import Strength
 from plugins.results.workshop.tool import PrintedTool
@@ -62,9 +69,11 @@ def figures(
         "frame": load["frame"],
         "moment_nm": flange_moment(printed_tool.printed, robot),
         "pieces": [_describe_piece(part) for part in printed_tool.parts],
+        "sliced": dict(printed_tool.sliced),
         "hardware": list(printed_tool.hardware),
         "flange": _describe_flange(robot) if RIGID_MOUNT in tool.mounts else None,
-        "parts": _describe_components(tool, strengths),
+        "joints": [_describe_joint(joint) for joint in printed_tool.joints],
+        "parts": _describe_components(printed_tool, strengths),
         "least_safety": min(factors, default=None),
         "verdicts": [verdict._asdict() for verdict in verdicts],
         "ready": all(verdict.passed is not False for verdict in verdicts),
@@ -82,20 +91,44 @@ def _describe_piece(part: PrintedPart) -> dict[str, Any]:
     return {
         "name": part.name,
         "file": part.file,
-        "size_mm": np.round(part.mesh.extents, 2).tolist(),
+        "size_mm": np.round(part.lying.size, 2).tolist(),
         "volume_cm3": round(float(part.mesh.volume) / 1000, 3),
+        "contact_mm2": round(part.lying.contact_mm2, 1),
+        "overhang_mm2": round(part.lying.overhang_mm2, 1),
         "mass_g": round(part.mass_g, 2),
         "to_mount": np.round(part.to_mount, 6).tolist(),
     }
 
 
+def _describe_joint(joint: Joint) -> dict[str, Any]:
+    """Describe what joins two pieces: ``place_mm`` (3,) and ``along`` (3,) are in the frame of the mount."""
+    below, above = joint.pieces
+    return {
+        "name": joint.name,
+        "component": joint.component,
+        "tongue_of": below,
+        "socket_of": above,
+        "screw": joint.screw,
+        "reach_mm": round(joint.reach_mm, 1),
+        "thicker_mm": round(joint.thicker_mm, 2),
+        "place_mm": np.round(1000 * joint.place, 2).tolist(),
+        "along": np.round(joint.along, 4).tolist(),
+    }
+
+
 def _describe_components(
-    tool: Tool, strengths: Sequence[Strength]
+    printed_tool: PrintedTool, strengths: Sequence[Strength]
 ) -> list[dict[str, Any]]:
-    """Return the components with what they bear, the weakest first."""
+    """Return the components and the joints with what they bear, the weakest first."""
     borne = {row.component: asdict(row) for row in strengths}
+    names = {joint.name for joint in printed_tool.joints}
+    joints = [
+        component
+        for component in printed_tool.mounted.components
+        if component.name in names
+    ]
     components = []
-    for component in tool.components:
+    for component in (*printed_tool.tool.components, *joints):
         row = {
             "name": component.name,
             "size_mm": np.round(1000 * component.shape.bounds[1], 1).tolist(),
@@ -152,11 +185,21 @@ def write_sheet(
     unknown = [check for check in checks if check.passed is None]
     passed = [check for check in checks if check.passed is True]
 
+    shown = [in_viewer(tool, robot, data["tool"], size(tool, robot))]
+    apart = None
+    if printed_tool.joints:
+        pieces = draw_apart(printed_tool.parts, printed_tool.joints, robot)
+        shown.append(drawn_in_viewer(pieces, "In pieces", "drawn apart"))
+        drawn = picture(pieces)
+        write_bytes(folder / "tool" / "pieces.png", drawn)
+        apart = data_address(drawn)
+
     page = render(
         "sheet.html.j2",
         folder,
-        [in_viewer(tool, robot, data["tool"], size(tool, robot))],
+        shown,
         title=data["tool"],
+        apart=apart,
         sheet=data,
         checks=[*failing, *unknown, *passed],
         failing={check.part for check in failing},

@@ -40,8 +40,8 @@ Where all sides moved out alike, an edge of one component may lie in a face of a
 along it, which is no closed surface. So each component is moved out by a little less than the one before.
 """
 
-SHORTEST_MM = 1e-3
-"""Of a mesh's edges: STL files have single precision, in which shorter ones vanish and leave holes."""
+SHORTEST_MM = (1e-3, 1e-2)
+"""Of a mesh's edges: STL files have single precision, in which shorter ones vanish and may leave holes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,12 +152,12 @@ def manifold(mesh: trimesh.Trimesh) -> Any:
     return manifold3d.Manifold(manifold3d.Mesh64(corners, faces))
 
 
-def to_mesh(solid: Any) -> trimesh.Trimesh:
+def to_mesh(solid: Any, shortest_mm: float = SHORTEST_MM[0]) -> trimesh.Trimesh:
     """Return a Manifold as a mesh, as closed as it is: where bodies touch along an edge they share no corner.
 
     Edges that STL files can't hold are merged.
     """
-    data = solid.simplify(SHORTEST_MM).to_mesh64()
+    data = solid.simplify(shortest_mm).to_mesh64()
     return trimesh.Trimesh(data.vert_properties[:, :3], data.tri_verts, process=False)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from core.geometry import Array
 from core.scene import Scene
 from core.values.materials import Material
 from core.values.robots import Robot
+from plugins.results.workshop.joints import Joint
 from plugins.results.workshop.loads import (
     WEIGHT,
     Instant,
@@ -98,6 +100,7 @@ def measured(
     scene: Scene,
     motion: Sampled,
     replays: Mapping[str, PlayedMotion],
+    joints: Sequence[Joint] = (),
 ) -> list[Strength]:
     """Find the worst that a motion does to a tool, where it was played in engines and by its weight alone.
 
@@ -108,9 +111,10 @@ def measured(
         scene: its bodies.
         motion: as it is exported.
         replays: the motion in each engine, by the engine's name.
+        joints: between the pieces that components were cut into.
 
     Returns:
-        For each component that carries something the largest stress.
+        For each component and joint that carries something the largest stress.
 
     Raises:
         UserError: an engine does not tell where forces act.
@@ -138,7 +142,7 @@ def measured(
             loads = [*pulled(sample), *found.loads]
             instants[name].append(Instant(found.time_s, loads))
 
-    return strength(tool, robot, material, instants)
+    return strength(tool, robot, material, instants, joints)
 
 
 def strength(
@@ -146,28 +150,36 @@ def strength(
     robot: Robot,
     material: Material,
     instants: Mapping[str, Sequence[Instant]],
+    joints: Sequence[Joint] = (),
 ) -> list[Strength]:
-    """Find for each component the worst of some instants.
+    """Find for each component, and each joint between pieces, the worst of some instants.
 
     Args:
         tool: as it was simulated.
         robot: the arm.
         material: of the tool.
         instants: of each engine, by its name; those of no engine have the name "".
+        joints: between the pieces that components were cut into.
 
     Raises:
         DesignError: a component does not touch its parent.
     """
     beams = Beams(tool, check_contacts(tool, robot), material)
+    most_pa = material.strength_pa
     worst: dict[str, Strength] = {}
     for engine, of_engine in instants.items():
         for instant in of_engine:
-            for row in _stresses(tool, beams, material.strength_pa, engine, instant):
+            rows = chain(
+                _stresses(tool, beams, most_pa, engine, instant),
+                _joint_stresses(joints, beams, most_pa, engine, instant),
+            )
+            for row in rows:
                 known = worst.get(row.component)
                 if known is None or row.stress_pa > known.stress_pa:
                     worst[row.component] = row
 
     names = [component.name for component in tool.components]
+    names += [joint.name for joint in joints]
 
     return [worst[name] for name in names if name in worst]
 
@@ -225,6 +237,77 @@ def _stresses(
             place=tuple(hardest.point.tolist()),
             moved=tuple((force * softness).tolist()),
         )
+
+
+def _joint_stresses(
+    joints: Sequence[Joint],
+    beams: Beams,
+    most_pa: float | None,
+    engine: str,
+    instant: Instant,
+) -> Iterator[Strength]:
+    """Estimate what loads that act at once do to each joint that carries one: to its tongue, or to its socket's walls.
+
+    Args:
+        joints: between pieces.
+        beams: the tool's components as beams.
+        most_pa: the material's strength; None: it has none.
+        engine: where the loads were measured.
+        instant: the loads.
+    """
+    for joint in joints:
+        loads = [load for load in instant.loads if _is_beyond(joint, load, beams)]
+        if not loads:
+            continue
+
+        force = np.sum([load.force for load in loads], axis=0)
+        moments = [np.cross(load.point - joint.place, load.force) for load in loads]
+        about = np.abs(np.sum(moments, axis=0) @ joint.frame[:3, :3])
+        about_x, about_y = (1e-9 * modulus for modulus in joint.moduli_mm3)
+        stress = about[0] / about_x + about[1] / about_y
+        stress += about[2] / (about_x + about_y)
+
+        hardest = max(loads, key=lambda load: np.linalg.norm(load.force))
+        softness = beams.bend(hardest.component, hardest.point)[0]
+        yield Strength(
+            component=joint.name,
+            parent=joint.component,
+            load=hardest.what,
+            newtons=float(np.linalg.norm(force)),
+            engine="" if hardest.what == WEIGHT else engine,
+            time_s=instant.time_s,
+            lever_m=float(np.linalg.norm(hardest.point - joint.place)),
+            stress_pa=float(stress),
+            safety=None if most_pa is None or stress <= 0 else float(most_pa / stress),
+            bend_m=float(np.linalg.norm(force)) * softness,
+            bearer=hardest.component,
+            place=tuple(hardest.point.tolist()),
+            moved=tuple((force * softness).tolist()),
+        )
+
+
+def _is_beyond(joint: Joint, load: Load, beams: Beams) -> bool:
+    """Report whether a load is carried through a joint: whether it comes to the side without the mount.
+
+    Args:
+        joint: in a component.
+        load: on this component, or on another.
+        beams: the tool's components, and where they touch.
+    """
+    parents = {item.name: item.parent for item in beams.tool.components}
+    name = load.component
+    point = load.point
+    while name != joint.component:
+        if name not in parents:
+            return False
+
+        point = beams.joints[name]
+        name = parents[name]
+
+    def side(place: Array) -> bool:
+        return bool((place - joint.place) @ joint.along > 0)
+
+    return side(point) != side(beams.joints[name])
 
 
 def _find_weakest(carried: Sequence[tuple[Load, Beam]]) -> Section:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -14,14 +16,19 @@ from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.support.cli import write_bytes
 from core.values.materials import Material
 from core.values.robots import Robot
-from plugins.results.workshop.body import check_apart, check_faithful, fuse
+from plugins.results.workshop.body import Body, check_apart, check_faithful, fuse
+from plugins.results.workshop.cutting import Pieces, cut_to_fit, find_pieces
 from plugins.results.workshop.flange import at_flange
+from plugins.results.workshop.joints import SCREWS, Joint
 from plugins.results.workshop.mount import Mount, weighed
+from plugins.results.workshop.numbering import engrave
+from plugins.results.workshop.plates import arrange, to_3mf
 from plugins.results.workshop.printing import (
     Check,
     PrintedPart,
     grams,
     is_metal,
+    print_part,
     to_stl,
 )
 from plugins.results.workshop.settings import Fit, Printer
@@ -38,11 +45,14 @@ class PrintedTool:
 
     Attributes:
         tool: as it was designed.
-        parts: one for each of its rigid links; none of the bare hand.
+        parts: for each of its rigid links one, or the pieces that it was cut into; none of the bare hand.
         checks: of the whole tool; those of its parts are theirs.
         hardware: what is bought.
-        mounted: the tool with its plate or sleeves as components, as it can be simulated.
+        mounted: the tool with its plate or sleeves and its joints as components, as it can be simulated.
         material: what it is made of.
+        joints: between the parts that links were cut into.
+        bodies: its links, before they were cut.
+        sliced: what a slicer says of the parts (`plugins.results.workshop.slicing.ask_slicer`); empty: none was asked.
     """
 
     tool: Tool
@@ -51,6 +61,9 @@ class PrintedTool:
     hardware: tuple[str, ...]
     mounted: Tool
     material: Material
+    joints: tuple[Joint, ...] = ()
+    bodies: tuple[Body, ...] = ()
+    sliced: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def verdicts(self) -> list[Check]:
@@ -64,15 +77,30 @@ class PrintedTool:
         if not self.parts:
             return self.mounted
 
-        components = self.mounted.components
-        volumes = [self.material.volume_of(part.shape) for part in components]
-        density = grams(self.parts) / 1000 / sum(volumes)
+        bought = {joint.name for joint in self.joints}
+        volumes = {
+            component.name: self.material.volume_of(component.shape)
+            for component in self.mounted.components
+            if component.name not in bought
+        }
+        density = grams(self.parts) / 1000 / sum(volumes.values())
         weighing = [
-            replace(component, mass=density * volume)
-            for component, volume in zip(components, volumes, strict=True)
+            component
+            if component.name in bought
+            else replace(component, mass=density * volumes[component.name])
+            for component in self.mounted.components
         ]
 
         return replace(self.mounted, components=tuple(weighing))
+
+    @property
+    def mass_g(self) -> float:
+        """Of all parts, and of the screws of their joints."""
+        return grams(self.parts) + sum(joint.mass_g for joint in self.joints)
+
+    def with_checks(self, *checks: Check) -> PrintedTool:
+        """Return it with further checks."""
+        return replace(self, checks=(*self.checks, *checks))
 
 
 def make_tool(
@@ -95,7 +123,7 @@ def make_tool(
 
     links = links_of(tool)
     fitted = [fuse(link, printer, partial(_mount, robot, link, fit)) for link in links]
-    parts = [body.printed(printer, material) for body in fitted]
+    parts, joints = _print_all(tool, fitted, printer, fit, material)
 
     taken = [component.name for component in tool.components]
     added = list[Component]()
@@ -106,6 +134,13 @@ def make_tool(
         checks += [*body.mount.checks, check_faithful(body)]
         hardware += body.mount.hardware
 
+    screws = Counter(joint.screw for joint in joints)
+    for screw, count in screws.items():
+        hardware += [
+            f"{SCREWS * count} x {screw} countersunk screw",
+            f"{SCREWS * count} brass inserts M3 for a bore of {fit.insert_mm:g} mm",
+        ]
+
     checks += check_apart(fitted)
 
     for link in links:
@@ -114,9 +149,11 @@ def make_tool(
             mend = "each of its links is a closed body of its own"
             checks.append(Check("joint", None, to_make, mend, link.name))
 
+    bearers = {name: body.link.bearer for body in fitted for name in body.link.names}
+    added += [joint.as_component(bearers[joint.component]) for joint in joints]
     mounted = replace(tool, components=(*tool.components, *added))
     if parts:
-        printed = grams(parts)
+        printed = grams(parts) + sum(joint.mass_g for joint in joints)
         simulated = 1000 * mounted.mass
         how = "milled" if is_metal(material) else "printed"
         weighs = f"{how} it weighs {printed:.0f} g, in simulation {simulated:.0f} g"
@@ -125,8 +162,72 @@ def make_tool(
         checks.append(Check("weight", same, weighs, mend))
 
     return PrintedTool(
-        tool, tuple(parts), tuple(checks), tuple(hardware), mounted, material
+        tool,
+        tuple(parts),
+        tuple(checks),
+        tuple(hardware),
+        mounted,
+        material,
+        tuple(joints),
+        tuple(fitted),
     )
+
+
+def _print_all(
+    tool: Tool, fitted: Sequence[Body], printer: Printer, fit: Fit, material: Material
+) -> tuple[list[PrintedPart], list[Joint]]:
+    """Cut links that don't fit the plate, number their pieces, and lay all parts on it; what is milled stays whole.
+
+    Args:
+        tool: whose links they are.
+        fitted: the links, with what fits them to the arm.
+        printer: whose plate counts.
+        fit: the gaps of joints.
+        material: of the tool.
+    """
+    components = {component.name: component for component in tool.components}
+    cut = []
+    for body in fitted:
+        members = [components[name] for name in body.link.names]
+        if is_metal(material):
+            cut.append(Pieces((body.mount.solid,)))
+        else:
+            cut.append(
+                cut_to_fit(body.mount.solid, body.link, members, printer, fit, material)
+            )
+
+    several = any(pieces.joints for pieces in cut)
+    parts = list[PrintedPart]()
+    joints = list[Joint]()
+    for body, pieces in zip(fitted, cut, strict=True):
+        before = len(parts) + 1
+        for joint in pieces.joints:
+            below, above = find_pieces(joint, pieces.solids)
+            name = f"joint_{len(joints) + 1}"
+            while name in components:
+                name += "_"
+            pair = (before + below, before + above)
+            joints.append(replace(joint, name=name, pieces=pair))
+
+        known = [body.one_piece._replace(part=body.link.name)]
+        for whole in pieces.solids:
+            number = len(parts) + 1
+            name = f"{body.link.name}_{number}" if several else body.link.name
+            solid = engrave(whole, number) if several else whole
+            part = print_part(
+                name,
+                body.link,
+                solid,
+                body.weld_mm,
+                printer,
+                material,
+                known,
+                pieces.advice,
+            )
+            parts.append(part)
+            known = []
+
+    return parts, joints
 
 
 def _mount(robot: Robot, link: ToolLink, fit: Fit, solid: Any) -> Mount:
@@ -139,8 +240,10 @@ def _mount(robot: Robot, link: ToolLink, fit: Fit, solid: Any) -> Mount:
     return Mount(solid)
 
 
-def write_tool(printed_tool: PrintedTool, folder: Path) -> PrintedTool:
-    """Write an STL file of each part.
+def write_tool(
+    printed_tool: PrintedTool, folder: Path, printer: Printer
+) -> PrintedTool:
+    """Write an STL file of each part, and a 3MF file of all as they lie on plates; of several plates each one, too.
 
     Returns:
         The tool with a check of the files.
@@ -165,4 +268,11 @@ def write_tool(printed_tool: PrintedTool, folder: Path) -> PrintedTool:
     mend = "write them again; if it stays, thicken what is thinner than a nozzle"
     same = Check("files read back", most <= SAME_FILE, differ, mend)
 
-    return replace(printed_tool, checks=(*printed_tool.checks, same))
+    if not is_metal(printed_tool.material):
+        plates = arrange(printed_tool.parts, printer)
+        write_bytes(folder / "tool.3mf", to_3mf(plates, printer))
+        for number, plate in enumerate(plates, 1):
+            if len(plates) > 1:
+                write_bytes(folder / f"plate_{number}.3mf", to_3mf([plate], printer))
+
+    return printed_tool.with_checks(same)

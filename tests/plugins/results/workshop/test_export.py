@@ -78,7 +78,7 @@ def test_the_tool_is_written_and_earns_the_same_with_its_mount(made):
     )
     assert found.printed.mounted.mass > found.candidate.tool.mass
     names = {file.name for file in (folder / "tool").iterdir()}
-    assert names == {"tool.stl"}
+    assert names == {"tool.stl", "tool.3mf"}
 
 
 def test_what_fails_is_said_with_what_to_change_and_is_an_error(

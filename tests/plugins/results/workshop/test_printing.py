@@ -7,7 +7,8 @@ from core.design import Component, Tool
 from core.geometry import Box, Pose
 from core.values.materials import PAPER
 from plugins.results.workshop.body import bodies
-from plugins.results.workshop.printing import grams, lay, thinnest
+from plugins.results.workshop.lying import lay
+from plugins.results.workshop.printing import grams, thinnest
 from plugins.results.workshop.settings import Printer
 
 WIDE = Printer(plate_mm=(500.0, 500.0, 500.0))
@@ -112,12 +113,13 @@ def test_the_thickness_of_known_solids():
 
 def test_a_long_piece_is_laid_across_the_plate():
     rod = trimesh.creation.box((310, 10, 10))
-    lying, fits, _ = lay(rod, (250, 210, 220))
-    assert fits
-    assert lying.extents[0] <= 250
-    assert lying.extents[1] <= 210
+    lying = lay(rod, (250, 210, 220))
+    assert lying.fits
+    assert lying.size[0] <= 250
+    assert lying.size[1] <= 210
+    assert lying.mesh.bounds[0, 2] == pytest.approx(0)
     # Its diagonal is 326.5 mm.
-    assert not lay(trimesh.creation.box((340, 10, 10)), (250, 210, 220))[1]
+    assert not lay(trimesh.creation.box((340, 10, 10)), (250, 210, 220)).fits
 
 
 def test_attachments_of_a_gripper_are_two_pieces():

@@ -7,7 +7,13 @@ from core.design import Component, Tool
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.interfaces import Material
 from plugins.results.workshop.settings import Fit, Printer
-from plugins.results.workshop.solid import box, manifold, to_mesh, union
+from plugins.results.workshop.solid import (
+    box,
+    joined_solids,
+    manifold,
+    to_mesh,
+    union,
+)
 from plugins.results.workshop.tool import make_tool, write_tool
 from tests.panda import PANDA
 from tests.shapes import bowl, prism
@@ -38,25 +44,30 @@ def faults(made):
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tool")
-    return folder, write_tool(
-        make_tool(PLA.made(LONG), PANDA, PLA, Printer([500.0] * 3), Fit()), folder
-    )
+    printer = Printer([500.0] * 3)
+    made = make_tool(PLA.made(LONG), PANDA, PLA, printer, Fit())
+    return folder, write_tool(made, folder, printer)
 
 
-def test_the_file_is_the_tool(written):
+def test_the_files_put_together_are_the_tool(written):
     folder, made = written
-    (part,) = made.parts
-    mesh = trimesh.load(folder / "tool.stl")
-    assert mesh.is_volume
-    assert part.mesh.volume == pytest.approx(mesh.volume, rel=1e-3)
-    whole = manifold(mesh.apply_transform(part.to_mount))
+    pieces = []
+    for part in made.parts:
+        mesh = trimesh.load(folder / part.file)
+        assert mesh.is_volume
+        assert part.mesh.volume == pytest.approx(mesh.volume, rel=1e-3)
+        pieces.append(manifold(mesh.apply_transform(part.to_mount)))
+
+    assert len(pieces) == 2  # whole it would stand on an edge
+    whole = joined_solids(pieces)
     simulated = union(
         [(c.shape, made.mounted.placed()[c.name][1]) for c in made.mounted.components]
     )
     beyond = (whole - simulated).trim_by_plane((0, 0, -1), -0.1)
     # The weld of 0.01 mm; above is the boss.
     assert beyond.volume() < 0.02 * simulated.surface_area()
-    assert (simulated - whole).volume() < 0.01 * simulated.volume()  # bores
+    assert (simulated - whole).volume() < 0.02 * simulated.volume()  # bores
+    assert sum(piece.volume() for piece in pieces) == pytest.approx(whole.volume())
     assert faults(made) == []
 
 
@@ -64,8 +75,10 @@ def test_figures_and_the_list(written):
     folder, made = written
     # It is filled to a fifth.
     assert made.parts[0].mass_g < 1.24 * made.parts[0].mesh.volume / 1000
+    assert 1000 * made.printed.mass == pytest.approx(made.mass_g)
     assert 1000 * made.printed.mass == pytest.approx(1000 * made.mounted.mass, rel=0.2)
-    assert [file.name for file in folder.iterdir()] == ["tool.stl"]
+    names = {file.name for file in folder.iterdir()}
+    assert names == {"tool.3mf", *(part.file for part in made.parts)}
     assert "4 x M6 x 12" in made.hardware
 
 

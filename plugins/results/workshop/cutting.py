@@ -1,0 +1,350 @@
+"""Cut a solid that does not fit a printer's plate into pieces that do, and join them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from core.design import Component
+from core.geometry import Array
+from core.values.materials import Material
+from plugins.results.workshop.joints import (
+    FREE_MM,
+    KERF_MM,
+    REACH_MM,
+    Joint,
+    Profile,
+    is_prism,
+    make_joint,
+    straight_profile,
+)
+from plugins.results.workshop.lying import SUPPORT, Lying, lay, stand_on, turn_to_fit
+from plugins.results.workshop.settings import Fit, Printer
+from plugins.results.workshop.solid import ToolLink, to_mesh, union
+
+MOST_PIECES = 12
+LEAST_MM = 2 * REACH_MM[0]  # of a component along which it is cut
+STEP_MM = 20.0  # between cuts that are tried
+TRIED = 6  # cuts that have room, of which the best is taken
+UNFIRM_MM = 30.0  # of excess: what a piece that stands on little counts as
+WASTE = 0.3  # of a piece: where supports take more, it is cut into two that lie flat, if a cut does it
+
+
+class Cut(NamedTuple):
+    """Where a component may be cut.
+
+    Attributes:
+        component: its number in its link.
+        axis: of the component's own, along which the shaft is.
+        at_mm: from the component's middle.
+        rank: the less, the better it seems: pieces that do not fit, by how much, and the room that pieces take.
+    """
+
+    component: int
+    axis: int
+    at_mm: float
+    rank: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """A solid in pieces.
+
+    Attributes:
+        solids: Manifolds, with their tongues and sockets.
+        joints: in the order in which they were cut.
+        advice: what to change, where no cuts make it fit, so that it stays whole; empty: all fit.
+    """
+
+    solids: tuple[Any, ...]
+    joints: tuple[Joint, ...] = ()
+    advice: str = ""
+
+
+def lies_well(lying: Lying) -> bool:
+    """Report whether a piece fits the plate, stands firmly, and takes little support."""
+    wasted = SUPPORT * lying.support_mm3
+    flat = wasted <= WASTE * abs(float(lying.mesh.volume))
+    return lying.fits and lying.firm and flat
+
+
+def cut_to_fit(
+    solid: Any,
+    link: ToolLink,
+    components: Sequence[Component],
+    printer: Printer,
+    fit: Fit,
+    material: Material,
+) -> Pieces:
+    """Cut a solid into the fewest pieces that fit the plate, as far as cuts one by one lead there.
+
+    Args:
+        solid: a link of a tool with its mount, a Manifold in millimetres.
+        link: whose components are cut.
+        components: those of the link, in its order.
+        printer: whose plate counts.
+        fit: the gaps of a joint.
+        material: of the tool.
+    """
+    whole = lay(to_mesh(solid), printer.plate_mm)
+    if whole.fits and whole.firm:
+        return Pieces((solid,))
+
+    cutter = _Cutter(link, components, printer, fit, material)
+    done: list[Any] = []
+    waiting = [solid]
+    joints: list[Joint] = []
+
+    while waiting:
+        piece = waiting.pop(0)
+        lying = lay(to_mesh(piece), printer.plate_mm)
+        full = len(waiting) + len(done) + 1 >= MOST_PIECES
+        halves = None if lies_well(lying) or full else cutter.cut(piece, lying)
+        if halves is None and not lying.fits:
+            return Pieces((solid,), (), cutter.advise(piece, lying))
+        if halves is None:
+            done.append(piece)
+            continue
+
+        joint, below, above = halves
+        joints.append(joint)
+        waiting += [below, above]
+
+    return Pieces(tuple(done), tuple(joints))
+
+
+class _Cutter:
+    """Cuts pieces of a link in two; see `cut_to_fit` for its arguments."""
+
+    def __init__(
+        self,
+        link: ToolLink,
+        components: Sequence[Component],
+        printer: Printer,
+        fit: Fit,
+        material: Material,
+    ) -> None:
+        self._link = link
+        self._components = components
+        self._printer = printer
+        self._fit = fit
+        self._material = material
+        poses = [pose for _, pose in link.shapes]
+        self._axes = _distinct(np.vstack([pose.rotation_matrix.T for pose in poses]))
+        self._solids = [union([placed]) for placed in link.shapes]
+        self._profiles: dict[tuple[int, int, int], Profile | None] = {}
+
+    def cut(self, solid: Any, lying: Lying) -> tuple[Joint, Any, Any] | None:
+        """Cut a piece where that is best; None: no cut has room, or none makes it better.
+
+        Args:
+            solid: the piece, a Manifold in millimetres.
+            lying: it as it lies.
+
+        Returns:
+            The joint, the piece with the tongue, and that with the socket.
+        """
+        found = []
+        for cut in sorted(self._list_cuts(solid), key=lambda cut: cut.rank):
+            halves = self._join(solid, cut)
+            if halves is not None:
+                found.append(halves)
+            if len(found) == TRIED:
+                break
+
+        if not found:
+            return None
+
+        rank, joint, below, above = min(found, key=lambda halves: halves[0])
+        if lying.fits and rank[0] > 0:
+            return None
+
+        return joint, below, above
+
+    def _list_cuts(self, solid: Any) -> Iterator[Cut]:
+        """Yield cuts that part a piece, as they seem."""
+        for number, (shape, _) in enumerate(self._link.shapes):
+            size = shape.bounds[1]
+            for axis in range(3):
+                length = 1000 * float(size[axis])
+                if length < LEAST_MM:
+                    continue
+
+                for at_mm in np.linspace(
+                    -length / 2, length / 2, max(3, int(length / STEP_MM) + 1)
+                ):
+                    halves = self._part(solid, number, axis, float(at_mm))
+                    if halves is not None:
+                        yield Cut(number, axis, float(at_mm), self._rank(halves))
+
+    def _frame(self, number: int, axis: int, at_mm: float, turned: int = 0) -> Array:
+        """Return the frame of a cut across a component.
+
+        Args:
+            number: of the component.
+            axis: of its own, along which the shaft is.
+            at_mm: where, from its middle.
+            turned: 0 to 3: bit 0 swaps the pieces, bit 1 the sides of the screws.
+        """
+        shape, pose = self._link.shapes[number]
+        middle, size = shape.bounds
+        first, second = (other for other in range(3) if other != axis)
+        thin = first if size[first] < size[second] else second
+
+        frame = np.eye(4)
+        along = pose.rotation_matrix[:, axis]
+        frame[:3, 2] = -along if turned & 1 else along
+        across = pose.rotation_matrix[:, thin]
+        frame[:3, 1] = -across if turned & 2 else across
+        frame[:3, 0] = np.cross(frame[:3, 1], frame[:3, 2])
+        frame[:3, 3] = 1000 * pose.apply(middle) + at_mm * along
+
+        return frame
+
+    def _profile(
+        self, number: int, axis: int, at_mm: float, turned: int = 0
+    ) -> tuple[Array, Profile] | None:
+        """Return the frame of a cut, and the section of the component above it; None: it is not straight there."""
+        frame = self._frame(number, axis, at_mm, turned)
+        key = (number, axis, turned)
+        if key not in self._profiles:
+            solid = self._solids[number]
+            middle = self._frame(number, axis, 0.0, turned)
+            profile = straight_profile(solid, middle, 1.0)
+            length = 1000 * float(self._link.shapes[number][0].bounds[1][axis])
+            straight = profile is not None and is_prism(profile, length, solid)
+            self._profiles[key] = profile if straight else None
+
+        profile = self._profiles[key]
+        if profile is None:
+            profile = straight_profile(self._solids[number], frame, REACH_MM[0])
+
+        return None if profile is None else (frame, profile)
+
+    def _part(
+        self, solid: Any, number: int, axis: int, at_mm: float
+    ) -> tuple[Any, Any] | None:
+        """Part a piece at a component, on either side of the place; None: it does not fall into two."""
+        found = self._profile(number, axis, at_mm) or self._profile(
+            number, axis, at_mm, 1
+        )
+        if found is None:
+            return None
+
+        frame, profile = found
+        slab = profile.grown(FREE_MM).solid(frame, 0.0, KERF_MM)
+        pieces = (solid - slab).decompose()
+        if len(pieces) != 2:
+            return None
+
+        return pieces[0], pieces[1]
+
+    def _rank(self, halves: Sequence[Any]) -> tuple[float, float, float]:
+        """Rank two pieces by how they would lie on one of the sides of components."""
+        excesses = []
+        room = 0.0
+        for half in halves:
+            corners = half.hull().to_mesh().vert_properties[:, :3]
+            ways = []
+            for down in self._axes:
+                turned = stand_on(down)
+                _, excess = turn_to_fit(corners @ turned.T, self._printer.plate_mm)
+                ways.append(max(0.0, excess))
+
+            excesses.append(min(ways))
+            room += float(np.prod(np.ptp(corners @ self._axes[:3].T, axis=0)))
+
+        large = sum(excess > 0 for excess in excesses)
+        return float(large), round(sum(excesses), 1), room
+
+    def _join(
+        self, solid: Any, cut: Cut
+    ) -> tuple[tuple[float, float, float], Joint, Any, Any] | None:
+        """Cut a piece and make the joint, as it is turned best; None: it has no room."""
+        found = []
+        for turned in range(4):
+            shaft = self._profile(cut.component, cut.axis, cut.at_mm, turned)
+            if shaft is None:
+                continue
+
+            frame, profile = shaft
+            component = self._components[cut.component]
+            joint = make_joint(component, frame, profile, self._fit, self._material)
+            if joint is None or not joint.room.is_in(solid):
+                continue
+
+            halves = joint.split(solid)
+            if halves is None or not _slides(joint, *halves):
+                continue
+
+            below, above = joint.finish(*halves)
+            found.append((self._judge((below, above)), joint, below, above))
+            if joint.thicker_mm == 0:
+                break  # another turn would lie as well
+
+        return min(found, key=lambda halves: halves[0], default=None)
+
+    def _judge(self, pieces: Sequence[Any]) -> tuple[float, float, float]:
+        """Rank pieces by how they lie: those that do not, by how much, and what printing takes."""
+        plate = self._printer.plate_mm
+        ways = [lay(to_mesh(piece), plate) for piece in pieces]
+        badly = sum(not lies_well(way) for way in ways)
+        excess = sum(way.excess_mm + (0.0 if way.firm else UNFIRM_MM) for way in ways)
+        return float(badly), round(excess, 1), sum(way.cost for way in ways)
+
+    def advise(self, piece: Any, lying: Lying) -> str:
+        """Say what to shorten where a piece does not fit and no cut makes it fit."""
+        longest = max(self._components, key=lambda item: self._length_in(piece, item))
+        length = self._length_in(piece, longest)
+        size = " × ".join(f"{side:.0f}" for side in lying.size)
+        free = f"{REACH_MM[0] + 5:.0f} mm of a component straight and free of others"
+        return (
+            f"no joint makes its part of {size} mm fit: shorten {longest.name}, {length:.0f} mm of which are in "
+            f"it, leave {free}, or choose a larger printer"
+        )
+
+    def _length_in(self, piece: Any, component: Component) -> float:
+        """How long a component is in a piece, mm."""
+        number = self._link.names.index(component.name)
+        shared = piece ^ self._solids[number]
+        if shared.is_empty():
+            return 0.0
+
+        corners = shared.to_mesh().vert_properties[:, :3]
+        turned = corners @ self._link.shapes[number][1].rotation_matrix
+        return float(np.ptp(turned, axis=0).max())
+
+
+def _slides(joint: Joint, below: Any, above: Any) -> bool:
+    """Report whether the piece above can be drawn off its tongue."""
+    for share in (0.5, 1.0):
+        way = share * joint.reach_mm * joint.along
+        if (above.translate(tuple(way)) ^ below).volume() > 1.0:
+            return False
+
+    return True
+
+
+def _distinct(directions: Array) -> Array:
+    """Return directions (N, 3) without those that are parallel to one before."""
+    kept: list[Array] = []
+    for direction in directions:
+        if all(abs(direction @ other) < 0.999 for other in kept):
+            kept.append(direction)
+
+    return np.array(kept)
+
+
+def find_pieces(joint: Joint, solids: Sequence[Any]) -> tuple[int, int]:
+    """Say which pieces, Manifolds, a joint joins: the number of that with the tongue, and of that with the socket."""
+    below = union([joint.probe])
+    above = below.translate(tuple((joint.reach_mm + 2.5) * joint.along))
+    numbers = []
+    for probe in (below, above):
+        shared = [(solid ^ probe).volume() for solid in solids]
+        numbers.append(int(np.argmax(shared)))
+
+    return numbers[0], numbers[1]

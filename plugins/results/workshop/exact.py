@@ -1,0 +1,256 @@
+"""Write parts as STEP files: exact solids of Open CASCADE, for those who mill or edit.
+
+Boxes, cylinders and balls are what they are; hulls and meshes have flat sides. Numbers are not pressed in.
+Lengths of solids are millimetres, those of shapes metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from core.errors import UsageError
+from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape, Sphere
+from core.support.cli import write_bytes
+from plugins.results.workshop.body import Body
+from plugins.results.workshop.printing import Check
+from plugins.results.workshop.solid import Placed, to_mesh, union
+from plugins.results.workshop.tool import PrintedTool
+
+SAME_VOLUME = 0.01  # by which an exact solid may differ from that of triangles
+SEWN_MM = 1e-4  # between the edges of two triangles
+TOUCH_MM3 = 1e-3
+
+MISSING = "format=step needs Open CASCADE: pip install 'vlmgineer[step]'"
+
+
+class Exact:
+    """A solid of Open CASCADE, with the operators of a Manifold that cuts and joints need.
+
+    Args:
+        shape: a ``TopoDS_Shape``.
+    """
+
+    def __init__(self, shape: Any) -> None:
+        self.shape = shape
+
+    def __add__(self, other: Exact) -> Exact:
+        from OCP.BRepAlgoAPI import BRepAlgoAPI_Fuse
+
+        return Exact(_merge_faces(BRepAlgoAPI_Fuse(self.shape, other.shape).Shape()))
+
+    def __sub__(self, other: Exact) -> Exact:
+        from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
+
+        return Exact(BRepAlgoAPI_Cut(self.shape, other.shape).Shape())
+
+    def __xor__(self, other: Exact) -> Exact:
+        from OCP.BRepAlgoAPI import BRepAlgoAPI_Common
+
+        return Exact(BRepAlgoAPI_Common(self.shape, other.shape).Shape())
+
+    def volume(self) -> float:
+        """Compute its volume, mm³."""
+        return float(self._integrals().Mass())
+
+    @property
+    def middle(self) -> Array:
+        """Its centre of mass (3,)."""
+        point = self._integrals().CentreOfMass()
+        return np.array([point.X(), point.Y(), point.Z()])
+
+    def decompose(self) -> list[Exact]:
+        """Return the solids that don't hang together."""
+        from OCP.TopAbs import TopAbs_ShapeEnum
+        from OCP.TopExp import TopExp_Explorer
+
+        explorer = TopExp_Explorer(self.shape, TopAbs_ShapeEnum.TopAbs_SOLID)
+        found = []
+        while explorer.More():
+            found.append(Exact(explorer.Current()))
+            explorer.Next()
+
+        return found
+
+    def write(self, file: Path) -> None:
+        """Write it as a STEP file, in millimetres."""
+        from OCP.Message import Message
+        from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
+
+        Message.DefaultMessenger_s().ChangePrinters().Clear()
+        writer = STEPControl_Writer()
+        writer.Transfer(self.shape, STEPControl_StepModelType.STEPControl_AsIs)
+        write_bytes(file, b"")
+        writer.Write(str(file))
+
+    @classmethod
+    def read(cls, file: Path) -> Exact:
+        """Read a STEP file."""
+        from OCP.STEPControl import STEPControl_Reader
+
+        reader = STEPControl_Reader()
+        reader.ReadFile(str(file))
+        reader.TransferRoots()
+        return cls(reader.OneShape())
+
+    def _integrals(self) -> Any:
+        from OCP.BRepGProp import BRepGProp
+        from OCP.GProp import GProp_GProps
+
+        integrals = GProp_GProps()
+        BRepGProp.VolumeProperties_s(self.shape, integrals)
+        return integrals
+
+
+def _merge_faces(shape: Any) -> Any:
+    """Merge faces that lie in one surface."""
+    from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
+
+    upgrade = ShapeUpgrade_UnifySameDomain(shape, True, True, False)
+    upgrade.Build()
+    return upgrade.Shape()
+
+
+def make_exact(shapes: Sequence[Placed]) -> Exact:
+    """Return the union of shapes."""
+    solids = []
+    for shape, pose in shapes:
+        for part, place in shape.urdf_parts():
+            solids.append(
+                _make_primitive(part, pose if place is None else pose @ place)
+            )
+
+    whole = solids[0]
+    for solid in solids[1:]:
+        whole = whole + solid
+
+    return whole
+
+
+def _make_primitive(shape: Shape, pose: Pose) -> Exact:
+    """Return a box, a cylinder or a ball as it is, and all else with flat sides."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+    from OCP.BRepPrimAPI import (
+        BRepPrimAPI_MakeBox,
+        BRepPrimAPI_MakeCylinder,
+        BRepPrimAPI_MakeSphere,
+    )
+    from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt, gp_Quaternion, gp_Trsf, gp_Vec
+
+    made: Any
+    if isinstance(shape, Box):
+        half = 500 * np.array(shape.size)
+        made = BRepPrimAPI_MakeBox(gp_Pnt(*-half), gp_Pnt(*half)).Shape()
+    elif isinstance(shape, Cylinder):
+        length = 1000 * shape.length
+        axis = gp_Ax2(gp_Pnt(0, 0, -length / 2), gp_Dir(0, 0, 1))
+        made = BRepPrimAPI_MakeCylinder(axis, 1000 * shape.radius, length).Shape()
+    elif isinstance(shape, Sphere):
+        made = BRepPrimAPI_MakeSphere(1000 * shape.radius).Shape()
+    else:
+        made = _sew(shape.triangles)
+
+    w, x, y, z = (float(value) for value in pose.quaternion)
+    move = gp_Trsf()
+    move.SetTransformation(gp_Quaternion(x, y, z, w), gp_Vec(*(1000 * pose.position)))
+    return Exact(BRepBuilderAPI_Transform(made, move, True).Shape())
+
+
+def _sew(mesh: Mesh) -> Any:
+    """Sew triangles to a solid, and merge those in one plane."""
+    from OCP.BRepBuilderAPI import (
+        BRepBuilderAPI_MakeFace,
+        BRepBuilderAPI_MakePolygon,
+        BRepBuilderAPI_MakeSolid,
+        BRepBuilderAPI_Sewing,
+    )
+    from OCP.gp import gp_Pnt
+    from OCP.TopoDS import TopoDS
+
+    corners = 1000 * np.asarray(mesh.vertices)
+    sewing = BRepBuilderAPI_Sewing(SEWN_MM)
+    for triangle in np.asarray(mesh.faces):
+        outline = BRepBuilderAPI_MakePolygon(
+            *(gp_Pnt(*corners[corner]) for corner in triangle), True
+        )
+        if outline.IsDone():
+            sewing.Add(BRepBuilderAPI_MakeFace(outline.Wire(), True).Face())
+
+    sewing.Perform()
+    shell = TopoDS.Shell(sewing.SewedShape())
+    return _merge_faces(BRepBuilderAPI_MakeSolid(shell).Solid())
+
+
+def check_kernel() -> None:
+    """Check that Open CASCADE is there.
+
+    Raises:
+        UsageError: says how to install it.
+    """
+    try:
+        import OCP  # noqa: F401
+    except ImportError as error:
+        raise UsageError(MISSING) from error
+
+
+def write_step(printed_tool: PrintedTool, folder: Path) -> Check:
+    """Write a STEP file of each part, and compare what is read back with the part.
+
+    Raises:
+        UserError: a file can't be written.
+    """
+    most = 0.0
+    for body in printed_tool.bodies:
+        parts = [part for part in printed_tool.parts if part.link == body.link.name]
+        solids = _cut(printed_tool, body)
+        for part in parts:
+            middle = to_mesh(part.solid).center_mass
+            solid = min(solids, key=lambda solid: _distance(solid, middle))
+            file = folder / f"{part.name}.step"
+            solid.write(file)
+            volume = float(part.solid.volume())
+            most = max(most, abs(Exact.read(file).volume() - volume) / volume)
+
+    differ = f"STEP files differ from the parts by up to {most:.2%} in volume"
+    mend = "let components overlap, or part them clearly"
+    return Check("STEP read back", most <= SAME_VOLUME, differ, mend)
+
+
+def _distance(solid: Exact, point: Array) -> float:
+    return float(np.linalg.norm(solid.middle - point))
+
+
+def _cut(printed_tool: PrintedTool, body: Body) -> list[Exact]:
+    """Make a link of a tool as an exact solid, fitted to its mount, and cut it as its parts were."""
+    mount = body.mount
+    shapes = body.link.grown(body.weld_mm)
+    plain = union(shapes)
+    whole = make_exact(shapes)
+    for steps, sign in ((mount.clearing, -1), (mount.adding, 1), (mount.taking, -1)):
+        near = [
+            placed
+            for placed in steps
+            if sign > 0 or (plain ^ union([placed])).volume() > TOUCH_MM3
+        ]
+        if near:
+            made = make_exact(near)
+            whole = whole + made if sign > 0 else whole - made
+        if sign > 0 and steps:
+            plain = plain + union(steps)
+
+    pieces = [whole]
+    for joint in printed_tool.joints:
+        if joint.component not in body.link.names:
+            continue
+
+        probe = make_exact([joint.probe])
+        cut = max(pieces, key=lambda piece: (piece ^ probe).volume())
+        halves = joint.split(cut, make_exact)
+        assert halves is not None, f"{joint.name} does not part the exact solid"
+        pieces.remove(cut)
+        pieces += joint.finish(*halves, make_exact)
+
+    return pieces

@@ -1,0 +1,92 @@
+"""What a slicer is asked, and what becomes of one that hangs, fails, or is another program."""
+
+import os
+from pathlib import Path
+
+import pytest
+import trimesh
+
+from core.errors import UserError
+from core.interfaces import Material
+from plugins.results.workshop.plates import arrange
+from plugins.results.workshop.printing import print_part
+from plugins.results.workshop.settings import Printer
+from plugins.results.workshop.slicing import ask_slicer, find_slicer, slice_plates
+from plugins.results.workshop.solid import ToolLink, manifold
+
+PLA = Material("pla", 1240.0, infill=0.2, wall_mm=1.2)
+GCODE = """;TYPE:Perimeter
+G1 X1 Y1 E2.0
+;TYPE:Support material
+G1 X2 Y1 E1.0
+; filament used [g] = 30.0
+; estimated printing time (normal mode) = 1d 2h 30m 36s
+"""
+
+
+@pytest.fixture(scope="module")
+def part():
+    link = ToolLink("tool_mount", "tool_mount", (), ())
+    cube = manifold(trimesh.creation.box((20, 20, 20)))
+    return print_part("tool", link, cube, 0.0, Printer(), PLA)
+
+
+def program(folder: Path, text: str) -> Path:
+    file = folder / "slicer"
+    file.write_text(f"#!/bin/sh\n{text}\n")
+    file.chmod(0o755)
+    return file
+
+
+def test_hours_grams_and_supports_are_read(part, tmp_path):
+    (tmp_path / "plate.gcode").write_text(GCODE)
+    say = "echo 'print warning: Loose extrusions'; "
+    slicer = program(
+        tmp_path,
+        f'{say}while [ "$1" != -o ]; do shift; done; cp {tmp_path}/plate.gcode "$2"',
+    )
+    data, checks = ask_slicer(slicer, [part], Printer(), PLA)
+    assert data["hours"] == pytest.approx(26.51)
+    assert (data["grams"], data["support_g"]) == (30.0, 10.0)
+    assert [check.passed for check in checks] == [True, None]
+    assert "Loose extrusions" in checks[1].found
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("sleep 60", "has not sliced a plate in 0.3 s"),
+        ("echo no config; exit 3", "failed with status 3: no config"),
+        ("exit 0", "wrote no toolpaths"),
+        (
+            'while [ "$1" != -o ]; do shift; done; echo G1 > "$2"',
+            "name no time or no filament",
+        ),
+    ],
+)
+def test_a_slicer_that_hangs_fails_or_is_another_program_is_said(
+    part, tmp_path, text, said
+):
+    slicer = program(tmp_path, text)
+    limit_s = 0.3 if "sleep" in text else 60.0
+    plates = arrange([part], Printer())
+    with pytest.raises(UserError, match=said):
+        slice_plates(slicer, plates, Printer(), PLA, limit_s)
+
+
+def test_without_a_slicer_a_dash_says_how_to_get_one(part):
+    data, (check,) = ask_slicer(None, [part], Printer(), PLA)
+    assert data == {}
+    assert check.passed is None
+    assert "apt-get install prusa-slicer" in check.found
+    with pytest.raises(UserError, match="not on the PATH"):
+        find_slicer("no_such_slicer_here")
+
+
+@pytest.mark.slicer
+def test_the_real_slicer_says_what_a_cube_takes(part):
+    slicer = find_slicer("prusa-slicer", os.environ.get("SLICER", ""))
+    data, checks = ask_slicer(slicer, [part], Printer(), PLA)
+    assert checks[0].passed
+    assert 0.1 < data["hours"] < 2
+    assert 2 < data["grams"] < 10
