@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from core.design import MAX_JOINTS, Bearer, DesignError, Tool, ToolJoint
 from core.designs.rules import MAX_GAP_M, mount_solids
 from core.designs.springs import bound_speeds, measure_levers, measure_lightness
-from core.geometry import Cylinder, Pose
+from core.geometry import Array, Cylinder, Pose
 from core.interfaces import Robot
 from core.robot.solids import Solid, signed_distance, solid_geometry
 from core.values.materials import Material
@@ -73,6 +73,11 @@ MAX_SPRINGS_J = 2.0  # of all bought springs of a tool
 _PRINTED_M3 = 20e-6  # of material, from which the springs of a tool are made
 MAX_PIN_M = 0.01  # from a hinge's axis to each of its two sides: an eye around a pin
 MAX_INSIDE_M = 0.001  # what moves in what bears it, where the two are apart at rest
+AWAY_M = 0.02  # so far from a hinge's axis, or as far as both are thick, its two sides may be in each other
+ROUNDING_M = 1e-9
+_POINTS_M = 0.01  # between points of what moves, at least
+_MOST_POINTS = 16  # along each side
+_LOOKS = 201  # over a range
 _STEP_M = 0.005  # between places in which the two sides of a joint must touch
 _FEWEST_STEPS = 9
 _MOST_STEPS = 201
@@ -307,7 +312,7 @@ def _check_through(
 ) -> None:
     """Refuse a range in which what moves gets into what bears it: engines let the two pass through each other.
 
-    Solids that touch at rest are the joint itself, and may. What bears the tool has no shape of
+    Solids that touch at rest are the joint itself, and may near its axis. What bears the tool has no shape of
     ours, and is left to the other rules. The arguments are as those of `_check_touch`.
     """
     joint = bearer.joint
@@ -315,8 +320,15 @@ def _check_through(
     begin = min(max(0.0, joint.lower), joint.upper)
 
     for still, moving in itertools.product(bearing, solids[bearer.name]):
+        gap = _measure_gap(bearer, still, moving, begin)
+        is_sleeve = joint.kind == "slider" and gap < -MAX_INSIDE_M
         for end in (joint.lower, joint.upper):
-            value = _find_inside(bearer, (still, moving), (begin, end), lever)
+            value: float | None = None
+            if gap > MAX_GAP_M:
+                value = _find_inside(bearer, (still, moving), (begin, end), lever)
+            elif not is_sleeve:
+                values = np.linspace(begin, end, _LOOKS)
+                value = _find_inside_away(bearer, still, moving, values)
             if value is not None:
                 raise DesignError(
                     f"component {moving.name!r} goes through {still.name!r} of its own tool, where the joint of "
@@ -343,9 +355,6 @@ def _find_inside(
     onward = math.copysign(1.0, end - value)
     gap = _measure_gap(bearer, still, moving, value)
 
-    if gap <= MAX_GAP_M:
-        return None
-
     while (end - value) * onward > 0:
         value += onward * max(gap, MAX_INSIDE_M / 2) / lever
         value = min(value, end) if onward > 0 else max(value, end)
@@ -354,6 +363,67 @@ def _find_inside(
             return value
 
     return None
+
+
+def _find_inside_away(
+    bearer: Bearer, still: Solid, moving: Solid, values: Array
+) -> float | None:
+    """Find the first value of a joint at which two solids that touch at rest are in each other away from its axis.
+
+    Points of what moves may get no deeper than they are at rest.
+
+    Args:
+        bearer: the joint.
+        still: what bears it.
+        moving: what it moves.
+        values: of the joint, from that at rest on.
+
+    Returns:
+        The value; None: there is none.
+    """
+    assert still.shape is not None
+    assert moving.shape is not None
+    joint = bearer.joint
+    points = _list_points(moving)
+    if joint.kind == "hinge":
+        axis = np.array(joint.axis)
+        off_axis = points - np.outer(points @ axis, axis)
+        thick = still.shape.thickness + moving.shape.thickness
+        points = points[np.linalg.norm(off_axis, axis=1) > max(AWAY_M, thick)]
+    if not len(points):
+        return None
+
+    most = min(MAX_INSIDE_M, still.shape.thickness / 4)
+    allowed: Array | None = None
+    for value in values.tolist():
+        place = still.pose.inverse() @ bearer.pose @ _move(joint, value)
+        depths = _measure_depths(still, place.apply(points))
+        if allowed is None:
+            allowed = np.maximum(depths, 0.0) + most
+        if (depths > allowed).any():
+            return float(value)
+
+    return None
+
+
+def _list_points(solid: Solid) -> Array:
+    """List points (P, 3) in a solid, about `_POINTS_M` apart, in the frame of what bears it."""
+    assert solid.shape is not None
+    low, high = np.array(solid.shape.hull().bounds)
+    counts = np.clip((high - low) / _POINTS_M, 2, _MOST_POINTS).astype(int)
+    sides = [np.linspace(*ends) for ends in zip(low, high, counts, strict=True)]
+    grid = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 3)
+    inside = _measure_depths(solid, grid) > -ROUNDING_M
+    return np.asarray(solid.pose.apply(grid[inside]))
+
+
+def _measure_depths(solid: Solid, points: Array) -> Array:
+    """Measure how deep points (P, 3) in a solid's frame are inside its hull, metres, (P,); below 0 they are outside."""
+    assert solid.shape is not None
+    hull = solid.shape.hull()
+    offsets = (hull.face_normals * hull.triangles[:, 0]).sum(axis=1)
+    depths = offsets[:, None] - hull.face_normals @ points.T
+    return np.asarray(depths.min(axis=0))
 
 
 def _measure_gap(bearer: Bearer, still: Solid, moving: Solid, value: float) -> float:

@@ -191,6 +191,34 @@ def test_what_swings_stays_clear_of_the_plate_that_shields_it(reach, refused):
 
 
 @pytest.mark.parametrize(
+    ("upper", "refused"), [(0.05, False), (0.3, False), (0.9, True), (2.4, True)]
+)
+def test_what_swings_stays_clear_of_a_plate_that_begins_at_its_pin(upper, refused):
+    """The plate stands 45 degrees beside the paddle, and both touch the post at the pin."""
+    size = Box((0.02, 0.02, 0.2))
+    upright = Component("post", "tool_mount", Pose.xyz_rpy((0, 0, -0.1)), size, 0.1)
+    aside = 0.1 * math.sqrt(0.5)
+    plate = Component(
+        "plate",
+        "post",
+        Pose.xyz_rpy((aside, -aside, 0), (0, 0, -math.pi / 4)),
+        Box((0.2, 0.02, 0.1)),
+        0.1,
+    )
+    swings = ToolJoint("hinge", (0, 0, 1), -0.05, upper, origin=(0, 0.085, 0))
+    pose = Pose.xyz_rpy((0, -0.085, 0))
+    size = Box((0.01, 0.16, 0.03))
+    paddle = Component("paddle", "post", pose, size, 0.03, joint=swings)
+    tool = Tool((upright, plate, paddle))
+    if not refused:
+        check_joints(tool, PANDA, PAPER)
+        return
+
+    with pytest.raises(DesignError, match="'paddle' goes through 'plate'"):
+        check_joints(tool, PANDA, PAPER)
+
+
+@pytest.mark.parametrize(
     ("placed", "fault"),
     [
         ({"origin": (0, 0, 0.3)}, "passes 'block' at 200 mm"),
