@@ -11,7 +11,7 @@ is downward, and no longer than the sheet is thick. The steps stand in docs/phys
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +24,7 @@ from core.solids.tracks import Indices, Look, Pair, Track, Tracks, angles, lengt
 
 DEEP_M = 0.01  # penetration allowed under pressure; at most half of what it takes to reach the other side
 THIN_M = 0.003  # but for thin solids, pressed into a thick one too, as much as they are thick, and at least this much
+GUIDED_M = 0.003  # of a body on a joint in what is fixed: the joint says how it moves, and where it is pressed
 # Share of the way to the middle from which on leaving on another side is a passage.
 THROUGH = 2 / 3
 # A cut is deeper along the side than the shortest way out by twice the thickness, within these limits.
@@ -112,12 +113,15 @@ class Depths(NamedTuple):
     patience: Any
 
 
-def choose_depths(solids: Solids, pairs: Indices) -> Depths:
+def choose_depths(
+    solids: Solids, pairs: Indices, guided: Collection[str] = ()
+) -> Depths:
     """Choose what counts for pairs of solids.
 
     Args:
         solids: gives their widths.
-        pairs: (P, 2) the solids' numbers; the first one may be the robot's.
+        pairs: (P, 2) the solids' numbers; the first one moves, and may be the robot's.
+        guided: the names of bodies on joints.
 
     Returns:
         Depths (P,).
@@ -128,6 +132,9 @@ def choose_depths(solids: Solids, pairs: Indices) -> Depths:
     most = np.minimum(across / 2, thick)
     pressed = np.maximum(most, np.minimum(THIN_M, 0.9 * across))
     deep = np.minimum(DEEP_M, pressed)
+    rests = solids.frames[pairs[:, 1]] == WORLD
+    guides = np.isin(solids.owners[pairs[:, 0]], [*guided]) & rests
+    deep = np.where(guides, np.minimum(GUIDED_M, deep), deep)
     through = THROUGH * across
     limit = np.minimum(deep, through)
 
@@ -136,7 +143,7 @@ def choose_depths(solids: Solids, pairs: Indices) -> Depths:
     bodies_skin = np.minimum(BODY_SKIN_M, BODY_SKIN * thick)
     skin = np.where(robots, robots_skin, bodies_skin)
 
-    walls = robots & (solids.frames[pairs[:, 1]] == WORLD)
+    walls = robots & rests
     behind_wall = np.maximum(2 * second, THIN_M)
     far = np.where(walls, behind_wall, np.maximum(thick, BLOW_M))
 

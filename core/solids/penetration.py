@@ -106,7 +106,8 @@ def findings(
         passed = [*find_soft_passages(scene, finer, recording.states)]
 
     pairs = neighbours(tracks, 0.0, scene.joined)
-    depths = choose_depths(tracks.solids, pairs)
+    guided = {joint.body for joint in scene.joints}
+    depths = choose_depths(tracks.solids, pairs, guided)
     meetings = _Meetings(tracks, pairs, depths, _mark_moving(tracks, pairs))
     wanted = meetings.count_looks()
 

@@ -166,6 +166,7 @@ class FileTask(Task):
         for goal in reaches(self.goals):
             yield from places.find_far(goal, arm, self._scene)
             yield from contacts.find_buried(goal, self._scene)
+            yield from contacts.find_blocked(goal, self._scene)
 
     def photographs(self) -> list[Picture]:
         """See `core.interfaces.Task.photographs`."""

@@ -148,6 +148,33 @@ def test_a_place_inside_of_what_is_fixed(tmp_path, place, said):
     assert [line[: len(said)] for line in found] == [said] * bool(said)
 
 
+BUTTON = """name: Button
+description: A button sits on a post. Press it.
+bodies:
+  - {name: post, box: [0.05, 0.05, 0.06], position: [0.72, 0.1, 0.03], fixed: true}
+  - {name: button, cylinder: {radius: 0.015, length: 0.02}, position: [0.72, 0.1, 0.0725], mass: 0.05}
+joints:
+  - {name: press, kind: slider, body: button, axis: [0, 0, -1], lower: 0, upper: 0.01}
+goals:
+  - {joint: press, to: "> 0.008"}
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("", "", "joint press (goal 0): button meets post where joint press is at"),
+        ("0.0725]", "0.0805]", ""),  # it has 10 mm of way
+        ('"> 0.008"', '"> 0.003"', ""),  # less is asked than 2.5 mm and what engines give
+        ("body: button, axis", "body: button, parent: post, axis", ""),  # these never collide
+    ],
+)  # fmt: skip
+def test_a_joint_that_something_fixed_stops_before_its_goal(tmp_path, old, new, said):
+    text = BUTTON.replace(old, new) if old else BUTTON
+    found = list(on_panda(task_of(tmp_path, text, "none")).find_doubts())
+    assert [line[: len(said)] for line in found] == [said] * bool(said)
+
+
 def test_many_bodies_that_overlap_are_said_in_few_lines(tmp_path):
     ball = "{name: ball, sphere: 0.02, position: [0.5, 0.2, 0.02], mass: 0.1"
     text = DRAWER.replace(ball, f"{ball}, repeat: {{ring: 30, radius: 0.05}}")
