@@ -446,6 +446,17 @@ class Scene:
             if joint.parent is not None
         )
 
+    def find_hinge(self, name: str) -> str:
+        """Find the joint by which a body, or what it hangs from, is joined to something fixed; empty: there is none."""
+        joints = {joint.body: joint for joint in self.joints}
+        while name in joints:
+            joint = joints[name]
+            if joint.parent is None or self[joint.parent].fixed:
+                return joint.name
+            name = joint.parent
+
+        return ""
+
     @property
     def breakable(self) -> dict[str, float]:
         """The force above which each thing breaks that can, N, by name."""
@@ -529,7 +540,8 @@ class Scene:
             places=self.places,
             joints=self.placed_joints,
             carried=self.carried,
-            bonds={bond.name: bond.body for bond in self.bonds},
+            bonds={bond.name: bond for bond in self.bonds},
+            pinned=tuple(soft.name for soft in self.softs if soft.pinned),
             fixture=self.fixture,
         )
 

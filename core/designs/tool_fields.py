@@ -133,7 +133,8 @@ def _read_fixture(
     if parts.bearers:
         raise DesignError("fixture: a component has a joint, and a fixture has none")
     pose = Pose.xyz_rpy(numbers[:3], numbers[3:])
-    return Fixture(representation.material.made(parts), pose)
+    # A design does not choose which way is up where goals measure at it.
+    return Fixture(representation.material.made(parts), pose).upright
 
 
 def dump_fixture(tool: Tool, representation: ToolRepresentation) -> dict[str, Any]:

@@ -50,7 +50,8 @@ class Broken(Reach):
         return (" or " if self.any else ", ").join(self.broken)
 
     def subjects(self, state: State) -> tuple[str, ...]:
-        bodies = [state.bonds.get(name, name) for name in self.broken]
+        bonds = state.bonds
+        bodies = [bonds[n].body if n in bonds else n for n in self.broken]
         return tuple(dict.fromkeys(bodies))
 
     @property

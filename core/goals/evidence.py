@@ -45,8 +45,13 @@ class Evidence:
         return self.trace
 
     def hold(self, body: str) -> Array:
-        """Report at which instants a body is held: 1, or 0.5 where the robot only touches it, (..., T)."""
-        return np.maximum(self.film.held(body), self.film.contact(body, "robot") / 2)
+        """Report at which instants a body is held, (..., T): 1, or 0.5 where the robot only touches it.
+
+        To touch what hangs from something fixed by a joint, a bond or a pin is nothing.
+        """
+        support = self.film.support
+        touched = self.film.contact(body, "robot") & ~support.hangs(body)
+        return np.maximum(support.held(body), touched / 2)
 
     def highest(self, figure: Callable[[State], Array]) -> Array:
         """Compute the highest that a figure of a state (...) was within `REST_S`, at each instant, (..., T)."""
@@ -85,9 +90,14 @@ class Conduct:
         return self._read(self.evidence.hold(body))
 
     def let_go(self, body: str) -> Array:
-        """Report where neither the robot nor what it moves along touches a body: 1, else 0."""
-        let_go = ~self.evidence.film.linked(body)
+        """Report where the robot does not reach a body, see `Support.linked`: 1, else 0."""
+        let_go = ~self.evidence.film.support.linked(body)
         return self._read(let_go.astype(np.float64))
+
+    def stands(self, body: str, other: str) -> Array:
+        """Report where a body stands on another one: 1, else 0."""
+        stands = self.evidence.film.support.stands(body, other)
+        return self._read(stands.astype(np.float64))
 
     def highest(self, figure: Callable[[State], Array], now: State) -> Array:
         """Compute the highest that a figure was lately, and is ``now``, see `Evidence.highest`."""

@@ -146,6 +146,7 @@ class JointAt(Reach):
         return replace(want, joint=self.joint, to=self.aim(scene.state()))
 
     def find_faults(self, site: Site) -> Iterator[str]:
+        yield from super().find_faults(site)
         joint = site.scene.placed_joints[self.joint].joint
         wanted = self.span or Span.about(self.to, self.tolerance)
         begin = joint.start if self.relative else 0.0

@@ -14,7 +14,7 @@ from core.geometry import Array
 from core.goals.evidence import Evidence
 from core.goals.goal import Given
 from core.goals.keys import AboveZero, KeptNames, Key
-from core.goals.limit import Limit
+from core.goals.limit import Breach, Limit
 from core.goals.reaching import Reach
 from core.goals.sites import FREE_BODY, Site
 from core.scene import Body, Scene
@@ -26,7 +26,6 @@ KEPT_M = 0.02  # a body to keep may move so far
 KEPT_DEG = 10.0  # and turn so far
 STRAYED = 5  # and where it moved or turned so many times as far, nothing is earned
 THROUGHOUT = "throughout"
-NOTICED = 0.25  # of what it may move is worth a word
 
 
 @dataclass(frozen=True)
@@ -132,22 +131,23 @@ class Kept(Limit):
 
         return found
 
-    def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
-        film = evidence.film
-        noticed = NOTICED * self.kept_m
+    def breaches(self, evidence: Evidence) -> Iterator[Breach]:
+        times = evidence.film.times
 
         for name in self.keep:
             moved = float(self._moved(name, evidence))
             turned = float(self._turned(name, evidence))
-            if moved <= noticed and turned > self.kept_deg:
-                yield (
-                    float(film.times[-1]),
-                    f"{name} turned by {turned:.0f} degrees, and is to stay",
+            if turned > self.kept_deg:
+                text = (
+                    f"{name} turned by {turned:.0f} degrees, {self.kept_deg:g} allowed"
                 )
-            if moved > noticed:
-                ways = evidence.ways(name)
-                begun = float(film.times[(ways > noticed).argmax()])
-                yield begun, f"{name} moved by {1000 * moved:.0f} mm, and is to stay"
+                yield Breach(turned / self.kept_deg, float(times[-1]), text)
+            if moved > self.kept_m:
+                late = evidence.ways(name) > self.kept_m
+                begun = times[late.argmax()] if late.any() else times[-1]
+                allowed = f"{1000 * self.kept_m:g} mm allowed"
+                text = f"{name} moved by {1000 * moved:.0f} mm, {allowed}"
+                yield Breach(moved / self.kept_m, float(begun), text)
 
     def words(self) -> str:
         when = " throughout" if self.throughout else ""

@@ -3,12 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 from core.goals.evidence import Evidence
 from core.goals.goal import Goal
 from core.goals.reaching import Reach
 from core.scene import Scene
+
+
+class Breach(NamedTuple):
+    """What was done against a limit.
+
+    Attributes:
+        excess: how many times as much as is allowed; infinite where nothing is.
+        time_s: when.
+        text: what, in words.
+    """
+
+    excess: float
+    time_s: float
+    text: str
 
 
 class Limit(Goal):
@@ -22,8 +36,8 @@ class Limit(Goal):
 
     holds_untouched: ClassVar[bool] = False
 
-    def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
-        """Yield what one world did against it, for observations: when, s, and what."""
+    def breaches(self, evidence: Evidence) -> Iterator[Breach]:
+        """Yield what one world did against it, for observations."""
         return iter(())
 
     def find_conflict(self, wanted: Reach, scene: Scene) -> str:

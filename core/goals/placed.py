@@ -18,12 +18,14 @@ from core.goals.phrases import Coordinates, frame, vector
 from core.goals.reaching import Reach
 from core.goals.sites import ANY_BODY, Site
 from core.goals.wants import Want
-from core.scene import Scene
+from core.scene import FIXTURE, Scene
 from core.values.joints import rotate, rotate_back
 from core.values.spans import Span
 from core.values.states import State
+from core.values.tools import Fixture
 
 STEPS = 40  # places of a joint that are looked at
+ROUNDING_M = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -233,6 +235,21 @@ class Placed(Reach):
                     "a place or a way with null for all of x, y and z asks nothing; give one of them, such as [0.6, "
                     "null, null]"
                 )
+
+    def find_fixture_fault(self, fixture: Fixture) -> str:
+        """A design does not choose a frame beside its fixture, in which its goal would be reached at once."""
+        if self.at != FIXTURE:
+            return ""
+
+        low, high = fixture.bounds
+        beside = np.maximum(low, -high).max()
+        if beside <= ROUNDING_M:
+            return ""
+
+        return (
+            f"a goal is measured from its pose, which is {1000 * beside:.0f} mm beside the box around its components; "
+            "put the pose where they are, for example at the middle of their foot"
+        )
 
     def find_doubts(self, where: str, scene: Scene) -> Iterator[str]:
         at = self.at

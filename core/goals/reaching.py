@@ -58,12 +58,12 @@ class Reach(Terms):
         super().__post_init__()
         lengths = ("tolerance", "tolerance_deg", "away")  # that kinds have
         least = min(getattr(self, name, 0.0) for name in lengths)
-        asks = self.rest or self.held or self.released or self.also
+        asks = any(self._list_ends()) or self.also
         refuse(
             "a goal's ",
             {
                 "tolerances and ways must be 0 or more": least < 0,
-                "kind must say what is to be reached, or rest, held or released": (
+                "kind must say what is to be reached, or rest, held, released or stands_on": (
                     type(self) is Reach and not asks
                 ),
             },
@@ -136,6 +136,8 @@ class Reach(Terms):
             return f"fulfil {type(self).__name__} of {bodies}"
         if self.held:
             return f"hold {bodies}"
+        if self.stands_on:
+            return f"put {bodies} on {self.stands_on}"
         return f"lay down {bodies}" if self.rest else f"let go of {bodies}"
 
     # What follows from it:
@@ -171,6 +173,8 @@ class Reach(Terms):
                 reached = reached * conduct.hold(body)
             if self.released and conduct is not None:
                 reached = reached * conduct.let_go(body)
+            if self.stands_on and conduct is not None:
+                reached = reached * conduct.stands(body, self.stands_on)
 
             shares.append(reached)
 
@@ -331,7 +335,20 @@ class Reach(Terms):
             if self.turns and nodes:
                 yield f"the soft body {name!r} has no axis; its nodes move"
 
+        if self.held:
+            yield from self._find_hung(site.scene)
+
         yield from super().find_faults(site)
+
+    def _find_hung(self, scene: Scene) -> Iterator[str]:
+        """Yield a line for each body that a joint to something fixed bears, whatever the robot does."""
+        for name in self.subjects(scene.state()):
+            hinge = scene.find_hinge(name)
+            if hinge:
+                yield (
+                    f"{name} hangs from something fixed by the joint {hinge}, and can never be held by the robot "
+                    "alone; leave held out"
+                )
 
     def wants(self, scene: Scene) -> list[Want]:
         """Return what is wanted of the bodies in a layout: one want for all that it wants at one place."""

@@ -13,7 +13,7 @@ from core.errors import UsageError, refuse
 from core.geometry import Array
 from core.goals.goal import Goal
 from core.goals.keys import AboveZero, Enough, Key, Names
-from core.goals.sites import FREE_BODY, Site
+from core.goals.sites import FREE_BODY, SOLID_BODY, Site
 from core.scene import Scene
 
 NAMED = 4  # bodies that a description names, where there are more
@@ -29,8 +29,9 @@ class Terms(Goal):
         enough: how many of them are, a whole number, or which share of them, up to 1.0; None: all are wanted.
         also: what else must hold of the same bodies at once; their names need not be repeated there.
         rest: they must end at rest, and have been so for 0.3 s, if there is a trace.
-        held: the robot must carry them at the end: they touch it, and nothing that is fixed.
-        released: the robot must not touch them at the end, nor anything that it touches through other bodies.
+        held: the robot alone must bear them at the end: it reaches them, and nothing fixed does, see below.
+        released: the robot must not reach them at the end, by touch or through what is loose.
+        stands_on: the body that must bear them at the end, whatever else touches them; None: that is free.
         by_s: how long the motion may take until the goal is fulfilled, s.
         ever: whether it is enough to fulfil it at some time; else it must be fulfilled at the end.
         after: the ``name``, or the number from 0, of a goal that must be fulfilled before this one is.
@@ -47,6 +48,7 @@ class Terms(Goal):
     rest: bool = False
     held: bool = False
     released: bool = False
+    stands_on: str | None = None
     by_s: float | None = None
     ever: bool = False
     after: str | int | None = None
@@ -71,6 +73,9 @@ class Terms(Goal):
             "Whether they must end in the robot's hand, touching nothing fixed",
         ),
         "released": Key(bool, "Whether they must end touched by no part of the robot"),
+        "stands_on": Key(
+            str, "The body on which they must stand at the end, such as fixture"
+        ),
         "by_s": Key(
             AboveZero,
             "Until when it must be reached, s from the beginning of the motion",
@@ -87,12 +92,12 @@ class Terms(Goal):
             "Whether it must hold all the time, from before the robot moves; of what holds only later leave it out",
         ),
     }
-    names: ClassVar = {"bodies": FREE_BODY}
+    names: ClassVar = {"bodies": FREE_BODY, "stands_on": SOLID_BODY}
     of_bodies: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        ends = [self.rest, self.held, self.released]
-        asked = [(part.rest, part.held, part.released) for part in self.also]
+        ends = self._list_ends()
+        asked = [part._list_ends() for part in self.also]
         misplaced = np.greater(asked or ends, ends).any()
 
         refuse(
@@ -110,7 +115,7 @@ class Terms(Goal):
                 "held and released say the opposite; leave one of them out": (
                     self.held and self.released
                 ),
-                "rest, held and released stand in the goal itself, not in also": bool(
+                "rest, held, released and stands_on stand in the goal itself, not in also": bool(
                     misplaced
                 ),
             },
@@ -130,7 +135,11 @@ class Terms(Goal):
     def needs_trace(self) -> bool:
         """Whether it asks for a time, or for what the robot touches."""
         in_time = self.by_s is not None or self.ever or self.after is not None
-        return self.held or self.released or self.rest or in_time
+        return any(self._list_ends()) or in_time
+
+    def _list_ends(self) -> list[bool]:
+        """List whether each thing is asked for at the end, wherever bodies are."""
+        return [self.rest, self.held, self.released, self.stands_on is not None]
 
     def average(self, shares: Sequence[Array]) -> Array:
         """Average the shares (...) of the best of its things: of as many as are enough."""
@@ -164,6 +173,7 @@ class Terms(Goal):
             "must end at rest": self.rest,
             "must end held by the robot, touching nothing fixed (half counts if it is only touched)": self.held,
             "must end released, touched by no part of the robot, nor by what touches it": self.released,
+            f"must end standing on {self.stands_on}": self.stands_on is not None,
             f"by {self.by_s or 0:g} s after the motion begins": self.by_s is not None,
             "at any time, not at the end": self.ever,
             f"after goal {self.after}": self.after is not None,

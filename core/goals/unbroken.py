@@ -11,7 +11,7 @@ import numpy as np
 from core.geometry import Array
 from core.goals.evidence import Evidence
 from core.goals.keys import Key, Names
-from core.goals.limit import Limit
+from core.goals.limit import Breach, Limit
 from core.goals.measures import BREAKS
 from core.goals.reaching import Reach
 from core.goals.sites import BREAKABLE
@@ -63,12 +63,14 @@ class Unbroken(Limit):
             for name, strain in strains.items()
         ]
 
-    def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
+    def breaches(self, evidence: Evidence) -> Iterator[Breach]:
         film = evidence.film
         for name in self.unbroken:
-            broken = film.strain(name) > 1
+            strain = film.strain(name)
+            broken = strain > 1
             if broken.any():
-                yield float(film.times[broken.argmax()]), f"{name} broke"
+                first = float(film.times[broken.argmax()])
+                yield Breach(float(strain[-1]), first, f"{name} broke")
 
     def words(self) -> str:
         return (

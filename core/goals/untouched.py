@@ -12,13 +12,14 @@ from core.errors import refuse
 from core.geometry import Array
 from core.goals.evidence import Evidence
 from core.goals.keys import Key, Most, Names
-from core.goals.limit import Limit
+from core.goals.limit import Breach, Limit
 from core.goals.reaching import Reach
 from core.goals.sites import SOLID_BODY, Site
 from core.scene import Scene
 from core.support.text import number_beside
+from core.values.bearing import Flags
 from core.values.margins import Margin
-from core.values.traces import Flags, Trace
+from core.values.traces import Trace
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,7 @@ class Untouched(Limit):
 
         return found
 
-    def breaches(self, evidence: Evidence) -> Iterator[tuple[float, str]]:
+    def breaches(self, evidence: Evidence) -> Iterator[Breach]:
         film = evidence.film
         if self.max_force_n and film.forces is None:
             return
@@ -125,12 +126,14 @@ class Untouched(Limit):
                 continue
 
             did = f"{self._find_toucher(film, name)} touched {name}"
+            excess = np.inf
             if self.max_force_n:
-                force = self._forces(name, film).max()
-                pressed = number_beside(float(force), self.max_force_n)
+                force = float(self._forces(name, film).max())
+                excess = force / self.max_force_n
+                pressed = number_beside(force, self.max_force_n)
                 did = f"{name} pressed with {pressed} N, {self.max_force_n:g} N allowed"
 
-            yield float(film.times[harmed.argmax()]), did
+            yield Breach(excess, float(film.times[harmed.argmax()]), did)
 
     def _find_toucher(self, film: Trace, body: str) -> str:
         """Name what touched a body first: of the robot the part; ``the robot`` where its force alone is known."""

@@ -3,7 +3,7 @@
 The goal's bodies are classed by the first rule that applies:
 
 - solved: `Task.is_solved` says so.
-- forbidden: something happened that a goal forbids (`Limit.breaches`); the first of it.
+- forbidden: something happened that a goal forbids (`Limit.breaches`): what is most beyond its own limit.
 - placed: all are where the goal wants them (`Reach.is_in_place`), yet the reward is less.
 - The earliest of these causes, if there is one. The first two count only from the robot's first touch of these bodies
   to its last, or at any time if it touches none.
@@ -28,11 +28,12 @@ import numpy.typing as npt
 
 from core.errors import UsageError
 from core.geometry import Array
-from core.goals import Evidence, Goal, Reach, limits, reaches
+from core.goals import Breach, Evidence, Goal, Reach, limits, reaches
 from core.interfaces import Contact, Observation, Task
 from core.scene import Scene, State
 from core.simulation.attempt import Attempt
 from core.solids.contacts import Contacts, make_trace
+from core.values.bearing import ROBOT, WORLD, Flags
 from core.values.joints import rotate, rotate_back
 from core.values.observations import (
     MISSED_M,
@@ -41,7 +42,6 @@ from core.values.observations import (
     Moved,
     Offset,
 )
-from core.values.traces import Flags
 
 STUCK_RAD = 0.05
 """The lag of a joint that is held back; reference solutions lag by less than 0.012."""
@@ -177,17 +177,6 @@ def _describe(contacts: Contacts, kind: Any, first: str, second: str) -> Contact
     return Contact(kind, first, second, round(begin, 2), round(end, 2), depth, force)
 
 
-def find_held(contacts: Contacts, body: str) -> Flags:
-    """Report when the robot touches a body, or another body that touches it: at which samples (T,)."""
-    held = contacts.with_robot(body)
-
-    for (kind, first, second), flags in contacts.touching.items():
-        if kind == "body" and body in (first, second):
-            held |= flags & contacts.with_robot(second if first == body else first)
-
-    return held
-
-
 class _Case:
     """What a rollout is classed by: what was planned, what was played, and what the task wanted.
 
@@ -200,6 +189,7 @@ class _Case:
         times: (T,) the samples at which contacts were looked for; ``states``: those at these samples.
         goals: the task's, without those that don't fit the scene: a goal is a hint, and may be wrong.
         reaches: those of the goals that say where bodies should be.
+        film: the trace of it.
         names: the bodies of the goals; all that can move, if there are none.
         left: those of them that are not in place.
         lags: of the joint that lags most at each sample, radians; 0 before the motion begins.
@@ -227,6 +217,7 @@ class _Case:
             bodies |= dict.fromkeys(goal.subjects(self.start))
 
         self.names = tuple(bodies) or self.start.names
+        self.film = make_trace(self.scene, [contacts])[0]
         self.left = tuple(name for name in self.names if not self._is_in_place(name))
 
         planned, _ = self.motion.trajectory.sample(self.times)
@@ -245,10 +236,9 @@ class _Case:
         if self.task.is_solved(reward):
             return "solved", "", None
 
-        forbidden = min(self._breaches(), default=None)
-        if forbidden is not None:
-            instant, what = forbidden
-            return "forbidden", what, instant
+        breaches = sorted(self._breaches(), key=lambda breach: -breach.excess)
+        if breaches:
+            return "forbidden", breaches[0].text, breaches[0].time_s
 
         if self.names and not self.left:
             return "placed", "", None
@@ -331,6 +321,28 @@ class _Case:
                 limit = f"at {wanted} {measure.limit:.3g} {measure.unit}"
                 yield f"{measure.name} {begun:.3g} -> {ended:.3g}, wanted {limit}"
 
+            if goal.held or goal.released or goal.stands_on:
+                yield from self._say_support(goal, body)
+
+    def _say_support(self, goal: Reach, body: str) -> Iterator[str]:
+        """Say what bears a body at the end that is to be held, or let go, and is not."""
+        support = self.film.support
+        linked = support.say(body, ROBOT)
+        fixed = support.say(body, WORLD)
+
+        if goal.held and not linked:
+            yield f"the robot does not hold {body}"
+        if goal.held and fixed:
+            yield f"not held by the robot alone: {fixed}"
+        if goal.released and linked:
+            yield f"not let go: {linked}"
+        if goal.stands_on and not self._stands(body, goal.stands_on):
+            yield f"not standing on {goal.stands_on}: {fixed or linked}"
+
+    def _stands(self, body: str, other: str) -> bool:
+        """Report whether a body stands on another one at the end."""
+        return bool(self.film.support.stands(body, other)[-1])
+
     def _way(self, name: str) -> float:
         """Measure how far a body ended from its start."""
         way = self.end.position(name) - self.start.position(name)
@@ -343,8 +355,9 @@ class _Case:
         """
         found = [
             goal.is_in_place(name, self.start, self.end)
-            and (not goal.held or find_held(self.contacts, name)[-1])
-            and not (goal.released and self.contacts.with_robot(name)[-1])
+            and (not goal.held or self.film.support.held(name)[-1])
+            and not (goal.released and self.film.support.linked(name)[-1])
+            and (not goal.stands_on or self._stands(name, goal.stands_on))
             for goal in self.reaches
             if name in goal.subjects(self.start)
         ]
@@ -363,15 +376,11 @@ class _Case:
 
         return left / len(bodies)
 
-    def _breaches(self) -> Iterator[tuple[float, str]]:
+    def _breaches(self) -> Iterator[Breach]:
         """Yield what the goals forbid and the rollout did."""
-        forbidding = limits(self.goals)
-        if forbidding:
-            trace = make_trace(self.scene, [self.contacts])[0]
-            evidence = Evidence(self.start, self.end, trace)
-
-            for limit in forbidding:
-                yield from limit.breaches(evidence)
+        evidence = Evidence(self.start, self.end, self.film)
+        for limit in limits(self.goals):
+            yield from limit.breaches(evidence)
 
     def _causes(self, touches: Samples) -> list[Cause]:
         """Find what may have gone wrong.
@@ -442,19 +451,21 @@ class _Case:
 
         It was dropped if it was lifted, and fell in a stretch of time in which nothing held it.
         """
-        heights = self.states.position(name)[:, 2]
+        states = self.film.states
+        times = self.film.times
+        heights = states.position(name)[:, 2]
         rest = float(self.start.position(name)[2])
 
-        for begin, stop in _runs(~find_held(self.contacts, name)):
+        for begin, stop in _runs(~self.film.support.linked(name)):
             top = heights[begin - 1] if begin else rest
             if top - rest >= LIFTED_M and top - heights[begin:stop].min() >= FALLEN_M:
-                return float(self.times[begin - 1]), "dropped", name
+                return float(times[begin - 1]), "dropped", name
 
-        upright = np.flatnonzero(self._tilts(name, self.states) <= TIPPED_DEG)
+        upright = np.flatnonzero(self._tilts(name, states) <= TIPPED_DEG)
         tipped = int(upright[-1]) + 1 if upright.size else 0
         # It stayed so, and did not fall.
         if tipped < len(heights) and heights[tipped] >= rest - FELL_M:
-            return float(self.times[tipped]), "tipped", name
+            return float(times[tipped]), "tipped", name
 
         return None
 

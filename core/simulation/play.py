@@ -6,18 +6,29 @@ Plan the motion and check it (`core.simulation.attempt`), let the engine play it
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
 
-from core.design import Candidate
+import numpy as np
+
+from core.design import Candidate, Tool
 from core.errors import RAISED, SharedByThreads, UserError
-from core.interfaces import Outcome, Rollout
+from core.interfaces import Outcome, Rollout, Waypoints
 from core.plugins import describe_part
 from core.plugins.blame import PluginError, describe_failure
-from core.simulation.attempt import Stage, follow_reactions, plan_attempt, stage_of
+from core.simulation.attempt import (
+    Attempt,
+    Stage,
+    follow_reactions,
+    plan_attempt,
+    stage_of,
+)
 from core.simulation.judging import judge_attempts
-from core.support.text import shorten
-from core.trial import Condition, Trial
+from core.support.text import number, shorten
+from core.trial import NOTHING, Condition, Trial
 
 _playing = threading.RLock()
 
@@ -55,6 +66,22 @@ def play(condition: Condition, candidates: Sequence[Candidate]) -> list[Trial]:
 
 def _play(stage: Stage, candidates: Sequence[Candidate]) -> list[Trial]:
     """Try each candidate, and return their trials, in order."""
+    condition = stage.condition
+    examiner = condition.examiner
+    trials = []
+
+    for candidate, attempt in zip(candidates, _try(stage, candidates), strict=True):
+        trial = _deduct_fixture(stage, candidate, attempt)
+        if examiner is not None and trial.status == "ok":
+            trial = examiner.examine(condition, candidate, trial)
+
+        trials.append(trial)
+
+    return trials
+
+
+def _try(stage: Stage, candidates: Sequence[Candidate]) -> list[Attempt]:
+    """Try each candidate, and return the attempts with their trials, in order."""
     attempts = [plan_attempt(stage, candidate) for candidate in candidates]
     planned = [attempt for attempt in attempts if attempt.trial is None]
     outcomes = _run_engine(stage, [attempt.job for attempt in planned])
@@ -64,20 +91,46 @@ def _play(stage: Stage, candidates: Sequence[Candidate]) -> list[Trial]:
         follow_reactions(stage, attempt)
 
     judge_attempts(stage, planned)
+    return attempts
 
-    condition = stage.condition
-    examiner = condition.examiner
-    trials = []
 
-    for candidate, attempt in zip(candidates, attempts, strict=True):
-        trial = attempt.trial
-        assert trial is not None
-        if examiner is not None and trial.status == "ok":
-            trial = examiner.examine(condition, candidate, trial)
+def _deduct_fixture(stage: Stage, candidate: Candidate, attempt: Attempt) -> Trial:
+    """Take from what a design earns what its fixture alone adds to the scene while the arm is idle."""
+    trial = attempt.trial
+    assert trial is not None
+    fixture = None if candidate.tool is None else candidate.tool.fixture
+    if fixture is None or trial.reward < NOTHING:
+        return trial
 
-        trials.append(trial)
+    # Plans that last about as long share a trial.
+    seconds = max(attempt.motion.trajectory.duration, 1.0)
+    wait_s = 2.0 ** math.ceil(math.log2(seconds))
+    earned = _earn_idle(stage.condition, Tool(fixture=fixture), wait_s)
+    if earned >= NOTHING:
+        earned -= _earn_idle(stage.condition, Tool(), wait_s)
+    if earned < NOTHING:
+        return trial
 
-    return trials
+    said = f"the fixture alone earns {number(earned, 2)} while the arm is idle, and that does not count"
+    left = max(trial.reward - earned, 0.0)
+    if left >= NOTHING:
+        return replace(trial, reward=left, warnings=(*trial.warnings, said))
+    return replace(trial, reward=0.0, reason=trial.reason or said)
+
+
+@lru_cache(maxsize=256)
+def _earn_idle(condition: Condition, tool: Tool, wait_s: float) -> float:
+    """Try what a condition pays for waiting at home, so many seconds."""
+    settings = condition.settings
+    settings = replace(settings, hold_s=settings.hold_s + wait_s)
+    waiting = replace(condition, settings=settings, examiner=None)
+    stage = stage_of(waiting)
+    home = stage.task.home
+    pose = [*home.position, *home.rpy]
+    candidate = Candidate(tool, Waypoints(np.array([pose])))
+    (attempt,) = _try(stage, [candidate])
+    assert attempt.trial is not None
+    return attempt.trial.reward
 
 
 def _run_engine(stage: Stage, jobs: Sequence[Rollout]) -> list[Outcome]:

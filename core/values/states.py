@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from core.errors import unknown
 from core.geometry import Array, Pose, step_lengths
+from core.values.bonds import Bond
 from core.values.joints import (
     JointState,
     PlacedJoint,
@@ -40,7 +41,8 @@ class State:
         places: the poses of fixed bodies and marks by name; empty in what engines return, and rewards have them.
         joints: the scene's joints by name; likewise.
         carried: of each mark that moves along with a body, that body, and the mark's pose in its frame; likewise.
-        bonds: the body that each bond of the scene holds; likewise.
+        bonds: the scene's bonds by name; likewise.
+        pinned: the soft bodies of which nodes are pinned; likewise.
         fixture: what the design adds to the scene, None: nothing; likewise.
         soft: the nodes (..., N, 3) of each soft body by name. Its position is its centre of mass, and it never turns.
     """
@@ -53,7 +55,8 @@ class State:
     places: Mapping[str, Pose] = field(default_factory=dict, kw_only=True)
     joints: Mapping[str, PlacedJoint] = field(default_factory=dict, kw_only=True)
     carried: Mapping[str, tuple[str, Pose]] = field(default_factory=dict, kw_only=True)
-    bonds: Mapping[str, str] = field(default_factory=dict, kw_only=True)
+    bonds: Mapping[str, Bond] = field(default_factory=dict, kw_only=True)
+    pinned: tuple[str, ...] = field(default=(), kw_only=True)
     fixture: Fixture | None = field(default=None, kw_only=True)
     soft: Mapping[str, Array] = field(default_factory=dict, kw_only=True)
 
@@ -202,6 +205,7 @@ class State:
             joints=first.joints,
             carried=first.carried,
             bonds=first.bonds,
+            pinned=first.pinned,
             fixture=first.fixture,
             soft={
                 name: how([state.soft[name] for state in states]) for name in first.soft

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from core.geometry import Color, Pose, Shape, Triple
+from core.geometry import Array, Color, Pose, Shape, Triple
 from core.values.contents import content_of, digest
 
 RIGID_MOUNT = "tool_mount"
@@ -247,3 +247,25 @@ class Fixture:
 
     parts: Tool
     pose: Pose
+
+    @property
+    def upright(self) -> Fixture:
+        """The same solids at the same place, written in a frame whose z is the world's: it has the pose's yaw alone."""
+        roll, pitch, yaw = self.pose.rpy.tolist()
+        if not (roll or pitch):
+            return self
+
+        frame = Pose.xyz_rpy(self.pose.position, (0.0, 0.0, yaw))
+        tilt = frame.inverse() @ self.pose
+        tilted = [
+            replace(part, pose=tilt @ part.pose) if part.parent == RIGID_MOUNT else part
+            for part in self.parts.components
+        ]
+        return Fixture(replace(self.parts, components=tuple(tilted)), frame)
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """The lowest and the highest corner (3,) of the box around it, along the axes of its frame, m."""
+        boxes = [part.pose.apply(part.shape.corners) for part in self.parts.parts]
+        points = np.concatenate(boxes)
+        return points.min(axis=0), points.max(axis=0)

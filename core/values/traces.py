@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from core.errors import unknown
 from core.geometry import Array
+from core.values.bearing import Flags, Support
 from core.values.states import State
 from core.values.tools import GRIPPER_MOUNTS
 
 TRACE_HZ = 25.0
 NO_FORCES = "the trace has no forces; this engine or environment measures none"
-
-Flags = npt.NDArray[np.bool_]
-Link = tuple[str, str, npt.NDArray[Any]]  # two bodies, and how much passes between them
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +111,7 @@ class Trace:
     def forces_n(self, body: str, by: str | None = None) -> Array:
         """Find the largest mean normal force between a body and one other thing, N, (..., T); the tool is one thing.
 
-        With ``robot`` and ``tool``, what these pass on through free bodies is added, see `passed_on`.
+        With ``robot`` and ``tool``, what these pass on through other bodies is added, see `Support.passed_on`.
 
         Raises:
             ValueError: nothing measured forces.
@@ -134,7 +132,7 @@ class Trace:
                 found = np.maximum(found, force)
 
         if by in ("robot", "tool"):
-            found = found + self.passed_on(body, by)
+            found = found + self.support.passed_on(body, self._press(by))
 
         return found
 
@@ -166,72 +164,20 @@ class Trace:
         largest: Array = np.maximum.accumulate(self.strains[name], axis=-1)
         return largest
 
-    def passed_on(self, body: str, by: str) -> Array:
-        """Bound what ``robot`` or ``tool`` presses a body with through free bodies, N, (..., T).
+    @cached_property
+    def support(self) -> Support:
+        """Who bears whom."""
+        return Support(self.states, self.touching, self.forces, self.strains)
 
-        A chain of bodies passes on as much as its weakest contact bears. What a body lies on another with at the start
-        is its weight, and is not passed on.
-
-        Args:
-            body: that is pressed.
-            by: ``robot`` or ``tool``.
-        """
-        forces = self.forces or {}
-        between = [pair for pair in forces if self._kind(pair[0]) == "body"]
-        pressed = {
-            name: np.zeros(self.shape) for name in self.states.names if name != body
-        }
-
-        for (presser, other), force in forces.items():
-            kind = self._kind(presser)
+    def _press(self, by: str) -> dict[str, Array]:
+        """Sum how hard ``robot`` or ``tool`` presses each body that can move, N, (..., T)."""
+        pressed = {name: np.zeros(self.shape) for name in self.states.names}
+        for (presser, other), force in (self.forces or {}).items():
             free = other in pressed and presser not in pressed
-            if free and _is_between(kind, presser, other, other, by):
+            if free and _is_between(self._kind(presser), presser, other, other, by):
                 pressed[other] = pressed[other] + force
 
-        _spread(pressed, [(*pair, forces[pair]) for pair in between])
-
-        total = np.zeros(self.shape)
-        for pair in between:
-            through = pair[1] if pair[0] == body else pair[0]
-            if body in pair and through in pressed:
-                force = forces[pair]
-                borne = np.maximum(force - force[..., :1], 0.0)
-                total = total + np.minimum(pressed[through], borne)
-
-        return total
-
-    def held(self, body: str) -> Flags:
-        """Report at which instants (..., T) the robot carries a body.
-
-        It and the free bodies that touch it, directly or through others, touch the robot, and nothing that is fixed.
-        """
-        fixed = self._never()
-        for name, within in self._group(body).items():
-            for place in self.states.places:
-                fixed |= within & self.contact(name, place)
-
-        return self.linked(body) & ~fixed
-
-    def linked(self, body: str) -> Flags:
-        """Report at which instants (..., T) a body touches the robot, directly or through other free bodies."""
-        robot = self._never()
-        for name, within in self._group(body).items():
-            robot |= within & self.contact(name, "robot")
-
-        return robot
-
-    def _group(self, body: str) -> dict[str, Flags]:
-        """Report when (..., T) each free body touches one, directly or through others; the one itself always does."""
-        self._check(body)
-        group = dict.fromkeys(self.states.names, self._never())
-        group[body] = ~self._never()
-        between = [
-            (toucher, other, flags)
-            for (kind, toucher, other), flags in self.touching.items()
-            if kind == "body"
-        ]
-        _spread(group, between)
-        return group
+        return pressed
 
     def __getitem__(self, index: int) -> Trace:
         """One world of many."""
@@ -268,26 +214,6 @@ class Trace:
     def _bodies(self) -> tuple[str, ...]:
         """The names of all bodies and marks."""
         return (*self.states.names, *self.states.places, *self.states.carried)
-
-
-def _spread(values: dict[str, npt.NDArray[Any]], links: Iterable[Link]) -> None:
-    """Pass each body's value on to others, as much as the weakest link of a chain lets through.
-
-    Args:
-        values: of each body, numbers or flags (..., T). They are changed.
-        links: between bodies, either way.
-    """
-    ways = [(giver, taker, link) for giver, taker, link in links]
-    ways += [(taker, giver, link) for giver, taker, link in links]
-    known = [way for way in ways if way[0] in values and way[1] in values]
-    changed = True
-
-    while changed:
-        changed = False
-        for giver, taker, link in known:
-            more = np.maximum(values[taker], np.minimum(values[giver], link))
-            changed |= bool((more != values[taker]).any())
-            values[taker] = more
 
 
 def _is_between(

@@ -217,7 +217,7 @@ class PourGrains(Task):
             slow = speed(end, name) < STILL_M_S
             across, along, up = split(end.relative(name, "crucible"))
             # By the tool, or in the crucible, even if that rests on other grains.
-            carried = trace.held(name)[..., -1] | (
+            carried = trace.support.held(name)[..., -1] | (
                 (np.hypot(across, along) < OUTSIDE) & (up > 0) & (up < HEIGHT)
             )
             inside.append(

@@ -129,7 +129,8 @@ def find_idle_goals(scene: Scene, goals: Sequence[Goal], every: bool) -> Iterato
 
 def _doubt_ends(goal: Reach, where: str, share: float, state: State) -> Iterator[str]:
     """Yield a line where a goal is met at the start, which earns a share, wants one body of several, or is far."""
-    met = not goal.held and bool(goal.progress(state, state) >= 1.0)
+    borne = goal.held or bool(goal.stands_on)
+    met = not borne and bool(goal.progress(state, state) >= 1.0)
     if met and goal.after is None:
         yield f"{where} is met at the start: doing nothing earns {share:.2g}"
 

@@ -17,7 +17,7 @@ from core.goals import (
 )
 from core.plugins import installed
 
-ENDS = ("held", "released", "rest")
+ENDS = ("held", "released", "rest", "stands_on")
 """What bodies can be asked for at the end, wherever they are."""
 
 ALL_KINDS: tuple[type[Goal], ...] = (

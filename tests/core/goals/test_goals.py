@@ -117,11 +117,11 @@ THERE = Placed(CUBE, place=(0.7, None, None))
         (lambda: Reach(bodies=CUBE, rest=True, by_s=0), "by_s must be above 0"),
         (
             lambda: Reach(bodies=CUBE),
-            "must say what is to be reached, or rest, held or released",
+            "must say what is to be reached, or rest, held, released or stands_on",
         ),
         (
             lambda: Away(bodies=CUBE, away=0.1, also=(Reach(bodies=CUBE, held=True),)),
-            "rest, held and released stand in the goal itself",
+            "rest, held, released and stands_on stand in the goal itself",
         ),
         (lambda: Kept(keep=CUBE, kept_m=0), "kept_m must be above 0"),
         (

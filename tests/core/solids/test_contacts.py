@@ -8,7 +8,7 @@ import pytest
 from core.design import Component, Tool
 from core.geometry import Box, Mesh, Pose, Sphere
 from core.scene import Bond, Joint, Scene
-from core.simulation.observing import find_held, list_contacts
+from core.simulation.observing import list_contacts
 from core.solids.contacts import HULL_M, TOUCH_M, find_contacts, make_trace
 from core.solids.penetration import findings
 from tests.core.solids.test_penetration import HZ, ROD, body, recording, straight
@@ -154,9 +154,10 @@ def test_a_body_is_held_by_one_that_the_robot_touches():
         "tray": np.tile([0.5, 0, 0.25], (3, 1)),
         "egg": np.tile([0.54, 0, 0.32], (3, 1)),
     }
-    found = contacts(still, tray, egg, arms=joints)
+    scene = Scene((tray, egg))
+    found = find_contacts(scene, PANDA, ROD, recording(scene, still, arms=joints))
     assert not found.with_robot("egg").any()
-    assert find_held(found, "egg").all()
+    assert make_trace(scene, [found])[0].support.linked("egg").all()
 
 
 def test_without_motion_or_bodies_nothing_touches():
