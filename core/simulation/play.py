@@ -113,9 +113,12 @@ def _deduct_fixture(stage: Stage, candidate: Candidate, attempt: Attempt) -> Tri
 
     said = f"the fixture alone earns {number(earned, 2)} while the arm is idle, and that does not count"
     left = max(trial.reward - earned, 0.0)
-    if left >= NOTHING:
-        return replace(trial, reward=left, warnings=(*trial.warnings, said))
-    return replace(trial, reward=0.0, reason=trial.reason or said)
+    if left < NOTHING:
+        return replace(trial, reward=0.0, solved=False, reason=trial.reason or said)
+
+    solved = stage.task.is_solved(left)
+    warnings = (*trial.warnings, said)
+    return replace(trial, reward=left, solved=solved, warnings=warnings)
 
 
 @lru_cache(maxsize=256)
