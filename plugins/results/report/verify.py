@@ -15,6 +15,7 @@ from core.config.compose import load
 from core.design import DesignError
 from core.errors import UserError
 from core.interfaces import Evaluation
+from core.plugins.outside import outside_part
 from core.search.finalists import try_unseen
 from core.search.saved_designs import build_fitness, open_trials, read_candidates
 from plugins.results.pages.formats import Table
@@ -123,6 +124,11 @@ def _configure(entry: Entry, task: str) -> DictConfig:
             value = json.loads(text)
 
         cfg.tool[key.removeprefix("tool.")] = value
+
+    for found in outside_part("tool", OmegaConf.to_container(cfg.tool), "tool"):
+        raise UserError(
+            f"{short(found.path)} names a {found.what}, and a results file may name none"
+        )
 
     return cfg
 

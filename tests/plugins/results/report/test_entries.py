@@ -311,6 +311,17 @@ def test_each_record_earns_its_rewards_again_in_some_layouts(
                 assert sum(again[engine]) / count == claimed, (task, run.seed, engine)
 
 
+@pytest.mark.parametrize("key", ["tool.file", "tool.library"])
+def test_a_results_file_names_no_file_of_this_machine(key):
+    entry = read_entry(ROOT / "docs/entries/lean_hard_reference.json")
+    (run,) = entry.tasks["StopCart"].runs
+    strange = entry.settings | {"tool.name": "known", key: "/etc/hostname"}
+    own = {k: v for k, v in strange.items() if not k.startswith("tool.") or k == key}
+    settings = own | {"tool.name": "known"}
+    with pytest.raises(UserError, match=rf"{key} names a (file|folder)"):
+        verify.try_again(replace(entry, settings=settings), "StopCart", run)
+
+
 def test_runs_write_their_design_and_the_command_verifies_it(
     entry, tmp_path, monkeypatch, capsys
 ):
