@@ -141,5 +141,11 @@ def picture(painted: Sequence[Painted]) -> bytes:
     axes.view_init(elev=ELEVATION, azim=AZIMUTH)
     axes.set_axis_off()
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=130, metadata={"Software": None})
+    figure.savefig(
+        buffer,
+        format="png",
+        dpi=130,
+        bbox_inches="tight",
+        metadata={"Software": None},
+    )
     return buffer.getvalue()

@@ -5,6 +5,7 @@ Nothing here commands a robot.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -85,6 +86,22 @@ def export(cfg: DictConfig) -> list[Export]:
         slicer = find_slicer(cfg.slice or cfg.slicer, cfg.slicer)
 
     output = new_folder(Path(cfg.output))
+    try:
+        return _export_to(output, cfg, slicer)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            output.rmdir()  # if nothing is in it
+        raise
+
+
+def _export_to(output: Path, cfg: DictConfig, slicer: Path | None) -> list[Export]:
+    """Write the files to a new folder; see `export`.
+
+    Args:
+        output: the folder.
+        cfg: the settings of the command.
+        slicer: the program of a slicer; None: none is asked.
+    """
     task = task_part(cfg).create()
     representation = tool_part(cfg).create()
     best = chosen_evaluations(cfg, representation, task)[0]

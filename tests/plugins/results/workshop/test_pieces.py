@@ -5,15 +5,18 @@ import pytest
 import trimesh
 
 from core.design import Component, Tool
+from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import Material
 from plugins.results.workshop.assembly import draw_apart, picture
+from plugins.results.workshop.exact import Exact, write_step
+from plugins.results.workshop.export_command import configured, export
 from plugins.results.workshop.loads import Instant, Load
 from plugins.results.workshop.lying import lay
 from plugins.results.workshop.numbering import engrave
 from plugins.results.workshop.plates import arrange, to_3mf
 from plugins.results.workshop.settings import Fit, Printer
-from plugins.results.workshop.solid import joined_solids, manifold, union
+from plugins.results.workshop.solid import joined_solids, manifold, to_mesh, union
 from plugins.results.workshop.strength import strength
 from plugins.results.workshop.tool import make_tool
 from tests.panda import PANDA
@@ -220,3 +223,30 @@ def test_the_picture_shows_pieces_apart(hook):
         for other_low, other_high in boxes[i + 1 :]:
             assert ((high < other_low) | (other_high < low)).any()
     assert picture(apart).startswith(b"\x89PNG")
+
+
+def test_exact_solids_are_the_pieces(hook, tmp_path):
+    pytest.importorskip("OCP")
+    check = write_step(hook, tmp_path)
+    assert check.passed
+    names = {file.name for file in tmp_path.iterdir()}
+    assert names == {"tool_1.step", "tool_2.step", "tool_3.step"}
+
+    text = (tmp_path / "tool_1.step").read_text()
+    assert "MANIFOLD_SOLID_BREP" in text
+    for part in hook.parts:
+        solid = Exact.read(tmp_path / f"{part.name}.step")
+        middle = to_mesh(part.solid).center_mass
+        assert solid.middle == pytest.approx(middle, abs=0.1)
+
+
+def test_a_failed_export_leaves_no_empty_folder(tmp_path):
+    folder = tmp_path / "export"
+    cfg = configured(["designs=/no/such/file.json", "task=OneBook", f"output={folder}"])
+    with pytest.raises(UserError):
+        export(cfg)
+    assert not folder.exists()
+
+    cfg.format = "obj"
+    with pytest.raises(UserError, match="format=obj; possible: stl, step"):
+        export(cfg)

@@ -6,13 +6,16 @@ from pathlib import Path
 import pytest
 import trimesh
 
+from core.config.compose import tool_part
 from core.errors import UserError
 from core.interfaces import Material
+from docs import gallery
 from plugins.results.workshop.plates import arrange
 from plugins.results.workshop.printing import print_part
-from plugins.results.workshop.settings import Printer
+from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.slicing import ask_slicer, find_slicer, slice_plates
 from plugins.results.workshop.solid import ToolLink, manifold
+from plugins.results.workshop.tool import make_tool
 
 PLA = Material("pla", 1240.0, infill=0.2, wall_mm=1.2)
 GCODE = """;TYPE:Perimeter
@@ -90,3 +93,22 @@ def test_the_real_slicer_says_what_a_cube_takes(part):
     assert checks[0].passed
     assert 0.1 < data["hours"] < 2
     assert 2 < data["grams"] < 10
+
+
+@pytest.mark.slicer
+@pytest.mark.parametrize("task", ["BringCube", "HighObject", "OneBook", "SnatchCookie"])
+@pytest.mark.parametrize("designer", ["model", "embedded"])
+def test_tools_of_the_gallery_are_sliced(task, designer):
+    """What it weighs besides supports is what is said, within a quarter."""
+    entry = gallery.Entry(task, designer)
+    config = entry.config("material=pla")
+    material = tool_part(config).create().material
+    tool = entry.read("material=pla").tool
+    robot = entry.condition("mujoco").task.shared().robot
+    made = make_tool(tool, robot, material, Printer(), Fit())
+    slicer = find_slicer("prusa-slicer", os.environ.get("SLICER", ""))
+    data, checks = ask_slicer(slicer, made.parts, Printer(), material)
+    if all(part.lying.fits for part in made.parts):
+        assert checks[0].passed
+        grams = data["grams"] - data["support_g"]
+        assert grams == pytest.approx(made.mass_g, rel=0.25)
