@@ -2,6 +2,7 @@
 
 import pytest
 
+from core.errors import UserError
 from core.search.builder import check_starts
 from plugins.new.new_command import write_scene
 from plugins.tasks.file.doubts import find_doubts, find_empty_place, find_idle_goals
@@ -312,3 +313,21 @@ def test_they_are_said_once_for_a_file(tmp_path, text, caplog):
         "body tin weighs 250 kg; grams?",
         "body tin has 8.84e+05 kg/m^3; kilograms and metres are read",
     ]
+
+
+@pytest.mark.parametrize(
+    ("goal", "refused"),
+    [
+        ("{joint: press, to: '> 0.003', held: true}", True),
+        ("{bodies: [button], held: true}", True),
+        ("{joint: press, to: '> 0.003', released: true}", False),
+    ],
+)
+def test_what_a_joint_bears_is_never_held(tmp_path, goal, refused):
+    text = BUTTON.replace('{joint: press, to: "> 0.008"}', goal)
+    if not refused:
+        task_of(tmp_path, text, "none")
+        return
+
+    with pytest.raises(UserError, match=r"button hangs .* by the joint press, and can"):
+        task_of(tmp_path, text, "none")

@@ -1,0 +1,100 @@
+"""What a design may not choose: the frame in which it is measured, and what its fixture earns by itself."""
+
+import json
+
+import numpy as np
+import pytest
+
+from core.designs.reading import read_designs
+from core.plugins import installed
+from tests.engines import mujoco_first, simulator
+from tests.panda import on_panda
+from tests.playing import evaluate_batch
+from tests.plugins.tasks.file.test_task import task_of
+
+STAND = "{bodies: [cup], at: fixture, place: [null, null, '> 0.1'], stands_on: fixture}"
+SCENE = """name: Fixtures
+description: A cup and a ball lie on the table, and a fixture is designed for them.
+fixture: {box: [0.6, 0.7, 0.3], position: [0.6, 0, 0.15]}
+bodies:
+  - {name: cup, cup: {radius: 0.04, length: 0.09, wall: 0.003}, position: [0.6, 0, 0.045], mass: 0.1}
+  - {name: ball, sphere: 0.03, position: [0.6, 0.2, 0.03], mass: 0.1, rolling_friction: 0.002}
+goals:
+  - GOAL
+"""
+INTO = "{bodies: [ball], inside: fixture, rest: true}"
+
+
+def read(folder, goal, pose, *parts):
+    """Read a design whose fixture has boxes of a size at a position."""
+    task = on_panda(task_of(folder, SCENE.replace("GOAL", goal)))
+
+    def box(number, size, position, parent):
+        given = {"name": f"b{number}", "parent": parent, "size": size}
+        return {**given, "shape": "box", "position": position, "mass": 0.03}
+
+    stem = {**box(9, [0.03, 0.03, 0.05], [0, 0, -0.025], "tool_mount")}
+    names = ["tool_mount", *(f"b{number}" for number in range(len(parts)))]
+    boxes = [box(n, *part, names[n]) for n, part in enumerate(parts)]
+    design = {
+        "gripper": False,
+        "tool_components": [stem],
+        "action_sets": [[[0.5, 0, 0.52, 0, 0, 0]]],
+        "fixture": {"pose": pose, "tool_components": boxes},
+    }
+    boxed = installed().create("tool", "boxes")
+    (found,) = read_designs(
+        json.loads(json.dumps({"strategies": [design]})), boxed, task
+    )
+    return task, found
+
+
+def ring(x):
+    """Four walls, the first one at a pose that is 45 mm beside their middle."""
+    return (
+        [x, 0.245, 0, 0, 0, 0],
+        ([0.09, 0.01, 0.07], [0, 0, 0.035]),
+        ([0.01, 0.1, 0.07], [0.05, -0.045, 0.035]),
+        ([0.09, 0.01, 0.07], [0, -0.09, 0.035]),
+        ([0.01, 0.1, 0.07], [-0.05, -0.045, 0.035]),
+    )
+
+
+TILE = ([0.05, 0.09, 0.004], [0, 0, 0])
+
+
+@pytest.mark.parametrize("turn", [(0, 0, 0.3), (np.pi / 2, 0, 0.3), (0.4, -0.7, 0.3)])
+def test_a_fixtures_frame_stands_upright(tmp_path, turn):
+    """Its solids are where the pose has them."""
+    _, found = read(tmp_path, STAND, [0.6, 0.2, 0.1, *turn], TILE)
+    fixture = found.tool.fixture
+    assert fixture.pose.rpy[:2] == pytest.approx([0, 0])
+    (part,) = fixture.parts.parts
+    placed = fixture.pose @ part.pose
+    assert placed.position == pytest.approx([0.6, 0.2, 0.1])
+    assert placed.rpy == pytest.approx(turn)
+
+
+@pytest.mark.parametrize(
+    ("goal", "offset", "refused"),
+    [(STAND, 0.04, False), (STAND, 0.06, True), (INTO.replace("inside", "facing"), 0.06, False)],
+)  # fmt: skip
+def test_a_place_is_measured_from_within_the_fixture(tmp_path, goal, offset, refused):
+    tile = ([0.05, 0.09, 0.004], [0, offset, 0.002])
+    task, found = read(tmp_path, goal, [0.6, 0.14, 0, 0, 0, 0], tile)
+    faults = "".join(task.find_goal_faults(found.tool.fixture))
+    assert ("beside the box around its components" in faults) == refused
+
+
+@pytest.mark.slow
+@mujoco_first
+@pytest.mark.parametrize("x", [0.6, 0.75])
+def test_what_a_fixture_earns_beside_an_idle_arm_does_not_count(tmp_path, engine, x):
+    """A ring that is set around the ball; and one beside it, which earns nothing at all."""
+    task, found = read(tmp_path, INTO, *ring(x))
+    (evaluation,) = evaluate_batch(task, simulator(engine), [found])
+    (trial,) = evaluation.trials
+    assert trial.status == "ok", trial.reason
+    assert trial.reward == pytest.approx(0, abs=0.001)
+    assert not trial.solved
+    assert ("fixture alone earns 1.00" in trial.reason) == (x == 0.6)
