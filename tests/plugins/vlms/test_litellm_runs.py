@@ -115,7 +115,7 @@ def test_a_run_that_reaches_its_limit_ends_well_and_resumes_with_a_higher_one(
         with monkeypatch.context() as elsewhere:  # where nobody has typed the address
             elsewhere.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
             with pytest.raises(
-                UserError, match=f"type it again: vlm.api_base={server.url}"
+                UserError, match=rf"type it again: 'vlm\.api_base=.*{server.url}"
             ):
                 resume(folder, ["vlm.max_tokens_total=null"])
         assert len(server.calls) == 2
