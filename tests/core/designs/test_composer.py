@@ -104,7 +104,7 @@ def make_brief(**changes):
     return replace(brief, **changes)
 
 
-def make_elite(strategy, reward, *, gripper=False):
+def make_elite(strategy, reward, *, gripper=False, solved=False):
     mount = GRIPPER_MOUNTS[0] if gripper else RIGID_MOUNT
     bar = Component(
         f"bar{strategy}",
@@ -119,7 +119,7 @@ def make_elite(strategy, reward, *, gripper=False):
         design=strategy,
         design_name=f"Push {strategy}",
     )
-    return tried_once(candidate, "ok", reward=reward)
+    return tried_once(candidate, "ok", reward=reward, solved=solved)
 
 
 ELITES = (make_elite(0, 0.87654321), make_elite(1, 0.6))
@@ -252,11 +252,14 @@ def test_a_fitness_says_what_counts_and_its_figures_come_back():
     assert "`details` says what became of the `trials`" in text
 
 
-@pytest.mark.parametrize(("reward", "room"), [(0.5, False), (0.999, True)])
+@pytest.mark.parametrize(
+    ("reward", "solved", "room"),
+    [(0.5, False, False), (0.999, False, False), (0.999, True, True)],
+)
 def test_where_trials_decide_room_is_left_to_gain_and_numbers_may_change_a_little(
-    reward, room
+    reward, solved, room
 ):
-    elites = (make_elite(0, reward), make_elite(1, 0.4))
+    elites = (make_elite(0, reward, solved=solved), make_elite(1, 0.4))
     text = " ".join(prompt(RunFacts(judged="In two layouts."), elites=elites).split())
     assert (
         "count as equal: of them, where no further trials decide, the pair with the shortest way"
