@@ -250,6 +250,8 @@ def test_the_result(tiny):
         "generation",
         "candidate",
         "reason",
+        "solved",
+        "elsewhere",
         "torque",
     }
     assert 0 <= result["best"]["reward"] <= 1

@@ -31,7 +31,8 @@ from core.values.messages import Bill
 from plugins.results.named_folders import folders_and_overrides
 from plugins.results.pages.runs import run_folders, short
 
-USAGE = """usage: vlmgineer inspect FOLDER [KEY=VALUE ...]
+USAGE = "usage: vlmgineer inspect FOLDER [KEY=VALUE ...]"
+HELP = f"""{USAGE}
 
 FOLDER is a run's, a tool's of a library, or holds some of these. What stands outside of it is used, to play its winner
 again, only where you type it too; what you have typed once counts for this configuration on this machine from then on.
@@ -72,7 +73,7 @@ def main(words: list[str]) -> int:
     Raises:
         UserError: there is no such folder, or nothing of it can be read.
     """
-    folders, typed = folders_and_overrides(USAGE, words)
+    folders, typed = folders_and_overrides(HELP, words)
     if len(folders) != 1:
         raise UsageError(f"name one folder; {USAGE}")
 

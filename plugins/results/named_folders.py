@@ -21,7 +21,7 @@ def folders_and_overrides(
     overrides: list[str] = []
     for word in answer_help(usage, given):
         if word.startswith("-"):
-            raise UsageError(f"can't read {word!r}; {usage}")
+            raise UsageError(f"can't read {word!r}; {usage.splitlines()[0]}")
         key, _, value = word.partition("=")
 
         if "=" not in word or path_exists(word):

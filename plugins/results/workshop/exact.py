@@ -24,7 +24,7 @@ SAME_VOLUME = 0.01  # by which an exact solid may differ from that of triangles
 SEWN_MM = 1e-4  # between the edges of two triangles
 TOUCH_MM3 = 1e-3
 
-MISSING = "format=step needs Open CASCADE: pip install 'vlmgineer[step]'"
+MISSING = "format=step needs Open CASCADE: pip install 'cadquery-ocp-novtk>=8,<9'"
 
 
 class Exact:
