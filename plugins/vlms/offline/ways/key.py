@@ -14,7 +14,8 @@ from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
 
 _BIT_M = 0.008  # high
 _STEM_M = 0.07  # longer than the body is high
-_LONGER = 1.3  # times as long as wide, a slot is at least: the turned key must rest on its edges
+_SHORTEST = 0.75  # of the slot's length
+_RESTS = 1.1  # times as long as the slot is wide, the bit is at least: turned, it rests on the slot's edges
 
 
 class Key(Way):
@@ -24,7 +25,7 @@ class Key(Way):
     title = "goes through a slot, turns below it, and lifts"
     approaches = True
     sizes: ClassVar[Ranges] = {
-        "length": Range(0.75, 0.95),  # of the slot's
+        "length": Range(_SHORTEST, 0.95),  # of the slot's
         "width": Range(0.3, 0.6),  # of the slot's
     }
     moves: ClassVar[Ranges] = {
@@ -37,7 +38,7 @@ class Key(Way):
         if job.is_covered or not job.rises or job.want.released:
             return 0.0
         long, wide = _measure_slot(job)
-        return float(long > _LONGER * wide > 0)
+        return float(_SHORTEST * long > _RESTS * wide > 0)
 
     def head(self, job: Job, values: Values) -> Head:
         long, wide = _measure_slot(job)

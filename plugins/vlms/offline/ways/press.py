@@ -18,6 +18,7 @@ from plugins.vlms.offline.ways.way import (
     Values,
     Way,
     above,
+    leaves,
     pick,
 )
 
@@ -86,7 +87,7 @@ class Press(Way):
             pose = into_frame @ at(*point, yaw=heading + turned)
             yield Step(pose, speed=values["speed"], touch=True)
 
-        if values["leaves"] > 0.5 and not spot.springs_back:
+        if leaves(job, values) and not spot.springs_back:
             back = into_frame.rotation.apply(-way)
             yield Step(_shift(pose, BACK_M * back), touch=True)
 
