@@ -228,18 +228,18 @@ def test_a_run_says_what_its_best_earns_in_unseen_layouts(tmp_path, capsys):
         *(
             "budget.n_agent=1",
             "budget.n_tool=1",
-            "budget.n_action=2",
+            "budget.n_action=1",
             "budget.n_iteration=0",
             "budget.final_s=4",
         ),
-        *("film=false", "listener=[]", "prompt.picture=false", "evolution.tie=1"),
+        *("film=false", "listener=[]", "prompt.picture=false"),
     ]
     result = run(load("config", words), tmp_path / "run")
     found = json.loads((tmp_path / "run/result.json").read_text())
-    assert found["held"]["layouts"] == 8
+    assert found["held"]["layouts"] == 32
     assert (
         found["rollouts"]
-        == sum(len(e["mujoco"]) for e in found["finalists"].values()) + 2 * 2
+        == sum(len(e["mujoco"]) for e in found["finalists"].values()) + 2
     )
     stored = found["unseen"]
     assert stored["engines"] == {"mujoco": list(result.unseen["mujoco"])}
