@@ -19,6 +19,7 @@ Dropped and tipped need at least half of the bodies that are not in place, or wi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from itertools import chain, islice
 from typing import Any
@@ -236,7 +237,7 @@ class _Case:
         if self.task.is_solved(reward):
             return "solved", "", None
 
-        breaches = sorted(self._breaches(), key=lambda breach: -breach.excess)
+        breaches = _worst_first(self._breaches())
         if breaches:
             return "forbidden", breaches[0].text, breaches[0].time_s
 
@@ -532,3 +533,16 @@ def _round_all(values: Array, digits: int) -> Any:
 def _round(number: float | None, digits: int) -> float | None:
     """Round a number, if there is one."""
     return None if number is None else round(number, digits)
+
+
+def _worst_first(breaches: Iterable[Breach]) -> list[Breach]:
+    """Sort breaches, the worst beyond its own limit first.
+
+    A touch where none is allowed goes before what is measured, of which it may be the cause, but not where that began
+    before it.
+    """
+    found = sorted(breaches, key=lambda breach: -breach.excess)
+    measured = [breach.time_s for breach in found if math.isfinite(breach.excess)]
+    began = min(measured, default=math.inf)
+    later = [b for b in found if math.isinf(b.excess) and b.time_s > began]
+    return [breach for breach in found if breach not in later] + later

@@ -156,9 +156,9 @@ def _loads(simulator: Simulator, robot: Robot) -> dict[str, float | None]:
     sags: dict[float, float] = {}
     for mass in LOADS_KG:
         load = cube("load", on_it, _SIDE_M, mass)
-        sag = -_Played(
-            simulator, robot, plate, still(robot), load, _catch()
-        ).miss()[:, 2]
+        sag = -_Played(simulator, robot, plate, still(robot), load, _catch()).miss()[
+            :, 2
+        ]
         if sag.max() > _HELD_M:
             break
         sags[mass] = float(sag[-1])

@@ -379,7 +379,8 @@ def test_a_run_interrupted_among_elites_or_finalists_keeps_their_trials(
         with contextlib.suppress(KeyboardInterrupt):  # in the loop it is noted
             run(load("config", words), tmp_path / "run")
     stored = [e.finals for e in StoredRun(tmp_path / "run").evaluations()]
-    assert sum(map(len, stored)) in (3 * WIDTH, 3 * WIDTH - 1)
+    # Three batches, without the one layout in which the search tried each of the three designs.
+    assert 3 * WIDTH - 3 <= sum(map(len, stored)) <= 3 * WIDTH
     resume(tmp_path / "run")
     run(load("config", words), tmp_path / "whole")
     one, other = (
