@@ -1,6 +1,6 @@
 """Remember on this machine which configurations this user began runs with, outside of the runs' folders.
 
-A folder of somebody else's can bring any configuration, but no line in this user's own state directory.
+Another person's folder can bring any configuration, but no line in this user's own state directory.
 """
 
 from __future__ import annotations

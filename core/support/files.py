@@ -12,7 +12,7 @@ from pathlib import Path
 from core.errors import UserError
 
 MOST_TEXT = 20_000_000
-"""Bytes of a text, unless whoever reads it says otherwise: a designs file of a thousand tools has 5 MB."""
+"""Bytes of a text, unless its reader sets another limit: a designs file of a thousand tools has 5 MB."""
 
 FileMark = tuple[int, ...]
 """Numbers of which at least one changes when a file is changed or replaced. The first is its size, bytes."""

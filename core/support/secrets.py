@@ -83,7 +83,7 @@ class Scrubbed:
             self.write(line)
 
     def close(self) -> None:
-        """Stay open: whoever closes a command's stream takes it from all others."""
+        """Stay open: closing a command's stream would take it from all others."""
         self._stream.flush()
 
     def __getattr__(self, name: str) -> Any:

@@ -31,7 +31,7 @@ class PartsOf:
 
 
 Harmless = Annotated[T, IsHarmless()]
-"""The type of a setting that a run's folder may give to whoever goes on with the run, as in ``Harmless[str]``.
+"""The type of a setting that a run's folder may hand to a person who resumes the run, as in ``Harmless[str]``.
 
 Numbers, truths and `Literal` need no such word. Any other text may be a program, an address or a file, and is taken
 from a stored configuration only where the user types it again.

@@ -24,7 +24,7 @@ def commands() -> dict[str, Command]:
             "plugins.results.toolbox.toolbox_command:main",
         ),
         "inspect": Command(
-            "say what a folder of somebody else's would do, and play its winner again",
+            "say what another person's folder would do, and play its winner again",
             "plugins.results.inspect_command:main",
         ),
         "transfer": Command(
