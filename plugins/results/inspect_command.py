@@ -39,7 +39,7 @@ again, only where you type it too; what you have typed once counts for this conf
 The exit status is 1 if a claim does not hold."""
 MOST = 20  # runs and tools of a folder
 TOLERANCE = 0.01
-"""Of a reward that is played again: other processors round otherwise."""
+"""How far a reward that is played again may differ: other processors round otherwise."""
 
 _MERGED = ("material", "rollout")  # settings that a store may lack some of
 

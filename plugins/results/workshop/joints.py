@@ -30,7 +30,7 @@ WALL_MM = 2.0
 """The thinnest wall of a socket: the head of a countersunk screw M3."""
 
 WALL = 0.1
-"""Of the shaft's thickness: the wall that leaves tongue and socket alike in strength."""
+"""How thick the wall is, by the shaft's thickness, so that tongue and socket are alike in strength."""
 
 REACH_MM = (25.0, 40.0)
 """The shortest and the longest tongue; between them it is 1.5 times as long as its shaft is thick."""

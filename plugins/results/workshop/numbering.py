@@ -13,7 +13,7 @@ from plugins.results.workshop.solid import to_mesh
 
 DEEP_MM = 0.4
 HEIGHTS_MM = (8.0, 6.0, 4.0)
-"""Of the digits: the largest for which there is room."""
+"""Heights of digits; the largest for which there is room is taken."""
 
 THICK_MM = 1.6  # of the wall that a number is pressed into
 FREE_MM = 20.0  # before a side, so that one can read it

@@ -41,7 +41,7 @@ along it, which is no closed surface. So each component is moved out by a little
 """
 
 SHORTEST_MM = (1e-3, 1e-2)
-"""Of a mesh's edges: STL files have single precision, in which shorter ones vanish and may leave holes."""
+"""Lengths of a mesh's shortest edges: in an STL file's single precision, shorter ones vanish and may leave holes."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -95,7 +95,7 @@ class PrintedTool:
 
     @property
     def mass_g(self) -> float:
-        """Of all parts, and of the screws of their joints."""
+        """The mass of all parts, with the screws of their joints."""
         return grams(self.parts) + sum(joint.mass_g for joint in self.joints)
 
     def with_checks(self, *checks: Check) -> PrintedTool:
