@@ -1,6 +1,7 @@
 """Settings of Hypothesis, what is left out by default, and what is skipped where PyBullet is missing.
 
-``HYPOTHESIS_PROFILE`` chooses how many random cases are tried: ``patient`` (the default), ``many`` or ``nightly``. None
+``HYPOTHESIS_PROFILE`` chooses how many random cases are tried: ``patient`` (the default), ``many`` or ``nightly``. The
+default tries the same cases each time, so that a change is not blamed for what luck found; the others draw anew. None
 has a deadline: what is slow on a busy machine is not wrong.
 """
 
@@ -25,7 +26,12 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 PROFILE = os.environ.get("HYPOTHESIS_PROFILE") or "patient"
 for name, examples in {"patient": 30, "many": 100, "nightly": 100}.items():
-    settings.register_profile(name, deadline=None, max_examples=examples)
+    settings.register_profile(
+        name,
+        deadline=None,
+        max_examples=examples,
+        derandomize=name == "patient",
+    )
 settings.load_profile(PROFILE)
 
 PYBULLET = importlib.util.find_spec("pybullet") is not None

@@ -14,12 +14,15 @@ from core.interfaces import Brief, Material
 from core.plugins import installed
 from core.robot import description as robot
 from plugins.actions.waypoints import WaypointActions
+from plugins.tools.components import robot_names
 from plugins.tools.urdf.building import DEFAULT_COLOR
 from plugins.tools.urdf.representation import UrdfTools
 from tasks.one_book import OneBook
 from tests.panda import PANDA, on_panda
 
 URDF = on_panda(UrdfTools())
+# Hypothesis also tries the literals that it finds in the code, and so the names of the robot's own links.
+ROBOT_NAMES = robot_names(PANDA)
 BOX = '<geometry><box size="0.02 0.02 0.1"/></geometry>'
 
 
@@ -406,7 +409,9 @@ def tools(draw):
     gripper = draw(st.booleans())
     names = draw(
         st.lists(
-            st.text(string.ascii_letters + "_.-0", min_size=1, max_size=64),
+            st.text(string.ascii_letters + "_.-0", min_size=1, max_size=64).filter(
+                lambda name: name not in ROBOT_NAMES
+            ),
             min_size=1,
             max_size=6,
             unique=True,
