@@ -17,13 +17,11 @@ from core.goals import Goal, goals_margins, reaches
 from core.scene import Camera, Region, Scene, State, Trace
 from core.values.harmless import Harmless
 from core.values.layouts import NONE, Draw, Ranges
-from core.values.margins import Margin, least_first
+from core.values.margins import ROUNDING, Margin, least_first
 from core.values.messages import Picture
 from core.values.observations import Sight
 from core.values.robots import Robot
 from core.values.tools import Fixture
-
-_ROUNDING = 1e-9  # of a mean of rewards
 
 
 class Task(ABC):
@@ -131,22 +129,29 @@ class Task(ABC):
         it gets what happened in between too (`Trace`).
         """
 
-    def is_solved(self, reward: float) -> bool:
-        """Say whether a rollout with this reward solved the task. All who ask that ask here.
+    def is_solved(
+        self, reward: float, start: State, end: State, trace: Trace | None = None
+    ) -> bool:
+        """Say whether one world is solved. All who ask that ask here.
 
-        By default that is a reward of 1: every goal is reached within its own tolerance, and every limit is kept, for
-        which alone `core.goals.goals_reward` pays so much. A reward that comes near to 1 is a goal that was missed.
+        By default its reward says so: it is `success_reward`, which is 1 unless the task has a rule of its own. A task
+        that is paid by its goals asks these (`core.goals.are_goals_met`).
         """
-        return reward >= self.success_reward - _ROUNDING
+        return self.is_paid(reward)
+
+    def is_paid(self, reward: float) -> bool:
+        """Report whether a reward is that of a solved task."""
+        return reward >= self.success_reward - ROUNDING
 
     def margins(
         self, start: State, end: State, trace: Trace | None = None
     ) -> Sequence[Margin]:
-        """Say how far one world stayed from the limits of the task; by default from those of its goals.
+        """Say how far one world stayed from the limits of the task.
 
+        By default these are those of its goals that are numbers: beside a reward of the task's own, goals are a hint.
         Arguments are as those of `reward`, of one world; ``trace`` is None where the reward reads none.
         """
-        return goals_margins(self, start, end, trace)
+        return [m for m in goals_margins(self, start, end, trace) if m.has_room]
 
     def find_doubts(self) -> Iterator[str]:
         """Yield a line for each thing in the scene that its robot can't do, or that is seldom meant.
@@ -273,21 +278,22 @@ def margins_of(
 ) -> tuple[Margin, ...]:
     """Return a task's margins in one world, the least first.
 
-    Goals are a hint (`core.goals.Goal`): where the reward says success, what they call failed is no limit of the task.
-    Where no goal has a limit, what the reward exceeds success by is the margin.
+    Where the reward says success, what goals call failed is no limit of the task. Where no goal has a limit, what the
+    reward exceeds success by is the margin.
     """
-    if type(task).margins is not Task.margins:
-        return least_first(task.margins(start, end, trace))
+    own = type(task).margins is not Task.margins
     try:
         margins = least_first(task.margins(start, end, trace))
     except (AttributeError, KeyError, ValueError):
+        if own:
+            raise
         return ()  # goals that don't fit the scene cost the margins, not the rollout
 
-    if not margins and task.success_reward < 1:
+    if not (margins or own) and task.success_reward < 1:
         far = 1 - task.success_reward
         return least_first(
             [Margin.at_least("reward", reward, task.success_reward, "", far)]
         )
 
-    solved = task.is_solved(reward)
-    return tuple(m for m in margins if m.margin >= 0 or not solved)
+    paid = task.is_paid(reward)
+    return tuple(margin for margin in margins if margin.is_kept or not paid)

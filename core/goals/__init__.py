@@ -40,6 +40,7 @@ from core.goals.reaching import find_wants as find_wants
 from core.goals.reaching import numbered as numbered
 from core.goals.reaching import reaches as reaches
 from core.goals.rewards import Aim as Aim
+from core.goals.rewards import are_goals_met as are_goals_met
 from core.goals.rewards import goals_margins as goals_margins
 from core.goals.rewards import goals_reward as goals_reward
 from core.goals.rewards import goals_shares as goals_shares

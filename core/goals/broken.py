@@ -81,7 +81,7 @@ class Broken(Reach):
         if evidence.trace is None:
             return []
 
-        conduct = Conduct(evidence, at_end=True)
+        conduct = Conduct(evidence, -1)
         strains = {name: float(conduct.strain(name)) for name in self.broken}
         best_first = sorted(strains, key=lambda name: -strains[name])
         name = best_first[self.count_enough(len(best_first)) - 1]

@@ -75,15 +75,15 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Conduct:
-    """What a trace says of bodies at its instants, or at its end: are they held, let go, and at rest?
+    """What a trace says of bodies at its instants, or at one of them: are they held, let go, and at rest?
 
     Attributes:
         evidence: with the trace.
-        at_end: whether only its last instant counts, (...); else all do, (..., T).
+        instant: that alone counts, (...), -1 for the last; None: all do, (..., T).
     """
 
     evidence: Evidence
-    at_end: bool = False
+    instant: int | None = None
 
     def hold(self, body: str) -> Array:
         """Report how far the robot holds a body, see `Evidence.hold`."""
@@ -111,7 +111,7 @@ class Conduct:
         return self._read(self.evidence.film.strain(name))
 
     def _read(self, values: Array) -> Array:
-        return values[..., -1] if self.at_end else values
+        return values if self.instant is None else values[..., self.instant]
 
 
 def length(vectors: Array) -> Array:

@@ -16,6 +16,7 @@ from core.scene import FIXTURE, Scene
 from core.values.margins import Margin
 from core.values.tools import Fixture
 
+DONE = 1 - 1e-9  # a goal is fulfilled from this share on: 1, but for rounding
 Given = Mapping[str, Any]
 """What an entry of a scene file's goals says."""
 
@@ -62,7 +63,22 @@ class Goal(ABC):
 
     @abstractmethod
     def margins(self, evidence: Evidence) -> list[Margin]:
-        """Return how far one world stayed from its limits."""
+        """Return how far one world stayed from its limits, as far as that is a number."""
+
+    def judge(self, evidence: Evidence) -> list[Margin]:
+        """Return its margins, one of which is beyond its limit exactly where the goal is missed.
+
+        What has no room is a yes or no: that a body is held, comes after another, or is where no tolerance is given.
+        """
+        margins = self.margins(evidence)
+        if evidence.trace is None and self.needs_trace:
+            return margins
+
+        missed = bool(self.share(evidence) < DONE)
+        if missed and all(margin.is_kept for margin in margins):
+            margins.append(Margin.missed(self.describe()))
+
+        return margins
 
     @property
     def needs_trace(self) -> bool:

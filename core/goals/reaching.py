@@ -13,18 +13,17 @@ import numpy as np
 from core.errors import refuse
 from core.geometry import Array
 from core.goals.evidence import Conduct, Evidence, length
-from core.goals.goal import Goal
+from core.goals.goal import DONE, Goal
 from core.goals.measures import Measure
 from core.goals.sites import Site
 from core.goals.terms import Terms
 from core.goals.wants import Place, Want
 from core.scene import Scene, Soft
-from core.values.margins import Margin
+from core.values.margins import Margin, find_least, least_first
 from core.values.states import State
 
 STILL_M_S = 0.02  # what is slower is at rest
 STILL_RAD_S = 0.2
-DONE = 1 - 1e-9  # a goal is fulfilled from this progress on: 1, but for rounding
 MANY = 3  # bodies that are named in short; of more it is said how many
 
 
@@ -212,7 +211,7 @@ class Reach(Terms):
         return self.progress(start, evidence.film.states, Conduct(evidence))
 
     def share(self, evidence: Evidence) -> Array:
-        conduct = Conduct(evidence, at_end=True)
+        conduct = Conduct(evidence, -1)
         reached = self.progress(evidence.start, evidence.end, conduct)
         if self.by_s is not None or self.ever:
             progress = self.progress_over_time(evidence)
@@ -262,39 +261,61 @@ class Reach(Terms):
         )
 
     def margins(self, evidence: Evidence) -> list[Margin]:
-        """Return those of one world; of several bodies, those of the worst that is needed."""
-        end = evidence.end
-        bodies = self.subjects(end)
+        now = evidence.end
+        instant = -1
+        if self.ever and evidence.trace is not None:
+            instant = self._find_best(evidence)
+            now = evidence.film.states[instant]
 
-        measures = [self.all_measures(body, evidence.start) for body in bodies]
-        found = []
-
-        for alike in zip(*measures, strict=True):
-            margins = filter(None, [measure.margin(end) for measure in alike])
-            best_first = sorted(margins, key=lambda margin: -margin.margin)
-
-            if best_first:
-                found.append(best_first[self.count_enough(len(best_first)) - 1])
-
-        what = self.subject if len(bodies) == 1 else "bodies"
-
-        if self.rest:
-            conduct = Conduct(evidence, at_end=True)
-            unrests = [self._find_unrest(body, end, conduct) for body in bodies]
-            speeds = sorted(map(float, unrests))
-            fastest = speeds[self.count_enough(len(speeds)) - 1]
-            unit = "resting speeds"
-            found.append(Margin.at_most(f"speed of {what}", fastest, 1.0, unit))
+        found = self.margins_at(evidence, now, instant)
 
         if self.by_s is not None and evidence.trace is not None:
             times = evidence.trace.times
             fulfilled = times[self.progress_over_time(evidence) >= DONE]
             first = float(fulfilled.min(initial=max(times[-1], self.by_s)))
-            found.append(
-                Margin.at_most(f"time to fulfil {what}", first, self.by_s, "s")
-            )
+            what = f"time to fulfil {self._say_subjects(now)}"
+            found.append(Margin.at_most(what, first, self.by_s, "s"))
 
         return found
+
+    def margins_at(self, evidence: Evidence, now: State, instant: int) -> list[Margin]:
+        """Return those of a state of one world, at an instant of the trace.
+
+        Of the bodies with the most room, as many as are enough, these are the least.
+        """
+        conduct = Conduct(evidence, instant)
+        groups = [
+            self._list_margins(body, evidence.start, now, conduct)
+            for body in self.subjects(now)
+        ]
+        groups.sort(key=find_least, reverse=True)
+        needed = groups[: self.count_enough(len(groups))]
+        return [least_first(alike)[0] for alike in zip(*needed, strict=True)]
+
+    def _list_margins(
+        self, body: str, start: State, now: State, conduct: Conduct
+    ) -> list[Margin]:
+        """Return those of a body of one world."""
+        measures = self.all_measures(body, start)
+        found = [*filter(None, (measure.margin(now) for measure in measures))]
+
+        if self.rest:
+            speed = float(self._find_unrest(body, now, conduct))
+            what = f"speed of {self._say_subjects(now)}"
+            found.append(Margin.at_most(what, speed, 1.0, "resting speeds"))
+
+        return found
+
+    def _find_best(self, evidence: Evidence) -> int:
+        """Find the instant at which it was fulfilled the most, in time."""
+        progress = self.progress_over_time(evidence)
+        if self.by_s is not None:
+            progress = progress[evidence.film.times <= self.by_s]
+
+        return int(progress.argmax())
+
+    def _say_subjects(self, state: State) -> str:
+        return self.subject if len(self.subjects(state)) == 1 else "bodies"
 
     # In words, in a scene, and for who plans:
 

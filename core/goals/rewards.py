@@ -13,7 +13,7 @@ from core.goals.evidence import Evidence
 from core.goals.goal import Goal
 from core.goals.limit import limits
 from core.goals.reaching import numbered, reaches
-from core.values.margins import Margin
+from core.values.margins import Margin, find_least
 from core.values.states import State
 from core.values.traces import Trace
 
@@ -80,6 +80,17 @@ def goals_shares(
         return ()
 
 
+def are_goals_met(
+    task: Aim, start: State, end: State, trace: Trace | None = None
+) -> bool:
+    """Report whether one world meets what a task's goals ask, and keeps their limits: no margin is beyond its limit."""
+    if not reaches(task.goals):
+        return False
+
+    margins = goals_margins(task, start, end, trace)
+    return all(margin.is_kept for margin in margins)
+
+
 def goals_margins(
     task: Aim, start: State, end: State, trace: Trace | None = None
 ) -> list[Margin]:
@@ -88,11 +99,10 @@ def goals_margins(
     Of goals one of which is enough, these are the margins of the best: of that whose least margin is the largest.
     """
     evidence = Evidence(start, end, trace, task.goals)
-    groups = [goal.margins(evidence) for goal in reaches(task.goals)]
+    groups = [goal.judge(evidence) for goal in reaches(task.goals)]
 
     if not task.every:
-        known = filter(None, groups)
-        best = max(known, key=lambda group: min(m.margin for m in group), default=[])
+        best = max(groups, key=find_least, default=[])
         groups = [best]
 
     return [*limits_margins(task, start, end, trace), *chain(*groups)]
@@ -106,4 +116,4 @@ def limits_margins(
     This is for tasks that measure themselves what is reached (`core.task.Task.margins`).
     """
     evidence = Evidence(start, end, trace, task.goals)
-    return list(chain(*(limit.margins(evidence) for limit in limits(task.goals))))
+    return list(chain(*(limit.judge(evidence) for limit in limits(task.goals))))

@@ -41,7 +41,7 @@ class Throughout(Limit):
     def margins(self, evidence: Evidence) -> list[Margin]:
         instant = int(self.what.progress_over_time(evidence).argmin())
         worst = evidence.film.states[instant]
-        return self.what.margins(replace(evidence, end=worst))
+        return self.what.margins_at(evidence, worst, instant)
 
     def describe(self) -> str:
         return f"throughout, or less is earned: {self.what.describe()}"

@@ -154,7 +154,7 @@ def _make_trial(
         attempt.candidate.id,
         "ok",
         reward,
-        solved=task.is_solved(reward),
+        solved=task.is_solved(reward, *world),
         moved_m=dict(zip(start.names, shifts, strict=True)),
         warnings=(
             *attempt.warnings,
@@ -182,7 +182,7 @@ def _observe(stage: Stage, trial: Trial, attempt: Attempt) -> Trial:
     if attempt.contacts is None and _look_for_contacts(stage, attempt) is None:
         return trial
 
-    seen = observe(stage.task, attempt, trial.reward)
+    seen = observe(stage.task, attempt, trial)
     text = f"{seen.result} {seen.what}".strip()
     return replace(trial, touch_m=seen.touch_m, outcome=text, observation=seen)
 

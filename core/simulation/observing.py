@@ -34,6 +34,7 @@ from core.interfaces import Contact, Observation, Task
 from core.scene import Scene, State
 from core.simulation.attempt import Attempt
 from core.solids.contacts import Contacts, make_trace
+from core.trial import Trial
 from core.values.bearing import ROBOT, WORLD, Flags
 from core.values.joints import rotate, rotate_back
 from core.values.observations import (
@@ -89,13 +90,13 @@ Cause = tuple[float, Class, str]  # when, what, and to which body
 Mishap = tuple[float, float, Class, str]  # from when to when, what, and where
 
 
-def observe(task: Task, attempt: Attempt, reward: float) -> Observation:
+def observe(task: Task, attempt: Attempt, trial: Trial) -> Observation:
     """Say how a rollout that came to its end went, and why it earned what it did."""
     case = _Case(task, attempt)
     motion = case.motion
     outcome = attempt.outcome
     contacts = case.contacts
-    result, what, instant = case.classify(reward)
+    result, what, instant = case.classify(trial.solved)
     moved = case.moved()
     taken = contacts.taken
     approaches = contacts.approaches
@@ -225,16 +226,16 @@ class _Case:
         off = np.abs(contacts.taken.arm - planned).max(axis=1)
         self.lags = np.where(self.times < 0, 0.0, off)
 
-    def classify(self, reward: float) -> tuple[Class, str, float | None]:
+    def classify(self, solved: bool) -> tuple[Class, str, float | None]:
         """Choose the class, by the rules of the module.
 
         Args:
-            reward: that the rollout earns.
+            solved: whether the task is solved.
 
         Returns:
             The class, the thing that it is about, and when it happened, seconds; None: at no one instant.
         """
-        if self.task.is_solved(reward):
+        if solved:
             return "solved", "", None
 
         breaches = _worst_first(self._breaches())

@@ -116,7 +116,7 @@ def _deduct_fixture(stage: Stage, candidate: Candidate, attempt: Attempt) -> Tri
     if left < NOTHING:
         return replace(trial, reward=0.0, solved=False, reason=trial.reason or said)
 
-    solved = stage.task.is_solved(left)
+    solved = trial.solved and stage.task.is_paid(left)
     warnings = (*trial.warnings, said)
     return replace(trial, reward=left, solved=solved, warnings=warnings)
 

@@ -57,7 +57,8 @@ class Stop:
         """Report whether the task's reward would be that of a success."""
         begun = self._scene.complete(State.stack([start]))
         now = self._scene.complete(State.stack([state]))
-        return self._task.is_solved(float(reward_of(self._task, begun, now)[0]))
+        earned = float(reward_of(self._task, begun, now)[0])
+        return self._task.is_solved(earned, begun[0], now[0])
 
     def _is_away(self, arm: Array, fingers: Array, state: State) -> bool:
         """Report whether the arm and its tool keep their distance from each free body."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from core.support.text import number_beside
 
 FAR_M = 0.02  # a clearance that counts as far
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,21 @@ class Margin:
             body,
         )
 
+    @classmethod
+    def missed(cls, name: str) -> Margin:
+        """Of a yes or no that must be yes, and is no; where it is yes, it has no room, and no margin."""
+        return cls(name, 0.0, 1.0, "", -1.0)
+
+    @property
+    def has_room(self) -> bool:
+        """Whether it is of a number, and not of a yes or no."""
+        return bool(self.unit)
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether it is within its limit, but for rounding."""
+        return self.margin >= -ROUNDING
+
     def __str__(self) -> str:
         value = number_beside(self.value, self.limit)
         text = f"{self.name} {value} {self.unit}, limit {self.limit:.3g} {self.unit}"
@@ -76,6 +92,11 @@ def least_first(margins: Iterable[Margin]) -> tuple[Margin, ...]:
         m for m in margins if all(map(math.isfinite, (m.value, m.limit, m.margin)))
     )
     return tuple(sorted(known, key=lambda m: m.margin))
+
+
+def find_least(margins: Iterable[Margin]) -> float:
+    """Return the least margin; 1, the most, of what has none."""
+    return min((margin.margin for margin in margins), default=1.0)
 
 
 def _cut(margin: float) -> float:

@@ -163,7 +163,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         self._drive(world, self._joints, self._fingers, SETTLE_S)
         self._start = begin_motion(world)
         try:
-            self._earned = self._reward(world, self._start)
+            self._earned, _ = self._judge(world, self._start)
         except ValueError as error:
             raise UserError(
                 f"{self.task.name} can't be stepped: {error}; use vlmgineer evaluate"
@@ -201,8 +201,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         self._drive(world, self._target(shares), fingers, STEP_S)
 
         before = self._earned
-        self._earned = self._reward(world, world.state())
-        done = self.task.is_solved(self._earned)
+        self._earned, done = self._judge(world, world.state())
         info = {"reward": self._earned, "is_success": done}
 
         return self._observation(world), self._earned - before, done, False, info
@@ -275,8 +274,8 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         # Where the arm can't follow, the target doesn't run away.
         self._pose = self._arm.forward(joints)
 
-    def _reward(self, world: World, now: State) -> float:
-        """Compute the task's reward.
+    def _judge(self, world: World, now: State) -> tuple[float, bool]:
+        """Compute the task's reward, and say whether it is solved.
 
         Args:
             world: is read for the trace of the episode until now, which has no forces; most rewards read none.
@@ -286,15 +285,11 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         if self.task.reads_trace:
             trace = self._film.trace(self._elapsed, world)
 
-        first = self._scene.complete(self._start)
-        reward = reward_of(
-            self.task,
-            first,
-            self._scene.complete(now),
-            trace,
-        )
+        begun = self._scene.complete(self._start)
+        end = self._scene.complete(now)
+        reward = float(np.asarray(reward_of(self.task, begun, end, trace)))
 
-        return float(np.asarray(reward))
+        return reward, self.task.is_solved(reward, begun, end, trace)
 
     def _observation(self, world: World) -> Numbers:
         """Return the numbers that an agent sees; see the class.

@@ -12,11 +12,11 @@ import numpy as np
 
 from core.errors import UserError
 from core.geometry import Array, Pose, Vector
-from core.goals import goals_reward, reaches
+from core.goals import are_goals_met, goals_margins, goals_reward, reaches
 from core.hooks import Harmless, Names
 from core.interfaces import Picture, Task
 from core.robot.kinematics import arm_of
-from core.scene import Scene, State, Trace
+from core.scene import Margin, Scene, State, Trace
 from core.solids.standing import find_overlaps, say_first
 from core.support.cli import expand
 from core.values.layouts import NONE, Draw, Ranges, Sets
@@ -288,6 +288,20 @@ class FileTask(Task):
     def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
         """Compute the reward that the goals stand for."""
         return goals_reward(self, start, end, trace)
+
+    def is_solved(
+        self, reward: float, start: State, end: State, trace: Trace | None = None
+    ) -> bool:
+        """Say whether all is as the goals ask; where the file has a ``success_reward``, that it is earned."""
+        if self.success_reward < 1:
+            return super().is_solved(reward, start, end, trace)
+
+        return are_goals_met(self, start, end, trace)
+
+    def margins(
+        self, start: State, end: State, trace: Trace | None = None
+    ) -> list[Margin]:
+        return goals_margins(self, start, end, trace)
 
     def reward_in_words(self) -> list[str]:
         return goals.describe_goals(self.goals, self.every)

@@ -453,8 +453,10 @@ def test_margins_say_how_far_the_end_is_from_the_limits_of_goals():
     ) == {"way of cube": (0.15, 0.1, 0.5)}
     upright = Turned(bodies=("cube",), axis=(0, 0, 1), tolerance_deg=10)
     assert margins(upright, end=START)["angle of cube"][2] == 1
-    # No tolerance, no room.
-    assert margins(Placed(bodies=("cube",), place=(0.5, 0, 0)), end=START) == {}
+    # No tolerance, no room: it is met, or not.
+    exact = Placed(bodies=("cube",), place=(0.6, 0, 0))
+    assert [*margins(exact, end=START).values()] == [(0.0, 1.0, -1.0)]
+    assert margins(exact, end=at(cube=(0.6, 0, 0))) == {}
 
 
 def test_margins_of_what_must_not_be_touched_or_pressed():

@@ -17,6 +17,7 @@ import yaml
 
 from core.design import Component, Fixture, Tool
 from core.geometry import Box, Pose
+from core.goals import goals_margins
 from core.interfaces import (
     JointTrajectory,
     Rollout,
@@ -260,9 +261,17 @@ def test_a_word_means_the_same_in_every_engine(tmp_path, goal, old, new):
 
 def check_first_alone_is_met(tasks, played, engine):
     """Check that what was played meets the first of two tasks, and misses the other."""
-    met, missed = [float(task.reward(*played)) for task in tasks]
+    met, missed = [earn(task, played) for task in tasks]
     assert met == pytest.approx(1, abs=1e-6), engine
     assert missed < 0.999, engine
+
+
+def earn(task, played):
+    """What a task pays for what was played; its margins say the same of whether it is solved."""
+    reward = float(task.reward(*played))
+    solved = all(margin.is_kept for margin in goals_margins(task, *played))
+    assert solved == task.is_solved(reward, *played) == (reward > 1 - 1e-9)
+    return reward
 
 
 @pytest.mark.parametrize("row", SHAPED, ids=[row[0] for row in SHAPED])
@@ -353,7 +362,7 @@ def test_a_word_of_soft_things_means_what_it_says(tmp_path, row):
     for asked in (goal, goal.replace(old, new)):
         goals = [STAYED, asked] if limits(asked) else [asked]
         task = read(tmp_path, goals, SOFTS, STAYED)
-        rewards.append(float(task.reward(*play("mujoco", SOFTS))))
+        rewards.append(earn(task, play("mujoco", SOFTS)))
 
     assert rewards[0] == pytest.approx(1, abs=1e-6)
     assert rewards[1] < 0.999
