@@ -120,18 +120,30 @@ class Beams:
         size = shape.bounds[1]
         thin, wide = sorted(np.delete(size, along.argmax()))
 
-        walls = self.material.wall_mm / 500
-        hollow = max(0.0, wide - walls) * max(0.0, thin - walls) ** 3
-        hollow *= 1 - self.material.infill
-
         filled = shape.volume / float(np.prod(size))
-        second_moment = filled**2 * (wide * thin**3 - hollow) / 12
+        moment = filled**2 * float(second_moment(wide, thin, self.material))
 
         length = float(np.linalg.norm(stop - start))
-        softness = length / (self.material.young_pa * second_moment)
-        weakness = thin / 2 / second_moment if length > POINT_M else 0.0
+        softness = length / (self.material.young_pa * moment)
+        weakness = thin / 2 / moment if length > POINT_M else 0.0
 
         return Beam(start, stop, softness, weakness)
+
+
+def second_moment(
+    wide: Array | float, thin: Array | float, material: Material
+) -> Array:
+    """Compute the second moment of area of rectangles about their weaker axis, m^4, with walls and infill.
+
+    Args:
+        wide: their longer sides, metres.
+        thin: their shorter sides.
+        material: says what they are filled with.
+    """
+    walls = material.wall_mm / 500
+    hollow = np.maximum(0.0, wide - walls) * np.maximum(0.0, thin - walls) ** 3
+    hollow *= 1 - material.infill
+    return np.asarray((wide * thin**3 - hollow) / 12)
 
 
 def check_stiffness(tool: Tool, robot: Robot, material: Material) -> None:

@@ -5,7 +5,8 @@ It knows some ways of using a tool, each one class in `ways`. Read one of these 
 - `wants` says what a task's goals leave to do, and `job` is that in a `layout`: bodies, where they have to go, and what
   is free around them. `options` finds the ways that suit.
 - A way makes a head and a motion (`heads`). `mounting` chooses where the head is at the mount, `shafts` carries it
-  there, or `hand` hangs it from fingers; `making` makes the tool and the waypoints of it.
+  there, or `hand` hangs it from fingers; `sections` says how thick bars must be. `making` makes the tool and the
+  waypoints of it.
 - `faults` counts what is wrong with that, and `search` keeps the best of some draws.
 - `vary` changes what elites were made of, which `notes` keeps in their documents. `given` guesses the head of a tool
   that is given.

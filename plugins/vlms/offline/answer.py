@@ -158,7 +158,6 @@ class _Designer:
     ) -> Stranger:
         """Vary numbers until the tool keeps the rules; where no variation does, it stays as it is."""
         layout = self.search.layout
-        material = self.brief.representation.material
         for _ in range(_TRIES):
             try:
                 varied = vary_numbers(
@@ -166,7 +165,7 @@ class _Designer:
                 )
             except DesignError:
                 continue
-            if is_given or obeys(varied.tool, layout, material):
+            if is_given or obeys(varied.tool, layout):
                 return varied
 
         return begin

@@ -57,7 +57,12 @@ class OfflineDesigner(VLM):
         for task in run.task.parts:
             prefix = f"{task.name}: " if task is not run.task else ""
             is_made = run.representation.given(task) is None
-            goals = find_unplanned(task, run.seed, kinds if is_made else KINDS)
+            goals = find_unplanned(
+                task,
+                run.seed,
+                run.representation.material,
+                kinds if is_made else KINDS,
+            )
             limits = list_unheeded(task, task.scene(run.seed))
             unplanned += [prefix + goal for goal in goals]
             unheeded += [prefix + limit for limit in limits]

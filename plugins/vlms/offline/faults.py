@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from core.design import DesignError, Tool
 from core.designs.rules import check_tool
 from core.geometry import Array, step_lengths
-from core.interfaces import JointTrajectory, Material
+from core.interfaces import JointTrajectory
 from core.robot.kinematics import arm_of, open_mounts
 from core.robot.solids import Obstacles, Solid, solids_of
 from core.solids.self_collision import find_self_collision
@@ -50,7 +50,6 @@ class Places(NamedTuple):
 def count_faults(
     made: Made,
     layout: Layout,
-    material: Material,
     enough: float = np.inf,
     *,
     keeps_rules: bool = False,
@@ -60,7 +59,6 @@ def count_faults(
     Args:
         made: a tool and its plan.
         layout: where they are tried.
-        material: of which the tool is made.
         enough: no more are counted than that.
         keeps_rules: whether it is known that the tool keeps the rules.
     """
@@ -72,7 +70,7 @@ def count_faults(
     joints, missed = _follow(places, layout)
     if missed:
         return fault + missed
-    if not keeps_rules and not obeys(made.tool, layout, material):
+    if not keeps_rules and not obeys(made.tool, layout):
         return fault + BREAKS_RULES
 
     fingers = np.full(len(joints), layout.robot.opening_m)
@@ -104,10 +102,11 @@ def _follow(places: Places, layout: Layout) -> tuple[Array, float]:
     return joints, 0.0
 
 
-def obeys(tool: Tool, layout: Layout, material: Material) -> bool:
+def obeys(tool: Tool, layout: Layout) -> bool:
     """Report whether a tool keeps the rules for tools, and those for the start; the bare hand does."""
     if not tool.components:
         return True
+    material = layout.material
     try:
         check_tool(material.made(tool), layout.robot, material)
         layout.spawn.check_start(tool)

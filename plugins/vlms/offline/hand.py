@@ -10,13 +10,14 @@ import numpy as np
 
 from core.design import RIGID_MOUNT, Tool
 from core.geometry import Array, Pose
-from core.interfaces import Material, Robot
+from core.interfaces import Robot
 from core.robot.description import beyond
 from core.robot.extents import Finger, fingers_of
 from core.robot.kinematics import link_poses, open_mounts
 from core.robot.solids import Solid, robot_solids
 from plugins.vlms.offline.heads import Head, Piece
-from plugins.vlms.offline.shafts import HEAD_COLOR, Builder, find_thickness
+from plugins.vlms.offline.layout import Layout
+from plugins.vlms.offline.shafts import HEAD_COLOR, Builder
 
 _SLEEVE_M = (0.02, 0.018, 0.024)  # it covers a fingertip,
 _OVERLAP_M = 0.006  # by so much
@@ -73,24 +74,25 @@ def _list_solids(robot: Robot) -> list[Solid]:
 
 
 def build_fingers(
-    head: Head, mount: Pose, material: Material, name: str, robot: Robot
+    head: Head, mount: Pose, load: float, layout: Layout, name: str
 ) -> Tool:
     """Build attachments to the fingers: on each a sleeve, bars, and the pieces of the head on its side.
 
     Args:
         head: its working end.
         mount: the head's pose in the frame of the tool mount.
-        material: says how thick bars are.
+        load: that it bears, newtons.
+        layout: has the hand, and the material.
         name: of the way of using it.
-        robot: has the hand.
     """
+    robot = layout.robot
     builder = Builder(open_mounts(robot, True))
     for finger in fingers_of(robot):
         opens = finger.pose.rotation.apply(finger.opens)
         for piece in head.pieces:
             side = mount.apply(piece.pose.position) - mount.position
             if side @ opens > 0:  # wherever the head is, one pad hangs from each
-                _add_finger(builder, finger, piece, head, mount, material)
+                _add_finger(builder, finger, piece, head, mount, load, layout)
 
     text = f"{head.text} on long fingers"
     return Tool(tuple(builder.components), True, name=name, description=text)
@@ -102,7 +104,8 @@ def _add_finger(
     piece: Piece,
     head: Head,
     mount: Pose,
-    material: Material,
+    load: float,
+    layout: Layout,
 ) -> None:
     """Add a sleeve around a fingertip, bars to above a piece, and the piece; see `build_fingers`."""
     x, y, _ = piece.pose.position
@@ -110,8 +113,17 @@ def _add_finger(
     tip = _find_tip(finger)
     foot = tip + np.array([0.0, 0.0, _OVERLAP_M - _SLEEVE_M[2]])
     middle = tip + np.array([0.0, 0.0, _OVERLAP_M - _SLEEVE_M[2] / 2])
-    thick = find_thickness(float(np.abs(end - foot).sum()), material)
+    below = mount.apply(piece.pose.position)
 
     bearer = builder.add(f"{finger.name}_sleeve", finger.name, Pose(middle), _SLEEVE_M)
-    bearer = builder.add_bars("gantry", bearer, foot, end, thick, f"{finger.name}_bar")
+    bearer = builder.add_bars(
+        "gantry",
+        bearer,
+        foot,
+        end,
+        below,
+        load,
+        layout.material,
+        f"{finger.name}_bar",
+    )
     builder.add(piece.name, bearer, mount @ piece.pose, piece.shape.size, HEAD_COLOR)

@@ -99,6 +99,12 @@ class Head:
         )
 
     @property
+    def tip(self) -> Array:
+        """Its corner that is farthest from where it is attached, (3,)."""
+        away = np.linalg.norm(self.corners - self.attach, axis=1)
+        return np.asarray(self.corners[away.argmax()])
+
+    @property
     def bottom(self) -> float:
         """The height of its lowest point."""
         return float(self.corners[:, 2].min())

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from core.designs.statics import GRAVITY
 from core.geometry import Array, Box, Pose
 from core.goals import Want
 from core.robot.solids import Solid, contact, solid_geometry
@@ -28,6 +29,8 @@ _FALLS_M = 0.1  # what has to get down by more falls
 _SUPPORT_M = 0.006  # what is so low beside a body is what it stands on
 _LOOK_M = 0.03  # between two looks along a way
 _TOOL_M = 0.55  # by which a tool makes an arm longer, at most
+_LEAST_LOAD_N = 2.5  # that a tool bears, whatever it moves
+_SLIDING = 0.5  # of its weight, it takes to move what slides
 _HALVINGS = 6  # of a distance, to find how far something is away
 
 
@@ -58,6 +61,13 @@ class Job:
         if self.vessel is None:
             return names
         return names + self.vessel.want.bodies
+
+    @cached_property
+    def load(self) -> float:
+        """The force that a tool has to bear, newtons: the weight of what it lifts, or half of it for what slides."""
+        weight = GRAVITY * sum(self.layout.scene[name].mass for name in self.moved)
+        share = _SLIDING if self.slides else 1.0
+        return max(_LEAST_LOAD_N, share * weight)
 
     @cached_property
     def points(self) -> Array:

@@ -11,7 +11,7 @@ from core.design import Tool
 from core.designs.planning import look
 from core.designs.start import SpawnRules
 from core.geometry import Array, Box, Mesh, Pose, Shape
-from core.interfaces import Perception, Robot, Task
+from core.interfaces import Material, Perception, Robot, Task
 from core.robot.kinematics import arm_of, link_poses, robot_model
 from core.robot.solids import (
     Obstacles,
@@ -33,20 +33,22 @@ _STRETCHED = 0.94  # and beyond which it is stretched
 
 
 class Layout:
-    """A layout of a task, by its seed.
+    """A layout of a task, by its seed, with the arm and the material that are there for it.
 
     Attributes:
         scene: its bodies.
         robot: the arm.
+        material: of which tools are made.
         home: where the tool mount starts.
         seen: the poses that a plan sees, and what judges them.
         spawn: the rules for where a tool may start.
         reach: where the arm works with ease.
     """
 
-    def __init__(self, task: Task, seed: int) -> None:
+    def __init__(self, task: Task, seed: int, material: Material) -> None:
         self.scene = task.scene(seed)
         self.robot = task.robot
+        self.material = material
         self.home = task.home
         self.seen = look(task, seed, Perception(), self.scene)
         self.spawn = SpawnRules(task, seed, self.scene)

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from core.design import Tool
 from core.geometry import Array, Pose
-from core.interfaces import Material
 from plugins.vlms.offline.hand import build_fingers
 from plugins.vlms.offline.heads import Head, Step
 from plugins.vlms.offline.layout import Layout
@@ -88,25 +87,25 @@ def _cut(before: Step | None, step: Step) -> list[Step]:
     ]
 
 
-def make(option: Option, values: Values, material: Material) -> Made:
+def make(option: Option, values: Values) -> Made:
     """Make a tool and a plan.
 
     Args:
         option: the way of using a tool, and its jobs; the head is made for the first.
         values: of all parameters, those of the mount too.
-        material: of which the tool is made.
     """
     way = option.way
     head = way.head(option.jobs[0], values)
     mount = find_mount(head, values)
+    layout = option.jobs[0].layout
+    load = max(job.load for job in option.jobs)
     if way.fingers:
-        robot = option.jobs[0].layout.robot
-        tool = build_fingers(head, mount, material, way.name, robot)
+        tool = build_fingers(head, mount, load, layout, way.name)
     elif way.bolted:
-        tool = build_tool(head, mount, "", material, way.name)
+        tool = build_tool(head, mount, "", load, layout.material, way.name)
     else:
         kind = SHAFTS[min(int(values["shaft"] * len(SHAFTS)), len(SHAFTS) - 1)]
-        tool = build_tool(head, mount, kind, material, way.name)
+        tool = build_tool(head, mount, kind, load, layout.material, way.name)
 
     return _plan(option, values, head, mount, tool)
 

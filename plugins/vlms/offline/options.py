@@ -9,7 +9,7 @@ import numpy as np
 
 from core.design import Tool
 from core.goals import Want, numbered
-from core.interfaces import Robot, Task
+from core.interfaces import Material, Robot, Task
 from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.layout import Layout
 from plugins.vlms.offline.wants import list_alternatives
@@ -110,7 +110,9 @@ def _list_jobs(
             yield tuple(Job(layout, want, turn, way.approaches) for want in wants)
 
 
-def find_unplanned(task: Task, seed: int, kinds: Sequence[str] = KINDS) -> list[str]:
+def find_unplanned(
+    task: Task, seed: int, material: Material, kinds: Sequence[str] = KINDS
+) -> list[str]:
     """Name the goals of a task for which no way of using a tool suits, in the layout of a seed.
 
     Where one goal is enough and planned for, none is missing. Where all count, and no way does all of them, that is
@@ -119,10 +121,11 @@ def find_unplanned(task: Task, seed: int, kinds: Sequence[str] = KINDS) -> list[
     Args:
         task: whose goals are read.
         seed: of the layout.
+        material: of which tools are made.
         kinds: of tools that may be made.
     """
     ways = [way for way in _list_ways(task.robot) if way.kind in kinds]
-    options = _list_suiting(ways, Layout(task, seed), task)
+    options = _list_suiting(ways, Layout(task, seed, material), task)
     planned = [option.numbers for option in options]
     if planned and not task.every:
         return []

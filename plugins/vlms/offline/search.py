@@ -64,11 +64,12 @@ class Search:
 
     def __init__(self, brief: Brief) -> None:
         self.brief = brief
-        self.layout = Layout(brief.task, brief.scene_seed)
+        self.layout = Layout(
+            brief.task, brief.scene_seed, brief.representation.material
+        )
         self.rng = np.random.default_rng(brief.seed)
         self.given = given_tool(brief.representation, brief.task)
         self.options = list_options(self.layout, brief.task, brief.gripper, self.given)
-        self._material = brief.representation.material
         if not self.options:
             kind = "on fingers" if brief.gripper else "on the flange"
             raise NothingSuits(
@@ -155,7 +156,7 @@ class Search:
 
     def make(self, option: Option, values: Values) -> Made:
         """Make the design of an option with these values."""
-        return make(option, values, self._material)
+        return make(option, values)
 
     def find_best(self, draw: Callable[[], Made], tool: Tool | None = None) -> Made:
         """Draw designs until one has no faults, and return the best.
@@ -181,6 +182,4 @@ class Search:
     def _count(self, made: Made, enough: float, tool: Tool | None) -> float:
         """Count the faults of a design."""
         keeps_rules = made.tool is tool
-        return count_faults(
-            made, self.layout, self._material, enough, keeps_rules=keeps_rules
-        )
+        return count_faults(made, self.layout, enough, keeps_rules=keeps_rules)

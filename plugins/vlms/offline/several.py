@@ -71,7 +71,7 @@ def _make_design(
 
     made = searches[0].invent()
     for _ in range(_TRIES):
-        if _fits(made.tool, brief, searches):
+        if _fits(made.tool, searches):
             break
         made = searches[0].invent()
 
@@ -92,13 +92,12 @@ def _vary(elite: Evaluation, searches: list[Search], rng: Generator) -> Made | N
         for _ in range(_TRIES):
             values = mutate(note.values[0], ranges, 1 - elite.reward, rng)
             made = search.make(option, values)
-            if _fits(made.tool, search.brief, searches):
+            if _fits(made.tool, searches):
                 return made
 
     return None
 
 
-def _fits(tool: Tool, brief: Brief, searches: list[Search]) -> bool:
+def _fits(tool: Tool, searches: list[Search]) -> bool:
     """Report whether a tool keeps the rules in all tasks."""
-    material = brief.representation.material
-    return all(obeys(tool, search.layout, material) for search in searches)
+    return all(obeys(tool, search.layout) for search in searches)

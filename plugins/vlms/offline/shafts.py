@@ -1,17 +1,17 @@
-"""Carry a head: bars from the mount to where it is attached, as thick as they must be to be stiff."""
+"""Carry a head: bars from the mount to where it is attached, as thick as they must be."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
 
 from core.design import RIGID_MOUNT, Component, Tool
-from core.designs.rules import MAX_BEND_M_N
 from core.geometry import Array, Box, Color, Pose
 from core.interfaces import Material
 from plugins.vlms.offline.heads import Head
+from plugins.vlms.offline.sections import find_thickness, measure_leverage
 
 SHAFTS = ("gantry", "elbow", "slope", "bridge")
 """Kinds of shafts.
@@ -20,10 +20,9 @@ A gantry goes out from the mount and down to the head, an elbow down and out, a 
 up, on above what stands there, and down.
 """
 
-_SOCKET_M = (0.05, 0.05, 0.012)  # it covers a flange
 _THIN_M = 0.01  # a bar is at least so thick, to be made,
 _THICK_M = 0.04  # and at most, to find room
-_BEND = 0.3  # of what a tool may bend, a shaft does: the head bends too
+_SOCKET_M = (0.05, 0.05, 0.012)  # it covers a flange
 _BRIDGE_M = 0.06  # a bridge goes up by so much, over the mount or the head
 _BEND_SHARE = 0.35  # of the way out, a bridge goes before it goes up
 _UPRIGHT = 0.02  # the slope of a bar that counts as upright
@@ -32,25 +31,11 @@ _STEEL: Color = (0.30, 0.33, 0.38, 1.0)
 HEAD_COLOR: Color = (0.90, 0.49, 0.13, 1.0)
 
 
-def find_thickness(length: float, material: Material) -> float:
-    """Find how thick a square bar must be that is held at one end, metres.
-
-    A force F bends its other end by F L^3 / (3 E I), and I is t^4 / 12. What is printed with walls is a little softer
-    than the solid that is reckoned with here, and the rules allow that much more.
-
-    Args:
-        length: of all bars together, metres.
-        material: of which it is made.
-    """
-    most = _BEND * MAX_BEND_M_N
-    thick = (4 * length**3 / (material.young_pa * most)) ** 0.25
-    return float(np.clip(thick, _THIN_M, _THICK_M))
-
-
 def build_tool(
     head: Head,
     mount: Pose,
     kind: str,
+    load: float,
     material: Material,
     name: str,
 ) -> Tool:
@@ -60,7 +45,8 @@ def build_tool(
         head: its working end.
         mount: the head's pose in the frame of the tool mount.
         kind: of `SHAFTS`; empty: the head is on the flange itself.
-        material: says how thick bars are.
+        load: that it bears, newtons.
+        material: of which it is made.
         name: of the way of using it.
     """
     builder = Builder({RIGID_MOUNT: Pose()})
@@ -71,9 +57,9 @@ def build_tool(
         end = mount.apply(head.attach)
         foot = np.array([0.0, 0.0, -_SOCKET_M[2]])
         length = float(np.abs(end - foot).sum())
-        thick = find_thickness(length, material)
+        tip = mount.apply(head.tip)
         bearer = builder.add("socket", bearer, Pose(foot / 2), _SOCKET_M)
-        bearer = builder.add_bars(kind, bearer, foot, end, thick)
+        bearer = builder.add_bars(kind, bearer, foot, end, tip, load, material)
         text += f", on a {kind} {length:.2f} m long"
         name += f"_{kind}"
 
@@ -90,8 +76,8 @@ def build_tool(
 
 def _list_bars(
     kind: str, start: Array, end: Array, thick: float
-) -> Iterator[tuple[Array, Array]]:
-    """Yield where the bars of a shaft begin and end, in the frame of the tool mount.
+) -> list[tuple[Array, Array]]:
+    """List where the bars of a shaft begin and end, in the frame of the tool mount.
 
     Args:
         kind: of `SHAFTS`.
@@ -124,9 +110,11 @@ def _list_bars(
             end,
         ]
 
-    for first, second in pairwise(points):
-        if np.linalg.norm(second - first) > half:
-            yield first, second
+    return [
+        (first, second)
+        for first, second in pairwise(points)
+        if np.linalg.norm(second - first) > half
+    ]
 
 
 class Builder:
@@ -163,10 +151,25 @@ class Builder:
         parent: str,
         start: Array,
         end: Array,
-        thick: float,
+        tip: Array,
+        load: float,
+        material: Material,
         name: str = "bar",
     ) -> str:
-        """Add the bars of a shaft between two points (3,), and return the last one's name; see `SHAFTS`."""
+        """Add the bars of a shaft, and return the last one's name.
+
+        Args:
+            kind: of `SHAFTS`.
+            parent: the name of what bears it.
+            start: where it begins, (3,).
+            end: where it ends, (3,).
+            tip: where the load acts, (3,).
+            load: that it bears, newtons.
+            material: of which it is made.
+            name: of the bars.
+        """
+        leverage = measure_leverage(_list_bars(kind, start, end, _THIN_M), tip)
+        thick = find_thickness(load, leverage, material, least=_THIN_M, most=_THICK_M)
         last = parent
         for number, (first, second) in enumerate(_list_bars(kind, start, end, thick)):
             last = self._add_bar(f"{name}_{number}", last, first, second, thick)

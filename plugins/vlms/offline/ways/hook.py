@@ -8,8 +8,9 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from core.geometry import Array, Pose
-from plugins.vlms.offline.heads import Head, Piece, Step, at
+from plugins.vlms.offline.heads import Head, Piece, Size, Step, at
 from plugins.vlms.offline.job import Job
+from plugins.vlms.offline.sections import find_thickness
 from plugins.vlms.offline.ways.way import (
     BACK_M,
     OVER_M,
@@ -28,7 +29,8 @@ _MOST_ROOM_M = 0.1  # more room makes a side no likelier
 _PASS_M = 0.003  # between the toe and bodies that it passes
 _GAP_M = 0.002  # between the arm and the bodies
 _THIN_M = 0.004  # arm and toe, at least: thinner ones break
-_THICK_M = 0.012  # and at most
+_TOE_M = 0.012  # thick, a toe at most
+_ARM_SHARE = 0.45  # of the room, an arm takes at most
 _FIRST = 1e-6  # the share that is the first side with room
 
 # Over the bodies, on their left, and on their right.
@@ -40,17 +42,23 @@ class _Fit(NamedTuple):
 
     Attributes:
         side: the direction from the bodies to the arm, (3,), one of `_SIDES`.
-        thick: arm and toe.
+        length: of the arm.
+        arm: its thickness.
+        breadth: of arm and toe.
         toe: how far the toe reaches from the arm's side behind the bodies.
+        toe_thick: its thickness.
     """
 
     side: Array
-    thick: float
+    length: float
+    arm: float
+    breadth: float
     toe: float
+    toe_thick: float
 
 
 class Hook(Way):
-    """An arm comes in from where the bodies have to go, over or beside them, and a toe at its end gets behind them.
+    """A flat arm comes in from where the bodies have to go, over or beside them, and a toe at its end gets behind them.
 
     Seen from a side of the way, for an arm that passes to the top of the page:
 
@@ -66,9 +74,8 @@ class Hook(Way):
     title = "passes bodies, over them or beside them, gets behind them with a toe, and pulls"
     sizes: ClassVar[Ranges] = {
         "place": Range(0.0, 1.0),  # over, left or right, by the room there
-        "arm": Range(0.15, 0.35),  # thick, of the room
         "toe": Range(0.5, 0.9),  # long, of the room that is left
-        "breadth": Range(0.3, 0.9),  # of the toe, of the bodies' side
+        "breadth": Range(0.3, 0.9),  # of arm and toe, of the bodies' side
         "ahead": Range(0.02, 0.1),  # of the bodies the arm goes on
     }
     moves: ClassVar[Ranges] = {
@@ -88,33 +95,33 @@ class Hook(Way):
         return 1.0 if job.is_covered else 0.3
 
     def head(self, job: Job, values: Values) -> Head:
-        side, thick, toe = _fit_hook(job, values)
-        length = job.size[0] + values["ahead"]
-        if job.is_covered:
-            length += job.length
+        fit = _fit_hook(job, values)
 
-        # The toe goes from the arm's far side to behind the bodies.
-        across = thick + _GAP_M + toe
-        toe_size = (thick, across, values["breadth"] * job.size[2])
-        if side[2]:
-            toe_size = (thick, values["breadth"] * job.size[1], across)
+        # The arm begins over the toe, which goes from the arm's far side to behind the bodies.
+        arm_middle = fit.side * (_GAP_M + fit.arm / 2)
+        arm_middle[0] = (fit.length - fit.toe_thick) / 2
+        across = fit.arm + _GAP_M + fit.toe
+        toe_middle = fit.side * (_GAP_M + fit.arm - across / 2)
+        toe_middle[0] = -fit.toe_thick / 2
 
-        arm_middle = side * (_GAP_M + thick / 2)
-        arm_middle[0] = (length - thick) / 2
-        toe_middle = side * (_GAP_M + thick - across / 2)
-        toe_middle[0] = -thick / 2
+        is_over = bool(fit.side[2])
+        long = fit.length + fit.toe_thick
+        arm = _lay(long, fit.arm, fit.breadth, is_over)
+        toe = _lay(fit.toe_thick, across, fit.breadth, is_over)
         pieces = [
-            Piece("arm", Pose(arm_middle), (length + thick, thick, thick)),
-            Piece("toe", Pose(toe_middle), toe_size),
+            Piece("arm", Pose(arm_middle), arm),
+            Piece("toe", Pose(toe_middle), toe),
         ]
-        attach = arm_middle + np.array([length / 2, 0.0, thick / 2])
-        return Head(pieces, attach, f"a hook {length:.2f} m long")
+
+        attach = arm_middle + np.array([fit.length / 2, 0.0, arm[2] / 2])
+        return Head(pieces, attach, f"a hook {fit.length:.2f} m long")
 
     def motion(self, job: Job, values: Values) -> Iterator[Step]:
-        side, thick, toe = _fit_hook(job, values)
+        fit = _fit_hook(job, values)
+        side = fit.side
         rear = -job.size[0] / 2
         behind = rear - values["behind"]
-        front = job.size[0] / 2 + values["before"] + thick
+        front = job.size[0] / 2 + values["before"] + fit.toe_thick
         if job.is_covered:
             front += job.length
 
@@ -123,7 +130,7 @@ class Hook(Way):
         edge[2] = job.size[2] + values["low"] / 4
         if side[1]:
             edge[2] = values["breadth"] * job.size[2] / 2 + values["low"]
-        passing = edge + side * (toe + _PASS_M)
+        passing = edge + side * (fit.toe + _PASS_M)
 
         before = at(front, *passing[1:])
         if job.is_covered:
@@ -156,12 +163,40 @@ def _fit_hook(job: Job, values: Values) -> _Fit:
     side = _SIDES[chosen]
     room = rooms[chosen]
 
-    # As thick as the toe still gets in behind the bodies.
-    most = min(_THICK_M, job.room(x=-1.0) - values["behind"] - _PASS_M)
-    thick = float(np.clip(values["arm"] * room, _THIN_M, max(most, _THIN_M)))
+    # Where something covers the bodies, the arm is borne from outside.
+    length = job.size[0] + values["ahead"]
+    if job.is_covered:
+        length += job.length
 
-    # As long as it passes the bodies, and as the side that it pulls is high or wide.
-    extent = job.size[2] if side[2] else job.size[1]
-    left = room - thick - _GAP_M - _PASS_M
-    toe = max(_THIN_M, min(values["toe"] * left, values["breadth"] * extent))
-    return _Fit(side, thick, toe)
+    # The arm is as broad as the side that the toe pulls allows, and as thick as it must be.
+    height = float(job.size[2])
+    width = float(job.size[1])
+    breadth = values["breadth"] * (width if side[2] else height)
+    arm = find_thickness(
+        job.load,
+        length**3 / 3,
+        job.layout.material,
+        least=_THIN_M,
+        most=_ARM_SHARE * room,
+        wide=breadth,
+    )
+
+    # The toe gets in behind the bodies, and passes them.
+    behind = job.room(x=-1.0) - values["behind"] - _PASS_M
+    left = room - arm - _GAP_M - _PASS_M
+    deep = values["breadth"] * (height if side[2] else width)
+    return _Fit(
+        side=side,
+        length=float(length),
+        arm=arm,
+        breadth=breadth,
+        toe=max(_THIN_M, min(values["toe"] * left, deep)),
+        toe_thick=float(np.clip(behind, _THIN_M, _TOE_M)),
+    )
+
+
+def _lay(long: float, thick: float, broad: float, is_over: bool) -> Size:
+    """Return the sides of a plate that is long along x, and lies over the bodies or stands beside them."""
+    if is_over:
+        return long, broad, thick
+    return long, thick, broad

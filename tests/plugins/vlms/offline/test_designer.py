@@ -12,11 +12,12 @@ from core.design import Candidate, Component, Tool
 from core.designs.planning import NO_PLAN
 from core.designs.reading import read_designs
 from core.geometry import Box, Pose
-from core.interfaces import Evaluation, Request, Score, Waypoints
+from core.interfaces import PAPER, Evaluation, Request, Score, Waypoints
 from core.plugins import installed
 from plugins.vlms.offline.answer import answer
 from plugins.vlms.offline.hand import build_fingers, hand_of
 from plugins.vlms.offline.heads import Head, box
+from plugins.vlms.offline.layout import Layout
 from plugins.vlms.offline.mounting import list_ranges
 from plugins.vlms.offline.notes import read_values
 from plugins.vlms.offline.options import find_unplanned
@@ -166,18 +167,18 @@ def test_a_mount_outside_of_its_range_gets_no_farther_out():
 
 def test_what_no_way_suits_is_named_before_the_search(tmp_path):
     task = read_task(tmp_path, CUBE, TURNED)
-    (named,) = find_unplanned(task, 0)
+    (named,) = find_unplanned(task, 0, PAPER)
     assert "cube" in named
     with pytest.raises(NothingSuits, match="ask a model"):
         answer(make_brief(task))
 
-    assert find_unplanned(read_task(tmp_path, CUBE, NEARER), 0) == []
+    assert find_unplanned(read_task(tmp_path, CUBE, NEARER), 0, PAPER) == []
 
 
 def test_what_only_fingers_do_is_unplanned_where_there_are_none():
     task = on_panda(installed().create("task", "SnatchCookie"))
-    assert len(find_unplanned(task, 0, ["rigid"])) == 1
-    assert find_unplanned(task, 0, ["rigid", "gripper"]) == []
+    assert len(find_unplanned(task, 0, PAPER, ["rigid"])) == 1
+    assert find_unplanned(task, 0, PAPER, ["rigid", "gripper"]) == []
 
 
 @pytest.mark.parametrize(
@@ -195,7 +196,7 @@ def test_goals_that_no_tool_does_together_are_named(tmp_path, every, bodies, nam
 """
     far = 2.0 if bodies.endswith(BALL) else 0.4
     task = read_task(tmp_path, bodies, goals % far + every)
-    found = find_unplanned(task, 0)
+    found = find_unplanned(task, 0, PAPER)
     assert len(found) == named
     assert all("one tool" in words for words in found)
 
@@ -227,19 +228,18 @@ def test_limits_that_no_way_heeds_are_said_before_the_search(
 
 @pytest.mark.parametrize("name", ["BringCube", "SnatchCookie", "TurkeyLegs"])
 def test_the_benchmark_is_planned_for(name):
-    assert find_unplanned(on_panda(installed().create("task", name)), 0) == []
+    assert find_unplanned(on_panda(installed().create("task", name)), 0, PAPER) == []
 
 
 def test_each_finger_gets_a_pad_where_the_head_is_aside(brief):
     """Out of reach, the head is so far from the hand that both pads are on one side of its middle."""
-    robot = brief.task.robot
+    layout = Layout(brief.task, 0, PAPER)
     pads = [box("left_pad", 0, -0.03, 0, (0.02, 0.01, 0.02))]
     pads.append(box("right_pad", 0, 0.03, 0, (0.02, 0.01, 0.02)))
     head = Head(pads, np.array([0, 0, 0.02]), "two pads")
     for aside in (-0.2, 0.0, 0.2):
-        mount = hand_of(robot).tips @ Pose(np.array([0, aside, -0.1]))
-        material = brief.representation.material
-        tool = build_fingers(head, mount, material, "grip", robot)
+        mount = hand_of(layout.robot).tips @ Pose(np.array([0, aside, -0.1]))
+        tool = build_fingers(head, mount, 2.0, layout, "grip")
         sleeves = [c.parent for c in tool.components if c.name.endswith("sleeve")]
         assert sorted(sleeves) == ["left_finger", "right_finger"]
 
@@ -247,7 +247,7 @@ def test_each_finger_gets_a_pad_where_the_head_is_aside(brief):
 def test_an_arm_without_a_gripper_needs_no_fingers():
     task = installed().create("task", "SnatchCookie")
     task.robot = installed().create("robot", "ur5")
-    assert len(find_unplanned(task, 0)) == 1
+    assert len(find_unplanned(task, 0, PAPER)) == 1
     with pytest.raises(NothingSuits):
         answer(make_brief(task))
 
