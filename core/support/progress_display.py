@@ -1,7 +1,7 @@
 """Say on standard error what takes long: the one progress display of all commands.
 
 A command turns it on with `show_progress`; else nothing is said. What is being done is said once nothing was said for a
-while, and again ever more rarely.
+while, and again ever more rarely. Where it has not changed since, the time that it has taken stands behind it.
 """
 
 from __future__ import annotations
@@ -61,8 +61,10 @@ def show_progress(say: Callable[[str], None]) -> None:
 def _watch(say: Callable[[str], None]) -> None:
     """Look now and then at what is being done last, and say it when it is due."""
     wait_s = FIRST_S
+    began = 0.0
     worked = 0.0
     due = 0.0
+    last = ""
     while True:
         time.sleep(LOOK_S)
         now = time.monotonic()
@@ -70,9 +72,13 @@ def _watch(say: Callable[[str], None]) -> None:
             if now > worked + PAUSE_S:
                 wait_s = step.first_s or FIRST_S
                 due = now + wait_s
+                began = now
+                last = ""
             worked = now
             if now >= due:
-                said = [step.what, *_notes.copy().values()]
-                say(f"{'  '.join(said)} ...")
+                said = "  ".join([step.what, *_notes.copy().values()])
+                so_far = f" {now - began:.0f} s" if said == last else ""
+                say(f"{said} ...{so_far}")
+                last = said
                 wait_s *= 2
                 due = now + wait_s

@@ -150,7 +150,8 @@ def hide_numbers(text: str) -> str:
 def hydra_word(value: object) -> str:
     """Write a value as on the command line, so that Hydra reads the same value again.
 
-    A text that Hydra's grammar would read as something else is put in quotes.
+    A text that Hydra's grammar would read as something else is put in double quotes: a shell's single quotes go around
+    them as they are.
     """
     if value is None:
         return "null"
@@ -167,9 +168,9 @@ def hydra_word(value: object) -> str:
     text = str(value)
     if _PLAIN.fullmatch(text):
         return text
-    quoted = text.replace("'", "\\'")
+    quoted = text.replace('"', '\\"')
 
-    return f"'{quoted}'"
+    return f'"{quoted}"'
 
 
 def count_words(count: int, noun: str) -> str:

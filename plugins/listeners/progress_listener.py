@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from core.hooks import hookimpl
 from core.plugins import installed
 from core.support.progress_display import Step, busy
-from core.support.text import number, visible
+from core.support.text import count_words, number, visible
 from core.trial import Evaluation
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class ProgressListener:
         self._print(_explain_material(run))
 
         generations = run.budget.n_iteration + 1
-        size = f"{generations} generations of up to {self._population} candidates"
+        size = f"{count_words(generations, 'generation')} of up to {self._population} candidates"
         refined = run.config.get("evolution", {}).get("refine", 0)
         if refined:
             size += f", then {refined} of refinement"
@@ -87,10 +87,17 @@ class ProgressListener:
 
     def _show(self) -> None:
         """Say how far the generation is: candidates, the best reward, calls under way, and the run's cost so far."""
-        if self._step is not None:
-            best = f"{self._count}/{self._population}  best {number(self._best, 3)}"
-            spent = f"calls under way: {self._calls}  {self._usd:.2f} USD"
-            self._step.what = f"{self._name}  {best}  {spent}"
+        if self._step is None:
+            return
+
+        best = f"{self._count}/{self._population}  best {number(self._best, 3)}"
+        parts = [self._name, best]
+        if self._calls:
+            parts.append(f"calls under way: {self._calls}")
+        if self._usd:
+            parts.append(f"{self._usd:.2f} USD")
+
+        self._step.what = "  ".join(parts)
 
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
@@ -113,8 +120,8 @@ class ProgressListener:
     @hookimpl(tryfirst=True)
     def run_finished(self, run: Run, result: Result) -> None:
         self._stop()
-        seconds = f"{result.wall_time_s:.0f} s, with the model's replies"
-        self._print(f"{result.rollouts} rollouts in {seconds}")
+        rollouts = count_words(result.rollouts, "rollout")
+        self._print(f"{rollouts}; the run took {result.wall_time_s:.0f} s")
 
     @hookimpl
     def run_ended(self) -> None:

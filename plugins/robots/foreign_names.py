@@ -31,7 +31,7 @@ _JAW = re.compile(
 def write_word(setting: str, value: object) -> str:
     """Write a setting of the arm as a word to type in a shell, whatever names are in it."""
     word = f"robot.{setting}={hydra_word(value)}"
-    return shlex.quote(word) if {*word} & {*"'{"} else word
+    return shlex.quote(word) if {*word} & {*"'\"{"} else word
 
 
 def names_tool_frame(name: str) -> bool:

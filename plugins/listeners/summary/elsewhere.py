@@ -25,7 +25,7 @@ NEVER = "none"
 ENGINES = ("mujoco", "pybullet", "sapien")
 """Of these ``auto`` takes the first that is not the run's own and can play the winner."""
 
-LONGEST = 300  # letters of a cause
+LONGEST = 600  # letters of a cause
 
 
 def describe_elsewhere(trial: Trial) -> str:

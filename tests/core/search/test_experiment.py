@@ -71,7 +71,8 @@ def test_mistakes_are_reported_at_once():
         (3, "3"),
         (0.5, "0.5"),
         ("a/b.json", "a/b.json"),
-        ("it's 5, or", r"'it\'s 5, or'"),
+        ("it's 5, or", '"it\'s 5, or"'),
+        ('5" or', r'"5\" or"'),
     ],
 )
 def test_values_as_the_command_line_has_them(value, word):
@@ -80,7 +81,7 @@ def test_values_as_the_command_line_has_them(value, word):
 
 def test_lists_are_lists():
     assert hydra_word(["a", 1, [False]]) == "[a,1,[false]]"
-    assert hydra_word([{"name": "a b", "x": 1}]) == "[{name:'a b',x:1}]"
+    assert hydra_word([{"name": "a b", "x": 1}]) == '[{name:"a b",x:1}]'
 
 
 def test_nothing_else_is_in_the_package_itself():

@@ -1,5 +1,6 @@
 """What takes long is said, and what does not is not."""
 
+import re
 import subprocess
 import sys
 import time
@@ -47,6 +48,14 @@ def test_what_takes_long_is_said_more_and_more_rarely(said):
         step.what = "making the last hull"
         wait_for(said, 2)
     assert said == ["making hulls ...", "making the last hull ..."]
+
+
+def test_what_is_said_again_says_how_long_it_has_taken(said):
+    with progress_display.busy("drawing"):
+        wait_for(said, 2)
+    first, again = said
+    assert first == "drawing ..."
+    assert re.fullmatch(r"drawing \.\.\. \d+ s", again)
 
 
 def test_what_is_quick_is_not_said(said):
