@@ -214,7 +214,7 @@ def test_a_run_on_the_processor(tmp_path):
     ]
     done = python_m(tmp_path, "core.run", *words, *budget)
     assert done.returncode == 0, done.stderr
-    assert "4 rollouts in" in done.stderr
+    assert "4 rollouts;" in done.stderr
     # It reports kernels and a missing driver by default.
     assert "Warp" not in done.stderr
 
