@@ -21,7 +21,7 @@ def commands() -> dict[str, Command]:
             "plugins.vlms.told.facts:main",
         ),
         "home": Command(
-            "find joints at which the flange of one's own arm looks down",
+            "find joints at which the flange of your own arm looks down",
             "plugins.robots.home:main",
         ),
         "new": Command(

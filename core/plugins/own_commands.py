@@ -6,7 +6,7 @@ from core.hooks import Command, hookimpl
 
 COMMANDS = {
     "run": Command(
-        "search for the best tool and motion for a task, or go on with a run",
+        "search for the best tool and motion for a task, or continue a run",
         "core.run:main",
     ),
     "plugins": Command("list the installed parts", "core.plugins.__main__:main"),

@@ -22,8 +22,8 @@ REMARK = 600  # letters of what a plugin says
 def tell_in_short(run: Run, result: Result) -> Iterator[str]:
     """Say which tool did what, what that earned here and in another engine, and what plugins remark.
 
-    For example: "in short: a J hook of 45 g brings cube to its place: 0.995; in mujoco it earns 0.977; printable in
-    pla: yes".
+    For example: "in short: J hook of 45 g solves the task, to bring cube to its place: reward 0.995; in mujoco it earns
+    0.977; printable in pla: yes".
 
     Args:
         run: whose task has goals.
@@ -37,7 +37,7 @@ def tell_in_short(run: Run, result: Result) -> Iterator[str]:
     name = clean(tool.name or best.candidate.design_name, LONGEST) or "tool"
     mass = f" of {1000 * tool.mass:.0f} g" if tool.components else ""
     does = _say_what_is_done(run, best)
-    parts = [f"in short: {name}{mass} {does}: {number(best.reward, 3)}"]
+    parts = [f"in short: {name}{mass} {does}: reward {number(best.reward, 3)}"]
     if result.elsewhere is not None:
         parts.append(describe_elsewhere(result.elsewhere))
 
@@ -61,9 +61,9 @@ def _say_what_is_done(run: Run, best: Evaluation) -> str:
     what = joint.join(wanted) or f"do {run.task.name}"
 
     if best.solved:
-        return f"does what is wanted, to {what}"
+        return f"solves the task, to {what}"
     if best.reward >= NOTHING:
         least = best.least_margin
         missed = f" ({least})" if least is not None and least.margin < 0 else ""
-        return f"does in part what is wanted, to {what}{missed}"
-    return f"does not do what is wanted, to {what}"
+        return f"solves the task in part, to {what}{missed}"
+    return f"does not solve the task, to {what}"

@@ -360,12 +360,12 @@ def test_the_reward_above_is_that_of_the_command(kind, tmp_path, monkeypatch, ca
 def test_the_last_line_says_in_short_what_was_found(capsys):
     short = summary(capsys, [0.995]).splitlines()[-1]
     assert short.startswith(
-        "in short: hook of 10 g does what is wanted, to bring cube to its place"
+        "in short: hook of 10 g solves the task, to bring cube to its place"
     )
-    assert ": 0.995; printable in pla: yes" in short
+    assert ": reward 0.995; printable in pla: yes" in short
 
     half = summary(capsys, [0.4]).splitlines()[-1]
-    assert "hook of 10 g does in part what is wanted" in half
+    assert "hook of 10 g solves the task in part" in half
     nothing = summary(capsys, [0.0]).splitlines()[-1]
-    assert "hook of 10 g does not do what is wanted" in nothing
+    assert "hook of 10 g does not solve the task" in nothing
     assert "in short" not in summary(capsys, [None])
