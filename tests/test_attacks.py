@@ -1,4 +1,4 @@
-"""Play recorded attacks again: designs of `tests/attacks` that once earned without the work (docs/attacks.md).
+"""Play recorded attacks again: designs of `tests/attacks` that once earned without the work (README.md there).
 
 Each is tried as it is, and once more in MuJoCo with what stops it taken away: it must pay then, or it tests nothing.
 """
