@@ -9,7 +9,7 @@ from contextlib import contextmanager, nullcontext
 from typing import NoReturn
 
 from core.errors import RAISED, in_line
-from core.support.cli import was_interrupted
+from core.support.interrupts import was_interrupted
 from core.support.progress_display import busy
 
 PATIENCE_S = 10.0  # until it is said what is being loaded

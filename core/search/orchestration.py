@@ -26,6 +26,7 @@ from core.store.reader import StoredRun
 from core.store.recorder import RunStore
 from core.support.cli import say
 from core.support.files import writing
+from core.support.interrupts import resumable
 
 
 def run_and_print(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> None:
@@ -90,13 +91,12 @@ def run(
     hint = resume_hint(folder)
 
     try:
-        return run_search(search, store)
+        with resumable(hint):
+            return run_search(search, store)
     except BrokenPipeError:  # who reads what is printed is gone
         raise
     except UserError as error:
         raise UserError(f"{error}; {hint}") from error
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(hint) from None
     except RAISED as error:
         blamed = describe_failure(error)
         machine = fault(error)

@@ -17,6 +17,7 @@ from core.events import Result
 from core.search.outcome import resume_hint
 from core.store.recorder import RunStore
 from core.support.cli import say
+from core.support.interrupts import resumable
 
 FIRST_WAIT_S = 10.0
 LONGEST_WAIT_S = 300.0
@@ -71,10 +72,8 @@ def run_patiently(
             if not may_pass(error) or waits.left_s <= 0:
                 raise
             store = None
-            try:
+            with resumable(resume_hint(folder)):
                 waits.wait(error)
-            except KeyboardInterrupt:
-                raise KeyboardInterrupt(resume_hint(folder)) from None
 
 
 class _Waits:

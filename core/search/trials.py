@@ -21,6 +21,7 @@ from core.plugins import describe_part
 from core.plugins.blame import PluginError
 from core.simulation.measuring import cost_of
 from core.simulation.play import play
+from core.support.interrupts import check_interrupt
 from core.support.text import shorten
 from core.support.threads import run_in_thread
 from core.trial import Condition, Evaluation, Score, Trial, TrialKey
@@ -142,6 +143,7 @@ class Trials:
         """
         broken: list[tuple[Chunk, Exception]] = []
         for pair in self.executor.map(player, chunks):
+            check_interrupt()
             chunk, result = self._read_pair(pair)
             if isinstance(result, SharedByThreads):
                 raise UserError(f"{describe_part(self.executor)}: {result}")

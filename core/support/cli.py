@@ -5,17 +5,16 @@ from __future__ import annotations
 import contextlib
 import errno
 import io
-import math
 import re
-import signal
 import sys
-import time
 from collections.abc import Callable, Collection, Iterable, Sequence
+from functools import partial
 from os import _exit
 from pathlib import Path
 from typing import NoReturn, TextIO
 
 from core.errors import UsageError, UserError
+from core.support.interrupts import Interrupts, describe_interrupt
 from core.support.progress_display import show_progress
 from core.support.scratch import remove_scratch
 from core.support.secrets import Scrubbed
@@ -35,11 +34,7 @@ def command(function: Callable[[list[str]], int | None]) -> NoReturn:
     sys.stdout = Scrubbed(sys.stdout)
     sys.stderr = Scrubbed(sys.stderr)
     show_progress(lambda line: say(line, file=sys.stderr))
-    interrupt = _Interrupt()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        # Ignored where a shell runs it in the background.
-        if signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, interrupt)
+    Interrupts(partial(_leave, code=130)).listen()
 
     try:
         status = function(join_words(sys.argv[1:]))
@@ -55,7 +50,7 @@ def command(function: Callable[[list[str]], int | None]) -> NoReturn:
     except UserError as error:
         _leave(f"error: {error}", 1)
     except KeyboardInterrupt as error:
-        _leave("; ".join(["interrupted", *map(str, error.args)]), 130)
+        _leave(describe_interrupt(*error.args), 130)
 
     sys.exit(status or 0)
 
@@ -200,32 +195,6 @@ def print_table(
     with console.capture() as printed:
         console.print(table, crop=False)
     file.write("".join(f"{line.rstrip()}\n" for line in printed.get().splitlines()))
-
-
-class _Interrupt:
-    """Turn the first signal into an interrupt, which leaves time to clean up; a second one ends the process at once.
-
-    Some senders signal the process, then its group: signals within a second count as one.
-    """
-
-    def __init__(self) -> None:
-        self.first = math.inf
-
-    def __call__(self, *_: object) -> None:
-        now = time.monotonic()
-        if now > self.first + 1.0:
-            remove_scratch()
-            _exit(130)
-
-        if now < self.first:
-            self.first = now
-            raise KeyboardInterrupt
-
-
-def was_interrupted() -> bool:
-    """Report whether a signal came; where a command does not listen to them, nobody can tell, and it may have."""
-    handler = signal.getsignal(signal.SIGINT)
-    return not isinstance(handler, _Interrupt) or handler.first < math.inf
 
 
 def _leave(line: str, code: int) -> NoReturn:

@@ -17,6 +17,7 @@ from rich.progress import Progress
 
 from core.config.gate import choose_again
 from core.support.files import read_text
+from core.support.interrupts import check_interrupt
 from core.support.text import clean, hydra_word, number
 from plugins.results.pages.runs import AnyRun, FinishedRun, is_held
 from plugins.results.study.estimate import Need
@@ -63,6 +64,7 @@ class Runner:
             futures = {pool.submit(self._finish, run): run for run in self.needs}
             try:
                 for count, future in enumerate(as_completed(futures), 1):
+                    check_interrupt()
                     run = futures[future]
                     reason = future.result()
                     if reason is None:

@@ -17,6 +17,7 @@ from core.errors import UsageError, UserError, choices
 from core.support.cli import arguments, say
 from core.support.files import write_whole, writing
 from core.support.inputs import check
+from core.support.interrupts import resumable
 from core.support.progress_display import busy
 from plugins.results.report.report_command import report, show
 from plugins.results.study.estimate import (
@@ -112,11 +113,9 @@ def main(words: list[str]) -> None:
             selection.folder.mkdir(parents=True, exist_ok=True)
             write_whole(selection.folder / RECORD, record.encode(), shared=True)
 
-        try:
+        with resumable(f"to go on: {again}"):
             runner = Runner(outlook.needs, jobs, shlex.split(cfg.launch))
             failures = runner.run_all()
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"to go on: {again}") from None
 
     begun = any(read_state(run) is not None for run in runs)
     if begun and len(failures) < len(runs):

@@ -12,7 +12,7 @@ import pytest
 from core.hooks import Command, hookimpl
 from core.plugins import Plugins
 from core.plugins.loading import Contained, contained
-from core.support.cli import was_interrupted
+from core.support.interrupts import was_interrupted
 
 ROOT = Path(__file__).parents[3]
 HOOK = "from core.hooks import hookimpl\n@hookimpl\n"

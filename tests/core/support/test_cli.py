@@ -2,7 +2,6 @@
 
 import os
 import re
-import signal
 import subprocess
 import sys
 
@@ -12,31 +11,6 @@ from core.config.compose import load
 from core.errors import UsageError
 from core.support import cli
 from tests.rare import rare
-
-
-@pytest.fixture
-def signals(monkeypatch):
-    """The time, and the status that the process ended with; None: it did not end."""
-    happened = {"time": 100.0, "left": None}
-    monkeypatch.setattr(cli.time, "monotonic", lambda: happened["time"])
-    monkeypatch.setattr(cli, "_exit", lambda code: happened.update(left=code))
-    # Engines of other tests keep files there.
-    monkeypatch.setattr(cli, "remove_scratch", lambda: None)
-    return happened
-
-
-@pytest.mark.parametrize(("after_s", "left"), [(0.5, None), (1.5, 130)])
-def test_a_signal_is_an_interrupt_and_a_second_one_ends_the_process(
-    signals, after_s, left
-):
-    """Unless it is the same one, to the process and its group, as timeout sends it: what tidies up goes on."""
-    interrupt = cli._Interrupt()
-    with pytest.raises(KeyboardInterrupt):
-        interrupt(signal.SIGTERM, None)
-    assert signals["left"] is None
-    signals["time"] += after_s
-    interrupt(signal.SIGINT, None)
-    assert signals["left"] == left
 
 
 @pytest.mark.thorough
