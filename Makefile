@@ -4,7 +4,7 @@ PYTHON = .venv/bin/python
 .PHONY: setup check test site real-model cluster slicer
 
 setup:
-	python3.11 -m venv .venv
+	python3 -m venv .venv
 	.venv/bin/pip install -q -e '.[dev]'
 
 check:

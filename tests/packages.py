@@ -24,7 +24,8 @@ def install(packages: Sequence[Path], into: Path) -> Path:
     """Build the distributions in folders and install them into a folder for PYTHONPATH. They are built with this
     environment, so that no network is needed.
     """
-    ignored = shutil.ignore_patterns("__pycache__", ".*", "build", "runs", "outputs")
+    left_out = ["__pycache__", ".git", ".venv*", ".*_cache", "build", "runs", "outputs"]
+    ignored = shutil.ignore_patterns(*left_out)
     copies = []
     for package in packages:
         copy = into / "source" / package.name

@@ -88,7 +88,7 @@ def test_there_are_commands_and_nothing_else_than_the_two_set_ups():
         if not line.startswith(STARTS)
     }
     assert len(commands()) > 5
-    assert all(line.startswith("python3.11 -m venv .venv && ") for line in others)
+    assert all(line.startswith("python3 -m venv .venv && ") for line in others)
     assert len(others) == 2
 
 

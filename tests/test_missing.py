@@ -39,6 +39,20 @@ def test_what_needs_it_says_what_to_install(package, words, line, tmp_path):
     assert len(done.stderr.splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    ("missing", "engine"),
+    [(["pybullet"], "mujoco"), *rare([(["pybullet", "mujoco"], "sapien")])],
+)
+def test_the_engine_is_the_first_that_is_installed_and_a_line_says_so(
+    missing, engine, tmp_path
+):
+    done = without(missing, ["core.run", "--cfg", "job", "--package", "sim"], tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert f"name: {engine}\n" in done.stdout
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"sim={engine}, since sim=pybullet needs PyBullet: ")
+
+
 @pytest.mark.thorough
 def test_a_plan_with_a_tempo_is_rejected_where_toppra_is_missing(tmp_path):
     design = ROOT / "tests/tasks/hardtoolbench/StopCart.json"

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import sys
 from contextlib import suppress
+from functools import cache
 from typing import Any
 
 from hydra._internal.core_plugins.importlib_resources_config_source import (
@@ -20,6 +22,7 @@ from core.config.folders import new_folder, notes_folder, task_folder
 from core.errors import UserError
 from core.plugins import KINDS, installed
 from core.plugins.registry import settings_of
+from core.support.cli import say
 
 
 class PluginConfigs(SearchPathPlugin):  # type: ignore[misc]  # hydra has no types
@@ -127,6 +130,31 @@ def defaults(kind: str, name: str) -> dict[str, Any]:
     return settings
 
 
+def first_usable(kind: str, *names: str) -> str:
+    """Return the first of several parts that can be imported here; the first of all where none can.
+
+    Standard error says once why it is not the first of all.
+    """
+    missing: list[UserError] = []
+    for name in names:
+        try:
+            installed().factory(kind, name)
+        except UserError as error:
+            missing.append(error)
+            continue
+
+        if missing:
+            _say_once(f"{kind}={name}, since {missing[0]}")
+        return name
+
+    return names[0]
+
+
+@cache
+def _say_once(line: str) -> None:
+    say(line, file=sys.stderr)
+
+
 def register() -> None:
     """Register the sources, and what configurations call, with Hydra; call it before composing."""
     for source in (PluginConfigs, PartConfigs):
@@ -137,3 +165,4 @@ def register() -> None:
     )
     OmegaConf.register_new_resolver("notes_folder", notes_folder, replace=True)
     OmegaConf.register_new_resolver("task_folder", task_folder, replace=True)
+    OmegaConf.register_new_resolver("first_usable", first_usable, replace=True)

@@ -21,8 +21,7 @@ try:
     import pybullet
 except ModuleNotFoundError as error:
     raise UserError(
-        "sim=pybullet needs PyBullet: pip install pybullet (wheels exist for Linux and Python 3.11 or older); "
-        "sim=mujoco is there on every system"
+        "sim=pybullet needs PyBullet: pip install pybullet (wheels exist for Linux and Python 3.11 or older)"
     ) from error
 finally:
     os.dup2(_stderr, 2)
