@@ -169,23 +169,34 @@ class Weakness(NamedTuple):
         return self.found + self.allowed
 
 
-def find_weakness(tool: Tool, robot: Robot, material: Material) -> Weakness | None:
+def find_weakness(
+    tool: Tool, robot: Robot, material: Material, larger: float = 1.0
+) -> Weakness | None:
     """Find the first component of a tool or its fixture that bends too far or would break; None: none does.
+
+    Args:
+        tool: whose components are looked at.
+        robot: the arm that holds it.
+        material: that it is made of.
+        larger: how many times as large tools are for which the loads are meant: this one's are as much smaller.
 
     Raises:
         DesignError: a component does not touch its parent.
     """
-    found = _find_in_beams(Beams(tool, check_contacts(tool, robot), material))
+    beams = Beams(tool, check_contacts(tool, robot), material)
+    found = _find_in_beams(beams, larger)
     if found is not None or tool.fixture is None:
         return found
 
     parts = tool.fixture.parts
     beams = Beams(parts, check_contacts(parts, None), material)
-    return _find_in_beams(beams, "fixture: ")
+    return _find_in_beams(beams, larger, "fixture: ")
 
 
-def _find_in_beams(beams: Beams, whose: str = "") -> Weakness | None:
+def _find_in_beams(beams: Beams, larger: float, whose: str = "") -> Weakness | None:
     """Find the first beam that bends too far or breaks; ``whose`` stands before what is said."""
+    most_bend = MAX_BEND_M_N * larger**2
+    load_n = MAX_LOAD_N / larger**3
     material = beams.material
     kind = f"of {material.name}"
     if material.density_kg_m3 is None:
@@ -193,17 +204,17 @@ def _find_in_beams(beams: Beams, whose: str = "") -> Weakness | None:
     most = material.strength_pa
 
     for name, (bend, stress) in beams.bending().items():
-        if bend > MAX_BEND_M_N:
+        if bend > most_bend:
             return Weakness(
                 f"{whose}component {name!r} is not rigid: {kind}, 1 N would bend it by {1000 * bend:.3g} mm",
-                f", from the mount to its end; at most {1000 * MAX_BEND_M_N:g} mm are allowed: shorten or thicken what "
+                f", from the mount to its end; at most {1000 * most_bend:.3g} mm are allowed: shorten or thicken what "
                 "carries it",
             )
 
-        load_pa = MAX_LOAD_N * stress
+        load_pa = load_n * stress
         if most is not None and load_pa > most:
             return Weakness(
-                f"{whose}component {name!r} would break: {kind}, {MAX_LOAD_N:g} N at its end mean a stress of "
+                f"{whose}component {name!r} would break: {kind}, {load_n:.3g} N at its end mean a stress of "
                 f"{load_pa / 1e6:.3g} MPa in it or in what carries it",
                 f"; at most {most / 1e6:g} MPa are allowed: shorten or thicken both",
             )

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from core.errors import UsageError, check_positive
 from core.geometry import Cylinder, Pose
@@ -105,6 +106,8 @@ class Robot:
         drivers: what moves the arm by a plan that feels or looks, as pairs of name and Jinja template of an export's
             ``drive_NAME.py``: each has a class ``Driver`` that is made with the arm's address
             (`plugins.results.workshop.carrying`).
+        enlarged: how many times as large it is as the arm that stands in the lab; see `life_size`.
+        original: the arm that stands in the lab, at the world's origin; None: it is this one.
 
     Raises:
         UsageError: numbers of joints differ, or a number is not finite or not positive.
@@ -131,6 +134,8 @@ class Robot:
     )
     programs: tuple[tuple[str, str], ...] = field(default=(), compare=False, repr=False)
     drivers: tuple[tuple[str, str], ...] = field(default=(), compare=False, repr=False)
+    enlarged: float = 1.0
+    original: Robot | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         count = len(self.arm_joints)
@@ -148,6 +153,15 @@ class Robot:
 
     def __hash__(self) -> int:
         return hash((self.name, self.base, self.mount, self.home))
+
+    @cached_property
+    def life_size(self) -> Robot:
+        """The arm as it stands in the lab, where this one is simulated larger in its place."""
+        if self.original is None:
+            return self
+
+        base = Pose(self.base.position / self.enlarged, self.base.quaternion)
+        return replace(self.original, base=base)
 
     @property
     def finger_joints(self) -> tuple[str, ...]:

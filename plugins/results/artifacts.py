@@ -23,16 +23,12 @@ from plugins.results.workshop.solid import to_mesh
 POSE_COLUMNS = ("x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "gripper")
 
 
-def save_files(
-    candidate: Candidate, robot: Robot, motion: Motion, folder: Path
-) -> None:
+def save_files(tool: Tool, robot: Robot, motion: Motion, folder: Path) -> None:
     """Write ``tool.urdf``, ``tool.stl``, ``robot.urdf`` with their meshes, to a folder that is there.
 
     Of a fixture there is ``fixture.stl``, in its own frame.
     ``waypoints.csv`` has the waypoints of ``motion`` and when each is reached.
     """
-    tool = candidate.tool
-    assert tool is not None
     poses = motion.plan
 
     with (folder / "waypoints.csv").open("w", newline="", encoding="utf-8") as file:

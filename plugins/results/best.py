@@ -63,7 +63,8 @@ def _save_motion(candidate: Candidate, task: Task, run: Run, folder: Path) -> No
     plan = resolve(candidate.plan, task, run.seed, run.settings)
     motion = plan_task_motion(plan, task, run.settings)
     save_design(candidate, run.representation, folder)
-    save_files(candidate, task.robot, motion, folder)
+    assert candidate.tool is not None
+    save_files(candidate.tool, task.robot, motion, folder)
 
 
 def _save_film(

@@ -6,7 +6,6 @@ by k^(1/2), speeds of joints by k^(-1/2), masses and forces by k^3, torques by k
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -57,13 +56,13 @@ def describe_factor(k: float) -> str:
     """Say what it means for an arm to be ``k`` times as large as it is."""
     percent = f"{100 / k:.3g} %"
     return (
-        f"simulated {k:.3g} times as large: it does what the arm itself does in tasks of {percent} of the size. Build "
-        f"tools in {percent} of their size, play motions in {100 / math.sqrt(k):.3g} % of their time"
+        f"simulated {k:.3g} times as large: it does what the arm itself does in tasks of {percent} of the size. "
+        "vlmgineer export writes the tool, the motion and the scene in the arm's own size"
     )
 
 
 def enlarge(robot: Robot, k: float) -> Robot:
-    """Enlarge a robot ``k`` times; its flange stays."""
+    """Enlarge a robot ``k`` times, which keeps it as its original; its flange stays."""
     root = read_xml(write(robot.description).encode(), Path("robot"))
     for element in root.iter():
         _enlarge_numbers(element, _POWERS.get(element.tag, {}), k)
@@ -91,6 +90,8 @@ def enlarge(robot: Robot, k: float) -> Robot:
         mount=_enlarge_pose(robot.mount, k),
         payload_kg=robot.payload_kg * k**3,
         gripper=gripper,
+        enlarged=k,
+        original=robot,
     )
 
 

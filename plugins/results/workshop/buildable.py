@@ -79,15 +79,19 @@ class Buildable(Fitness):
         task = self._condition.task.shared()
         examination = self._examination
         material = examination.material
+        # A design is written in the size in which the arm is simulated.
+        large = task.robot.enlarged
+        plate_mm = tuple(large * side for side in examination.printer.plate_mm)
+        wall_mm = large * examination.printer.min_wall_mm
         rules = filled(
             "buildable.md.j2",
-            printer=examination.printer,
+            printer=Printer(plate_mm, wall_mm),
             material=material,
             safety=examination.safety,
             most_kg=mass_limit(task.robot, material)[0],
             most_nm=moment_limit(task.robot),
-            bend_mm=1000 * BENT * tolerance(task),
-            margin_mm=1000 * examination.margin_m,
+            bend_mm=1000 * BENT * large * tolerance(task),
+            margin_mm=1000 * large * examination.margin_m,
         )
         inner = self._inner.instructions()
         if not inner:

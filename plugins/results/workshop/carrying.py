@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -32,6 +33,7 @@ from core.scene import Scene
 from core.support.cli import expand, path_exists, say
 from plugins.results.chosen import chosen_evaluations
 from plugins.results.workshop.dry_run import DryRun
+from plugins.results.workshop.life_size import LIFE_SIZE, Ratio, to_life
 from plugins.results.workshop.parting import describe_parting
 from plugins.results.workshop.policy import Move, Policy, Stopped
 from plugins.results.workshop.replay import PlayedMotion, play_motion
@@ -131,20 +133,54 @@ def load_export(folder: Path, speed: float = 1.0) -> DryRun:
     rollout = OmegaConf.merge(OmegaConf.structured(RolloutSettings), cfg.rollout)
     assert isinstance(rollout, DictConfig)
     settings = node(rollout, RolloutSettings)
-    return DryRun(part, candidate, cfg.seed, settings, cfg.rate_hz, speed)
+    rate_hz = cfg.rate_hz * to_life(part.shared().robot).time
+    return DryRun(part, candidate, cfg.seed, settings, rate_hz, speed)
+
+
+@dataclass(frozen=True, eq=False)
+class LifeSizeMove(Move):
+    """A move in the size of the arm that stands in the lab; readings are compared in the simulated size.
+
+    Attributes:
+        planned: the move in the simulated size.
+        to_life: leads from the simulated size to the arm's own one.
+    """
+
+    planned: Move = field(kw_only=True)
+    to_life: Ratio = field(kw_only=True)
+
+    @classmethod
+    def of(cls, planned: Move, to_life: Ratio) -> LifeSizeMove:
+        return cls(
+            to_life.samples(planned.samples),
+            to_life.motion(planned.motion),
+            to_life.time * planned.arrivals,
+            to_life.time * planned.since_s,
+            planned.watch,
+            planned=planned,
+            to_life=to_life,
+        )
+
+    def has_fired(self, time: float, joints: Array, force: Array) -> bool:
+        large = self.to_life.inverse
+        return self.planned.has_fired(large.time * time, joints, large.force * force)
 
 
 class Perceived:
     """Makes what a plan can use of what a function sees.
 
     Args:
-        perceive: says where bodies are.
-        scene: the layout of the export.
+        perceive: says where bodies are, in the size of the arm that stands in the lab.
+        scene: the layout of the export, in the simulated size.
+        to_life: leads from the simulated size to the arm's own one.
     """
 
-    def __init__(self, perceive: Perceive, scene: Scene) -> None:
+    def __init__(
+        self, perceive: Perceive, scene: Scene, to_life: Ratio = LIFE_SIZE
+    ) -> None:
         self._perceive = perceive
         self._scene = scene
+        self._enlarge = to_life.inverse.pose
 
     def first(self) -> Sighted:
         """Look before the motion: all that can move must be seen.
@@ -201,7 +237,7 @@ class Perceived:
                     f"perceive(): the quaternion of {name} has the length {length:.3g}, not 1"
                 )
 
-            poses[name] = Pose(numbers[:3], numbers[3:] / length)
+            poses[name] = self._enlarge(Pose(numbers[:3], numbers[3:] / length))
 
         return poses
 
@@ -229,7 +265,8 @@ def carry_out(
     task = exported.task.shared()
     scene = exported.scene
     settings = exported.settings
-    eyes = Perceived(perceive, scene)
+    life = to_life(task.robot)
+    eyes = Perceived(perceive, scene, life)
     first = eyes.first()
     judge = SceneJudge(task, scene, first.poses)
 
@@ -243,18 +280,21 @@ def carry_out(
 
     while step is not None:
         if isinstance(step, Move):
-            stopped = driver.move_until(step)
-            _say_move(step, stopped)
+            move = LifeSizeMove.of(step, life)
+            stopped = driver.move_until(move)
+            _say_move(move, stopped)
+            if stopped is not None:
+                stopped = stopped._replace(time=stopped.time / life.time)
             step = policy.moved(stopped)
             continue
 
-        at_s = clock() - begun
+        at_s = (clock() - begun) / life.time
         known_s = at_s + settings.perception.look_s
         before = policy.looks[-1] if policy.looks else first
         seen = eyes.look(before, at_s, known_s)
         say(f"looked{f', {step.where}' if step.where else ''}")
         step = policy.saw(seen)
-        late_s = clock() - begun - known_s
+        late_s = clock() - begun - known_s * life.time
         if late_s > 0:
             say(f"the look took {late_s:.2f} s more than rollout.perception.look_s")
 

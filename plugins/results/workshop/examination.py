@@ -14,15 +14,16 @@ from core.scene import Scene
 from core.solids.self_collision import DEEP_M
 from plugins.results.workshop.clearance import clearance
 from plugins.results.workshop.dry_run import DryRun
+from plugins.results.workshop.life_size import to_life
 from plugins.results.workshop.motion import sample
 from plugins.results.workshop.printing import THICKEN, Check
 from plugins.results.workshop.replay import (
     RECORD_HZ,
     PlayedMotion,
     Unplayable,
-    play_motion,
 )
 from plugins.results.workshop.settings import Fit, Printer
+from plugins.results.workshop.stage import Stage
 from plugins.results.workshop.strength import measured
 from plugins.results.workshop.tool import PrintedTool, make_tool
 from plugins.results.workshop.verdicts import carried, strong
@@ -61,7 +62,8 @@ class Examination:
             return None
 
         robot = condition.task.shared().robot
-        failing = find_problem(tool, robot, self.material, self.printer)
+        own = to_life(robot).tool(tool)
+        failing = find_problem(own, robot.life_size, self.material, self.printer)
         return f"{PROBLEM}{failing}" if failing else None
 
     def examine(
@@ -98,32 +100,38 @@ class Examination:
         """
         task = condition.task.shared()
         scene = condition.scene().furnished(tool)
+        stage = Stage({condition.sim.name: condition}, scene)
+        life = stage.to_life
+        robot = task.robot.life_size
+        own = life.tool(tool)
         settings = condition.settings
         waypoints = resolve(candidate.plan, task, condition.layout, settings, scene)
-        arm = arm_of(task.robot)
+        arm = arm_of(robot)
 
         if waypoints.guards or waypoints.looks:
             dry_run = DryRun(
                 condition.task, candidate, condition.layout, settings, RECORD_HZ
             )
-            replay = play_motion(condition, scene, tool, dry_run)
+            replays = stage.play(own, dry_run)
+            (replay,) = replays.values()
             assert replay.reactions is not None
-            trajectory = replay.reactions.motion.trajectory
+            trajectory = life.trajectory(replay.reactions.motion.trajectory)
             motion = sample(trajectory, arm, RECORD_HZ)
         else:
             planned = plan_task_motion(waypoints, task, settings)
-            motion = sample(planned.trajectory, arm, RECORD_HZ)
-            replay = play_motion(condition, scene, tool, motion)
+            motion = sample(life.trajectory(planned.trajectory), arm, RECORD_HZ)
+            replays = stage.play(own, motion)
+            (replay,) = replays.values()
 
-        replays = {condition.sim.name: replay}
-        printed = print_tool(tool, task.robot, self.material, self.printer)
+        own_scene = life.scene(scene)
+        printed = print_tool(own, robot, self.material, self.printer)
         rows = measured(
-            tool, task.robot, self.material, scene, motion, replays, printed.joints
+            own, robot, self.material, own_scene, motion, replays, printed.joints
         )
         verdicts = strong(self.material, rows, task, self.safety)
         problems = [str(verdict) for verdict in verdicts if verdict.passed is False]
 
-        near_m, too_near = self._find_clearance(scene, task.robot, tool, replay)
+        near_m, too_near = self._find_clearance(own_scene, robot, own, replay)
         if too_near is not None:
             problems.append(too_near)
 

@@ -10,6 +10,7 @@ from typing import Any
 from core.design import Candidate
 from core.interfaces import Motion, Task
 from core.scene import Scene
+from core.values.robots import Robot
 from plugins.results.workshop.clearance import (
     NEAR_M,
     Nearest,
@@ -29,8 +30,13 @@ from plugins.results.workshop.tool import PrintedTool
 class Export:
     """The motion of a tool in a task, what it earned in each engine, and what the arm has to bear.
 
+    All of it is in the size of the arm that stands in the lab, but for ``candidate``, ``dry_run`` and ``settings``.
+
     Attributes:
-        planned: the motion as it was simulated.
+        robot: the arm that stands in the lab.
+        scene: the layout.
+        candidate: as it was searched.
+        planned: the motion as it was searched.
         moves: the motion as it is exported, and what leads to it, by the names of their files.
         replays: what it earned, by engine, and ``mounted``: with what fixes the tool to the arm.
         contact_s: when the robot first touches a body, in any engine; None: never.
@@ -41,6 +47,7 @@ class Export:
     """
 
     task: Task
+    robot: Robot
     scene: Scene
     candidate: Candidate
     planned: Motion
@@ -67,25 +74,23 @@ class Export:
 
     @cached_property
     def payload(self) -> dict[str, Any]:
-        return payload(self.task.robot, self.printed.printed)
+        return payload(self.robot, self.printed.printed)
 
     @cached_property
     def limits(self) -> list[dict[str, Any]]:
-        return margins(self.task.robot, self.printed.printed, self.motion)
+        return margins(self.robot, self.printed.printed, self.motion)
 
     @cached_property
     def nearest(self) -> list[Nearest]:
         """Distances in the first engine."""
         first = next(iter(self.replays.values()))
-        return clearance(
-            self.scene, self.task.robot, self.printed.tool, first.recording
-        )
+        return clearance(self.scene, self.robot, self.printed.tool, first.recording)
 
     def figures(self) -> dict[str, Any]:
         """Return all figures as data."""
         replays = self.replays.items()
         return {
-            "robot": self.task.robot.title,
+            "robot": self.robot.title,
             "candidate": self.candidate.id,
             "duration_s": float(self.motion.times[-1]),
             "slower_than_simulated": self.motion.slower,

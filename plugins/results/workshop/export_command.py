@@ -25,6 +25,7 @@ from plugins.results.named_folders import folders_and_overrides
 from plugins.results.workshop.exact import check_kernel, write_step
 from plugins.results.workshop.export import Export
 from plugins.results.workshop.export_folder import new_folder, write_export
+from plugins.results.workshop.life_size import to_life
 from plugins.results.workshop.playback import make_export
 from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.slicing import ask_slicer, find_slicer
@@ -111,7 +112,9 @@ def _export_to(output: Path, cfg: DictConfig, slicer: Path | None) -> list[Expor
 
     printer = node(cfg.printer, Printer)
     fit = node(cfg.fit, Fit)
-    printed = make_tool(tool, task.robot, representation.material, printer, fit)
+    arm = task.robot.life_size
+    own = to_life(task.robot).tool(tool)
+    printed = make_tool(own, arm, representation.material, printer, fit)
     exports = [make_export(cfg, part, best, printed) for part in task_parts(cfg)]
 
     held = describe_held(Path(cfg.designs))
@@ -170,7 +173,7 @@ def show(result: Export) -> None:
     longer = f"{motion.slower:.3f} times as long as in simulation"
     say(f"the motion takes {motion.times[-1]:.2f} s, {longer}")
     say(describe_making(result.printed))
-    mass = f"payload {result.payload['mass_kg']:g} kg of {task.robot.payload_kg:g}"
+    mass = f"payload {result.payload['mass_kg']:g} kg of {result.robot.payload_kg:g}"
     most = max(result.limits, key=lambda joint: joint["computed_torque_share"] or 0.0)
     say(f"{mass}; most torque in {most['joint']}")
     say(*(f"– {verdict}" for verdict in result.verdicts if verdict.passed is None))

@@ -74,7 +74,7 @@ def write_export(
     Raises:
         UserError: a file can't be written.
     """
-    robot = export.task.robot
+    robot = export.robot
     verdicts = export.checks
     if written.parts:
         checked = replace(written, checks=(*export.checks, *written.checks))
@@ -98,7 +98,7 @@ def write_export(
         write_programs(robot, export.payload, export.moves, folder / "programs")
 
     save_design(export.candidate, representation, folder / "design")
-    save_files(export.candidate, robot, export.planned, folder / "design")
+    save_files(written.tool, robot, export.planned, folder / "design")
 
     return export
 
@@ -118,7 +118,7 @@ def _write_plan(
         (body.name, to_numbers(body.pose), not body.fixed)
         for body in export.scene.bodies
     ]
-    write_plan_programs(export.task.robot, export.payload, bodies, folder)
+    write_plan_programs(export.robot, export.payload, bodies, folder)
 
 
 def checklist(export: Export) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import engines, node
-from core.design import Candidate, Tool
+from core.design import Candidate
 from core.designs.planning import resolve
 from core.errors import UserError
 from core.geometry import Array
@@ -23,7 +23,6 @@ from core.interfaces import (
 )
 from core.plugins import PluginPart
 from core.robot.trajectory import plan_task_motion
-from core.scene import Scene
 from core.simulation.play import play
 from core.support.text import count_words, number
 from plugins.results.workshop.carrying import dump_settings
@@ -32,9 +31,10 @@ from plugins.results.workshop.export import Export
 from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.parting import describe_parting
 from plugins.results.workshop.printing import Check
-from plugins.results.workshop.replay import Playable, PlayedMotion, play_motion
+from plugins.results.workshop.replay import PlayedMotion
 from plugins.results.workshop.settings import Fit
-from plugins.results.workshop.strength import Strength, measured
+from plugins.results.workshop.stage import Stage
+from plugins.results.workshop.strength import measured
 from plugins.results.workshop.tolerance import check_tolerance
 from plugins.results.workshop.tool import PrintedTool
 from plugins.results.workshop.ways import close_ways, sample_before, sample_moves
@@ -49,35 +49,6 @@ TRUST = "search in each of these engines with fitness=robust, or name in sims th
 ROOM = (
     "move components away from the mount, and leave more room where the motion is tight"
 )
-
-
-@dataclass(frozen=True, eq=False)
-class Stage:
-    """Where a motion is played: a layout of a task, in each engine.
-
-    Attributes:
-        conditions: by engine.
-        scene: of the layout, with what the tool brings to it.
-    """
-
-    conditions: Mapping[str, Condition]
-    scene: Scene
-
-    @property
-    def first(self) -> Condition:
-        """The condition in the first engine."""
-        return next(iter(self.conditions.values()))
-
-    def play(self, tool: Tool, motion: Playable) -> dict[str, PlayedMotion]:
-        """Play a motion in each engine; see `play_motion`."""
-        return {
-            name: play_motion(condition, self.scene, tool, motion)
-            for name, condition in self.conditions.items()
-        }
-
-    def rewards(self, tool: Tool, motion: Playable) -> dict[str, float]:
-        """Return what a motion earns in each engine."""
-        return list_rewards(self.play(tool, motion))
 
 
 def make_export(
@@ -108,70 +79,85 @@ def make_export(
     }
     scene = task.scene(cfg.seed).furnished(candidate.tool)
     stage = Stage(conditions, scene)
-    waypoints = resolve(candidate.plan, task, cfg.seed, settings, scene)
-    dry_run = None
-    if waypoints.guards or waypoints.looks:
-        dry_run = DryRun(
-            task_part, candidate, cfg.seed, settings, cfg.rate_hz, cfg.speed
-        )
-        replays = stage.play(candidate.tool, dry_run)
-        planned = _find_played(replays)
-        moves = sample_moves(cfg, task, planned)
-        del moves["trajectory_slow"]
-    else:
-        planned = plan_task_motion(waypoints, task, settings)
-        moves = sample_moves(cfg, task, planned)
-        replays = stage.play(candidate.tool, moves["trajectory"])
+    played = _play(cfg, task_part, candidate, stage, tool)
+    robot = task.robot.life_size
+    motion = played.moves["trajectory"]
 
-    motion = moves["trajectory"]
-    instants = [replay.contact_s for replay in replays.values()]
-    contact_s = min((s for s in instants if s is not None), default=None)
-    if contact_s is not None and dry_run is None:
-        moves |= sample_before(cfg, task, planned, contact_s / motion.slower)
-
+    own_scene = stage.to_life.scene(scene)
+    strengths = measured(
+        tool.tool, robot, tool.material, own_scene, motion, played.replays, tool.joints
+    )
     export = Export(
         task=task,
-        scene=scene,
+        robot=robot,
+        scene=own_scene,
         candidate=candidate,
-        planned=planned,
-        moves=moves,
-        replays=replays,
-        contact_s=contact_s,
+        planned=played.planned,
+        moves=played.moves,
+        replays=played.replays,
+        contact_s=played.contact_s,
         printed=tool,
-        strengths=_measure(tool, task, scene, motion, replays),
-        dry_run=dry_run,
+        strengths=strengths,
+        dry_run=played.dry_run,
         settings=dump_settings(cfg, task_part),
     )
     part = "" if candidate.plan is chosen.candidate.plan else task.name
     checks = _check_motion(export, stage, best, part)
     if tool.parts:
         mounted = stage.rewards(tool.printed, export.playable)
-        check = compare_rewards("with its mount", mounted, list_rewards(replays))
+        check = compare_rewards("with its mount", mounted, list_rewards(played.replays))
         checks.append(check._replace(name="mounted", mend=ROOM, part=part))
         off_m = node(cfg.fit, Fit).tolerance_mm / 1000
         export = replace(export, mounted=mounted)
-        checks += check_tolerance(export, stage.first, off_m)
+        checks += check_tolerance(export, stage, off_m)
 
     return close_ways(replace(export, checks=checks))
 
 
-def _measure(
-    printed: PrintedTool,
-    task: Task,
-    scene: Scene,
-    motion: Sampled,
-    replays: Mapping[str, PlayedMotion],
-) -> list[Strength]:
-    """Find the worst that a motion does to a tool and its joints; see `measured`."""
-    return measured(
-        printed.tool,
-        task.robot,
-        printed.material,
-        scene,
-        motion,
-        replays,
-        printed.joints,
-    )
+@dataclass(frozen=True, eq=False)
+class _Played:
+    """A motion as it is exported, and what came of it in each engine; see `Export`."""
+
+    planned: Motion
+    moves: dict[str, Sampled]
+    replays: dict[str, PlayedMotion]
+    contact_s: float | None
+    dry_run: DryRun | None
+
+
+def _play(
+    cfg: DictConfig,
+    task_part: PluginPart[Task],
+    candidate: Candidate,
+    stage: Stage,
+    tool: PrintedTool,
+) -> _Played:
+    """Sample the motion of a plan for the arm that stands in the lab, and play it; see `make_export`."""
+    task = task_part.shared()
+    life = stage.to_life
+    robot = task.robot.life_size
+    settings = stage.first.settings
+    dry_run = None
+    waypoints = resolve(candidate.plan, task, cfg.seed, settings, stage.scene)
+    if waypoints.guards or waypoints.looks:
+        rate_hz = cfg.rate_hz * life.time
+        dry_run = DryRun(task_part, candidate, cfg.seed, settings, rate_hz, cfg.speed)
+        replays = stage.play(tool.tool, dry_run)
+        planned = life.motion(_find_played(replays))
+        moves = sample_moves(cfg, robot, planned)
+        del moves["trajectory_slow"]
+    else:
+        planned = life.motion(plan_task_motion(waypoints, task, settings))
+        moves = sample_moves(cfg, robot, planned)
+        replays = stage.play(tool.tool, moves["trajectory"])
+
+    instants = [replay.contact_s for replay in replays.values()]
+    contact_s = min((s for s in instants if s is not None), default=None)
+    if contact_s is not None and dry_run is None:
+        slower = moves["trajectory"].slower
+        moves |= sample_before(cfg, robot, planned, contact_s / slower)
+
+    return _Played(planned, moves, replays, contact_s, dry_run)
 
 
 def _check_motion(
@@ -208,8 +194,7 @@ def find_loss(stage: Stage, export: Export, searched: Mapping[str, float]) -> st
     The motion is played as it was searched; then with all joints off by as little as a real arm is.
     """
     course = export.planned.trajectory
-    tool = export.candidate.tool
-    assert tool is not None
+    tool = export.printed.tool
 
     def play_off(off: Array) -> dict[str, float]:
         return stage.rewards(tool, replace(course, arm=course.arm + off))

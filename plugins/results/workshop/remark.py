@@ -10,6 +10,7 @@ from core.interfaces import Material, Robot
 from core.support.text import count_words
 from core.values.materials import PAPER
 from plugins.results.workshop.examination import find_problem, print_tool
+from plugins.results.workshop.life_size import to_life
 from plugins.results.workshop.settings import Printer
 
 DEFAULT = "pla"
@@ -35,6 +36,9 @@ def describe_printing(tool: Tool, robot: Robot, material: Material) -> str | Non
     if material.name == PAPER.name:
         material = node(load("evaluate", [f"material={DEFAULT}"]).material, Material)
 
+    larger = robot.enlarged
+    tool = to_life(robot).tool(tool)
+    robot = robot.life_size
     problem = find_problem(tool, robot, material, Printer())
     if problem is None:
         printed = print_tool(tool, robot, material, Printer())
@@ -43,7 +47,7 @@ def describe_printing(tool: Tool, robot: Robot, material: Material) -> str | Non
     else:
         verdict = f"no (this check fails: {problem})"
 
-    soft = _find_softness(tool, robot, material)
+    soft = _find_softness(tool, robot, material, larger)
     if soft:
         verdict += f", but {soft}"
     if soft or problem is not None:
@@ -52,10 +56,10 @@ def describe_printing(tool: Tool, robot: Robot, material: Material) -> str | Non
     return f"printable in {material.name}: {verdict}"
 
 
-def _find_softness(tool: Tool, robot: Robot, material: Material) -> str:
-    """Say which component bends too far or breaks at a load at its end; empty: none does."""
+def _find_softness(tool: Tool, robot: Robot, material: Material, larger: float) -> str:
+    """Say which component bends too far or breaks at a load at its end, see `find_weakness`; empty: none does."""
     try:
-        weakness = find_weakness(tool, robot, material)
+        weakness = find_weakness(tool, robot, material, larger)
     except DesignError as error:
         return str(error)
 

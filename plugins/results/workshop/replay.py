@@ -37,7 +37,8 @@ class PlayedMotion:
     Attributes:
         reward: the task's; 0 where something passed through something else.
         recording: of the rollout, with forces.
-        contacts: what touched what.
+        contact_s: when the robot first touches a body, s; None: never.
+        touched: the bodies that the tool touches.
         problems: what passed through something, in words.
         torques: the greatest share of its torque limit that each joint used, by name; empty: the engine does not say.
         reactions: what the plan felt and saw on its way; None: it does neither.
@@ -45,7 +46,8 @@ class PlayedMotion:
 
     reward: float
     recording: Recording
-    contacts: Contacts
+    contact_s: float | None
+    touched: frozenset[str]
     problems: tuple[str, ...]
     torques: Mapping[str, float] = field(default_factory=dict)
     reactions: DryReactions | None = None
@@ -59,19 +61,6 @@ class PlayedMotion:
     def earned(self) -> str:
         """The reward as it is shown."""
         return number(self.reward, 3)
-
-    @property
-    def contact_s(self) -> float | None:
-        """When the robot first touches a body, s; None: never."""
-        times = self.contacts.taken.times
-        return min(
-            (
-                float(times[touched.argmax()])
-                for (kind, *_), touched in self.contacts.touching.items()
-                if kind != "body"
-            ),
-            default=None,
-        )
 
 
 def play_motion(
@@ -132,10 +121,24 @@ def play_motion(
     return PlayedMotion(
         reward,
         recording,
-        contacts,
+        _find_first_contact(contacts),
+        frozenset(key[2] for key in contacts.touching if key[0] == "tool"),
         problems,
         torques,
         reactions,
+    )
+
+
+def _find_first_contact(contacts: Contacts) -> float | None:
+    """Find when the robot first touches a body, s; None: never."""
+    times = contacts.taken.times
+    return min(
+        (
+            float(times[touched.argmax()])
+            for (kind, *_), touched in contacts.touching.items()
+            if kind != "body"
+        ),
+        default=None,
     )
 
 

@@ -49,7 +49,7 @@ def figures(
     """
     tool = printed_tool.tool
     material = printed_tool.material
-    robot = task.robot
+    robot = task.robot.life_size
     verdicts = [
         *carried(printed_tool.printed, robot, material),
         *printed_tool.verdicts,
@@ -177,7 +177,7 @@ def write_sheet(
     Raises:
         UserError: a file can't be written.
     """
-    robot = task.robot
+    robot = task.robot.life_size
     tool = printed_tool.tool
     data = figures(printed_tool, strengths, task) | {"held": list(held)}
     checks = [Check(**verdict) for verdict in data["verdicts"]]

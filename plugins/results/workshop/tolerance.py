@@ -13,13 +13,13 @@ from scipy.spatial.transform import Rotation
 
 from core.design import Component, Tool
 from core.geometry import Pose
-from core.interfaces import Condition
 from core.solids.contacts import nearest
 from core.solids.record_rate import subset
 from core.support.text import number
 from plugins.results.workshop.export import Export
 from plugins.results.workshop.printing import Check
-from plugins.results.workshop.replay import Unplayable, play_motion
+from plugins.results.workshop.replay import Unplayable
+from plugins.results.workshop.stage import Stage
 from plugins.results.workshop.strength import Strength
 from plugins.results.workshop.tracks import body_tracks, robot_tracks
 
@@ -31,25 +31,24 @@ WINDOW_S = 0.25  # before and after a load, in which what is near counts
 EVERY = 4  # of the recording's instants one is looked at
 
 
-def check_tolerance(export: Export, condition: Condition, off_m: float) -> list[Check]:
+def check_tolerance(export: Export, stage: Stage, off_m: float) -> list[Check]:
     """Play an exported motion with the tool as it may come out, and look what a bent one meets.
 
     Args:
         export: the motion, the tool, and what its components bear.
-        condition: the task, and the engine.
+        stage: where it is played, in the first engine.
         off_m: by how much dimensions may be off, metres.
     """
     tool = export.printed.printed
+    engine = next(iter(stage.conditions))
 
     def earn(variant: Tool) -> float:
         try:
-            replay = play_motion(condition, export.scene, variant, export.playable)
+            return stage.play_in(engine, variant, export.playable).reward
         except Unplayable:
             return 0.0
 
-        return replay.reward
-
-    asked = export.mounted[condition.engine]
+    asked = export.mounted[engine]
     earned = [earn(variant) for variant in draw_tools(tool, off_m)]
     listed = ", ".join(number(reward, 3) for reward in earned)
     found = f"with dimensions off by {1000 * off_m:g} mm it earns {listed}"
@@ -61,7 +60,7 @@ def check_tolerance(export: Export, condition: Condition, off_m: float) -> list[
         found += f", and bent by {1000 * softest.bend_m:.1f} mm {number(earned[-1], 3)}"
 
     passed = min(earned) >= asked - LOSS
-    found += f", for {number(asked, 3)} in {condition.engine}"
+    found += f", for {number(asked, 3)} in {engine}"
     mend = (
         "give what slides or is held 0.5 mm more room, and let the motion lead it there"
     )
@@ -129,11 +128,12 @@ def find_gaps(export: Export, tool: Tool, row: Strength) -> dict[str, float]:
     during = np.abs(replay.recording.times - row.time_s) <= WINDOW_S
     taken = subset(replay.recording, np.flatnonzero(during)[::EVERY])
 
-    robot = export.task.robot
+    robot = export.robot
     names = {component.name for component in tool.components}
     tracks = robot_tracks(robot, tool, taken)
     parts = [track for track in tracks if track.name in names]
     found = nearest(parts, body_tracks(export.scene, robot, taken), None)
-    touched = {key[2] for key in replay.contacts.touching if key[0] == "tool"}
 
-    return {body: near.gap_m for body, near in found.items() if body not in touched}
+    return {
+        body: near.gap_m for body, near in found.items() if body not in replay.touched
+    }

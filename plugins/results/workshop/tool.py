@@ -158,7 +158,9 @@ def make_tool(
         how = "milled" if is_metal(material) else "printed"
         weighs = f"{how} it weighs {printed:.0f} g, in simulation {simulated:.0f} g"
         same = abs(printed - simulated) <= SAME_WEIGHT * printed
-        mend = "search again with the material that it is made of, such as material=pla"
+        mend = "thicken what is thin: there the walls weigh more than the rest"
+        if not material.density_kg_m3:
+            mend = "search again with the material that it is made of, such as material=pla"
         checks.append(Check("weight", same, weighs, mend))
 
     return PrintedTool(

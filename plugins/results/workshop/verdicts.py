@@ -11,6 +11,7 @@ from core.goals import reaches
 from core.interfaces import Task
 from core.values.materials import Material
 from core.values.robots import Robot
+from plugins.results.workshop.life_size import to_life
 from plugins.results.workshop.printing import Check
 from plugins.results.workshop.strength import Strength
 
@@ -90,10 +91,11 @@ def _judge_stiffness(row: Strength, allowed_m: float) -> Check:
 
 
 def tolerance(task: Task) -> float:
-    """Return the least tolerance of a task's goals that is a length, metres."""
+    """Return the least tolerance of a task's goals that is a length, in the size of the arm itself, metres."""
     scene = task.scene(0)
     lengths = []
     for goal in reaches(task.goals):
         lengths += [part.tolerance_m(scene) for part in goal.parts]
 
-    return min((length for length in lengths if length > 0), default=TOLERANCE_M)
+    least = min((length for length in lengths if length > 0), default=TOLERANCE_M)
+    return to_life(task.robot).length * least

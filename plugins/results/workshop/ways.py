@@ -8,7 +8,7 @@ import numpy as np
 from omegaconf import DictConfig
 
 from core.geometry import Array
-from core.interfaces import Motion, Recording, Task
+from core.interfaces import Motion, Recording, Robot
 from core.robot.kinematics import arm_of
 from core.solids.self_collision import DEEP_M
 from plugins.results.workshop.clearance import HZ, clearance
@@ -23,11 +23,11 @@ SLOW = 0.2
 """Of the speed: the first run on the arm."""
 
 
-def sample_moves(cfg: DictConfig, task: Task, planned: Motion) -> dict[str, Sampled]:
+def sample_moves(cfg: DictConfig, robot: Robot, planned: Motion) -> dict[str, Sampled]:
     """Sample the motion, as it is asked for and slowly, with the ways to its start and back from its end."""
-    arm = arm_of(task.robot)
+    arm = arm_of(robot)
     motion = sample(planned.trajectory, arm, cfg.rate_hz, cfg.speed)
-    start = np.array(list(cfg.start) or task.robot.home, dtype=np.float64)
+    start = np.array(list(cfg.start) or robot.home, dtype=np.float64)
     first = motion.positions[0]
     last = motion.positions[-1]
     opening = motion.fingers.tolist()
@@ -43,20 +43,20 @@ def sample_moves(cfg: DictConfig, task: Task, planned: Motion) -> dict[str, Samp
 
 
 def sample_before(
-    cfg: DictConfig, task: Task, planned: Motion, contact_s: float
+    cfg: DictConfig, robot: Robot, planned: Motion, contact_s: float
 ) -> dict[str, Sampled]:
     """Sample the motion slowly up to the last rest before contact.
 
     Args:
         cfg: the settings of the command.
-        task: whose robot moves.
+        robot: that moves.
         planned: the motion as it was simulated.
         contact_s: when something is touched first, s of the planned motion.
 
     Returns:
         The motion by the name of its file; nothing where the arm does not rest before.
     """
-    arm = arm_of(task.robot)
+    arm = arm_of(robot)
     before = cut(planned.trajectory, planned.arrivals, contact_s - STEP_S, arm)
     if before is None:
         return {}
@@ -98,7 +98,7 @@ def check_way(export: Export, name: str, instant: int) -> Check:
         states=recording.states.each(still),
     )
     tool = export.printed.tool
-    for row in clearance(export.scene, export.task.robot, tool, moving):
+    for row in clearance(export.scene, export.robot, tool, moving):
         least = -DEEP_M if row.to == "itself" else NEAR_M
         if row.metres < least:
             gap_mm = max(0.0, 1000 * row.metres)

@@ -4,7 +4,7 @@ import pytest
 import trimesh
 from lxml import etree
 
-from core.design import Candidate, Component, Fixture, Tool, ToolJoint
+from core.design import Component, Fixture, Tool, ToolJoint
 from core.geometry import Box, Pose
 from core.interfaces import Task, Waypoints
 from core.robot.kinematics import arm_of
@@ -60,7 +60,7 @@ def test_a_tool_of_any_form_takes_its_meshes_along(tmp_path):
     tool = Tool((head, flap), fixture=Fixture(Tool((head,)), Pose()))
     plan = np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.0]])
     motion = plan_motion(Waypoints(plan), Task.home, arm_of(PANDA))
-    save_files(Candidate(tool, plan), PANDA, motion, tmp_path)
+    save_files(tool, PANDA, motion, tmp_path)
     for name in ("tool.urdf", "robot.urdf"):
         robot = etree.parse(tmp_path / name)
         files = {mesh.get("filename") for mesh in robot.iter("mesh")}

@@ -41,6 +41,7 @@ PAYLOAD = {
     "inertia_kg_m2": np.eye(3).tolist(),
 }
 UPRIGHT = [1.0, 0.0, 0.0, 0.0]
+PUSH_N = 20.0
 TOUCH_Z = TOP + 0.2 + 0.004  # the block is 4 mm higher than the plan takes it to be
 
 
@@ -69,7 +70,7 @@ class Exact:
         for time, joints in rows:
             force = np.zeros(3)
             if self.arm.forward(joints).position[2] < TOUCH_Z:
-                force[2] = 20.0
+                force[2] = PUSH_N
             if move.has_fired(time, joints, force):
                 stopped = Stopped(joints, time)
                 break

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from core.plugins import installed
+from plugins.results.workshop.stage import Stage
 from plugins.results.workshop.strength import Strength
 from plugins.results.workshop.tolerance import (
     bend_tool,
@@ -48,7 +49,7 @@ def test_what_fits_too_closely_or_bends_into_things_is_red(tmp_path):
     aside = np.roll(np.array(row.moved) * 0.06 / row.bend_m, 1)
     soft = replace(row, bend_m=0.06, moved=tuple(aside))
     where = condition(found.task, installed().create("sim", "mujoco"))
-    named = replace(where, engine="mujoco")
-    checks = check_tolerance(replace(found, strengths=[soft]), named, 0.08)
+    stage = Stage({"mujoco": where}, found.scene)
+    checks = check_tolerance(replace(found, strengths=[soft]), stage, 0.08)
     assert [check.passed for check in checks][:2] == [False, False]
     assert "bends it by 60.0 mm, into" in checks[1].found
