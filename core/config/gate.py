@@ -20,6 +20,7 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from core.config.compose import explain
+from core.config.own_copies import use_copies
 from core.config.remembered import is_remembered, remember
 from core.config.schemas import RunConfig
 from core.config.trust import refuse_key_words
@@ -49,7 +50,8 @@ def take_stored(
 ) -> tuple[dict[str, Any], list[str]]:
     """Return a stored configuration as it may be used, and the words of the command line that are left.
 
-    A word that repeats what is stored, or types again what has to be, is in the configuration then, and not left.
+    A word that repeats what is stored, or types again what has to be, is in the configuration then, and not left. The
+    files that a run was begun with are its own copies, if it has some (`core.config.own_copies`).
 
     Args:
         config: of a run's folder or a library, see `core.config.trust.as_stored`.
@@ -78,7 +80,8 @@ def take_stored(
             f"address: if you trust that, type it again: {mend}"
         )
 
-    return _retype(config, words or (), outside, kinds)
+    used, left = _retype(config, words or (), outside, kinds)
+    return use_copies(used, where, given), left
 
 
 def find_strange(config: Config, kinds: Collection[str] | None = None) -> list[Found]:

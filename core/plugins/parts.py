@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, Generic
 
 from pydantic import FiniteFloat
@@ -14,6 +15,7 @@ from core.geometry import Pose
 from core.interfaces import Robot
 from core.plugins.kinds import KINDS
 from core.plugins.registry import installed
+from core.support.files import noting_reads
 from core.support.inputs import check
 from core.support.progress_display import busy
 from core.values.materials import PAPER, Material
@@ -72,8 +74,13 @@ class PluginPart(Generic[T_co]):
 
     def shared(self) -> T_co:
         """Return the part, which a process makes once; so what is computed from a robot is found again."""
-        part: T_co = _shared(self)
+        part: T_co = _shared(self)[0]
         return part
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files of others that were read to make the part, but for its robot."""
+        return _shared(self)[1]
 
     def declared(self, name: str, default: Any) -> Any:
         """Return an attribute of the part's class, without making the part."""
@@ -81,5 +88,12 @@ class PluginPart(Generic[T_co]):
 
 
 @lru_cache(maxsize=256)
-def _shared(part: PluginPart) -> Any:
-    return part.create()
+def _shared(part: PluginPart) -> tuple[Any, tuple[Path, ...]]:
+    """Make a part, and note what was read for it."""
+    if part.robot is not None:
+        part.robot.shared()
+
+    with noting_reads() as files:
+        made = part.create()
+
+    return made, tuple(files)

@@ -10,6 +10,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from core.config.gate import note_typed, take_stored
+from core.config.own_copies import keep_inputs
 from core.config.resume import changed, refuse_other_run
 from core.errors import RAISED, UserError, fault
 from core.events import INTERRUPTED, Result
@@ -82,7 +83,9 @@ def run(
     """
     search = build_search(cfg, folder, store.past.replies if store is not None else {})
     # From here on the folder is this run's.
-    store = store or RunStore.create(folder, search.run.config)
+    if store is None:
+        store = RunStore.create(folder, search.run.config)
+        keep_inputs(folder, cfg)
     note_typed(search.run.config)
     # Registered last it is called first, and what it raises ends the run: no reply and no evaluation may be lost.
     for listener in listeners:

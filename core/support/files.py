@@ -7,12 +7,15 @@ import secrets
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 
 from core.errors import UserError
 
 MOST_TEXT = 20_000_000
 """Bytes of a text, unless its reader sets another limit: a designs file of a thousand tools has 5 MB."""
+
+_NOTED: ContextVar[list[Path] | None] = ContextVar("noted", default=None)
 
 FileMark = tuple[int, ...]
 """Numbers of which at least one changes when a file is changed or replaced. The first is its size, bytes."""
@@ -98,6 +101,25 @@ def unwritable(folder: Path, why: object) -> UserError:
 
 
 @contextmanager
+def noting_reads() -> Iterator[list[Path]]:
+    """Note which files of others are read in the block, in order; those of a block within it are its own."""
+    noted: list[Path] = []
+    token = _NOTED.set(noted)
+    try:
+        yield noted
+    finally:
+        _NOTED.reset(token)
+
+
+def note_read(file: Path) -> None:
+    """Note that a file is read, where `read_untrusted` does not read it itself."""
+    noted = _NOTED.get()
+    file = Path(os.path.normpath(file.absolute()))
+    if noted is not None and file not in noted:
+        noted.append(file)
+
+
+@contextmanager
 def writing(folder: Path) -> Iterator[None]:
     """Turn errors of the disk into one line that says why a folder can't be written.
 
@@ -145,4 +167,5 @@ def read_untrusted(
             f"{name} has {size / 1e6:.1f} MB; at most {most / 1e6:g} MB are read"
         )
 
+    note_read(file)
     return data

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 from core.errors import UserError
 from core.imports.documents import MAX_BYTES, read_root
 from core.imports.urdf import read_urdf
 from core.support.cli import expand
-from core.support.files import read_untrusted
+from core.support.files import note_read, read_untrusted
 from core.values.descriptions import Description
 from plugins.robots.arm_settings import ArmSettings
 
@@ -36,6 +37,7 @@ def read_arm(chosen: ArmSettings) -> tuple[Description, list[str]]:
         if root.tag == "mujoco":
             from plugins.robots.mjcf import SPEED, read_mjcf_arm  # imports MuJoCo
 
+            _note_assets(root, path.parent)
             description, notes = read_mjcf_arm(path, without)
             if chosen.velocity is None:
                 notes.append(
@@ -47,6 +49,20 @@ def read_arm(chosen: ArmSettings) -> tuple[Description, list[str]]:
         return read_urdf(root, path, without, may_lack=chosen.collision == "file")
     except UserError as error:
         raise type(error)(f"{path}: {error}") from error
+
+
+def _note_assets(root: Element, folder: Path) -> None:
+    """Note the files that an MJCF file names, which MuJoCo reads."""
+    folders = [folder]
+    for compiler in root.iter("compiler"):
+        for key in ("meshdir", "assetdir", "texturedir"):
+            folders.append(folder / compiler.get(key, ""))
+
+    for element in root.iter():
+        for there in folders:
+            file = there / element.get("file", "")
+            if file.is_file():
+                note_read(file)
 
 
 def list_arms(folder: Path) -> str:

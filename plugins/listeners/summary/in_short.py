@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from core.interfaces import Evaluation
 
 LONGEST = 60  # letters of a tool's name
-REMARK = 600  # letters of what a plugin says
+REMARK = 2000  # letters of what a plugin says, with the words to type at its end
 
 
 def tell_in_short(run: Run, result: Result) -> Iterator[str]:
