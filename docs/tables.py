@@ -32,7 +32,7 @@ def shape_table() -> str:
 
 
 def goal_tables() -> str:
-    """Write the kinds of goals with their fields, those that all to reach have, and their keys in scene files."""
+    """Write the kinds of goals with their fields, those that all to reach have, and what scene files have more."""
     reaches = [kind for kind in goals.KINDS if issubclass(kind, Reach)]
     limits = [kind for kind in goals.KINDS if issubclass(kind, Limit)]
     shared = [(f"`{field.name}`", *_describe(Reach, field)) for field in fields(Reach)]
@@ -41,19 +41,23 @@ def goal_tables() -> str:
             "## Kinds\n",
             write_table(("to reach", "fields"), map(_kind_row, reaches)),
             write_table(("limit", "fields"), map(_kind_row, limits)),
-            "## Reach\n\nAll that is to be reached has these fields, too.\n",
+            "## Reach\n\nEvery kind to reach also has these fields.\n",
             write_table(("field", "default", ""), shared),
-            "## Keys\n\nAn entry of a scene file's `goals` has these keys.\n",
+            "## Keys\n\nIn a scene file the fields above are keys of an entry in `goals`. It has these keys, too.\n",
             write_table(("key", ""), _key_rows()),
         )
     )
 
 
 def _key_rows() -> Iterator[tuple[str, str]]:
-    """Yield a row for each key of a scene file's goals; kinds may say it in several ways."""
+    """Yield a row for each key of a scene file's goals that is no field of its kind."""
     meanings: dict[str, list[str]] = {}
     for kind in (Reach, *goals.KINDS):
+        own = {field.name for field in fields(kind)}
         for key, said in kind.keys.items():
+            if key in own:
+                continue
+
             known = meanings.setdefault(key, [])
             if said.means not in known:
                 known.append(said.means)

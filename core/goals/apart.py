@@ -21,11 +21,11 @@ FAR_M = 0.3  # plans aim by a tenth of it within a span of distances
 
 @dataclass(frozen=True, kw_only=True)
 class Apart(Reach):
-    """Bodies each of which must end so far from the nearest other of them; or two nodes of soft ones from each other.
+    """Bodies that must each end at a distance from the nearest other one; or two nodes of soft bodies.
 
     Attributes:
         apart: a `Span` of the distance between their middles, m.
-        nodes: the two nodes of each soft body, where its own length is meant; empty: the bodies' distance.
+        nodes: two nodes of each soft body, whose distance counts instead; empty: the distance between bodies.
 
     Raises:
         ValueError: there is one body alone, or the nodes are not two.

@@ -19,13 +19,13 @@ from core.values.states import State
 
 @dataclass(frozen=True, kw_only=True)
 class Away(Reach):
-    """Bodies that must end so far ``away`` from where they start, m, in any direction.
+    """Bodies that must end at least ``away`` m from where they start, in any direction.
 
     A lid that must end 0.1 m from its jar: ``Away(("lid",), away=0.1, at="jar")``.
 
     Attributes:
-        at: the body or mark that they get away from, by which a program may plan; the way counts from their start.
-        node: of soft bodies, the node that counts, from 0; None: the middle.
+        at: the body or mark that they leave, as a hint to planners; the distance counts from their start.
+        node: of soft bodies, the number of the node that counts; None: the centre of mass.
     """
 
     away: float

@@ -21,7 +21,7 @@ from core.values.states import State
 
 @dataclass(frozen=True, kw_only=True)
 class Broken(Reach):
-    """Bodies and bonds that must break: ``broken`` has their names, as in ``Broken(broken=("egg",))``.
+    """Bodies and bonds that must break: ``broken`` names them, as in ``Broken(broken=("egg",))``.
 
     A thing is broken from the first step of the engine in which the force on it is more than its ``breaks_n``, for
     good. Until then less than half is earned, by the largest force so far. A look can't see it: it never counts as

@@ -23,7 +23,7 @@ from core.values.states import State
 
 @dataclass(frozen=True, kw_only=True)
 class Facing(Reach):
-    """Bodies whose ``axis`` (3,), in their frames, must end pointing at another body or mark; it is x if left out.
+    """Bodies whose ``axis`` (3,) in their own frame, by default x, must end pointing at another body or mark.
 
     A lamp whose x axis must point at a book, wherever both end: ``Facing(("lamp",), facing="book")``.
 

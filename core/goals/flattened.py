@@ -15,7 +15,7 @@ from core.values.states import State
 
 @dataclass(frozen=True, kw_only=True)
 class Flattened(Reach):
-    """Soft bodies that must end at most ``max_height_m`` high, from their lowest node to their highest."""
+    """Soft bodies that must end at most ``max_height_m`` high, from their lowest to their highest node."""
 
     max_height_m: float
 

@@ -23,16 +23,16 @@ EMPTY = Space()
 
 @dataclass(frozen=True, kw_only=True)
 class Inside(Reach):
-    """Bodies whose middles must end in the hollow of a body, or in the space of a mark; soft ones with all their nodes.
+    """Bodies whose middles must end in the hollow of a body or the space of a mark; of soft bodies, all nodes.
 
     On the way less than half is earned, by how long the way in still is: off the opening, above it, and through it. A
     body that lies at the foot of a bottle has to get up to its neck.
 
     Attributes:
         inside: the name of the body or mark.
-        space: its hollow or space, in its frame; it moves with it. A scene file's are found where it is read.
+        space: the hollow or space, in the frame of that body, with which it moves. A scene file finds it by itself.
         feet: by body, how far its frame is above its lowest point at the start, m.
-        down: where gravity draws, (3,) in the world.
+        down: the direction of gravity, (3,) in the world.
     """
 
     inside: str

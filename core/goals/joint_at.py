@@ -31,8 +31,8 @@ class JointAt(Reach):
 
     Attributes:
         to: the position, or a `Span` of it.
-        tolerance: how far off a position still counts as there; to a span nothing is added.
-        relative: whether it counts from where the joint starts.
+        tolerance: how far off still counts as there, m or rad; a span has none.
+        relative: whether the position counts from where the joint starts.
     """
 
     joint: str

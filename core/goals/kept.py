@@ -30,15 +30,15 @@ THROUGHOUT = "throughout"
 
 @dataclass(frozen=True)
 class Kept(Limit):
-    """Bodies to leave in place, as in ``Kept(("glass",), kept_m=0.01)``.
+    """Bodies that must stay in place, as in ``Kept(("glass",), kept_m=0.01)``.
 
     Attributes:
         keep: their names.
-        kept_m: how far each may move, m. Beyond it less is earned, and nothing where one moved five times as far.
-        throughout: whether the farthest place and turn count; else those at the end.
-        kept_deg: how far each may turn, degrees; likewise.
-        balls: those of them whose turn can't be seen.
-        rounds: those of which only the turn of their axis can be seen.
+        kept_m: how far each may move, m. The reward falls beyond that, to nothing at five times as far.
+        throughout: whether the farthest place and turn of the whole motion count, or only those at the end.
+        kept_deg: how far each may turn, degrees, likewise.
+        balls: bodies whose turn can't be seen.
+        rounds: bodies of which only the turn of the axis can be seen.
     """
 
     keep: tuple[str, ...]

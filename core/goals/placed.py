@@ -30,7 +30,7 @@ ROUNDING_M = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class Placed(Reach):
-    """Bodies that must end at a place: the distance to it counts.
+    """Bodies that must end at a place; the distance to it counts.
 
     A plug that must end 1 cm above the frame of its socket, wherever that stands::
 
@@ -41,13 +41,13 @@ class Placed(Reach):
         Placed(("lamp",), place=(None, None, Span(low=0.1)), relative=True)
 
     Attributes:
-        place: where, (x, y, z) in metres; None: a coordinate is free.
-        places: instead of a place, one for each of the bodies.
-        at: the body or mark in whose frame, as it stands in the layout, the place is; None: in the world. If it may be
-            turned, give both x and y or neither.
+        place: (x, y, z) in metres; None leaves a coordinate free.
+        places: instead of ``place``, one for each body.
+        at: the body or mark whose frame in the layout the place refers to; None: the world. If it may be turned, give
+            both x and y or neither.
         relative: whether the place counts from where each body starts, along the axes of that frame.
-        tolerance: how far off still counts as there, m; of a span nothing is added.
-        node: of soft bodies, the number of the node whose place counts; None: the centre of mass.
+        tolerance: how far off still counts as there, m; a span has none.
+        node: of soft bodies, the number of the node that counts; None: the centre of mass.
 
     Raises:
         ValueError: there is neither a place, nor one for each body.

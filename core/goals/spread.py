@@ -15,7 +15,7 @@ from core.values.states import State
 
 @dataclass(frozen=True, kw_only=True)
 class Spread(Reach):
-    """Soft bodies each of which must cover at least ``min_area_m2`` at the end, as seen from above."""
+    """Soft bodies that must each cover at least ``min_area_m2`` at the end, seen from above."""
 
     min_area_m2: float
 

@@ -24,19 +24,19 @@ class Terms(Goal):
     """How many bodies must get where a goal wants them, how and when; see `core.goals.Reach`.
 
     Attributes:
-        bodies: their names.
+        bodies: their names; in a scene file also patterns, such as "grain*".
         any: whether one of the bodies is enough.
-        enough: how many of them are, a whole number, or which share of them, up to 1.0; None: all are wanted.
-        also: what else must hold of the same bodies at once; their names need not be repeated there.
-        rest: they must end at rest, and have been so for 0.3 s, if there is a trace.
-        held: the robot alone must bear them at the end: it reaches them, and nothing fixed does, see below.
-        released: the robot must not reach them at the end, by touch or through what is loose.
-        stands_on: the body that must bear them at the end, whatever else touches them; None: that is free.
-        by_s: how long the motion may take until the goal is fulfilled, s.
-        ever: whether it is enough to fulfil it at some time; else it must be fulfilled at the end.
-        after: the ``name``, or the number from 0, of a goal that must be fulfilled before this one is.
-        weight: how much it counts where all goals do.
-        name: see ``after``.
+        enough: how many bodies are enough, a whole number such as 3, or a share such as 0.8 or 1.0; None: all of them.
+        also: further goals that the same bodies must meet at once, without their names.
+        rest: whether they must end at rest, and with a trace have rested for 0.3 s.
+        held: whether the robot alone must bear them at the end.
+        released: whether the robot must have let go of them at the end.
+        stands_on: the body that must bear them at the end; None: any.
+        by_s: the time by which the goal must be met, s from the start of the motion.
+        ever: whether meeting the goal at any time is enough; otherwise it must be met at the end.
+        after: the ``name`` or number (from 0) of a goal that must be met before this one.
+        weight: how much the goal counts if all goals do.
+        name: what other goals and reports call it.
         of_bodies: whether the kind is about ``bodies``; else other fields say what it is about.
     """
 
@@ -89,7 +89,7 @@ class Terms(Goal):
         "name": Key(str, "By which other goals and reports call it"),
         "throughout": Key(
             bool,
-            "Whether it must hold all the time, from before the robot moves; of what holds only later leave it out",
+            "Whether it must hold all the time, also before the robot moves; leave it out if it holds only later",
         ),
     }
     names: ClassVar = {"bodies": FREE_BODY, "stands_on": SOLID_BODY}

@@ -18,10 +18,10 @@ from core.values.margins import Margin
 
 @dataclass(frozen=True)
 class Throughout(Limit):
-    """What must hold all the time, from the start on.
+    """A goal that must hold all the time, from the start on.
 
     Attributes:
-        what: a goal to reach. Its least progress over time is left of the reward: 0 where it was lost.
+        what: a goal to reach. The reward keeps its least progress over time, which is 0 once it was lost.
     """
 
     what: Reach

@@ -30,17 +30,17 @@ ALONG = 1e-3  # of a vector across a pole: it is along it
 
 @dataclass(frozen=True, kw_only=True)
 class Turned(Reach):
-    """Bodies whose ``axis`` (3,), in their frames, must end along ``points`` (3,); each is z if left out.
+    """Bodies whose ``axis`` (3,) in their own frame must end along ``points`` (3,); both default to z.
 
     A cup that must stand upright is ``Turned(("cup",), axis=(0.0, 0.0, 1.0))``, and one that must lie down::
 
         Turned(("cup",), angle_deg=Span(low=60.0))
 
     Attributes:
-        points: in the world, or in the frame of what it is ``at``.
-        at: the body or mark in whose frame, as it stands in the layout, ``points`` is; None: in the world.
+        points: in the world, or in the frame of ``at``.
+        at: the body or mark whose frame in the layout ``points`` refers to; None: the world.
         tolerance_deg: how far the axis may be off, degrees.
-        angle_deg: instead of a tolerance, a `Span` of the angle between the two, degrees from 0 to 180.
+        angle_deg: instead of a tolerance, a `Span` of the angle between the two, 0 to 180 degrees.
 
     Raises:
         ValueError: one of the two has no length.

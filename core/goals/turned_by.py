@@ -27,7 +27,7 @@ LEAST_OFF_DEG = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class TurnedBy(Reach):
-    """Bodies that must end turned from their start by ``turned_deg``, a `Span` in degrees, about whatever axis."""
+    """Bodies that must end turned from their start by ``turned_deg``, a `Span` in degrees, about any axis."""
 
     turned_deg: Span
 

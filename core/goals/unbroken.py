@@ -21,7 +21,7 @@ from core.values.margins import Margin
 
 @dataclass(frozen=True)
 class Unbroken(Limit):
-    """Bodies and bonds that must not break, whatever presses or pulls them: ``unbroken`` has their names."""
+    """Bodies and bonds that must not break, whatever loads them: ``unbroken`` names them."""
 
     unbroken: tuple[str, ...]
 

@@ -31,10 +31,10 @@ class Untouched(Limit):
 
     Attributes:
         untouched: their names.
-        max_force_n: how hard each may be pressed at any instant, N; 0: it must not be touched. The peak over the
-            engine's steps counts, so that a blow does.
-        mean: whether what a slow scale reads counts instead, the mean over an instant of the trace.
-        by: the bodies that must not touch them; empty: the robot must not.
+        max_force_n: the most force on each at any instant, N; 0: no touch. The peak over the engine's steps counts, so
+            blows count in full.
+        mean: whether the mean over an instant of the trace counts instead, as a slow scale would read it.
+        by: the bodies that must not touch them; empty: the robot.
     """
 
     untouched: tuple[str, ...]
