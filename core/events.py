@@ -40,7 +40,7 @@ class Run:
 class Generation:
     """One generation: its number, 0 for the first, and its evaluations in the order of `Candidate.key`.
 
-    ``tie`` is the difference between rewards that counts as none (`core.trial.ranked`).
+    ``tie`` is the difference between rewards that counts as none (`core.trial.best_first`).
     """
 
     index: int

@@ -414,8 +414,8 @@ class EvolutionStrategy(ABC):
 
     learns: bool = True  # requests may show what earlier generations earned
     refines: ClassVar[bool] = False  # `evolution.refine` puts it around another one
-    # Rewards this close to the best count as equal, and the lower cost goes first (`core.trial.ranked`). The program
-    # sets it: a run chooses its winner by it, and a strategy may choose its elites by it.
+    # Rewards this close to the best count as equal (`core.trial.best_first`). The program sets it: a run chooses its
+    # winner by it, and a strategy may choose its elites by it.
     tie: float = TIE
 
     def __init__(self, designer: Designer, budget: Budget) -> None:
@@ -460,7 +460,7 @@ class Fitness(ABC):
 
     races: bool = False  # its score is the mean reward of the layouts, in the engine where that is the lowest
     finals_check: bool = False  # its `finals` check the winner: they choose no elites, and nearly as much is enough
-    tie_by: str = "distance_m"  # the figure that decides between those that earn alike; the program sets it
+    tie_by: str = "room"  # decides between those that earn alike: room and then way, or a figure; the program sets it
 
     @abstractmethod
     def conditions(self) -> Sequence[Condition]:
@@ -477,8 +477,9 @@ class Fitness(ABC):
         """Yield further layouts, perhaps without end, of each the conditions in all engines.
 
         They decide between candidates that earn alike. For how long are the search's settings (`Budget.final_s`,
-        `Budget.elite_s`). Without any the distance decides. Where they only check (`finals_check`), a reward that is a
-        share `HOLDS` of the search's highest loses nothing, and the distance decides between those that lose nothing.
+        `Budget.elite_s`). Where they only check (`finals_check`), a reward that is a share `HOLDS` of the search's
+        highest loses nothing. Between those that lose as much `core.trial.WHAT_DECIDES` decides, as it does without any
+        further layouts.
         """
         return iter(())
 

@@ -278,7 +278,7 @@ def margins_of(
 ) -> tuple[Margin, ...]:
     """Return a task's margins in one world, the least first.
 
-    Where the reward says success, what goals call failed is no limit of the task. Where no goal has a limit, what the
+    Where the reward says success, what goals call failed is no limit of the task. Where no margin is left, what the
     reward exceeds success by is the margin.
     """
     own = type(task).margins is not Task.margins
@@ -287,13 +287,12 @@ def margins_of(
     except (AttributeError, KeyError, ValueError):
         if own:
             raise
-        return ()  # goals that don't fit the scene cost the margins, not the rollout
+        margins = ()  # goals that don't fit the scene cost the margins, not the rollout
 
-    if not (margins or own) and task.success_reward < 1:
-        far = 1 - task.success_reward
-        return least_first(
-            [Margin.at_least("reward", reward, task.success_reward, "", far)]
-        )
+    if task.is_paid(reward):
+        margins = tuple(margin for margin in margins if margin.is_kept)
+    if margins or own or task.success_reward == 1:
+        return margins
 
-    paid = task.is_paid(reward)
-    return tuple(margin for margin in margins if margin.is_kept or not paid)
+    far = 1 - task.success_reward
+    return (Margin.at_least("reward", reward, task.success_reward, "", far),)

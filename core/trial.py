@@ -25,7 +25,10 @@ from core.values.observations import Observation
 from core.values.torques import TorqueShare, find_hardest
 
 TIE = 0.005
-"""The default of ``evolution.tie``, see `ranked`."""
+"""The default of ``evolution.tie``, see `best_first`."""
+
+ROOM_TIE = 0.02
+"""Shares of room that differ by no more count as equal."""
 
 NOTHING = 0.0005
 """A reward below it is shown as 0.000, and has its cause said as one of 0 has."""
@@ -249,7 +252,8 @@ class Score:
         shown: the number of the trial that stands for all.
         warnings: what is to be said beside the warnings of the trial that is shown.
         reason: why the reward is less than the trials earned; or empty.
-        cost: what decides between those that earn alike: less is better; None: the distance.
+        cost: the figure that the user named to decide between those that earn alike, less is better; None: room and
+            distance do.
     """
 
     reward: float
@@ -402,8 +406,22 @@ class Evaluation:
 
     @property
     def cost(self) -> float:
-        """What decides between those that earn alike: less is better, and nan is the worst."""
+        """What decides at last between those that earn alike: less is better, and nan is the worst."""
         return self.distance_m if self.score.cost is None else self.score.cost
+
+    @property
+    def room(self) -> float:
+        """How much room it leaves to the limit that it came nearest to, -1..1, as far as that decides.
+
+        What earns nothing for a reason of its own, such as solids that passed through each other, leaves none at all.
+        """
+        if self.score.cost is not None:
+            return 0.0
+
+        least = self.least_margin
+        if self.reason or least is None:
+            return -1.0 if self.reason else 0.0
+        return least.margin
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -554,76 +572,84 @@ def count_rollouts(candidate: str, trials: Iterable[Trial]) -> int:
     )
 
 
-def ranked(
-    items: Iterable[T],
-    figures: Callable[[T], tuple[float, float | None]],
-    tie: float = TIE,
-    is_done: Callable[[T], bool] = lambda item: True,
-) -> list[T]:
-    """Sort items by reward and cost, the best first.
+class Criterion(NamedTuple):
+    """A step of the order in which designs are ranked.
 
-    Rewards within ``tie`` of the highest count as equal: of these items what is done goes first, then the one with the
-    lower cost, then the one with the higher reward. The items that are left are sorted by the same rule, and so on.
-    Items with the same figures keep their order.
-
-    Args:
-        items: what is sorted.
-        figures: gives an item's reward and cost, such as its distance in metres; a cost of None or nan is the highest.
-        tie: the largest difference from the highest reward that counts as none.
-        is_done: says of an item whether it is.
+    Attributes:
+        value: of a design; more is better, and nan is the least.
+        words: what the better one has, for prompts and messages; empty: prompts say it elsewhere.
+        tie: values within it of the highest count as equal.
     """
-    places = []
+
+    value: Callable[[Evaluation], float]
+    words: str = ""
+    tie: float = 0.0
+
+
+def rank(
+    evaluations: Iterable[Evaluation], criteria: Sequence[Criterion]
+) -> list[Evaluation]:
+    """Sort designs by one criterion after the other, the best first.
+
+    What is within a criterion's tie of the highest counts as equal, and the next criterion decides there. What is left
+    is sorted by the same rule, and so on. Designs that are equal in all keep their order.
+    """
+    if not criteria:
+        return list(evaluations)
+
+    criterion, *further = criteria
+    valued = [(criterion.value(e), e) for e in evaluations]
+    known = [(-np.inf if np.isnan(value) else value, e) for value, e in valued]
+    known.sort(key=lambda pair: -pair[0])
+
+    groups: list[list[Evaluation]] = []
     highest = np.inf
+    for value, evaluation in known:
+        if not groups or value < highest - criterion.tie:
+            groups.append([])
+            highest = value
+        groups[-1].append(evaluation)
 
-    for item in sorted(items, key=lambda item: figures(item)[0], reverse=True):
-        reward, cost = figures(item)
-        if highest - reward > tie:
-            highest = reward  # what is within a tie of it counts as equal
-        if cost is None or np.isnan(cost):
-            cost = np.inf
-        places.append((-highest, not is_done(item), cost, item))
+    return list(chain.from_iterable(rank(group, further) for group in groups))
 
-    places.sort(key=lambda place: place[:3])
 
-    return [item for *_, item in places]
+WHAT_DECIDES = (
+    Criterion(lambda design: float(design.solved)),
+    Criterion(lambda design: design.room, "the most room to its limits", ROOM_TIE),
+    Criterion(lambda design: -design.cost, "the shortest way"),
+)
+"""What decides between designs that earn alike, in this order; all who choose between designs ask `best_first`.
+
+A figure that the user names (``fitness.tie_by``) decides in place of room and way.
+"""
+
+
+BY_REWARD = (Criterion(lambda design: design.reward), *WHAT_DECIDES)
+"""The order of designs of which none was tried in further layouts, without ties of rewards."""
 
 
 def best_first(evaluations: Iterable[Evaluation], tie: float = TIE) -> list[Evaluation]:
-    """Sort the evaluations with status ``ok``, the best first (`ranked`), at last by `Candidate.key`.
+    """Sort the evaluations with status ``ok``, the best first: by reward, then by `WHAT_DECIDES`.
 
-    Of those that earn alike what solved the task goes first.
+    Where some were tried in further layouts, what each earns in another one at least counts (`Evaluation.assured`), and
+    then its mean. Designs that are equal in all are sorted by `Candidate.key`.
 
-    Where some were tried in further layouts, what each earns in another one at least counts (`Evaluation.assured`).
-    Those alike have mean rewards within the tie, too.
+    Args:
+        evaluations: of any candidates.
+        tie: the largest difference from the highest reward that counts as none.
     """
     tried = [evaluation for evaluation in evaluations if evaluation.status == "ok"]
     tried.sort(key=lambda evaluation: evaluation.candidate.key)
     raced = any(evaluation.finals.count for evaluation in tried)
 
-    if not raced:
-        return ranked(tried, lambda e: (e.reward, e.cost), tie, _is_solved)
+    earned = [Criterion(lambda design: design.reward, tie=tie)]
+    if raced:
+        earned = [
+            Criterion(lambda design: design.assured, tie=tie),
+            Criterion(lambda design: design.mean, tie=tie),
+        ]
 
-    groups: list[list[Evaluation]] = []
-    for evaluation in sorted(tried, key=lambda e: (-e.assured, -e.mean)):
-        if groups and _are_alike(groups[-1][0], evaluation, tie):
-            groups[-1].append(evaluation)
-        else:
-            groups.append([evaluation])
-
-    alike_first = [
-        ranked(group, lambda e: (0.0, e.cost), is_done=_is_solved) for group in groups
-    ]
-    return list(chain.from_iterable(alike_first))
-
-
-def _is_solved(evaluation: Evaluation) -> bool:
-    return evaluation.solved
-
-
-def _are_alike(best: Evaluation, other: Evaluation, tie: float) -> bool:
-    """Report whether another one assures and earns as much as the best."""
-    least = best.assured - other.assured
-    return least <= tie and abs(best.mean - other.mean) <= tie
+    return rank(tried, (*earned, *WHAT_DECIDES))
 
 
 def best_tools(ranking: Iterable[Evaluation]) -> list[Evaluation]:

@@ -3,7 +3,17 @@ import numpy as np
 from core.geometry import Array
 from core.goals import Placed
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Pose, Scene, State, floor
+from core.scene import (
+    Body,
+    Box,
+    Camera,
+    Margin,
+    Pose,
+    Scene,
+    State,
+    Trace,
+    floor,
+)
 from core.values.layouts import around, within
 from tasks.assets import board, open_box
 from tasks.rewards import progress
@@ -120,6 +130,17 @@ class HighObject(Task):
             walls,
         )
         return Scene((floor(0.0), shelf(height), the_bin, cube))
+
+    def margins(
+        self, start: State, end: State, trace: Trace | None = None
+    ) -> list[Margin]:
+        center = start.position("bin") + np.array([0.0, 0.0, BIN_CENTER[2]])
+        offset = np.abs(end.position("cube") - center)
+        limits = BIN_LENGTH / 2 - BIN_WALL, BIN_WIDTH / 2 - BIN_WALL, BIN_HEIGHT / 2
+        return [
+            Margin.at_most(f"cube off the bin's middle, along {axis}", off, most, "m")
+            for axis, off, most in zip("xyz", offset, limits, strict=True)
+        ]
 
     def reward(self, start: State, end: State) -> Array:
         """1 in the bin; otherwise the fraction of the way to its centre (sum of absolute differences), plus 0.2 for a

@@ -13,9 +13,11 @@ from core.scene import (
     Color,
     Cylinder,
     Geom,
+    Margin,
     Mesh,
     Scene,
     State,
+    Trace,
     floor,
 )
 from core.values.layouts import around, within
@@ -167,6 +169,15 @@ class ScoreGoal(Task):
         )
         place = draw.pose("goal", (CENTER_X, CENTER_Y, 0.0))
         return Scene((floor(0.0, ICE), replace(hockey_goal(), pose=place), puck))
+
+    def margins(
+        self, start: State, end: State, trace: Trace | None = None
+    ) -> list[Margin]:
+        x, y, _ = np.abs(end.position("puck") - start.position("goal"))
+        return [
+            Margin.at_most("puck off the goal's middle, along x", x, DEPTH / 2, "m"),
+            Margin.at_most("puck off the goal's middle, along y", y, WIDTH / 2, "m"),
+        ]
 
     def reward(self, start: State, end: State) -> Array:
         """1 if the puck's centre is inside the goal, otherwise the fraction of its way to the goal's middle."""

@@ -24,8 +24,8 @@ class RunFacts:
         settings: those of the prompts.
         rollout: how plans are executed.
         engine: the name of the one that executes them; empty: any.
-        tie: see `core.trial.ranked`.
-        decides: what decides between designs that earn alike, in words.
+        tie: see `core.trial.best_first`.
+        decides: what decides between designs that earn alike, in words, the first thing first.
         judged: what a design is judged by; empty: the reward of one rollout.
         idea: a person's text, if templates quote it.
         criticised: whether the request is one for a critique.
@@ -35,7 +35,7 @@ class RunFacts:
     rollout: RolloutSettings = field(default_factory=RolloutSettings)
     engine: str = ""
     tie: float = TIE
-    decides: str = "the shortest way"
+    decides: tuple[str, ...] = ("the most room to its limits", "the shortest way")
     judged: str = ""
     idea: str | None = None
     criticised: bool = False

@@ -103,7 +103,7 @@ FITNESS = Kind(
     "fitness_functions",
     Fitness,
     provided=("condition",),
-    defaults={"tie_by": "distance_m"},
+    defaults={"tie_by": "room"},
 )
 EXECUTOR = Kind("executor", "executors", Executor)
 LISTENER: Kind[object] = Kind("listener", "listeners", None)

@@ -40,7 +40,7 @@ from core.robot.kinematics import arm_of
 from core.search.assignment import DEFAULT_KINDS, Assignment, borne_kinds
 from core.search.designer import ModelDesigner
 from core.search.kept_tools import KeptTools
-from core.simulation.measuring import describe_best, figures
+from core.simulation.measuring import describe_order, figures
 from core.solids.standing import find_layout_doubts
 from core.trial import TIE
 
@@ -108,7 +108,7 @@ def build_designer(
         settings,
         cfg.sim.name,
         tie=cfg.evolution.get("tie", TIE),
-        decides=describe_best(fitness.tie_by),
+        decides=describe_order(fitness.tie_by),
         judged=fitness.instructions(),
     )
     prompts = PromptComposer(facts)
@@ -225,8 +225,9 @@ def build_fitness_in(
     condition = Condition(task, part(SIMULATOR, cfg.sim), cfg.seed, settings)
     fitness = part(FITNESS, cfg.fitness).create(condition=condition)
     fitness.tie_by = cfg.fitness.get("tie_by", Fitness.tie_by)
-    if fitness.tie_by not in figures():
-        raise choices("figure", fitness.tie_by, figures(), "fitness.tie_by")
+    known = (Fitness.tie_by, *figures())
+    if fitness.tie_by not in known:
+        raise choices("figure", fitness.tie_by, known, "fitness.tie_by")
 
     return fitness
 

@@ -25,7 +25,15 @@ from core.events import Result
 from core.interfaces import Fitness
 from core.search.trials import Trials, make_score
 from core.support.progress_display import busy
-from core.trial import Condition, Evaluation, Trial, best_first, count_lost
+from core.trial import (
+    WHAT_DECIDES,
+    Condition,
+    Evaluation,
+    Trial,
+    best_first,
+    count_lost,
+    rank,
+)
 from core.values.efforts import HOLDS, Held
 
 WIDTH = 8  # trials in an engine at once
@@ -336,7 +344,7 @@ class Race:
 
 
 def _pick_of_two(leader: Evaluation, other: Evaluation, tie: float) -> Evaluation:
-    """Pick who lost less in the layouts that both were tried in; of those alike the leader.
+    """Pick who lost less in the layouts that both were tried in; of those alike `WHAT_DECIDES` decides.
 
     Args:
         leader: the first of the two in the ranking.
@@ -352,8 +360,7 @@ def _pick_of_two(leader: Evaluation, other: Evaluation, tie: float) -> Evaluatio
         return other
 
     is_alike = abs(lost) <= tie * len(common)
-    cheaper = other.cost < leader.cost
-    return other if is_alike and cheaper else leader
+    return rank([leader, other], WHAT_DECIDES)[0] if is_alike else leader
 
 
 def _find_alike(ranking: Sequence[Evaluation], tie: float) -> list[Evaluation]:

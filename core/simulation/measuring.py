@@ -8,7 +8,7 @@ from typing import cast
 
 from core.interfaces import Fitness, Motion, Outcome, Task
 from core.plugins import installed
-from core.trial import Figure, Trial, mean_figure
+from core.trial import WHAT_DECIDES, Figure, Trial, mean_figure
 
 
 def measure_distance(task: Task, motion: Motion, outcome: Outcome) -> float:
@@ -56,15 +56,19 @@ def figures() -> dict[str, Figure]:
     return BUILT_IN | offered
 
 
-def describe_best(name: str) -> str:
-    """Say which of two designs that earn alike is the better one, by a figure."""
-    if name == Fitness.tie_by:
-        return "the shortest way"
+def describe_order(tie_by: str) -> tuple[str, ...]:
+    """Say what decides between designs that earn alike, the first thing first.
 
-    figure = figures()[name]
+    Args:
+        tie_by: see `core.interfaces.Fitness.tie_by`.
+    """
+    if tie_by == Fitness.tie_by:
+        return tuple(criterion.words for criterion in WHAT_DECIDES if criterion.words)
+
+    figure = figures()[tie_by]
     most = "lowest" if figure.less_is_better else "highest"
     said = figure.words or figure.column
-    return f"the {most} `{name}`" + (f", {said}" if said else "")
+    return (f"the {most} `{tie_by}`" + (f", {said}" if said else ""),)
 
 
 def measure(task: Task, motion: Motion, outcome: Outcome) -> dict[str, float]:

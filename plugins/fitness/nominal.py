@@ -14,7 +14,7 @@ from plugins.fitness.robustness import Perturbation, PerturbationRange
 class Nominal(Fitness):
     """The reward in the run's engine, in the scene as the task has it.
 
-    Of those that earn alike the winner is the one with the shortest way that holds in small changes of the scene.
+    Of those that earn alike and hold in small changes of the scene the first by `core.trial.WHAT_DECIDES` wins.
 
     Args:
         condition: the task, its layout, its engine, and how plans are executed.

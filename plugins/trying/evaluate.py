@@ -94,6 +94,7 @@ def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
     level = installed().factory("level", PromptSettings.told)()
 
     hardest = evaluation.hardest
+    least = evaluation.least_margin
 
     return {
         "design": evaluation.candidate.design,
@@ -106,6 +107,8 @@ def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
         **misses,
         "torque_share": None if hardest is None else hardest.share,
         "torque_joint": None if hardest is None else hardest.joint,
+        "room": None if least is None else least.margin,
+        "least_margin": "" if least is None else str(least),
         "warnings": list(evaluation.warnings),
         **level.report(evaluation, task),
     }
@@ -162,7 +165,7 @@ def show(records: Sequence[Mapping[str, Any]]) -> None:
     That is why one was rejected or earned nothing, warnings, and the rewards in each engine where there are several.
     """
     misses = ("IK miss mm", "lag rad", "torque %")
-    numbers = ("design", "plan", "reward", "distance m", *misses)
+    numbers = ("design", "plan", "reward", "room %", "distance m", *misses)
     print_table((*numbers, "status"), [_row(entry) for entry in records], numbers)
 
     for entry in records:
@@ -170,6 +173,10 @@ def show(records: Sequence[Mapping[str, Any]]) -> None:
         observed = entry.get("observed") or ""
         causes = filter(None, (entry["reason"], *entry["warnings"]))
         remarks = [cause for cause in causes if cause not in observed]
+        least = entry.get("least_margin")
+        if least:
+            remarks.append(f"least margin: {least}")
+
         remarks.append(observed)
         for engine, summary in engines.items():
             rewards = " ".join(number(reward, 3) for reward in summary["rewards"])
@@ -186,6 +193,7 @@ def _row(entry: Mapping[str, Any]) -> tuple[str, ...]:
         str(entry["design"]),
         str(entry["plan"]),
         number(entry["reward"], 3),
+        _format(entry["room"], ".0f", 100),
         _format(entry["distance_m"], ".2f"),
         _format(entry["ik_error_m"], ".0f", 1000),
         _format(entry["tracking_error_rad"], ".3f"),

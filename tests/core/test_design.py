@@ -14,7 +14,7 @@ from core.design import (
     Tool,
 )
 from core.geometry import Box, Pose
-from core.trial import best_first, ranked
+from core.trial import best_first
 from plugins.conformance.evaluations import tried_once
 
 LEFT, RIGHT = GRIPPER_MOUNTS
@@ -154,10 +154,6 @@ def test_rewards_within_the_tie_of_the_best_count_as_equal():
 
 
 def test_of_equal_distances_the_higher_reward_goes_first_and_none_is_the_longest():
-    figures = [(0.5, None), (0.501, 1.0), (0.502, 1.0), (0.503, math.nan)]
-    assert ranked(figures, lambda f: f) == [
-        figures[2],
-        figures[1],
-        figures[3],
-        figures[0],
-    ]
+    figures = [(0.5, math.nan), (0.501, 1.0), (0.502, 1.0), (0.503, math.nan)]
+    found = [ok(*figure, (0, 0, 0, n)) for n, figure in enumerate(figures)]
+    assert best_first(found) == [found[2], found[1], found[3], found[0]]

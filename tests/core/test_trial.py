@@ -11,7 +11,7 @@ from core.design import Candidate, Component, Tool
 from core.geometry import Box, Pose
 from core.interfaces import Condition, Evaluation, Observation, Score, Trial
 from core.plugins import PluginPart
-from core.trial import Where, best_tools, count_rollouts
+from core.trial import Where, best_first, best_tools, count_rollouts
 from core.values.margins import Margin
 from core.values.plans import Waypoints
 from plugins.conformance.evaluations import tried_once
@@ -97,6 +97,45 @@ def test_the_least_margin_is_that_of_all_trials():
         tried(trial(0, margins=(far,)), trial(1, margins=(near, far))).least_margin
         == near
     )
+
+
+def with_room(number, share, reward=1.0, distance_m=1.0, **given):
+    margin = Margin("offset", 1 - share, 1.0, "m", share)
+    made = trial(
+        0,
+        reward,
+        margins=(margin,),
+        measured={"distance_m": distance_m},
+        **({"solved": reward == 1} | given),
+    )
+    candidate = replace(CANDIDATE, agent=number)
+    return Evaluation(candidate, (made,), Score(reward))
+
+
+def test_one_order_says_reward_then_solved_then_room_then_way():
+    short, roomy = with_room(0, 0.02, distance_m=0.883), with_room(1, 0.27)
+    rest = [
+        with_room(2, 0.262, distance_m=0.5),  # no less room that counts, and shorter
+        with_room(3, 1.0, solved=False),
+        with_room(4, 1.0, reward=0.9),
+    ]
+    assert best_first([short, *rest, roomy]) == [rest[0], roomy, short, *rest[1:]]
+
+
+def test_of_those_that_earn_nothing_what_missed_by_less_goes_first_and_cheats_last():
+    cheat = with_room(0, 0.9, 0.0, reason="it passed through")
+    far, near = with_room(1, -0.8, 0.0), with_room(2, -0.3, 0.0)
+    assert best_first([cheat, far, near]) == [near, far, cheat]
+
+
+def test_a_figure_that_the_user_names_decides_in_place_of_room_and_way():
+    short, roomy = with_room(0, 0.1, distance_m=0.5), with_room(1, 0.9)
+    named = [
+        replace(design, score=replace(design.score, cost=design.distance_m))
+        for design in (short, roomy)
+    ]
+    assert best_first([short, roomy]) == [roomy, short]
+    assert best_first(named) == named
 
 
 def test_several_trials_are_combined():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from core.scene import State
+from core.task import margins_of
 from tasks.high_object import BIN_CENTER, START, HighObject
 
 TASK = HighObject()
@@ -38,3 +39,7 @@ def test_the_reward_rises_from_0_to_1_on_the_way_into_the_bin():
 )
 def test_only_a_cube_inside_the_bin_earns_everything(where, inside):
     assert (rewards(np.array([where]))[0] == 1.0) == inside
+    start = TASK.scene(0).state()
+    end = replace(start, positions=np.array([where]))
+    earned = float(rewards(np.array([where]))[0])
+    assert (margins_of(TASK, start, end, None, earned)[0].margin > 0) == inside

@@ -6,6 +6,7 @@ import pytest
 from core.geometry import Cylinder, Pose
 from core.robot.solids import Solid, body_solids, signed_distance, solid_geometry
 from core.scene import State
+from core.task import margins_of
 from tasks.score_goal import PUCK_HEIGHT, PUCK_RADIUS, START, ScoreGoal
 
 TASK = ScoreGoal()
@@ -57,6 +58,18 @@ def test_the_way_to_the_goal():
 @pytest.mark.parametrize("z", [LYING, 0.1, 0.3])
 def test_anywhere_in_the_goal_is_a_goal(x, y, z):
     assert reward((x, y, z)) == [1]
+    end = replace(BEFORE, positions=np.array([(x, y, z)]))
+    room = [margin.margin for margin in margins_of(TASK, BEFORE, end, None, 1.0)]
+    lengthwise, across = 1 - abs(x - 2.0) / 0.127, 1 - abs(y) / 0.2285
+    assert room == pytest.approx(sorted((lengthwise, across)))
+
+
+@pytest.mark.parametrize(("y", "inside"), [(0.228, True), (0.229, False)])
+def test_beside_the_goal_the_room_is_less_than_none(y, inside):
+    end = replace(BEFORE, positions=np.array([(2.0, y, LYING)]))
+    earned = float(TASK.reward(BEFORE, end))
+    least = margins_of(TASK, BEFORE, end, None, earned)[0]
+    assert (earned == 1, least.margin >= 0) == (inside, inside)
 
 
 @pytest.mark.parametrize(

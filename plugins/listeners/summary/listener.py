@@ -292,7 +292,7 @@ def _unseen_failures(run: Run, result: Result) -> Iterator[str]:
 def _tied(result: Result, best: Evaluation) -> Iterator[str]:
     """Say what decided between candidates that earned alike, or why the best has not the highest reward.
 
-    A reward within ``evolution.tie`` of the highest one counts as equal to it (`core.trial.ranked`).
+    A reward within ``evolution.tie`` of the highest one counts as equal to it (`core.trial.best_first`).
     """
     finals = best.finals.in_order()
     changed = [trial for trial in finals if trial.where.change is not None]
@@ -310,11 +310,11 @@ def _tied(result: Result, best: Evaluation) -> Iterator[str]:
     reward = number(highest.reward, 3)
     if reward != number(best.reward, 3):
         earned = f"{highest.candidate.id} earned {reward}"
-        first = "the shortest distance"
+        first = "what has the most room to its limits, and then the shortest way,"
         if best.score.cost is not None:
             first = "the best figure of fitness.tie_by"
         if changed:
-            first += " that holds"
+            first = f"of what holds {first}"
 
         yield f"{earned}; rewards within evolution.tie of it count as equal, and {first} goes first"
 

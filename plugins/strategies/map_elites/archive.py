@@ -211,7 +211,7 @@ class Archive:
                 self._found.setdefault(cell, []).append(evaluation)
 
     def best(self, tie: float = TIE) -> dict[Cell, Evaluation]:
-        """Return the best evaluation of each cell (`core.trial.ranked`), in the order of the cells."""
+        """Return the best evaluation of each cell (`core.trial.best_first`), in the order of the cells."""
         return {
             cell: best_first(self._found[cell], tie)[0] for cell in sorted(self._found)
         }

@@ -23,7 +23,7 @@ from core.interfaces import (
 )
 from core.plugins import EVOLUTION, installed
 from core.search.assignment import AsksTeams
-from core.trial import Evaluation, best_first, best_tools
+from core.trial import BY_REWARD, Evaluation, best_first, best_tools, rank
 from plugins.strategies.refined.moves import move
 from plugins.strategies.refined.variation import Variation
 
@@ -118,8 +118,12 @@ class Refinement(EvolutionStrategy):
             search.tell([e for e in evaluations if e.candidate.agent == search.number])
 
         left = STARTS[sum(self._spent >= least for least in UNTIL)]
-        ranking = sorted(self._searches, key=lambda search: search.best, reverse=True)
-        self._searches = ranking[:left]
+        order = best_first((search.best for search in self._searches), tie=0.0)
+        ranks = {
+            evaluation.candidate.id: place for place, evaluation in enumerate(order)
+        }
+        self._searches.sort(key=lambda search: ranks[search.best.candidate.id])
+        del self._searches[left:]
 
     def _start(self) -> list[NumberSearch]:
         """Begin a search at the best candidate of each of the best tools that have numbers to vary."""
@@ -194,7 +198,7 @@ class NumberSearch:
         earned: Sequence[Candidate],
     ) -> None:
         self.number = number
-        self.best = start.reward
+        self.best = start
         self._variation = variation
         self._start = start.candidate
         self._numbers = variation.parameters(start.candidate)
@@ -230,10 +234,11 @@ class NumberSearch:
                 return values
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
-        """Take the rewards of a population, and go on from the best that is not worse."""
-        best = max(evaluations, key=lambda evaluation: evaluation.reward, default=None)
-        if best is not None and best.reward >= self.best:
-            self.best = best.reward
+        """Take what a population earned, and go on from the best so far; what is not worse is taken, too."""
+        found = best_first(evaluations, tie=0.0)[:1]
+        best = rank([*found, self.best], BY_REWARD)[0]
+        if best is not self.best:
+            self.best = best
             self._values = self._asked[best.candidate.id]
 
         self._asked.clear()

@@ -28,8 +28,8 @@ def class_source(part: type) -> str:
 def task_source(task: Task) -> str:
     """Return the task's file without what the prompt says elsewhere, or what its reward does not read.
 
-    Left out are imports, its descriptions, its camera, its variations (what a design is judged by has their ranges) and
-    goals that the reward does not name.
+    Left out are imports, its descriptions, its camera, its variations (what a design is judged by has their ranges),
+    its margins (feedback names them) and goals that the reward does not name.
 
     Of a task that is a YAML file, the entries of that file are left out in the same way.
     """
@@ -55,6 +55,8 @@ def task_source(task: Task) -> str:
         targets = member.targets if isinstance(member, ast.Assign) else []
         if any(isinstance(t, ast.Name) and t.id in hidden for t in targets):
             del lines[member.lineno - 1 : member.end_lineno]
+        elif isinstance(member, ast.FunctionDef) and member.name == "margins":
+            del lines[member.lineno - 2 : member.end_lineno]  # with the line above it
 
     for part in reversed(parts):
         if isinstance(part, ast.Import | ast.ImportFrom):

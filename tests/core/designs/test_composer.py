@@ -262,11 +262,11 @@ def test_where_trials_decide_room_is_left_to_gain_and_numbers_may_change_a_littl
     elites = (make_elite(0, reward, solved=solved), make_elite(1, 0.4))
     text = " ".join(prompt(RunFacts(judged="In two layouts."), elites=elites).split())
     assert (
-        "count as equal: of them, where no further trials decide, the pair with the shortest way"
+        "count as equal: of them, where no further trials decide, the pair with the most room"
         in text
     )
     for said in (
-        "what is left to gain is room",
+        "the most room to its limits is shown first and wins",
         "where the elites had least room",
         "change some numbers a little, of one component or of several",
     ):

@@ -173,13 +173,25 @@ def test_the_engine_counts_where_most_is_lost():
     assert winner((1.0, 0.5, "a raise b 1"), (1.0, 0.7, "a 0.1 b 0.1")) == 1
 
 
-def test_of_those_that_hold_the_shorter_way_wins_whatever_the_least_margin():
-    found = result((1.0, 0.5, fails_in()), (1.0, 0.7, fails_in()))
-    first, second = found.ranking
-    margins = (Margin("clearance", 0.02, 0.04, "m", 0.5),)
-    roomy = replace(second, trials=(replace(second.trials[0], margins=margins),))
-    found = Result((Generation(0, (first, roomy)),), 1.0)
-    assert finals().choose(found, 480).winner is first
+@pytest.mark.parametrize(
+    ("room", "fails", "won"),
+    [(0.5, (), 1), (0.11, (), 0), (0.5, (3,), 0)],
+)
+def test_of_those_that_hold_the_one_with_more_room_wins_then_the_shorter_way(
+    room, fails, won
+):
+    """A little more room decides nothing, and what holds in fewer layouts does not win by its room."""
+    found = result((1.0, 0.5, fails_in()), (1.0, 0.7, fails_in(*fails)))
+    rooms = zip(found.ranking, (0.1, room), strict=True)
+    both = [with_room(evaluation, share) for evaluation, share in rooms]
+    found = Result((Generation(0, tuple(both)),), 1.0)
+    assert finals().choose(found, 480).winner is both[won]
+
+
+def with_room(evaluation, share):
+    margins = (Margin("clearance", share, 1.0, "m", share),)
+    (trial,) = evaluation.trials
+    return replace(evaluation, trials=(replace(trial, margins=margins),))
 
 
 def test_the_budget_is_counted_in_rollouts():

@@ -99,11 +99,13 @@ def test_the_lag_is_shown_and_a_blocked_arm_is_named(evaluated):
         "0",
         "1",
         f"{pressed['reward']:.3f}",
-        *lines[2].split()[3:5],
+        f"{100 * pressed['room']:.0f}",
+        *lines[2].split()[4:6],
         *lag(pressed),
         "ok",
     ]
     assert f"design 0 plan 1: {pressed['observed']}" in lines
+    assert f"design 0 plan 1: least margin: {pressed['least_margin']}" in lines
 
 
 def lag(record):
@@ -144,7 +146,7 @@ def test_a_terminal_is_shown_no_control_sequences(capsys):
     reason = "\x1b]0;owned\x07\x1b[2J[bold]no[/bold] \u202egnp\x00\nnext"
     figures = dict.fromkeys(("design", "plan", "reward"), 0)
     unknown = dict.fromkeys(
-        ("distance_m", "ik_error_m", "tracking_error_rad", "torque_share")
+        ("distance_m", "ik_error_m", "tracking_error_rad", "torque_share", "room")
     )
     show([figures | unknown | {"status": "failed", "reason": reason, "warnings": []}])
     shown = capsys.readouterr().out
