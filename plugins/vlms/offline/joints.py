@@ -9,18 +9,20 @@ from itertools import product
 
 import numpy as np
 
-from core.geometry import Array, Box, Pose
+from core.geometry import Array, Box, Pose, Sphere
 from core.robot.solids import Solid, bounding_box, contact, solid_geometry
 from core.values.joints import PlacedJoint, Placement
 from plugins.vlms.offline.heads import Size
 from plugins.vlms.offline.job import Job
 
-_SHARES = (-0.8, -0.4, 0.0, 0.4, 0.8)  # of half a face, where points on it are taken
-_HEAD_ON = 0.7  # the cosine of the angle between push and face: else a rod slips off
+_SHARES = (-0.8, -0.4, 0.0, 0.4, 0.8)  # of half a side, where points are taken
+_AWAY_M = 0.01  # before a side, the nearest point of the body is looked for
+_HEAD_ON = 0.89  # the cosine of 26 degrees from a surface's normal: a friction of 0.5 holds a rod there
 _LEAST_LEVER = 0.5  # of the longest lever: what is nearer to an axis takes more force
 _ON_AXIS_M = 1e-3  # a point that moves by less for a metre or radian lies on the axis
 _NUDGE = 1e-4  # metres or radians of a joint, to see which way points move
 
+_EYE = solid_geometry(Sphere(1e-6))
 _ROD_M = 0.02  # as wide as a rod, with a little room
 _ROD_LENGTH_M = 0.4  # at most: longer ones are not stiff
 _LENGTH_STEP_M = 0.02  # between two lengths that are tried
@@ -88,7 +90,7 @@ def find_spots(job: Job) -> list[Spot]:
 
 
 def list_spots(job: Job) -> Iterator[Spot]:
-    """Yield the points on the faces of a body's parts that are pushed the way that a job wants the joint to go."""
+    """Yield the points on a body's parts that are pushed the way that a job wants the joint to go."""
     joint = job.layout.scene.placed_joints[job.want.joint]
     if joint.joint.kind == "ball" or job.want.to == joint.joint.start:
         return
@@ -102,7 +104,7 @@ def list_spots(job: Job) -> Iterator[Spot]:
     nudged = _place(joint, parent, joint.joint.start + nudge) @ before.inverse()
 
     for solid in job.layout.solids[joint.joint.body]:
-        for point, normal in _list_face_points(solid):
+        for point, normal in _list_points(solid):
             shift = nudged.apply(point) - point
             moved = float(np.linalg.norm(shift))
             lever = moved / _NUDGE
@@ -113,16 +115,16 @@ def list_spots(job: Job) -> Iterator[Spot]:
                 yield Spot(joint, parent, point, way, lever)
 
 
-def _list_face_points(solid: Solid) -> Iterator[tuple[Array, Array]]:
-    """Yield points on the faces of the box around a solid, with the faces' normals, in the world."""
+def _list_points(solid: Solid) -> Iterator[tuple[Array, Array]]:
+    """Yield points on all sides of a solid's surface, with its normals there, in the world."""
     middle, half = bounding_box(solid.geometry)
     for axis, side in product(range(3), (-1.0, 1.0)):
-        normal = np.zeros(3)
-        normal[axis] = side
         for shares in product(_SHARES, repeat=2):
-            place = np.insert(shares, axis, side)
-            point = solid.pose.apply(middle + place * half)
-            yield point, solid.pose.rotation.apply(normal)
+            before = np.insert(shares, axis, side) * half
+            before[axis] += side * _AWAY_M
+            eye = Solid("eye", _EYE, Pose(solid.pose.apply(middle + before)))
+            gap, _, inward = contact(eye, solid)
+            yield eye.pose.position + gap * inward, -inward
 
 
 def _measure_depth(job: Job, point: Array, way: Array) -> float | None:

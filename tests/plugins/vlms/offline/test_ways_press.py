@@ -1,8 +1,14 @@
 """A rod that presses what a joint holds."""
 
+import numpy as np
 import pytest
 
+from core.interfaces import PAPER
 from plugins.tasks.file.task import FileTask
+from plugins.vlms.offline.job import Job
+from plugins.vlms.offline.joints import list_spots
+from plugins.vlms.offline.layout import Layout
+from plugins.vlms.offline.wants import list_alternatives
 from tests.panda import on_panda
 from tests.plugins.vlms.offline.trying import earn, list_ways, make_brief, read_task
 
@@ -34,6 +40,25 @@ def test_a_rod_is_for_what_it_gets_to(tmp_path, bodies, to, suits):
     goal = f"\n  - {{joint: pivot, to: {to}, tolerance: 0.1}}\n"
     ways = list_ways(make_brief(read_task(tmp_path, bodies, goal)))
     assert ("press" in ways) == suits
+
+
+def test_points_are_on_the_body_and_pushed_head_on(tmp_path):
+    """A round lever: the corners of the box around it are 4 mm off."""
+    bodies = LEVER.replace(
+        "box: [0.2, 0.02, 0.02]", "cylinder: {radius: 0.01, length: 0.2}"
+    )
+    bodies = bodies.replace("mass: 0.1}", "mass: 0.1, rpy_deg: [0, 90, 0]}")
+    bodies = bodies.replace("parent: post", "parent: post, axis: [1, 0, 0]")
+    goal = "\n  - {joint: pivot, to: 0.8, tolerance: 0.1}\n"
+    task = read_task(tmp_path, bodies, goal)
+    layout = Layout(task, 0, PAPER)
+    ((want,),) = list_alternatives(task, layout.scene)
+    spots = [*list_spots(Job(layout, want))]
+    assert spots
+    for spot in spots:
+        _, y, z = spot.point - [0.5, 0, 0.12]
+        assert np.hypot(y, z) == pytest.approx(0.01, abs=1e-4)
+        assert abs(spot.way[1]) * abs(y) / 0.01 > 0.85
 
 
 @pytest.mark.parametrize("scene", ["press_button", "turn_valve"])
