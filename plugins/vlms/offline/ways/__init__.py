@@ -11,7 +11,7 @@ from plugins.vlms.offline.ways.pull import Pull
 from plugins.vlms.offline.ways.push import Push
 from plugins.vlms.offline.ways.scoop import Scoop
 from plugins.vlms.offline.ways.sweep import Sweep
-from plugins.vlms.offline.ways.throw import Throw
+from plugins.vlms.offline.ways.throw import Drop, Throw
 from plugins.vlms.offline.ways.way import Way
 
 WAYS: tuple[Way, ...] = (
@@ -20,6 +20,7 @@ WAYS: tuple[Way, ...] = (
     Sweep(),
     Hook(),
     Throw(),
+    Drop(),
     Lift(),
     Key(),
     Scoop(),
