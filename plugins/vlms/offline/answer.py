@@ -10,15 +10,15 @@ import numpy as np
 from core.design import DesignError
 from core.interfaces import Brief, Evaluation
 from plugins.vlms.offline.faults import obeys
-from plugins.vlms.offline.making import Made, plan
-from plugins.vlms.offline.mounting import list_ranges
-from plugins.vlms.offline.notes import read_values
+from plugins.vlms.offline.making import Made, make, plan
+from plugins.vlms.offline.notes import read_recipe
 from plugins.vlms.offline.search import Search
 from plugins.vlms.offline.several import answer_several
 from plugins.vlms.offline.vary import (
     Stranger,
     cross,
     mutate,
+    mutate_recipe,
     vary_numbers,
 )
 from plugins.vlms.offline.writing import write_design, write_tool
@@ -87,25 +87,25 @@ class _Designer:
         """Breed from parents that were made here; None: the first was not, or the tool is given."""
         if self.search.given is not None:
             return None
-        read = read_values(first.candidate)
-        other = read_values(second.candidate)
+        read = read_recipe(first.candidate)
+        other = read_recipe(second.candidate)
         if read is None:
             return None
-        note, values = read
+        note, recipe = read
         option = self.search.find_option(note.way, note.number)
         if option is None:
             return None
 
         scale = _find_scale(first)
-        ranges = list_ranges(option.way)
         alike = other is not None and other[0].way == note.way
         crosses = alike and second is not first and self.rng.random() < _CROSSES
 
         def draw() -> Made:
-            start = values
+            start = recipe
             if crosses and other is not None:
-                start = cross(values, other[1], self.rng)
-            return self.search.make(option, mutate(start, ranges, scale, self.rng))
+                start = cross(recipe, other[1], self.rng)
+            ranges = option.way.ranges
+            return make(option, mutate_recipe(start, ranges, scale, self.rng))
 
         parents = [first]
         if crosses:
@@ -120,7 +120,8 @@ class _Designer:
         moves = made.option.way.moves
 
         def vary() -> Made:
-            return plan(made, mutate(made.values, moves, scale, self.rng))
+            values = mutate(made.recipe.values, moves, scale, self.rng)
+            return plan(made, values)
 
         while len(plans) < self.brief.n_action:
             if parents:

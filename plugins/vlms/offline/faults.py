@@ -1,4 +1,4 @@
-"""Count what is wrong with a tool and its plan: what it meets on its way, what the arm doesn't reach, broken rules."""
+"""Find what is wrong with a tool and its plan: broken rules, what the arm doesn't reach, what it meets on its way."""
 
 from __future__ import annotations
 
@@ -22,15 +22,24 @@ from plugins.vlms.offline.hand import hand_of
 from plugins.vlms.offline.layout import CONTACT_M, Layout
 from plugins.vlms.offline.making import Made
 
-BREAKS_RULES = 1000.0
-"""The fault of a design that is refused."""
-
 _STEP_M = 0.04  # between two looks
 _MISS_M = 0.005  # a pose that is missed by less is reached
 _MISS_RAD = 0.03
 _PIECE = 8  # places, after which it is asked whether the arm reached them
-_PER_METRE = 100.0  # faults of a metre by which a pose is missed
-_TURN_M = 0.2  # a missed radian is as bad as so many metres
+
+
+class Faults(NamedTuple):
+    """What is wrong with a design, the worst first, so that the lesser of two is the better design.
+
+    Attributes:
+        refused: whether it breaks a rule.
+        unreached: the share of its way that is left where the arm misses a pose; 0: it misses none.
+        hits: how often it is in something that it must not touch.
+    """
+
+    refused: bool = False
+    unreached: float = 0.0
+    hits: int = 0
 
 
 class Places(NamedTuple):
@@ -47,41 +56,40 @@ class Places(NamedTuple):
     numbers: npt.NDArray[np.int64]
 
 
-def count_faults(
+def find_faults(
     made: Made,
     layout: Layout,
-    enough: float = np.inf,
+    most_hits: float = np.inf,
     *,
     keeps_rules: bool = False,
-) -> float:
-    """Count the faults of a design; 0: it has none. The cheapest are looked for first.
+) -> Faults:
+    """Find the faults of a design, the cheapest first; after one, others are not looked for.
 
     Args:
         made: a tool and its plan.
         layout: where they are tried.
-        enough: no more are counted than that.
+        most_hits: so many are enough.
         keeps_rules: whether it is known that the tool keeps the rules.
     """
     places = find_places(made, layout)
-    fault = count_meetings(made, layout, places, enough)
-    if fault >= enough:
-        return fault
+    hits = count_hits(made, layout, places, most_hits)
+    if hits >= most_hits:
+        return Faults(hits=hits)
 
-    joints, missed = _follow(places, layout)
-    if missed:
-        return fault + missed
+    joints, unreached = _follow(places, layout)
+    if unreached:
+        return Faults(unreached=unreached, hits=hits)
     if not keeps_rules and not obeys(made.tool, layout):
-        return fault + BREAKS_RULES
+        return Faults(refused=True, hits=hits)
 
     fingers = np.full(len(joints), layout.robot.opening_m)
     motion = JointTrajectory(np.arange(len(joints), dtype=float), joints, fingers)
-    if find_self_collision(layout.robot, made.tool, motion) is not None:
-        return fault + BREAKS_RULES
-    return fault
+    collision = find_self_collision(layout.robot, made.tool, motion)
+    return Faults(refused=collision is not None, hits=hits)
 
 
 def _follow(places: Places, layout: Layout) -> tuple[Array, float]:
-    """Find the arm's joints (K, J) at places, as far as it reaches them, and the fault of what it misses.
+    """Find the arm's joints (K, J) at places, as far as it reaches them, and the share of them that is left then.
 
     It goes on piece by piece, and ends where it misses one, since what is out of reach takes longest.
     """
@@ -96,8 +104,7 @@ def _follow(places: Places, layout: Layout) -> tuple[Array, float]:
         )
         joints = np.vstack([joints, found])
         if (errors > (_MISS_M, _MISS_RAD)).any():
-            worst = (errors[:, 0] + _TURN_M * errors[:, 1]).max()
-            return joints, 1 + _PER_METRE * float(worst) * (1 - first / count)
+            return joints, 1 - first / count
 
     return joints, 0.0
 
@@ -130,21 +137,21 @@ def place_solids(tool: Tool, layout: Layout) -> list[Solid]:
     return solids
 
 
-def count_meetings(
+def count_hits(
     made: Made,
     layout: Layout,
     places: Places,
-    enough: float = np.inf,
+    most: float = np.inf,
     *,
     only_head: bool = False,
-) -> float:
+) -> int:
     """Count how often a tool, or its head alone, is in something that it must not touch, at places on its way.
 
     Args:
         made: a tool and its plan.
         layout: where they are tried.
         places: on the way.
-        enough: no more are counted than that.
+        most: so many are enough.
         only_head: whether the shaft does not count.
     """
     solids = place_solids(made.tool, layout)
@@ -161,14 +168,14 @@ def count_meetings(
     touches = np.array([step.touch for step in made.steps])[places.numbers]
     near &= ~(touches[:, None, None] & is_moved)
 
-    hits = 0.0
+    hits = 0
     for place, part, other in np.argwhere(near):
         frame = coal.Transform3s(places.turns[place], places.positions[place])
         solid = solids[part]
         hits += _overlap(
             solid.geometry, frame * solid.transform, obstacles.solids[other]
         )
-        if hits >= enough:
+        if hits >= most:
             break
 
     return hits

@@ -126,7 +126,7 @@ class Job:
     @cached_property
     def outward(self) -> float:
         """The direction from the robot to the bodies in the world, along an axis of theirs, radians."""
-        x, y = (self.center - self.layout.reach.base)[:2]
+        x, y = (self.center - self.layout.reach.base.position)[:2]
         away = float(np.arctan2(y, x))
         yaw = float(self.layout.scene[self.want.bodies[0]].pose.rpy[2])
         quarter = np.pi / 2
@@ -192,9 +192,8 @@ class Job:
     @property
     def beyond(self) -> bool:
         """Whether the bodies have to go where no tool gets."""
-        reach = self.layout.reach
         goal = self.center + self.shift
-        return bool(np.hypot(*(goal - reach.base)[:2]) > reach.outer + _TOOL_M)
+        return bool(self.layout.reach.too_far(goal) > _TOOL_M)
 
     @property
     def way(self) -> Array:

@@ -27,6 +27,7 @@ from plugins.vlms.told.reach import span_at
 CONTACT_M = 0.001
 """Solids that overlap by less only touch each other."""
 
+_SHOULDER = 2  # the number of the second joint in a model; 0 is the world
 _FOLDED_M = 0.06  # nearer to the least distance that an arm reaches, it is folded
 _EASY = 0.85  # of the greatest distance, to which it works with ease on the level,
 _STRETCHED = 0.94  # and beyond which it is stretched
@@ -98,17 +99,19 @@ class Layout:
 
         return Obstacles(found)
 
-    def top_at(self, low: Array, high: Array) -> float:
+    def top_at(self, low: Array, high: Array, below: float = np.inf) -> float:
         """Find how high the bodies stand that are over a part of the ground, metres; minus infinity: none does.
 
         Args:
             low: the least x and y of that part.
             high: the greatest x and y of it.
+            below: what ends higher does not count.
         """
         obstacles = self.others(frozenset())
         lower = obstacles.centers - obstacles.halves
         upper = obstacles.centers + obstacles.halves
         over = ((lower[:, :2] < high[:2]) & (upper[:, :2] > low[:2])).all(axis=1)
+        over &= upper[:, 2] < below
         return float(upper[over, 2].max(initial=-np.inf))
 
 
@@ -137,30 +140,42 @@ def _soft_solids(body: Soft) -> list[Solid]:
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """Where an arm works with ease, its flange pointing down; metres, in the world.
+    """Where an arm works with ease, its flange pointing away from its base's foot; metres.
 
     Attributes:
-        base: where it stands, (3,).
-        shoulder: its second joint, (3,).
-        inner: the least distance from the base's axis.
-        outer: the greatest distance from the base's axis.
+        base: where it stands in the world; z is its first axis.
+        shoulder: how high its second joint is above the base.
+        inner: the least distance from the first axis.
+        outer: the greatest distance from the first axis.
         stretch: the greatest distance from the shoulder.
     """
 
-    base: Array
-    shoulder: Array
+    base: Pose
+    shoulder: float
     inner: float
     outer: float
     stretch: float
 
+    def too_near(self, points: Array) -> Array:
+        """Measure how much nearer to the first axis than with ease points (..., 3) of the tool mount are, (...)."""
+        return np.maximum(0.0, self.inner - self._measure_distance(points))
+
+    def too_far(self, points: Array) -> Array:
+        """Measure how much farther from the first axis than with ease points (..., 3) of the tool mount are, (...)."""
+        return np.maximum(0.0, self._measure_distance(points) - self.outer)
+
     def excess(self, points: Array) -> Array:
         """Measure how far the worst of points (..., N, 3) of the tool mount is out of reach: (...), metres."""
-        level = np.linalg.norm(points[..., :2] - self.base[:2], axis=-1)
-        stretch = np.linalg.norm(points - self.shoulder, axis=-1)
-        too_near = np.maximum(0.0, self.inner - level)
-        too_far = np.maximum(0.0, level - self.outer)
-        stretched = np.maximum(0.0, stretch - self.stretch)
-        return np.asarray((too_near + too_far + stretched).max(axis=-1))
+        shoulder = self.base.apply([0.0, 0.0, self.shoulder])
+        from_shoulder = np.linalg.norm(points - shoulder, axis=-1)
+        stretched = np.maximum(0.0, from_shoulder - self.stretch)
+        excess = self.too_near(points) + self.too_far(points) + stretched
+        return np.asarray(excess.max(axis=-1))
+
+    def _measure_distance(self, points: Array) -> Array:
+        """Measure the distance of points (..., 3) from the first axis, (...)."""
+        local = self.base.inverse().apply(points)
+        return np.asarray(np.linalg.norm(local[..., :2], axis=-1))
 
 
 @lru_cache(maxsize=8)
@@ -168,14 +183,20 @@ def measure_reach(robot: Robot) -> Reach:
     """Measure where an arm works, at the height of its shoulder: clear of where it is folded or stretched."""
     stand = replace(robot, base=Pose())
     model = robot_model(stand, Tool())
-    height = float(model.place_joints(np.array([robot.home]))[1][2, 0, 2])
-    span = span_at(arm_of(stand), height, 0.0)
+    _, joints = model.place_joints(np.array([robot.home]))
+    _, _, shoulder = joints[_SHOULDER, 0]
+
+    span = span_at(arm_of(stand), shoulder, 0.0)
     least = 0.0
     most = model.reach
     if span is not None:
         least = span.least
         most = span.most
 
-    base = robot.base.position
-    shoulder = base + np.array([0.0, 0.0, height])
-    return Reach(base, shoulder, least + _FOLDED_M, _EASY * most, _STRETCHED * most)
+    return Reach(
+        base=robot.base,
+        shoulder=float(shoulder),
+        inner=least + _FOLDED_M,
+        outer=_EASY * most,
+        stretch=_STRETCHED * most,
+    )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import Generator
@@ -15,8 +15,9 @@ from plugins.vlms.offline.hand import build_fingers
 from plugins.vlms.offline.heads import Head, Step
 from plugins.vlms.offline.layout import Layout
 from plugins.vlms.offline.options import Option
-from plugins.vlms.offline.shafts import SHAFTS, build_tool
-from plugins.vlms.offline.ways.way import Range, Values
+from plugins.vlms.offline.recipe import Recipe, Values
+from plugins.vlms.offline.shafts import build_tool
+from plugins.vlms.offline.ways.way import Ranges
 
 _HIGHER_M = 0.05  # a first pose that is higher above home is risen to
 _NEAR_M = 1e-6  # to the base's axis, there is no way out from it
@@ -30,7 +31,7 @@ class Made:
 
     Attributes:
         option: the way of using a tool, and its jobs.
-        values: of the parameters.
+        recipe: of tool and plan.
         head: the working end.
         mount: its pose in the frame of the tool mount.
         tool: that has it.
@@ -40,7 +41,7 @@ class Made:
     """
 
     option: Option
-    values: Values
+    recipe: Recipe
     head: Head
     mount: Pose
     tool: Tool
@@ -87,64 +88,62 @@ def _cut(before: Step | None, step: Step) -> list[Step]:
     ]
 
 
-def make(option: Option, values: Values) -> Made:
-    """Make a tool and a plan.
-
-    Args:
-        option: the way of using a tool, and its jobs; the head is made for the first.
-        values: of all parameters, those of the mount too.
-    """
+def make(option: Option, recipe: Recipe) -> Made:
+    """Make a tool and a plan; the head is made for the first job."""
     way = option.way
-    head = way.head(option.jobs[0], values)
-    mount = find_mount(head, values)
     layout = option.jobs[0].layout
     load = max(job.load for job in option.jobs)
+    head = way.head(option.jobs[0], recipe.values)
+
+    if recipe.mount is not None:
+        pose = recipe.mount.pose
+        shaft = recipe.mount.shaft
+        tool = build_tool(head, pose, shaft, load, layout.material, way.name)
+        return _plan(option, recipe, head, pose, tool)
+
+    assert head.mount is not None  # its way is bolted
     if way.fingers:
-        tool = build_fingers(head, mount, load, layout, way.name)
-    elif way.bolted:
-        tool = build_tool(head, mount, "", load, layout.material, way.name)
+        tool = build_fingers(head, head.mount, load, layout, way.name)
     else:
-        kind = SHAFTS[min(int(values["shaft"] * len(SHAFTS)), len(SHAFTS) - 1)]
-        tool = build_tool(head, mount, kind, load, layout.material, way.name)
-
-    return _plan(option, values, head, mount, tool)
+        tool = build_tool(head, head.mount, None, load, layout.material, way.name)
+    return _plan(option, recipe, head, head.mount, tool)
 
 
-def find_mount(head: Head, values: Values) -> Pose:
-    """Find the pose of a head in the frame of the tool mount: the values say it, or else the head itself."""
-    if "mount_x" not in values:
-        assert head.mount is not None  # its way is bolted
-        return head.mount
+def plan_given(option: Option, recipe: Recipe, tool: Tool, mount: Pose | None) -> Made:
+    """Plan the motion of a tool that is given.
 
-    place = (values["mount_x"], values["mount_y"], values["mount_z"])
-    return Pose.xyz_rpy(place, (0.0, 0.0, values["mount_yaw"]))
-
-
-def plan_given(option: Option, values: Values, tool: Tool) -> Made:
-    """Plan the motion of a tool that is given, as if its head were the one that the values say."""
-    head = option.way.head(option.jobs[0], values)
-    return _plan(option, values, head, find_mount(head, values), tool)
+    Args:
+        option: the way of using it, and its jobs.
+        recipe: says the motion, and a head like the tool's.
+        tool: of any origin.
+        mount: the pose of its head in the frame of the tool mount; None: the head says it itself.
+    """
+    head = option.way.head(option.jobs[0], recipe.values)
+    pose = head.mount if mount is None else mount
+    assert pose is not None  # its way is bolted
+    return _plan(option, recipe, head, pose, tool)
 
 
 def plan(made: Made, values: Values) -> Made:
     """Plan the motion of a tool anew, with these values."""
-    return _plan(made.option, values, made.head, made.mount, made.tool)
+    recipe = replace(made.recipe, values=values)
+    return _plan(made.option, recipe, made.head, made.mount, made.tool)
 
 
-def _plan(option: Option, values: Values, head: Head, mount: Pose, tool: Tool) -> Made:
+def _plan(option: Option, recipe: Recipe, head: Head, mount: Pose, tool: Tool) -> Made:
     """Plan the motion of a tool whose head is at ``mount`` in the frame of the tool mount."""
-    listed = list_steps(option, values)
+    listed = list_steps(option, recipe.values)
     back = mount.inverse()
     poses = [option.jobs[owner].frame @ step.pose @ back for owner, step in listed]
 
-    rise = _rise(option.jobs[0].layout, poses[0], values["rise"])
+    rise = _rise(option.jobs[0].layout, poses[0], recipe.values["rise"])
     owners = [0] * len(rise) + [owner for owner, _ in listed]
     steps = [Step(pose @ mount) for pose in rise] + [step for _, step in listed]
     rows = np.array([[*pose.position, *pose.rpy] for pose in (*rise, *poses)])
     if tool.gripper:
         rows = np.column_stack([rows, [step.grip for step in steps]])
 
-    return Made(option, values, head, mount, tool, rows, steps, owners)
+    return Made(option, recipe, head, mount, tool, rows, steps, owners)
 
 
 def _rise(layout: Layout, first: Pose, share: float) -> list[Pose]:
@@ -159,7 +158,7 @@ def _rise(layout: Layout, first: Pose, share: float) -> list[Pose]:
     if first.position[2] < home[2] + _HIGHER_M:
         return []
 
-    base = layout.reach.base[:2]
+    base = layout.reach.base.position[:2]
     out = first.position[:2] - base
     far = max(float(np.linalg.norm(out)), _NEAR_M)
     near = layout.reach.inner + share * (far - layout.reach.inner)
@@ -170,6 +169,6 @@ def _rise(layout: Layout, first: Pose, share: float) -> list[Pose]:
     ]
 
 
-def draw_values(ranges: Mapping[str, Range], rng: Generator) -> dict[str, float]:
+def draw_values(ranges: Ranges, rng: Generator) -> dict[str, float]:
     """Draw a value for each parameter."""
     return {name: float(rng.uniform(*span)) for name, span in ranges.items()}

@@ -2,53 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+import numpy.typing as npt
 from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose
+from plugins.vlms.offline.heads import Step
 from plugins.vlms.offline.layout import Layout
 from plugins.vlms.offline.making import list_steps
 from plugins.vlms.offline.options import Option
-from plugins.vlms.offline.ways.way import Range, Values, Way
-
-MOUNT_RANGES = {
-    "mount_x": Range(-0.2, 0.9),
-    "mount_y": Range(-0.3, 0.3),
-    "mount_z": Range(-0.5, 0.5),
-    "mount_yaw": Range(-np.pi, np.pi),
-    "shaft": Range(0.0, 1.0),
-}
-"""Where a head is in the frame of the tool mount, and which kind of shaft carries it: parameters of all ways that are
-not bolted to the mount.
-"""
+from plugins.vlms.offline.recipe import SHAFTS, Mount, Values
 
 _PLACES = 100  # of the tool mount, of which the best is taken
 _SECTOR_RAD = 1.4  # to both sides of home; long ways ahead begin beside the arm
 _TURNS_RAD = np.array([0.0, 0.25, -0.25, 0.5, -0.5]) * np.pi
 # How often each: of a head that points ahead most is seen, and it is stiff.
 _TURNS = [0.6, 0.1, 0.1, 0.1, 0.1]
-_DROP_M = 0.03  # the mount is above a head by more, for a shaft,
-_LOW_M = 0.08  # above what is below it, the mount may be
+_LEAST_DROP_M = 0.03  # the mount is above a head by more, for a shaft,
 _MOST_DROP_M = 0.45  # and by less, or the shaft is long
 _PLAY_M = 0.02  # between the least drop and the most, at least
-_CLEAR_M = 0.015  # above the scene, at home
+_GROUND_M = 0.05  # to all sides of home, what is below the mount is its ground
+_OVER_GROUND_M = 0.015  # a head is at home
 _EXCESS = 20.0  # what a metre out of reach costs, in metres that a shaft is longer
 _DOUBT_M = 0.15  # how much a longer shaft is taken by chance
 
 
-def list_ranges(way: Way) -> dict[str, Range]:
-    """List all parameters of a way, with those of the mount unless the head says where that is."""
-    if way.bolted:
-        return way.ranges
-    return {**way.ranges, **MOUNT_RANGES}
-
-
-def draw_mount(option: Option, values: Values, rng: Generator) -> dict[str, float]:
+def draw_mount(option: Option, values: Values, rng: Generator) -> Mount:
     """Draw where the head is at the tool mount: of some places the one from which the arm reaches the whole way.
 
-    Places of the tool mount are drawn where the arm works with ease, for the first pose at which the head works. A
-    short shaft is better than a long one, and one with which the head meets nothing at home.
+    Places of the tool mount are drawn where the arm works with ease, for the pose from which the head first touches
+    bodies. Those are preferred with which the head meets nothing at home, where a design that does is refused; of these
+    one that is within reach, and has a short shaft.
 
     Args:
         option: the way of using a tool, and its jobs.
@@ -58,32 +45,39 @@ def draw_mount(option: Option, values: Values, rng: Generator) -> dict[str, floa
     jobs = option.jobs
     layout = jobs[0].layout
     head = option.way.head(jobs[0], values)
-    poses = [jobs[n].frame @ step.pose for n, step in list_steps(option, values)]
-    start = poses[min(1, len(poses) - 1)]
+    listed = list_steps(option, values)
+    poses = [jobs[owner].frame @ step.pose for owner, step in listed]
+    start = poses[_find_start([step for _, step in listed])]
     attach = start.apply(head.attach)
+
     places = _draw_places(layout, attach, head.attach[2] - head.bottom, rng)
     yaws = layout.home.rpy[2] + rng.choice(_TURNS_RAD, len(places), p=_TURNS)
+    hits = _count_at_home(layout, start.apply(head.corners), places, yaws)
 
     offsets = (places - start.position) @ start.rotation_matrix
     points = np.array([pose.apply(offsets) for pose in poses]).swapaxes(0, 1)
-    apart = np.linalg.norm((places - attach)[:, :2], axis=1)
-    costs = _EXCESS * layout.reach.excess(points) + apart
-    costs += _count_at_home(layout, start.apply(head.corners), places, yaws)
-    costs += rng.uniform(0.0, _DOUBT_M, len(places))
+    metres = np.linalg.norm((places - attach)[:, :2], axis=1)
+    metres += _EXCESS * layout.reach.excess(points)
+    metres += rng.uniform(0.0, _DOUBT_M, len(places))
 
-    best = int(costs.argmin())
+    best = np.lexsort((metres, hits))[0]
     mount = Pose.xyz_rpy(places[best], (0.0, 0.0, yaws[best])).inverse() @ start
     x, y, z = mount.position.tolist()
-    return {
-        "mount_x": x,
-        "mount_y": y,
-        "mount_z": z,
-        "mount_yaw": float(mount.rpy[2]),
-        "shaft": float(rng.uniform()),
-    }
+    shaft = SHAFTS[int(rng.integers(len(SHAFTS)))]
+    return Mount(x, y, z, float(mount.rpy[2]), shaft)
 
 
-def _count_at_home(layout: Layout, corners: Array, places: Array, yaws: Array) -> Array:
+def _find_start(steps: Sequence[Step]) -> int:
+    """Find the number of the step from which a head goes on to touch bodies; 0: it touches none, or at once."""
+    for number, step in enumerate(steps[1:]):
+        if step.touch:
+            return number
+    return 0
+
+
+def _count_at_home(
+    layout: Layout, corners: Array, places: Array, yaws: Array
+) -> npt.NDArray[np.int64]:
     """Count by boxes what a head meets when the tool mount is at home, (P,).
 
     Args:
@@ -108,8 +102,6 @@ def _count_at_home(layout: Layout, corners: Array, places: Array, yaws: Array) -
 def _draw_places(layout: Layout, attach: Array, hang: float, rng: Generator) -> Array:
     """Draw places (P, 3) of the tool mount in the world, for a head whose shaft ends at a point (3,).
 
-    Where the head works below home, the shaft is short enough that the tool meets nothing at home.
-
     Args:
         layout: has the arm.
         attach: where the shaft ends, in the world.
@@ -118,31 +110,28 @@ def _draw_places(layout: Layout, attach: Array, hang: float, rng: Generator) -> 
     """
     least, most = _find_drop(layout, attach, hang)
     reach = layout.reach
-    x, y, _ = layout.home.position - reach.base
+    base = reach.base.position
+    x, y, _ = layout.home.position - base
     ahead = float(np.arctan2(y, x))
     angles = ahead + rng.uniform(-_SECTOR_RAD, _SECTOR_RAD, _PLACES)
     radii = rng.uniform(reach.inner, reach.outer, _PLACES)
     heights = attach[2] + rng.uniform(least, most, _PLACES)
     return np.column_stack(
-        [
-            reach.base[0] + radii * np.cos(angles),
-            reach.base[1] + radii * np.sin(angles),
-            heights,
-        ]
+        [base[0] + radii * np.cos(angles), base[1] + radii * np.sin(angles), heights]
     )
 
 
 def _find_drop(layout: Layout, attach: Array, hang: float) -> tuple[float, float]:
-    """Find how far the mount may be above the end of a shaft, at least and at most, metres; see `_draw_places`."""
-    home = float(layout.home.position[2])
-    obstacles = layout.others(frozenset())
-    tops = (obstacles.centers + obstacles.halves)[:, 2]
-    ground = float(tops[tops < home].max(initial=-np.inf))
+    """Find how far the mount may be above the end of a shaft, at least and at most, metres; see `_draw_places`.
 
-    room = home - ground - hang - _CLEAR_M
-    most = float(np.clip(room, _DROP_M + _PLAY_M, _MOST_DROP_M))
-    if attach[2] <= home:
-        return _DROP_M, most
+    It may be so far that a head which hangs at home stays above the ground there. Where the head works above home, the
+    mount may stay as low as home.
+    """
+    x, y, home = layout.home.position
+    low = np.array([x - _GROUND_M, y - _GROUND_M])
+    ground = layout.top_at(low, low + 2 * _GROUND_M, below=home)
 
-    # The head works above home: the mount may stay below it, over the ground.
-    return float(np.clip(ground + _LOW_M - attach[2], -_MOST_DROP_M, 0.0)), most
+    room = home - ground - hang - _OVER_GROUND_M
+    most = float(np.clip(room, _LEAST_DROP_M + _PLAY_M, _MOST_DROP_M))
+    least = float(np.clip(home - attach[2], -_MOST_DROP_M, _LEAST_DROP_M))
+    return least, most

@@ -12,11 +12,8 @@ from pydantic import Field, TypeAdapter, ValidationError
 from core.design import Candidate, Tool
 from core.designs.tool_fields import NOTE
 from plugins.vlms.offline.making import Made
-from plugins.vlms.offline.mounting import list_ranges
+from plugins.vlms.offline.recipe import Mount, Recipe, Values
 from plugins.vlms.offline.ways import WAYS
-from plugins.vlms.offline.ways.way import Values
-
-_DIGITS = 6
 
 
 @dataclass(frozen=True)
@@ -26,11 +23,13 @@ class Note:
     Attributes:
         way: the name of the way of using a tool.
         number: of the alternative of the task that it does (`plugins.vlms.offline.options.Option`).
-        values: of all parameters, for each of its plans.
+        mount: where its head is; None: the head says it itself.
+        values: of its way's parameters, for each of its plans.
     """
 
     way: str
     number: int
+    mount: Mount | None
     values: Annotated[Sequence[Values], Field(min_length=1)]
 
 
@@ -40,13 +39,11 @@ _NOTE = TypeAdapter(Note)
 def write_note(plans: Sequence[Made]) -> dict[str, Any]:
     """Write what a tool with its plans was made of, as JSON has it."""
     option = plans[0].option
-    values = [_round(made.values) for made in plans]
-    return {"way": option.way.name, "number": option.number, "values": values}
-
-
-def _round(values: Values) -> dict[str, float]:
-    """Round values as a document has them."""
-    return {name: round(value, _DIGITS) for name, value in values.items()}
+    mount = plans[0].recipe.mount
+    values = [made.recipe.values for made in plans]
+    note = Note(option.way.name, option.number, mount, values)
+    written: dict[str, Any] = _NOTE.dump_python(note, mode="json")
+    return written
 
 
 def read_note(tool: Tool | None) -> Note | None:
@@ -66,14 +63,14 @@ def _is_known(note: Note) -> bool:
     """Report whether a way of this version has a note's parameters; those of others may have others."""
     for way in WAYS:
         if way.name == note.way:
-            names = {*list_ranges(way)}
-            return all({*values} == names for values in note.values)
+            is_alike = (note.mount is None) == way.bolted
+            return is_alike and all({*v} == {*way.ranges} for v in note.values)
     return False
 
 
-def read_values(candidate: Candidate) -> tuple[Note, Values] | None:
-    """Read what a candidate was made of, and the values of its plan; None: see `read_note`."""
+def read_recipe(candidate: Candidate) -> tuple[Note, Recipe] | None:
+    """Read what a candidate was made of, and the recipe of its plan; None: see `read_note`."""
     note = read_note(candidate.tool)
     if note is None or candidate.action >= len(note.values):
         return None
-    return note, note.values[candidate.action]
+    return note, Recipe(note.values[candidate.action], note.mount)

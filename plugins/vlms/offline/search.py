@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,9 +12,9 @@ from core.designs.rules import given_tool
 from core.errors import UserError
 from core.interfaces import Brief
 from plugins.vlms.offline.faults import (
-    BREAKS_RULES,
-    count_faults,
-    count_meetings,
+    Faults,
+    count_hits,
+    find_faults,
     find_places,
 )
 from plugins.vlms.offline.given import draw_head
@@ -28,8 +29,7 @@ from plugins.vlms.offline.making import (
 from plugins.vlms.offline.mounting import draw_mount
 from plugins.vlms.offline.notes import read_note
 from plugins.vlms.offline.options import Option, list_options
-from plugins.vlms.offline.shafts import SHAFTS
-from plugins.vlms.offline.ways.way import Values
+from plugins.vlms.offline.recipe import SHAFTS, Mount, Recipe, Values
 
 _TRIES = 5  # for a design without faults
 _MOST_TRIES = 40  # while none keeps the rules
@@ -97,9 +97,8 @@ class Search:
         way = option.way
         values = draw_values(way.ranges, self.rng)
         if way.bolted:
-            return self.make(option, values)
-        values |= draw_mount(option, values, self.rng)
-        return self._choose_shaft(option, values)
+            return make(option, Recipe(values))
+        return self._choose_shaft(option, values, draw_mount(option, values, self.rng))
 
     def _plan_given(self, tool: Tool) -> Made:
         """Draw a plan for a given tool: as it was made to be used, or else with what may be its head."""
@@ -113,30 +112,32 @@ class Search:
         values = draw_values(way.ranges, self.rng)
         if note is not None and alike:
             moves = {name: values[name] for name in way.moves}
-            return plan_given(option, {**note.values[0], **moves}, tool)
+            recipe = Recipe({**note.values[0], **moves}, note.mount)
+            pose = note.mount.pose if note.mount else None
+            return plan_given(option, recipe, tool, pose)
+
+        pose = None
         if tool.components or not way.bare:
-            values |= draw_head(tool, self.layout, self.rng)
-        return plan_given(option, values, tool)
+            pose = draw_head(tool, self.layout, self.rng)
+        return plan_given(option, Recipe(values), tool, pose)
 
     def _draw_option(self, options: Sequence[Option]) -> Option:
         """Draw one of some options."""
         weights = np.array([option.weight for option in options])
         return options[int(self.rng.choice(len(weights), p=weights / weights.sum()))]
 
-    def _choose_shaft(self, option: Option, values: Values) -> Made:
+    def _choose_shaft(self, option: Option, values: Values, mount: Mount) -> Made:
         """Make a design with the first kind of shaft that meets nothing, or else the one that meets the least."""
-        best = self.make(option, values)
+        best = make(option, Recipe(values, mount))
         places = find_places(best, self.layout)
-        least = count_meetings(best, self.layout, places)
+        least = count_hits(best, self.layout, places)
         if least == 0:
             return best
 
-        of_head = count_meetings(best, self.layout, places, only_head=True)
-        for _ in SHAFTS[1:]:
-            shaft = (values["shaft"] + 1 / len(SHAFTS)) % 1.0
-            values = {**values, "shaft": shaft}
-            other = self.make(option, values)
-            hits = count_meetings(other, self.layout, places, least)
+        of_head = count_hits(best, self.layout, places, only_head=True)
+        for shaft in SHAFTS:
+            other = make(option, Recipe(values, replace(mount, shaft=shaft)))
+            hits = count_hits(other, self.layout, places, least)
             if hits < least:
                 best = other
                 least = hits
@@ -150,13 +151,10 @@ class Search:
         moves = made.option.way.moves
 
         def draw() -> Made:
-            return plan(made, {**made.values, **draw_values(moves, self.rng)})
+            drawn = draw_values(moves, self.rng)
+            return plan(made, {**made.recipe.values, **drawn})
 
         return self.find_best(draw, made.tool)
-
-    def make(self, option: Option, values: Values) -> Made:
-        """Make the design of an option with these values."""
-        return make(option, values)
 
     def find_best(self, draw: Callable[[], Made], tool: Tool | None = None) -> Made:
         """Draw designs until one has no faults, and return the best.
@@ -166,20 +164,25 @@ class Search:
             tool: which all have that is known to keep the rules; None: each has its own.
         """
         best = draw()
-        least = self._count(best, np.inf, tool)
+        least = self._find_faults(best, np.inf, tool)
 
         for tried in range(1, _MOST_TRIES):
-            if least == 0 or (tried >= _TRIES and least < BREAKS_RULES):
+            if least == Faults() or (tried >= _TRIES and not least.refused):
                 break
+
+            most_hits = np.inf
+            if not (least.refused or least.unreached):
+                most_hits = least.hits
+
             other = draw()
-            fault = self._count(other, least, tool)
-            if fault < least:
+            faults = self._find_faults(other, most_hits, tool)
+            if faults < least:
                 best = other
-                least = fault
+                least = faults
 
         return best
 
-    def _count(self, made: Made, enough: float, tool: Tool | None) -> float:
-        """Count the faults of a design."""
+    def _find_faults(self, made: Made, most_hits: float, tool: Tool | None) -> Faults:
+        """Find the faults of a design, of which no more than so many hits count."""
         keeps_rules = made.tool is tool
-        return count_faults(made, self.layout, enough, keeps_rules=keeps_rules)
+        return find_faults(made, self.layout, most_hits, keeps_rules=keeps_rules)

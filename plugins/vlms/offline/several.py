@@ -15,11 +15,10 @@ from numpy.random import Generator
 from core.design import Tool
 from core.interfaces import Brief, Evaluation
 from plugins.vlms.offline.faults import obeys
-from plugins.vlms.offline.making import Made
-from plugins.vlms.offline.mounting import list_ranges
-from plugins.vlms.offline.notes import read_note
+from plugins.vlms.offline.making import Made, make
+from plugins.vlms.offline.notes import read_recipe
 from plugins.vlms.offline.search import NothingSuits, Search
-from plugins.vlms.offline.vary import mutate
+from plugins.vlms.offline.vary import mutate_recipe
 from plugins.vlms.offline.writing import write_names
 
 _TRIES = 12  # for a tool that keeps the rules in all tasks
@@ -80,18 +79,18 @@ def _make_design(
 
 def _vary(elite: Evaluation, searches: list[Search], rng: Generator) -> Made | None:
     """Vary what an elite's tool was made of; None: it was not made here, or nothing fits."""
-    note = read_note(elite.candidate.tool)
-    if note is None:
+    read = read_recipe(elite.candidate)
+    if read is None:
         return None
 
+    note, recipe = read
     for search in searches:
         option = search.find_option(note.way, note.number)
         if option is None:
             continue
-        ranges = list_ranges(option.way)
         for _ in range(_TRIES):
-            values = mutate(note.values[0], ranges, 1 - elite.reward, rng)
-            made = search.make(option, values)
+            varied = mutate_recipe(recipe, option.way.ranges, 1 - elite.reward, rng)
+            made = make(option, varied)
             if _fits(made.tool, searches):
                 return made
 

@@ -11,14 +11,8 @@ from core.design import RIGID_MOUNT, Component, Tool
 from core.geometry import Array, Box, Color, Pose
 from core.interfaces import Material
 from plugins.vlms.offline.heads import Head
+from plugins.vlms.offline.recipe import Shaft
 from plugins.vlms.offline.sections import find_thickness, measure_leverage
-
-SHAFTS = ("gantry", "elbow", "slope", "bridge")
-"""Kinds of shafts.
-
-A gantry goes out from the mount and down to the head, an elbow down and out, a slope straight there. A bridge goes out,
-up, on above what stands there, and down.
-"""
 
 _THIN_M = 0.01  # a bar is at least so thick, to be made,
 _THICK_M = 0.04  # and at most, to find room
@@ -34,7 +28,7 @@ HEAD_COLOR: Color = (0.90, 0.49, 0.13, 1.0)
 def build_tool(
     head: Head,
     mount: Pose,
-    kind: str,
+    shaft: Shaft | None,
     load: float,
     material: Material,
     name: str,
@@ -44,7 +38,7 @@ def build_tool(
     Args:
         head: its working end.
         mount: the head's pose in the frame of the tool mount.
-        kind: of `SHAFTS`; empty: the head is on the flange itself.
+        shaft: carries the head; None: that is on the flange itself.
         load: that it bears, newtons.
         material: of which it is made.
         name: of the way of using it.
@@ -53,15 +47,15 @@ def build_tool(
     bearer = RIGID_MOUNT
     text = head.text
 
-    if kind:
+    if shaft is not None:
         end = mount.apply(head.attach)
         foot = np.array([0.0, 0.0, -_SOCKET_M[2]])
         length = float(np.abs(end - foot).sum())
         tip = mount.apply(head.tip)
         bearer = builder.add("socket", bearer, Pose(foot / 2), _SOCKET_M)
-        bearer = builder.add_bars(kind, bearer, foot, end, tip, load, material)
-        text += f", on a {kind} {length:.2f} m long"
-        name += f"_{kind}"
+        bearer = builder.add_bars(shaft, bearer, foot, end, tip, load, material)
+        text += f", on a {shaft} {length:.2f} m long"
+        name += f"_{shaft}"
 
     names: list[str] = []
     for piece in head.pieces:
@@ -75,12 +69,12 @@ def build_tool(
 
 
 def _list_bars(
-    kind: str, start: Array, end: Array, thick: float
+    shaft: Shaft, start: Array, end: Array, thick: float
 ) -> list[tuple[Array, Array]]:
     """List where the bars of a shaft begin and end, in the frame of the tool mount.
 
     Args:
-        kind: of `SHAFTS`.
+        shaft: its kind.
         start: where the first one begins, (3,): below the middle of the socket.
         end: where the last one ends, (3,).
         thick: of each.
@@ -92,12 +86,12 @@ def _list_bars(
 
     if np.hypot(*(end - start)[:2]) < thick:
         points = [start, end]
-    elif kind == "gantry":
+    elif shaft == "gantry":
         points = [np.array([*start[:2], high]), np.array([*end[:2], high]), end]
-    elif kind == "elbow":
+    elif shaft == "elbow":
         low = min(end[2] + half, high)
         points = [start, np.array([*start[:2], low]), end + level]
-    elif kind == "slope":
+    elif shaft == "slope":
         points = [start - level, end]
     else:
         top = max(high, end[2]) + _BRIDGE_M
@@ -147,7 +141,7 @@ class Builder:
 
     def add_bars(
         self,
-        kind: str,
+        shaft: Shaft,
         parent: str,
         start: Array,
         end: Array,
@@ -159,7 +153,7 @@ class Builder:
         """Add the bars of a shaft, and return the last one's name.
 
         Args:
-            kind: of `SHAFTS`.
+            shaft: its kind.
             parent: the name of what bears it.
             start: where it begins, (3,).
             end: where it ends, (3,).
@@ -168,10 +162,10 @@ class Builder:
             material: of which it is made.
             name: of the bars.
         """
-        leverage = measure_leverage(_list_bars(kind, start, end, _THIN_M), tip)
+        leverage = measure_leverage(_list_bars(shaft, start, end, _THIN_M), tip)
         thick = find_thickness(load, leverage, material, least=_THIN_M, most=_THICK_M)
         last = parent
-        for number, (first, second) in enumerate(_list_bars(kind, start, end, thick)):
+        for number, (first, second) in enumerate(_list_bars(shaft, start, end, thick)):
             last = self._add_bar(f"{name}_{number}", last, first, second, thick)
         return last
 

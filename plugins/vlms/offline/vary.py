@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,21 +10,24 @@ from numpy.random import Generator
 from core.design import Tool
 from core.geometry import Array
 from core.interfaces import ActionPlan, Brief, Numbers
-from plugins.vlms.offline.mounting import MOUNT_RANGES
-from plugins.vlms.offline.ways.way import Range, Values
+from plugins.vlms.offline.recipe import SHAFTS, Mount, Recipe, Values
+from plugins.vlms.offline.ways.way import Ranges
 
 _SPREAD = 0.15  # the deviation of a change, in widths of its parameter's range
 _CHANGED = 0.3  # of the parameters, in a mutation
+_SHIFT_M = 0.15  # the deviation of a mount's shift,
+_TURN_RAD = 0.9  # and of its turn
+_RESHAFT = 0.1  # how often a mount gets another shaft, for a scale of 1
 _VARIES_TOOL = 0.5  # how often the tool of a stranger is varied, beside the plan
 _STEPS = 4.0  # the deviation of a shift, in steps of its number
 
 
 def mutate(
-    values: Values, ranges: Mapping[str, Range], scale: float, rng: Generator
+    values: Values, ranges: Ranges, scale: float, rng: Generator
 ) -> dict[str, float]:
     """Change some of the parameters by a little.
 
-    A value stays within its range; one that is outside of it, as those of mounts may be drawn, gets no farther out.
+    A value stays within its range.
 
     Args:
         values: of all parameters.
@@ -43,21 +45,42 @@ def mutate(
         low, high = ranges[name]
         value = before + rng.normal(0.0, _SPREAD * scale * (high - low))
         if is_chosen:
-            changed[name] = float(np.clip(value, min(low, before), max(high, before)))
+            changed[name] = float(np.clip(value, low, high))
 
     return changed
 
 
-def cross(first: Values, second: Values, rng: Generator) -> dict[str, float]:
-    """Take each parameter from one of two designs of a way; the mount's all from the same."""
-    takes_mount = rng.random() < 0.5
-    crossed = dict(first)
-    for name in first:
-        takes = takes_mount if name in MOUNT_RANGES else rng.random() < 0.5
-        if takes:
-            crossed[name] = second[name]
+def mutate_mount(mount: Mount, scale: float, rng: Generator) -> Mount:
+    """Shift or turn a mount by a little, and at times have another kind of shaft carry the head."""
+    deviations = np.array([_SHIFT_M, _SHIFT_M, _SHIFT_M, _TURN_RAD])
+    chosen = rng.random(4) < _CHANGED
+    x, y, z, yaw = (rng.normal(0.0, scale * deviations) * chosen).tolist()
+    shaft = mount.shaft
+    if rng.random() < _RESHAFT * scale:
+        shaft = SHAFTS[int(rng.integers(len(SHAFTS)))]
 
-    return crossed
+    return Mount(mount.x + x, mount.y + y, mount.z + z, mount.yaw + yaw, shaft)
+
+
+def mutate_recipe(
+    recipe: Recipe, ranges: Ranges, scale: float, rng: Generator
+) -> Recipe:
+    """Change some of the parameters of a design, and where its head is; see `mutate`."""
+    mount = recipe.mount
+    if mount is not None:
+        mount = mutate_mount(mount, scale, rng)
+    return Recipe(mutate(recipe.values, ranges, scale, rng), mount)
+
+
+def cross(first: Recipe, second: Recipe, rng: Generator) -> Recipe:
+    """Take each parameter from one of two designs of a way, and the mount from one of them."""
+    crossed = dict(first.values)
+    for name, value in second.values.items():
+        if rng.random() < 0.5:
+            crossed[name] = value
+
+    mount = first.mount if rng.random() < 0.5 else second.mount
+    return Recipe(crossed, mount)
 
 
 @dataclass(frozen=True, eq=False)

@@ -105,7 +105,7 @@ def write_plan(
 def _describe(made: Made) -> str:
     """Say what a plan does, with the values of its parameters."""
     moves = made.option.way.moves
-    values = [f"{name} {made.values[name]:.3g}" for name in moves]
+    values = [f"{name} {made.recipe.values[name]:.3g}" for name in moves]
     return f"{made.option.way.name}: {', '.join(values)}"
 
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from plugins.vlms.offline.heads import Head, Step, at, box, build_walls
 from plugins.vlms.offline.job import Job
+from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.ways.way import (
     Range,
     Ranges,
-    Values,
     Way,
     above,
     leaves,

@@ -11,26 +11,27 @@ from core.geometry import Array
 from plugins.vlms.offline.hand import hand_of
 from plugins.vlms.offline.heads import Head, Step, at, box
 from plugins.vlms.offline.job import Job
-from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
+from plugins.vlms.offline.recipe import Values
+from plugins.vlms.offline.ways.way import Range, Ranges, Way, above
 
 _NARROW = (
     1.03  # times its least width, a body is wide where fingers close: else it turns
 )
 _ANGLES = 16  # of half a turn, at which widths are measured
 _ENTRY_M = 0.05  # of room above a body, to come down on it
-_PAD_ROOM_M = 0.016  # on each side of a body, for pads
 _PAD_SHARE = 0.3  # of a body's length, that there is room for pads
 _LEAST_PAD_M = 0.01  # long: shorter pads let a body turn
 _PAD_HEIGHT_M = (0.015, 0.1)  # at least, to hold it upright, and at most, to be stiff
 _BELOW_TIPS_M = 0.03  # pads begin at least, for the bars that bear them
-_OVER_M = 0.005  # what stands around the body, the palm stays
-_LOW_M = 0.002  # above the ground, at least
+_PALM_M = 0.005  # above what stands around the body, the palm stays
+_SET_DOWN_M = 0.002  # above the ground a body is let go, and pads stay
 
 
 class Grip(Way):
     """Pads on the fingers come down beside a body and close on it; they carry it, and open where it is set down.
 
-    They are so long that the palm stays above what stands around the body, and as far ahead as the arm is too short.
+    They are so long that the palm stays above what stands around the body, and as far from the robot, or near to it,
+    as the arm lacks.
     """
 
     name = "grip"
@@ -39,12 +40,12 @@ class Grip(Way):
     bolted = True
     title = "closes long fingers on a body, and carries it"
     sizes: ClassVar[Ranges] = {
-        "room": Range(0.004, 0.015),  # between the body and each pad, open
-        "thick": Range(0.004, 0.01),
+        "room": Range(0.004, 0.01),  # between the body and each pad, open
+        "thick": Range(0.004, 0.008),
         "length": Range(0.2, 0.8),  # of the body's
         "height": Range(0.4, 1.0),  # of the body's
         "into": Range(0.7, 1.0),  # what stands around the body, in finger lengths
-        "ahead": Range(-0.05, 0.05),  # of the hand, beside what the arm is too short
+        "ahead": Range(-0.05, 0.05),  # of the hand, beside what the arm lacks
     }
     moves: ClassVar[Ranges] = {
         "low": Range(0.0, 0.4),  # above the body's foot, in its heights
@@ -52,7 +53,6 @@ class Grip(Way):
         "higher": Range(0.0, 0.03),  # than the body has to get
         "lifting": Range(0.1, 0.3),  # speed
         "carrying": Range(0.1, 0.4),  # speed
-        "drags": Range(0.0, 1.0),  # from a half on, it may stay on the ground
     }
 
     def suits(self, job: Job) -> float:
@@ -76,53 +76,53 @@ class Grip(Way):
             box("right_pad", 0.0, y, height / 2, (long, thick, height)),
         ]
 
-        # So far below the fingertips that the palm stays above what stands around, and as far ahead as the arm lacks.
+        # The palm stays above what stands around.
         hand = hand_of(job.layout.robot)
-        palm = job.clear + _OVER_M - values["into"] * hand.palm
+        palm = job.clear + _PALM_M - values["into"] * hand.palm
         below = max(height + _BELOW_TIPS_M, palm)
-        ahead, left, _ = _measure_excess(job) * _find_away(job)
+        ahead, left, _ = _measure_lack(job) * _find_away(job)
         mount = hand.tips @ at(ahead + values["ahead"], left, -below)
         return Head(pads, np.array([0.0, 0.0, height]), "two pads", mount)
 
     def motion(self, job: Job, values: Values) -> Iterator[Step]:
         turn = values["turn"]
-        low = max(_LOW_M, values["low"] * job.size[2])
-        grasp = at(0.0, 0.0, low, yaw=turn)
         speed = values["lifting"]
-
+        low = max(_SET_DOWN_M, values["low"] * job.size[2])
+        grasp = at(0.0, 0.0, low, yaw=turn)
         yield above(job, grasp)
         yield Step(grasp)
         yield Step(grasp, touch=True, grip=1.0)
 
-        # It is lifted as far as it has to get, or over everything near, or not at all.
-        lift = max(0.0, job.rise) + values["higher"]
-        if job.goes and not job.rises:
-            lift = max(lift, job.clear + _LOW_M)
-            if values["drags"] > 0.5 and job.slides:
-                lift = 0.0
-        yield Step(at(0.0, 0.0, low + lift, yaw=turn), speed, touch=True, grip=1.0)
-
+        # It is lifted as far as it has to get, and over everything near where it goes on.
         x, y, rise = job.way
-        if job.goes:
-            there = at(x, y, low + lift, yaw=turn)
-            yield Step(there, values["carrying"], touch=True, grip=1.0)
-
-        is_kept = job.want.held or (job.rises and not job.want.released)
-        if is_kept:
+        lift = max(0.0, job.rise) + values["higher"]
+        if not job.rises and job.goes:
+            lift = max(lift, job.clear + _SET_DOWN_M)
+        yield Step(at(0.0, 0.0, low + lift, yaw=turn), speed, touch=True, grip=1.0)
+        there = at(x, y, low + lift, yaw=turn)
+        yield Step(there, values["carrying"], touch=True, grip=1.0)
+        if _is_kept(job):
             return
 
-        down = at(x, y, low + min(lift, rise + _LOW_M), yaw=turn)
+        down = at(x, y, low + min(lift, rise + _SET_DOWN_M), yaw=turn)
         yield Step(down, speed, touch=True, grip=1.0)
         yield Step(down, touch=True)
         yield Step(above(job, down).pose, touch=True)
 
 
+def _is_kept(job: Job) -> bool:
+    """Report whether the body stays between the pads: it is to be held, or nothing bears it where it gets."""
+    return job.want.held or (job.rises and not job.want.released)
+
+
 def _is_free_for_pads(job: Job) -> bool:
-    """Report whether there is room for pads beside the body, from its foot to above everything near."""
+    """Report whether there is room for the widest pads beside the body, from its foot to above everything near."""
+    _, room = Grip.sizes["room"]
+    _, thick = Grip.sizes["thick"]
     high = max(job.clear, job.size[2])
-    wide = job.size[1] + 2 * _PAD_ROOM_M
-    room = np.array([_PAD_SHARE * job.size[0], wide, high])
-    return not job.meets(np.array([0.0, 0.0, (high - job.size[2]) / 2]), room)
+    wide = job.size[1] + 2 * (room + thick)
+    size = np.array([_PAD_SHARE * job.size[0], wide, high])
+    return not job.meets(np.array([0.0, 0.0, (high - job.size[2]) / 2]), size)
 
 
 def _measure_least_width(job: Job) -> float:
@@ -132,16 +132,16 @@ def _measure_least_width(job: Job) -> float:
     return float(np.ptp(across, axis=0).min())
 
 
-def _measure_excess(job: Job) -> float:
-    """Measure how far the bodies, or where they have to go, are out of the arm's reach, metres."""
+def _measure_lack(job: Job) -> float:
+    """Measure how far the body, or where it has to go, is beyond the arm's reach, metres; negative: too near to it."""
     reach = job.layout.reach
-    places = [job.center, job.center + job.shift]
-    return max(0.0, *(float(reach.excess(place[None])) for place in places))
+    places = np.array([job.center, job.center + job.shift])
+    return float(reach.too_far(places).max() - reach.too_near(places).max())
 
 
 def _find_away(job: Job) -> Array:
     """Find the direction from the robot to the bodies, along the ground of the frame, (3,)."""
-    x, y = (job.center - job.layout.reach.base)[:2]
+    x, y = (job.center - job.layout.reach.base.position)[:2]
     distance = float(np.hypot(x, y))
     if distance == 0.0:  # above the robot's base, no direction is away
         return np.zeros(3)
@@ -159,7 +159,7 @@ class Hand(Grip):
     sizes: ClassVar[Ranges] = {}
 
     def suits(self, job: Job) -> float:
-        if _measure_excess(job) > 0 or job.size[1] > hand_of(job.layout.robot).widest:
+        if _measure_lack(job) != 0 or job.size[1] > hand_of(job.layout.robot).widest:
             return 0.0
         return super().suits(job)
 

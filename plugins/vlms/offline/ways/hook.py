@@ -10,13 +10,13 @@ import numpy as np
 from core.geometry import Array, Pose
 from plugins.vlms.offline.heads import Head, Piece, Size, Step, at
 from plugins.vlms.offline.job import Job
+from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.sections import find_thickness
 from plugins.vlms.offline.ways.way import (
     BACK_M,
     OVER_M,
     Range,
     Ranges,
-    Values,
     Way,
     above,
     leaves,

@@ -10,7 +10,8 @@ import numpy as np
 from plugins.vlms.offline.heads import Head, Step, at, box
 from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.layout import solid_points
-from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
+from plugins.vlms.offline.recipe import Values
+from plugins.vlms.offline.ways.way import Range, Ranges, Way, above
 
 _BIT_M = 0.008  # high
 _STEM_M = 0.07  # longer than the body is high

@@ -10,7 +10,8 @@ import numpy as np
 from plugins.vlms.offline.handles import Handles, find_handles
 from plugins.vlms.offline.heads import Head, Step, at, box
 from plugins.vlms.offline.job import Job
-from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above
+from plugins.vlms.offline.recipe import Values
+from plugins.vlms.offline.ways.way import Range, Ranges, Way, above
 
 _THIN_M = 0.004  # a tine is at least so thick, to be made,
 _THICK_M = 0.012  # and at most

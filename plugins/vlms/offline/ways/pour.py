@@ -11,7 +11,8 @@ from core.geometry import Pose
 from plugins.vlms.offline.handles import find_handles
 from plugins.vlms.offline.heads import Head, Piece, Step, at, box
 from plugins.vlms.offline.job import Job
-from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way
+from plugins.vlms.offline.recipe import Values
+from plugins.vlms.offline.ways.way import Range, Ranges, Way
 
 _PLATE_M = 0.01  # thick: the plate at the flange, and the crossbar before it
 _PLATE_WIDTH_M = 0.06  # covers a flange
@@ -189,5 +190,5 @@ def _find_passing_height(job: Job, fit: _Fit, foot: Pose, low: float) -> float:
 
 def _find_heading_there(job: Job) -> float:
     """Find the direction from the robot to where the bodies have to go, in the frame, radians."""
-    x, y = (job.center + job.shift - job.layout.reach.base)[:2]
+    x, y = (job.center + job.shift - job.layout.reach.base.position)[:2]
     return float(np.arctan2(y, x)) - job.heading

@@ -11,11 +11,11 @@ from core.geometry import Array, Pose
 from plugins.vlms.offline.heads import Head, Piece, Step, at
 from plugins.vlms.offline.job import Asked, Job
 from plugins.vlms.offline.joints import Spot, find_spots
+from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.ways.way import (
     BACK_M,
     Range,
     Ranges,
-    Values,
     Way,
     above,
     leaves,

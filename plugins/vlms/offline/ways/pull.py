@@ -12,7 +12,8 @@ from core.geometry import Array, Pose
 from plugins.vlms.offline.heads import Head, Piece, Size, Step, at
 from plugins.vlms.offline.job import Asked, Job
 from plugins.vlms.offline.joints import Spot, list_spots, meets_anything
-from plugins.vlms.offline.ways.way import Range, Ranges, Values, Way, above, pick
+from plugins.vlms.offline.recipe import Values
+from plugins.vlms.offline.ways.way import Range, Ranges, Way, above, pick
 
 _TOE_M = 0.006  # thick
 _BEHIND_M = 0.014  # a face there must be room for the toe

@@ -9,11 +9,11 @@ import numpy as np
 
 from plugins.vlms.offline.heads import Head, Step, at, box
 from plugins.vlms.offline.job import Job
+from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.ways.way import (
     BACK_M,
     Range,
     Ranges,
-    Values,
     Way,
     above,
     leaves,

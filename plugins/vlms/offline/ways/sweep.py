@@ -10,11 +10,11 @@ import numpy as np
 from core.geometry import Pose
 from plugins.vlms.offline.heads import Head, Piece, Step, at, box
 from plugins.vlms.offline.job import Job
+from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.ways.way import (
     BACK_M,
     Range,
     Ranges,
-    Values,
     Way,
     above,
     leaves,

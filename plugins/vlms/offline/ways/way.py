@@ -11,6 +11,7 @@ import numpy as np
 from core.geometry import Pose
 from plugins.vlms.offline.heads import Head, Step
 from plugins.vlms.offline.job import Asked, Job
+from plugins.vlms.offline.recipe import Values
 
 T = TypeVar("T")
 
@@ -22,9 +23,6 @@ BACK_M = 0.03
 
 _LOW_M = 0.02  # a wall, at least
 _HIGH_M = 0.15  # and at most
-
-Values = Mapping[str, float]
-"""The parameters that a design was made with, by name."""
 
 
 class Range(NamedTuple):

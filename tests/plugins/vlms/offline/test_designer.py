@@ -18,11 +18,11 @@ from plugins.vlms.offline.answer import answer
 from plugins.vlms.offline.hand import build_fingers, hand_of
 from plugins.vlms.offline.heads import Head, box
 from plugins.vlms.offline.layout import Layout
-from plugins.vlms.offline.mounting import list_ranges
-from plugins.vlms.offline.notes import read_values
+from plugins.vlms.offline.notes import read_recipe
 from plugins.vlms.offline.options import find_unplanned
+from plugins.vlms.offline.recipe import SHAFTS, Mount, Recipe
 from plugins.vlms.offline.search import NothingSuits
-from plugins.vlms.offline.vary import cross, mutate
+from plugins.vlms.offline.vary import cross, mutate, mutate_mount
 from plugins.vlms.offline.wants import list_unheeded
 from plugins.vlms.offline.ways import WAYS
 from tests.panda import on_panda
@@ -36,6 +36,8 @@ SECOND = """
   - {name: other, box: [0.06, 0.06, 0.06], position: [0.6, 0.3, 0.03], mass: 0.2}
 """
 ROOT = Path(__file__).parents[4]
+MOUNT = {"x": 0.3, "y": 0.0, "z": -0.2, "yaw": 0.0, "shaft": "elbow"}
+LOWEST = {name: low for name, (low, _) in WAYS[0].ranges.items()}
 
 
 @pytest.fixture
@@ -75,18 +77,19 @@ def test_the_same_brief_gets_the_same_answer(brief):
 
 def test_offspring_are_made_anew_of_what_their_parents_were_made_of(brief):
     parents = read(answer(brief), brief)
-    made_of = {c.id: read_values(c) for c in parents}
+    made_of = {c.id: read_recipe(c) for c in parents}
     assert all(made_of.values())
 
     bred = replace(brief, elites=as_elites(parents, reward=1.0), seed=3, generation=1)
     design = answer(bred)["strategies"][0]
     (parent, *_) = design["parents"]
-    note, values = made_of[parent]
+    note, recipe = made_of[parent]
     assert design["note"]["way"] == note.way
 
     child = design["note"]["values"][0]
-    assert {*child} == {*values}
-    assert any(child[name] != values[name] for name in values)
+    assert {*child} == {*recipe.values}
+    assert any(child[name] != recipe.values[name] for name in child)
+    assert design["note"]["mount"] != vars(recipe.mount)
 
 
 def test_strangers_are_varied_by_their_numbers(brief):
@@ -95,7 +98,7 @@ def test_strangers_are_varied_by_their_numbers(brief):
     )
     plan = Waypoints(np.array([[0.5, 0.0, 0.4, 0, 0, 0], [0.6, 0.0, 0.4, 0, 0, 0]]))
     stranger = Candidate(Tool((bar,)), plan)
-    assert read_values(stranger) is None
+    assert read_recipe(stranger) is None
 
     elites = as_elites([stranger], reward=1.0)
     children = read(answer(replace(brief, elites=elites)), brief)
@@ -107,9 +110,12 @@ def test_strangers_are_varied_by_their_numbers(brief):
 @pytest.mark.parametrize(
     "note",
     [
-        {"way": "push", "number": 0, "values": []},
-        {"way": "push", "number": 0, "values": [{"width": 1.0}]},  # an older version's
-        {"way": "fly", "number": 0, "values": [{}]},
+        {"way": "push", "number": 0, "mount": MOUNT, "values": []},
+        # An older version's.
+        {"way": "push", "number": 0, "mount": MOUNT, "values": [{"width": 1.0}]},
+        {"way": "push", "number": 0, "mount": None, "values": [LOWEST]},
+        {"way": "push", "number": 0, "mount": {"x": 0.1}, "values": [LOWEST]},
+        {"way": "fly", "number": 0, "mount": MOUNT, "values": [{}]},
         {"way": 1, "number": "first", "values": "none"},
         "hammered out of a bar",
     ],
@@ -119,35 +125,53 @@ def test_a_note_that_is_not_this_versions_is_a_strangers(brief, note):
     for design in document["strategies"]:
         design["note"] = note
     parents = read(document, brief)
-    assert [read_values(c) for c in parents] == [None] * 6
+    assert [read_recipe(c) for c in parents] == [None] * 6
 
     bred = replace(brief, elites=as_elites(parents, reward=1.0))
     assert [c.problem for c in read(answer(bred), brief)] == [None] * 6
 
 
-def test_values_are_mutated_and_crossed():
+def test_the_note_of_this_version_is_read(brief):
+    """So what the notes above lack is what makes them a stranger's."""
+    document = answer(brief)
+    note = {"way": "push", "number": 0, "mount": MOUNT, "values": [LOWEST, LOWEST]}
+    for design in document["strategies"]:
+        design["note"] = note
+    assert all(read_recipe(c) for c in read(document, brief))
+
+
+def test_recipes_are_crossed():
+    ranges = WAYS[0].ranges
+    first = Recipe(LOWEST, Mount(**MOUNT))
+    highest = {name: high for name, (_, high) in ranges.items()}
+    second = Recipe(highest, Mount(0.4, 0.0, -0.3, 1.0, "slope"))
+
+    mounts = set()
+    for seed in range(10):
+        crossed = cross(first, second, np.random.default_rng(seed))
+        mounts.add(crossed.mount)
+        for name, value in crossed.values.items():
+            assert value in (LOWEST[name], highest[name])
+        assert crossed.values not in (LOWEST, highest)
+
+    assert mounts == {first.mount, second.mount}
+
+
+def test_values_are_mutated():
     rng = np.random.default_rng(0)
-    ranges = list_ranges(WAYS[0])
-    first = {name: low for name, (low, _) in ranges.items()}
-    second = {name: high for name, (_, high) in ranges.items()}
-
-    crossed = cross(first, second, rng)
-    assert all(crossed[name] in (first[name], second[name]) for name in ranges)
-    from_second = {name for name in ranges if crossed[name] == second[name]}
-    assert from_second
-    assert from_second != {*ranges}
-
-    changed = mutate(first, ranges, 0.5, rng)
-    assert {*changed} == {*first}
-    assert changed != first
-    assert mutate(first, ranges, 0.0, rng) == first
+    ranges = WAYS[0].ranges
+    middle = {name: (low + high) / 2 for name, (low, high) in ranges.items()}
+    changed = mutate(middle, ranges, 0.5, rng)
+    assert {*changed} == {*middle}
+    assert changed != middle
+    assert mutate(middle, ranges, 0.0, rng) == middle
 
 
 def test_mutated_values_stay_in_their_ranges():
     """A speed below zero would be as fast as the arm goes."""
     rng = np.random.default_rng(0)
     for way in WAYS:
-        ranges = list_ranges(way)
+        ranges = way.ranges
         for end in (0, 1):
             values = {name: ends[end] for name, ends in ranges.items()}
             for _ in range(20):
@@ -156,13 +180,17 @@ def test_mutated_values_stay_in_their_ranges():
                 assert low <= values[name] <= high
 
 
-def test_a_mount_outside_of_its_range_gets_no_farther_out():
+def test_mounts_are_mutated_by_as_much_as_is_asked():
     rng = np.random.default_rng(0)
-    ranges = {"mount_y": list_ranges(WAYS[0])["mount_y"]}
-    values = {"mount_y": 0.5}
-    found = [mutate(values, ranges, 1.0, rng)["mount_y"] for _ in range(50)]
-    assert max(found) == 0.5
-    assert min(found) < 0.4
+    mount = Mount(**MOUNT)
+    assert mutate_mount(mount, 0.0, rng) == mount
+
+    def find_changes(scale):
+        mutated = [mutate_mount(mount, scale, rng) for _ in range(100)]
+        assert {m.shaft for m in mutated} <= {*SHAFTS}
+        return np.mean([abs(m.x - mount.x) for m in mutated])
+
+    assert find_changes(1.0) > 3 * find_changes(0.1) > 0
 
 
 def test_what_no_way_suits_is_named_before_the_search(tmp_path):

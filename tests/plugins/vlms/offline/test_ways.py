@@ -9,7 +9,8 @@ import pytest
 from core.interfaces import Task
 from core.plugins import installed
 from plugins.vlms.offline.answer import answer
-from plugins.vlms.offline.mounting import list_ranges
+from plugins.vlms.offline.making import make
+from plugins.vlms.offline.recipe import Mount, Recipe
 from plugins.vlms.offline.search import Search
 from plugins.vlms.offline.ways import WAYS
 from tests.panda import on_panda
@@ -57,6 +58,7 @@ UP = """
 FAR = """
   - {bodies: ["*"], place: [2.0, 0, null], tolerance: 0.1}
 """
+MOUNT = Mount(0.3, 0.0, -0.2, 0.0, "elbow")
 WEDGED = """
   - {name: card, box: [0.06, 0.003, 0.06], position: [0.6, 0, 0.03], mass: 0.02}
   - {name: left, box: [0.4, 0.02, 0.03], position: [0.6, 0.0122, 0.015], fixed: true}
@@ -129,12 +131,13 @@ def test_values_that_leave_their_ranges_still_make_a_design(tmp_path, bodies):
     search = Search(make_brief(read_task(tmp_path, bodies, goals)))
 
     for option in search.options:
-        ranges = list_ranges(option.way)
+        ranges = option.way.ranges
+        mount = None if option.way.bolted else MOUNT
         middle = {name: (low + high) / 2 for name, (low, high) in ranges.items()}
         for name, (low, high) in ranges.items():
             beyond = (high - low) / 2
             for value in (low - beyond, high + beyond):
-                made = search.make(option, {**middle, name: value})
+                made = make(option, Recipe({**middle, name: value}, mount))
                 assert np.isfinite(made.rows).all()
 
 
@@ -168,7 +171,7 @@ def task_of(name: str) -> Task:
         ("CleanTable", "sweep", 0.7),
         ("DislodgeCube", "hook", 0.9),
         ("ElevatePlate", "lift", 0.9),
-        ("HighObject", "throw", 0.9),
+        ("HighObject", "drop", 0.9),
     ],
 )
 @pytest.mark.slow
