@@ -78,6 +78,12 @@ def _hydra(given: list[str]) -> None:
         folder = new_folder(f"multirun/{stamp()}")  # one for all jobs, in any process
         words.append(f"hydra.sweep.dir={folder}")
 
+    if any(word.startswith("hydra/launcher=submitit") for word in words):
+        say(
+            "each run is a job of its own; what it prints is in the sweep's folder, in .submitit/",
+            file=sys.stderr,
+        )
+
     failures: list[UserError | BrokenPipeError] = []
     here = os.getpid()
 

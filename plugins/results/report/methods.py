@@ -127,10 +127,12 @@ def differing(runs: Sequence[AnyRun]) -> list[str]:
     """Return the settings in which runs differ, choices first (``tool.name``): by these they are of several methods.
 
     Left out is what follows from a choice: from that of its own group, as an engine's step, or by naming another
-    group, as ``fitness.material``; and what follows from the task. The seed, the executor and the listeners never
-    distinguish methods. Of a setting that holds others, as ``vlm.options``, those count.
+    group, as ``fitness.material``; and what follows from the task. The seed, what has its value in every run, as
+    ``evolution.seed``, the executor and the listeners never distinguish methods. Of a setting that holds others, as
+    ``vlm.options``, those count.
     """
     settings = [comparable(run) for run in runs]
+    seeds = [json.dumps(run.config.get("seed")) for run in runs]
     every = set[str]().union(*settings)
     keys = sorted(every - _find_holders(every))
     choices = [key for key in keys if key.count(".") == 1 and key.endswith(".name")]
@@ -141,10 +143,21 @@ def differing(runs: Sequence[AnyRun]) -> list[str]:
         group, *middle, _ = key.split(".")
         same = [] if key in choices else [f"{group}.name"]
         follows = not {*middle}.isdisjoint(groups)
+        follows = follows or _follow_seed(settings, key, seeds)
         if not follows and key != TASK and _differ(settings, key, same):
             found.append(key)
 
     return found
+
+
+def _follow_seed(
+    settings: Sequence[Mapping[str, str]], key: str, seeds: Sequence[str]
+) -> bool:
+    """Report whether a setting has the value of the run's seed in each run that has it."""
+    return all(
+        setting.get(key, seed) == seed
+        for setting, seed in zip(settings, seeds, strict=True)
+    )
 
 
 def _find_holders(keys: Iterable[str]) -> set[str]:

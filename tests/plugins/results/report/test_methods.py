@@ -58,6 +58,20 @@ def test_methods_are_named_by_the_choices_that_differ():
     ]
 
 
+def test_what_follows_the_seed_of_the_run_is_no_difference():
+    restless = [
+        config(seed=seed, evolution="Restless", evolution__seed=seed)
+        | {"name": "restless"}
+        for seed in range(3)
+    ]
+    assert labels(*restless) == ["restless"] * 3
+    drawn_once = config(seed=1, evolution="Restless", evolution__seed=0)
+    assert (
+        labels(*restless, drawn_once | {"name": "restless"})
+        == ["restless (differing in evolution.seed)"] * 4
+    )
+
+
 def test_a_method_is_called_as_the_user_says():
     ours = config(sim="sapien") | {"name": "ours"}
     assert labels(

@@ -98,6 +98,9 @@ def test_the_paper_with_a_language_model_says_what_it_costs(
     assert 1000 < float(rows["all"][-1].replace(",", "")) < 10_000
 
 
+MISSING = {"methods": [{"name": "restless", "settings": ["evolution=Restless"]}]}
+
+
 @pytest.mark.parametrize(
     ("words", "changes", "said"),
     [
@@ -108,6 +111,8 @@ def test_the_paper_with_a_language_model_says_what_it_costs(
         ("small.yaml methods=told", {}, "name a language model"),
         ("small.yaml jobs=0", {}, "jobs: must be greater"),
         ("small.yaml sim=mojoco", {}, "did you mean 'mujoco'?"),
+        ("small.yaml", MISSING, "no evolution 'Restless' in method 'restless'"),
+        ("small.yaml", MISSING, "once its package is installed: pip install -e FOLDER"),
         ("small.yaml", {"seeds": 0}, "small.yaml: seeds: must be greater"),
         ("small.yaml", {"methods": [{"name": "a b"}]}, "methods.0.name: "),
         ("small.yaml", {"methods": [{"name": ".."}]}, "methods.0.name: "),
@@ -263,6 +268,23 @@ def test_what_is_left_of_a_run_is_estimated(tmp_path):
     new, rest = look_ahead(runs, 1).needs.values()
     assert new.requests - rest.requests == 1
     assert new.rollouts - rest.rollouts == 2
+
+
+def test_it_is_said_which_rollouts_decide_between_the_best(tmp_path, capsys):
+    words = ("task=BringCube", "budget.n_agent=1")
+    run = StudyRun("a", "", 0, tmp_path / "new", words)
+    outlook = look_ahead([run], 1)
+    (need,) = outlook.needs.values()
+    assert 0 < need.deciding < need.rollouts
+    outlook.show()
+    said = capsys.readouterr().out
+    assert f"up to {need.deciding} of these rollouts decide" in said
+    assert "budget.final_s" in said
+
+    none = ("budget.final_s=0", "budget.elite_s=0")
+    outlook = look_ahead([StudyRun("a", "", 0, tmp_path / "new", words + none)], 1)
+    outlook.show()
+    assert "decide" not in capsys.readouterr().out
 
 
 def test_published_figures_stand_beside_those_of_the_runs(tmp_path):
