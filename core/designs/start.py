@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import nnls
 
 from core.design import Fixture, Tool
 from core.designs.rules import Faults, check_goals, describe_way
 from core.designs.tool_fields import find_fixture_faults
-from core.geometry import Pose
+from core.geometry import Array, Pose
 from core.interfaces import Task
 from core.robot.description import beyond
 from core.robot.kinematics import arm_of, link_poses
@@ -27,6 +30,9 @@ from core.solids.escape import Trap, find_trap
 
 MAX_ARM_OVERLAP_M = 0.001  # at the start; the scene may not even be touched
 _CLEAR_M = 0.001  # from what it overlapped, by the way out
+_MOST_STEPS = 5  # of a search for the way out
+_LONGEST_M = 0.5  # of a way out
+_INFEASIBLE = 1e-9
 _TOUCH_M = 1e-5  # the accuracy of the home pose from inverse kinematics
 
 
@@ -98,18 +104,12 @@ class SpawnRules:
             place = self.task.fixture
             yield from find_fixture_faults(tool.fixture, place, self._fixed, others)
 
-        for part in placed:
-            near = (part.solid, _TOUCH_M)
-            carriers = (part.mount,) if tool.gripper else self.robot.near_mount
-            halves = [other.solid for other in placed if other.mount != part.mount]
-            links = [link for link in arm.near(*near) if link.name not in carriers]
-            start = f"component {part.solid.name!r} starts"
-            for other, depth, move in part.overlaps(halves, MAX_ARM_OVERLAP_M):
-                yield f"{start} {depth} {other!r} on the other finger; {move}"
-            for link, depth, move in part.overlaps(links, MAX_ARM_OVERLAP_M):
-                yield f"{start} {depth} the arm ({link}); {move}, or bend the tool around it"
-            for body, depth, move in part.overlaps(self._scene.near(*near), -_TOUCH_M):
-                yield f"{start} {depth} {body!r} of the scene; {move}, or shorten or turn the tool"
+        for mount in dict.fromkeys(part.mount for part in placed):
+            group = [part for part in placed if part.mount == mount]
+            halves = [other.solid for other in placed if other.mount != mount]
+            carriers = (mount,) if tool.gripper else self.robot.near_mount
+            rest = _Others(Obstacles(halves), arm, self._scene, carriers)
+            yield from _describe_overlaps(group, rest)
 
     def _find_traps(self, tool: Tool) -> Iterator[str]:
         """Say what keeps a tool, or its fixture, from being brought to where it starts."""
@@ -154,18 +154,129 @@ class _Placed(NamedTuple):
     mount: str
     frame: Pose
 
-    def overlaps(
-        self, others: Iterable[Solid], most: float
-    ) -> Iterator[tuple[str, str, str]]:
-        """Yield the name of what it overlaps by more than ``most`` metres, the depth, and how it comes out."""
-        for other in others:
-            gap, _, direction = contact(self.solid, other)
-            if -gap > most:
-                way = self.frame.rotation.inv().apply((gap - _CLEAR_M) * direction)
+
+class _Overlap(NamedTuple):
+    """What a component overlaps at the start: in words, the way out (3,) in the world, and what else would help."""
+
+    what: str
+    way: Array
+    mend: str
+
+
+class _Others(NamedTuple):
+    """What the components that hang from one mount have to be clear of.
+
+    Attributes:
+        halves: the tool's components on the other finger.
+        arm: its links.
+        scene: the solids of its bodies.
+        carriers: links that the components may overlap.
+    """
+
+    halves: Obstacles
+    arm: Obstacles
+    scene: Obstacles
+    carriers: Collection[str]
+
+
+def _find_overlaps(group: Iterable[_Placed], others: _Others) -> list[_Overlap]:
+    """Find what the components that hang from one mount overlap."""
+    around = ", or bend the tool around it"
+    smaller = ", or shorten or turn the tool"
+    kinds = (
+        (others.halves, MAX_ARM_OVERLAP_M, "{!r} on the other finger", ""),
+        (others.arm, MAX_ARM_OVERLAP_M, "the arm ({})", around),
+        (others.scene, -_TOUCH_M, "{!r} of the scene", smaller),
+    )
+    found: list[_Overlap] = []
+
+    for part in group:
+        for obstacles, most, name, mend in kinds:
+            for other in obstacles.near(part.solid, _TOUCH_M):
+                if obstacles is others.arm and other.name in others.carriers:
+                    continue
+                gap, _, direction = contact(part.solid, other)
+                if -gap <= most:
+                    continue
+
                 depth = "touching"
                 if -gap > _TOUCH_M:
                     depth = f"{-gap * 1000:.1f} mm inside"
-                yield other.name, depth, f"move it by {describe_way(way, self.mount)}"
+                start = f"component {part.solid.name!r} starts {depth}"
+                way = (gap - _CLEAR_M) * direction
+                found.append(_Overlap(f"{start} {name.format(other.name)}", way, mend))
+
+    return found
+
+
+def _describe_overlaps(group: Sequence[_Placed], others: _Others) -> Iterator[str]:
+    """Say what the components that hang from one mount overlap, and the one way on which all of them come out."""
+    overlaps = _find_overlaps(group, others)
+    if not overlaps:
+        return
+
+    *first, last = overlaps
+    for overlap in first:
+        yield overlap.what
+
+    way = _find_way_out(group, others) if first else last.way
+    if way is None:
+        yield f"{last.what}; no move of the whole tool helps: shorten it, turn it, or bend it around what is there"
+        return
+
+    mount = group[0].mount
+    turned = group[0].frame.rotation.inv().apply(way)
+    moved = "all of these components" if first else "it"
+    yield f"{last.what}; move {moved} by {describe_way(turned, mount)}{last.mend}"
+
+
+def _find_way_out(group: Sequence[_Placed], others: _Others) -> Array | None:
+    """Find the shortest way (3,) in the world on which components come out of all that they overlap, moved as one.
+
+    None: none was found. Each overlap asks for a length along its direction; what is met on the way asks for more.
+    """
+    way = np.zeros(3)
+    directions: list[Array] = []
+    lengths: list[float] = []
+
+    for _ in range(_MOST_STEPS):
+        moved = [part._replace(solid=_shift(part.solid, way)) for part in group]
+        overlaps = _find_overlaps(moved, others)
+        if not overlaps:
+            return way
+
+        for overlap in overlaps:
+            length = float(np.linalg.norm(overlap.way))
+            direction = overlap.way / length
+            directions.append(direction)
+            lengths.append(length + float(direction @ way))
+
+        shortest = _solve_shortest(np.array(directions), np.array(lengths))
+        if shortest is None:
+            return None
+        way = shortest
+
+    return None
+
+
+def _shift(solid: Solid, way: Array) -> Solid:
+    """Return a solid that is moved by ``way`` (3,)."""
+    pose = solid.pose
+    return replace(solid, pose=Pose(pose.position + way, pose.quaternion))
+
+
+def _solve_shortest(directions: Array, lengths: Array) -> Array | None:
+    """Return the shortest way (3,) that goes as far as asked along each of N directions; None: there is none.
+
+    By Lawson and Hanson's reduction of the least distance to non-negative least squares.
+    """
+    columns = np.vstack([directions.T, lengths])
+    weights, rest = nnls(columns, np.array([0.0, 0.0, 0.0, 1.0]))
+    left = columns @ weights - np.array([0.0, 0.0, 0.0, 1.0])
+    if rest < _INFEASIBLE or np.linalg.norm(left[:3]) > _LONGEST_M * abs(left[3]):
+        return None
+
+    return np.asarray(-left[:3] / left[3])
 
 
 def _place_tool(tool: Tool, frames: dict[str, Pose]) -> Iterator[_Placed]:

@@ -359,25 +359,38 @@ def test_a_tool_at_the_table(spawn, bottom, reason):
         spawn.check(tool)
 
 
-def test_all_overlaps_are_named_and_the_moves_clear_them(spawn):
-    """Each component as if it were alone; the second one must go along for the first."""
-    places = {"a": (0, 0, -0.255), "b": (-0.005, 0, 0.03)}
-    sizes = {"a": (0.02, 0.02, 0.5), "b": (0.02, 0.02, 0.02)}
-    apart = [box(name, at, sizes[name]) for name, at in places.items()]
+def test_all_overlaps_are_named_and_one_way_clears_them(spawn):
+    """All of a rigid tool moves together: each component by itself would ask for a way of its own."""
+    places = {"a": (0, 0, -0.255), "b": (0.05, 0, -0.2575), "c": (0.025, 0, -0.02)}
+    sizes = {"a": (0.02, 0.02, 0.5), "b": (0.02, 0.02, 0.505), "c": (0.1, 0.02, 0.02)}
+
+    def tool(way):
+        placed = [
+            box(name, np.add(at, way), sizes[name]) for name, at in places.items()
+        ]
+        return rigid(*placed)
+
     with pytest.raises(DesignError) as caught:
-        spawn.check(rigid(*apart))
+        spawn.check(tool((0, 0, 0)))
     words = str(caught.value)
     assert "'a' starts 5.0 mm inside 'table'" in words
+    assert "'b' starts 10.0 mm inside 'table'" in words
+    (way,) = re.findall(r"move all of these components by \((.*?)\) m", words)
+    spawn.check(tool([float(number) for number in way.split(",")]))
 
-    moves = dict(
-        re.findall(r"component '(\w)' starts [^;]*; move it by \((.*?)\)", words)
-    )
-    for part in apart:
-        if part.name in moves:
-            way = [float(number) for number in moves[part.name].split(",")]
-            spawn.check(
-                rigid(box(part.name, np.add(places[part.name], way), sizes[part.name]))
-            )
+
+def test_where_no_way_clears_all_overlaps_none_is_said():
+    """A bar sticks in two walls, each of which it would have to leave towards the other."""
+    part = (Geom(Box((0.02, 0.4, 0.4))),)
+    walls = [
+        Body(name, Pose.xyz_rpy((x, 0, 0.3)), 1.0, part, part)
+        for name, x in (("left", 0.4), ("right", 0.6))
+    ]
+    rules = SpawnRules(on_panda(CubeOnTable(*walls)), 0)
+    bar = rigid(box(at=(0, 0, -0.2), size=(0.19, 0.3, 0.02)))
+    with pytest.raises(DesignError, match="no move of the whole tool helps") as caught:
+        rules.check(bar)
+    assert "move all" not in str(caught.value)
 
 
 def test_a_tool_in_a_body(spawn):
