@@ -221,7 +221,7 @@ def test_each_kind_of_block_is_looked_at():
         "looks.md": {"json": 1},
         "models.md": {"json": 1},
         "python.md": {"python": 2},
-        "scene_files.md": {"yaml": 6},
+        "scene_files.md": {"yaml": 5},
         "scene_things.md": {"yaml": 4},
         "scene_types.md": {"py": 1},
         "store.md": {"python": 1},
