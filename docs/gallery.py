@@ -45,11 +45,9 @@ END = "<!-- end of gallery -->\n"
 DESIGNERS = {"model": "urdf", "embedded": "urdf", "gripper": "none"}
 """Who designed, by folder, and in which form tools are written there."""
 
-TITLES = {
-    "model": "the model",
-    "embedded": "embedded designer",
-    "gripper": "bare gripper",
-}
+TITLES = {"model": "the model", "embedded": "the embedded designer"}
+"""What those who made tools are called."""
+
 ENGINES = {"mujoco": "MuJoCo", "pybullet": "PyBullet", "sapien": "SAPIEN"}
 DRAWS = "mujoco"
 MATERIAL = "pla"
@@ -283,17 +281,15 @@ def page_part(figures: dict[str, Any]) -> str:
 
 
 def _overview(figures: dict[str, Any]) -> str:
-    """Write a table of all tasks: what each asks for, whether the model's tool does it, and what others earn."""
+    """Write a table of all tasks: whether the model's tool does it, what it earns, and what others earn."""
     lines = [
-        "| task | asks | the model's tool | it earns | embedded designer | bare gripper |",
-        "|---|---|---|---|---|---|",
+        "| task | the model's tool | it earns | embedded designer | bare gripper |",
+        "|---|---|---|---|---|",
     ]
     for task in sorted(figures):
         done = "works" if _is_done(figures[task]["model"]) else "**fails**"
         rewards = " | ".join(_span(figures[task].get(name)) for name in DESIGNERS)
-        lines.append(
-            f"| [{task}](#{task.lower()}) | {GOALS[task]} | {done} | {rewards} |"
-        )
+        lines.append(f"| [{task}](#{task.lower()}) | {done} | {rewards} |")
 
     return "\n".join([*lines, ""])
 
@@ -321,51 +317,43 @@ def _verdict(figures: dict[str, Any]) -> str:
     if _is_done(model):
         return f"**Works**: {_span(model)} in three engines."
 
-    others = f"the embedded designer's earns {_span(figures.get('embedded'))}"
-    return f"**Fails**: {_span(model)} in three engines, and {DONE} is asked; {others}."
+    others = f"the embedded designer's tool earns {_span(figures.get('embedded'))}"
+    return f"**Fails**: {_span(model)} in three engines; {others}."
 
 
 def _section(task: str, figures: dict[str, Any]) -> str:
+    """Write what a task asks, what the model says and does, and both tools side by side."""
     model = figures["model"]
-    designers = [name for name in DESIGNERS if name in figures]
-    head = " | ".join(TITLES[name] for name in designers)
+    shown = [name for name in TITLES if name in figures and _is_drawn(task, name)]
+    heads = [f"{TITLES[name]}: {_mass(figures[name])}" for name in shown]
+    pictures = [_picture(task, name) for name in shown]
+    prints = [_prints(figures[name]) for name in shown]
     lines = [
         f"## {task}",
         "",
-        f"{GOALS[task]} {_verdict(figures)} The model's words:",
+        f"{GOALS[task]} {_verdict(figures)}",
         "",
         f"> {_one_line(model['says'])}",
         "",
-        f"![{task}: the arm uses the model's tool, then the camera goes close](images/gallery/{task}.webp)",
+        f"![{task} with the model's tool](images/gallery/{task}.webp)",
         "",
-        f"| | {head} |",
-        "|---" * (len(designers) + 1) + "|",
+        f"| {' | '.join(heads)} |",
+        "|---" * len(shown) + "|",
+        f"| {' | '.join(pictures)} |",
+        f"| {' | '.join(prints)} |",
     ]
-    pictures = [_picture(task, name) for name in designers]
-    lines.append(f"| | {' | '.join(pictures)} |")
-    for engine, title in ENGINES.items():
-        rewards = [_reward(figures[name], engine) for name in designers]
-        lines.append(f"| {title} | {' | '.join(rewards)} |")
-
-    masses = [_mass(figures[name]) for name in designers]
-    lines.append(f"| mass in PLA | {' | '.join(masses)} |")
-    prints = [_prints(figures[name]) for name in designers]
-    lines.append(f"| prints in one piece | {' | '.join(prints)} |")
 
     return "\n".join([*lines, ""])
 
 
-def _reward(figures: dict[str, Any], engine: str) -> str:
-    """Write a reward; one that was not measured is a dash."""
-    reward = figures["rewards"].get(engine)
-    return "–" if reward is None else number(reward, 3)
+def _is_drawn(task: str, designer: str) -> bool:
+    """Report whether there is a picture of a designer's tool."""
+    return (PICTURES / f"{task}_{designer}.webp").exists()
 
 
 def _picture(task: str, designer: str) -> str:
-    """Show a tool, where there is one."""
-    if not (PICTURES / f"{task}_{designer}.webp").exists():
-        return "–"
-    return f"![the tool of {TITLES[designer]}](images/gallery/{task}_{designer}.webp)"
+    """Show a tool."""
+    return f"![{TITLES[designer]}'s tool](images/gallery/{task}_{designer}.webp)"
 
 
 def _one_line(text: str) -> str:
@@ -378,15 +366,14 @@ def _mass(figures: dict[str, Any]) -> str:
 
 def _prints(figures: dict[str, Any]) -> str:
     """Say whether a printer makes a tool in one piece, or what the first check that fails found."""
-    if "problem" not in figures:
-        return "–"
-    problem = figures["problem"]
+    problem = figures.get("problem")
     if not problem:
-        return "yes"
+        return "prints in one piece"
+
     _, _, found = _one_line(problem).partition(": ")
     found = found.partition(";")[0].partition(", the plate")[0]
 
-    return f"no: {found}"
+    return f"not in one piece: {found}"
 
 
 def split_page(text: str) -> tuple[str, str, str]:
