@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import nnls
 
 from core.design import Fixture, Tool
 from core.designs.rules import Faults, check_goals, describe_way
@@ -270,6 +269,8 @@ def _solve_shortest(directions: Array, lengths: Array) -> Array | None:
 
     By Lawson and Hanson's reduction of the least distance to non-negative least squares.
     """
+    from scipy.optimize import nnls  # a third of a second, for what is seldom
+
     columns = np.vstack([directions.T, lengths])
     weights, rest = nnls(columns, np.array([0.0, 0.0, 0.0, 1.0]))
     left = columns @ weights - np.array([0.0, 0.0, 0.0, 1.0])

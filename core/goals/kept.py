@@ -48,6 +48,7 @@ class Kept(Limit):
     balls: tuple[str, ...] = ()
     rounds: tuple[str, ...] = ()
 
+    orients: ClassVar = True
     keys: ClassVar = {
         "keep": Key(KeptNames, "Bodies to leave in place, or throughout", head=True),
         "kept_m": Key(AboveZero, "How far they may move, m"),

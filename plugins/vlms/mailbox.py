@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -54,9 +55,10 @@ _ANSWER = (
 )
 _CRITIQUE = f"Write the answer to the file `{REPLIES[1]}` beside this one.\n"
 _KNOWN = (
-    'Rules and task, with their pictures, are those of `../{name}/prompt.md`: all that stands there above "What is '
-    'wanted". Below is what is new.\n'
+    "Rules and task, with their pictures, are those of `../{name}/prompt.md`. Below are the sections that are new, or "
+    "read otherwise.\n\n"
 )
+_SECTION = re.compile(r"^(?=# [A-Z])", re.MULTILINE)
 
 
 class Mailbox(VLM):
@@ -209,19 +211,20 @@ class Letter:
     def _write_prompt(self) -> str:
         """Write the request as a text that says where to answer.
 
-        A prompt of a later generation leaves out the rules that stand in that of a first request.
+        A prompt of a later generation leaves out the sections that stand in that of a first request.
         """
         text = "\n".join(as_markdown(message) for message in self.request.messages)
         if not self.request.asks_designs:
             return text + _CRITIQUE
 
-        for file in sorted(self.folder.parent.glob("g0-*/prompt.md")):
-            rules = _read_rules(file)
-            if self.request.brief.generation and rules and text.startswith(rules):
-                known = _KNOWN.format(name=file.parent.name)
-                return known + text.removeprefix(rules) + _ANSWER
+        shortest = text
+        if self.request.brief.generation:
+            for file in sorted(self.folder.parent.glob("g0-*/prompt.md")):
+                news = _leave_out_known(text, file)
+                if len(news) < len(shortest):
+                    shortest = _KNOWN.format(name=file.parent.name) + news
 
-        return text + _ANSWER
+        return shortest + _ANSWER
 
     def look(self) -> str | None:
         """Look for a usable reply; empty: the person skipped the request; None: there is no reply yet."""
@@ -265,6 +268,9 @@ class Letter:
             return None
 
         if usable:
+            orphans = find_orphans(self.request, text)
+            if orphans:
+                _say(f"{self.request.id}: {orphans}")
             self._write_problems(
                 f"{name} is accepted; these of its designs will be rejected:", problems
             )
@@ -321,6 +327,26 @@ def judge(request: Request, text: str) -> tuple[bool, list[str]]:
     return is_usable, list_faults(candidates)
 
 
+def find_orphans(request: Request, text: str) -> str:
+    """Say which designs of a reply name no elite as a parent, where the schema asks for one; empty: none."""
+    elites = [elite.candidate.id for elite in request.brief.elites]
+    if not elites or not request.asks_designs:
+        return ""
+
+    orphans = []
+    for place, design in enumerate(list_designs(parse_reply(text)), 1):
+        named = design.get("parents") if isinstance(design, dict) else None
+        if not isinstance(named, list) or not {*elites}.intersection(map(str, named)):
+            orphans.append(str(place))
+
+    if not orphans:
+        return ""
+    return (
+        f"no `parents` in design {', '.join(orphans)}, which counts as new; name those of {', '.join(elites)} that it "
+        "comes from"
+    )
+
+
 def _load(file: Path) -> str:
     """Read a file's text, but not through a link, which may lead anywhere.
 
@@ -344,14 +370,20 @@ def _holds(file: Path, text: str) -> bool:
         return False
 
 
-def _read_rules(file: Path) -> str:
-    """Read a prompt up to what is wanted in its round alone; empty: it says no such thing."""
+def _leave_out_known(text: str, file: Path) -> str:
+    """Leave out the sections of a prompt that stand in the prompt of ``file``, but what is wanted."""
     try:
-        rules, now, _ = _load(file).partition(f"\n{NOW}")
+        first = _load(file)
     except DesignError:
-        return ""
+        return text
 
-    return rules if now else ""
+    known = _SECTION.split(first)
+    sections = _SECTION.split(text)
+    return "".join(
+        section
+        for section in sections
+        if section.startswith(NOW) or section not in known
+    )
 
 
 def _say(text: str) -> None:

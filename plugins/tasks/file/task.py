@@ -100,6 +100,7 @@ class FileTask(Task):
             *doubts.find_empty_place(self._scene, self.fixture),
             *doubts.find_radians(_list_turns(spec)),
             *doubts.find_idle_goals(self._scene, self.goals, self.every),
+            *doubts.find_unrewarded(self.description, self.goals),
         )
         for doubt in self.doubts:
             warn_once(f"{file}: {doubt}")

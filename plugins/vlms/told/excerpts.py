@@ -13,6 +13,7 @@ from typing import Any
 from core.interfaces import Task
 
 _SECTION = re.compile(r"\n\n +(Args|Raises):.*?(?=\n? *\"\"\"\n)", re.DOTALL)
+_EDITOR_COMMENT = re.compile(r"^# *yaml-language-server:.*\n", re.MULTILINE)
 _HIDDEN_ENTRIES = re.compile(
     r"^(description|camera|in_words|variations):.*?(?=^[^\s#]|\Z)",
     re.MULTILINE | re.DOTALL,
@@ -31,11 +32,11 @@ def task_source(task: Task) -> str:
     Left out are imports, its descriptions, its camera, its variations (what a design is judged by has their ranges),
     its margins (feedback names them) and goals that the reward does not name.
 
-    Of a task that is a YAML file, the entries of that file are left out in the same way.
+    Of a task that is a YAML file, the entries of that file are left out in the same way, and what an editor reads.
     """
     text = task.source()
     if task.language != "python":
-        return _HIDDEN_ENTRIES.sub("", text)
+        return _HIDDEN_ENTRIES.sub("", _EDITOR_COMMENT.sub("", text))
 
     parts = ast.parse(text).body
     members: list[ast.stmt] = []

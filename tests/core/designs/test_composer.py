@@ -204,6 +204,8 @@ def test_contents_of_every_prompt(name):
     ):
         assert str(folder) not in text
     schema = json.dumps(answer_schema(brief), separators=(",", ":"))
+    # Each field that the schema requires of a design is named in the rules.
+    assert f"`gripper`: {json.dumps(brief.gripper)}" in text
     assert schema in text
     # The model gets it otherwise.
     assert schema not in words(PromptComposer().compose(brief, [PICTURE], schema=False))

@@ -18,6 +18,7 @@ from plugins.actions.anchored import AnchoredActions
 from plugins.actions.waypoints import WaypointActions
 from plugins.vlms.mailbox import Mailbox, judge
 from tasks.bring_cube import BringCube
+from tests.core.test_events import evaluation
 from tests.panda import on_panda
 
 pytestmark = pytest.mark.slow
@@ -148,9 +149,11 @@ def test_a_request_becomes_a_folder_and_a_reply_is_read(tmp_path, box, capsys):
 
 
 def test_a_later_request_names_what_it_has_in_common_with_a_first_one(tmp_path):
-    rules = "# Rules\n" + "Keep clear of the arm. " * 40
-    first = request(text=f"{rules}\n\n# What is wanted\nInvent.")
-    later = request(text=f"{rules}\n\n# What is wanted\nEvolve.")
+    """Even where a rule in the middle reads otherwise, such as one on elites."""
+    same = "# Rules\n" + "Keep clear of the arm. " * 40
+    first = request(text=f"{same}\n\n# Tools\nA tool.\n\n# What is wanted\nInvent.")
+    more = "A tool. Elites are shown so."
+    later = request(text=f"{same}\n\n# Tools\n{more}\n\n# What is wanted\nEvolve.")
     later = replace(later, id="g1-a0", brief=replace(later.brief, generation=1))
     for asked in (first, later):
         (tmp_path / asked.id).mkdir()
@@ -162,11 +165,30 @@ def test_a_later_request_names_what_it_has_in_common_with_a_first_one(tmp_path):
     assert text.startswith(
         "Rules and task, with their pictures, are those of `../g0-a0"
     )
-    assert (
-        'above "What is wanted". Below is what is new.\n\n# What is wanted\nEvolve'
-        in text
-    )
+    assert f"# Tools\n{more}\n\n# What is wanted\nEvolve" in text
     assert "Keep clear" not in text
+
+
+@pytest.mark.parametrize(
+    ("parents", "said"),
+    [
+        (["g0-a0-s0-p0"], False),
+        (["g9-a9-s9-p9"], True),
+        ([], True),
+        (None, True),
+    ],
+)
+def test_parents_that_are_missing_are_said(tmp_path, capsys, parents, said):
+    asked = request()
+    elite = evaluation(0, 0.5)
+    brief = replace(asked.brief, generation=1, elites=(elite,))
+    asked = replace(asked, id="g1-a0", brief=brief)
+    design = STRATEGY if parents is None else STRATEGY | {"parents": parents}
+    (tmp_path / asked.id).mkdir()
+    (tmp_path / asked.id / "reply.json").write_text(document(design))
+    assert [reply.text for reply in Mailbox(str(tmp_path), **QUICK).complete([asked])]
+    line = "no `parents` in design 1, which counts as new; name those of g0-a0-s0-p0"
+    assert (line in capsys.readouterr().err) == said
 
 
 def test_replies_come_in_any_order_and_as_markdown(tmp_path, capsys):

@@ -5,8 +5,10 @@ import importlib
 
 from core.plugins import installed
 from core.scene import Body
+from plugins.new.new_command import write_scene
 from plugins.vlms.told.excerpts import class_source, helpers, task_source
 from tests.faults import Slide
+from tests.plugins.tasks.file.test_task import task_of
 
 
 def test_a_class_keeps_its_docstring_and_its_fields():
@@ -84,3 +86,11 @@ def test_a_source_is_without_what_is_said_elsewhere():
     assert "goals =" not in judged  # its reward does not read them
     assert "every =" not in judged
     assert "goals =" in by_goals
+
+
+def test_what_an_editor_reads_of_a_scene_is_left_out(tmp_path):
+    text = write_scene("PushBlock", tmp_path / "push.yaml").read_text()
+    assert "yaml-language-server" in text
+    told = task_source(task_of(tmp_path, text, "none"))
+    assert "yaml-language-server" not in told
+    assert "bodies:" in told
