@@ -29,7 +29,7 @@ from core.values.harmless import PartsOf as PartsOf
 if TYPE_CHECKING:
     from core.events import Generation, Result, Run
     from core.interfaces import Reply, Request
-    from core.trial import Evaluation, Trial
+    from core.trial import Evaluation
 
 PROJECT = "vlmgineer"
 
@@ -200,13 +200,6 @@ class Events:
     @hookspec
     def finalist_tried(self, evaluation: Evaluation) -> None:
         """A candidate that earns what the best one earns was tried in a further layout (`Evaluation.finals`)."""
-
-    @hookspec(firstresult=True)
-    def winner_chosen(self, run: Run, result: Result) -> Trial | None:
-        """The winner is known, and nothing of it is written yet: try it in a second engine, and return what came of it.
-
-        The first listener that returns a trial is heard (`Result.elsewhere`).
-        """
 
     @hookspec
     def run_finished(self, run: Run, result: Result) -> None:

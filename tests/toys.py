@@ -281,5 +281,6 @@ def composed(overrides: tuple[str, ...]) -> DictConfig:
         "seed=5",
         "film=false",
         "listener=[]",
+        "second=[]",  # its physics is that of no other engine
     ]
     return load("config", [*sizes, *fixed, *overrides])

@@ -29,6 +29,7 @@ GROUPS = ("executor", "listener")
 PARTS = ("executor.", "listener.", "vlm.")
 KEYS = (
     "film",
+    "second",
     "patience_s",
     "budget.n_iteration",
     "budget.n_rollouts",

@@ -159,13 +159,15 @@ class SearchConfig(TrialConfig):
 class RunConfig(SearchConfig):
     """Settings of ``python -m core.run``.
 
-    ``name``: what reports call the method; empty: what distinguishes it. ``patience_s``: how long the run waits for a
-    machine or a server that fails, see `core.search.patience`.
+    ``name``: what reports call the method; empty: what distinguishes it. ``second``: engines; the first that can tries
+    the winner once more. ``patience_s``: how long the run waits for a machine or a server that fails, see
+    `core.search.patience`.
     """
 
     name: Harmless[str] = ""
     listener: PartConfig = field(default_factory=dict)
     film: bool = True
+    second: Harmless[list[str]] = field(default_factory=list)
     patience_s: float = 0.0
 
 

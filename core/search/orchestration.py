@@ -16,6 +16,7 @@ from core.errors import RAISED, UserError, fault
 from core.events import INTERRUPTED, Result
 from core.plugins import installed
 from core.plugins.blame import describe_failure
+from core.search.elsewhere import check_engines, try_elsewhere
 from core.search.evolution import evolve
 from core.search.finalists import Race, choose_winner, rollouts_in
 from core.search.outcome import Announcer, print_best, report_end, resume_hint
@@ -81,6 +82,7 @@ def run(
         UserError: a part or setting that can't be used, or a folder that holds a run already or can't be written.
         KeyboardInterrupt: outside of the loop (inside: `Result.stopped`); says how to go on.
     """
+    check_engines(cfg.second)
     search = build_search(cfg, folder, store.past.replies if store is not None else {})
     # From here on the folder is this run's.
     if store is None:
@@ -143,7 +145,7 @@ def run_search(search: Search, store: RunStore) -> Result:
             result = choose_winner(result, race, run.budget.final_s)
 
     if result.best is not None and result.stopped != INTERRUPTED:
-        elsewhere = events.hook.winner_chosen(run=run, result=result)
+        elsewhere = try_elsewhere(run, result, run.config["second"])
         result = replace(result, elsewhere=elsewhere)
 
     result = replace(result, wall_time_s=store.seconds + result.wall_time_s)

@@ -39,7 +39,7 @@ CHOSEN = {"vlm": "agent", "evolution": "agent"}
 USUAL = {"budget.elite_s": "0"}
 """What differs from other runs unless the words set it: an agent decides by itself what is worth more trials."""
 
-_MAY_DIFFER = ("executor", "listener", "film", "name", "patience_s")
+_MAY_DIFFER = ("executor", "listener", "film", "name", "second", "patience_s")
 _FLUSH_S = 2.0  # for the last answers
 
 

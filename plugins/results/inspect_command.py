@@ -157,6 +157,11 @@ def _read_run(folder: Path) -> Inspected:
         f"{len(evaluations)} candidates; {short(state)}",
         _describe_money(store, config),
     ]
+    if best is not None and best.elsewhere is not None:
+        there = best.elsewhere
+        says.append(
+            f"it says that its winner earns {number(there.reward, 3)} in {there.engine}"
+        )
 
     def read(representation: ToolRepresentation, task: Task) -> Candidate:
         for stored in evaluations:

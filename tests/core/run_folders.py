@@ -183,7 +183,7 @@ def keep_trials(store: RunStore, evaluation: Evaluation) -> None:
 @lru_cache(maxsize=64)
 def _composed(*overrides: str):
     """Hydra takes its time."""
-    return load("config", ["listener=[]", *overrides])
+    return load("config", ["listener=[]", "second=[]", *overrides])
 
 
 def result(folder: Path) -> dict:

@@ -17,7 +17,7 @@ from omegaconf import OmegaConf
 from core.config.schemas import PromptSettings
 from core.design import Candidate
 from core.errors import UserError
-from core.hooks import Harmless, hookimpl
+from core.hooks import hookimpl
 from core.plugins import TASK, installed
 from core.store.run_figures import failed_layouts
 from core.support.cli import print_table, say
@@ -48,26 +48,16 @@ class SummaryListener:
 
     Args:
         top: how many tools are listed.
-        second: the engine in which the winner is tried once more; ``auto``: one that can; ``none``: in no other.
     """
 
-    def __init__(self, top: int = 3, second: Harmless[str] = "auto") -> None:
+    def __init__(self, top: int = 3) -> None:
         self.top = top
-        self.second = second
         self._replies: list[Reply] = []
 
     @hookimpl
     def reply_received(self, reply: Reply) -> None:
         """Keep a reply for the sum of what it cost."""
         self._replies.append(reply)
-
-    @hookimpl
-    def winner_chosen(self, run: Run, result: Result) -> Trial | None:
-        """Try the winner in a second engine."""
-        # Engines are imported with it, which would slow down a list of settings.
-        from plugins.listeners.summary.elsewhere import try_elsewhere
-
-        return try_elsewhere(run, result, self.second)
 
     @hookimpl(trylast=True)
     def run_finished(self, run: Run, result: Result) -> None:

@@ -34,6 +34,7 @@ _NO_METHOD = (
     "name",
     "seed",
     "film",
+    "second",
     "patience_s",
     "listener",
     "executor",

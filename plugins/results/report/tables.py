@@ -301,7 +301,7 @@ def runs(results: Results) -> Table:
 
 _RUNS = (
     "task|method|seed:0|best reward:3|unseen layouts, mean:3|chance of failure below:3|perturbed:3"
-    "|least margin:2|torque share:2"
+    "|second engine|reward there:3|least margin:2|torque share:2"
 )
 _WHERE = "generation:0|candidate|rollouts:0|wall time (s):0|the model is told|folder|recordings"
 
@@ -319,6 +319,8 @@ def _run_rows(results: Results, measured: Iterable[str]) -> Rows:
                 getattr(run.figures.unseen, "mean", None),
                 getattr(run.figures.held, "fails_below", None),
                 getattr(run.figures.perturbed, "fails_below", None),
+                getattr(best.elsewhere, "engine", ""),
+                getattr(best.elsewhere, "reward", None),
                 getattr(best.margin, "margin", None),
                 getattr(best.torque, "share", None),
                 *map(best.measured.get, measured),

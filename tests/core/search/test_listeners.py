@@ -157,7 +157,6 @@ def test_a_listener_that_raises_is_left_out_and_the_run_goes_on(
     once |= {
         "candidate_evaluated": 28,
         "generation_finished": 2,
-        "winner_chosen": 1,
         "run_finished": 1,
         "run_ended": 1,
     }

@@ -5,11 +5,12 @@ import json
 import pytest
 
 from core.config.compose import load
-from core.hooks import hookimpl
+from core.errors import UserError
 from core.search.orchestration import run
 from core.search.outcome import print_best
+from core.simulation.play import play
 from core.store.rows import Best, ElsewhereFigures
-from core.trial import Trial, Where, best_first
+from core.trial import best_first
 from plugins.conformance.evaluations import tried_once
 from tests.core.test_design import ok
 
@@ -32,34 +33,51 @@ def test_the_first_line_has_a_second_engine_that_differs_by_more_than_a_tenth(
     assert capsys.readouterr().out.startswith(first)
 
 
-class Doubter:
-    """Says what a second engine made of the winner, and looks at what is written then."""
-
-    @hookimpl
-    def winner_chosen(self, run, result):
-        self.written = [path.name for path in run.folder.glob("best/*")]
-        where = Where(run.task.name, "other", run.seed)
-        reward = result.best.reward - 0.2
-        return Trial(where, result.best.candidate.id, reward=reward)
+WORDS = (
+    "task=BringCube sim=mujoco listener=[] film=false prompt.picture=false budget.final_s=0 budget.elite_s=0 "
+    "budget.n_agent=1 budget.n_tool=3 budget.n_action=1 budget.n_iteration=0"
+)
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("inline")
-def test_a_second_engine_has_its_word_before_the_winner_is_written(tmp_path):
-    words = "task=BringCube sim=mujoco listener=[] film=false prompt.picture=false budget.final_s=0 budget.elite_s=0"
-    sizes = "budget.n_agent=1 budget.n_tool=3 budget.n_action=1 budget.n_iteration=0"
-    doubter = Doubter()
-    config = load("config", [*words.split(), *sizes.split()])
-    result = run(config, tmp_path / "run", listeners=[doubter])
-    assert result.best is not None
-    assert doubter.written == []
+@pytest.mark.parametrize(
+    ("second", "engine"), [("[mujoco,pybullet,sapien]", "pybullet"), ("[]", "")]
+)
+def test_a_second_engine_has_its_word_before_the_winner_is_written(
+    second, engine, tmp_path, monkeypatch
+):
+    """Whoever listens: what the run stores has it."""
+    written = []
+
+    def watched(condition, candidates):
+        written.extend(path.name for path in tmp_path.glob("run/best/*"))
+        return play(condition, candidates)
+
+    monkeypatch.setattr("core.search.elsewhere.play", watched)
+    config = load("config", [*WORDS.split(), f"second={second}"])
+    result = run(config, tmp_path / "run")
+    assert written == []
     best = json.loads((tmp_path / "run" / "result.json").read_text())["best"]
+    if not engine:
+        assert best["elsewhere"] is result.elsewhere is None
+        return
+
+    assert result.elsewhere is not None
     assert best["elsewhere"] == {
-        "engine": "other",
-        "reward": best["reward"] - 0.2,
+        "engine": engine,
+        "reward": result.elsewhere.reward,
         "here": best["reward"],
-        "solved": False,
+        "solved": result.elsewhere.solved,
     }
+
+
+def test_a_second_engine_that_nobody_offers_is_refused_before_anything_is_asked(
+    tmp_path,
+):
+    config = load("config", [*WORDS.split(), "second=[mujoko]"])
+    with pytest.raises(UserError, match="mujoko"):
+        run(config, tmp_path / "run")
 
 
 def test_of_designs_that_earn_alike_the_solved_one_goes_first():
