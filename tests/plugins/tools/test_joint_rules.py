@@ -191,17 +191,32 @@ def test_what_swings_stays_clear_of_the_plate_that_shields_it(reach, refused):
 
 
 @pytest.mark.parametrize(
-    ("upper", "refused"), [(0.05, False), (0.3, False), (0.9, True), (2.4, True)]
+    ("degrees", "upper", "refused"),
+    [
+        (45, 0.05, False),
+        (45, 0.3, False),
+        (45, 0.9, True),
+        (45, 2.4, True),
+        (90, 1.1, False),
+        (90, 1.7, True),
+        (135, 1.8, False),
+        (135, 2.5, True),
+        (-90, 1.5, False),
+        (180, 3.2, True),
+    ],
 )
-def test_what_swings_stays_clear_of_a_plate_that_begins_at_its_pin(upper, refused):
-    """The plate stands 45 degrees beside the paddle, and both touch the post at the pin."""
+def test_what_swings_stays_clear_of_a_plate_that_begins_at_its_pin(
+    degrees, upper, refused
+):
+    """The plate stands so many degrees beside the paddle, and both touch the post at the pin."""
     size = Box((0.02, 0.02, 0.2))
     upright = Component("post", "tool_mount", Pose.xyz_rpy((0, 0, -0.1)), size, 0.1)
-    aside = 0.1 * math.sqrt(0.5)
+    turn = math.radians(degrees)
+    middle = (0.1 * math.sin(turn), -0.1 * math.cos(turn), 0)
     plate = Component(
         "plate",
         "post",
-        Pose.xyz_rpy((aside, -aside, 0), (0, 0, -math.pi / 4)),
+        Pose.xyz_rpy(middle, (0, 0, turn - math.pi / 2)),
         Box((0.2, 0.02, 0.1)),
         0.1,
     )
