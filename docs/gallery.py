@@ -66,7 +66,7 @@ GOALS = {
     "SnatchCookie": "Take one cookie out of a deep jar, and hold it above the mouth.",
     "TurkeyLegs": "Bring five slippery turkey legs out of a pot into a box, but not the pot.",
 }
-"""What each task asks for, in a sentence; its whole description stands in docs/tasks.md."""
+"""What each task asks for, in a sentence; its whole description stands in the task's file."""
 
 DONE = 0.95  # the reward from which a task counts as done
 
