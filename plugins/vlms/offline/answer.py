@@ -28,7 +28,7 @@ _FRESH = 0.3  # how often a design is fresh although there are elites, where the
 _LEAST_REWARD = 0.01  # what earned nothing is a parent at times, too
 _SCALE = 1.5  # of changes, for the whole reward that is missing
 _LEAST_SCALE = 0.03
-_TRIES = 12  # for a variation that keeps the rules
+_VARIATIONS = 12  # for a variation that keeps the rules
 
 
 def answer(brief: Brief) -> dict[str, Any]:
@@ -159,7 +159,7 @@ class _Designer:
     ) -> Stranger:
         """Vary numbers until the tool keeps the rules; where no variation does, it stays as it is."""
         layout = self.search.layout
-        for _ in range(_TRIES):
+        for _ in range(_VARIATIONS):
             try:
                 varied = vary_numbers(
                     begin, self.brief, scale, self.rng, is_given=is_given

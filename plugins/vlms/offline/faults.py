@@ -22,7 +22,7 @@ from plugins.vlms.offline.hand import hand_of
 from plugins.vlms.offline.layout import CONTACT_M, Layout
 from plugins.vlms.offline.making import Made
 
-_STEP_M = 0.04  # between two looks
+_LOOK_STEP_M = 0.04  # between two looks
 _MISS_M = 0.005  # a pose that is missed by less is reached
 _MISS_RAD = 0.03
 _PIECE = 8  # places, after which it is asked whether the arm reached them
@@ -63,7 +63,7 @@ def find_faults(
     *,
     keeps_rules: bool = False,
 ) -> Faults:
-    """Find the faults of a design, the cheapest first; after one, others are not looked for.
+    """Find the faults of a design, the cheapest first; what comes after a pose that is missed is not looked for.
 
     Args:
         made: a tool and its plan.
@@ -165,7 +165,8 @@ def count_hits(
     # What is moved may be touched on the way of steps that say so.
     moved = {*chain.from_iterable(job.moved for job in made.option.jobs)}
     is_moved = np.array([solid.name in moved for solid in obstacles.solids])
-    touches = np.array([step.touch for step in made.steps])[places.numbers]
+    touches = np.array([waypoint.step.touch for waypoint in made.waypoints])
+    touches = touches[places.numbers]
     near &= ~(touches[:, None, None] & is_moved)
 
     hits = 0
@@ -215,11 +216,11 @@ def _overlap(geometry: Any, transform: Any, other: Solid) -> bool:
 
 
 def find_places(made: Made, layout: Layout) -> Places:
-    """Find places of the tool mount on its way, at both ends of each straight piece and at least every `_STEP_M`."""
+    """Find places of the tool mount on its way, at both ends of each straight piece and between them."""
     home = np.concatenate([layout.home.position, layout.home.rpy])
     way = np.vstack([home, made.rows[:, :6]])
     steps = np.diff(way[:, :3], axis=0)
-    counts = np.ceil(step_lengths(way[:, :3]) / _STEP_M).astype(int) + 1
+    counts = np.ceil(step_lengths(way[:, :3]) / _LOOK_STEP_M).astype(int) + 1
     numbers = np.repeat(np.arange(len(steps)), counts)
     shares = np.concatenate([np.linspace(0.0, 1.0, count) for count in counts])
 

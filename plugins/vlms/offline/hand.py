@@ -86,13 +86,13 @@ def build_fingers(
         name: of the way of using it.
     """
     robot = layout.robot
-    builder = Builder(open_mounts(robot, True))
+    builder = Builder(open_mounts(robot, True), load, layout.material)
     for finger in fingers_of(robot):
         opens = finger.pose.rotation.apply(finger.opens)
         for piece in head.pieces:
             side = mount.apply(piece.pose.position) - mount.position
             if side @ opens > 0:  # wherever the head is, one pad hangs from each
-                _add_finger(builder, finger, piece, head, mount, load, layout)
+                _add_finger(builder, finger, piece, head, mount)
 
     text = f"{head.text} on long fingers"
     return Tool(tuple(builder.components), True, name=name, description=text)
@@ -104,8 +104,6 @@ def _add_finger(
     piece: Piece,
     head: Head,
     mount: Pose,
-    load: float,
-    layout: Layout,
 ) -> None:
     """Add a sleeve around a fingertip, bars to above a piece, and the piece; see `build_fingers`."""
     x, y, _ = piece.pose.position
@@ -113,17 +111,10 @@ def _add_finger(
     tip = _find_tip(finger)
     foot = tip + np.array([0.0, 0.0, _OVERLAP_M - _SLEEVE_M[2]])
     middle = tip + np.array([0.0, 0.0, _OVERLAP_M - _SLEEVE_M[2] / 2])
-    below = mount.apply(piece.pose.position)
+    pad = mount @ piece.pose
 
     bearer = builder.add(f"{finger.name}_sleeve", finger.name, Pose(middle), _SLEEVE_M)
     bearer = builder.add_bars(
-        "gantry",
-        bearer,
-        foot,
-        end,
-        below,
-        load,
-        layout.material,
-        f"{finger.name}_bar",
+        f"{finger.name}_bar", bearer, "gantry", foot, end, tip=pad.position
     )
-    builder.add(piece.name, bearer, mount @ piece.pose, piece.shape.size, HEAD_COLOR)
+    builder.add(piece.name, bearer, pad, piece.shape.size, HEAD_COLOR)

@@ -15,7 +15,7 @@ from core.geometry import Array, Box, Pose
 
 Size = tuple[float, float, float]
 
-_THIN_M = 0.0005  # a side, at least
+_LEAST_SIDE_M = 0.0005  # a side, at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class Piece:
     @cached_property
     def shape(self) -> Box:
         """The box, at least half a millimetre thick: values that are mutated can leave a side less than nothing."""
-        x, y, z = (max(side, _THIN_M) for side in self.size)
+        x, y, z = (max(side, _LEAST_SIDE_M) for side in self.size)
         return Box((x, y, z))
 
 

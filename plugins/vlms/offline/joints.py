@@ -16,7 +16,7 @@ from plugins.vlms.offline.heads import Size
 from plugins.vlms.offline.job import Job
 
 _SHARES = (-0.8, -0.4, 0.0, 0.4, 0.8)  # of half a side, where points are taken
-_AWAY_M = 0.01  # before a side, the nearest point of the body is looked for
+_EYE_AWAY_M = 0.01  # before a side, the nearest point of the body is looked for
 _HEAD_ON = 0.89  # the cosine of 26 degrees from a surface's normal: a friction of 0.5 holds a rod there
 _LEAST_LEVER = 0.5  # of the longest lever: what is nearer to an axis takes more force
 _ON_AXIS_M = 1e-3  # a point that moves by less for a metre or radian lies on the axis
@@ -121,7 +121,7 @@ def _list_points(solid: Solid) -> Iterator[tuple[Array, Array]]:
     for axis, side in product(range(3), (-1.0, 1.0)):
         for shares in product(_SHARES, repeat=2):
             before = np.insert(shares, axis, side) * half
-            before[axis] += side * _AWAY_M
+            before[axis] += side * _EYE_AWAY_M
             eye = Solid("eye", _EYE, Pose(solid.pose.apply(middle + before)))
             gap, _, inward = contact(eye, solid)
             yield eye.pose.position + gap * inward, -inward

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
@@ -25,6 +27,20 @@ _SEGMENT_S = 0.5  # the shortest time of a segment
 _MOST_SEGMENTS = 10  # of a step
 
 
+class Waypoint(NamedTuple):
+    """A pose on the way of a plan.
+
+    Attributes:
+        pose: of the tool mount, in the world.
+        step: of the head, to there.
+        number: that of the job which the step is for.
+    """
+
+    pose: Pose
+    step: Step
+    number: int
+
+
 @dataclass(frozen=True, eq=False)
 class Made:
     """A tool and a plan, and what they were made of.
@@ -35,9 +51,7 @@ class Made:
         head: the working end.
         mount: its pose in the frame of the tool mount.
         tool: that has it.
-        rows: the waypoints, (N, 6), or (N, 7) with a gripper.
-        steps: those of the way that the waypoints are on.
-        owners: the number of the job that each waypoint is for.
+        waypoints: N of them, after home.
     """
 
     option: Option
@@ -45,9 +59,16 @@ class Made:
     head: Head
     mount: Pose
     tool: Tool
-    rows: Array
-    steps: Sequence[Step]
-    owners: Sequence[int]
+    waypoints: Sequence[Waypoint]
+
+    @cached_property
+    def rows(self) -> Array:
+        """The waypoints as plans have them: (N, 6), or (N, 7) with a gripper."""
+        rows = np.array([[*w.pose.position, *w.pose.rpy] for w in self.waypoints])
+        if self.tool.gripper:
+            grips = [waypoint.step.grip for waypoint in self.waypoints]
+            rows = np.column_stack([rows, grips])
+        return rows
 
 
 def list_steps(option: Option, values: Values) -> list[tuple[int, Step]]:
@@ -91,22 +112,21 @@ def _cut(before: Step | None, step: Step) -> list[Step]:
 def make(option: Option, recipe: Recipe) -> Made:
     """Make a tool and a plan; the head is made for the first job."""
     way = option.way
-    layout = option.jobs[0].layout
-    load = max(job.load for job in option.jobs)
+    layout = option.layout
     head = way.head(option.jobs[0], recipe.values)
-
+    mount = head.mount
+    shaft = None
     if recipe.mount is not None:
-        pose = recipe.mount.pose
+        mount = recipe.mount.pose
         shaft = recipe.mount.shaft
-        tool = build_tool(head, pose, shaft, load, layout.material, way.name)
-        return _plan(option, recipe, head, pose, tool)
 
-    assert head.mount is not None  # its way is bolted
+    assert mount is not None  # a head without one is not bolted
     if way.fingers:
-        tool = build_fingers(head, head.mount, load, layout, way.name)
+        tool = build_fingers(head, mount, option.load, layout, way.name)
     else:
-        tool = build_tool(head, head.mount, None, load, layout.material, way.name)
-    return _plan(option, recipe, head, head.mount, tool)
+        material = layout.material
+        tool = build_tool(head, mount, shaft, option.load, material, way.name)
+    return _plan(option, recipe, head, mount, tool)
 
 
 def plan_given(option: Option, recipe: Recipe, tool: Tool, mount: Pose | None) -> Made:
@@ -132,18 +152,16 @@ def plan(made: Made, values: Values) -> Made:
 
 def _plan(option: Option, recipe: Recipe, head: Head, mount: Pose, tool: Tool) -> Made:
     """Plan the motion of a tool whose head is at ``mount`` in the frame of the tool mount."""
-    listed = list_steps(option, recipe.values)
     back = mount.inverse()
-    poses = [option.jobs[owner].frame @ step.pose @ back for owner, step in listed]
+    waypoints = []
+    for number, step in list_steps(option, recipe.values):
+        pose = option.jobs[number].frame @ step.pose @ back
+        waypoints.append(Waypoint(pose, step, number))
 
-    rise = _rise(option.jobs[0].layout, poses[0], recipe.values["rise"])
-    owners = [0] * len(rise) + [owner for owner, _ in listed]
-    steps = [Step(pose @ mount) for pose in rise] + [step for _, step in listed]
-    rows = np.array([[*pose.position, *pose.rpy] for pose in (*rise, *poses)])
-    if tool.gripper:
-        rows = np.column_stack([rows, [step.grip for step in steps]])
-
-    return Made(option, recipe, head, mount, tool, rows, steps, owners)
+    first = waypoints[0].pose
+    rise = _rise(option.layout, first, recipe.values["rise"])
+    risen = [Waypoint(pose, Step(pose @ mount), 0) for pose in rise]
+    return Made(option, recipe, head, mount, tool, [*risen, *waypoints])
 
 
 def _rise(layout: Layout, first: Pose, share: float) -> list[Pose]:

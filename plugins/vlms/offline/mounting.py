@@ -20,11 +20,11 @@ _PLACES = 100  # of the tool mount, of which the best is taken
 _SECTOR_RAD = 1.4  # to both sides of home; long ways ahead begin beside the arm
 _TURNS_RAD = np.array([0.0, 0.25, -0.25, 0.5, -0.5]) * np.pi
 # How often each: of a head that points ahead most is seen, and it is stiff.
-_TURNS = [0.6, 0.1, 0.1, 0.1, 0.1]
+_TURN_SHARES = [0.6, 0.1, 0.1, 0.1, 0.1]
 _LEAST_DROP_M = 0.03  # the mount is above a head by more, for a shaft,
 _MOST_DROP_M = 0.45  # and by less, or the shaft is long
-_PLAY_M = 0.02  # between the least drop and the most, at least
-_GROUND_M = 0.05  # to all sides of home, what is below the mount is its ground
+_DROP_PLAY_M = 0.02  # between the least drop and the most, at least
+_BESIDE_HOME_M = 0.05  # to all sides of home, what is below the mount is its ground
 _OVER_GROUND_M = 0.015  # a head is at home
 _EXCESS = 20.0  # what a metre out of reach costs, in metres that a shaft is longer
 _DOUBT_M = 0.15  # how much a longer shaft is taken by chance
@@ -43,7 +43,7 @@ def draw_mount(option: Option, values: Values, rng: Generator) -> Mount:
         rng: random numbers.
     """
     jobs = option.jobs
-    layout = jobs[0].layout
+    layout = option.layout
     head = option.way.head(jobs[0], values)
     listed = list_steps(option, values)
     poses = [jobs[owner].frame @ step.pose for owner, step in listed]
@@ -51,7 +51,7 @@ def draw_mount(option: Option, values: Values, rng: Generator) -> Mount:
     attach = start.apply(head.attach)
 
     places = _draw_places(layout, attach, head.attach[2] - head.bottom, rng)
-    yaws = layout.home.rpy[2] + rng.choice(_TURNS_RAD, len(places), p=_TURNS)
+    yaws = layout.home.rpy[2] + rng.choice(_TURNS_RAD, len(places), p=_TURN_SHARES)
     hits = _count_at_home(layout, start.apply(head.corners), places, yaws)
 
     offsets = (places - start.position) @ start.rotation_matrix
@@ -128,10 +128,10 @@ def _find_drop(layout: Layout, attach: Array, hang: float) -> tuple[float, float
     mount may stay as low as home.
     """
     x, y, home = layout.home.position
-    low = np.array([x - _GROUND_M, y - _GROUND_M])
-    ground = layout.top_at(low, low + 2 * _GROUND_M, below=home)
+    low = np.array([x - _BESIDE_HOME_M, y - _BESIDE_HOME_M])
+    ground = layout.top_at(low, low + 2 * _BESIDE_HOME_M, below=home)
 
     room = home - ground - hang - _OVER_GROUND_M
-    most = float(np.clip(room, _LEAST_DROP_M + _PLAY_M, _MOST_DROP_M))
+    most = float(np.clip(room, _LEAST_DROP_M + _DROP_PLAY_M, _MOST_DROP_M))
     least = float(np.clip(home - attach[2], -_MOST_DROP_M, _LEAST_DROP_M))
     return least, most

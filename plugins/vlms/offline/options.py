@@ -19,9 +19,14 @@ from plugins.vlms.offline.ways.way import Way
 KINDS = ("rigid", "gripper")
 """All kinds of tools: on the flange, and on the fingers of a gripper."""
 
-_TURNS = (0.0, np.pi, np.pi / 2, -np.pi / 2)  # the first one away from the robot
+_SIDE_TURNS_RAD = (
+    0.0,
+    np.pi,
+    np.pi / 2,
+    -np.pi / 2,
+)  # the first one away from the robot
 # Half a turn brings each finger to where the other one was.
-_HAND_TURNS = tuple(np.arange(-3, 5) * np.pi / 8)
+_HAND_TURNS_RAD = tuple(np.arange(-3, 5) * np.pi / 8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +44,16 @@ class Option:
     number: int
     jobs: Sequence[Job]
     weight: float
+
+    @property
+    def layout(self) -> Layout:
+        """Where its jobs are."""
+        return self.jobs[0].layout
+
+    @property
+    def load(self) -> float:
+        """The force that its tool has to bear, newtons."""
+        return max(job.load for job in self.jobs)
 
     @property
     def numbers(self) -> set[int]:
@@ -101,11 +116,11 @@ def _list_jobs(
 ) -> Iterator[tuple[Job, ...]]:
     """Yield what a tool has to do in each alternative, from each side from which a way may do it."""
     for wants in alternatives:
-        turns: Sequence[float] = _TURNS
+        turns: Sequence[float] = _SIDE_TURNS_RAD
         if not way.approaches and not all(want.away for want in wants):
-            turns = _TURNS[:1]
+            turns = _SIDE_TURNS_RAD[:1]
         if way.fingers:
-            turns = _HAND_TURNS
+            turns = _HAND_TURNS_RAD
         for turn in turns:
             yield tuple(Job(layout, want, turn, way.approaches) for want in wants)
 

@@ -17,7 +17,7 @@ from core.interfaces import Material
 SAG_M = 0.008
 """By how much a load may move the place where it acts."""
 
-_STEP_M = 0.0005  # between two thicknesses that are tried
+_THICKNESS_STEP_M = 0.0005  # between two thicknesses that are tried
 
 
 def measure_leverage(bars: Sequence[tuple[Array, Array]], place: Array) -> float:
@@ -57,7 +57,7 @@ def find_thickness(
         wide: the bars' other side; None: their section is a square.
     """
     needed = load * leverage / (material.young_pa * SAG_M)
-    thick = np.arange(least, most, _STEP_M)
+    thick = np.arange(least, most, _THICKNESS_STEP_M)
     other = thick if wide is None else np.full_like(thick, wide)
     moments = second_moment(
         np.maximum(thick, other), np.minimum(thick, other), material

@@ -21,7 +21,7 @@ from plugins.vlms.offline.search import NothingSuits, Search
 from plugins.vlms.offline.vary import mutate_recipe
 from plugins.vlms.offline.writing import write_names
 
-_TRIES = 12  # for a tool that keeps the rules in all tasks
+_TOOLS = 12  # for a tool that keeps the rules in all tasks
 _VARIES = 0.7  # how often an elite's tool is varied, where there is one
 
 
@@ -69,7 +69,7 @@ def _make_design(
             return write_names([made], brief, [elite.candidate.id])
 
     made = searches[0].invent()
-    for _ in range(_TRIES):
+    for _ in range(_TOOLS):
         if _fits(made.tool, searches):
             break
         made = searches[0].invent()
@@ -88,7 +88,7 @@ def _vary(elite: Evaluation, searches: list[Search], rng: Generator) -> Made | N
         option = search.find_option(note.way, note.number)
         if option is None:
             continue
-        for _ in range(_TRIES):
+        for _ in range(_TOOLS):
             varied = mutate_recipe(recipe, option.way.ranges, 1 - elite.reward, rng)
             made = make(option, varied)
             if _fits(made.tool, searches):

@@ -14,8 +14,8 @@ from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.recipe import Shaft
 from plugins.vlms.offline.sections import find_thickness, measure_leverage
 
-_THIN_M = 0.01  # a bar is at least so thick, to be made,
-_THICK_M = 0.04  # and at most, to find room
+_LEAST_BAR_M = 0.01  # a bar is at least so thick, to be made,
+_MOST_BAR_M = 0.04  # and at most, to find room
 _SOCKET_M = (0.05, 0.05, 0.012)  # it covers a flange
 _BRIDGE_M = 0.06  # a bridge goes up by so much, over the mount or the head
 _BEND_SHARE = 0.35  # of the way out, a bridge goes before it goes up
@@ -43,7 +43,7 @@ def build_tool(
         material: of which it is made.
         name: of the way of using it.
     """
-    builder = Builder({RIGID_MOUNT: Pose()})
+    builder = Builder({RIGID_MOUNT: Pose()}, load, material)
     bearer = RIGID_MOUNT
     text = head.text
 
@@ -53,7 +53,7 @@ def build_tool(
         length = float(np.abs(end - foot).sum())
         tip = mount.apply(head.tip)
         bearer = builder.add("socket", bearer, Pose(foot / 2), _SOCKET_M)
-        bearer = builder.add_bars(shaft, bearer, foot, end, tip, load, material)
+        bearer = builder.add_bars("bar", bearer, shaft, foot, end, tip)
         text += f", on a {shaft} {length:.2f} m long"
         name += f"_{shaft}"
 
@@ -116,11 +116,20 @@ class Builder:
 
     Args:
         mounts: the poses of what the tool hangs from.
+        load: that the tool bears, newtons.
+        material: of which it is made.
+
+    Attributes:
+        components: of the tool.
     """
 
-    def __init__(self, mounts: Mapping[str, Pose]) -> None:
+    def __init__(
+        self, mounts: Mapping[str, Pose], load: float, material: Material
+    ) -> None:
         self.components: list[Component] = []
         self._poses = dict(mounts)
+        self._load = load
+        self._material = material
 
     def add(
         self,
@@ -141,29 +150,31 @@ class Builder:
 
     def add_bars(
         self,
-        shaft: Shaft,
+        name: str,
         parent: str,
+        shaft: Shaft,
         start: Array,
         end: Array,
         tip: Array,
-        load: float,
-        material: Material,
-        name: str = "bar",
     ) -> str:
-        """Add the bars of a shaft, and return the last one's name.
+        """Add the bars of a shaft, as thick as they must be, and return the last one's name.
 
         Args:
+            name: of the bars, before their numbers.
+            parent: the name of what bears the shaft.
             shaft: its kind.
-            parent: the name of what bears it.
             start: where it begins, (3,).
             end: where it ends, (3,).
             tip: where the load acts, (3,).
-            load: that it bears, newtons.
-            material: of which it is made.
-            name: of the bars.
         """
-        leverage = measure_leverage(_list_bars(shaft, start, end, _THIN_M), tip)
-        thick = find_thickness(load, leverage, material, least=_THIN_M, most=_THICK_M)
+        leverage = measure_leverage(_list_bars(shaft, start, end, _LEAST_BAR_M), tip)
+        thick = find_thickness(
+            self._load,
+            leverage,
+            self._material,
+            least=_LEAST_BAR_M,
+            most=_MOST_BAR_M,
+        )
         last = parent
         for number, (first, second) in enumerate(_list_bars(shaft, start, end, thick)):
             last = self._add_bar(f"{name}_{number}", last, first, second, thick)

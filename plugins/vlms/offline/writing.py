@@ -113,11 +113,7 @@ def choose_anchors(made: Made) -> list[Anchor]:
     """Choose what each waypoint stands by: the bodies until they are touched, and then more and more their goal."""
     anchors = []
     for number, job in enumerate(made.option.jobs):
-        steps = [
-            step
-            for step, owner in zip(made.steps, made.owners, strict=True)
-            if owner == number
-        ]
+        steps = [w.step for w in made.waypoints if w.number == number]
         base = _choose_base(job)
         shares = [0.0] * len(steps)
         if base.toward and job.goes:

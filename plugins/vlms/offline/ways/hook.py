@@ -23,13 +23,13 @@ from plugins.vlms.offline.ways.way import (
 )
 
 _LEAST_ROOM_M = 0.012  # for an arm with its toe
-_BEHIND_M = 0.008  # of room behind bodies, for the toe
+_LEAST_BEHIND_M = 0.008  # of room behind bodies, for the toe
 _AHEAD_M = 0.1  # of bodies arms go on, where nothing covers these
 _MOST_ROOM_M = 0.1  # more room makes a side no likelier
 _PASS_M = 0.003  # between the toe and bodies that it passes
 _GAP_M = 0.002  # between the arm and the bodies
-_THIN_M = 0.004  # arm and toe, at least: thinner ones break
-_TOE_M = 0.012  # thick, a toe at most
+_LEAST_PART_M = 0.004  # arm and toe, at least: thinner ones break
+_MOST_TOE_M = 0.012  # thick, a toe at most
 _ARM_SHARE = 0.45  # of the room, an arm takes at most
 _FIRST = 1e-6  # the share that is the first side with room
 
@@ -90,7 +90,7 @@ class Hook(Way):
     def suits(self, job: Job) -> float:
         if len(job.want.bodies) > 1 or job.falls or not job.slides:
             return 0.0
-        if job.room(x=-1.0) < _BEHIND_M or not any(_measure_rooms(job)):
+        if job.room(x=-1.0) < _LEAST_BEHIND_M or not any(_measure_rooms(job)):
             return 0.0
         return 1.0 if job.is_covered else 0.3
 
@@ -176,7 +176,7 @@ def _fit_hook(job: Job, values: Values) -> _Fit:
         job.load,
         length**3 / 3,
         job.layout.material,
-        least=_THIN_M,
+        least=_LEAST_PART_M,
         most=_ARM_SHARE * room,
         wide=breadth,
     )
@@ -190,8 +190,8 @@ def _fit_hook(job: Job, values: Values) -> _Fit:
         length=float(length),
         arm=arm,
         breadth=breadth,
-        toe=max(_THIN_M, min(values["toe"] * left, deep)),
-        toe_thick=float(np.clip(behind, _THIN_M, _TOE_M)),
+        toe=max(_LEAST_PART_M, min(values["toe"] * left, deep)),
+        toe_thick=float(np.clip(behind, _LEAST_PART_M, _MOST_TOE_M)),
     )
 
 

@@ -13,12 +13,12 @@ from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.ways.way import Range, Ranges, Way, above
 
-_THIN_M = 0.004  # a tine is at least so thick, to be made,
-_THICK_M = 0.012  # and at most
+_LEAST_TINE_M = 0.004  # a tine is at least so thick, to be made,
+_MOST_TINE_M = 0.012  # and at most
 _NARROW_M = 0.006  # a tine is at least so wide, to bear what lies on it
-_WALL_M = 0.012  # thick, behind the tines
+_BACK_M = 0.012  # thick, behind the tines
 _WALL_HEIGHT_M = (0.03, 0.08)  # at least, to bear the tines, and at most
-_GROUND_M = 0.001  # below tines, at least
+_FOOT_M = 0.001  # below tines, at least
 
 
 class Lift(Way):
@@ -61,18 +61,18 @@ class Lift(Way):
         across = 2 * (inner + wide)
         high = float(np.clip(job.size[2] - handles.low, *_WALL_HEIGHT_M))
 
-        wall = box("wall", -_WALL_M / 2, 0.0, high / 2, (_WALL_M, across, high))
-        size = (depth + _WALL_M, wide, thick)
-        x = (depth - _WALL_M) / 2
+        wall = box("wall", -_BACK_M / 2, 0.0, high / 2, (_BACK_M, across, high))
+        size = (depth + _BACK_M, wide, thick)
+        x = (depth - _BACK_M) / 2
         tines = [
             box(name, x, side * (inner + wide / 2), thick / 2, size)
             for name, side in (("left", 1.0), ("right", -1.0))
         ]
-        return Head([wall, *tines], np.array([-_WALL_M / 2, 0.0, high]), "a fork")
+        return Head([wall, *tines], np.array([-_BACK_M / 2, 0.0, high]), "a fork")
 
     def motion(self, job: Job, values: Values) -> Iterator[Step]:
         handles, depth, thick = self._measure(job, values)
-        low = max(_GROUND_M, handles.low - thick - values["below"])
+        low = max(_FOOT_M, handles.low - thick - values["below"])
         behind = -job.size[0] / 2 - values["behind"]
         before = at(behind - depth, 0.0, low)
         below = at(behind, 0.0, low)
@@ -98,5 +98,7 @@ class Lift(Way):
         handles = find_handles(job)
         assert handles is not None  # the job suits
         depth = job.size[0] * values["depth"] + values["behind"]
-        thick = float(np.clip(handles.low * values["thick"], _THIN_M, _THICK_M))
+        thick = float(
+            np.clip(handles.low * values["thick"], _LEAST_TINE_M, _MOST_TINE_M)
+        )
         return handles, depth, thick

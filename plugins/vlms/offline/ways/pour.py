@@ -19,7 +19,7 @@ _PLATE_WIDTH_M = 0.06  # covers a flange
 _PLATE_MARGIN_M = 0.035  # goes on above the flange's middle, and below the channels'
 _CROSSBAR_HEIGHT_M = 0.03  # stiff enough for a full vessel
 _FREE_SHARE = 0.3  # of a handle, beside the vessel, that the channel leaves free
-_OVER_M = 0.01  # the vessel passes everything near by so much, at least
+_PASSES_M = 0.01  # the vessel passes everything near by so much, at least
 _TURN_STEPS = 5  # of half a second each, at least: nothing is flung out
 _SHAKE_M = 0.02  # what sticks to a wall comes off
 
@@ -185,7 +185,7 @@ def _find_passing_height(job: Job, fit: _Fit, foot: Pose, low: float) -> float:
     """
     lying = max(fit.vessel.size[:2]) / 2
     top = job.clear - foot.position[2]
-    return float(top + max(low, lying) + _OVER_M)
+    return float(top + max(low, lying) + _PASSES_M)
 
 
 def _find_heading_there(job: Job) -> float:

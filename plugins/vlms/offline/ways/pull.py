@@ -16,9 +16,9 @@ from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.ways.way import Range, Ranges, Way, above, pick
 
 _TOE_M = 0.006  # thick
-_BEHIND_M = 0.014  # a face there must be room for the toe
-_BEFORE_M = 0.25  # it there must be room for the arm, and what bears it
-_WIDTH_M = 0.008  # of that room: as much as an arm has, at most
+_FREE_BEHIND_M = 0.014  # a face there must be room for the toe
+_FREE_BEFORE_M = 0.25  # it there must be room for the arm, and what bears it
+_FREE_WIDTH_M = 0.008  # of that room: as much as an arm has, at most
 _DISTANCES_M = np.linspace(0.008, 0.03, 7)  # from a point, an opening is looked for
 _LEVEL = 0.9  # the level part of a way that a level arm pulls, at least
 _ARC_STEPS = 6  # of a turn: between two of them the arm goes straight
@@ -139,8 +139,8 @@ def _is_open(job: Job, spot: Spot, side: Array, distance: float) -> bool:
     if meets_anything(job, level @ between, tuple(passage)):
         return False
 
-    arm = Pose(distance * side + (_BEFORE_M - _BEHIND_M) / 2 * out)
-    room = (_BEHIND_M + _BEFORE_M, _WIDTH_M, _WIDTH_M)
+    arm = Pose(distance * side + (_FREE_BEFORE_M - _FREE_BEHIND_M) / 2 * out)
+    room = (_FREE_BEHIND_M + _FREE_BEFORE_M, _FREE_WIDTH_M, _FREE_WIDTH_M)
     return not meets_anything(job, level @ arm, room)
 
 

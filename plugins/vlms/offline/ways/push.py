@@ -20,7 +20,7 @@ from plugins.vlms.offline.ways.way import (
     wall_height,
 )
 
-_CLEAR_M = 0.004  # a wall is narrower than the room for it
+_PLAY_M = 0.004  # a wall is narrower than the room for it
 
 
 class Push(Way):
@@ -55,7 +55,7 @@ class Push(Way):
     def head(self, job: Job, values: Values) -> Head:
         thick = values["thick"]
         room = min(job.room(y=1.0), job.room(y=-1.0))
-        widest = job.size[1] + 2 * room - _CLEAR_M
+        widest = job.size[1] + 2 * room - _PLAY_M
         width = min(values["width"] * job.size[1], widest)
         height = wall_height(job, values)
         wall = box("wall", -thick / 2, 0.0, height / 2, (thick, width, height))

@@ -19,7 +19,7 @@ from plugins.vlms.offline.ways.way import (
     wall_height,
 )
 
-_CLEAR_M = 0.002  # of what is beside and before it, a floor stays
+_BESIDE_M = 0.002  # of what is beside and before it, a floor stays
 _ENTRY_M = 0.05  # of room before bodies, to come down there
 _CLIMBED_M = 0.01  # of the floor's edge has no walls: bodies climb onto it
 _WALL_M = 0.004  # thick, at least; and twice as thick as the floor
@@ -131,8 +131,8 @@ class Scoop(Way):
     @staticmethod
     def _measure(job: Job, values: Values) -> tuple[float, float]:
         """Measure how wide the floor is, and how far it goes ahead of the wall."""
-        room = min(job.room(y=1.0), job.room(y=-1.0)) - _CLEAR_M
+        room = min(job.room(y=1.0), job.room(y=-1.0)) - _BESIDE_M
         width = job.size[1] + 2 * min(values["room"], room)
-        ahead = job.room(x=1.0) - _CLEAR_M
+        ahead = job.room(x=1.0) - _BESIDE_M
         depth = min(values["depth"] * job.size[0], job.size[0] + ahead)
         return float(width), float(depth)

@@ -21,7 +21,7 @@ from plugins.vlms.offline.ways.way import (
     wall_height,
 )
 
-_BEHIND_M = 0.01  # the bodies the wall comes down, at least
+_LEAST_AWAY_M = 0.01  # the bodies the wall comes down, at least
 
 
 class Sweep(Way):
@@ -78,7 +78,7 @@ class Sweep(Way):
     def motion(self, job: Job, values: Values) -> Iterator[Step]:
         _, _, depth = self._measure(job, values)
         foot = values["above"]
-        behind = -job.size[0] / 2 - _BEHIND_M - values["behind"] * depth
+        behind = -job.size[0] / 2 - _LEAST_AWAY_M - values["behind"] * depth
         begin = at(behind, 0.0, foot)
         end = at(job.length - values["heap"], 0.0, foot)
 

@@ -21,8 +21,8 @@ OVER_M = 0.03
 BACK_M = 0.03
 """How far a head goes back from what it has moved."""
 
-_LOW_M = 0.02  # a wall, at least
-_HIGH_M = 0.15  # and at most
+_LEAST_WALL_M = 0.02  # a wall, at least
+_MOST_WALL_M = 0.15  # and at most
 
 
 class Range(NamedTuple):
@@ -92,7 +92,7 @@ class Way(ABC):
 
 def wall_height(job: Job, values: Values) -> float:
     """Return how high a wall is that moves bodies: ``height`` of theirs, within what a tool carries."""
-    return float(np.clip(values["height"] * job.size[2], _LOW_M, _HIGH_M))
+    return float(np.clip(values["height"] * job.size[2], _LEAST_WALL_M, _MOST_WALL_M))
 
 
 def leaves(job: Job, values: Values) -> bool:
