@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from core.design import DesignError
+from core.design import Candidate, DesignError
 from core.interfaces import Brief, Evaluation
 from plugins.vlms.offline.faults import obeys
 from plugins.vlms.offline.making import Made, make, plan
@@ -15,7 +15,6 @@ from plugins.vlms.offline.notes import read_recipe
 from plugins.vlms.offline.search import Search
 from plugins.vlms.offline.several import answer_several
 from plugins.vlms.offline.vary import (
-    Stranger,
     cross,
     mutate,
     mutate_recipe,
@@ -28,7 +27,7 @@ _FRESH = 0.3  # how often a design is fresh although there are elites, where the
 _LEAST_REWARD = 0.01  # what earned nothing is a parent at times, too
 _SCALE = 1.5  # of changes, for the whole reward that is missing
 _LEAST_SCALE = 0.03
-_VARIATIONS = 12  # for a variation that keeps the rules
+_VARIATIONS = 12  # of a tool, to find one that keeps the rules
 
 
 def answer(brief: Brief) -> dict[str, Any]:
@@ -85,31 +84,29 @@ class _Designer:
 
     def _breed(self, first: Evaluation, second: Evaluation) -> dict[str, Any] | None:
         """Breed from parents that were made here; None: the first was not, or the tool is given."""
-        if self.search.given is not None:
-            return None
         read = read_recipe(first.candidate)
-        other = read_recipe(second.candidate)
-        if read is None:
+        if read is None or self.search.given is not None:
             return None
         note, recipe = read
         option = self.search.find_option(note.way, note.number)
         if option is None:
             return None
 
+        parents = [first]
+        mate = read_recipe(second.candidate)
+        is_alike = mate is not None and mate[0].way == note.way
+        if not is_alike or second is first or self.rng.random() >= _CROSSES:
+            mate = None
+        if mate is not None:
+            parents.append(second)
+
         scale = _find_scale(first)
-        alike = other is not None and other[0].way == note.way
-        crosses = alike and second is not first and self.rng.random() < _CROSSES
+        ranges = option.way.ranges
 
         def draw() -> Made:
-            start = recipe
-            if crosses and other is not None:
-                start = cross(recipe, other[1], self.rng)
-            ranges = option.way.ranges
+            start = recipe if mate is None else cross(recipe, mate[1], self.rng)
             return make(option, mutate_recipe(start, ranges, scale, self.rng))
 
-        parents = [first]
-        if crosses:
-            parents.append(second)
         return self._write(self.search.find_best(draw), parents, scale)
 
     def _write(
@@ -134,12 +131,11 @@ class _Designer:
 
     def _vary_stranger(self, parent: Evaluation) -> dict[str, Any]:
         """Vary the numbers of an elite that was not made here."""
-        candidate = parent.candidate
-        assert candidate.tool is not None
         scale = _find_scale(parent)
-        begin = Stranger(candidate.tool, candidate.plan)
+        candidate = parent.candidate
         is_given = self.search.given is not None
-        first = self._vary_until_sound(begin, scale, is_given=is_given)
+        first = self._vary_until_sound(candidate, scale, is_given=is_given)
+        assert first.tool is not None
         plans = [first.plan]
         while len(plans) < self.brief.n_action:
             varied = self._vary_until_sound(first, scale, is_given=True)
@@ -155,10 +151,9 @@ class _Designer:
         }
 
     def _vary_until_sound(
-        self, begin: Stranger, scale: float, *, is_given: bool
-    ) -> Stranger:
+        self, begin: Candidate, scale: float, *, is_given: bool
+    ) -> Candidate:
         """Vary numbers until the tool keeps the rules; where no variation does, it stays as it is."""
-        layout = self.search.layout
         for _ in range(_VARIATIONS):
             try:
                 varied = vary_numbers(
@@ -166,7 +161,7 @@ class _Designer:
                 )
             except DesignError:
                 continue
-            if is_given or obeys(varied.tool, layout):
+            if is_given or obeys(varied.tool, self.search.layout):
                 return varied
 
         return begin

@@ -109,10 +109,11 @@ def _follow(places: Places, layout: Layout) -> tuple[Array, float]:
     return joints, 0.0
 
 
-def obeys(tool: Tool, layout: Layout) -> bool:
+def obeys(tool: Tool | None, layout: Layout) -> bool:
     """Report whether a tool keeps the rules for tools, and those for the start; the bare hand does."""
-    if not tool.components:
+    if tool is None or not tool.components:
         return True
+
     material = layout.material
     try:
         check_tool(material.made(tool), layout.robot, material)

@@ -12,8 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from core.geometry import Array, Box, Pose
-
-Size = tuple[float, float, float]
+from plugins.vlms.offline.layout import Size
 
 _LEAST_SIDE_M = 0.0005  # a side, at least
 

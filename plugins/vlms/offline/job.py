@@ -9,10 +9,10 @@ from typing import Literal
 import numpy as np
 
 from core.designs.statics import GRAVITY
-from core.geometry import Array, Box, Pose
+from core.geometry import Array, Pose
 from core.goals import Want
-from core.robot.solids import Solid, contact, solid_geometry
 from plugins.vlms.offline.layout import CONTACT_M, Layout
+from plugins.vlms.offline.sections import find_thickness
 
 Asked = Literal["place", "joint", "turn", "break", "else"]
 """What a goal asks of bodies."""
@@ -65,9 +65,28 @@ class Job:
     @cached_property
     def load(self) -> float:
         """The force that a tool has to bear, newtons: the weight of what it lifts, or half of it for what slides."""
+        if self.want.joint:  # that bears the weight
+            return _LEAST_LOAD_N
         weight = GRAVITY * sum(self.layout.scene[name].mass for name in self.moved)
         share = _SLIDING if self.slides else 1.0
         return max(_LEAST_LOAD_N, share * weight)
+
+    def find_thickness(
+        self, length: float, least: float, most: float, wide: float | None = None
+    ) -> float:
+        """Find how thick a part of a head must be that is so long, and bears the load at its end; metres.
+
+        Args:
+            length: from where the part is held to its end.
+            least: the thickness.
+            most: the thickness, also where that is not stiff enough.
+            wide: the part's other side; None: its section is a square.
+        """
+        leverage = length**3 / 3
+        material = self.layout.material
+        return find_thickness(
+            self.load, leverage, material, least=least, most=most, wide=wide
+        )
 
     @cached_property
     def points(self) -> Array:
@@ -311,10 +330,9 @@ class Job:
         up = np.array([0.0, 0.0, self.size[2] / 2])
         sides = np.maximum(size - 2 * CONTACT_M - 2 * lift, CONTACT_M)
         middle = self.frame.apply(shift + up + lift)
-        geometry = solid_geometry(Box(tuple(sides)))
-        box = Solid("room", geometry, Pose(middle, self.frame.quaternion))
-        others = self.layout.others(self.contents.union(self.want.bodies))
-        return any(contact(box, other)[0] < 0.0 for other in others.near(box, 0.0))
+        x, y, z = sides.tolist()
+        moved = self.contents.union(self.want.bodies)
+        return self.layout.meets(Pose(middle, self.frame.quaternion), (x, y, z), moved)
 
 
 def span(points: Array) -> tuple[Array, Array]:

@@ -9,10 +9,9 @@ from itertools import product
 
 import numpy as np
 
-from core.geometry import Array, Box, Pose, Sphere
+from core.geometry import Array, Pose, Sphere
 from core.robot.solids import Solid, bounding_box, contact, solid_geometry
 from core.values.joints import PlacedJoint, Placement
-from plugins.vlms.offline.heads import Size
 from plugins.vlms.offline.job import Job
 
 _SHARES = (-0.8, -0.4, 0.0, 0.4, 0.8)  # of half a side, where points are taken
@@ -135,23 +134,16 @@ def _measure_depth(job: Job, point: Array, way: Array) -> float | None:
     """
     for length in np.arange(_LENGTH_STEP_M, _ROD_LENGTH_M, _LENGTH_STEP_M):
         middle = _aim(point - (_OFF_M + length / 2) * way, way)
-        if meets_anything(job, middle, (length, _ROD_M, _ROD_M)):
+        if job.layout.meets(middle, (length, _ROD_M, _ROD_M)):
             return None
 
         end = point - (length + _BEARER_M / 2) * way
         up = np.array([0.0, 0.0, (_BEARER_HEIGHT_M - _ROD_M) / 2])
         bearer = (_BEARER_M, _BEARER_M, _BEARER_HEIGHT_M)
-        if not meets_anything(job, Pose(end + up), bearer):
+        if not job.layout.meets(Pose(end + up), bearer):
             return float(length)
 
     return None
-
-
-def meets_anything(job: Job, pose: Pose, size: Size) -> bool:
-    """Report whether a box of full sides (3,) at a pose in the world meets anything."""
-    room = Solid("room", solid_geometry(Box(size)), pose)
-    obstacles = job.layout.all_solids
-    return any(contact(room, other)[0] < 0.0 for other in obstacles.near(room, 0.0))
 
 
 def _aim(point: Array, way: Array) -> Pose:

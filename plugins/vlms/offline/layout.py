@@ -17,12 +17,16 @@ from core.robot.solids import (
     Obstacles,
     Solid,
     body_solids,
+    contact,
     corners,
     robot_solids,
     solid_geometry,
 )
 from core.scene import Soft
 from plugins.vlms.told.reach import span_at
+
+Size = tuple[float, float, float]
+"""The full sides of a box, metres."""
 
 CONTACT_M = 0.001
 """Solids that overlap by less only touch each other."""
@@ -98,6 +102,20 @@ class Layout:
                 found += solids
 
         return Obstacles(found)
+
+    def meets(
+        self, pose: Pose, size: Size, without: frozenset[str] = frozenset()
+    ) -> bool:
+        """Report whether a box is in any body.
+
+        Args:
+            pose: of its middle, in the world.
+            size: its full sides.
+            without: the names of bodies that do not count.
+        """
+        box = Solid("box", solid_geometry(Box(size)), pose)
+        others = self.others(without)
+        return any(contact(box, other)[0] < 0.0 for other in others.near(box, 0.0))
 
     def top_at(self, low: Array, high: Array, below: float = np.inf) -> float:
         """Find how high the bodies stand that are over a part of the ground, metres; minus infinity: none does.

@@ -19,12 +19,8 @@ from plugins.vlms.offline.ways.way import Way
 KINDS = ("rigid", "gripper")
 """All kinds of tools: on the flange, and on the fingers of a gripper."""
 
-_SIDE_TURNS_RAD = (
-    0.0,
-    np.pi,
-    np.pi / 2,
-    -np.pi / 2,
-)  # the first one away from the robot
+# The first one is away from the robot.
+_SIDE_TURNS_RAD = (0.0, np.pi, np.pi / 2, -np.pi / 2)
 # Half a turn brings each finger to where the other one was.
 _HAND_TURNS_RAD = tuple(np.arange(-3, 5) * np.pi / 8)
 

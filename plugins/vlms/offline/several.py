@@ -21,7 +21,7 @@ from plugins.vlms.offline.search import NothingSuits, Search
 from plugins.vlms.offline.vary import mutate_recipe
 from plugins.vlms.offline.writing import write_names
 
-_TOOLS = 12  # for a tool that keeps the rules in all tasks
+_TOOLS = 12  # to find one that keeps the rules in all tasks
 _VARIES = 0.7  # how often an elite's tool is varied, where there is one
 
 

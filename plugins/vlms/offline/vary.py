@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from numpy.random import Generator
 
-from core.design import Tool
+from core.design import Candidate
 from core.geometry import Array
-from core.interfaces import ActionPlan, Brief, Numbers
+from core.interfaces import Brief, Numbers
 from plugins.vlms.offline.recipe import SHAFTS, Mount, Recipe, Values
 from plugins.vlms.offline.ways.way import Ranges
 
@@ -83,31 +83,13 @@ def cross(first: Recipe, second: Recipe, rng: Generator) -> Recipe:
     return Recipe(crossed, mount)
 
 
-@dataclass(frozen=True, eq=False)
-class Stranger:
-    """A candidate of other origin, whose numbers may be varied.
-
-    Attributes:
-        tool: of the candidate.
-        plan: of the candidate.
-    """
-
-    tool: Tool
-    plan: ActionPlan
-
-
 def vary_numbers(
-    stranger: Stranger,
-    brief: Brief,
-    scale: float,
-    rng: Generator,
-    *,
-    is_given: bool,
-) -> Stranger:
+    stranger: Candidate, brief: Brief, scale: float, rng: Generator, *, is_given: bool
+) -> Candidate:
     """Move some numbers of a tool's components and of a plan's waypoints.
 
     Args:
-        stranger: what is varied.
+        stranger: a candidate of other origin.
         brief: whose representations know the numbers.
         scale: of the changes, 0 to 1.
         rng: random numbers.
@@ -120,7 +102,7 @@ def vary_numbers(
     tools = brief.representation
     actions = brief.actions
 
-    if not is_given and rng.random() < _VARIES_TOOL:
+    if tool is not None and not is_given and rng.random() < _VARIES_TOOL:
         numbers = tools.parameters(tool)
         if len(numbers):
             tool = tools.with_parameters(tool, _move(numbers, scale, rng))
@@ -130,7 +112,7 @@ def vary_numbers(
     if len(numbers):
         plan = actions.with_parameters(plan, _move(numbers, scale, rng))
 
-    return Stranger(tool, plan)
+    return replace(stranger, tool=tool, plan=plan)
 
 
 def _move(numbers: Numbers, scale: float, rng: Generator) -> Array:

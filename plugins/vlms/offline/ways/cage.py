@@ -14,8 +14,7 @@ from plugins.vlms.offline.ways.way import (
     Range,
     Ranges,
     Way,
-    above,
-    leaves,
+    move_along,
     wall_height,
 )
 
@@ -73,9 +72,4 @@ class Cage(Way):
         begin = at(behind - values["room"], 0.0, foot)
         end = at(behind + job.length + values["farther"], 0.0, foot)
 
-        yield above(job, begin)
-        yield Step(begin)
-        yield Step(end, speed=values["speed"], touch=True)
-
-        if leaves(job, values):
-            yield Step(above(job, end).pose, touch=True)
+        yield from move_along(job, values, begin, end, back=0.0)

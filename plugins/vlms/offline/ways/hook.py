@@ -8,10 +8,10 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from core.geometry import Array, Pose
-from plugins.vlms.offline.heads import Head, Piece, Size, Step, at
+from plugins.vlms.offline.heads import Head, Piece, Step, at
 from plugins.vlms.offline.job import Job
+from plugins.vlms.offline.layout import Size
 from plugins.vlms.offline.recipe import Values
-from plugins.vlms.offline.sections import find_thickness
 from plugins.vlms.offline.ways.way import (
     BACK_M,
     OVER_M,
@@ -20,18 +20,18 @@ from plugins.vlms.offline.ways.way import (
     Way,
     above,
     leaves,
+    pick,
 )
 
 _LEAST_ROOM_M = 0.012  # for an arm with its toe
 _LEAST_BEHIND_M = 0.008  # of room behind bodies, for the toe
 _AHEAD_M = 0.1  # of bodies arms go on, where nothing covers these
-_MOST_ROOM_M = 0.1  # more room makes a side no likelier
+_ROOMY = 0.5  # of the most room, a side has where an arm passes
 _PASS_M = 0.003  # between the toe and bodies that it passes
 _GAP_M = 0.002  # between the arm and the bodies
 _LEAST_PART_M = 0.004  # arm and toe, at least: thinner ones break
 _MOST_TOE_M = 0.012  # thick, a toe at most
 _ARM_SHARE = 0.45  # of the room, an arm takes at most
-_FIRST = 1e-6  # the share that is the first side with room
 
 # Over the bodies, on their left, and on their right.
 _SIDES = np.array([[0, 0, 1], [0, 1, 0], [0, -1, 0]], dtype=float)
@@ -73,7 +73,7 @@ class Hook(Way):
     name = "hook"
     title = "passes bodies, over them or beside them, gets behind them with a toe, and pulls"
     sizes: ClassVar[Ranges] = {
-        "place": Range(0.0, 1.0),  # over, left or right, by the room there
+        "place": Range(0.0, 1.0),  # over, left or right, where there is room
         "toe": Range(0.5, 0.9),  # long, of the room that is left
         "breadth": Range(0.3, 0.9),  # of arm and toe, of the bodies' side
         "ahead": Range(0.02, 0.1),  # of the bodies the arm goes on
@@ -155,42 +155,34 @@ def _measure_rooms(job: Job) -> list[float]:
 
 
 def _fit_hook(job: Job, values: Values) -> _Fit:
-    """Choose the side on which the arm passes, the likelier the more room is there, and fit a hook to the room."""
+    """Choose a side on which the arm passes, and fit a hook to the room there."""
     rooms = _measure_rooms(job)
-    shares = np.cumsum(np.minimum(rooms, _MOST_ROOM_M))
-    place = np.clip(values["place"], _FIRST, 1.0)
-    chosen = int(np.searchsorted(shares, place * shares[-1]))
+    roomy = [n for n, room in enumerate(rooms) if room >= _ROOMY * max(rooms)]
+    chosen = pick(roomy, values["place"])
     side = _SIDES[chosen]
     room = rooms[chosen]
 
     # Where something covers the bodies, the arm is borne from outside.
-    length = job.size[0] + values["ahead"]
+    length = float(job.size[0] + values["ahead"])
     if job.is_covered:
         length += job.length
 
-    # The arm is as broad as the side that the toe pulls allows, and as thick as it must be.
-    height = float(job.size[2])
-    width = float(job.size[1])
-    breadth = values["breadth"] * (width if side[2] else height)
-    arm = find_thickness(
-        job.load,
-        length**3 / 3,
-        job.layout.material,
-        least=_LEAST_PART_M,
-        most=_ARM_SHARE * room,
-        wide=breadth,
-    )
+    # The toe pulls a side of the bodies, over which or beside which the arm is as broad.
+    _, width, height = job.size.tolist()
+    broad, deep = (width, height) if side[2] else (height, width)
+    breadth = values["breadth"] * broad
+    arm = job.find_thickness(length, _LEAST_PART_M, _ARM_SHARE * room, breadth)
 
     # The toe gets in behind the bodies, and passes them.
     behind = job.room(x=-1.0) - values["behind"] - _PASS_M
     left = room - arm - _GAP_M - _PASS_M
-    deep = values["breadth"] * (height if side[2] else width)
+    toe = min(values["toe"] * left, values["breadth"] * deep)
     return _Fit(
         side=side,
-        length=float(length),
+        length=length,
         arm=arm,
         breadth=breadth,
-        toe=max(_LEAST_PART_M, min(values["toe"] * left, deep)),
+        toe=max(_LEAST_PART_M, toe),
         toe_thick=float(np.clip(behind, _LEAST_PART_M, _MOST_TOE_M)),
     )
 

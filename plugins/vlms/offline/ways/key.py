@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 import numpy as np
 
+from core.geometry import Array
 from plugins.vlms.offline.heads import Head, Step, at, box
-from plugins.vlms.offline.job import Job
+from plugins.vlms.offline.job import Job, span
 from plugins.vlms.offline.layout import solid_points
 from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.ways.way import Range, Ranges, Way, above
 
-_BIT_M = 0.008  # high
-_STEM_M = 0.07  # longer than the body is high
-_SHORTEST = 0.75  # of the slot's length
-_RESTS = 1.1  # times as long as the slot is wide, the bit is at least: turned, it rests on the slot's edges
+_BIT_M = 0.008  # high, to bear a body
+_STEM_M = 0.07  # longer than the body is high: what bears the key stays above it
+_SHORTEST = 0.75  # of the slot's length, a bit is at least,
+_RESTS = 1.1  # and of its width, so that it rests on the slot's edges when it is turned
 
 
 class Key(Way):
@@ -59,26 +60,28 @@ class Key(Way):
         yield Step(at(0.0, 0.0, low), touch=True)
         yield Step(at(0.0, 0.0, low, yaw=quarter), touch=True)
 
-        # The body lies on the bit, which ends at its height.
+        # The body lies on top of the bit.
         up = job.rise + values["higher"] - _BIT_M
         yield Step(at(0.0, 0.0, up, yaw=quarter), values["lifting"], touch=True)
 
 
 def _measure_slot(job: Job) -> tuple[float, float]:
-    """Measure the hole in the middle of a body along the frame's x and y; 0, where there is none."""
-    inside = job.frame.inverse()
-    half = np.full(2, np.inf)
+    """Measure the hole in the middle of the bodies along the frame's x and y; 0, where there is none."""
+    into_frame = job.frame.inverse()
+    bounds = []
     for name in job.want.bodies:
         for solid in job.layout.solids[name]:
-            points = inside.apply(solid_points(solid))[:, :2]
-            low = points.min(axis=0)
-            high = points.max(axis=0)
-            for axis in range(2):
-                if low[1 - axis] < 0 < high[1 - axis]:
-                    gap = max(low[axis], -high[axis], 0.0)
-                    half[axis] = min(half[axis], gap)
+            bounds.append(span(into_frame.apply(solid_points(solid))))
 
-    if not np.isfinite(half).all():
-        return 0.0, 0.0
-    long, wide = 2 * half
-    return float(long), float(wide)
+    return _measure_gap(bounds, 0), _measure_gap(bounds, 1)
+
+
+def _measure_gap(bounds: Sequence[tuple[Array, Array]], axis: int) -> float:
+    """Measure how long the hole around the frame's middle is along x or y: what lies across that axis ends it."""
+    across = 1 - axis
+    gaps = [
+        max(low[axis], -high[axis], 0.0)
+        for low, high in bounds
+        if low[across] < 0 < high[across]
+    ]
+    return 2 * float(min(gaps, default=0.0))

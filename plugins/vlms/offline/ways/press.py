@@ -22,6 +22,7 @@ from plugins.vlms.offline.ways.way import (
     pick,
 )
 
+_ROD_M = (0.008, 0.018)  # thick, at least and at most
 _TOUCH_M = 0.001  # before a point, the rod is at it
 _UPRIGHT = 0.1  # the level part of a unit vector that counts as upright
 _ARC_STEPS = 4  # of a turn: between two of them the rod goes straight
@@ -40,7 +41,6 @@ class Press(Way):
     sizes: ClassVar[Ranges] = {
         "spot": Range(0.0, 1.0),  # of those where the body can be pushed
         "longer": Range(0.01, 0.08),  # than the rod must be
-        "thick": Range(0.008, 0.016),
     }
     moves: ClassVar[Ranges] = {
         "before": Range(0.01, 0.03),  # the body, where the rod comes down
@@ -56,8 +56,8 @@ class Press(Way):
 
     def head(self, job: Job, values: Values) -> Head:
         spot = _choose_spot(job, values)
-        thick = values["thick"]
         length = spot.depth + values["longer"]
+        thick = job.find_thickness(length, *_ROD_M)
 
         rise = float(np.arcsin(np.clip(spot.way[2], -1.0, 1.0)))
         along = at(0.0, 0.0, 0.0, pitch=-rise)
@@ -88,8 +88,8 @@ class Press(Way):
             yield Step(pose, speed=values["speed"], touch=True)
 
         if leaves(job, values) and not spot.springs_back:
-            back = into_frame.rotation.apply(-way)
-            yield Step(_shift(pose, BACK_M * back), touch=True)
+            back = into_frame.rotation.apply(-BACK_M * way)
+            yield Step(_shift(pose, back), touch=True)
 
 
 def _choose_spot(job: Job, values: Values) -> Spot:

@@ -9,9 +9,10 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from core.geometry import Array, Pose
-from plugins.vlms.offline.heads import Head, Piece, Size, Step, at
+from plugins.vlms.offline.heads import Head, Piece, Step, at
 from plugins.vlms.offline.job import Asked, Job
-from plugins.vlms.offline.joints import Spot, list_spots, meets_anything
+from plugins.vlms.offline.joints import Spot, list_spots
+from plugins.vlms.offline.layout import Size
 from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.ways.way import Range, Ranges, Way, above, pick
 
@@ -136,12 +137,12 @@ def _is_open(job: Job, spot: Spot, side: Array, distance: float) -> bool:
     out = level.rotation.inv().apply(spot.way)
     between = Pose(distance / 2 * side - _TOE_M * out)
     passage = np.maximum(distance * np.abs(side), _TOE_M)
-    if meets_anything(job, level @ between, tuple(passage)):
+    if job.layout.meets(level @ between, tuple(passage)):
         return False
 
     arm = Pose(distance * side + (_FREE_BEFORE_M - _FREE_BEHIND_M) / 2 * out)
     room = (_FREE_BEHIND_M + _FREE_BEFORE_M, _FREE_WIDTH_M, _FREE_WIDTH_M)
-    return not meets_anything(job, level @ arm, room)
+    return not job.layout.meets(level @ arm, room)
 
 
 def _choose_opening(job: Job, values: Values) -> _Opening:

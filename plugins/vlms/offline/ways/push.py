@@ -11,12 +11,10 @@ from plugins.vlms.offline.heads import Head, Step, at, box
 from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.ways.way import (
-    BACK_M,
     Range,
     Ranges,
     Way,
-    above,
-    leaves,
+    move_along,
     wall_height,
 )
 
@@ -68,11 +66,4 @@ class Push(Way):
         begin = at(touching - values["behind"], beside, foot)
         end = at(touching + job.length + values["farther"], beside, foot)
 
-        yield above(job, begin)
-        yield Step(begin)
-        yield Step(end, speed=values["speed"], touch=True)
-
-        if leaves(job, values):
-            back = at(end.position[0] - BACK_M, beside, foot)
-            yield Step(back, touch=True)
-            yield above(job, back)
+        yield from move_along(job, values, begin, end)

@@ -21,7 +21,8 @@ from plugins.vlms.offline.ways.way import (
 
 _BESIDE_M = 0.002  # of what is beside and before it, a floor stays
 _ENTRY_M = 0.05  # of room before bodies, to come down there
-_CLIMBED_M = 0.01  # of the floor's edge has no walls: bodies climb onto it
+_CLIMBED_M = 0.01  # of the floor's edge has no walls, where bodies climb onto it
+_FLOOR_M = 0.003  # thick, at most: bodies climb onto it
 _WALL_M = 0.004  # thick, at least; and twice as thick as the floor
 
 
@@ -44,7 +45,7 @@ class Scoop(Way):
     sizes: ClassVar[Ranges] = {
         "room": Range(0.002, 0.02),  # beside the bodies
         "depth": Range(0.9, 1.15),  # of the bodies' length
-        "floor": Range(0.001, 0.003),  # thick
+        "floor": Range(0.001, 0.003),  # thick, or as thick as it must be
         "height": Range(0.7, 1.3),  # of the bodies', of the wall behind them
         "rails": Range(0.0, 0.8),  # of that height, of the walls beside them
     }
@@ -73,9 +74,9 @@ class Scoop(Way):
         return 0.0
 
     def head(self, job: Job, values: Values) -> Head:
-        thin = values["floor"]
-        thick = max(_WALL_M, 2 * thin)
         width, depth = self._measure(job, values)
+        thin = job.find_thickness(depth, values["floor"], _FLOOR_M, width)
+        thick = max(_WALL_M, 2 * thin)
         height = wall_height(job, values)
         wall = (thick, width, height)
         floor = (depth + thick, width, thin)

@@ -12,12 +12,10 @@ from plugins.vlms.offline.heads import Head, Piece, Step, at, box
 from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.ways.way import (
-    BACK_M,
     Range,
     Ranges,
     Way,
-    above,
-    leaves,
+    move_along,
     wall_height,
 )
 
@@ -82,14 +80,7 @@ class Sweep(Way):
         begin = at(behind, 0.0, foot)
         end = at(job.length - values["heap"], 0.0, foot)
 
-        yield above(job, begin)
-        yield Step(begin)
-        yield Step(end, speed=values["speed"], touch=True)
-
-        if leaves(job, values):
-            back = at(end.position[0] - BACK_M, 0.0, foot)
-            yield Step(back, touch=True)
-            yield Step(above(job, back).pose, touch=True)
+        yield from move_along(job, values, begin, end)
 
     @staticmethod
     def _measure(job: Job, values: Values) -> tuple[float, float, float]:

@@ -95,6 +95,29 @@ def wall_height(job: Job, values: Values) -> float:
     return float(np.clip(values["height"] * job.size[2], _LEAST_WALL_M, _MOST_WALL_M))
 
 
+def move_along(
+    job: Job, values: Values, begin: Pose, end: Pose, back: float = BACK_M
+) -> Iterator[Step]:
+    """Yield the steps of a head that comes down behind bodies, moves them along, and leaves them if it does.
+
+    Args:
+        job: what is moved.
+        values: ``speed``, and whether it ``leaves``.
+        begin: where the head comes down.
+        end: where it stops.
+        back: how far it goes back before it rises.
+    """
+    yield above(job, begin)
+    yield Step(begin)
+    yield Step(end, speed=values["speed"], touch=True)
+
+    if leaves(job, values):
+        clear = end @ Pose(np.array([-back, 0.0, 0.0]))
+        if back:
+            yield Step(clear, touch=True)
+        yield Step(above(job, clear).pose, touch=True)
+
+
 def leaves(job: Job, values: Values) -> bool:
     """Report whether the head leaves the bodies at the end: it must, or ``leaves`` is above a half."""
     return job.want.released or values["leaves"] > 0.5
