@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -37,12 +37,25 @@ def cause_lines(evaluation: Evaluation, sight: Sight) -> list[str]:
 
 def failing_trials(evaluation: Evaluation) -> list[Trial]:
     """Return a candidate's trials in the further layouts where it does not hold, of each its worst, the worst first."""
-    worst = [
-        min(trials, key=lambda trial: trial.reward)
-        for trials in evaluation.finals.trials.values()
-    ]
-    failed = [trial for trial in worst if not trial.solved]
-    return sorted(failed, key=lambda trial: (trial.reward, trial.layout))
+    failed = []
+    for trials in evaluation.finals.trials.values():
+        unsolved = [trial for trial in trials if not trial.solved]
+        if unsolved:
+            failed.append(min(unsolved, key=lambda trial: trial.reward))
+
+    return sorted(failed, key=lambda trial: (trial.reward, number_of(trial)))
+
+
+def number_of(trial: Trial) -> int:
+    """Return the number of a further layout: its seed's or, of a change of the scene in one layout, the change's."""
+    change = trial.where.change
+    return trial.layout if change is None else change
+
+
+def name_further(trials: Iterable[Trial]) -> str:
+    """Say what trials that decide between the best were made in: layouts, or changes of one."""
+    is_changed = all(trial.where.change is not None for trial in trials)
+    return "change" if is_changed else "layout"
 
 
 def _cause_of(trial: Trial) -> str:
@@ -52,16 +65,18 @@ def _cause_of(trial: Trial) -> str:
 
 def _describe(group: Sequence[Trial], count: int, sight: Sight) -> str:
     """Say a cause, in how many of so many layouts, and how far bodies missed there."""
-    layouts = sorted(trial.layout for trial in group)
-    seeds = ", ".join(map(str, layouts[:_LAYOUTS]))
-    if len(layouts) > _LAYOUTS:
-        seeds += ", ..."
+    numbers = sorted(map(number_of, group))
+    listed = ", ".join(map(str, numbers[:_LAYOUTS]))
+    if len(numbers) > _LAYOUTS:
+        listed += ", ..."
+    plural = "s" if len(group) > 1 else ""
+    places = f"{name_further(group)}{plural} {listed}"
 
     offsets = [offset for trial in group for offset in _list_offsets(trial)]
     missed = _summarize(offsets) if offsets else ()
 
     cause = sight.text(_cause_of(group[0]))
-    where = (len(group), count, seeds)
+    where = (len(group), count, places)
     return phrase("observed", "cause", cause, *where, missed, sight.numbers)
 
 

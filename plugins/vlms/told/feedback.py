@@ -17,7 +17,7 @@ from core.trial import best_first, summarise_rewards
 from core.values.observations import Sight
 from core.values.torques import find_hardest
 from plugins.vlms.telling import REACHED, last_generation, outcome_of
-from plugins.vlms.told.causes import cause_lines
+from plugins.vlms.told.causes import cause_lines, name_further
 from plugins.vlms.told.phrases import phrase
 
 WHOLE = 2
@@ -317,7 +317,10 @@ def _finals_lines(evaluation: Evaluation, sight: Sight) -> list[str]:
     if not counted.layouts:
         return []
 
-    held = f"holds in {counted.held} of {counted.layouts} further layouts"
+    further = "further layouts"
+    if name_further(evaluation.finals.in_order()) == "change":
+        further = "small changes of the scene"
+    held = f"holds in {counted.held} of {counted.layouts} {further}"
     return [held, *cause_lines(evaluation, sight)]
 
 

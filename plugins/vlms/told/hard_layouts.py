@@ -46,6 +46,8 @@ def find_hard_layouts(evaluations: Iterable[Evaluation]) -> Hard:
     tried: dict[int, dict[str, list[Trial]]] = {}
     for content, tally in tallies.items():
         for trial in tally.in_order():
+            if trial.where.change is not None:  # of one layout
+                continue
             by_candidate = tried.setdefault(trial.layout, {})
             by_candidate.setdefault(content, []).append(trial)
 

@@ -10,7 +10,7 @@ from core.designs.prompt_values import RunFacts
 from core.interfaces import Observation, Trial
 from core.plugins import PluginPart
 from core.scene import Camera
-from core.trial import Tally, Where
+from core.trial import Held, Tally, Where
 from core.values.observations import Sight
 from plugins.vlms.told.causes import cause_lines
 from plugins.vlms.told.hard_layouts import find_hard_layouts
@@ -118,3 +118,27 @@ def test_causes_that_differ_in_numbers_count_together_the_commonest_first():
     assert first.startswith("in 2 of the 3 where it fails: forbidden: board pressed")
     assert first.endswith("(layouts 2, 5)")
     assert second == "in 1 of the 3 where it fails: missed cube (layout 1)"
+
+
+def test_changes_of_one_layout_are_named_by_their_own_numbers():
+    """A candidate that holds in a layout fails in two of four small changes of it, in one in an engine alone."""
+    trials = {}
+    for change in range(4):
+        where = Where("BringCube", "mujoco", 0, change)
+        other = Where("BringCube", "sapien", 0, change)
+        here = Trial(where, reward=0.9, solved=change != 2, outcome="missed cube")
+        there = Trial(other, reward=0.8, solved=change != 3, outcome="missed cube")
+        trials[change] = (here, there)
+
+    losses = {change: {"mujoco": 0.1, "sapien": 0.2} for change in trials}
+    failing = replace(make_elite(0, 1.0), finals=Tally(trials, losses))
+    assert failing.finals.count_held() == Held(2, 4)
+    assert cause_lines(failing, Sight()) == [
+        "in 2 of the 2 where it fails: missed cube (changes 2, 3)"
+    ]
+    assert (
+        find_hard_layouts([failing, replace(failing, candidate=elite(1, []).candidate)])
+        == {}
+    )
+    text = prompt(failing)
+    assert "holds in 2 of 4 small changes of the scene" in text
