@@ -1,11 +1,12 @@
-"""``vlmgineer view FOLDER [web=true] [port=N]``: show a run's recording in Rerun's viewer, in a window, or with
-``web=true`` in the browser. All ports are open to this machine only.
+"""``vlmgineer view FOLDER [web=true] [port=N] [web_port=N]``: show a run's recording in Rerun's viewer, in a window, or
+with ``web=true`` in the browser. All ports are open to this machine only.
 """
 
 from __future__ import annotations
 
 import contextlib
 import importlib.util
+import os
 import socket
 import subprocess
 import sys
@@ -21,7 +22,11 @@ from core.support.cli import say
 from plugins.results.named_folders import folders_and_overrides
 
 HERE = "127.0.0.1"
-USAGE = "usage: vlmgineer view FOLDER [web=true] [port=N]; FOLDER, or runs=FOLDER, is a run's or a multirun's"
+USAGE = (
+    "usage: vlmgineer view FOLDER [web=true] [port=N] [web_port=N]; FOLDER, or runs=FOLDER, is a run's or a "
+    "multirun's"
+)
+_SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
 _END_S = 5.0
 
 
@@ -50,8 +55,8 @@ def listens(port: int, host: str = HERE) -> bool:
         return client.connect_ex((host, port)) == 0
 
 
-def free_port(wanted: int = 0) -> int:
-    """The port ``wanted``, or with 0 any free port.
+def free_port(wanted: int = 0, setting: str = "port") -> int:
+    """The port ``wanted``, which a setting gave, or with 0 any free port.
 
     Raises:
         UserError: the port is taken.
@@ -60,25 +65,31 @@ def free_port(wanted: int = 0) -> int:
         with socket.create_server((HERE, wanted)) as server:
             return int(server.getsockname()[1])
     except (OSError, OverflowError) as error:
-        mend = "choose another with port=N, or any with port=0"
+        mend = f"choose another with {setting}=N, or any with {setting}=0"
         raise UserError(
             f"port {wanted} of {HERE} is not free ({error}); {mend}"
         ) from error
 
 
-def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
+def view(
+    files: Sequence[Path], web: bool = False, port: int = 9090, web_port: int = 0
+) -> None:
     """Show recordings until the window is closed or an interrupt comes, which is the usual end of a server.
 
     Args:
         files: the recordings.
         web: serve a page for the browser, in place of a window.
         port: of that page; 0: any that is free.
+        web_port: from which that page takes its data; 0: any that is free.
 
     Raises:
-        UserError: they can't be shown, or Rerun is not installed.
+        UserError: they can't be shown, there is no screen, or Rerun is not installed.
     """
-    page = free_port(port) if web else 0
-    data = free_port()
+    if not (web or _has_screen()):
+        raise UserError("there is no screen here; add web=true, and open the page")
+
+    page = free_port(port, "port") if web else 0
+    data = free_port(web_port if web else 0, "web_port")
     words = [_find_viewer(), *map(str, files), "--port", str(data), "--bind", HERE]
     if web:
         words += ["--serve-web", "--web-viewer-port", str(page)]
@@ -103,8 +114,13 @@ def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
             output.seek(0)
             printed = output.read().decode(errors="replace").strip()
             last = (printed or "it printed nothing").splitlines()[-1]
-            hint = "" if web else "; without a screen, use web=true"
+            hint = "" if web else "; web=true needs no window"
             raise UserError(f"the viewer ended with status {status}: {last}{hint}")
+
+
+def _has_screen() -> bool:
+    """Report whether there is a screen, as far as Linux says by variables; other systems have one."""
+    return sys.platform != "linux" or any(os.environ.get(name) for name in _SCREENS)
 
 
 def _find_viewer() -> str:

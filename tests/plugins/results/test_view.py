@@ -93,8 +93,19 @@ def test_without_a_screen_it_says_what_to_do(folder):
     _, said = viewer.communicate(timeout=60)
     assert viewer.returncode == 1
     (line,) = said.splitlines()
-    assert line.startswith("error: the viewer ended with status 1: ")
-    assert line.endswith("without a screen, use web=true")
+    assert line.startswith("error: there is no screen here; add web=true")
+
+
+def test_the_page_takes_its_data_from_the_port_that_is_asked_for(folder):
+    port = free_port()
+    viewer = view(folder, "web=true", "port=0", f"web_port={port}")
+    try:
+        address = urlsplit(viewer.stdout.readline().strip())
+        assert urlsplit(parse_qs(address.query)["url"][0]).port == port
+        viewer.send_signal(signal.SIGINT)
+        viewer.communicate(timeout=30)
+    finally:
+        viewer.kill()
 
 
 @pytest.mark.parametrize(
@@ -106,7 +117,7 @@ def test_without_a_screen_it_says_what_to_do(folder):
         (["."], ". holds no recording.rrd; runs with the listener rerun write one"),
         (
             [".", "wbe=true"],
-            "no setting 'wbe' in view (did you mean 'web'?); possible: port, web",
+            "no setting 'wbe' in view (did you mean 'web'?); possible: port, web, web_port",
         ),
         ([".", "port=high"], "setting 'port' can't be 'high'"),
     ],
