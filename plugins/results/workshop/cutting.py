@@ -300,10 +300,20 @@ class _Cutter:
         longest = max(self._components, key=lambda item: self._length_in(piece, item))
         length = self._length_in(piece, longest)
         size = " × ".join(f"{side:.0f}" for side in lying.size)
-        free = f"{REACH_MM[0] + 5:.0f} mm of a component straight and free of others"
+        free = (
+            f"leave {REACH_MM[0] + 5:.0f} mm of a component straight and free of others"
+        )
+        number = self._components.index(longest)
+        parting = (cut for cut in self._list_cuts(piece) if cut.component == number)
+        if length >= LEAST_MM and next(parting, None) is None:
+            free = (
+                "open it: it is closed like a frame, a tray or a tube, which no single cut parts, while a hook, a "
+                "comb or a fork comes in pieces"
+            )
+
         return (
             f"no joint makes its part of {size} mm fit: shorten {longest.name}, {length:.0f} mm of which are in "
-            f"it, leave {free}, or choose a larger printer"
+            f"it, {free}, or choose a larger printer"
         )
 
     def _length_in(self, piece: Any, component: Component) -> float:

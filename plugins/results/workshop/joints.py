@@ -50,6 +50,7 @@ BORE_MM = 1.7
 SINK_MM = 1.6
 SCREW_G = 1.0  # with its insert
 SCREWS = 2
+ASIDE_MM = 0.02  # of bores: with a corner on the edge of a round shaft a mesh would not be closed
 
 SAME_AREA = (
     0.01  # of a section that is convex, and of one that stays the same along a shaft
@@ -398,7 +399,7 @@ def _drill(
 
 def screw_places(tongue: Profile, reach: float) -> list[tuple[float, float]]:
     """Return x and z of both screws: side by side where the tongue is wide, else behind each other."""
-    middle = float(tongue.low[0] + tongue.high[0]) / 2
+    middle = float(tongue.low[0] + tongue.high[0]) / 2 + ASIDE_MM
     wide = float(tongue.size[0])
     if wide >= WIDE_MM:
         return [(middle - wide / 4, reach / 2), (middle + wide / 4, reach / 2)]

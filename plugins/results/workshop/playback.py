@@ -46,6 +46,7 @@ OFF_RAD = 1e-4  # by which a real arm's joints are off
 OFF_TRIES = 3
 
 TRUST = "search in each of these engines with fitness=robust, or name in sims those that you trust"
+NOTHING = "vlmgineer evaluate says why; export a design that earns something, or name other engines in sims"
 ROOM = (
     "move components away from the mount, and leave more room where the motion is tight"
 )
@@ -178,6 +179,11 @@ def _check_motion(
         return [check, _check_reactions(stage, best.candidate, export.replays)]
     if check.passed is not False:
         return [check]
+
+    nothing = [name for name, reward in searched.items() if reward < LEAST_REWARD]
+    if nothing:
+        lost = f"before its export it earned nothing in {', '.join(nothing)}"
+        return [check._replace(found=f"{check.found}; {lost}", mend=NOTHING)]
 
     lost = find_loss(stage, export, searched)
     return [check._replace(found=f"{check.found}; {lost}")]

@@ -137,7 +137,12 @@ def _union(shapes: tuple[Placed, ...]) -> Any:
 
     ((shape, pose),) = shapes
     mesh = shape.to_trimesh().apply_transform(pose.matrix).apply_scale(1000.0)
-    return manifold(mesh)
+    solid = manifold(mesh)
+    if shape.is_convex and solid.status() != manifold3d.Error.NoError:
+        # A hull of triangles that are thinner than numbers are exact.
+        return manifold3d.Manifold.hull_points(mesh.vertices)
+
+    return solid
 
 
 def joined_solids(solids: Sequence[Any]) -> Any:

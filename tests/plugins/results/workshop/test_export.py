@@ -38,7 +38,8 @@ def exported(folder, *words, task="OneBook"):
         f"output={folder}",
         "sims=[mujoco]",
     ]
-    given.append("printer.plate_mm=[500,500,500]")
+    if not any(word.startswith("printer") for word in words):
+        given.append("printer.plate_mm=[500,500,500]")
     (found,) = export(configured([*given, *words]))
     return found
 
@@ -302,3 +303,18 @@ def test_what_a_model_named_is_no_markup(made):
     )
     assert "\x1b" not in text
     assert "https\\://e.org" in text  # which GitHub would make a link
+
+
+def test_a_design_that_earned_nothing_before_its_export_is_said_to(tmp_path):
+    words = [
+        "designs=tests/failures/BringCube.json",
+        "task=BringCube",
+        "tool=urdf",
+        "sims=[mujoco]",
+        f"output={tmp_path / 'export'}",
+    ]
+    (found,) = export(configured(words))
+    (check,) = (check for check in found.checks if check.name == "motion")
+    assert check.passed is False
+    assert "before its export it earned nothing in mujoco" in check.found
+    assert "its path loses it" not in check.found

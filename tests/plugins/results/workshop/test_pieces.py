@@ -6,7 +6,7 @@ import trimesh
 
 from core.design import Component, Tool
 from core.errors import UserError
-from core.geometry import Box, Pose
+from core.geometry import Box, Cylinder, Pose
 from core.interfaces import Material
 from plugins.results.workshop.assembly import draw_apart, picture
 from plugins.results.workshop.exact import Exact, write_step
@@ -157,10 +157,35 @@ def test_a_thin_shaft_is_thicker_around_its_joint_and_flat_on_one_side():
     assert min(component.shape.bounds[1]) > 0.011
 
 
+def test_a_thin_rod_comes_in_closed_pieces():
+    rod = Component("rod", "tool_mount", at(0, 0, -0.1), Cylinder(0.002, 0.2))
+    made = make(Tool((rod,)))
+    assert len(made.parts) == 2
+    assert {line.partition(":")[0] for line in failing(made)} <= {"weight"}
+
+
+def bars(length, width):
+    """A post that bears a square of bars: closed, or open on one side."""
+    far = (length - width) / 2
+    post = Component("post", "tool_mount", at(0, 0, -0.05), Box((0.03, 0.03, 0.1)))
+    near = Component("near", "post", at(0, 0, -0.05), Box((width, length, width)))
+    parts = [post, near]
+    for name, x, y, size in (
+        ("left", far, far, (length, width, width)),
+        ("right", far, -far, (length, width, width)),
+        ("far", 2 * far, 0, (width, length, width)),
+    ):
+        parts.append(Component(name, "near", at(x, y, 0), Box(size)))
+
+    return parts
+
+
 @pytest.mark.parametrize(
     ("tool", "plate", "said"),
     [
         (HOOK, 20.0, "shorten arm"),
+        (Tool(tuple(bars(0.3, 0.02))), 180.0, "open it: it is closed like a frame"),
+        (Tool(tuple(bars(0.3, 0.02)[:1])), 20.0, "mm of a component straight and free"),
         (
             Tool(
                 (
@@ -180,6 +205,14 @@ def test_what_no_cut_makes_fit_stays_whole_and_says_what_to_shorten(tool, plate,
     assert made.joints == ()
     (line,) = [line for line in failing(made) if line.startswith("fits the plate")]
     assert said in line
+
+
+def test_a_tool_that_is_a_thin_wire_says_what_to_thicken():
+    wire = Component("wire", "tool_mount", at(0, 0, -0.05), Cylinder(0.0003, 0.1))
+    made = make(Tool((wire,)))
+    (line,) = [line for line in failing(made) if line.startswith("walls")]
+    assert "thinnest 0.6" in line
+    assert "thicken" in line
 
 
 def test_numbers_are_pressed_into_pieces(hook):
