@@ -77,7 +77,7 @@ def test_the_embedded_designers_tools_are_made_for_one_task_after_the_other(foun
         made_for[evaluation.candidate.design] = name.partition(" ")[0]
 
     assert made_for[0] in ("push", "cage", "hook")
-    assert made_for[1] in ("throw", "scoop")
+    assert made_for[1] in ("drop", "scoop")
 
 
 @pytest.mark.thorough
