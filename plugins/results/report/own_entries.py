@@ -78,7 +78,7 @@ def _group(runs: Sequence[AnyRun], name: str) -> dict[_Followed, list[AnyRun]]:
             called = f"{name} {method}"
 
         match run.config.get("protocol"):
-            case {"name": str(rules), "version": int(version)} if rules != "none":
+            case {"name": str(rules), "version": int(version)}:
                 followed = _Followed(called, rules, version)
                 groups.setdefault(followed, []).append(run)
 

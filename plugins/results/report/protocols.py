@@ -46,10 +46,13 @@ def protocol(name: str) -> Protocol:
     Raises:
         UserError: there is none.
     """
-    if name == "none" or not re.fullmatch(r"\w{1,50}", name):
+    if not re.fullmatch(r"\w{1,50}", name):
         raise UserError(f"no protocol {short(name)!r}")
     config = load("config", [f"protocol={name}"])
     chosen = config.protocol
+    if "tracks" not in chosen:
+        raise UserError(f"the protocol {name} has no tracks, and so no entries")
+
     references = {
         task: Effort(*numbers)
         for task, numbers in config.fitness.get("references", {}).items()

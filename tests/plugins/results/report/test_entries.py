@@ -73,8 +73,8 @@ def test_the_tracks_have_twelve_tasks_and_the_protocol_fixes_what_it_sets():
     assert fixed["rollout.perception.yaw"] == "0.01"
     assert fixed["fitness.unseen_sims"] == '["mujoco", "sapien"]'
     assert "fitness.layouts" not in fixed
-    for name in ("none", "x=1", "../varied"):
-        with pytest.raises(UserError, match="no protocol"):
+    for name in ("none", "paper", "x=1", "../varied"):
+        with pytest.raises(UserError, match="no protocol|no tracks"):
             protocol(name)
 
 
