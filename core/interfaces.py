@@ -51,6 +51,7 @@ from core.values.jobs import (
     Worlds as Worlds,
 )
 from core.values.materials import PAPER as PAPER, Material as Material
+from core.values.printers import MK4 as MK4, Printer as Printer
 from core.values.messages import (
     Estimate as Estimate,
     Message as Message,
@@ -278,6 +279,7 @@ class ToolRepresentation(Variable[Tool], ABC):
     # What a component may be: box, cylinder, capsule, sphere.
     shapes: tuple[str, ...] = ("box",)
     material: Material = PAPER  # the program makes it for one, and weighs by it what `parse` and `given` return
+    printer: Printer = MK4  # by which tools are made
 
     @abstractmethod
     def instructions(self, brief: Brief) -> str:

@@ -27,10 +27,10 @@ from core.scene import Camera, Scene, floor
 from core.simulation.pictures import Film, filmed
 from core.simulation.play import play
 from core.support.text import number
+from core.values.printers import Printer
 from plugins.results.pages.drawing import as_held
 from plugins.results.pages.page import in_viewer, render
 from plugins.results.workshop.examination import find_problem
-from plugins.results.workshop.settings import Printer
 
 DOCS = Path(__file__).parent
 DESIGNS = DOCS / "gallery"

@@ -45,6 +45,7 @@ from core.support.cli import key_of, say
 from core.trial import Part
 from core.values.layouts import NONE
 from core.values.materials import Material
+from core.values.printers import Printer
 
 T = TypeVar("T")
 
@@ -328,20 +329,27 @@ def task_parts(config: DictConfig) -> list[PluginPart[Task]]:
 
 
 def tool_part(config: DictConfig) -> PluginPart[ToolRepresentation]:
-    """Return the tool representation of a configuration, for its robot and its material.
+    """Return the tool representation of a configuration, for its robot, its material and its printer.
 
     Raises:
-        UserError: see `part`; or the material can't be used.
+        UserError: see `part`; or the material or the printer can't be used.
     """
-    try:
-        schema = OmegaConf.structured(Material)
-        merged = OmegaConf.merge(schema, config.material)
-        material = node(cast(DictConfig, merged), Material)
-    except (OmegaConfBaseException, ValueError) as error:  # the latter: it has no keys
-        raise UserError(f"material: {first_line(error)}") from error
-
     return replace(
         part(TOOL, config.tool),
         robot=part(ROBOT, config.robot),
-        material=material,
+        material=_read_section(config, "material", Material),
+        printer=_read_section(config, "printer", Printer),
     )
+
+
+def _read_section(config: DictConfig, name: str, kind: type[T]) -> T:
+    """Return a section of a configuration as what it describes; a configuration of some parts alone may lack it.
+
+    Raises:
+        UserError: it can't be used.
+    """
+    try:
+        merged = OmegaConf.merge(OmegaConf.structured(kind), config.get(name, {}))
+        return node(cast(DictConfig, merged), kind)
+    except (OmegaConfBaseException, ValueError) as error:  # the latter: it has no keys
+        raise UserError(f"{name}: {first_line(error)}") from error

@@ -14,6 +14,7 @@ from core.errors import UsageError
 from core.interfaces import RolloutSettings
 from core.values.harmless import Harmless, Names
 from core.values.materials import Material
+from core.values.printers import Printer
 
 # Not as a resource of `prompts`: a folder of the user's may hide that, which is said later.
 _PROMPTS = Path(__file__).parents[2] / "prompts"
@@ -117,7 +118,7 @@ class Sampling:
 
 @dataclass
 class SceneConfig:
-    """The task, the robot, the engine, the tools' material, the layout's seed.
+    """The task, the robot, the engine, the tools' material and printer, the layout's seed.
 
     A part's settings are checked by its factory's signature.
     """
@@ -126,6 +127,7 @@ class SceneConfig:
     robot: PartConfig = MISSING
     sim: PartConfig = MISSING
     material: Material = field(default_factory=Material)
+    printer: Printer = field(default_factory=Printer)
     seed: int = 0
 
 

@@ -19,6 +19,7 @@ from core.support.files import noting_reads
 from core.support.inputs import check
 from core.support.progress_display import busy
 from core.values.materials import PAPER, Material
+from core.values.printers import MK4, Printer
 
 T_co = TypeVar("T_co", covariant=True, default=Any)
 _BASE: Any = tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat]
@@ -28,8 +29,9 @@ _BASE: Any = tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat]
 class PluginPart(Generic[T_co]):
     """A part by name and settings, from which a worker process makes its own; ``PluginPart[Task]`` makes a `Task`.
 
-    A task or tool representation is made for ``robot`` (None: the default robot) and weighs by ``material``. A robot
-    stands at ``base``: x, y, z in metres, and yaw in radians; empty or 0: where it says itself.
+    A task or tool representation is made for ``robot`` (None: the default robot), weighs by ``material``, and has its
+    tools made by ``printer``. A robot stands at ``base``: x, y, z in metres, and yaw in radians; empty or 0: where
+    it says itself.
     """
 
     kind: str
@@ -37,6 +39,7 @@ class PluginPart(Generic[T_co]):
     settings: tuple[tuple[str, Any], ...] = ()
     robot: PluginPart[Robot] | None = None
     material: Material = PAPER
+    printer: Printer = MK4
     base: Any = ()
 
     def __hash__(self) -> int:  # settings may be lists and mappings
@@ -50,7 +53,12 @@ class PluginPart(Generic[T_co]):
         """
         robot = self.robot and self.robot.shared()
         settings = dict(self.settings)
-        environment = {"robot": robot, "material": self.material, **given}
+        environment = {
+            "robot": robot,
+            "material": self.material,
+            "printer": self.printer,
+            **given,
+        }
         with busy(f"making {self.kind} {self.name}"):
             part: Any = installed().create(
                 KINDS[self.kind], self.name, settings, **environment

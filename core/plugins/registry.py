@@ -26,6 +26,7 @@ from core.plugins.moved import explain
 from core.plugins.packages import check_configs, refuse_hiding, refuse_rivals
 from core.support.inputs import adapter, find_mistakes
 from core.values.materials import PAPER, Material
+from core.values.printers import MK4, Printer
 
 Settings = Mapping[str, Any] | None
 _MOST_OFFERS = 10_000  # of a hook
@@ -194,11 +195,13 @@ class Plugins:
         *,
         robot: Robot | None = None,
         material: Material = PAPER,
+        printer: Printer = MK4,
         **given: Any,
     ) -> T:
         """Make a part: check ``settings`` against its factory's signature, and call that with them and ``given``.
 
-        A task or tool representation is made for ``robot``, by default for the default one, and weighs by ``material``.
+        A task or tool representation is made for ``robot``, by default for the default one, weighs by ``material``, and
+        has its tools made by ``printer``.
 
         Raises:
             UserError: no such part; a setting that is unknown, missing or of the wrong type; or the factory makes
@@ -222,6 +225,7 @@ class Plugins:
             part.robot = robot or self.default_robot
         if isinstance(part, ToolRepresentation):
             part.material = material
+            part.printer = printer
 
         KINDS[group].check(part, str(offer))
         return typing.cast(T, part)

@@ -21,6 +21,7 @@ class KnownTool(GivenTools):
     def __init__(self, tool: Tool, designed_by: ToolRepresentation) -> None:
         self.robot = designed_by.robot
         self.material = designed_by.material
+        self.printer = designed_by.printer
         self._tool = tool
 
     def given(self, task: Task) -> Tool:

@@ -19,7 +19,16 @@ DESIGN = "design.json"
 MAX_BYTES = 5_000_000
 MOST_TOOLS = 1_000
 
-OF_RUN = ("robot", "sim", "action", "material", "fitness", "rollout", "seed")
+OF_RUN = (
+    "robot",
+    "sim",
+    "action",
+    "material",
+    "printer",
+    "fitness",
+    "rollout",
+    "seed",
+)
 """Settings of the run that its tool was tried with."""
 
 KEPT_SETTINGS = (*OF_RUN, "task", "tool")

@@ -14,6 +14,7 @@ from core.errors import UsageError, UserError
 from core.plugins import KINDS, PluginPart
 from core.support.cli import arguments, say
 from core.values.materials import Material
+from core.values.printers import Printer
 from plugins.conformance.suites import SUITES, examine, subject
 
 USAGE = (
@@ -26,11 +27,12 @@ ConformanceConfig = make_dataclass(
     [
         ("seed", int, 0),
         ("material", Material, field(default_factory=Material)),
+        ("printer", Printer, field(default_factory=Printer)),
         *((kind, dict[str, Any] | None, None) for kind in KINDS),
     ],
 )
 """Settings of ``vlmgineer conformance``: the part of each kind to check, if any. The configs of parts may name
-``seed`` and ``material``.
+``seed``, ``material`` and ``printer``.
 """
 
 

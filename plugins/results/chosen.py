@@ -17,14 +17,24 @@ from core.config.gate import take_stored
 from core.config.schemas import PartConfig
 from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError
-from core.interfaces import Material, RolloutSettings, Task, ToolRepresentation
+from core.interfaces import (
+    Material,
+    Printer,
+    RolloutSettings,
+    Task,
+    ToolRepresentation,
+)
 from core.plugins import SIMULATOR, installed
 from core.search.saved_designs import read_stored
 from core.store.reader import StoredRun
 from core.support.cli import key_of, read_path, say
 from core.trial import TIE, Evaluation, best_first
 
-_SECTIONS = ("rollout", "material")  # settings that are taken over key by key
+_SECTIONS = (
+    "rollout",
+    "material",
+    "printer",
+)  # settings that are taken over key by key
 _KINDS = ("task", "tool", "robot")
 
 
@@ -37,6 +47,7 @@ class DesignsConfig:
         robot: the arm.
         tool: how the designs' tools are written.
         material: of the tools.
+        printer: whose plate and thinnest wall count.
         rollout: how plans are executed.
         seed: of the layout.
         designs: a designs file, or a run's folder.
@@ -47,6 +58,7 @@ class DesignsConfig:
     robot: PartConfig = MISSING
     tool: PartConfig = MISSING
     material: Material = field(default_factory=Material)
+    printer: Printer = field(default_factory=Printer)
     rollout: RolloutSettings = field(default_factory=RolloutSettings)
     seed: int = 0
     designs: str = MISSING
@@ -116,7 +128,8 @@ def chosen_evaluations(
 def config_for(words: Sequence[str], name: str, schema: type, usage: str) -> DictConfig:
     """Compose the primary config ``name`` of a command that takes ``designs``, a file or a run's folder.
 
-    Of a run its task, robot, tool, material, layout and rollout settings count, unless the command line sets them.
+    Of a run its task, robot, tool, material, printer, layout and rollout settings count, unless the command line sets
+    them.
     Engines (``sims``) that the command line does not name are left out where their packages are missing.
 
     Raises:

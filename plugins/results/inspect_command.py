@@ -41,7 +41,7 @@ MOST = 20  # runs and tools of a folder
 TOLERANCE = 0.01
 """How far a reward that is played again may differ: other processors round otherwise."""
 
-_MERGED = ("material", "rollout")  # settings that a store may lack some of
+_MERGED = ("material", "printer", "rollout")  # settings that a store may lack some of
 
 ReadWinner = Callable[[ToolRepresentation, Task], Candidate]
 

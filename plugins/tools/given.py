@@ -61,7 +61,9 @@ class FileTools(GivenTools):
         """
         if number not in self._tools:
             form = replace(
-                part(TOOL, OmegaConf.create(self._form)), material=self.material
+                part(TOOL, OmegaConf.create(self._form)),
+                material=self.material,
+                printer=self.printer,
             ).create(robot=self.robot)
             self._tools[number] = load_tool(self._file, number, form, task)
 

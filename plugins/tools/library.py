@@ -45,9 +45,11 @@ class LibraryTools(ToolRepresentation):
         return self._make(self._settings)
 
     def _make(self, form: Form) -> ToolRepresentation:
-        """Make a representation for the robot and the material of this one."""
+        """Make a representation for the robot, the material and the printer of this one."""
         chosen = part(TOOL, OmegaConf.create({**form}))
-        return replace(chosen, material=self.material).create(robot=self.robot)
+        return replace(chosen, material=self.material, printer=self.printer).create(
+            robot=self.robot
+        )
 
     # --- the library ------------------------------------------------------------------------------------------------
 

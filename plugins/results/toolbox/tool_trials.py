@@ -183,7 +183,7 @@ def configure(held: HeldTool, file: Path, words: Sequence[str]) -> DictConfig:
     run: Mapping[str, Any] = held.config
 
     for kind in set(OF_RUN) - given:
-        merge = kind in ("material", "rollout")
+        merge = kind in ("material", "printer", "rollout")
         OmegaConf.update(config, kind, run[kind], merge=merge)
 
     tool = {"name": "known", "file": str(file), "of": run["tool"]}

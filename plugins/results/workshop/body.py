@@ -11,6 +11,7 @@ import manifold3d
 
 from core.design import Tool
 from core.values.materials import Material
+from core.values.printers import Printer
 from plugins.results.workshop.lying import lay
 from plugins.results.workshop.mount import Mount
 from plugins.results.workshop.printing import (
@@ -20,7 +21,6 @@ from plugins.results.workshop.printing import (
     joined,
     print_part,
 )
-from plugins.results.workshop.settings import Printer
 from plugins.results.workshop.solid import (
     UNEVEN,
     WELDS_MM,

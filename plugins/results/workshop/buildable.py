@@ -15,8 +15,8 @@ from core.interfaces import Condition, Fitness, Material, Score, Trial
 from core.plugins import FITNESS
 from core.support.text import number
 from core.values.materials import PAPER
+from core.values.printers import MK4, Printer
 from plugins.results.workshop.examination import EXPORTED, Examination
-from plugins.results.workshop.settings import Printer
 from plugins.results.workshop.texts import filled
 from plugins.results.workshop.verdicts import BENT, SAFETY, tolerance
 
@@ -36,8 +36,7 @@ class Buildable(Fitness):
         condition: the task, the engine of that rollout, and how plans are executed.
         of: the fitness that judges what is buildable: a name, or a mapping of a ``name`` and settings.
         material: of the tools; ``paper`` has no strength, which is then not judged.
-        plate_mm: the printer's build volume (x, y, z).
-        min_wall_mm: the thinnest wall that it prints.
+        printer: whose plate and thinnest wall count.
         safety: the least safety factor.
         margin_m: the least distance of the arm from itself and from what is fixed, metres.
 
@@ -50,8 +49,7 @@ class Buildable(Fitness):
         condition: Condition,
         of: Annotated[str | dict[str, Any], PartsOf("fitness")] = "nominal",
         material: Material = PAPER,
-        plate_mm: list[float] = [250.0, 210.0, 220.0],  # noqa: B006 - read as a configuration's default
-        min_wall_mm: float = 0.8,
+        printer: Printer = MK4,
         safety: float = SAFETY,
         margin_m: float = 0.005,
     ) -> None:
@@ -71,7 +69,6 @@ class Buildable(Fitness):
         self._inner = inner.create(condition=condition)
         self.finals_check = self._inner.finals_check
         self._condition = condition
-        printer = Printer(tuple(plate_mm), min_wall_mm)
         self._examination = Examination(material, printer, safety, margin_m)
 
     def instructions(self) -> str:

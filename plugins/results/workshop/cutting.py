@@ -11,6 +11,7 @@ import numpy as np
 from core.design import Component
 from core.geometry import Array
 from core.values.materials import Material
+from core.values.printers import Printer
 from plugins.results.workshop.joints import (
     FREE_MM,
     KERF_MM,
@@ -22,7 +23,7 @@ from plugins.results.workshop.joints import (
     straight_profile,
 )
 from plugins.results.workshop.lying import SUPPORT, Lying, lay, stand_on, turn_to_fit
-from plugins.results.workshop.settings import Fit, Printer
+from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.solid import ToolLink, to_mesh, union
 
 MOST_PIECES = 12

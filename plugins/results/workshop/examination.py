@@ -12,6 +12,7 @@ from core.robot.kinematics import arm_of
 from core.robot.trajectory import plan_task_motion
 from core.scene import Scene
 from core.solids.self_collision import DEEP_M
+from core.values.printers import Printer
 from plugins.results.workshop.clearance import clearance
 from plugins.results.workshop.dry_run import DryRun
 from plugins.results.workshop.life_size import to_life
@@ -22,7 +23,7 @@ from plugins.results.workshop.replay import (
     PlayedMotion,
     Unplayable,
 )
-from plugins.results.workshop.settings import Fit, Printer
+from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.stage import Stage
 from plugins.results.workshop.strength import measured
 from plugins.results.workshop.tool import PrintedTool, make_tool

@@ -27,7 +27,7 @@ from plugins.results.workshop.export import Export
 from plugins.results.workshop.export_folder import new_folder, write_export
 from plugins.results.workshop.life_size import to_life
 from plugins.results.workshop.playback import make_export
-from plugins.results.workshop.settings import Fit, Printer
+from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.slicing import ask_slicer, find_slicer
 from plugins.results.workshop.tool import PrintedTool, make_tool, write_tool
 
@@ -49,7 +49,6 @@ class ExportConfig(DesignsConfig):
         rate_hz: of the samples.
         speed: 1 is the motion as it was simulated.
         start: joints (J,) from which the arm approaches, radians; none: its home.
-        printer: whose plate and thinnest wall count.
         fit: the clearances of what joins the tool to the arm, and its parts to each other.
         slice: the name of a slicer that says what printing takes, such as ``prusa-slicer``; empty: none is asked.
         slicer: the slicer's program, where it is not on the PATH.
@@ -61,7 +60,6 @@ class ExportConfig(DesignsConfig):
     rate_hz: float = MISSING
     speed: float = MISSING
     start: list[float] = field(default_factory=list)
-    printer: Printer = field(default_factory=Printer)
     fit: Fit = field(default_factory=Fit)
     slice: str = ""
     slicer: str = ""
@@ -110,7 +108,7 @@ def _export_to(output: Path, cfg: DictConfig, slicer: Path | None) -> list[Expor
     if tool is None or best.candidate.problem is not None:
         raise UserError(f"the design can't be used: {best.candidate.problem}")
 
-    printer = node(cfg.printer, Printer)
+    printer = representation.printer
     fit = node(cfg.fit, Fit)
     arm = task.robot.life_size
     own = to_life(task.robot).tool(tool)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import trimesh
 
+from core.values.printers import Printer
 from plugins.results.workshop.printing import PrintedPart
-from plugins.results.workshop.settings import Printer
 
 APART_MM = 6.0  # between two parts
 BESIDE = 1.2  # of a plate's width: where the next one lies in a file of several, as slicers have it

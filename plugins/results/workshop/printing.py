@@ -15,8 +15,8 @@ import trimesh.sample
 
 from core.geometry import Array, Mesh
 from core.values.materials import PAPER, Material
+from core.values.printers import Printer
 from plugins.results.workshop.lying import OVERHANG_DEG, Lying, lay
-from plugins.results.workshop.settings import Printer
 from plugins.results.workshop.solid import (
     SHORTEST_MM,
     WELDS_MM,

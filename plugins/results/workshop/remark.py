@@ -9,9 +9,9 @@ from core.events import Run
 from core.interfaces import Material, Robot
 from core.support.text import count_words
 from core.values.materials import PAPER
+from core.values.printers import Printer
 from plugins.results.workshop.examination import find_problem, print_tool
 from plugins.results.workshop.life_size import to_life
-from plugins.results.workshop.settings import Printer
 
 DEFAULT = "pla"
 """What a tool is taken to be printed in if its run weighs tools as the paper does."""

@@ -17,6 +17,7 @@ from typing import Any
 from core.errors import UserError
 from core.support.text import clean, count_words
 from core.values.materials import Material
+from core.values.printers import Printer
 from plugins.results.workshop.plates import Plate, arrange, to_3mf
 from plugins.results.workshop.printing import (
     PLA_G_PER_CM3,
@@ -24,7 +25,6 @@ from plugins.results.workshop.printing import (
     PrintedPart,
     is_metal,
 )
-from plugins.results.workshop.settings import Printer
 from plugins.results.workshop.texts import filled
 
 UNASKED = "no slicer was asked what printing takes: slice=prusa-slicer (apt-get install prusa-slicer)"

@@ -15,6 +15,7 @@ import trimesh
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.support.cli import write_bytes
 from core.values.materials import Material
+from core.values.printers import Printer
 from core.values.robots import Robot
 from plugins.results.workshop.body import Body, check_apart, check_faithful, fuse
 from plugins.results.workshop.cutting import Pieces, cut_to_fit, find_pieces
@@ -31,7 +32,7 @@ from plugins.results.workshop.printing import (
     print_part,
     to_stl,
 )
-from plugins.results.workshop.settings import Fit, Printer
+from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.sleeve import CORE_MM, on_finger
 from plugins.results.workshop.solid import ToolLink, links_of, manifold
 

@@ -26,7 +26,7 @@ from tests.plugins.fitness.judging import judged
 pytestmark = pytest.mark.slow
 
 PLA = Material("pla", 1240, 0.2, 1.2, young_pa=2.5e9, strength_pa=26e6)
-PLATE = [500.0, 500.0, 500.0]
+LARGE = {"plate_mm": [500.0, 500.0, 500.0]}
 
 
 MOVE_BALL = Condition(PluginPart("task", "MoveBall"), PluginPart("sim", "mujoco"))
@@ -48,7 +48,7 @@ def scoop():
 
 
 def test_what_is_too_thin_costs_no_rollout_and_its_reason_names_the_wall(scoop):
-    (found,) = judged(fitness(min_wall_mm=30.0), scoop)
+    (found,) = judged(fitness(printer={"min_wall_mm": 30.0}), scoop)
     assert (found.status, found.reward) == ("rejected", 0.0)
     assert "held by a joint thinner than a wall" in found.reason
     assert "let components overlap by more than a wall" in describe(found)
@@ -56,7 +56,7 @@ def test_what_is_too_thin_costs_no_rollout_and_its_reason_names_the_wall(scoop):
 
 def test_what_is_buildable_earns_what_the_other_fitness_says(scoop):
     (alone,) = judged(Nominal(MOVE_BALL), scoop)
-    (found,) = judged(fitness(plate_mm=PLATE), scoop)
+    (found,) = judged(fitness(printer=LARGE), scoop)
     assert (found.status, found.reason) == ("ok", "")
     assert alone.reward - 0.02 < found.reward <= alone.reward
     assert found.figures["safety_factor"] > 2
@@ -68,7 +68,7 @@ def test_what_is_buildable_earns_what_the_other_fitness_says(scoop):
         "seeds": [4],
         "perturbation": {"position": 0.0001},
     }
-    (found,) = judged(fitness(plate_mm=PLATE, of=robust), scoop)
+    (found,) = judged(fitness(printer=LARGE, of=robust), scoop)
     assert list(found.by_engine) == ["mujoco"]
 
 
@@ -88,7 +88,7 @@ def test_what_is_buildable_earns_what_the_other_fitness_says(scoop):
 def test_what_breaks_or_comes_too_near_earns_nothing_and_says_why(
     scoop, settings, said
 ):
-    (found,) = judged(fitness(plate_mm=PLATE, **settings), scoop)
+    (found,) = judged(fitness(printer=LARGE, **settings), scoop)
     assert (found.status, found.reward) == ("ok", 0.0)
     assert re.match(said, found.reason), found.reason
     assert "so that its reward of 0.9" in found.reason
@@ -106,7 +106,7 @@ def test_neighbours_are_judged_each_for_itself(scoop):
         Tool((thin,)), Waypoints(np.array([[0.5, 0.0, 0.5, 0.0, 0.0, 0.0]])), action=1
     )
     unread = Candidate(None, stay.plan, action=2, problem="the tool is missing")
-    found = judged(fitness(plate_mm=PLATE), stay, unread, scoop)
+    found = judged(fitness(printer=LARGE), stay, unread, scoop)
     assert [evaluation.status for evaluation in found] == ["rejected", "rejected", "ok"]
     assert "walls, tool: thinnest 0.6" in found[0].reason
     assert found[1].reason == "the tool is missing"
@@ -121,7 +121,7 @@ def test_neighbours_are_judged_each_for_itself(scoop):
         ),
         ({"of": "layots"}, "no fitness 'layots' .did you mean 'layouts'"),
         ({"of": {}}, "fitness: {} names no fitness"),
-        ({"plate_mm": [200.0, 200.0]}, "plate_mm must be three lengths"),
+        ({"printer": {"plate_mm": [200.0, 200.0]}}, "plate_mm must be three lengths"),
         ({"safety": 0.0}, "fitness.safety must be"),
         ({"margin_m": -1.0}, "fitness.margin_m must be between 0 and 0.2 m, got -1"),
     ],
@@ -164,7 +164,7 @@ def test_a_fixtures_walls_are_as_thick_as_a_printer_makes_them(scoop, wall_mm, f
     tool = replace(scoop.tool, fixture=fixture)
     candidate = replace(scoop, tool=tool)
 
-    where = next(iter(fitness(min_wall_mm=wall_mm, plate_mm=PLATE).conditions()))
+    where = next(iter(fitness(printer={**LARGE, "min_wall_mm": wall_mm}).conditions()))
     said = where.examiner.refuse(MOVE_BALL, candidate) or ""
     named = "walls, wall of the fixture: thinnest 1.20 mm, at least 1.5 mm"
     assert (named in said) == found

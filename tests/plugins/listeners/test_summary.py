@@ -307,7 +307,7 @@ KINDS = {
     "robust": "fitness=robust fitness.sims=[{name:mujoco,time_step:0.004}] fitness.seeds=[1,2]",
     "layouts": "fitness=layouts fitness.layouts=2 fitness.combine=worst fitness.unseen=1 task.variation=wide "
     "action=anchored rollout.perception.position=0.01 budget.n_tool=1 budget.final_s=1",
-    "buildable": "task=OneBook fitness=buildable material=pla fitness.plate_mm=[400,400,400]",
+    "buildable": "task=OneBook fitness=buildable printer.plate_mm=[400,400,400]",
     "lean": "protocol=lean fitness.layouts=2 fitness.unseen=0 budget.final_s=1 "
     "fitness.references.BringCube=[4,0.5,null]",
     "another arm": "robot=ur5 robot.base=[-0.1,0,0,0.2] material=steel evolution.refine=2",

@@ -9,7 +9,8 @@ from core.design import Component, Tool
 from core.geometry import Box, Cylinder, Mesh, Pose
 from core.interfaces import Material
 from core.robot.solids import corners, robot_solids
-from plugins.results.workshop.settings import Fit, Printer
+from core.values.printers import Printer
+from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.solid import manifold
 from plugins.results.workshop.tool import make_tool
 from tests.panda import PANDA

@@ -18,6 +18,7 @@ from core.interfaces import RolloutSettings
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.robot.trajectory import plan_task_motion
+from core.values.printers import Printer
 from core.values.tools import Fixture, ToolJoint
 from plugins.results.workshop.carrying import carry_out
 from plugins.results.workshop.clearance import clearance
@@ -25,7 +26,6 @@ from plugins.results.workshop.examination import Examination
 from plugins.results.workshop.export_command import configured, export
 from plugins.results.workshop.life_size import Ratio, to_life
 from plugins.results.workshop.replay import play_motion
-from plugins.results.workshop.settings import Printer
 from plugins.robots.enlarging import enlarge
 from tests.outside_arm import FLANGE, HOME, write_arm
 from tests.panda import PANDA

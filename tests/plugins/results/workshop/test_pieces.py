@@ -8,6 +8,7 @@ from core.design import Component, Tool
 from core.errors import UserError
 from core.geometry import Box, Cylinder, Pose
 from core.interfaces import Material
+from core.values.printers import Printer
 from plugins.results.workshop.assembly import draw_apart, picture
 from plugins.results.workshop.exact import Exact, write_step
 from plugins.results.workshop.export_command import configured, export
@@ -15,7 +16,7 @@ from plugins.results.workshop.loads import Instant, Load
 from plugins.results.workshop.lying import lay
 from plugins.results.workshop.numbering import engrave
 from plugins.results.workshop.plates import arrange, to_3mf
-from plugins.results.workshop.settings import Fit, Printer
+from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.solid import joined_solids, manifold, to_mesh, union
 from plugins.results.workshop.strength import strength
 from plugins.results.workshop.tool import make_tool

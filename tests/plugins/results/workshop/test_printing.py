@@ -6,10 +6,10 @@ import trimesh
 from core.design import Component, Tool
 from core.geometry import Box, Pose
 from core.values.materials import PAPER
+from core.values.printers import Printer
 from plugins.results.workshop.body import bodies
 from plugins.results.workshop.lying import lay
 from plugins.results.workshop.printing import grams, thinnest
-from plugins.results.workshop.settings import Printer
 
 WIDE = Printer(plate_mm=(500.0, 500.0, 500.0))
 

@@ -9,8 +9,9 @@ import pytest
 
 from core.design import Tool
 from core.plugins import installed
+from core.values.printers import Printer
 from plugins.results.workshop.loads import Instant, Load
-from plugins.results.workshop.settings import Fit, Printer
+from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.sheet import figures
 from plugins.results.workshop.strength import Strength, strength
 from plugins.results.workshop.tool import PrintedTool, make_tool

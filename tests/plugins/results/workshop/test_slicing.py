@@ -9,10 +9,11 @@ import trimesh
 from core.config.compose import tool_part
 from core.errors import UserError
 from core.interfaces import Material
+from core.values.printers import Printer
 from docs import gallery
 from plugins.results.workshop.plates import arrange
 from plugins.results.workshop.printing import print_part
-from plugins.results.workshop.settings import Fit, Printer
+from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.slicing import ask_slicer, find_slicer, slice_plates
 from plugins.results.workshop.solid import ToolLink, manifold
 from plugins.results.workshop.tool import make_tool

@@ -6,7 +6,8 @@ import trimesh
 from core.design import Component, Tool
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.interfaces import Material
-from plugins.results.workshop.settings import Fit, Printer
+from core.values.printers import Printer
+from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.solid import (
     box,
     joined_solids,
