@@ -204,7 +204,8 @@ def test_an_arm_that_cannot_do_it_is_a_row_with_the_reason(arms):
 
 def test_attachments_for_fingers_need_a_gripper(arms):
     file = SOLUTION.with_name("SnatchCookie.json")
-    found = on(arms, "stiff,panda", "task=SnatchCookie", f"designs={file}")
+    words = ["task=SnatchCookie", f"designs={file}", "material=paper"]
+    found = on(arms, "stiff,panda", *words)
     assert found["stiff"]["reason"].startswith("Stiff has no gripper")
     assert found["panda"]["status"] != "rejected"
 

@@ -181,6 +181,7 @@ def test_the_designs_of_an_archive_can_be_tried(tmp_path):
     assert len(strategies) == len(rows)
     words = [
         "task=BringCube",
+        "material=paper",
         "sim=mujoco",
         "executor.workers=1",
         f"designs={tmp_path / 'designs.json'}",
