@@ -12,13 +12,20 @@ from pathlib import Path
 import pytest
 
 from core.config.compose import load, task_part, tool_part
+from core.designs.reading import load_designs
 from core.errors import UserError
+from core.plugins import installed
 from core.search.orchestration import resume, run
 from core.store.database import FILE
+from core.store.library import read_facts
 from plugins.results.chosen import DesignsConfig
+from plugins.results.report.entries import read_entry
 from plugins.results.report.report_command import main as report
+from plugins.results.study.study_command import main as run_study
+from plugins.results.study.study_files import read_study
 from plugins.results.toolbox.toolbox_command import main as toolbox
 from plugins.results.transfer import configured
+from plugins.tasks.file.task import FileTask
 from plugins.vlms.told.examples import read_winner
 from plugins.vlms.told.lessons import read_lessons
 from tests.core.run_folders import hook, write_run
@@ -168,6 +175,68 @@ def test_lessons_are_a_small_file_of_their_folder(tmp_path, kind):
         file.symlink_to(tmp_path / "mine.json")
     with pytest.raises(UserError, match=r"regular file|at most 1 MB|leads out"):
         read_lessons(folder)
+
+
+DOORS = {
+    "designs": load_designs,
+    "a library's tool": lambda file: read_facts(file.parent),
+    "a study": read_study,
+    "a scene": lambda file: FileTask(str(file)),
+    "an arm": lambda file: installed().create("robot", "urdf", {"path": str(file)}),
+    "results of others": read_entry,
+}
+"""What reads a file of somebody else."""
+
+
+def make_strange(file, kind):
+    if kind == "pipe":
+        os.mkfifo(file)
+    elif kind == "device":
+        file.symlink_to("/dev/zero")
+    elif kind == "folder":
+        file.mkdir()
+    else:
+        with file.open("wb") as stream:
+            stream.truncate(50_000_000_000)
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device", "huge", "folder"])
+@pytest.mark.parametrize("door", DOORS)
+def test_each_door_takes_small_regular_files_alone(tmp_path, door, kind):
+    file = tmp_path / ("tool.json" if "library" in door else "theirs.yaml")
+    make_strange(file, kind)
+    with pytest.raises(
+        UserError, match=r"regular file|at most [\d.]+ MB|directory|a link|folder"
+    ):
+        DOORS[door](file)
+
+
+@pytest.mark.thorough
+def test_a_study_goes_on_with_no_program_of_a_stranger(tmp_path):
+    """Its folder may be somebody else's: it holds a run that has not ended, whose configuration names a program."""
+    settings = ["film=false", "sim=mujoco", "listener=[]", "prompt.picture=false"]
+    study = {
+        "about": "One method.",
+        "tasks": ["BringCube"],
+        "seeds": 1,
+        "settings": settings,
+        "budgets": {"tiny": ["budget.n_agent=1", "budget.n_tool=1"]},
+        "methods": [{"name": "first", "settings": ["budget.n_iteration=1"]}],
+    }
+    file = tmp_path / "small.yaml"
+    file.write_text(json.dumps(study))
+    done = tmp_path / "done"
+    with pytest.raises(UserError, match="runs failed"):
+        run_study([str(file), f"folder={done}", "launch=false"])
+
+    mark = tmp_path / "ran"
+    (log,) = done.glob("*/*/*.log")
+    theirs = write_run(log.with_suffix(""), rewards=[[0.5]], tools=[hook(0.2)])
+    change(theirs, ended=False, vlm=programs(mark)["alone"])
+    with pytest.raises(UserError, match="was not begun by you on this machine"):
+        run_study([str(file), f"folder={done}"])
+
+    assert not mark.exists()
 
 
 @pytest.mark.thorough
