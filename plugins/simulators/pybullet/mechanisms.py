@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from core.scene import Drive, Joint
 from plugins.simulators.forces import latch_force
+from plugins.simulators.lifting import Lift
 from plugins.simulators.pybullet.engine import Client
 
 Place = tuple[int, int]
@@ -43,13 +44,14 @@ class Mechanism:
         self._time_step = time_step
         self._steps: int | None = None  # since the launch
 
-        self._driven: list[tuple[Place, Joint, Drive]] = []
+        self._driven: list[tuple[Place, Joint, Drive, Lift]] = []
         self._pulled: list[tuple[Place, Joint]] = []
         for place, joint in joints:
             self._resist(place, joint)
             client.changeDynamics(*place, jointDamping=joint.damping)
             if joint.drive:
-                self._driven.append((place, joint, joint.drive))
+                driven = place, joint, joint.drive, Lift(time_step)
+                self._driven.append(driven)
             if joint.stiffness or joint.latches:
                 self._pulled.append((place, joint))
 
@@ -83,8 +85,8 @@ class Mechanism:
 
     def drive(self) -> None:
         """Set motors and torques for the next step."""
-        for place, joint, drive in self._driven:
-            self._aim(place, joint, drive)
+        for place, joint, drive, lift in self._driven:
+            self._aim(place, joint, drive, lift)
 
         if self._steps is not None:
             self._steps += 1
@@ -109,7 +111,7 @@ class Mechanism:
         force = spring + latch_force(joint, position)
         client.setJointMotorControl2(*place, client.TORQUE_CONTROL, force=force)
 
-    def _aim(self, place: Place, joint: Joint, drive: Drive) -> None:
+    def _aim(self, place: Place, joint: Joint, drive: Drive, lift: Lift) -> None:
         """Aim a joint at where its schedule is at the end of the step."""
         begins = 0.0
         ends = 0.0
@@ -121,17 +123,17 @@ class Mechanism:
         away = after - before
         target = after - joint.start
 
+        value = self._client.getJointState(*place)[0]
         if joint.kind == "hinge" and not joint.limited:
             # A wheel's schedule begins again a turn behind.
             turn = 2 * math.pi
             away -= turn * round(away / turn)
-            value = self._client.getJointState(*place)[0]
             target += turn * round((value - target) / turn)
 
         self._client.setJointMotorControl2(
             *place,
             self._client.POSITION_CONTROL,
-            targetPosition=target,
+            targetPosition=target + lift.add(target - value),
             targetVelocity=away / self._time_step,
             force=drive.force,
             positionGain=self._gain,

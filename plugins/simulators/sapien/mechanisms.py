@@ -18,6 +18,7 @@ from core.geometry import Array, Pose
 from core.scene import Drive, Joint, Latch, Scene
 from plugins.simulators.forces import latch_force
 from plugins.simulators.inertia import Inertia
+from plugins.simulators.lifting import Lift
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.shapes import to_sapien
 from plugins.simulators.sapien.surfaces import Apart
@@ -431,6 +432,7 @@ class _Servo:
         self._speeds = np.append(np.diff(drive.positions) / np.diff(drive.times), 0.0)
         self._ahead = 1 / tracking_rate
 
+        self._lift = Lift(time_step)
         stiffness = drive.force / _GIVES_WAY
         motor.resist(stiffness, stiffness / tracking_rate, drive.force)
 
@@ -441,5 +443,9 @@ class _Servo:
             middle %= drive.times[-1]
 
         speed = self._speeds[np.searchsorted(drive.times, middle) - 1]
-        target = drive.sample(np.asarray(time)) + self._ahead * speed
-        self._motor.aim(float(target))
+        before = float(drive.sample(np.asarray(time - self._time_step)))
+        # A wheel's schedule begins again a turn behind.
+        off = math.remainder(before - self._motor.position(), 2 * math.pi)
+
+        target = float(drive.sample(np.asarray(time))) + self._ahead * speed
+        self._motor.aim(target + self._lift.add(off))

@@ -7,6 +7,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from core.geometry import Array, Vector
 from core.interfaces import Robot, Rollout
 from core.robot.description import beyond
@@ -55,6 +57,9 @@ class World(FreshWorld):
 
     arm: ArticulatedArm
     bonds: Bonds | None = None
+    _before = (
+        b""  # the snapshot before the last step; empty: there was none since the launch
+    )
 
     def __init__(
         self,
@@ -98,13 +103,16 @@ class World(FreshWorld):
         if job.forces and job.record_hz > 0:
             self.impulses = Forces(self._system, weighed.scene, setup.things)
 
-        arm, _ = self.arm.read(self._bodies.behind([self.snapshot()]))
+        arm, _ = self.arm.read(self._bodies.behind([self._bodies.snapshot()]))
         check_pack(arm, job.trajectory.arm[0])
 
     def obey(self, order: list[float]) -> None:
         self.arm.drive(order)
         if self._acts:
             self._joints.act()
+
+        if self.bonds is not None:
+            self._before = self._bodies.snapshot()
 
         self._system.step()
         if self._brakes:
@@ -134,16 +142,27 @@ class World(FreshWorld):
         self._joints.begin()
         if self.bonds is not None:
             self.bonds.launch()
+            self._before = b""
 
     def joints(self) -> tuple[Array, Array]:
         return self.arm.joints()
 
     def snapshot(self) -> bytes:
-        return self._bodies.snapshot()
+        """Take a snapshot; where there are bonds, the one before the last step is behind it."""
+        return self._bodies.snapshot() + self._before
 
     def decode(self, snapshots: Sequence[bytes]) -> tuple[Array, Array, State]:
-        arm, fingers = self.arm.read(self._bodies.behind(snapshots))
-        return arm, fingers, self._bodies.read(snapshots)
+        size = len(self._bodies.snapshot())
+        now = [snapshot[:size] for snapshot in snapshots]
+        arm, fingers = self.arm.read(self._bodies.behind(now))
+        states = self._bodies.read(now)
+        if self.bonds is None:
+            return arm, fingers, states
+
+        stepped = np.array([len(snapshot) > size for snapshot in snapshots])
+        before = [snapshot[-size:] for snapshot in snapshots]
+        states = self.bonds.correct_speeds(states, self._bodies.read(before), stepped)
+        return arm, fingers, states
 
 
 def _configure(solver_iterations: int, gravity: Vector) -> None:
