@@ -102,7 +102,7 @@ class Rollout:
     targets. It lets ``settle_s`` pass, notes the start state, plays the trajectory, holds the last targets for
     ``hold_s``, and notes the end state. With ``record_hz`` > 0 all of it is recorded at that rate, and with ``forces``
     contact forces too. ``reactions`` change the trajectory on the way, and ``ending`` may end it before its
-    time. What not every engine can do is an `Ability`.
+    time. There are ``steps_hz`` steps a second or more. What not every engine can do is an `Ability`.
     """
 
     tool: Tool
@@ -115,6 +115,7 @@ class Rollout:
     reactions: Reactions | None = None
     ending: Ending | None = None
     scene: Scene | None = None
+    steps_hz: float = 0.0
 
 
 class Simulator(ABC):

@@ -24,7 +24,7 @@ from tests.rare import mostly
 FOLDER = Path(__file__).parent / "attacks"
 RULE, NO_RULE = "plugins.tools.joint_rules.check_joints", lambda *_: None
 # Springs are played in the steps of an engine as those of others.
-COARSE = "plugins.simulators.mujoco.model.choose_step", lambda tool, scene, step: step
+COARSE = "plugins.simulators.mujoco.model.choose_step", lambda *given: given[2]
 # What stops an attack, what takes its place, and what each of its plans earns then in MuJoCo.
 STOPPED_BY = {
     "AroundCorner": (RULE, NO_RULE, [1.0]),

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import lru_cache
 from typing import ClassVar
 
@@ -15,9 +17,13 @@ from core.plugins import SIMULATOR, Plugins, installed
 from core.robot.trajectory import at_home
 from core.scene import Scene
 from core.simulation.playback import play
+from core.solids.standing import MOST_HZ, find_rate, list_flights
 
 LIGHT_KG = 2e-4
 """What is lighter needs `Ability.LIGHT_BODIES`."""
+
+USUAL_HZ = 400.0
+"""What needs more steps a second needs `Ability.FINE_STEPS`."""
 
 _LISTED = 4  # names of what needs something
 
@@ -56,6 +62,10 @@ def list_scene_needs(scene: Scene) -> Iterator[tuple[Ability, Sequence[str]]]:
     light = [body.name for body in scene.free if body.mass < LIGHT_KG]
     if light:
         yield Ability.LIGHT_BODIES, light
+
+    fast = [flight.body for flight in list_flights(scene) if flight.rate > USUAL_HZ]
+    if fast:
+        yield Ability.FINE_STEPS, fast
 
     launched = [body.name for body in scene.free if body.launched]
     if launched:
@@ -133,6 +143,34 @@ def _layout(task: Task, seed: int) -> Scene:
     return task.scene(seed)
 
 
+def find_steps_hz(scene: Scene, outcome: Outcome) -> float:
+    """Return how many steps a second an outcome's rollout should have had, twice, four times ... those; 0: no more."""
+    recording = outcome.recording
+    if recording is None or outcome.time_step <= 0:
+        return 0.0
+
+    times = find_rate(scene, recording.states) * outcome.time_step
+    if times <= 1:
+        return 0.0
+
+    finer: float = 2 ** math.ceil(math.log2(times)) / outcome.time_step
+    return min(finer, MOST_HZ)
+
+
+def refuse_hurried(scene: Scene, outcome: Outcome) -> Outcome:
+    """Return an outcome, or an error where its rollout needed finer steps, for an engine that has one step for all."""
+    rate = find_steps_hz(scene, outcome)
+    if rate <= 0:
+        return outcome
+
+    return Outcome(
+        None,
+        None,
+        error=f"a small body got so fast that it needs {rate:.0f} steps a second, and this engine has "
+        f"{1 / outcome.time_step:.0f}; use another one",
+    )
+
+
 class SteppingSimulator(Simulator):
     """An engine that plays each job in a world which is stepped. It says how a world is built, and the rest is here.
 
@@ -166,7 +204,13 @@ class SteppingSimulator(Simulator):
         return self.build(task.robot, scene, job)
 
     def _play(self, task: Task, job: Rollout) -> Outcome:
+        """Play a job; once more with finer steps, where a small body got too fast for those that there were."""
         try:
-            return play(self._build(task, job), job)
+            outcome = play(self._build(task, job), job)
+            finer = replace(job, steps_hz=find_steps_hz(scene_of(job, task), outcome))
+            if finer.steps_hz > 0:
+                outcome = play(self._build(task, finer), finer)
         except self.failures as error:
             return Outcome(None, None, error=f"{self.title}: {error}")
+
+        return outcome

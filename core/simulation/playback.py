@@ -344,6 +344,7 @@ class Player:
             looked=reactions.looked if reactions else (),
             stopped_s=self._stopped_at,
             torques=self._torques,
+            time_step=schedule.time_step,
         )
 
     def _develop(

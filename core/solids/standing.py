@@ -9,6 +9,7 @@ import itertools
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose, Vector
 from core.robot.solids import body_solids, closest
-from core.scene import Body, Scene, Soft
+from core.scene import Body, Scene, Soft, State
 from core.task import Task
 from core.values.layouts import NONE
 
@@ -248,11 +249,40 @@ def find_fast(scene: Scene) -> Iterator[str]:
             )
 
 
+def find_rate(scene: Scene, states: State) -> float:
+    """Return how many steps a second small bodies need that nothing holds, `MOST_HZ` at most.
+
+    None then goes farther than half its largest side in a step, at the fastest that it got in states (T,): a marble
+    that a robot drops, too.
+    """
+    hung = list_hung(scene)
+    rates = [0.0]
+    for body in scene.free:
+        if body.collisions and body.name not in hung:
+            low, high = bound(body)
+            speeds = np.linalg.norm(states.linear_velocity(body.name), axis=-1)
+            flight = Flight(body.name, float(speeds.max()), float((high - low).max()))
+            rates.append(flight.rate)
+
+    return min(max(rates), MOST_HZ)
+
+
+@lru_cache(maxsize=8)
+def list_flights(scene: Scene) -> tuple[Flight, ...]:
+    """List the bodies that are thrown, or fall before anything touches them, see `find_flights`."""
+    return tuple(find_flights(scene))
+
+
+def list_hung(scene: Scene) -> set[str]:
+    """List the bodies that joints or bonds hold."""
+    return {joint.body for joint in scene.joints} | {bond.body for bond in scene.bonds}
+
+
 def find_flights(scene: Scene) -> Iterator[Flight]:
     """Yield the bodies that are thrown, or fall before anything touches them."""
     boxes = bound_upright(scene)
     pull = float(np.linalg.norm(scene.gravity))
-    hung = {joint.body for joint in scene.joints} | {bond.body for bond in scene.bonds}
+    hung = list_hung(scene)
     thin = {
         body.name: min(part.shape.thickness for part in body.collisions)
         for body in scene.bodies

@@ -168,6 +168,7 @@ class Ability(StrEnum):
     FORCES = "forces of contacts"
     BONDS = "bonds that break"
     LIGHT_BODIES = "bodies lighter than 0.2 g"
+    FINE_STEPS = "steps so fine that small things don't fall through thin ones"
     TORQUES = "torques of motors"  # no job needs them: without, trials do not say them
 
 
@@ -328,7 +329,8 @@ class Outcome:
     ``tracking_error_rad`` is the largest lag of an arm joint behind its target. ``error`` says why the rollout failed;
     then the states are None. ``felt``: how guards ended. ``looked``: what looks found out. ``torques`` (J,): the
     greatest that the arm's motors applied in a step of the motion, N m; None: the engine does not say. ``stopped_s``:
-    when the rollout ended before its time, seconds of the motion; None: it did not.
+    when the rollout ended before its time, seconds of the motion; None: it did not. ``time_step``: of the engine,
+    seconds; 0: it does not say.
     """
 
     start: State | None
@@ -341,6 +343,7 @@ class Outcome:
     looked: tuple[Looked, ...] = ()
     stopped_s: float | None = None
     torques: Array | None = None
+    time_step: float = 0.0
 
 
 Order = tuple[Sequence[float], float, Sequence[float], float]

@@ -185,5 +185,6 @@ class FreshWorlds(SteppingSimulator, Generic[Prepared]):
         if self._prepared is None or self._prepared[0] is not scene:
             self._prepared = (scene, self.prepare(scene))
 
-        time_step = choose_step(job.tool, scene, self.choose_time_step(scene))
+        usual = self.choose_time_step(scene)
+        time_step = choose_step(job.tool, scene, usual, job.steps_hz)
         return self.place(self._prepared[1], robot, job, time_step)

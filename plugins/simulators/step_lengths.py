@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from core.design import Tool
 from core.designs.springs import bound_speeds, measure_lightness
 from core.errors import UsageError, check_positive
 from core.scene import Body, Scene
-from core.solids.standing import MOST_HZ, Flight, find_flights
+from core.solids.standing import MOST_HZ, list_flights
 
 LONGEST_S = 0.02
 WALL_M = 0.01  # what springs move goes no farther in a step than walls are thick
@@ -32,12 +31,16 @@ def check_time_step(time_step: float) -> None:
         )
 
 
-def choose_step(tool: Tool, scene: Scene, time_step: float) -> float:
+def choose_step(
+    tool: Tool, scene: Scene, time_step: float, steps_hz: float = 0.0
+) -> float:
     """Return the time step that a tool and what moves by itself in a scene need, s, where others get ``time_step``.
 
-    It is an integer part of that.
+    It is an integer part of that. There are ``steps_hz`` or more in a second.
     """
-    rate = max(_find_rate_of_springs(tool), _find_rate_of_flights(tool, scene))
+    rate = max(
+        _find_rate_of_springs(tool), _find_rate_of_flights(tool, scene), steps_hz
+    )
     return time_step / max(1, math.ceil(rate * time_step))
 
 
@@ -48,14 +51,10 @@ def _find_rate_of_flights(tool: Tool, scene: Scene) -> float:
     """
     thin = min((part.shape.thickness for part in tool.components), default=math.inf)
     rates = [
-        flight._replace(thin=min(flight.thin, thin)).rate for flight in _flights(scene)
+        flight._replace(thin=min(flight.thin, thin)).rate
+        for flight in list_flights(scene)
     ]
     return min(max(rates, default=0.0), MOST_HZ)
-
-
-@lru_cache(maxsize=8)
-def _flights(scene: Scene) -> tuple[Flight, ...]:
-    return tuple(find_flights(scene))
 
 
 def _find_rate_of_springs(tool: Tool) -> float:

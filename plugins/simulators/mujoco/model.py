@@ -30,6 +30,7 @@ def compile_model(
     time_step: float,
     tracking_rate: float,
     slip_rate: float,
+    steps_hz: float = 0.0,
 ) -> Element:
     """Compile the model: the arm's joints first, then those of the free bodies.
 
@@ -40,11 +41,13 @@ def compile_model(
         time_step: s, where the scene's bodies and the tool's springs need no other.
         tracking_rate: how fast a joint converges to its target, 1/s.
         slip_rate: how fast friction stops slow slip, 1/s.
+        steps_hz: how many steps a second there are at least.
 
     Raises:
         UserError: the scene has what MuJoCo can't play.
     """
-    time_step = choose_step(tool, scene, _choose_time_step(scene, time_step))
+    usual = _choose_time_step(scene, time_step)
+    time_step = choose_step(tool, scene, usual, steps_hz)
     spec = build_spec(robot, scene, tool, time_step, slip_rate)
     if any(rollers(body) for body in scene.bodies):
         spec.option.ccd_tolerance = CCD_TOLERANCE

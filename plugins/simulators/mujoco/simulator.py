@@ -54,11 +54,13 @@ class MuJoCoSimulator(SteppingSimulator, DrawingSimulator):
 
     def build(self, robot: Robot, scene: Scene, job: Rollout) -> World:
         """Return the world of a job's scene and tool; the last few are kept."""
-        world = self._compile(robot, scene, job.tool)
+        world = self._compile(robot, scene, job.tool, job.steps_hz)
         world.begin(job)
 
         return world
 
-    def _compile_world(self, robot: Robot, scene: Scene, tool: Tool) -> World:
-        model = compile_model(robot, scene, tool, *self._rates)
+    def _compile_world(
+        self, robot: Robot, scene: Scene, tool: Tool, steps_hz: float
+    ) -> World:
+        model = compile_model(robot, scene, tool, *self._rates, steps_hz)
         return World(robot, scene, tool, model)

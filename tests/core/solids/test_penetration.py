@@ -483,7 +483,7 @@ def test_what_a_real_engine_lets_through_is_found(monkeypatch):
     assert (finer.reason, finer.warnings) == ("", ())
 
     plainly = "plugins.simulators.fresh.choose_step"
-    monkeypatch.setattr(plainly, lambda tool, scene, step: step)
+    monkeypatch.setattr(plainly, lambda tool, scene, step, _: step)
     (through,) = evaluate_batch(Hurried(), coarse, [candidate], settings=settings)
     assert through.reward == 0.0
     assert "'ball' passed through 'sheet'" in through.reason

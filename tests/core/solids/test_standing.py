@@ -1,11 +1,19 @@
 """What overlaps, falls or is left behind in a layout, and how fast things get that move by themselves."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from core.errors import UserError
+from core.interfaces import Ability, Outcome, Recording
 from core.plugins import installed
-from core.scene import Body, Box, Scene, Sphere, table
+from core.scene import Body, Box, Scene, Sphere, State, table
+from core.simulation.engines import (
+    find_steps_hz,
+    list_scene_needs,
+    refuse_hurried,
+)
 from core.solids.standing import (
     find_falls,
     find_fast,
@@ -13,6 +21,7 @@ from core.solids.standing import (
     find_layout_doubts,
     find_left_behind,
     find_overlaps,
+    find_rate,
 )
 
 GREY = (0.5, 0.5, 0.5, 1.0)
@@ -118,3 +127,33 @@ def test_what_no_step_is_fine_enough_for_is_doubted(thick, doubted):
     foil = Body.of("foil", Box((0.2, 0.2, thick)), (0.6, 0, 0.2), mass=0.0, color=GREY)
     ball = cube("ball", 0.6, 0.5, side=0.02, shape=Sphere)
     assert len(list(find_fast(Scene((foil, ball))))) == doubted
+
+
+@pytest.mark.parametrize(
+    ("side", "speed", "rate"), [(0.003, 0.6, 400), (0.003, 3.0, 2000), (0.05, 3.0, 120)]
+)
+def test_small_things_need_as_many_steps_as_they_are_fast(side, speed, rate):
+    scene = Scene((cube("small", 0.6, 0.5, side), cube("still", 0.9, 0.0251)))
+    states = State.stack([scene.state()] * 3)
+    states.linear_velocities[1, 0] = [0, 0, -speed]
+    assert find_rate(scene, states) == pytest.approx(rate)
+
+
+@pytest.mark.parametrize(("speed", "finer"), [(0.59, 0), (0.61, 800), (1.3, 1600)])
+def test_a_rollout_with_coarse_steps_is_told_from_one_with_fine_ones(speed, finer):
+    scene = Scene((cube("small", 0.6, 0.5, 0.003),))
+    states = State.stack([scene.state()] * 2)
+    states.linear_velocities[1, 0] = [0, 0, -speed]
+    taken = Recording(np.arange(2.0), np.zeros((2, 7)), np.zeros((2, 2)), states)
+    outcome = Outcome(None, None, recording=taken, time_step=1 / 400)
+    assert find_steps_hz(scene, outcome) == pytest.approx(finer)
+    refused = refuse_hurried(scene, outcome).error
+    assert (refused is None) == (finer == 0)
+    assert find_steps_hz(scene, replace(outcome, time_step=1 / 1600)) == 0
+
+
+@pytest.mark.parametrize(("side", "needed"), [(0.003, True), (0.05, False)])
+def test_a_scene_in_which_small_things_fall_needs_fine_steps(side, needed):
+    scene = Scene((table(), cube("small", 0.6, 0.5, side)))
+    needs = [ability for ability, _ in list_scene_needs(scene)]
+    assert (Ability.FINE_STEPS in needs) == needed

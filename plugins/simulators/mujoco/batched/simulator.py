@@ -10,7 +10,7 @@ from core.errors import UsageError
 from core.hooks import Harmless
 from core.interfaces import Ability, Outcome, Rollout, Task
 from core.scene import Scene
-from core.simulation.engines import check_support, scene_of
+from core.simulation.engines import check_support, refuse_hurried, scene_of
 from core.simulation.playback import Schedule, play_together, refuse_targets
 from plugins.simulators.mujoco.arm import Joints
 from plugins.simulators.mujoco.batched.models import (
@@ -94,7 +94,10 @@ class MuJoCoWarpSimulator(DrawingSimulator):
             waiting = [_Waiting(number, schedules[number]) for number in members]
             outcomes.update(self._play(task, waiting))
 
-        return [outcomes[number] for number in range(len(jobs))]
+        return [
+            refuse_hurried(scene_of(job, task), outcomes[number])
+            for number, job in enumerate(jobs)
+        ]
 
     def _find_figures(self, task: Task, job: Rollout) -> ModelFigures:
         """Return a world's own figures for a job's scene and tool; those of the last few thousand are kept.
