@@ -126,7 +126,7 @@ KINDS: dict[str, ToolKind] = {
     "check_design": ToolKind(
         CheckDesign,
         "Say what is wrong with designs without playing them: rules, reach, collisions of the arm, and whether the "
-        "robot would touch anything. Free. Where nobody measured the scene: rules alone.",
+        "robot would touch anything. Free. Where nobody measured the scene: rules, and reach in an empty room.",
     ),
     "try_design": ToolKind(
         TryDesign,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol, cast
 
@@ -25,6 +26,7 @@ from core.interfaces import (
     Text,
     Trial,
 )
+from core.scene import Scene
 from core.search.answers import read_candidates
 from core.search.builder import builder_for
 from core.search.designer import ModelDesigner
@@ -33,6 +35,7 @@ from core.store.run_figures import elsewhere_figures
 from core.support.templates import fill
 from core.support.text import by_reason
 from core.trial import best_first
+from core.values.plans import Anchor
 from plugins.agents.agent import Agent
 from plugins.agents.arguments import (
     DESIGNS,
@@ -54,9 +57,23 @@ from plugins.agents.viewing import Viewer, draw_trial
 
 _LISTED = 40  # candidates that have a line
 _ONLY_RULES = (
-    "These are the rules of tools and plans. Whether a tool starts clear of the scene, and what it reaches, nobody "
-    "measured: look shows it, and try_design finds it out."
+    "These are the rules of tools and plans, and what the arm misses in an empty room, where no waypoint stands by a "
+    "body. Whether a tool starts clear of the scene, and what it touches, nobody measured: look shows it, and "
+    "try_design finds it out."
 )
+
+
+@dataclass(frozen=True)
+class _Emptied:
+    """Takes all out of a scene: what is said of it then measures nothing in it."""
+
+    number: int = 0
+
+    def __call__(self, scene: Scene) -> Scene:
+        return replace(scene, bodies=(), joints=(), bonds=())
+
+    def perturb_tool(self, tool: Tool) -> Tool:
+        return tool
 
 
 class Driven(Protocol):
@@ -244,15 +261,18 @@ class Tools:
         """Say what is wrong with a candidate in the layouts of the search, on one line; empty: nothing was found."""
         if candidate.problem is not None:
             return self._told.clean(candidate.problem)
+        conditions = self._conditions
         if self._unseen:
-            return ""
+            if any(anchor != Anchor() for anchor in candidate.plan.anchors):
+                return ""
+            conditions = [replace(conditions[0], change=_Emptied())]
 
         found = [
             (f"layout {condition.layout}", self._told.clean(problem))
-            for condition in self._conditions
+            for condition in conditions
             for problem in find_problems(condition, candidate)
         ]
-        if len(self._conditions) == 1:
+        if len(conditions) == 1:
             return "; ".join(dict.fromkeys(problem for _, problem in found))
         return "; ".join(map(str, by_reason(found)))
 

@@ -207,6 +207,10 @@ def test_a_free_answer_is_no_ruler_and_a_paid_one_is_counted(tmp_path):
         for level_words, reach in (("free", 0.05), ("free", 0.55)):
             answer = await client.call_tool("check_design", {"designs": stem(reach)})
             said.setdefault(level_words, set()).add(text(answer))
+
+        far = stem(0.05)  # an answer about the arm alone
+        far["strategies"][0]["action_sets"][0][-1][0] = 1.5
+        said["far"] = text(await client.call_tool("check_design", {"designs": far}))
         said["try"] = await client.call_tool("try_design", {"designs": stem(0.55)})
         said["second"] = await client.call_tool("try_design", {"designs": stem(0.55)})
 
@@ -214,6 +218,7 @@ def test_a_free_answer_is_no_ruler_and_a_paid_one_is_counted(tmp_path):
     converse(measure, tmp_path, *words, "prompt.told=pictures")
     (free,) = said["free"]
     assert "nothing found" in free
+    assert re.search(r"the arm misses the way to waypoint \d+ by \d+ mm", said["far"])
     assert "starts" in text(said["try"])
     assert "0 candidates left" in text(said["try"])
     assert said["second"].is_error
