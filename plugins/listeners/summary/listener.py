@@ -239,7 +239,7 @@ def _remarks(run: Run, result: Result, best: Evaluation) -> Iterator[str]:
     for engine, rewards in result.unseen.items():
         mean = number(fmean(rewards), 3)
         worst = number(min(rewards), 3)
-        earned = f"the best earned {mean} on the mean, {worst} in the worst ({engine})"
+        earned = f"the best earned {mean} on average, {worst} in the worst ({engine})"
         yield f"in {len(rewards)} unseen layouts {earned}"
 
 
@@ -300,13 +300,13 @@ def _tied(result: Result, best: Evaluation) -> Iterator[str]:
     reward = number(highest.reward, 3)
     if reward != number(best.reward, 3):
         earned = f"{highest.candidate.id} earned {reward}"
-        first = "what has the most room to its limits, and then the shortest way,"
+        decides = "room to the limits and then the shorter way decide"
         if best.score.cost is not None:
-            first = "the best figure of fitness.tie_by"
+            decides = "the figure of fitness.tie_by decides"
         if changed:
-            first = f"of what holds {first}"
+            decides = f"among those that hold, {decides}"
 
-        yield f"{earned}; rewards within evolution.tie of it count as equal, and {first} goes first"
+        yield f"{earned}; rewards within evolution.tie of it count as equal: {decides}"
 
 
 def _describe_changes(best: Evaluation, changed: Sequence[Trial]) -> str:
@@ -315,7 +315,7 @@ def _describe_changes(best: Evaluation, changed: Sequence[Trial]) -> str:
     where = f"in {count_words(len(changed), 'small change')} of the scene"
     mean = number(fmean(rewards), 3)
     least = number(min(rewards), 3)
-    return f"{where} {best.candidate.id} earned {mean} on the mean, {least} at least"
+    return f"{where} {best.candidate.id} earned {mean} on average, {least} at least"
 
 
 def _count_held(best: Evaluation) -> str:
