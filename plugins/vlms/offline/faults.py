@@ -138,28 +138,16 @@ def place_solids(tool: Tool, layout: Layout) -> list[Solid]:
     return solids
 
 
-def count_hits(
-    made: Made,
-    layout: Layout,
-    places: Places,
-    most: float = np.inf,
-    *,
-    only_head: bool = False,
-) -> int:
-    """Count how often a tool, or its head alone, is in something that it must not touch, at places on its way.
+def count_hits(made: Made, layout: Layout, places: Places, most: float = np.inf) -> int:
+    """Count how often a tool is in something that it must not touch, at places on its way.
 
     Args:
         made: a tool and its plan.
         layout: where they are tried.
         places: on the way.
         most: so many are enough.
-        only_head: whether the shaft does not count.
     """
     solids = place_solids(made.tool, layout)
-    if only_head:
-        names = {piece.name for piece in made.head.pieces}
-        solids = [solid for solid in solids if solid.name in names]
-
     obstacles = layout.all_solids
     near = _find_near(solids, places, obstacles)
 

@@ -145,8 +145,7 @@ class Job:
     @cached_property
     def outward(self) -> float:
         """The direction from the robot to the bodies in the world, along an axis of theirs, radians."""
-        x, y = (self.center - self.layout.reach.base.position)[:2]
-        away = float(np.arctan2(y, x))
+        away = self.layout.reach.find_heading(self.center)
         yaw = float(self.layout.scene[self.want.bodies[0]].pose.rpy[2])
         quarter = np.pi / 2
         return yaw + quarter * round((away - yaw) / quarter)

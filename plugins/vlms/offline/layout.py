@@ -174,6 +174,11 @@ class Reach:
     outer: float
     stretch: float
 
+    def find_heading(self, point: Array) -> float:
+        """Find the direction from the base to a point (3,) on the level, radians in the world."""
+        x, y, _ = point - self.base.position
+        return float(np.arctan2(y, x))
+
     def too_near(self, points: Array) -> Array:
         """Measure how much nearer to the first axis than with ease points (..., 3) of the tool mount are, (...)."""
         return np.maximum(0.0, self.inner - self._measure_distance(points))

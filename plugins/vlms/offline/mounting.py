@@ -111,8 +111,7 @@ def _draw_places(layout: Layout, attach: Array, hang: float, rng: Generator) -> 
     least, most = _find_drop(layout, attach, hang)
     reach = layout.reach
     base = reach.base.position
-    x, y, _ = layout.home.position - base
-    ahead = float(np.arctan2(y, x))
+    ahead = reach.find_heading(layout.home.position)
     angles = ahead + rng.uniform(-_SECTOR_RAD, _SECTOR_RAD, _PLACES)
     radii = rng.uniform(reach.inner, reach.outer, _PLACES)
     heights = attach[2] + rng.uniform(least, most, _PLACES)

@@ -131,18 +131,14 @@ class Search:
         best = make(option, Recipe(values, mount))
         places = find_places(best, self.layout)
         least = count_hits(best, self.layout, places)
-        if least == 0:
-            return best
-
-        of_head = count_hits(best, self.layout, places, only_head=True)
         for shaft in SHAFTS:
+            if least == 0:
+                break
             other = make(option, Recipe(values, replace(mount, shaft=shaft)))
             hits = count_hits(other, self.layout, places, least)
             if hits < least:
                 best = other
                 least = hits
-            if least <= of_head:
-                break
 
         return best
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from core.geometry import Array
+from core.geometry import Pose
 from plugins.vlms.offline.hand import hand_of
 from plugins.vlms.offline.heads import Head, Step, at, box
 from plugins.vlms.offline.job import Job
@@ -80,8 +80,11 @@ class Grip(Way):
         hand = hand_of(job.layout.robot)
         palm = job.clear + _PALM_M - values["into"] * hand.palm
         below = max(height + _BELOW_TIPS_M, palm)
-        ahead, left, _ = _measure_lack(job) * _find_away(job)
-        mount = hand.tips @ at(ahead + values["ahead"], left, -below)
+
+        # The pads are as far from the robot, seen from the hand, as the arm lacks.
+        away = job.layout.reach.find_heading(job.center) - job.heading
+        aside = at(0.0, 0.0, 0.0, yaw=away).apply([_measure_lack(job), 0.0, -below])
+        mount = hand.tips @ at(values["ahead"], 0.0, 0.0) @ Pose(aside)
         return Head(pads, np.array([0.0, 0.0, height]), "two pads", mount)
 
     def motion(self, job: Job, values: Values) -> Iterator[Step]:
@@ -137,17 +140,6 @@ def _measure_lack(job: Job) -> float:
     reach = job.layout.reach
     places = np.array([job.center, job.center + job.shift])
     return float(reach.too_far(places).max() - reach.too_near(places).max())
-
-
-def _find_away(job: Job) -> Array:
-    """Find the direction from the robot to the bodies, along the ground of the frame, (3,)."""
-    x, y = (job.center - job.layout.reach.base.position)[:2]
-    distance = float(np.hypot(x, y))
-    if distance == 0.0:  # above the robot's base, no direction is away
-        return np.zeros(3)
-
-    ahead = job.frame.rotation.inv().apply([x, y, 0.0])
-    return np.asarray(ahead / distance)
 
 
 class Hand(Grip):

@@ -99,8 +99,9 @@ class Pour(Way):
 
         # It goes to where the vessel's mouth will be above the place.
         side = 1.0 if values["side"] > 0 else -1.0
-        heading = _find_heading_there(job) + values["heading"]
-        place = Pose.xyz_rpy([*job.way[:2], foot.position[2]], (0.0, 0.0, heading))
+        away = job.layout.reach.find_heading(job.center + job.shift) - job.heading
+        x, y, _ = job.way
+        place = at(x, y, foot.position[2], yaw=away + values["heading"])
         there = place @ at(-fit.back, -side * values["aside"] * values["drop"], high)
         yield Step(there, values["carrying"], touch=True)
 
@@ -186,9 +187,3 @@ def _find_passing_height(job: Job, fit: _Fit, foot: Pose, low: float) -> float:
     lying = max(fit.vessel.size[:2]) / 2
     top = job.clear - foot.position[2]
     return float(top + max(low, lying) + _PASSES_M)
-
-
-def _find_heading_there(job: Job) -> float:
-    """Find the direction from the robot to where the bodies have to go, in the frame, radians."""
-    x, y = (job.center + job.shift - job.layout.reach.base.position)[:2]
-    return float(np.arctan2(y, x)) - job.heading
