@@ -77,11 +77,11 @@ class Hook(Way):
         "toe": Range(0.5, 0.9),  # long, of the room that is left
         "breadth": Range(0.3, 0.9),  # of arm and toe, of the bodies' side
         "ahead": Range(0.02, 0.1),  # of the bodies the arm goes on
+        "behind": Range(0.003, 0.012),  # the bodies, the toe gets in
     }
     moves: ClassVar[Ranges] = {
         "low": Range(0.002, 0.02),  # over the ground; over bodies a quarter of it
         "before": Range(0.01, 0.04),  # the bodies, where it comes down
-        "behind": Range(0.003, 0.012),  # the bodies, where the toe gets in
         "farther": Range(-0.02, 0.03),  # than the bodies have to go
         "speed": Range(0.1, 0.35),
         "leaves": Range(0.0, 1.0),  # from a half on

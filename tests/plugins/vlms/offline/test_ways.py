@@ -6,10 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.interfaces import Task
+from core.interfaces import PAPER, Task
 from core.plugins import installed
 from plugins.vlms.offline.answer import answer
+from plugins.vlms.offline.layout import Layout
 from plugins.vlms.offline.making import make
+from plugins.vlms.offline.options import list_options
 from plugins.vlms.offline.recipe import Mount, Recipe
 from plugins.vlms.offline.search import Search
 from plugins.vlms.offline.ways import WAYS
@@ -139,6 +141,22 @@ def test_values_that_leave_their_ranges_still_make_a_design(tmp_path, bodies):
             for value in (low - beyond, high + beyond):
                 made = make(option, Recipe({**middle, name: value}, mount))
                 assert np.isfinite(made.rows).all()
+
+
+def test_heads_read_their_own_parameters_alone():
+    """All plans of a tool have one head, whatever the parameters of their motions are."""
+    seen = set()
+    for name in ("BringCube", "ElevatePlate", "HighObject", "ScoreGoal", "TurkeyLegs"):
+        for gripper in (False, True):
+            brief = make_brief(task_of(name), gripper)
+            for option in list_options(
+                Layout(brief.task, 0, PAPER), brief.task, gripper, None
+            ):
+                sizes = {key: low for key, (low, _) in option.way.sizes.items()}
+                assert option.way.head(option.jobs[0], sizes).pieces
+                seen.add(option.way.name)
+
+    assert seen >= {"push", "cage", "hook", "throw", "drop", "lift", "scoop", "pour"}
 
 
 @pytest.mark.parametrize(
