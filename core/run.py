@@ -16,6 +16,21 @@ from core.support.cli import command, read_path, say
 if TYPE_CHECKING:
     from omegaconf import DictConfig
 
+HELP_WORDS = {"--help", "-h"}
+HELP = """\
+usage: python -m core.run [GROUP=NAME | KEY=VALUE ...]      start a run; groups and keys are listed below
+       python -m core.run -m KEY=VALUE,VALUE ...            a run for each combination
+       python -m core.run resume=RUN_DIR [KEY=VALUE ...]    go on with an interrupted run
+       python -m core.run --hydra-help                      Hydra's own flags
+
+groups (GROUP=NAME):
+
+{groups}
+
+keys (KEY=VALUE), and their values:
+
+{keys}"""
+
 
 def _run_job(cfg: DictConfig) -> UserError | BrokenPipeError | None:
     """Run one job of Hydra's; return why it failed: raised, it would be printed by Hydra with lines of its own."""
@@ -42,6 +57,10 @@ def _run_job(cfg: DictConfig) -> UserError | BrokenPipeError | None:
 
 def main(words: list[str]) -> None:
     """Go on with the run that ``resume=RUN_DIR`` names; else hand all words to Hydra, ``--help`` too."""
+    if not HELP_WORDS.isdisjoint(words):
+        _print_help([word for word in words if word not in HELP_WORDS])
+        return
+
     resumed = [word for word in words if word.startswith("resume=")]
     if not resumed:
         _hydra(words)
@@ -57,6 +76,18 @@ def main(words: list[str]) -> None:
     from core.search.orchestration import resume
 
     resume(read_path(resumed[0].removeprefix("resume=")), others)
+
+
+def _print_help(words: list[str]) -> None:
+    """Print how the command is used, and the keys and values that words lead to; Hydra's own help takes seconds."""
+    from omegaconf import OmegaConf
+
+    from core.config.compose import list_groups, load
+
+    groups = [f"{name}: {', '.join(parts)}" for name, parts in list_groups().items()]
+    keys = OmegaConf.to_yaml(load("config", words))
+    text = HELP.format(groups="\n".join(groups), keys=keys)
+    say(*text.splitlines())
 
 
 def _hydra(given: list[str]) -> None:

@@ -96,6 +96,15 @@ def load(name: str, overrides: Sequence[str], schema: type | None = None) -> Dic
     return config
 
 
+def list_groups() -> dict[str, list[str]]:
+    """List the groups of a run's configuration, and the names that each can have."""
+    register()
+    with initialize_config_module("conf", version_base="1.3"):
+        loader = GlobalHydra.instance().config_loader()
+        groups = [name for name in loader.list_groups("") if name != "hydra"]
+        return {name: list(loader.get_group_options(name)) for name in groups}
+
+
 def check_keys(config: DictConfig) -> None:
     """Check that no secret stands in a composed configuration, and no key that a ``+`` added beside its schema.
 

@@ -5,15 +5,17 @@ from __future__ import annotations
 import io
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 from scipy.spatial import ConvexHull
 
 from core.errors import UserError
 from core.geometry import Array, Color
 from core.support.files import read_untrusted
+
+if TYPE_CHECKING:
+    import trimesh
 
 KINDS = (".stl", ".obj", ".ply", ".dae", ".glb", ".3mf")
 MAX_MB = 64
@@ -73,6 +75,8 @@ def load_parts(data: bytes, file: Path) -> list[trimesh.Trimesh]:
     Raises:
         UserError: it can't be read, has no triangles, or a corner is no usual number.
     """
+    import trimesh  # which takes half a second
+
     kind = kind_of(file)
     try:
         scene = trimesh.load_scene(

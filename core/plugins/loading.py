@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import ast
+import importlib.util
 import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from pathlib import Path
 from typing import NoReturn
 
 from core.errors import RAISED, in_line
@@ -17,6 +20,29 @@ PATIENCE_S = 10.0  # until it is said what is being loaded
 
 class Contained(Exception):
     """A plugin raised what ends a program, or would have ended it; the message says what."""
+
+
+def find_usage(main: str) -> str:
+    """Find the ``USAGE`` of the module of a command, such as ``package.module:main``, without what it imports.
+
+    Empty: it has none that stands there as a text.
+    """
+    module = main.partition(":")[0]
+    try:
+        spec = importlib.util.find_spec(module)
+        tree = ast.parse(Path(str(spec and spec.origin)).read_bytes())
+    except (ImportError, OSError, SyntaxError, ValueError):
+        return ""
+
+    for part in tree.body:
+        names = part.targets if isinstance(part, ast.Assign) else []
+        is_usage = any(isinstance(n, ast.Name) and n.id == "USAGE" for n in names)
+        if is_usage and isinstance(part, ast.Assign):
+            value = part.value
+            said = value.value if isinstance(value, ast.Constant) else ""
+            return said if isinstance(said, str) else ""
+
+    return ""
 
 
 @contextmanager

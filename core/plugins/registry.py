@@ -21,9 +21,10 @@ from core.errors import RAISED, UsageError, UserError, choices
 from core.hooks import PROJECT, Command, Configs, Factory, Parts
 from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins.kinds import COMMAND, HOOKS, KINDS, ROBOT, Kind
-from core.plugins.loading import contained
+from core.plugins.loading import contained, find_usage
 from core.plugins.moved import explain
 from core.plugins.packages import check_configs, refuse_hiding, refuse_rivals
+from core.support.cli import answer_help
 from core.support.inputs import adapter, find_mistakes
 from core.values.materials import PAPER, Material
 from core.values.printers import MK4, Printer
@@ -184,6 +185,11 @@ class Plugins:
             UserError: there is no command of that name, it can't be imported, or what it raises itself.
         """
         command = self.create(COMMAND, name)
+        if arguments in (["--help"], ["-h"]) and isinstance(command.main, str):
+            usage = find_usage(command.main)
+            if usage:
+                answer_help(usage, arguments)
+
         main = _imported(self.offers["command", name], command.main)
         return typing.cast(int | None, main(arguments))
 

@@ -13,7 +13,6 @@ from functools import lru_cache
 from pathlib import Path
 
 import platformdirs
-import trimesh
 
 from core.design import Tool
 from core.errors import UserError
@@ -118,6 +117,8 @@ def solid_of(shape: RobotShape) -> Shape:
     """Return what collides of a shape of a robot: of a file, its mesh."""
     if not isinstance(shape.shape, Path):
         return shape.shape
+
+    import trimesh  # which takes half a second
 
     mesh = trimesh.load_mesh(shape.shape)
     return Mesh.from_trimesh(mesh.apply_scale(shape.scale))

@@ -13,7 +13,6 @@ from typing import Any
 
 import coal
 import numpy as np
-import trimesh
 
 from core.design import Tool
 from core.geometry import Array, Pose, Shape
@@ -67,7 +66,7 @@ def corners(geometry: Any) -> Array:
         return np.asarray(geometry.points())
 
     middle, half = bounding_box(geometry)
-    return np.asarray(trimesh.bounds.corners([middle - half, middle + half]))
+    return box_corners(middle - half, middle + half)
 
 
 def bounding_box(geometry: Any) -> tuple[Array, Array]:
@@ -104,6 +103,16 @@ def shape_solid(body: Body, part: Geom, frame: int = WORLD) -> Solid:
 def signed_distance(a: Solid, b: Solid) -> float:
     """Measure the distance of two solids in one frame, metres; a negative one is the penetration depth."""
     return contact(a, b)[0]
+
+
+def box_corners(low: Array, high: Array) -> Array:
+    """Return the corners (8, 3) of a box along the axes, around its bottom and then around its top."""
+    x = (0, 1, 1, 0)
+    y = (0, 0, 1, 1)
+    ends = np.array([low, high])
+    bottom = np.column_stack([ends[x, 0], ends[y, 1], np.full(4, ends[0, 2])])
+    top = np.column_stack([bottom[:, :2], np.full(4, ends[1, 2])])
+    return np.vstack([bottom, top])
 
 
 def contact(a: Solid, b: Solid) -> tuple[float, Array, Array]:

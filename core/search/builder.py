@@ -84,7 +84,7 @@ def build_designer(
     Raises:
         UserError: a part or setting that can't be used.
     """
-    check_seed(cfg.seed)
+    check_numbers(cfg)
     if cfg.prompt.file and not vlm.sees:
         raise UsageError(
             f"{vlm.model} reads no text, so prompt.file={cfg.prompt.file} would change nothing; choose a model that "
@@ -115,6 +115,16 @@ def build_designer(
     sampling = node(cfg.sampling, Sampling)
     designer = ModelDesigner(assignment, vlm, prompts, sampling, events)
     return finish_designer(builder, designer, fitness, cfg), fitness
+
+
+def check_numbers(cfg: DictConfig) -> None:
+    """Check the seed and the budget, which takes no time.
+
+    Raises:
+        UsageError: a number can't be used.
+    """
+    check_seed(cfg.seed)
+    _read_budget(cfg)
 
 
 class _NoModel(VLM):

@@ -25,7 +25,7 @@ from core.plugins import (
     installed,
 )
 from core.plugins.blame import add_listener
-from core.search.builder import build_designer
+from core.search.builder import build_designer, check_numbers
 from core.search.designer import ModelDesigner
 from core.trial import TIE
 
@@ -54,8 +54,9 @@ def build_search(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) ->
     container = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
     config = cast(dict[str, Any], container)
     refuse_keys(OmegaConf.create(config))
+    check_numbers(cfg)
     events = event_hub()
-    vlm = part(MODEL, cfg.vlm).create()
+    vlm = part(MODEL, cfg.vlm).create()  # which may take seconds
     designer, fitness = build_designer(cfg, vlm, events)
     designer.stored = replies
     executor = part(EXECUTOR, cfg.executor).create()

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import trimesh
 
 from core.designs.sighting import measure_box
 from core.geometry import Array
 from core.goals import reaches
 from core.interfaces import Image, Task
+from core.robot.solids import box_corners
 from core.scene import Camera, Scene, State
 
 STANDS_DEG = ((0, 38), (-45, 38), (45, 38), (0, 65), (-100, 38), (100, 38))
@@ -176,7 +176,7 @@ def _points(
 def _box(scene: Scene, body: str) -> Array:
     """Return the corners (8, 3) of a body's bounding box in its own frame."""
     middle, half = measure_box(scene, body)
-    return np.asarray(trimesh.bounds.corners([middle - half, middle + half]))
+    return box_corners(middle - half, middle + half)
 
 
 def _take_away(state: State, names: Sequence[str]) -> State:

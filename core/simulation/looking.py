@@ -7,7 +7,6 @@ from functools import cached_property
 
 import coal
 import numpy as np
-import trimesh
 
 from core.design import DesignError, Tool
 from core.designs.planning import blur, look
@@ -22,6 +21,7 @@ from core.interfaces import (
     Task,
 )
 from core.robot.kinematics import arm_of
+from core.robot.solids import box_corners
 from core.scene import Scene, Soft, State
 from core.solids.rollout_solids import ROBOT
 from core.solids.tracks import Track, follow
@@ -172,7 +172,7 @@ class Lookout:
             return True
 
         middle, half = measure_box(self._scene, name)
-        corners = trimesh.bounds.corners([-half, half])
+        corners = box_corners(-half, half)
         points = pose.apply(middle + _SHRUNK * np.vstack([np.zeros(3), corners]))
         others = [track for track in tracks if track.owner != name]
 
@@ -196,7 +196,9 @@ def _is_blocked(eye: Array, point: Array, tracks: list[Track]) -> bool:
 
     along = way / length
     ray = coal.Capsule(_RAY_M, length - 2 * _EYE_M)
-    turn = trimesh.geometry.align_vectors([0.0, 0.0, 1.0], along)[:3, :3]
+    from trimesh.geometry import align_vectors  # trimesh takes half a second
+
+    turn = align_vectors([0.0, 0.0, 1.0], along)[:3, :3]
     place = coal.Transform3s(turn, (eye + point) / 2)
     request = coal.CollisionRequest()
 

@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import partial
+from importlib.metadata import version
 from os import _exit
 from pathlib import Path
 from typing import NoReturn, TextIO
@@ -19,6 +20,8 @@ from core.support.progress_display import show_progress
 from core.support.scratch import remove_scratch
 from core.support.secrets import Scrubbed
 from core.support.text import clean, visible
+
+_DISTRIBUTION = "vlmgineer"
 
 
 def command(function: Callable[[list[str]], int | None]) -> NoReturn:
@@ -35,6 +38,9 @@ def command(function: Callable[[list[str]], int | None]) -> NoReturn:
     sys.stderr = Scrubbed(sys.stderr)
     show_progress(lambda line: say(line, file=sys.stderr))
     Interrupts(partial(_leave, code=130)).listen()
+
+    if sys.argv[1:] == ["--version"]:
+        function = _print_version
 
     try:
         status = function(join_words(sys.argv[1:]))
@@ -53,6 +59,12 @@ def command(function: Callable[[list[str]], int | None]) -> NoReturn:
         _leave(describe_interrupt(*error.args), 130)
 
     sys.exit(status or 0)
+
+
+def _print_version(_: list[str]) -> None:
+    """Print the version of the program, and of the Python that it runs in."""
+    python = ".".join(map(str, sys.version_info[:3]))
+    say(f"{_DISTRIBUTION} {version(_DISTRIBUTION)} (Python {python})")
 
 
 def arguments(usage: str, given: Sequence[str]) -> list[str]:

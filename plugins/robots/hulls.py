@@ -7,10 +7,9 @@ import json
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import trimesh
 from scipy.spatial import QhullError
 
 from core.errors import UserError
@@ -29,6 +28,9 @@ from core.robot.meshes import keep_file, kept_file
 from core.support.files import read_untrusted
 from core.support.sandbox import isolated
 from core.values.descriptions import ONE, RobotLink, RobotShape
+
+if TYPE_CHECKING:
+    import trimesh
 
 GREY: Color = (0.7, 0.7, 0.7, 1.0)  # of shapes without a colour
 LIMIT_S = 120
@@ -185,6 +187,8 @@ def _load(mesh: Path, scale: Triple) -> list[trimesh.Trimesh]:
 
 
 def _hull(parts: list[trimesh.Trimesh]) -> bytes:
+    import trimesh  # which takes half a second
+
     corners = np.concatenate([used_corners(part) for part in parts])
     try:
         hull = trimesh.Trimesh(hull_corners(corners), process=False).convex_hull
@@ -195,6 +199,8 @@ def _hull(parts: list[trimesh.Trimesh]) -> bytes:
 
 
 def _collada(parts: list[trimesh.Trimesh], color: Sequence[float]) -> bytes:
+    import trimesh  # which takes half a second
+
     drawn = []
     for part in sorted(parts, key=lambda part: -part.area):  # see `main_color`
         painted = find_color(part) or color
@@ -209,6 +215,8 @@ def _collada(parts: list[trimesh.Trimesh], color: Sequence[float]) -> bytes:
 
 def _coarsen(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """Copy a mesh with at most `MAX_DRAWN` triangles: corners of one cell of a grid become one."""
+    import trimesh  # which takes half a second
+
     coarse = trimesh.Trimesh(mesh.vertices, mesh.faces)
     cells = 256
     while len(coarse.faces) > MAX_DRAWN:

@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 import time
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -124,3 +125,49 @@ def test_a_command_by_the_name_of_its_module(name):
     words = [sys.executable, "-m", f"core.{name}", "--help"]
     found = subprocess.run(words, capture_output=True, text=True, check=True)
     assert found.stdout.startswith(f"usage: vlmgineer {name} ")
+
+
+def test_the_version_of_the_program_and_of_python(tmp_path):
+    python = ".".join(map(str, sys.version_info[:3]))
+    said = f"vlmgineer {metadata.version('vlmgineer')} (Python {python})\n"
+    assert call(tmp_path, "--version").stdout == said
+    start = [sys.executable, "-m", "core.run"]
+    assert call(tmp_path, "--version", start=start).stdout == said
+
+
+QUICK = """
+import sys
+from core.__main__ import main
+sys.argv[1:] = {words}
+try:
+    main()
+finally:
+    found = {slow} & sys.modules.keys()
+    print(*sorted(found), file=sys.stderr)
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "slow"),
+    [
+        (["--help"], {"scipy", "pinocchio", "hydra", "litellm"}),
+        (["evaluate", "--help"], {"scipy", "pinocchio", "hydra", "litellm"}),
+        (["run", "--help"], {"trimesh", "litellm", "mujoco", "sapien"}),
+        (["run", "vlm=gemini", "--help"], {"trimesh", "litellm", "mujoco"}),
+    ],
+    ids=" ".join,
+)
+def test_what_takes_long_is_not_imported_before_it_is_used(tmp_path, words, slow):
+    script = QUICK.format(words=words, slow=slow)
+    done = call(tmp_path, start=[sys.executable, "-c", script])
+    assert done.returncode == 0
+    assert done.stderr == "\n"
+    assert "usage: " in done.stdout
+
+
+def test_the_help_of_a_run_lists_groups_and_keys(tmp_path):
+    start = [sys.executable, "-m", "core.run"]
+    done = call(tmp_path, "--help", "sim=sapien", start=start)
+    assert "\nbudget: paper, quick\n" in done.stdout
+    assert "\nsim:\n  name: sapien\n" in done.stdout
+    assert not list(tmp_path.iterdir())

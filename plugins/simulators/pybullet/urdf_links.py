@@ -6,7 +6,6 @@ import hashlib
 from pathlib import Path
 
 import numpy as np
-import trimesh
 
 from core.geometry import Box, Capsule, Cylinder, Pose, Primitive, Shape, Sphere
 from core.scene import Body
@@ -84,6 +83,8 @@ def inertial(inertia: Inertia | None) -> Inertial:
 
 def facets_file(shape: Shape, folder: Path) -> Path:
     """Write the shape to ``folder`` as an OBJ file, for drawing: edges of less than 30 degrees are shaded smoothly."""
+    import trimesh  # which takes half a second
+
     smooth = trimesh.graph.smooth_shade(shape.to_trimesh(), angle=np.radians(30.0))
     text = str(smooth.export(file_type="obj", include_normals=True))
     return text_file(folder, text, "obj")
