@@ -50,7 +50,8 @@ TITLES = {"model": "the model", "embedded": "the embedded designer"}
 
 ENGINES = {"mujoco": "MuJoCo", "pybullet": "PyBullet", "sapien": "SAPIEN"}
 DRAWS = "mujoco"
-MATERIAL = "pla"
+MATERIAL = "paper"  # in which the designs were tried
+PRINTED = "pla"
 
 GOALS = {
     "BringCube": "Bring a cube of 1 kg, out of the gripper's reach, 0.4 m closer onto a mark.",
@@ -103,14 +104,15 @@ class Entry:
     def file(self) -> Path:
         return DESIGNS / self.designer / f"{self.task}.json"
 
-    def config(self, *words: str) -> Any:
+    def config(self, *words: str, material: str = MATERIAL) -> Any:
         """Compose the settings with which ``vlmgineer evaluate`` tries it."""
         tool = DESIGNERS[self.designer]
-        return load("evaluate", [f"task={self.task}", f"tool={tool}", *words])
+        mine = [f"task={self.task}", f"tool={tool}", f"material={material}"]
+        return load("evaluate", [*mine, *words])
 
-    def read(self, *words: str) -> Candidate:
+    def read(self, material: str = MATERIAL) -> Candidate:
         """Read its first plan."""
-        config = self.config(*words)
+        config = self.config(material=material)
         task = task_part(config).create()
         form = tool_part(config).create()
         return read_designs(load_designs(self.file), form, task)[0]
@@ -142,9 +144,9 @@ def measure(entry: Entry) -> dict[str, Any]:
         "says": candidate.design_description,
         "rewards": rewards,
     }
-    printed = entry.read(f"material={MATERIAL}")
+    printed = entry.read(PRINTED)
     if printed.tool is not None and printed.tool.components:
-        material = tool_part(entry.config(f"material={MATERIAL}")).create().material
+        material = tool_part(entry.config(material=PRINTED)).create().material
         robot = entry.condition(DRAWS).task.shared().robot
         problem = find_problem(printed.tool, robot, material, Printer())
         figures["mass_g"] = round(1000 * printed.tool.mass, 1)
