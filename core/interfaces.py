@@ -217,6 +217,8 @@ class Request:
     schema: JsonObject
     temperature: float
     purpose: Purpose = "designs"
+    # Nothing else tells where things are: a model without eyes would guess.
+    needs_pictures: bool = False
 
     @property
     def asks_designs(self) -> bool:

@@ -253,7 +253,16 @@ class ModelDesigner:
             )
             name = f"g{generation}-a{agent}"
             schema = answer_schema(brief)
-            requests.append(Request(name, brief, messages, schema, temperature))
+            requests.append(
+                Request(
+                    name,
+                    brief,
+                    messages,
+                    schema,
+                    temperature,
+                    needs_pictures=not self.prompts.facts.level.numbers,
+                )
+            )
 
         return requests
 
@@ -390,5 +399,8 @@ class ModelDesigner:
             again = self.mender.look_again(answer, reply, problem)
             if again is not None:
                 return replace(answer, sent=again)
+
+        if reply.cut_by:
+            return answer.complete(f"the reply was cut off by {reply.cut_by}: {problem}")
 
         return answer.complete(f"the reply can't be read: {problem}")

@@ -12,7 +12,7 @@ CREATE TABLE IF NOT EXISTS requests (
 CREATE TABLE IF NOT EXISTS replies (
     request_id TEXT PRIMARY KEY REFERENCES requests(id), model TEXT NOT NULL, text TEXT NOT NULL, error TEXT,
     prompt_tokens INTEGER, completion_tokens INTEGER, cost_usd REAL,
-    unanswered INTEGER NOT NULL DEFAULT 0, cached_tokens INTEGER, saved_usd REAL
+    unanswered INTEGER NOT NULL DEFAULT 0, cached_tokens INTEGER, saved_usd REAL, cut_by TEXT NOT NULL DEFAULT ''
 );
 CREATE TABLE IF NOT EXISTS designs (
     generation INTEGER NOT NULL, agent INTEGER NOT NULL, design INTEGER NOT NULL, parents TEXT NOT NULL,

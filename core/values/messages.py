@@ -49,7 +49,8 @@ class Reply:
 
     ``cached_tokens`` of the prompt were kept by the provider from an earlier request, and cost less; ``saved_usd`` is
     what that saved, below 0 where keeping them cost more. ``unanswered``: the call failed for a reason that may pass,
-    and nothing was paid. A resumed run asks again.
+    and nothing was paid. A resumed run asks again. ``cut_by``: the limit of length at which it ended,
+    in words; empty: it is whole.
     """
 
     request_id: str
@@ -62,6 +63,7 @@ class Reply:
     unanswered: bool = False
     cached_tokens: int | None = None
     saved_usd: float | None = None
+    cut_by: str = ""
 
 
 class Bill(NamedTuple):
@@ -180,6 +182,7 @@ def checked(reply: Reply) -> Reply:
         cached_tokens=_known(reply.cached_tokens, int, MOST),
         saved_usd=_known(reply.saved_usd, int | float, MOST_USD, least=-MOST_USD),
         unanswered=reply.unanswered is True and failed,
+        cut_by=clean(scrub(str(reply.cut_by)), _LONGEST_MODEL),
     )
 
 

@@ -343,7 +343,14 @@ class SeveralDesigner(ModelDesigner):
 
         name = f"g{brief.generation}-a{brief.agent}-s{tool.design}-t{number}"
 
-        return Request(name, for_task, messages, answer_schema(for_task), temperature)
+        return Request(
+            name,
+            for_task,
+            messages,
+            answer_schema(for_task),
+            temperature,
+            needs_pictures=not self.prompts.facts.level.numbers,
+        )
 
 
 def _has_tool(evaluation: Evaluation, candidate: Candidate) -> bool:

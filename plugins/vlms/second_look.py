@@ -45,8 +45,8 @@ class SecondLook:
     def look_again(self, answer: Answer, reply: Reply, problem: str) -> Request | None:
         """Compose the request for a second look: at the faulty designs, or at all where the reply has a ``problem``."""
         numbers = list_faulty(answer.candidates)
-        if not (numbers or problem):
-            return None
+        if reply.cut_by or not (numbers or problem):
+            return None  # a reply that was cut off would be cut off again
 
         request = answer.request
         brief = request.brief

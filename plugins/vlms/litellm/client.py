@@ -12,11 +12,12 @@ from typing import Any
 
 import httpx
 
-from core.errors import UsageError, UserError
+from core.errors import LimitReached, UsageError, UserError
 from core.interfaces import Reply, Request
 from core.support.text import clean, kind
 from core.values.messages import checked
 from plugins.vlms.litellm.call_settings import CallSettings, check_options
+from plugins.vlms.litellm.context import OllamaContext, doubt_count
 from plugins.vlms.litellm.failures import explain, find_words, refuses
 from plugins.vlms.litellm.hearing import Hearing
 from plugins.vlms.litellm.loading import load
@@ -33,7 +34,12 @@ from plugins.vlms.litellm.transport import (
     calling,
 )
 from plugins.vlms.litellm.unwrapping import find_text
-from plugins.vlms.litellm.wire_messages import explain_schema, render, without_pictures
+from plugins.vlms.litellm.wire_messages import (
+    draw_on_sheets,
+    explain_schema,
+    render,
+    without_pictures,
+)
 
 _log = logging.getLogger(__name__)
 
@@ -115,6 +121,11 @@ class Client:
         self._manner_lock = threading.Lock()
         self._manner = self._find_manner()
         self.sees = self._manner.pictures
+        self._context = None
+        if self._provider.startswith("ollama"):
+            self._context = OllamaContext(self._bare, api_base)
+
+        self._is_doubted = False
 
     def _find_manner(self) -> Manner:
         """Find how to ask, by what LiteLLM knows of the model, and say what is left out."""
@@ -277,6 +288,12 @@ class Client:
         """
         while True:
             manner = self._manner
+            if request.needs_pictures and not manner.pictures:
+                raise LimitReached(
+                    f"{self.model} takes no pictures, and nothing else tells where things are: "
+                    "ask a model that sees, or type prompt.told=source"
+                )
+
             try:
                 return self._call(request, manner, hearing)
             except Exception as error:
@@ -317,6 +334,8 @@ class Client:
         messages = request.messages if sees_schema else explain_schema(request)
         if not manner.pictures:
             messages = without_pictures(messages)
+        elif manner.sheets:
+            messages = draw_on_sheets(messages, manner.sheets)
 
         rendered = render(messages, manner.marks)
         call = Call(self._provider, self._server, manner.stream, hearing.life)
@@ -362,6 +381,10 @@ class Client:
             allowed.append("reasoning_effort")
         if allowed:
             settings["allowed_openai_params"] = allowed
+
+        if self._context is not None:
+            limit = self._settings.max_output_tokens
+            settings["num_ctx"] = self._context.fit(request, limit)
 
         if manner.stream and manner.usage:
             settings["stream_options"] = {"include_usage": True}
@@ -451,6 +474,11 @@ class Client:
             else None,
             error=f"the model refuses: {refusal}" if refusal and not text else None,
         )
+        doubt = doubt_count(request, reply.prompt_tokens)
+        if doubt and not self._is_doubted:
+            self._is_doubted = True
+            _log.warning("%s: %s", self.model, doubt)
+
         finish = str(getattr(choice, "finish_reason", None) or "none given")
         return checked(reply), clean(finish, 40)
 

@@ -190,6 +190,8 @@ class LanguageModel(VLM):
         hearing = Hearing(self.timeout_s, lambda count: self._hear(request, count))
         try:
             reply, finish = self._client.ask(request, hearing)
+        except LimitReached:
+            raise
         # any error of a server or of LiteLLM costs this reply only
         except Exception as error:
             kept = self._keep(request, hearing, error)
@@ -257,6 +259,14 @@ class LanguageModel(VLM):
             unanswered=unanswered(error),
         )
 
+    def _limit_in_words(self) -> str:
+        """Name the limit that cuts answers off."""
+        limit = self.max_output_tokens
+        if limit is None:
+            return "the provider's own limit of length; vlm.max_output_tokens sets another"
+
+        return f"vlm.max_output_tokens={limit}"
+
     def _explain_empty(self, reply: Reply, finish: str) -> Reply:
         """Say in a reply why it has no text. A text that was cut off is passed on.
 
@@ -274,6 +284,7 @@ class LanguageModel(VLM):
         elif finish == "length":
             cut = f"the length limit cut off the reply to {reply.request_id}"
             _log.warning("%s: %s; see vlm.max_output_tokens", self.model, cut)
+            return replace(reply, cut_by=self._limit_in_words())
         elif not reply.text.strip():
             error = f"the reply is empty (finish reason: {finish})"
 

@@ -22,6 +22,7 @@ class Manner:
         temperature: it has a temperature.
         thinking: it says how much the model is to think.
         pictures: it has the pictures.
+        sheets: so many pictures it has at most, on which all others are drawn; 0: any number.
         marks: its shared beginning is marked, for a provider that keeps what is marked.
         usage: a stream is asked to end with the numbers of tokens.
         stream: the answer is to come as a stream.
@@ -33,6 +34,7 @@ class Manner:
     temperature: bool = True
     thinking: bool = True
     pictures: bool = True
+    sheets: int = 0
     marks: bool = False
     usage: bool = True
     stream: bool = True
@@ -99,7 +101,8 @@ _FIELDS: Mapping[str, _Refusable] = {
     "pictures": _left_out(
         r"\bimages?\b|image_url|\bvision\b|multi.?modal|mmproj|content\S*: input should be a valid string"
         r"|content must be a string",
-        "no pictures: they are left out, and the prompt's text says so",
+        "no pictures: they are left out, and the prompt's text says so; a model that sees designs better, "
+        "and prompt.told=words prompt.picture=false is made for one that doesn't",
     ),
     "stream": _left_out(
         r"\bstream(ing|ed)?\b",
@@ -115,7 +118,13 @@ _PATTERN = re.compile(
 _REFUSES = re.compile(
     r"not supported|unsupported|n[o']t support|input should be|validation error|unrecognized|extra inputs"
     r"|unknown (field|parameter|argument|name)|unexpected (endpoint|keyword|argument)|must be (a|one)\b|not permitted"
-    r"|not allowed|exceed\w* (the )?(available )?context|context (length|window|size)",
+    r"|not allowed|exceed\w* (the )?(available )?context|context (length|window|size)"
+    r"|missing data required for image input",
+    re.IGNORECASE,
+)
+# "At most 1 image(s) may be provided in one request.", in vLLM's words.
+_MOST_PICTURES = re.compile(
+    r"(?:at most|up to|more than|maximum(?: of| is)?|limit(?: of| is)?)\s+(\d+)\s+(?:image|picture)",
     re.IGNORECASE,
 )
 _LONGEST = 3000  # characters of an error that are looked at
@@ -133,6 +142,12 @@ def weaken(manner: Manner, words: str) -> tuple[Manner, str] | None:
         manner: of the request that was refused.
         words: of the server.
     """
+    fewer = _MOST_PICTURES.search(words[:_LONGEST])
+    most = int(fewer[1]) if fewer else 0
+    if most and manner.pictures and (manner.sheets == 0 or most < manner.sheets):
+        said = f"at most {most} pictures: the others are drawn on the same sheet"
+        return replace(manner, sheets=most), said
+
     for found in _PATTERN.finditer(words[:_LONGEST]):
         name = found.lastgroup or ""
         now = getattr(manner, name)

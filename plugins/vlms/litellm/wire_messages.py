@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import base64
+import io
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
+
+from PIL import Image as Pillow
+from PIL import ImageDraw
 
 from core.interfaces import Message, Picture, Request, Text
 from plugins.vlms.letters import begins_news
@@ -17,6 +22,8 @@ _MARK = {
 _UNSEEN = (
     "(Here is a picture, `{name}`, that you are not shown: this model takes none.)\n\n"
 )
+_ON_SHEET = "(Picture `{name}` is picture {place} of sheet {sheet}, counted from its top.)\n\n"
+_MARGIN = 24  # pixels above each picture of a sheet
 
 
 def explain_schema(request: Request) -> tuple[Message, ...]:
@@ -44,6 +51,64 @@ def without_pictures(messages: Sequence[Message]) -> tuple[Message, ...]:
         written.append(replace(message, parts=tuple(parts)))
 
     return tuple(written)
+
+
+def draw_on_sheets(messages: Sequence[Message], most: int) -> tuple[Message, ...]:
+    """Return messages with at most so many pictures: neighbours share a sheet, and a line says which is where.
+
+    Args:
+        messages: of a request.
+        most: pictures that a server takes.
+    """
+    parts = [part for message in messages for part in message.parts]
+    pictures = [part for part in parts if isinstance(part, Picture)]
+    if len(pictures) <= most:
+        return tuple(messages)
+
+    shared = math.ceil(len(pictures) / most)
+    sheets = [
+        pictures[first : first + shared] for first in range(0, len(pictures), shared)
+    ]
+    drawn = 0
+    written = []
+    for message in messages:
+        kept: list[Text | Picture] = []
+        for part in message.parts:
+            if isinstance(part, Text):
+                kept.append(part)
+                continue
+
+            sheet, place = divmod(drawn, shared)
+            drawn += 1
+            if place == 0:
+                kept.append(Picture(_draw_sheet(sheets[sheet]), f"sheet_{sheet + 1}"))
+
+            line = _ON_SHEET.format(name=part.name, sheet=sheet + 1, place=place + 1)
+            kept.append(Text(line))
+
+        written.append(replace(message, parts=tuple(kept)))
+
+    return tuple(written)
+
+
+def _draw_sheet(pictures: Sequence[Picture]) -> bytes:
+    """Draw pictures below each other on one sheet, each under its number; as a PNG file."""
+    images = [Pillow.open(io.BytesIO(picture.png)).convert("RGB") for picture in pictures]
+    width = max(image.width for image in images)
+    height = sum(image.height + _MARGIN for image in images)
+    sheet = Pillow.new("RGB", (width, height), "white")
+    pen = ImageDraw.Draw(sheet)
+    top = 0
+
+    for number, image in enumerate(images, 1):
+        pen.text((4, top + 2), f"picture {number}", fill="black", font_size=_MARGIN - 8)
+        sheet.paste(image, (0, top + _MARGIN))
+        top += image.height + _MARGIN
+
+    buffer = io.BytesIO()
+    sheet.save(buffer, "PNG")
+
+    return buffer.getvalue()
 
 
 def render(messages: Sequence[Message], marks: bool = False) -> list[dict[str, Any]]:

@@ -79,7 +79,7 @@ def test_what_is_wrong_is_said_with_its_place_and_the_words_to_type(given, said)
     assert str(refused.value) == f"the file: {said}"
 
 
-def test_a_long_text_is_cut_and_stays_on_one_line():
+def test_a_long_text_cut_by_and_stays_on_one_line():
     with pytest.raises(ValueError, match="must be a whole number, got") as refused:
         check(Pair, {"one": "a\n" * 1000})
     assert len(str(refused.value)) < 200

@@ -38,7 +38,7 @@ def test_json_values_have_names(value, name):
     assert kind(value) == name
 
 
-def test_long_text_is_cut():
+def test_long_text_cut_by():
     assert shorten("a" * 40) == repr("a" * 40)
     assert shorten("a" * 41) == repr("a" * 37 + "...")
 

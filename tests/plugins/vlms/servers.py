@@ -126,13 +126,17 @@ class Call:
 
 @dataclass
 class Server:
-    """``most_at_once`` is the largest number of calls that waited for an answer at the same time."""
+    """``most_at_once`` is the largest number of calls that waited for an answer at the same time.
+
+    Asked as Ollama's server is, it says that its model was made for ``context`` tokens, if it was.
+    """
 
     url: str
     calls: list[Call] = field(default_factory=list)
     waiting: int = 0
     most_at_once: int = 0
     closing: threading.Event = field(default_factory=threading.Event)
+    context: int | None = None
 
 
 @contextmanager
@@ -150,6 +154,10 @@ def serving(
 
     class Handler(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
+            if self.path.endswith("/api/show"):
+                _show(self, server.context)
+                return
+
             call = _taken(self) if any_path else _read(self)
             with lock:
                 server.calls.append(call)
@@ -189,6 +197,19 @@ def serving(
             server.closing.set()
             http.shutdown()
             thread.join()
+
+
+def _show(handler: BaseHTTPRequestHandler, context: int | None) -> None:
+    """Answer as Ollama does what a model is."""
+    handler.rfile.read(int(handler.headers["Content-Length"]))
+    facts = {} if context is None else {"m.context_length": context}
+    shown = {"capabilities": ["completion", "vision"], "model_info": facts}
+    body = json.dumps({**shown, "template": "", "details": {}}).encode()
+    handler.send_response(200)
+    handler.send_header("Content-Type", "application/json")
+    handler.send_header("Content-Length", str(len(body)))
+    handler.end_headers()
+    handler.wfile.write(body)
 
 
 def _taken(handler: BaseHTTPRequestHandler) -> Call:

@@ -130,7 +130,7 @@ def cut(act, text):
 
 
 @pytest.mark.parametrize("protocol", ["openai", "anthropic", "google", "ollama"])
-def test_a_stream_that_is_cut_off_keeps_what_came(protocol, caplog):
+def test_a_stream_that_cut_by_off_keeps_what_came(protocol, caplog):
     whole = STREAMS[protocol]([BEGUN[:100], BEGUN[100:], "THE END"])
     with serving(lambda call: cut(whole, BEGUN[100:])) as server:
         reply = ask(server, protocol)[0]
@@ -140,7 +140,7 @@ def test_a_stream_that_is_cut_off_keeps_what_came(protocol, caplog):
     assert f"broke off after {len(BEGUN)} characters, which are kept" in caplog.text
 
 
-def test_a_stream_that_is_cut_off_before_its_first_design_is_asked_for_again():
+def test_a_stream_that_cut_by_off_before_its_first_design_is_asked_for_again():
     act = openai([TEXT[:30], "THE END"])
     script = in_turn(cut(act, TEXT[:30]), openai(PIECES))
     with serving(script) as server:

@@ -306,7 +306,7 @@ def test_a_reply_that_is_still_being_written_is_waited_for(tmp_path, box):
     assert not (box / "problem.md").exists()
 
 
-def test_a_reply_that_is_cut_off_is_read_when_its_file_rests(tmp_path, box):
+def test_a_reply_that_cut_by_off_is_read_when_its_file_rests(tmp_path, box):
     text = document(STRATEGY, STRATEGY)[:-30]
     reply = answered(
         tmp_path, (exists(box / "prompt.md"), writes(box / "reply.md", text))

@@ -61,6 +61,20 @@ def test_only_faulty_designs_go_back_and_the_answer_takes_their_names():
     assert "only these 2 designs, in this order" in words
 
 
+@pytest.mark.parametrize(("cut_by", "asked"), [("", 2), ("a limit of 300", 1)])
+def test_a_reply_that_was_cut_off_is_not_paid_for_twice(cut_by, asked):
+    whole = text_of(SOUND, APART)
+    vlm = Canned(lambda request: Reply(request.id, whole, "a can", cut_by=cut_by))
+    found = ask(vlm)
+    assert len(vlm.requests) == asked
+    assert [candidate.problem is None for candidate in found[:2]] == [True, True]
+
+
+def test_a_reply_of_which_nothing_can_be_read_names_the_limit_that_cut_it_off():
+    cut = Canned(lambda r: Reply(r.id, '{"strat', "a can", cut_by="a limit of 300"))
+    assert "a limit of 300" in ask(cut)[0].problem
+
+
 def test_a_sound_tool_stays_and_so_do_its_sound_plans():
     longer = {**SOUND, "tool_urdf": SOUND["tool_urdf"].replace("0.2", "0.18")}
     moved = [[0.45, 0.0, 0.4, 0.0, 0.0, 0.0]]

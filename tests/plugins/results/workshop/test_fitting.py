@@ -100,7 +100,7 @@ def test_a_beam_is_held_by_long_screws_through_it():
     assert all(diameter == pytest.approx(6.6, abs=0.05) for _, diameter in below)
 
 
-def test_what_is_above_the_face_is_cut_where_the_arm_is():
+def test_what_is_above_the_face_cut_by_where_the_arm_is():
     found = made(box("cap", (0, 0, 0.0), (0.06, 0.06, 0.02)))
     assert not check(found, "clear of the arm").passed
     solid = found.parts[0].solid

@@ -67,7 +67,7 @@ def test_an_approach_is_slow_and_at_rest_at_both_ends():
     assert len(approach(end, end, 0.04, ARM, 500).times) >= 1
 
 
-def test_a_motion_is_cut_where_the_arm_rests():
+def test_a_motion_cut_by_where_the_arm_rests():
     motion = planned("OneBook")
     cuts = [
         cut(motion.trajectory, motion.arrivals, instant, ARM)

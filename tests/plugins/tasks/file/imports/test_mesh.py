@@ -146,7 +146,7 @@ def test_convex_pieces_of_others_collide_as_they_are(
     assert not [note for note in read.notes if "z is up" not in note]
 
 
-def test_only_what_is_not_convex_is_cut(tmp_path, monkeypatch):
+def test_only_what_is_not_convex_cut_by(tmp_path, monkeypatch):
     """The handle is one piece that is not convex; the wall stays as it is."""
     cut = []
     monkeypatch.setattr(
@@ -188,7 +188,7 @@ def test_a_file_of_which_pieces_are_inside_out_is_read(tmp_path, every):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("isolated", [True], indirect=True)
-def test_a_hollow_is_cut_into_convex_parts_once(tmp_path, monkeypatch, isolated):
+def test_a_hollow_cut_by_into_convex_parts_once(tmp_path, monkeypatch, isolated):
     mesh = step()
     mesh.export(tmp_path / "step.stl")
     made = read_mesh(tmp_path / "step.stl")
