@@ -35,8 +35,9 @@ _ODD = str.maketrans(
 _OPEN = r"\"(?:[^\"\\]++|\\.)*+\\?\Z"
 _TEXT = rf"\"(?:[^\"\\]++|\\.)*+\"|{_OPEN}|(?<=[\[{{,:\s])'(?:[^'\\\n]++|\\.)*+'(?=\s*[\]}},:])"
 _LONG = re.compile(r"(?<=[:\[,(\s])(\"\"\"|'''|`)(?=[^`'\"])(.*?)\1", re.DOTALL)
+_IN_CURLY = r"(?<=[\[{,:\s])[“”„«]((?:[^\\“”„«»]++|\\.)*+)[“”»](?=\s*[\]},:])"
 _CURLY = re.compile(
-    rf"({_TEXT})|(?<=[\[{{,:\s])[“”„«‘]|[“”»’](?=\s*[\]}},:])", re.DOTALL
+    rf"({_TEXT})|{_IN_CURLY}|(?<=[\[{{,:\s])[“”„«‘]|[“”»’](?=\s*[\]}},:])", re.DOTALL
 )
 _REMARK = (
     r"//[^\n]*|/\*.*?\*/|<!--.*?-->|(?<![^\s,\]}])#[^\n]*|\b(?:np|numpy)\.array(?=\()"
@@ -71,7 +72,7 @@ def mend_json(text: str) -> object:
     """
     _refuse_large(text)
     plain = _LONG.sub(_quote, text.translate(_ODD))
-    plain = _CURLY.sub(lambda match: match[1] or '"', plain)
+    plain = _CURLY.sub(_straighten, plain)
     plain = _COMMENT.sub(lambda match: match[1] or " ", plain)
     plain = _BARE.sub(_compute, plain)
     with suppress(ValueError, RecursionError):
@@ -169,8 +170,21 @@ def _is_nested(text: str) -> bool:
 
 def _quote(match: re.Match[str]) -> str:
     """Write a text of several lines in JSON's quotes."""
-    inside = re.sub(r'(?<!\\)"', r"\\" + '"', match[2])
-    return f'"{inside}"'
+    return _write_text(match[2])
+
+
+def _straighten(match: re.Match[str]) -> str:
+    """Keep a text in JSON's quotes; write one in curly quotes, or a curly quote that stands alone, in JSON's."""
+    if match[2] is not None:
+        return _write_text(match[2])
+
+    return match[1] or '"'
+
+
+def _write_text(inside: str) -> str:
+    """Put a text in JSON's quotes; those inside may be escaped already."""
+    escaped = re.sub(r'(?<!\\)"', r"\\" + '"', inside)
+    return f'"{escaped}"'
 
 
 def _compute(match: re.Match[str]) -> str:

@@ -31,6 +31,8 @@ MAX_TRIED = 20_000_000
 
 MENDED = "malformed JSON, or YAML, is read where its numbers are certain"
 
+THOUGHT = "a draft in what a model thought before its answer is left out"
+
 UNCLOSED = "a malformed list of designs is read design by design"
 
 MAX_BLOCKS = 3
@@ -40,6 +42,13 @@ BLOCK = "```"
 """The key of a block of another language that stands beside a design, for the one text that it lacks."""
 
 _THOUGHT = re.compile(r"<(think(?:ing)?)>.*?</\1>", re.DOTALL)
+# Of OpenAI's harmony format: https://cookbook.openai.com/articles/openai-harmony
+_ANALYSIS = re.compile(
+    r"<\|channel\|>analysis<\|message\|>.*?(?=<\|(?:end|start|channel)\|>|\Z)",
+    re.DOTALL,
+)
+# An underscore or another sign that Markdown escapes, which JSON does not.
+_MARKDOWN = re.compile(r"(?<!\\)((?:\\\\)*)\\([_*#~<>.!+()\[\]-])")
 _PLACEHOLDER = re.compile(
     r"\.{3}|…|<[^<>]*>|\{\{?[^{}]*\}?\}|string|str|text|name|(?:strategy|tool)_name",
     re.IGNORECASE,
@@ -74,10 +83,14 @@ def read_reply(text: str) -> dict[str, list[Any]]:
     Raises:
         DesignError: there is no design, or the document is malformed and has no sound one; gives line and column.
     """
+    text = _MARKDOWN.sub(r"\1\2", text)
     said = _without_thoughts(text)
     if said != text:
         designs = _find_in(said)
         if designs:
+            if text.count("{") > said.count("{"):
+                assume(THOUGHT)
+
             return {"strategies": _with_blocks(designs, said)}
 
     found, longest = _find_objects(text)
@@ -85,7 +98,7 @@ def read_reply(text: str) -> dict[str, list[Any]]:
     if designs:
         return {"strategies": _with_blocks(designs, text)}
 
-    body = join_texts(item.value for item in found)
+    body = _MARKDOWN.sub(r"\1\2", join_texts(item.value for item in found))
     if "{" in body:
         designs = _find_in(body)
         if designs:
@@ -103,9 +116,9 @@ def read_reply(text: str) -> dict[str, list[Any]]:
 
 
 def _without_thoughts(text: str) -> str:
-    """Leave out what a model thought aloud, in tags, before its answer."""
-    thoughts = _THOUGHT.sub("", text)
-    return thoughts.rpartition("</think>")[2]
+    """Leave out what a model thought aloud, in tags or in a channel of its own, before its answer."""
+    said = _ANALYSIS.sub("", _THOUGHT.sub("", text))
+    return said.rpartition("</think>")[2]
 
 
 def _find_in(text: str) -> list[Any]:

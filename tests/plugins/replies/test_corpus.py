@@ -45,6 +45,15 @@ READ = {
     "a missing end": DOC[:-2],
     "unescaped quotes": DOC.replace('\\"', '"'),
     "curly quotes": swap('"tool_urdf"', "“tool_urdf”"),
+    "curly quotes around escaped ones": re.sub(
+        r'"((?:[^"\\]|\\.)*)"(?=[,:\]}])', r"“\1”", DOC
+    ),
+    "underscores that Markdown escapes": DOC.replace("_", r"\_"),
+    "a draft in an analysis channel": (
+        f"<|channel|>analysis<|message|>{swap('0.62', '0.55')}<|end|>"
+        f"<|start|>assistant<|channel|>final<|message|>{DOC}<|return|>"
+    ),
+    "an analysis without a draft": f"<|channel|>analysis<|message|>{DOC}",
     "unquoted keys": re.sub(r'"(\w+)":', r"\1:", DOC),
     "a sum": swap("0.62", "0.5 + 0.12"),
     "a unit": swap("0.62", "62 cm"),

@@ -76,7 +76,7 @@ def test_malformed_json_is_located_at_its_outermost_object():
         parse_reply(f"Here {{it}} is:\n{cut}")
 
 
-def test_complete_strategies_of_a_reply_that_is_cut_off_are_kept():
+def test_complete_strategies_of_a_reply_that_cut_by_off_are_kept():
     whole = json.dumps(
         {"scene_analysis": "x", "strategies": [STRATEGY, STRATEGY, STRATEGY]}, indent=1
     )
