@@ -401,6 +401,8 @@ class ModelDesigner:
                 return replace(answer, sent=again)
 
         if reply.cut_by:
-            return answer.complete(f"the reply was cut off by {reply.cut_by}: {problem}")
+            return answer.complete(
+                f"the reply was cut off by {reply.cut_by}: {problem}"
+            )
 
         return answer.complete(f"the reply can't be read: {problem}")

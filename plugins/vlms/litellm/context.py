@@ -81,7 +81,13 @@ class OllamaContext:
                 for name, value in facts.items()
                 if name.endswith(".context_length")
             ]
-        except (httpx.HTTPError, ValueError, LookupError, TypeError, AttributeError) as error:
+        except (
+            httpx.HTTPError,
+            ValueError,
+            LookupError,
+            TypeError,
+            AttributeError,
+        ) as error:
             _log.info("%s: the model's context is unknown: %s", self._model, error)
             return None
 

@@ -263,7 +263,9 @@ class LanguageModel(VLM):
         """Name the limit that cuts answers off."""
         limit = self.max_output_tokens
         if limit is None:
-            return "the provider's own limit of length; vlm.max_output_tokens sets another"
+            return (
+                "the provider's own limit of length; vlm.max_output_tokens sets another"
+            )
 
         return f"vlm.max_output_tokens={limit}"
 

@@ -22,7 +22,9 @@ _MARK = {
 _UNSEEN = (
     "(Here is a picture, `{name}`, that you are not shown: this model takes none.)\n\n"
 )
-_ON_SHEET = "(Picture `{name}` is picture {place} of sheet {sheet}, counted from its top.)\n\n"
+_ON_SHEET = (
+    "(Picture `{name}` is picture {place} of sheet {sheet}, counted from its top.)\n\n"
+)
 _MARGIN = 24  # pixels above each picture of a sheet
 
 
@@ -93,7 +95,9 @@ def draw_on_sheets(messages: Sequence[Message], most: int) -> tuple[Message, ...
 
 def _draw_sheet(pictures: Sequence[Picture]) -> bytes:
     """Draw pictures below each other on one sheet, each under its number; as a PNG file."""
-    images = [Pillow.open(io.BytesIO(picture.png)).convert("RGB") for picture in pictures]
+    images = [
+        Pillow.open(io.BytesIO(picture.png)).convert("RGB") for picture in pictures
+    ]
     width = max(image.width for image in images)
     height = sum(image.height + _MARGIN for image in images)
     sheet = Pillow.new("RGB", (width, height), "white")

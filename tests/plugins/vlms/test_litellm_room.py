@@ -1,4 +1,4 @@
-"""Servers that take few pictures, or a part of a prompt, are asked for what they can do, and doubted where they say less."""
+"""Servers that take few pictures, or a part of a prompt, are asked for what they can do."""
 
 import io
 from dataclasses import replace
@@ -97,7 +97,7 @@ def test_a_blind_model_ends_what_pictures_alone_tell(words, status):
 
     with serving(script) as server:
         vlm = model_at(server, "openai")
-        with pytest.raises(LimitReached, match="prompt.told=source"):
+        with pytest.raises(LimitReached, match=r"prompt\.told=source"):
             list(vlm.complete([showing(30, needs_pictures=True)]))
         assert len(server.calls) == 1
 
