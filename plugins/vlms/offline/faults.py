@@ -148,7 +148,7 @@ def count_hits(made: Made, layout: Layout, places: Places, most: float = np.inf)
         most: so many are enough.
     """
     solids = place_solids(made.tool, layout)
-    obstacles = layout.all_solids
+    obstacles = layout.obstacles
     near = _find_near(solids, places, obstacles)
 
     # What is moved may be touched on the way of steps that say so.

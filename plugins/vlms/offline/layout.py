@@ -1,8 +1,8 @@
-"""The geometry of a layout: where bodies are, what is free around them, and where the arm works."""
+"""The geometry of a layout: where bodies are, and what is in the way."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -11,8 +11,8 @@ from core.design import Tool
 from core.designs.planning import look
 from core.designs.start import SpawnRules
 from core.geometry import Array, Box, Mesh, Pose, Shape
-from core.interfaces import Material, Perception, Robot, Task
-from core.robot.kinematics import arm_of, link_poses, robot_model
+from core.interfaces import Material, Perception, Task
+from core.robot.kinematics import link_poses, robot_model
 from core.robot.solids import (
     Obstacles,
     Solid,
@@ -23,18 +23,13 @@ from core.robot.solids import (
     solid_geometry,
 )
 from core.scene import Soft
-from plugins.vlms.told.reach import span_at
+from plugins.vlms.offline.reach import measure_reach
 
 Size = tuple[float, float, float]
 """The full sides of a box, metres."""
 
 CONTACT_M = 0.001
 """Solids that overlap by less only touch each other."""
-
-_SHOULDER = 2  # the number of the second joint in a model; 0 is the world
-_FOLDED_M = 0.06  # nearer to the least distance that an arm reaches, it is folded
-_EASY = 0.85  # of the greatest distance, to which it works with ease on the level,
-_STRETCHED = 0.94  # and beyond which it is stretched
 
 
 class Layout:
@@ -81,7 +76,7 @@ class Layout:
         }
 
     @cached_property
-    def all_solids(self) -> Obstacles:
+    def obstacles(self) -> Obstacles:
         """All solids of the layout, and those of the arm that never move."""
         fixed = []
         poses = link_poses(self.robot, False, np.array(self.robot.home))
@@ -91,10 +86,10 @@ class Layout:
             if joint == 0:
                 fixed.append(replace(solid, pose=poses[solid.name] @ solid.pose))
 
-        return Obstacles([*self.others(frozenset()).solids, *fixed])
+        return Obstacles([*self.solids_without(frozenset()).solids, *fixed])
 
     @lru_cache(maxsize=64)  # noqa: B019 - a layout lives as long as the answer to a brief
-    def others(self, names: frozenset[str]) -> Obstacles:
+    def solids_without(self, names: frozenset[str]) -> Obstacles:
         """Return all solids but those of some bodies."""
         found: list[Solid] = []
         for name, solids in self.solids.items():
@@ -114,7 +109,7 @@ class Layout:
             without: the names of bodies that do not count.
         """
         box = Solid("box", solid_geometry(Box(size)), pose)
-        others = self.others(without)
+        others = self.solids_without(without)
         return any(contact(box, other)[0] < 0.0 for other in others.near(box, 0.0))
 
     def top_at(self, low: Array, high: Array, below: float = np.inf) -> float:
@@ -125,7 +120,7 @@ class Layout:
             high: the greatest x and y of it.
             below: what ends higher does not count.
         """
-        obstacles = self.others(frozenset())
+        obstacles = self.solids_without(frozenset())
         lower = obstacles.centers - obstacles.halves
         upper = obstacles.centers + obstacles.halves
         over = ((lower[:, :2] < high[:2]) & (upper[:, :2] > low[:2])).all(axis=1)
@@ -154,72 +149,3 @@ def _soft_solids(body: Soft) -> list[Solid]:
     sides = np.maximum(high - low, CONTACT_M)
     shape = Box(tuple(sides))
     return [Solid(body.name, solid_geometry(shape), Pose((low + high) / 2), shape)]
-
-
-@dataclass(frozen=True, eq=False)
-class Reach:
-    """Where an arm works with ease, its flange pointing away from its base's foot; metres.
-
-    Attributes:
-        base: where it stands in the world; z is its first axis.
-        shoulder: how high its second joint is above the base.
-        inner: the least distance from the first axis.
-        outer: the greatest distance from the first axis.
-        stretch: the greatest distance from the shoulder.
-    """
-
-    base: Pose
-    shoulder: float
-    inner: float
-    outer: float
-    stretch: float
-
-    def find_heading(self, point: Array) -> float:
-        """Find the direction from the base to a point (3,) on the level, radians in the world."""
-        x, y, _ = point - self.base.position
-        return float(np.arctan2(y, x))
-
-    def too_near(self, points: Array) -> Array:
-        """Measure how much nearer to the first axis than with ease points (..., 3) of the tool mount are, (...)."""
-        return np.maximum(0.0, self.inner - self._measure_distance(points))
-
-    def too_far(self, points: Array) -> Array:
-        """Measure how much farther from the first axis than with ease points (..., 3) of the tool mount are, (...)."""
-        return np.maximum(0.0, self._measure_distance(points) - self.outer)
-
-    def excess(self, points: Array) -> Array:
-        """Measure how far the worst of points (..., N, 3) of the tool mount is out of reach: (...), metres."""
-        shoulder = self.base.apply([0.0, 0.0, self.shoulder])
-        from_shoulder = np.linalg.norm(points - shoulder, axis=-1)
-        stretched = np.maximum(0.0, from_shoulder - self.stretch)
-        excess = self.too_near(points) + self.too_far(points) + stretched
-        return np.asarray(excess.max(axis=-1))
-
-    def _measure_distance(self, points: Array) -> Array:
-        """Measure the distance of points (..., 3) from the first axis, (...)."""
-        local = self.base.inverse().apply(points)
-        return np.asarray(np.linalg.norm(local[..., :2], axis=-1))
-
-
-@lru_cache(maxsize=8)
-def measure_reach(robot: Robot) -> Reach:
-    """Measure where an arm works, at the height of its shoulder: clear of where it is folded or stretched."""
-    stand = replace(robot, base=Pose())
-    model = robot_model(stand, Tool())
-    _, joints = model.place_joints(np.array([robot.home]))
-    _, _, shoulder = joints[_SHOULDER, 0]
-
-    span = span_at(arm_of(stand), shoulder, 0.0)
-    least = 0.0
-    most = model.reach
-    if span is not None:
-        least = span.least
-        most = span.most
-
-    return Reach(
-        base=robot.base,
-        shoulder=float(shoulder),
-        inner=least + _FOLDED_M,
-        outer=_EASY * most,
-        stretch=_STRETCHED * most,
-    )

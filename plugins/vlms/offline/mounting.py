@@ -94,7 +94,7 @@ def _count_at_home(
     middle = (there.min(axis=1) + there.max(axis=1)) / 2
     half = np.ptp(there, axis=1) / 2
 
-    obstacles = layout.all_solids
+    obstacles = layout.obstacles
     gaps = np.abs(middle[:, None] - obstacles.centers) - half[:, None]
     return np.asarray((gaps < obstacles.halves).all(axis=-1).sum(axis=1))
 

@@ -12,6 +12,13 @@ from plugins.vlms.offline.job import Job
 from plugins.vlms.offline.recipe import Values
 from plugins.vlms.offline.ways.way import Range, Ranges, Way, above, wall_height
 
+_RUN: Ranges = {
+    "behind": Range(0.005, 0.03),  # the bodies, where the wall comes down
+    "above": Range(0.002, 0.008),  # the ground
+    "heading": Range(-0.15, 0.15),  # beside the bodies' way
+    "speed": Range(0.4, 2.0),
+}
+
 
 class Throw(Way):
     """A wall between two short ones runs with the bodies, and stops: they slide or roll on.
@@ -28,10 +35,7 @@ class Throw(Way):
         "thick": Range(0.005, 0.01),
     }
     moves: ClassVar[Ranges] = {
-        "behind": Range(0.005, 0.03),  # the bodies, where the wall comes down
-        "above": Range(0.002, 0.008),  # the ground
-        "heading": Range(-0.15, 0.15),  # beside the bodies' way
-        "speed": Range(0.4, 2.0),
+        **_RUN,
         "stroke": Range(0.4, 0.9),  # metres
         "swing": Range(-0.8, 0.8),  # to each side
     }
@@ -57,10 +61,7 @@ class Drop(Throw):
     name = "drop"
     title = "pushes bodies over an edge, with a wall that stops"
     moves: ClassVar[Ranges] = {
-        "behind": Range(0.005, 0.03),  # the bodies, where the wall comes down
-        "above": Range(0.002, 0.008),  # the ground
-        "heading": Range(-0.15, 0.15),  # beside the bodies' way
-        "speed": Range(0.4, 2.0),
+        **_RUN,
         "share": Range(0.3, 1.0),  # of the bodies' way
     }
 
@@ -81,7 +82,7 @@ def _run(job: Job, values: Values, stroke: float, swing: float) -> Iterator[Step
 
     Args:
         job: what is moved.
-        values: of the parameters that both ways have.
+        values: of the head's parameters, and of those in `_RUN`.
         stroke: how far it runs, metres.
         swing: by how much it is turned to one side of its way first, and to the other in the end, radians.
     """

@@ -9,7 +9,8 @@ import pytest
 from core.geometry import Pose
 from core.interfaces import PAPER
 from plugins.vlms.offline.faults import Faults
-from plugins.vlms.offline.layout import Layout, measure_reach
+from plugins.vlms.offline.layout import Layout
+from plugins.vlms.offline.reach import measure_reach
 from plugins.vlms.offline.search import Search
 from tests.plugins.vlms.offline.test_ways import CUBE, NEARER
 from tests.plugins.vlms.offline.trying import make_brief, read_task
