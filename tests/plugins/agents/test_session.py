@@ -214,7 +214,13 @@ def test_a_free_answer_is_no_ruler_and_a_paid_one_is_counted(tmp_path):
         said["try"] = await client.call_tool("try_design", {"designs": stem(0.55)})
         said["second"] = await client.call_tool("try_design", {"designs": stem(0.55)})
 
-    words = (*SMALL, "tool=boxes", "budget.n_rollouts=1", "folder=run")
+    words = (
+        *SMALL,
+        "tool=boxes",
+        "material=paper",
+        "budget.n_rollouts=1",
+        "folder=run",
+    )
     converse(measure, tmp_path, *words, "prompt.told=pictures")
     (free,) = said["free"]
     assert "nothing found" in free
