@@ -95,6 +95,7 @@ class Budget:
             candidates are tried in all layouts of the search.
         n_rollouts: in the layouts of the search, all generations together; the search ends before a candidate that
             may take more. None: as many as its candidates take.
+        k_least: so many of the best tools are elites even if they earned no more than ``reward_save``, or nothing.
         name: of its file.
     """
 
@@ -108,6 +109,7 @@ class Budget:
     final_s: float = 60.0
     elite_s: float = 10.0
     n_rollouts: int | None = None
+    k_least: int = 2
     name: Harmless[str] = ""
 
     @property

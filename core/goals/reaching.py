@@ -304,7 +304,7 @@ class Reach(Terms):
             what = f"speed of {self._say_subjects(now)}"
             found.append(Margin.at_most(what, speed, 1.0, "resting speeds"))
 
-        return found
+        return [replace(margin, subject=body) for margin in found]
 
     def _find_best(self, evidence: Evidence) -> int:
         """Find the instant at which it was fulfilled the most, in time."""

@@ -20,7 +20,7 @@ Dropped and tipped need at least half of the bodies that are not in place, or wi
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain, islice
 from typing import Any
 
@@ -33,6 +33,7 @@ from core.goals import Breach, Evidence, Goal, Reach, limits, reaches
 from core.interfaces import Contact, Observation, Task
 from core.scene import Scene, State
 from core.simulation.attempt import Attempt
+from core.simulation.crux import choose_body, choose_instants, describe_crux
 from core.solids.contacts import Contacts, make_trace
 from core.trial import Trial
 from core.values.bearing import ROBOT, WORLD, Flags
@@ -41,6 +42,7 @@ from core.values.observations import (
     MISSED_M,
     MISSED_RAD,
     Class,
+    Crux,
     Moved,
     Offset,
 )
@@ -101,11 +103,13 @@ def observe(task: Task, attempt: Attempt, trial: Trial) -> Observation:
     taken = contacts.taken
     approaches = contacts.approaches
 
-    instants = np.linspace(0.0, taken.times[-1], INSTANTS)
+    errors = case.errors()
+    crux = case.find_crux(errors, trial)
+    instants = choose_instants(crux, taken.times[-1], INSTANTS)
     samples = np.abs(taken.times - instants[:, None]).argmin(axis=1)
     paths: dict[str, Any] = {}
 
-    for name in case.choose_paths(moved):
+    for name in case.choose_paths(moved, crux):
         places = taken.states.position(name)[samples]
         paths[name] = tuple(_round_all(place, 3) for place in places)
 
@@ -121,7 +125,7 @@ def observe(task: Task, attempt: Attempt, trial: Trial) -> Observation:
         at_s=_round(instant, 2),
         left=case.left,
         moved=moved,
-        errors=case.errors(),
+        errors=errors,
         measured=tuple(islice(case.measured(), MEASURED)),
         contacts=list_contacts(contacts)[:MAX_CONTACTS],
         clearances={name: round(near.gap_m, 4) for name, near in approaches.items()},
@@ -136,6 +140,7 @@ def observe(task: Task, attempt: Attempt, trial: Trial) -> Observation:
         arrivals=_round_all(motion.arrivals, 2),
         felt=tuple(map(str, outcome.felt)),
         looked=tuple(map(str, outcome.looked)),
+        crux=crux,
         instants=_round_all(taken.times[samples], 2),
         paths=paths,
     )
@@ -275,17 +280,28 @@ class _Case:
 
         return found
 
-    def choose_paths(self, moved: Iterable[str]) -> list[str]:
+    def find_crux(self, errors: Mapping[str, Offset], trial: Trial) -> Crux | None:
+        """Find the body that the rollout turned on, if there is one."""
+        solved, margins = trial.solved, trial.margins
+        body = choose_body(self.left, errors, margins, self.start, solved=solved)
+        if body is None:
+            return None
+        return describe_crux(body, self.scene, self.film, self.contacts, self.reaches)
+
+    def choose_paths(self, moved: Iterable[str], crux: Crux | None) -> list[str]:
         """Choose the bodies whose paths are noted.
 
-        First come those that are not in place, then the goal's others, and among these what moved most.
+        First comes the one that the rollout turned on, then those that are not in place, then the goal's others, and
+        among these what moved most.
         """
+        first = "" if crux is None else crux.body
         ways = {
             name: np.ptp(self.states.position(name), axis=0).max() for name in moved
         }
         strayed = [name for name, way in ways.items() if way > _STILL_M]
         strayed.sort(
             key=lambda name: (
+                name != first,
                 name not in self.left,
                 name not in self.names,
                 -ways[name],

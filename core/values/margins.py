@@ -23,6 +23,7 @@ class Margin:
         unit: of both.
         margin: 1: far from the limit; 0: at it; below 0: beyond it. From -1 to 1.
         body: that must not be touched; empty: it is of something else.
+        subject: the body of a goal to reach whose margin it is; empty: of none, or of several.
     """
 
     name: str
@@ -31,6 +32,7 @@ class Margin:
     unit: str
     margin: float
     body: str = ""
+    subject: str = ""
 
     @classmethod
     def at_most(

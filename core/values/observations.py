@@ -60,6 +60,32 @@ class Moved:
 
 
 @dataclass(frozen=True)
+class Crux:
+    """The body that a rollout turned on, and its way: where the task is solved that with the least room, else the one
+    that is farthest off its place.
+
+    Attributes:
+        body: its name.
+        begun: where it was when the motion began, and ``ended``: at the end.
+        toucher: what last touched it while the robot reached it: a part of the robot, or another body; empty: nothing.
+        touched_s: from when to when; None: the robot never reached it.
+        velocity: in which it left that, m/s in world axes; None: it did not.
+        nearest_m: how near it came to where a goal wants it, and ``nearest_s``: when; None: no goal says where.
+        speed: at the end, m/s.
+    """
+
+    body: str
+    begun: Point
+    ended: Point
+    toucher: str = ""
+    touched_s: tuple[float, float] | None = None
+    velocity: Point | None = None
+    nearest_m: float | None = None
+    nearest_s: float = 0.0
+    speed: float = 0.0
+
+
+@dataclass(frozen=True)
 class Sight:
     """What feedback may say of bodies: all of it."""
 
@@ -101,7 +127,8 @@ class Observation:
         arrivals: when each waypoint is reached.
         felt: how each guard of the plan ended, in words.
         looked: what each look of the plan found out, in words.
-        instants: of the places in ``paths``.
+        crux: the body that it turned on; None: there is none.
+        instants: of the places in ``paths``: around the last touch of that body.
         paths: the places of some bodies that moved: first those of ``left``, then the goal's others.
     """
 
@@ -122,5 +149,6 @@ class Observation:
     arrivals: tuple[float, ...] = ()
     felt: tuple[str, ...] = ()
     looked: tuple[str, ...] = ()
+    crux: Crux | None = None
     instants: tuple[float, ...] = ()
     paths: Mapping[str, tuple[Point, ...]] = field(default_factory=dict)

@@ -17,14 +17,20 @@ def evolution_strategies() -> Mapping[str, Callable[..., EvolutionStrategy]]:
 
 
 def select(
-    evaluations: Sequence[Evaluation], k_top: int, reward_save: float, tie: float = TIE
+    evaluations: Sequence[Evaluation],
+    k_top: int,
+    reward_save: float,
+    tie: float = TIE,
+    k_least: int = 0,
 ) -> list[Evaluation]:
     """Choose the elites: of the ``k_top`` best those that earned more than ``reward_save``, the best of each tool.
 
-    Of several tasks the best of each is one, too, if it earned as much there.
+    The best ``k_least`` tools are elites whatever they earned. Of several tasks the best of each is one, too, if it
+    earned as much there.
     """
     best = best_first(evaluations, tie)
-    elites = [e for e in best[:k_top] if e.reward > reward_save]
+    enough = [e for e in best[:k_top] if e.reward > reward_save]
+    elites = [*best_tools(best)[: min(k_least, k_top)], *enough]
     return best_tools(
         [
             *elites,
@@ -49,11 +55,11 @@ def _best_by_task(evaluations: Sequence[Evaluation]) -> dict[str, Evaluation]:
 
 
 class VLMgineer(EvolutionStrategy):
-    """Ask for a fresh population as long as no reward exceeds ``reward_save``, else for the elites' offspring.
+    """Ask for a fresh population as long as there are no elites, else for the elites' offspring.
 
     Args:
         designer: asks the model for candidates.
-        budget: ``k_top`` and ``reward_save`` are read here.
+        budget: ``k_top``, ``reward_save`` and ``k_least`` are read here.
         elites_from: choose elites from the last generation and the ``best`` candidate so far, from the last
             ``generation`` alone (as the paper does), or from the whole ``run``.
     """
@@ -70,8 +76,9 @@ class VLMgineer(EvolutionStrategy):
         self._pool: list[Evaluation] = []
 
     def ask(self) -> Iterator[Candidate]:
+        budget = self.budget
         elites = select(
-            self._pool, self.budget.k_top, self.budget.reward_save, self.tie
+            self._pool, budget.k_top, budget.reward_save, self.tie, budget.k_least
         )
         return self.designer.design(self._generation, elites)
 

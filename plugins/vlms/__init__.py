@@ -37,6 +37,7 @@ def prompt_values() -> Mapping[str, str]:
         "critiques": "plugins.vlms.told.elites:critiques_value",
         "measured": "plugins.vlms.told.elites:measured_value",
         "candidates": "plugins.vlms.told.feedback:candidates_value",
+        "ledger": "plugins.vlms.told.ledger:ledger_value",
         "examples": "plugins.vlms.told.examples:examples_value",
         "lessons": "plugins.vlms.told.lessons:lessons_value",
         "hard_layouts": "plugins.vlms.told.hard_layouts:hard_layouts_value",

@@ -102,11 +102,14 @@ class EngineArtist(Artist):
     def draw_strips(
         self, elites: Sequence[Evaluation], tried: Sequence[Evaluation]
     ) -> dict[str, Picture]:
-        """Draw the best elite, and the most instructive failure of the last generation, for ``prompt.feedback=full``.
+        """Draw the best elite, and the most instructive failure of the last generation.
 
-        Where the best elite fails in a further layout, it is drawn there, too. A strip that can't be drawn is left out.
+        That is for ``prompt.feedback=full``, and where pictures tell the scene. Where the best elite fails in a further
+        layout, it is drawn there, too. A strip that can't be drawn is left out.
         """
-        if self.prompts.facts.settings.feedback != "full":
+        facts = self.prompts.facts
+        feedback = facts.settings.feedback
+        if feedback == "paper" or (feedback != "full" and facts.level.numbers):
             return {}
 
         best = elites[:1]

@@ -17,6 +17,7 @@ from core.support.text import clean, number
 from core.trial import mean_figure
 from core.values.observations import Sight
 from plugins.vlms.told.feedback import WHOLE, combined_figures, elite_feedback
+from plugins.vlms.told.space import describe_space, describe_sweep
 
 _LONGEST = 240  # characters of an elite's description
 _NUMBERS = re.compile(r'(\[)\n([^][{}"]*)\n *(\])')
@@ -51,7 +52,7 @@ def elites_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
             entry["details"] = round_numbers(figures)
 
         if plans and (given or place < WHOLE):
-            entry |= _describe_rollout(elite, sight)
+            entry |= _describe_rollout(elite, sight, given=given)
         elif plans:  # of the others the components say enough
             del entry["tool_description"]
 
@@ -134,12 +135,30 @@ def measured_value(brief: Brief, mounted: Tool, facts: RunFacts) -> dict[str, st
     return told_figures()
 
 
-def _describe_rollout(elite: Evaluation, sight: Sight) -> dict[str, Any]:
+def _describe_rollout(
+    elite: Evaluation, sight: Sight, *, given: bool
+) -> dict[str, Any]:
+    """Write the plan of an elite, what room its tool takes, unless that is given, and what was observed.
+
+    Args:
+        elite: with a tool.
+        sight: what may be said of bodies.
+        given: whether the tool is, so that the prompt says elsewhere how it is made.
+    """
     told: dict[str, Any] = {"action_plan": elite.candidate.plan.dump()}
     for name in told_figures():
         told[name] = mean_figure(elite.trials, name)
 
     described: dict[str, Any] = round_numbers(told)
+    if not given:
+        tool = elite.candidate.tool
+        assert tool is not None
+        described["space"] = describe_space(tool)
+
+    swept = describe_sweep(elite.candidate)
+    if swept:
+        described["swept"] = swept
+
     described |= elite_feedback(elite, sight)
     if elite.warnings:
         described["warnings"] = [sight.text(warning) for warning in elite.warnings]

@@ -15,7 +15,6 @@ from core.interfaces import Brief, Contact, Evaluation, Observation, Task, Trial
 from core.support.text import by_reason, clean, number, short_numbers
 from core.trial import best_first, summarise_rewards
 from core.values.observations import Sight
-from core.values.torques import find_hardest
 from plugins.vlms.telling import REACHED, last_generation, outcome_of
 from plugins.vlms.told.causes import cause_lines, name_further
 from plugins.vlms.told.phrases import phrase
@@ -40,6 +39,7 @@ _OUTCOMES = 6
 # The most that is written in a candidate's line.
 _TOUCHES = 2
 _REASON = 300  # characters
+_NAME = 50  # characters
 _OUTCOME = 100  # characters
 
 _REASONS = 3  # of candidates without a line of their own
@@ -100,7 +100,8 @@ def generation_lines(
 
     left_out: list[Evaluation] = []
     for text in _alternate(groups):
-        line = f"- {phrase('observed', 'ids', groups[text])}: {text}"
+        names = [name_design(evaluation) for evaluation in groups[text]]
+        line = f"- {phrase('observed', 'ids', names)}: {text}"
         budget -= len(line) + 1
 
         if budget < 0 and lines:  # the best one has its line in any case
@@ -113,6 +114,13 @@ def generation_lines(
         shown.append(_count_left_out(left_out, sight))
 
     return "\n".join(shown)
+
+
+def name_design(evaluation: Evaluation) -> str:
+    """Write the id of a candidate, and the name of its design if that has one."""
+    candidate = evaluation.candidate
+    name = clean(candidate.design_name, _NAME)
+    return f'{candidate.id} "{name}"' if name else candidate.id
 
 
 def _alternate(groups: dict[str, list[Evaluation]]) -> list[str]:
@@ -347,6 +355,7 @@ def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
         "goals": {name: f"{int(100 * share)} %" for name, share in trial.goals},
         "margins": _margins(trial, seen, sight),
         "measured": seen.measured if sight.numbers else (),
+        "crux": _describe_crux(seen, sight),
         "moved": _moves(seen, sight),
         "arrivals_s": list(seen.arrivals),
         "guards": list(seen.felt),
@@ -354,7 +363,6 @@ def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
         "contacts": _touches(seen, sight),
         "missed": phrase("observed", "miss", seen),
         "lag": phrase("observed", "lag", seen),
-        "torque": _torque(trial),
     }
 
     if sight.numbers:
@@ -363,10 +371,11 @@ def elite_feedback(elite: Evaluation, sight: Sight = ALL) -> dict[str, Any]:
     return {key: value for key, value in described.items() if value}
 
 
-def _torque(trial: Trial) -> str:
-    """Name the joint that came near its torque limit; empty: none did."""
-    hardest = find_hardest(trial.torques)
-    return str(hardest) if hardest is not None and hardest.is_high else ""
+def _describe_crux(seen: Observation, sight: Sight) -> str:
+    """Say how the body went that the rollout turned on; empty: there is none."""
+    if seen.crux is None:
+        return ""
+    return sight.text(phrase("observed", "crux", seen.crux, sight.numbers))
 
 
 def _margins(trial: Trial, seen: Observation, sight: Sight) -> list[str]:
@@ -412,7 +421,7 @@ def _touches(seen: Observation, sight: Sight) -> list[str]:
 
 
 def _places(seen: Observation) -> dict[str, Any]:
-    """Tell in numbers what the robot came near, and where bodies were and when, unless the task is solved.
+    """Tell in numbers what the robot came near, and where bodies were and when: if it is solved, of its crux alone.
 
     Args:
         seen: what was observed of a trial.
@@ -424,8 +433,13 @@ def _places(seen: Observation) -> dict[str, Any]:
     near.sort(key=itemgetter(1))
     places: dict[str, Any] = {"clearance_m": dict(near[:_BODIES])}
 
-    if seen.paths and seen.result != "solved":
-        places["path_m"] = {name: _path(path) for name, path in seen.paths.items()}
+    told = seen.paths
+    if seen.result == "solved":  # then it is room that is left to gain
+        crux = "" if seen.crux is None else seen.crux.body
+        told = {name: path for name, path in told.items() if name == crux}
+
+    if told:
+        places["path_m"] = {name: _path(path) for name, path in told.items()}
         places["times_s"] = list(seen.instants)
 
     return places
@@ -437,7 +451,7 @@ def _path(points: Iterable[Sequence[float]]) -> str:
 
 
 def _moves(seen: Observation, sight: Sight) -> dict[str, str]:
-    """Describe how bodies moved: of several those of the goal that are not in place, then those that moved most.
+    """Describe how bodies moved: of several the crux, those of the goal that are not in place, then what moved most.
 
     Args:
         seen: what was observed of a trial.
@@ -453,7 +467,8 @@ def _moves(seen: Observation, sight: Sight) -> dict[str, str]:
         if ways[name] > _MOVED_M or moved.tilt_deg >= _TILT_DEG
     ]
 
-    stirred.sort(key=lambda name: (name not in seen.left, -ways[name]))
+    crux = "" if seen.crux is None else seen.crux.body
+    stirred.sort(key=lambda name: (name != crux, name not in seen.left, -ways[name]))
 
     described = {}
     for name in stirred[:_BODIES]:

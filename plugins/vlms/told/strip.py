@@ -115,7 +115,7 @@ def moments(recording: Recording, seen: Observation | None = None) -> list[Momen
 
 
 def _list_observed(seen: Observation) -> list[Moment]:
-    """List the first touch, when it went wrong, and the first touches of other bodies.
+    """List when it went wrong, the last touch of the body that it turned on, and the first touches of all.
 
     Args:
         seen: what was observed of the rollout.
@@ -129,12 +129,20 @@ def _list_observed(seen: Observation) -> list[Moment]:
             text = f"{contact.one} touches {contact.other}"
             touches.setdefault(contact.other, (contact.first_s, text))
 
-    observed = list(touches.values())
+    observed = []
     if seen.at_s:
         text = f"{seen.result}: {seen.what}" if seen.what else seen.result
-        observed.insert(1, (seen.at_s, text))
+        observed.append((seen.at_s, text))
 
-    return observed
+    crux = seen.crux
+    if crux is not None and crux.touched_s is not None:
+        first, last = crux.touched_s
+        toucher = crux.toucher or "the robot"
+        observed.append((first, f"{toucher} at {crux.body}"))
+        if crux.velocity is not None:
+            observed.append((last, f"{crux.body} leaves {toucher}"))
+
+    return [*observed, *touches.values()]
 
 
 def _list_motions(recording: Recording) -> Iterator[Moment]:

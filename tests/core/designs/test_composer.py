@@ -270,9 +270,13 @@ def test_where_trials_decide_room_is_left_to_gain_and_numbers_may_change_a_littl
     for said in (
         "the most room to its limits is shown first and wins",
         "where the elites had least room",
-        "change some numbers a little, of one component or of several",
     ):
         assert (said in text) == room
+    free = "**keeps the tool** of an elite and changes the plan"
+    assert free in text
+    paper = prompt(RunFacts(PromptSettings(feedback="paper")), elites=elites)
+    assert free not in paper
+    assert ("change some numbers a little, of one component" in paper) == room
     assert "saves way" not in text
     assert "further trials" not in prompt(elites=ELITES)
 

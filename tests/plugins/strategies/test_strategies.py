@@ -34,9 +34,9 @@ class Recorder:
         return iter([Candidate(Tool(), np.zeros((1, 6)), generation)])
 
 
-def strategy(name, k_top=5, reward_save=0.5, **settings):
+def strategy(name, k_top=5, reward_save=0.5, k_least=0, **settings):
     designer = Recorder()
-    budget = Budget(2, 2, 2, 3, k_top, reward_save)
+    budget = Budget(2, 2, 2, 3, k_top, reward_save, k_least=k_least)
     tie = settings.pop("tie", TIE)
     made = installed().create(
         "evolution", name, settings, designer=designer, budget=budget
@@ -206,6 +206,19 @@ def test_where_elites_come_from(elites_from, parents):
     search.tell([earned(0.7, generation=1)])
     search.ask()
     assert designer.asked[-1] == (2, parents)
+
+
+@pytest.mark.parametrize(("k_top", "shown"), [(5, [2, 0]), (1, [2])])
+def test_the_best_two_tools_are_shown_even_if_they_earned_nothing(k_top, shown):
+    search, designer = strategy("vlmgineer", k_top=k_top, k_least=2)
+    search.ask()
+    search.tell([earned(0.1), earned(0.0, 1), earned(0.2, 2), earned(0.15, 2, 1)])
+    search.ask()
+    assert designer.asked[-1] == (1, [f"g0-a0-s{number}-p0" for number in shown])
+    search.tell([])
+    search.tell([earned(1.0, 3, status="rejected")])
+    search.ask()
+    assert designer.asked[-1] == (3, [f"g0-a0-s{shown[0]}-p0"])
 
 
 def test_the_best_is_shown_again_after_a_generation_that_earns_nothing():
