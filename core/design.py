@@ -27,13 +27,28 @@ from core.values.tools import (
 from core.values.harmless import Harmless
 
 
+@dataclass(frozen=True)
+class Varied:
+    """What a candidate of a curve differs in from the design that asked for the curve (`core.designs.curves`).
+
+    Attributes:
+        base: the id of that design's candidate.
+        names: of the numbers that are varied.
+        added: to each of them, m or rad.
+    """
+
+    base: str
+    names: tuple[str, ...]
+    added: tuple[float, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """A tool and one action plan, which are tried together; a plan may differ by task (`ActionPlan.of`).
 
     An array (N, 6) or (N, 7) as ``plan`` stands for literal `Waypoints`.
     ``problem`` says which rule the design breaks, so that it can't be tried; then ``tool`` may be None and ``plan``
-    empty. `id` is made of ``generation``, ``agent``, ``design`` and ``action``.
+    empty. `id` is made of ``generation``, ``agent``, ``design`` and ``action``. ``varied`` is set in a curve.
     """
 
     tool: Tool | None
@@ -47,6 +62,7 @@ class Candidate:
     action_description: str = ""
     parents: tuple[str, ...] = ()
     problem: str | None = None
+    varied: Varied | None = None
 
     def __post_init__(self) -> None:
         if isinstance(self.plan, np.ndarray):  # for short: literal waypoints
@@ -61,6 +77,12 @@ class Candidate:
     def id(self) -> str:
         """For example ``g0-a3-s1-p7``: generation, agent, design, plan."""
         return "g{}-a{}-s{}-p{}".format(*self.key)
+
+    @property
+    def idea(self) -> str:
+        """What is equal for the plans of a tool, and for the designs of a curve over one of them: such as g0-a3-s1."""
+        base = self.id if self.varied is None else self.varied.base
+        return base.rpartition("-")[0]
 
     @cached_property
     def content(self) -> str:
@@ -95,6 +117,7 @@ class Budget:
             candidates are tried in all layouts of the search.
         n_rollouts: in the layouts of the search, all generations together; the search ends before a candidate that
             may take more. None: as many as its candidates take.
+        curves: so many designs are tried of a curve that a design may ask for (`core.designs.curves`); 0: it may not.
         k_least: so many of the best tools are elites even if they earned no more than ``reward_save``, or nothing.
         name: of its file.
     """
@@ -110,6 +133,7 @@ class Budget:
     elite_s: float = 10.0
     n_rollouts: int | None = None
     k_least: int = 2
+    curves: int = 0
     name: Harmless[str] = ""
 
     @property

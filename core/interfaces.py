@@ -194,6 +194,7 @@ class Brief:
     # A critic's words, by candidate.
     critiques: Mapping[str, str] = field(default_factory=dict)
     recalled: tuple[Recalled, ...] = ()  # of other runs
+    curves: int = 0  # designs of a curve that a design may ask for
 
 
 Purpose = Literal["designs", "repairs", "critiques", "lessons", "scenes"]

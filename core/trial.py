@@ -653,8 +653,8 @@ def best_first(evaluations: Iterable[Evaluation], tie: float = TIE) -> list[Eval
 
 
 def best_tools(ranking: Iterable[Evaluation]) -> list[Evaluation]:
-    """Keep the first evaluation of each tool."""
-    found: dict[tuple[int, ...], Evaluation] = {}
+    """Keep the first evaluation of each tool; those of a curve count as one."""
+    found: dict[str, Evaluation] = {}
     for evaluation in ranking:
-        found.setdefault(evaluation.candidate.key[:3], evaluation)
+        found.setdefault(evaluation.candidate.idea, evaluation)
     return list(found.values())

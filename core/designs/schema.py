@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from core.designs.curves import CURVE, curve_schema
 from core.interfaces import Brief
 from core.scene import FIXTURE
 
@@ -21,6 +22,9 @@ def answer_schema(brief: Brief) -> dict[str, Any]:
     if brief.elites:
         ids = [elite.candidate.id for elite in brief.elites]
         design["parents"] = _list(_TEXT | {"enum": ids}, 1, min(2, len(ids)))
+
+    if brief.curves:
+        design[CURVE] = curve_schema()
 
     design |= {"strategy_name": _TEXT, "strategy_description": _TEXT}
     if brief.representation.given(brief.task) is None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
-from core.design import Candidate
+from core.design import Candidate, DesignError, Varied
+from core.designs.curves import read_curve, vary
 from core.designs.planning import NO_PLAN
-from core.designs.reading import list_designs, read_designs
+from core.designs.reading import dump_design, list_designs, read_designs
 from core.designs.start import SpawnRules
 from core.interfaces import Brief, Reply, Request
 
@@ -109,6 +110,39 @@ class Answer:
         chosen = choose_designs(brief, designs, starts=starts)
         found = read_candidates(brief, chosen, starts=starts)
         return replace(self, designs=chosen, candidates=found)
+
+    def with_curves(self) -> Answer:
+        """Return it with the candidates of the curves that its designs ask for, numbered after its designs."""
+        brief = self.request.brief
+        found: list[Candidate] = []
+        for number, design in enumerate(self.designs if brief.curves else ()):
+            for candidate in self._make_curve(number, design):
+                place = len(self.designs) + len(found)
+                found.append(replace(candidate, design=place, action=0))
+
+        return replace(self, candidates=[*self.candidates, *found])
+
+    def _make_curve(self, number: int, design: Any) -> Iterator[Candidate]:
+        """Yield the candidates of a design's curve, over its first sound plan."""
+        brief = self.request.brief
+        sound = [c for c in self.candidates if c.design == number and not c.problem]
+        if not sound:
+            return
+
+        base = sound[0]
+        try:
+            axes = read_curve(design)
+            varied = [*vary(base, axes, brief.curves)] if axes else []
+        except DesignError as error:
+            yield replace(base, problem=str(error), varied=Varied(base.id, (), ()))
+            return
+
+        for candidate in varied:
+            written = dump_design(candidate, brief.representation)
+            (read,) = read_candidates(brief, [written], starts=True)
+            yield replace(
+                candidate, tool=read.tool, plan=read.plan, problem=read.problem
+            )
 
     def complete(self, problem: str) -> Answer:
         """Return it with a candidate that has a problem and stands for all, where there is none."""

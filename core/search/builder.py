@@ -46,7 +46,7 @@ from core.trial import TIE
 
 _log = logging.getLogger(__name__)
 
-MAY_BE_ZERO = ("n_iteration", "k_least", "final_s", "elite_s")  # of a budget
+MAY_BE_ZERO = ("n_iteration", "k_least", "curves", "final_s", "elite_s")  # of a budget
 
 
 class SearchBuilder:

@@ -289,13 +289,13 @@ class ModelDesigner:
                     before = missing.pop(reply.request_id)
                     answer = self._hear(before, reply, may_ask=left > 0)
                     if answer.sent is before.sent:
-                        yield answer
+                        yield answer.with_curves()
                     else:
                         again[answer.sent.id] = answer
             except LimitReached:
                 for answer in (*missing.values(), *again.values()):
                     if answer.candidates:
-                        yield answer
+                        yield answer.with_curves()
                 raise
 
             for answer in missing.values():
@@ -350,6 +350,7 @@ class ModelDesigner:
             critiques=critiques,
             recalled=self.recall(assignment.task, assignment.representation),
             style=team.style,
+            curves=assignment.budget.curves,
         )
 
         return brief, float(np.clip(temperature, 0.0, 2.0))

@@ -114,6 +114,9 @@ def choose_instants(crux: Crux | None, end_s: float, count: int) -> Array:
         return np.linspace(0.0, end_s, count)
 
     first, last = crux.touched_s
+    if end_s - last < PAUSE_S:  # it is touched until the end
+        return np.unique([0.0, *np.linspace(first, end_s, count - 1)])
+
     within = np.linspace(first, last, count // 2)
     after = np.linspace(last, end_s, count - len(within))[1:]
     return np.unique([0.0, *within, *after])

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field
 
+from core.designs.curves import MOST, Axis
 from core.support.inputs import FIELDS, check
 from core.support.text import clean
 from plugins.agents.bench import Refused
@@ -83,6 +84,17 @@ class TryDesign(Arguments):
     designs: Designs
 
 
+class TryCurve(Arguments):
+    candidate: CandidateId
+    axes: Annotated[list[Axis], Field(min_length=1, max_length=MOST)] = Field(
+        description=(
+            "One or two numbers of the design, each with the range of what is added to it (m or rad): `add_to` is a "
+            "coordinate of `waypoints` (from 1; none: all), or with `component` one of its pose on its parent, or a "
+            "size."
+        )
+    )
+
+
 class Watch(Arguments):
     candidate: CandidateId
     layout: int | None = Field(
@@ -133,6 +145,12 @@ KINDS: dict[str, ToolKind] = {
         "Play designs in the layouts of the search: reward, reason, what was observed. Costs rollouts of the budget. "
         "A design that breaks a rule is not played, and costs nothing; where nobody measured the scene, one that does "
         "not start clear of it counts.",
+        reads_only=False,
+    ),
+    "try_curve": ToolKind(
+        TryCurve,
+        "Play a design again with one or two of its numbers varied over ranges: the curve of reward and room. Costs "
+        "the rollouts of budget.curves candidates. Each of them counts like any other design.",
         reads_only=False,
     ),
     "watch": ToolKind(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol, cast
 
@@ -13,7 +13,8 @@ from omegaconf import DictConfig, OmegaConf
 from core.config.compose import task_part
 from core.config.schemas import RunConfig
 from core.design import Candidate, DesignError, Tool
-from core.designs.reading import list_designs
+from core.designs.curves import CURVE, vary
+from core.designs.reading import dump_design, list_designs
 from core.designs.replies import parse_reply
 from core.designs.schema import answer_schema
 from core.events import Result, Run
@@ -46,6 +47,7 @@ from plugins.agents.arguments import (
     CheckDesign,
     DescribeTask,
     Look,
+    TryCurve,
     TryDesign,
     Watch,
     read_arguments,
@@ -109,7 +111,7 @@ class Driven(Protocol):
 
 
 class Tools:
-    """The seven tools, and the documents, of a run's search.
+    """The eight tools, and the documents, of a run's search.
 
     Args:
         search: what they work on.
@@ -122,6 +124,7 @@ class Tools:
             "look": self._look,
             "check_design": self._check_design,
             "try_design": self._try_design,
+            "try_curve": self._try_curve,
             "watch": self._watch,
             "best_designs": self._best_designs,
             "finish": self._finish,
@@ -293,13 +296,48 @@ class Tools:
             listed = "\n".join(faults)
             raise Refused(f"Nothing was tried, and nothing is counted:\n{listed}")
 
-        left = self._search.count_left(len(self._conditions))
-        if len(candidates) > left:
+        designs = list_designs(parse_reply(text))
+        curves = sum(bool(design.get(CURVE)) for design in designs)
+        raise self._pay(text, len(candidates) + curves * self._curve)
+
+    def _try_curve(self, asked: TryCurve) -> Answer:
+        if self._result is not None or not self._curve:
             raise Refused(
-                f"Nothing was tried: these are {len(candidates)} candidates, and the budget holds {left} more. "
-                f"{self._state()}"
+                "try_curve: the run has come to its end, or budget.curves is 0; nothing is tried"
             )
-        raise Later(text)
+
+        candidate = self._find(asked.candidate).candidate
+        if candidate.tool is None:
+            raise Refused(f"try_curve: {candidate.id} has no tool that could be read")
+        representation = self._search.brief_reading().representation
+        design = dump_design(candidate, representation)
+        design[CURVE] = [asdict(axis) for axis in asked.axes]
+        try:
+            list(vary(candidate, asked.axes, self._curve))
+        except DesignError as error:
+            raise Refused(f"try_curve: {error}") from error
+
+        design["parents"] = [candidate.id]
+        text = json.dumps({"strategies": [design]}, ensure_ascii=False)
+        raise self._pay(text, 1 + self._curve)
+
+    @property
+    def _curve(self) -> int:
+        """How many designs are tried of a curve."""
+        return self._search.asked.assignment.budget.curves
+
+    def _pay(self, text: str, count: int) -> Later:
+        """Return what makes the run go on and try a document's candidates.
+
+        Raises:
+            Refused: the budget does not hold so many.
+        """
+        left = self._search.count_left(len(self._conditions))
+        if count > left:
+            raise Refused(
+                f"Nothing was tried: these are {count} candidates, and the budget holds {left} more. {self._state()}"
+            )
+        return Later(text)
 
     def _watch(self, asked: Watch) -> Answer:
         evaluation = self._find(asked.candidate)
@@ -351,7 +389,11 @@ class Tools:
 
     def describe(self, evaluations: Sequence[Evaluation]) -> Answer:
         """Say what came of the candidates of a call."""
-        entries = [_dump(self._told.describe(evaluation)) for evaluation in evaluations]
+        curve = [e for e in evaluations if e.candidate.varied is not None]
+        others = [e for e in evaluations if e.candidate.varied is None]
+        entries = [_dump(self._told.describe(evaluation)) for evaluation in others]
+        if curve:
+            entries.append(self._told.describe_curve(curve))
         return [Text("\n\n".join([*entries, self._state()]))]
 
     def describe_result(self) -> Answer:

@@ -67,6 +67,12 @@ class Told:
         (elite,) = json.loads(compute(brief, Tool(gripper=brief.gripper), self.facts))
         return {**elite, **entry}
 
+    def describe_curve(self, evaluations: Sequence[Evaluation]) -> str:
+        """Say what came of the designs of a curve, in the order of what was added, and name the best."""
+        compute = installed().factory("prompt_value", "ledger")
+        brief = replace(self.brief, tried=tuple(evaluations))
+        return str(compute(brief, Tool(gripper=brief.gripper), self.facts))
+
     def line(self, evaluations: Sequence[Evaluation]) -> str:
         """Write a line for each candidate, as prompts do for the last round."""
         lines = []

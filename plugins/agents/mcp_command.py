@@ -36,7 +36,7 @@ TOKEN = "VLMGINEER_MCP_TOKEN"  # noqa: S105  # the name of a variable
 CHOSEN = {"vlm": "agent", "evolution": "agent"}
 """What drives the run."""
 
-USUAL = {"budget.elite_s": "0"}
+USUAL = {"budget.elite_s": "0", "budget.curves": "20"}
 """What differs from other runs unless the words set it: an agent decides by itself what is worth more trials."""
 
 _MAY_DIFFER = ("executor", "listener", "film", "name", "second", "patience_s")

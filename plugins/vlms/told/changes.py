@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from difflib import SequenceMatcher
+from typing import Any
 
 import numpy as np
 
@@ -86,7 +87,14 @@ def _list_steps(candidate: Candidate) -> list[str]:
     """Write the steps of a plan, each as text."""
     written = candidate.plan.dump()
     steps = written if isinstance(written, list) else [written]
-    return [_shorten(json.dumps(step)) for step in steps]
+    return [_shorten(json.dumps(_round(step))) for step in steps]
+
+
+def _round(step: Any) -> Any:
+    """Round the numbers of a waypoint to millimetres."""
+    if isinstance(step, list) and all(isinstance(value, float) for value in step):
+        return [round(value, 3) + 0.0 for value in step]
+    return step
 
 
 def _shorten(step: str) -> str:

@@ -44,6 +44,7 @@ def elites_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
     plans = facts.criticised or given or facts.settings.feedback != "paper"
 
     entries = []
+    tools: set[str] = set()  # of which is said what room they take
     for place, elite in enumerate(brief.elites):
         entry = describe_design(elite, brief.representation)
         figures = combined_figures(elite, task, sight)
@@ -52,7 +53,11 @@ def elites_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
             entry["details"] = round_numbers(figures)
 
         if plans and (given or place < WHOLE):
-            entry |= _describe_rollout(elite, sight, given=given)
+            entry |= _describe_rollout(elite, sight)
+            tool = elite.candidate.tool
+            if tool is not None and not given and tool.content not in tools:
+                entry["space"] = describe_space(tool)
+                tools.add(tool.content)
         elif plans:  # of the others the components say enough
             del entry["tool_description"]
 
@@ -135,26 +140,13 @@ def measured_value(brief: Brief, mounted: Tool, facts: RunFacts) -> dict[str, st
     return told_figures()
 
 
-def _describe_rollout(
-    elite: Evaluation, sight: Sight, *, given: bool
-) -> dict[str, Any]:
-    """Write the plan of an elite, what room its tool takes, unless that is given, and what was observed.
-
-    Args:
-        elite: with a tool.
-        sight: what may be said of bodies.
-        given: whether the tool is, so that the prompt says elsewhere how it is made.
-    """
+def _describe_rollout(elite: Evaluation, sight: Sight) -> dict[str, Any]:
+    """Write the plan of an elite, what its tool sweeps, and what was observed."""
     told: dict[str, Any] = {"action_plan": elite.candidate.plan.dump()}
     for name in told_figures():
         told[name] = mean_figure(elite.trials, name)
 
     described: dict[str, Any] = round_numbers(told)
-    if not given:
-        tool = elite.candidate.tool
-        assert tool is not None
-        described["space"] = describe_space(tool)
-
     swept = describe_sweep(elite.candidate)
     if swept:
         described["swept"] = swept

@@ -66,7 +66,7 @@ def candidates_value(
 
     sight = facts.level.sight(brief.task, brief.scene_seed)
     above = {elite.candidate.id for elite in brief.elites[:WHOLE]}
-    last = last_generation(brief.tried)
+    last = [e for e in last_generation(brief.tried) if e.candidate.varied is None]
     others = tuple(e for e in last if e.candidate.id not in above)
 
     return generation_lines(others, settings.generation_characters, sight)

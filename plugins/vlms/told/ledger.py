@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from core.design import Tool
 from core.designs.prompt_values import RunFacts
 from core.interfaces import Brief, Evaluation
-from core.support.text import clean, number
+from core.support.text import clean, number, short_numbers
 from core.trial import best_first
 from core.values.observations import Sight
 from plugins.vlms.told.changes import describe_change
@@ -16,7 +16,7 @@ from plugins.vlms.told.feedback import name_design
 MOST = 3_000
 """Characters of the ledger, some 800 tokens; what is left out is counted."""
 
-_IDEA = 110  # characters of an idea
+_IDEA = 150  # characters of an idea
 _CHANGE = 160  # characters of a change
 
 
@@ -44,18 +44,18 @@ def ledger_lines(tried: Iterable[Evaluation], sight: Sight) -> list[str]:
     """
     known = {evaluation.candidate.id: evaluation for evaluation in tried}
     others = [e for e in known.values() if e.status != "ok"]
-    designs: dict[tuple[int, ...], Evaluation] = {}
+    designs: dict[str, list[Evaluation]] = {}
     for evaluation in (*best_first(known.values()), *others):
-        designs.setdefault(evaluation.candidate.key[:3], evaluation)
+        designs.setdefault(evaluation.candidate.idea, []).append(evaluation)
 
     lines: dict[tuple[int, ...], str] = {}
     left = MOST
-    for key, evaluation in designs.items():
-        line = _describe(evaluation, known, sight)
+    for alike in designs.values():
+        line = _describe(alike[0], known, sight) + describe_curve(alike)
         left -= len(line) + 1
         if left < 0:
             break
-        lines[key] = line
+        lines[alike[0].candidate.key] = line
 
     written = [lines[key] for key in sorted(lines)]
     hidden = len(designs) - len(lines)
@@ -80,10 +80,32 @@ def _describe(
     return f"{head} from {before.candidate.id}: {idea} | {change} | {sight.text(was)} -> {came}"
 
 
-def _say_outcome(evaluation: Evaluation) -> str:
-    """Say what a design earned, and how much room it left; or why it could not be tried."""
+def describe_curve(evaluations: Iterable[Evaluation]) -> str:
+    """Say what came of the designs of a curve, in the order of what was added; empty: none are of one.
+
+    Args:
+        evaluations: of a design and its curve.
+    """
+    points = []
+    names: tuple[str, ...] = ()
+    for evaluation in evaluations:
+        varied = evaluation.candidate.varied
+        if varied is not None and varied.added:
+            names = varied.names
+            points.append((varied.added, _say_outcome(evaluation, reason=False)))
+
+    if not points:
+        return ""
+
+    said = [f"{short_numbers(added, 3, '/')}: {came}" for added, came in sorted(points)]
+    return f" | curve, added to {' / '.join(names)}: {'; '.join(said)}"
+
+
+def _say_outcome(evaluation: Evaluation, *, reason: bool = True) -> str:
+    """Say what a design earned, and how much room it left; or why it could not be tried, with its ``reason``."""
     if evaluation.status != "ok":
-        return f"{evaluation.status}: {clean(evaluation.reason, 80)}"
+        why = f": {clean(evaluation.reason, 80)}" if reason else ""
+        return f"{evaluation.status}{why}"
 
     earned = number(evaluation.reward, 3)
     least = evaluation.least_margin

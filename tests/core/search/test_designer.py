@@ -390,3 +390,48 @@ def test_a_sound_design_behind_broken_ones_is_taken(caplog):
     assert [candidate.design_name for candidate in found] == ["", ""]
     assert [candidate.problem for candidate in found] == [None, None]
     assert "0 sound ones and 2 that break a rule are left out" in caplog.text
+
+
+# --- curves -----------------------------------------------------------------------------------------------------
+
+YAW = {"add_to": "yaw", "low": -0.2, "high": 0.2, "component": "", "waypoints": []}
+WITH_CURVES = Budget(1, 1, 1, 0, 5, 0.6, curves=3)
+
+
+def design_with(curve, budget=WITH_CURVES):
+    vlm = Canned(lambda request: Reply(request.id, document(curve=curve), "a can"))
+    return vlm, list(designer(vlm, budget).design(0))
+
+
+def test_a_design_may_ask_for_a_curve_whose_designs_are_candidates_like_any_other():
+    vlm, (base, *curve) = design_with([YAW])
+    assert [candidate.id for candidate in curve] == [
+        f"g0-a0-s{number}-p0" for number in (1, 2, 3)
+    ]
+    assert [c.plan.poses[0, 5] for c in curve] == pytest.approx([-0.2, 0.0, 0.2])
+    assert [c.problem for c in (base, *curve)] == [None] * 4
+    assert {c.varied.base for c in curve} == {base.id}
+    assert {c.idea for c in (base, *curve)} == {"g0-a0-s0"}
+    (request,) = vlm.requests
+    design = request.schema["properties"]["strategies"]["items"]
+    assert "curve" in design["required"]
+    assert any("`curve`" in part.text for part in request.messages[-1].parts)
+
+
+def test_what_breaks_a_rule_in_a_curve_loses_its_own_place_alone():
+    longer = {**YAW, "component": "rod", "add_to": "size_z", "low": 0.0, "high": 3.0}
+    _, (base, first, *rest) = design_with([longer])
+    assert base.problem is None
+    assert first.problem is None
+    assert all(candidate.problem for candidate in rest)
+    _, (base, refused) = design_with([{**YAW, "waypoints": [9]}])
+    assert base.problem is None
+    assert "the plan has waypoints 1 to 1" in refused.problem
+
+
+def test_without_the_setting_nothing_is_said_of_curves_and_none_is_tried():
+    vlm, (base,) = design_with([YAW], Budget(1, 1, 1, 0, 5, 0.6))
+    assert base.problem is None
+    (request,) = vlm.requests
+    assert "curve" not in str(request.schema)
+    assert not any("`curve`" in part.text for part in request.messages[-1].parts)

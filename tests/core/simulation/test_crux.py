@@ -74,6 +74,10 @@ def test_places_are_told_around_the_last_touch():
     assert choose_instants(crux, 8.4, 6).tolist() == pytest.approx(
         [0.0, 2.0, 2.2, 2.4, 5.4, 8.4]
     )
+    pushed = Crux("a", (0, 0, 0), (1, 0, 0), touched_s=(2.0, 5.6))
+    assert choose_instants(pushed, 6.0, 6).tolist() == pytest.approx(
+        [0.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    )
     spread = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
     assert choose_instants(None, 5.0, 6).tolist() == pytest.approx(spread)
 

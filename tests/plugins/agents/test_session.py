@@ -91,7 +91,7 @@ def session(tmp_path_factory):
 def test_the_tools_are_those_of_the_page(session):
     page = (ROOT / "docs" / "agents.md").read_text()
     _, said = session
-    assert len(said["tools"]) == 7
+    assert len(said["tools"]) == 8
     assert all(f"`{name}`" in page for name in said["tools"])
 
 
@@ -235,6 +235,33 @@ def test_a_free_answer_is_no_ruler_and_a_paid_one_is_counted(tmp_path):
     assert len(said["free"]) == 2
     assert said["try"].is_error
     assert "nothing is counted" in text(said["try"])
+
+
+def test_a_curve_is_tried_as_designs_of_the_budget(tmp_path):
+    said = {}
+    yaw = {"add_to": "yaw", "low": -0.3, "high": 0.3}
+
+    async def vary(client):
+        said["try"] = await client.call_tool("try_design", {"designs": solution()})
+        tried = {"candidate": "g0-a0-s0-p0", "axes": [yaw]}
+        said["curve"] = await client.call_tool("try_curve", tried)
+        said["best"] = await client.call_tool("best_designs", {"count": 1})
+        said["beyond"] = await client.call_tool("try_curve", tried)
+        unknown = {**tried, "axes": [{**yaw, "component": "fin"}]}
+        said["unknown"] = await client.call_tool("try_curve", unknown)
+
+    words = (*SMALL, "budget.curves=3", "budget.n_rollouts=5", "folder=run")
+    converse(vary, tmp_path, *words)
+    curve = text(said["curve"])
+    assert "curve, added to waypoints all yaw: -0.3: " in curve
+    assert "; 0: " in curve
+    assert "; 0.3: " in curve
+    assert "5 candidates tried" in text(said["best"])
+    assert "Nothing was tried: these are 4 candidates" in text(said["beyond"])
+    assert "the tool's components are" in text(said["unknown"])
+    stored = StoredRun(tmp_path / "run").evaluations()
+    ids = [evaluation.candidate for evaluation in stored]
+    assert ids == ["g0-a0-s0-p0", *(f"g1-a0-s{number}-p0" for number in range(4))]
 
 
 # --- a flood of nonsense ------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.design import Candidate, Component, Tool
+from core.design import Candidate, Component, Tool, Varied
 from core.geometry import Box, Pose
 from core.trial import Evaluation, Score, Trial, Where
 from core.values.margins import Margin
@@ -83,3 +83,24 @@ def test_the_ledger_is_bounded_and_keeps_the_best():
     assert sum(map(len, lines)) <= MOST + 40
     assert "0.995" in lines[-2]
     assert lines[-1].endswith("more designs earned less")
+
+
+def test_a_curve_is_told_in_the_order_of_what_was_added():
+    base = tried(0.2, 0.0)
+    curve = [
+        tried(
+            reward,
+            room,
+            design=number + 1,
+            varied=Varied(FIRST.id, ("waypoints all yaw",), (added,)),
+        )
+        for number, (added, reward, room) in enumerate(
+            [(0.2, 0.4, 0.0), (-0.2, 0.1, 0.0), (0.1, 1.0, 0.3)]
+        )
+    ]
+    (line,) = ledger_lines([base, *curve], ALL)
+    assert line.startswith("- g0-a0-s3-p0")  # the best of it stands for all
+    assert line.endswith(
+        "1.000, room 30 % | curve, added to waypoints all yaw: -0.2: 0.100, room 0 %; 0.1: 1.000, room 30 %; "
+        "0.2: 0.400, room 0 %"
+    )
