@@ -64,6 +64,8 @@ def describe_order(tie_by: str) -> tuple[str, ...]:
     """
     if tie_by == Fitness.tie_by:
         return tuple(criterion.words for criterion in WHAT_DECIDES if criterion.words)
+    if tie_by == "distance_m":
+        return (WHAT_DECIDES[-1].words,)
 
     figure = figures()[tie_by]
     most = "lowest" if figure.less_is_better else "highest"

@@ -37,6 +37,7 @@ from core.interfaces import (
 from core.plugins import installed
 from core.scene import Body, Scene, floor, table
 from core.search.answers import Answer
+from core.simulation.measuring import describe_order
 from core.trial import Evaluation, Score, Trial, Where
 from core.values.robots import ISO_9409_1_50
 from plugins.actions.waypoints import WaypointActions
@@ -279,6 +280,21 @@ def test_where_trials_decide_room_is_left_to_gain_and_numbers_may_change_a_littl
     assert ("change some numbers a little, of one component" in paper) == room
     assert "saves way" not in text
     assert "further trials" not in prompt(elites=ELITES)
+
+
+def test_the_order_of_the_run_is_that_of_the_prompt():
+    def mission(*decides):
+        return " ".join(prompt(RunFacts(decides=decides)).split())
+
+    default = " ".join(prompt(RunFacts()).split())
+    assert (
+        "with the most room to its limits wins, then the one with the shortest way."
+        in default
+    )
+    paper = mission(*describe_order("distance_m"))
+    assert "of them, the pair with the shortest way of the end-effector wins." in paper
+    motion = mission(*describe_order("motion_s"))
+    assert "of them, the pair with the lowest `motion_s` wins." in motion
 
 
 # --- measurements of elites ------------------------------------------------------------------------------------
