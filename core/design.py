@@ -136,6 +136,10 @@ class Budget:
     curves: int = 0
     name: Harmless[str] = ""
 
+    def admits(self, place: int, reward: float) -> bool:
+        """Report whether a tool becomes an elite: the one at a place of the ranking, from 0, with this reward."""
+        return reward > self.reward_save or place < min(self.k_least, self.k_top)
+
     @property
     def population(self) -> int:
         """The number of candidates in a generation."""

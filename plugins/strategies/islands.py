@@ -29,7 +29,7 @@ class Islands(EvolutionStrategy):
 
     Args:
         designer: asks the model for candidates; a `core.search.assignment.AsksTeams`.
-        budget: ``k_top`` elites of each island, which earned more than ``reward_save``, are shown.
+        budget: ``k_top`` elites of each island are shown, which it admits.
         islands: their number, at most ``n_agent``.
         migrate: after every so many generations the best of each island goes to the next one too.
         patience: an island whose best has not improved by ``tie`` for so many generations starts from nothing.
@@ -108,8 +108,9 @@ class Islands(EvolutionStrategy):
                 self._pools[k] += best[k - 1]
 
     def _elites(self, k: int) -> list[Evaluation]:
-        pool = (e for e in self._pools[k] if e.reward > self.budget.reward_save)
-        return best_tools(best_first(pool, self.tie))[: self.budget.k_top]
+        tools = best_tools(best_first(self._pools[k], self.tie))[: self.budget.k_top]
+        admits = self.budget.admits
+        return [e for place, e in enumerate(tools) if admits(place, e.reward)]
 
     def _restart(self, k: int) -> bool:
         """Empty an island that has not improved for too long; report whether it was."""

@@ -17,27 +17,24 @@ def evolution_strategies() -> Mapping[str, Callable[..., EvolutionStrategy]]:
 
 
 def select(
-    evaluations: Sequence[Evaluation],
-    k_top: int,
-    reward_save: float,
-    tie: float = TIE,
-    k_least: int = 0,
+    evaluations: Sequence[Evaluation], budget: Budget, tie: float = TIE
 ) -> list[Evaluation]:
-    """Choose the elites: of the ``k_top`` best those that earned more than ``reward_save``, the best of each tool.
+    """Choose the elites: of the ``k_top`` best candidates those that earned enough, the best of each tool.
 
     The best ``k_least`` tools are elites whatever they earned. Of several tasks the best of each is one, too, if it
-    earned as much there.
+    earned enough there.
     """
     best = best_first(evaluations, tie)
-    enough = [e for e in best[:k_top] if e.reward > reward_save]
-    elites = [*best_tools(best)[: min(k_least, k_top)], *enough]
+    save = budget.reward_save
+    least = best_tools(best)[: min(budget.k_least, budget.k_top)]
+    elites = [*least, *(e for e in best[: budget.k_top] if e.reward > save)]
     return best_tools(
         [
             *elites,
             *(
                 e
                 for task, e in _best_by_task(best).items()
-                if e.figures.get(task, 0.0) > reward_save
+                if e.figures.get(task, 0.0) > save
             ),
         ]
     )
@@ -76,10 +73,7 @@ class VLMgineer(EvolutionStrategy):
         self._pool: list[Evaluation] = []
 
     def ask(self) -> Iterator[Candidate]:
-        budget = self.budget
-        elites = select(
-            self._pool, budget.k_top, budget.reward_save, self.tie, budget.k_least
-        )
+        elites = select(self._pool, self.budget, self.tie)
         return self.designer.design(self._generation, elites)
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:

@@ -30,7 +30,7 @@ class MapElites(EvolutionStrategy):
 
     Args:
         designer: asks the model for candidates.
-        budget: ``k_top`` elites, which earned more than ``reward_save``, are shown.
+        budget: ``k_top`` elites are shown, which it admits.
         measures: the axes of the archive (`plugins.strategies.map_elites.archive.read_measures`).
 
     Raises:
@@ -76,7 +76,8 @@ class MapElites(EvolutionStrategy):
     def _elites(
         self, ranking: Sequence[Evaluation], rng: np.random.Generator
     ) -> list[Evaluation]:
-        tools = best_tools(e for e in ranking if e.reward > self.budget.reward_save)
+        ranked = enumerate(best_tools(ranking))
+        tools = [e for place, e in ranked if self.budget.admits(place, e.reward)]
         count = min(len(tools), self.budget.k_top) - 1
         if count < 1:
             return tools[:1]

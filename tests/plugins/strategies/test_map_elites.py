@@ -17,7 +17,7 @@ from tests import toys
 from tests.core.run_folders import hook
 from tests.test_resume import assert_same_run, toy  # noqa: F401 - a fixture
 
-BUDGET = Budget(2, 4, 1, 3, 3, 0.0)
+BUDGET = Budget(2, 4, 1, 3, 3, 0.0, k_least=0)
 
 
 class Hooks:

@@ -45,6 +45,11 @@ def strategy(name, k_top=5, reward_save=0.5, k_least=0, **settings):
     return made, designer
 
 
+def choose(evaluations, k_top, reward_save, tie=TIE):
+    """The elites by the paper's rule."""
+    return select(evaluations, Budget(2, 2, 2, 3, k_top, reward_save, k_least=0), tie)
+
+
 def rewards(evaluations):
     return [evaluation.reward for evaluation in evaluations]
 
@@ -53,7 +58,7 @@ def rewards(evaluations):
 
 
 def test_one_of_each_tool():
-    found = select(
+    found = choose(
         [
             earned(0.8, 0, 0),
             earned(0.9, 0, 1),
@@ -73,7 +78,7 @@ def test_one_of_each_tool():
 def test_one_tools_plans_crowd_out_the_others_before_they_are_thinned():
     """As in the method: first the k_top highest, then one per tool."""
     same_tool = [earned(0.9, 0, action) for action in range(3)]
-    assert rewards(select([*same_tool, earned(0.8, 1)], 3, 0.0)) == [0.9]
+    assert rewards(choose([*same_tool, earned(0.8, 1)], 3, 0.0)) == [0.9]
 
 
 def test_of_several_tasks_the_best_of_each_is_an_elite_and_stays():
@@ -90,7 +95,7 @@ def test_of_several_tasks_the_best_of_each_is_an_elite_and_stays():
                 candidate, trials, Score((in_a + in_b) / 2, {"a": in_a, "b": in_b})
             )
         )
-    assert [e.candidate.design for e in select(found, 1, 0.5)] == [0, 2, 1]
+    assert [e.candidate.design for e in choose(found, 1, 0.5)] == [0, 2, 1]
     search, designer = strategy("vlmgineer", k_top=1)
     search.tell(found)
     search.tell([earned(0.0, 3)])
@@ -99,7 +104,7 @@ def test_of_several_tasks_the_best_of_each_is_an_elite_and_stays():
 
 
 def test_ties_go_to_the_shorter_way():
-    found = select(
+    found = choose(
         [earned(0.9, 0, 0, distance=2.0), earned(0.9, 0, 1, distance=1.0)], 5, 0.0
     )
     assert [e.candidate.action for e in found] == [1]
@@ -138,7 +143,7 @@ def test_a_tie_is_a_share_of_the_reward(tie):
 
 def test_what_was_not_tried_is_no_elite():
     assert (
-        select([earned(1.0, status="rejected"), earned(1.0, status="failed")], 5, 0.0)
+        choose([earned(1.0, status="rejected"), earned(1.0, status="failed")], 5, 0.0)
         == []
     )
 
@@ -157,7 +162,7 @@ evaluations = st.lists(
 
 @given(evaluations, st.integers(1, 6), st.floats(0, 1))
 def test_elites(candidates, k_top, reward_save):
-    found = select(candidates, k_top, reward_save, 0.0)
+    found = choose(candidates, k_top, reward_save, 0.0)
     assert len(found) <= k_top
     assert all(e.reward > reward_save for e in found)
     assert len({e.candidate.key[:3] for e in found}) == len(found)
@@ -165,7 +170,7 @@ def test_elites(candidates, k_top, reward_save):
     best = max(rewards(candidates), default=0)
     assert rewards(found[:1]) == ([best] if best > reward_save else [])
     assert all(
-        best - e.reward <= 0.005 for e in select(candidates, k_top, reward_save)[:1]
+        best - e.reward <= 0.005 for e in choose(candidates, k_top, reward_save)[:1]
     )
 
 
@@ -219,6 +224,25 @@ def test_the_best_two_tools_are_shown_even_if_they_earned_nothing(k_top, shown):
     search.tell([earned(1.0, 3, status="rejected")])
     search.ask()
     assert designer.asked[-1] == (3, [f"g0-a0-s{shown[0]}-p0"])
+
+
+@pytest.mark.parametrize(
+    ("place", "reward", "admitted"),
+    [(0, 0.0, True), (1, 0.0, True), (2, 0.0, False), (2, 0.5, False), (2, 0.51, True)],
+)
+def test_a_budget_admits_the_best_and_what_earned_enough(place, reward, admitted):
+    assert Budget(1, 1, 1, 0, 5, 0.5, k_least=2).admits(place, reward) == admitted
+
+
+def test_of_an_archive_the_best_two_are_shown_even_if_they_earned_nothing():
+    search, designer = strategy("map_elites", k_top=3, k_least=2)
+    search.ask()
+    search.tell([earned(0.1, 0, distance=n / 3) for n in range(1, 4)])
+    search.ask()
+    assert len(designer.asked[-1][1]) <= 2
+    search.tell([earned(0.2, 1), earned(0.3, 2)])
+    search.ask()
+    assert designer.asked[-1][1][0] == "g0-a0-s2-p0"
 
 
 def test_the_best_is_shown_again_after_a_generation_that_earns_nothing():
