@@ -14,7 +14,7 @@ from plugins.vlms.told.changes import describe_change
 from plugins.vlms.told.feedback import name_design
 
 MOST = 3_000
-"""Characters of the ledger, some 800 tokens; what is left out is counted."""
+"""Characters of the ledger, some 1,300 tokens; what is left out is counted."""
 
 _IDEA = 150  # characters of an idea
 _CHANGE = 160  # characters of a change
