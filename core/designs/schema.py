@@ -23,7 +23,7 @@ def answer_schema(brief: Brief) -> dict[str, Any]:
         ids = [elite.candidate.id for elite in brief.elites]
         design["parents"] = _list(_TEXT | {"enum": ids}, 1, min(2, len(ids)))
 
-    if brief.curves:
+    if brief.curves and brief.n_action:
         design[CURVE] = curve_schema()
 
     design |= {"strategy_name": _TEXT, "strategy_description": _TEXT}

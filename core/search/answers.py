@@ -115,7 +115,8 @@ class Answer:
         """Return it with the candidates of the curves that its designs ask for, numbered after its designs."""
         brief = self.request.brief
         found: list[Candidate] = []
-        for number, design in enumerate(self.designs if brief.curves else ()):
+        asked = self.designs if brief.curves and brief.n_action else ()
+        for number, design in enumerate(asked):
             for candidate in self._make_curve(number, design):
                 place = len(self.designs) + len(found)
                 found.append(replace(candidate, design=place, action=0))
