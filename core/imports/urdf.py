@@ -41,7 +41,12 @@ _PACKAGE_PATHS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
 
 
 def read_urdf(
-    root: Element, file: Path, without: Collection[str] = (), *, may_lack: bool = False
+    root: Element,
+    file: Path,
+    without: Collection[str] = (),
+    *,
+    may_lack: bool = False,
+    without_mesh: str = "",
 ) -> tuple[Description, list[str]]:
     """Read links and joints, with the paths of all mesh files.
 
@@ -50,6 +55,7 @@ def read_urdf(
         file: where it lies.
         without: links that are left out, with all that they bear.
         may_lack: whether meshes that are only drawn may be missing; else only those of links that collide otherwise.
+        without_mesh: the words that leave out a mesh that is missing, with ``{name}`` for its name; empty: none do.
 
     Returns:
         links and joints; and what is not where the file says, or missing, a line each.
@@ -58,7 +64,7 @@ def read_urdf(
         UserError: something is wrong, or meshes are missing; names all of them.
     """
     _leave_out(root, without)
-    notes = _find_meshes(root, file, may_lack)
+    notes = _find_meshes(root, file, may_lack, without_mesh)
     return read_tree(root, file.stem), notes
 
 
@@ -337,13 +343,16 @@ def _read_geometry(geometry: Element) -> tuple[Primitive | Path, Triple]:
     raise UserError(f"<{tag}> is no shape of a URDF: use box, sphere, cylinder or mesh")
 
 
-def _find_meshes(root: Element, file: Path, may_lack: bool) -> list[str]:
+def _find_meshes(
+    root: Element, file: Path, may_lack: bool, without_mesh: str
+) -> list[str]:
     """Put the paths of all mesh files into a URDF.
 
     Args:
         root: of the URDF.
         file: where it lies.
         may_lack: whether meshes that are only drawn may be missing; else only those of links that collide otherwise.
+        without_mesh: the words that leave out a mesh that is missing; see `read_urdf`.
 
     Returns:
         what is not where the file says, or missing, a line each.
@@ -363,15 +372,18 @@ def _find_meshes(root: Element, file: Path, may_lack: bool) -> list[str]:
                 continue
 
             where = f"link {link.get('name')!r}: {element.tag}"
+            name = mesh.get("filename", "")
             try:
-                found = _find_mesh(mesh.get("filename", ""), file, near)
+                found = _find_mesh(name, file, near)
                 mesh.set("filename", str(found))
             except UserError as error:
                 if element in drawn and (solid or may_lack):
                     notes.append(f"not drawn: {where}: {error}")
                     link.remove(element)
                 else:
-                    wrong.append(UserError(f"{where}: {error}"))
+                    remedy = without_mesh.format(name=shorten(name)[1:-1])
+                    or_leave = f", or {remedy}" if remedy else ""
+                    wrong.append(UserError(f"{where}: {error}{or_leave}"))
 
     wrong.report()
     return notes + describe_near(near)

@@ -65,7 +65,11 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
     for number, other in enumerate(spec.imports):
         with _located(tree, ("imports", number)):
             found = files.bodies(
-                other.file, other.prefix, fixed=other.fixed, without=other.without
+                other.file,
+                other.prefix,
+                fixed=other.fixed,
+                without=other.without,
+                density=other.density,
             )
             pose = _frame(other.at, (*marks, *bodies)) @ read_pose(other)
 
@@ -101,6 +105,9 @@ def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
 
     if not scene.free:
         problem = "nothing can move, so nothing can be earned; give a body a mass"
+        if spec.imports:
+            problem += ", or let what an import has without a joint move: fixed: false"
+
         raise tree.error(("bodies",), problem)
 
     return scene

@@ -48,7 +48,13 @@ class Files:
         return self._read[name, scale]
 
     def bodies(
-        self, name: str, prefix: str, *, fixed: bool, without: tuple[str, ...] = ()
+        self,
+        name: str,
+        prefix: str,
+        *,
+        fixed: bool,
+        without: tuple[str, ...] = (),
+        density: float | None = None,
     ) -> Imported:
         """Read the bodies and joints of a URDF or MJCF file, at the origin, without some.
 
@@ -61,10 +67,15 @@ class Files:
                 f"{name} is a mesh, the `file` of a body; an import is a URDF or MJCF file"
             )
 
-        key = (name, prefix, fixed, without)
+        key = (name, prefix, fixed, without, density)
         if key not in self._read:
             found = read_bodies(
-                file, fixed=fixed, prefix=prefix, folder=self.folder, without=without
+                file,
+                fixed=fixed,
+                prefix=prefix,
+                folder=self.folder,
+                without=without,
+                density=density,
             )
             self._keep(key, found)
 

@@ -408,7 +408,10 @@ class BodySpec(ShapeSpec):
 
 
 class ImportSpec(_Spec):
-    """The bodies and joints of a URDF or MJCF file; a URDF's root is ``fixed`` to the world, or not."""
+    """The bodies and joints of a URDF or MJCF file.
+
+    A URDF's root is ``fixed`` to the world, or not; of MJCF what has no joint is.
+    """
 
     file: FileName
     at: Name | None = None
@@ -417,7 +420,10 @@ class ImportSpec(_Spec):
     rpy_deg: Turn = (0.0, 0.0, 0.0)
     fixed: bool = True
     without: tuple[FileName, ...] = ()
-    """Names of its bodies, or patterns, that are left out with all that hangs from them, such as its own arm."""
+    """Bodies, by name or pattern, that are left out with all that hangs from them; and meshes, as a URDF names them."""
+
+    density: Annotated[float, Field(ge=1, le=2.3e4)] | None = None
+    """kg/m^3 of what moves and has no mass in a URDF; osmium, the densest, has 22,600."""
 
 
 class MarkSpec(_Space):

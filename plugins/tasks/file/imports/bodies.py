@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -28,6 +30,7 @@ from plugins.tasks.file.imports.solids import load_solid, read_inside
 
 _FRICTION = 0.5  # of shapes that say none
 _READ = ("link", "joint", "material")
+_WITHOUT_MESH = "leave it out: without: [{name}] in the import"
 _GREY: Color = (0.7, 0.7, 0.7, 1.0)
 
 
@@ -38,6 +41,7 @@ def read_bodies(
     prefix: str = "",
     folder: Path | None = None,
     without: Sequence[str] = (),
+    density: float | None = None,
 ) -> Imported:
     """Make bodies and joints of a URDF or MJCF file: a body of all links that are rigidly joined, named like the first.
 
@@ -48,10 +52,13 @@ def read_bodies(
 
     Args:
         file: the URDF or MJCF file, as its content says.
-        fixed: whether the root of a URDF is fixed to the world; it need not be there then.
+        fixed: whether the root of a URDF is fixed to the world, or what has no joint in MJCF. The root of a URDF need
+            not be there then.
         prefix: put before all names.
         folder: where all files must lie; None: where the file is.
-        without: names of links, or patterns, that are left out with all that hangs from them.
+        without: names of links, or patterns, that are left out with all that hangs from them; and names of a URDF's
+            meshes, as the file has them.
+        density: kg/m^3 of what moves without a mass in the file; None: that is refused.
 
     Raises:
         UserError: says what can't be used, where, and how to mend it.
@@ -65,7 +72,10 @@ def read_bodies(
             from plugins.tasks.file.imports.mjcf import read_model
 
             tree, notes = read_model(root, file, folder, prefix, without)
-            return _Making(tree, folder, prefix, notes).make_in_world()
+            if not fixed:
+                tree = _set_free(tree)
+
+            return _Making(tree, folder, prefix, notes, density).make_in_world()
 
         tags = Counter(str(element.tag) for element in root)
         notes = [
@@ -74,25 +84,77 @@ def read_bodies(
             if tag not in _READ
         ]
         links = [link.get("name", "") for link in root.findall("link")]
-        left = find_left_out(without, prefix, links)
-        tree, missing = read_urdf(root, file, left)
-        return _Making(tree, folder, prefix, notes + missing).make(fixed)
+        meshes = _leave_out_meshes(root, without)
+        notes += [f"left out: mesh {mesh}" for mesh in meshes]
+        bodies = [name for name in without if name not in meshes]
+        left = find_left_out(bodies, prefix, links)
+        tree, missing = read_urdf(root, file, left, without_mesh=_WITHOUT_MESH)
+        return _Making(tree, folder, prefix, notes + missing, density).make(fixed)
     # RuntimeError: Qhull's, of what is flat.
     except (UserError, ValueError, RuntimeError) as error:
         raise UserError(f"{file}: {error}") from error
+
+
+def _leave_out_meshes(root: Element, names: Sequence[str]) -> list[str]:
+    """Take the shapes of meshes out of a URDF, and return which meshes of those that are named there were."""
+    found = dict[str, None]()
+    for link in root.iter("link"):
+        for shape in (*link.findall("collision"), *link.findall("visual")):
+            mesh = shape.find("geometry/mesh")
+            name = "" if mesh is None else mesh.get("filename", "")
+            if name in names:
+                found[name] = None
+                link.remove(shape)
+
+    return list(found)
+
+
+def _set_free(tree: Description) -> Description:
+    """Let what stands in the world of an MJCF file without a joint move freely.
+
+    Objects of robosuite and its kin are such: a body without shapes around one that has some. The inner one moves.
+    """
+    joints = dict(tree.joints)
+    for top in _list_fixed(tree, tree.root):
+        moving = top
+        link = tree.links[moving]
+        inner = _list_fixed(tree, moving)
+        while not (link.collisions or link.visuals) and len(inner) == 1:
+            moving = inner[0]
+            link = tree.links[moving]
+            inner = _list_fixed(tree, moving)
+
+        joints[moving] = replace(joints[moving], kind="floating")
+
+    return replace(tree, joints=joints)
+
+
+def _list_fixed(tree: Description, bearer: str) -> list[str]:
+    """List the links that are fixed to one."""
+    return [
+        child
+        for child, joint in tree.joints.items()
+        if joint.parent == bearer and joint.kind == "fixed"
+    ]
 
 
 class _Making:
     """Makes bodies and joints of a description, and notes what is left out."""
 
     def __init__(
-        self, tree: Description, folder: Path, prefix: str, notes: list[str]
+        self,
+        tree: Description,
+        folder: Path,
+        prefix: str,
+        notes: list[str],
+        density: float | None,
     ) -> None:
         links = {name: prefix + name for name in tree.links}
         tree = tree.renamed(links, {name: prefix + name for name in tree.named})
         self._tree = tree
         self._folder = folder
         self._notes = notes
+        self._density = density
         self._moving = [
             child for child, joint in tree.joints.items() if self._moves(joint)
         ]
@@ -250,6 +312,9 @@ class _Making:
         mass = None
         if not fixed:
             mass = sum(link.inertial.mass for link, _ in links)
+            if mass == 0 and self._density is not None:
+                volume = sum(geom.shape.volume for geom in collisions)
+                mass = self._density * volume
         elif not (visuals or collisions):
             return None
 

@@ -150,7 +150,7 @@ def joined_body(
     if mass is not None:
         if not mass > 0:
             raise UserError(
-                f"body {name!r} moves, but has no mass; give it one, or {leave_out}"
+                f"body {name!r} moves, but has no mass; give it one, as by density: 600 in the import, or {leave_out}"
             )
         if not LIGHTEST <= mass <= HEAVIEST:
             limits = f"{LIGHTEST:g} to {HEAVIEST:g} kg"

@@ -414,3 +414,49 @@ def test_a_scene_file_leaves_bodies_of_its_import_out(tmp_path):
     )
     names = [body.name for body in FileTask(str(file)).scene(0).bodies]
     assert names == ["floor", "table", "b_thing"]
+
+
+TIN = '<geom type="cylinder" size="0.03 0.05" density="300"/>'
+
+
+@pytest.mark.parametrize(
+    ("body", "free"),
+    [
+        (f'<body><body name="object">{TIN}</body></body>', ["object"]),  # robosuite's
+        (f'<body name="a">{TIN}</body><body name="b">{TIN}</body>', ["a", "b"]),
+        (
+            f'<body name="a">{TIN}<body name="b" pos="0 0 1">{TIN}</body></body>',
+            ["a"],
+        ),
+        (
+            f'<body name="a"><body name="b">{TIN}</body><body name="c">{TIN}</body></body>',
+            ["a"],
+        ),
+    ],
+)
+def test_what_has_no_joint_is_set_free_by_a_word(tmp_path, body, free):
+    fixed = read(tmp_path, body)
+    assert [made.name for made in fixed.bodies if made.mass] == []
+
+    moving = read(tmp_path, body, fixed=False)
+    assert [made.name for made in moving.bodies if made.mass] == free
+    assert moving.joints == ()
+    volume = np.pi * 0.03**2 * 0.1
+    tins = body.count("<geom")
+    total = sum(made.mass for made in moving.bodies)
+    assert total == pytest.approx(tins * 300 * volume, rel=1e-3)
+
+
+def test_a_scene_of_what_stands_names_the_word_that_sets_it_free(tmp_path):
+    written(tmp_path, f'<body name="a">{TIN}</body>')
+    scene = tmp_path / "scene.yaml"
+    text = (
+        "name: Tin\ndescription: Push the tin to the left.\n"
+        "imports: [{file: model.xml, position: [0.6, 0, 0.05]SET}]\n"
+        "goals: [{bodies: [a], moved: [null, 0.2, null]}]\n"
+    )
+    scene.write_text(text.replace("SET", ""))
+    with pytest.raises(UserError, match="fixed: false"):
+        FileTask(scene)
+    scene.write_text(text.replace("SET", ", fixed: false"))
+    assert [body.name for body in FileTask(scene).scene(0).bodies if body.mass] == ["a"]

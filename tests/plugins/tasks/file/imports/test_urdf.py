@@ -272,3 +272,37 @@ def test_what_can_not_be_left_out_is_said(tmp_path):
         read(tmp_path, cabinet(), without=("arm",))
     with pytest.raises(UserError, match="without case nothing is left"):
         read(tmp_path, cabinet(), without=("case",))
+
+
+WEIGHTLESS = f'<link name="case">{BOX}</link><link name="door">{BOX}</link>' + joint(
+    "hinge", "revolute", "case", "door", '<limit lower="-1" upper="0"/>'
+)
+
+
+def test_what_moves_without_a_mass_gets_it_by_its_density(tmp_path):
+    with pytest.raises(UserError, match="density: 600"):
+        read(tmp_path, WEIGHTLESS)
+    made = read(tmp_path, WEIGHTLESS, density=600.0)
+    masses = {body.name: body.mass for body in made.bodies}
+    assert masses == {"case": 0, "door": pytest.approx(600 * 0.1 * 0.2 * 0.3)}
+
+    heavy = WEIGHTLESS.replace(
+        '<link name="door">', '<link name="door"><inertial><mass value="3"/></inertial>'
+    )
+    again = read(tmp_path, heavy, density=600.0)
+    assert {body.name: body.mass for body in again.bodies}["door"] == 3
+
+
+def test_a_mesh_that_is_missing_is_left_out_by_its_name(tmp_path):
+    shape = (
+        '<collision><geometry><mesh filename="parts/gone.obj"/></geometry></collision>'
+    )
+    text = link("case", BOX + shape)
+    with pytest.raises(UserError, match=r"without: \[parts/gone\.obj\]"):
+        read(tmp_path, text)
+    made = read(tmp_path, text, without=["parts/gone.obj"])
+    (case,) = made.bodies
+    assert len(case.collisions) == 1
+    assert any("parts/gone.obj" in note for note in made.notes)
+    with pytest.raises(UserError, match="body to leave out"):
+        read(tmp_path, text, without=["parts/other.obj"])
