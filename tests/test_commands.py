@@ -15,6 +15,7 @@ import trimesh
 from PIL import Image
 
 from tests.commands import python_m
+from tests.conftest import PYBULLET
 from tests.rare import rare
 
 pytestmark = pytest.mark.slow
@@ -196,6 +197,7 @@ def test_a_run_says_what_it_came_to(tiny):
 
 def test_the_result(tiny):
     result = result_of(tiny[0])
+    sim = "pybullet" if PYBULLET else "mujoco"
     assert list(result) == [
         *(
             "name",
@@ -240,9 +242,7 @@ def test_the_result(tiny):
             "budget",
             "seed",
         )
-    ] == [
-        *("BringCube", "panda", "pybullet", "offline", "urdf", "vlmgineer", "quick", 5)
-    ]
+    ] == [*("BringCube", "panda", sim, "offline", "urdf", "vlmgineer", "quick", 5)]
     assert set(result["best"]) == {
         "reward",
         "margin",

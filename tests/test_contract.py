@@ -6,14 +6,17 @@ import pytest
 
 from tests.contract import current, kinds, stored, unnamed
 
+needs_pybullet = pytest.mark.skipif(
+    importlib.util.find_spec("pybullet") is None, reason="needs PyBullet"
+)
 
+
+@needs_pybullet
 def test_what_is_new_is_in_the_list():
     assert not current() - stored() - kinds(), "python -m tests.contract"
 
 
-@pytest.mark.skipif(
-    importlib.util.find_spec("pybullet") is None, reason="needs PyBullet"
-)
+@needs_pybullet
 def test_what_is_gone_has_a_line_in_the_changelog():
     assert not unnamed(stored() - current())
 

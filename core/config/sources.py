@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import sys
 from contextlib import suppress
-from functools import cache
 from typing import Any
 
 from hydra._internal.core_plugins.importlib_resources_config_source import (
@@ -22,7 +20,9 @@ from core.config.folders import new_folder, notes_folder, task_folder
 from core.errors import UserError
 from core.plugins import KINDS, installed
 from core.plugins.registry import settings_of
-from core.support.cli import say
+
+_stand_ins: dict[tuple[str, str], str] = {}
+"""Why a part was chosen in place of the usual one, by its kind and name."""
 
 
 class PluginConfigs(SearchPathPlugin):  # type: ignore[misc]  # hydra has no types
@@ -131,10 +131,7 @@ def defaults(kind: str, name: str) -> dict[str, Any]:
 
 
 def first_usable(kind: str, *names: str) -> str:
-    """Return the first of several parts that can be imported here; the first of all where none can.
-
-    Standard error says once why it is not the first of all.
-    """
+    """Return the first of several parts that can be imported here; the first of all where none can."""
     missing: list[UserError] = []
     for name in names:
         try:
@@ -144,15 +141,16 @@ def first_usable(kind: str, *names: str) -> str:
             continue
 
         if missing:
-            _say_once(f"{kind}={name}, since {missing[0]}")
+            _stand_ins[kind, name] = str(missing[0])
         return name
 
     return names[0]
 
 
-@cache
-def _say_once(line: str) -> None:
-    say(line, file=sys.stderr)
+def explain_stand_in(kind: str, name: str) -> str:
+    """Say why a part was chosen in place of the usual one (`first_usable`); empty: it was not."""
+    reason = _stand_ins.get((kind, name))
+    return f"{kind}={name}, since {reason}" if reason else ""
 
 
 def register() -> None:

@@ -12,9 +12,10 @@ from omegaconf import DictConfig
 from core.config.gate import note_typed, take_stored
 from core.config.own_copies import keep_inputs
 from core.config.resume import changed, refuse_other_run
+from core.config.sources import explain_stand_in
 from core.errors import RAISED, UserError, fault
 from core.events import INTERRUPTED, Result
-from core.plugins import installed
+from core.plugins import SIMULATOR, installed
 from core.plugins.blame import describe_failure
 from core.search.elsewhere import check_engines, try_elsewhere
 from core.search.evolution import evolve
@@ -94,6 +95,9 @@ def run(
         search.events.register(listener)
     search.events.register(store, "store")
     hint = resume_hint(folder)
+    stand_in = explain_stand_in(str(SIMULATOR), cfg.sim.name)
+    if stand_in:
+        say(stand_in, file=sys.stderr)
 
     try:
         with resumable(hint):

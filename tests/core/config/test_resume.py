@@ -38,7 +38,7 @@ def test_what_has_no_effect_on_the_past_may_change(began):
     ("word", "reason"),
     [
         ("seed=6", "another seed; choose another folder"),
-        ("sim=mujoco", "another sim.name; choose another folder"),
+        ("sim=sapien", "another sim.name; choose another folder"),
         ("vlm=replay", "another vlm.name; choose another folder"),
         ("budget.k_top=9", "another budget.k_top; choose another folder"),
         ("budget.n_iteration=1", "can only be raised; it is 2"),
