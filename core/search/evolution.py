@@ -15,6 +15,7 @@ from core.events import INTERRUPTED, Generation, Result
 from core.interfaces import Budget, EvolutionStrategy, Robot
 from core.plugins import describe_part, installed
 from core.search.finalists import Race, evaluate_in_race
+from core.support.interrupts import allow_writing
 from core.support.text import shorten
 from core.trial import Evaluation, count_rollouts
 from core.values.efforts import HOLDS
@@ -84,6 +85,7 @@ def evolve(
                 break
         stopped = candidates.limit
     except KeyboardInterrupt:  # the caller finds it in the result
+        allow_writing()
         stopped = INTERRUPTED
 
     cut_short = _make_generation(generations, tried, tie)

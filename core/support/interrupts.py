@@ -23,6 +23,8 @@ from core.support.scratch import remove_scratch
 
 GRACE_S = 2.0
 """A command may take so long to clean up after a signal."""
+WRITE_S = 20.0
+"""A run that has taken an interrupt may take so long to write what it came to, on a machine that is busy."""
 _AGAIN_S = 0.02  # until an interrupt that was lost is raised again
 _LAST_WORDS_S = 0.3
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
@@ -42,6 +44,7 @@ class Interrupts:
 
     def __init__(self, end: Callable[[str], object]) -> None:
         self.first = math.inf
+        self.is_writing = False
         self._end = end
         self._was_lost = False
 
@@ -76,6 +79,8 @@ class Interrupts:
         while os.read(heard, 1)[0] not in _SIGNALS:
             pass
         time.sleep(GRACE_S)
+        if self.is_writing:
+            time.sleep(WRITE_S - GRACE_S)
         # Even if nobody reads what is printed.
         threading.Timer(_LAST_WORDS_S, _exit, (130,)).start()
         self._end(describe_interrupt())
@@ -97,6 +102,13 @@ def check_interrupt() -> None:
     handler = signal.getsignal(signal.SIGINT)
     if isinstance(handler, Interrupts) and handler.first < math.inf:
         raise KeyboardInterrupt
+
+
+def allow_writing() -> None:
+    """Give the process `WRITE_S` to write what it came to: the interrupt has arrived where that is done."""
+    handler = signal.getsignal(signal.SIGINT)
+    if isinstance(handler, Interrupts):
+        handler.is_writing = True
 
 
 def was_interrupted() -> bool:

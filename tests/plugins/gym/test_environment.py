@@ -55,8 +55,7 @@ def test_tasks_of_other_distributions_have_a_namespace_of_their_own(monkeypatch)
     }
 
 
-@pytest.mark.filterwarnings("error")
-@pytest.mark.filterwarnings("ignore:Setting the shape:DeprecationWarning")
+@pytest.mark.filterwarnings("error", "ignore:Setting the shape:DeprecationWarning")
 @pytest.mark.parametrize("name", rare([*SOLVED, *HARD], SOLVED[0], HARD[0]))
 def test_gymnasiums_checker_passes(name):
     task = name.split("/")[1]
