@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from core.interfaces import Budget, RolloutSettings, Simulator, Task, ToolRepresentation
-from core.trial import TIE, Evaluation, Rewards, Tally, Trial, best_first
+from core.trial import TIE, Evaluation, Making, Rewards, Tally, Trial, best_first
 from core.values.efforts import Effort, Held
 
 INTERRUPTED = "interrupted"
@@ -88,6 +88,8 @@ class Result:
     of those that earn alike by more trials, in which finalists earned ``finals``, by their id and engine; ``held`` says
     in how many layouts more the winner held, and ``perturbed`` what came of it with tool and bodies perturbed.
     ``effort`` is the best's in the unseen trials, and ``elsewhere`` its trial in a second engine, if there is one.
+    ``making`` says whether the best's tool can be made; where it can't, ``makeable`` is the best whose tool can, as far
+    as was looked.
     """
 
     generations: tuple[Generation, ...]
@@ -102,6 +104,8 @@ class Result:
     perturbed: Tally = field(default_factory=Tally)
     effort: Effort | None = None
     elsewhere: Trial | None = None
+    making: Making | None = None
+    makeable: Evaluation | None = None
 
     @cached_property
     def evaluations(self) -> tuple[Evaluation, ...]:

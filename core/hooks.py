@@ -150,8 +150,9 @@ class Configs(Protocol):
         """Offer kinds of goals for scene files, which have ``keys`` (`core.goals.Goal`): each is a class."""
 
     @hookspec
-    def remarks(self) -> Factories:
-        """Say something of a run's best for its last line, in a few words: called with `Run` and best `Candidate`."""
+    def makers(self) -> Factories:
+        """Judge whether a tool can be made: called with a `Run`, a `Condition` and an `Evaluation` of a design tried in
+        it. Returns a `core.trial.Making`, or None where there is nothing to make."""
 
     @hookspec
     def config_path(self) -> str:

@@ -81,6 +81,21 @@ class Examiner(Protocol):
         """Return a trial that was played, with what is found out beside it."""
 
 
+@dataclass(frozen=True)
+class Making:
+    """Whether a design's tool can be made.
+
+    Attributes:
+        possible: whether it can; None: it is not known.
+        words: in how many pieces and hours, or else why not.
+        problem: why not, alone; empty: it can.
+    """
+
+    possible: bool | None
+    words: str
+    problem: str = ""
+
+
 class Where(NamedTuple):
     """What distinguishes the trials of a candidate; it is stored with each."""
 

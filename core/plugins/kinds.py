@@ -140,7 +140,7 @@ HOOKS = {
     "menders": "mender",
     "exports": "export",
     "goals": "goal",
-    "remarks": "remark",
+    "makers": "maker",
 }
 """What each hook of `core.hooks` offers."""
 

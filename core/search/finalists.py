@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 from core.design import Candidate
 from core.events import Result
 from core.interfaces import Fitness
+from core.search.makers import Judge
 from core.search.trials import Trials, make_score
 from core.support.progress_display import busy
 from core.trial import (
@@ -72,6 +73,7 @@ class Race:
         trials: the scheduler.
         tie: the difference that counts as none.
         width: how many trials there are in an engine at once.
+        judge: says whose tools can be made; None: that does not count.
         tell: hears of each runner that was tried.
         spent: rollouts, with those that were known.
     """
@@ -81,6 +83,7 @@ class Race:
     trials: Trials
     tie: float
     width: int = WIDTH
+    judge: Judge | None = None
     tell: Callable[[Evaluation], None] = lambda runner: None
     spent: int = 0
 
@@ -248,7 +251,7 @@ class Race:
         """
         proven = self._find_proven(alike)
         if proven:
-            return best_first(proven, self.tie)[0]
+            return self._put_first(best_first(proven, self.tie))[0]
 
         ranking = best_first(alike, self.tie)
         if len(ranking) == 1:
@@ -265,6 +268,55 @@ class Race:
             self._try_in([leader, other], range(number, min(number + step, last)))
 
         return _pick_of_two(leader, other, self.tie)
+
+    def _put_first(self, alike: Sequence[Evaluation]) -> list[Evaluation]:
+        """Put the lightest tool first that can be made, and the others behind it, lighter ones before; see `judge`."""
+        if self.judge is None or not self.judge.decides:
+            return list(alike)
+
+        lightest = sorted(alike, key=_weigh)
+        first = self.judge.find_first(lightest)
+        if first is None:
+            return list(alike)
+
+        return [first, *(runner for runner in lightest if runner is not first)]
+
+    def _choose_alike(self, alike: Sequence[Evaluation], rollouts: int) -> Evaluation:
+        """Choose the winner of those that earn alike. Where its tool can't be made, one that holds alike may do.
+
+        Args:
+            alike: the best first.
+            rollouts: for the whole choice.
+        """
+        began = self.spent
+        left = list(alike)
+        found = list[Evaluation]()
+
+        while left and self.spent < began + CHOSEN * rollouts:
+            left = self._put_first(left)
+            if len(left) > 1:
+                self.compare(left, began + RACED * rollouts - self.spent, MOST)
+
+            winner = self.decide(left, began + CHOSEN * rollouts)
+            if found and not _holds_alike(winner, found[0], self.tie):
+                break
+
+            found.append(winner)
+            if self.judge is None or not self.judge.decides:
+                break
+            making = self.judge.judge(winner)
+            if making is None or making.possible is not False:
+                return winner
+
+            left = [
+                runner
+                for runner in left
+                if runner.candidate.tool != winner.candidate.tool
+            ]
+            if self.judge.find_first(left) is None:
+                break
+
+        return found[0]
 
     def _find_proven(self, alike: Sequence[Evaluation]) -> list[Evaluation]:
         """Return those that were tried in as many layouts as any, and lost no more than anyone: none can be better."""
@@ -320,10 +372,7 @@ class Race:
                 step.what = f"{_BUSY}: {spent - began} of {rollouts} rollouts"
 
             self._say = say
-            if len(alike) > 1:
-                self.compare(alike, RACED * rollouts, MOST)
-
-            winner = self.decide(alike, began + CHOSEN * rollouts)
+            winner = self._choose_alike(alike, rollouts)
             held = self.hold(winner, end - PERTURBED * rollouts)
 
         finals = {
@@ -341,6 +390,18 @@ class Race:
         return replace(
             result, winner=winner, finals=finals, held=held, perturbed=runner.finals
         )
+
+
+def _holds_alike(runner: Evaluation, other: Evaluation, tie: float) -> bool:
+    """Report whether a runner assures and earned no less than another one."""
+    assured = other.assured - runner.assured
+    return assured <= tie and other.mean - runner.mean <= tie
+
+
+def _weigh(runner: Evaluation) -> float:
+    """Return the mass of a runner's tool, kg; 0 where the user named another figure that decides."""
+    tool = runner.candidate.tool
+    return 0.0 if tool is None or runner.score.cost is not None else tool.mass
 
 
 def _pick_of_two(leader: Evaluation, other: Evaluation, tie: float) -> Evaluation:
@@ -462,7 +523,20 @@ def choose_winner(result: Result, race: Race, seconds: float) -> Result:
     tried = try_unseen(winner.candidate, fitness, race.trials)
     effort = replace(winner, trials=tried).effort
     unseen = fitness.rewards(tried)
-    return replace(result, unseen=unseen, unseen_trials=tried, effort=effort)
+    result = replace(result, unseen=unseen, unseen_trials=tried, effort=effort)
+    return result if race.judge is None else note_making(result, race.judge)
+
+
+def note_making(result: Result, judge: Judge) -> Result:
+    """Return the result with whether the winner's tool can be made, and where it can't, which candidate's can."""
+    winner = result.best
+    assert winner is not None
+    making = judge.judge(winner)
+    makeable = None
+    if judge.decides and making is not None and making.possible is False:
+        makeable = judge.find_first(result.ranking)
+
+    return replace(result, making=making, makeable=makeable)
 
 
 def try_unseen(

@@ -20,6 +20,7 @@ from core.plugins.blame import describe_failure
 from core.search.elsewhere import check_engines, try_elsewhere
 from core.search.evolution import evolve
 from core.search.finalists import Race, choose_winner, rollouts_in
+from core.search.makers import Judge
 from core.search.outcome import Announcer, print_best, report_end, resume_hint
 from core.search.patience import run_patiently
 from core.search.setup import Search, build_search
@@ -126,6 +127,10 @@ def run_search(search: Search, store: RunStore) -> Result:
     events = search.events
     events.hook.run_started(run=run)
 
+    judge = None
+    if run.budget.final_s > 0:
+        judge = Judge(run, search.fitness.conditions())
+
     with search.executor:
         trials = Trials(search.executor, store.keep_trial, store.past.trials)
         race = Race(
@@ -133,6 +138,7 @@ def run_search(search: Search, store: RunStore) -> Result:
             search.fitness,
             trials,
             search.strategy.tie,
+            judge=judge,
             tell=lambda runner: events.hook.finalist_tried(evaluation=runner),
         )
         result = evolve(

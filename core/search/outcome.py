@@ -13,8 +13,9 @@ from core.hooks import hookimpl
 from core.store.rows import Best
 from core.store.run_figures import best_figures
 from core.support.cli import say
-from core.support.text import number
+from core.support.text import clean, number
 
+_LONGEST = 300  # letters of why a tool can't be made
 DIFFERENT = 0.1  # between the rewards of two engines: the user is told at once
 
 
@@ -40,6 +41,7 @@ def print_best(best: Best, folder: Path) -> None:
     if best.reason:
         figures[0] += f" ({best.reason})"
     figures += _doubt_engine(best)
+    figures += _doubt_making(best)
     if best.distance_m is not None:  # of joined plans it is not known
         figures.append(f"distance {best.distance_m:.2f} m")
 
@@ -58,6 +60,17 @@ def _doubt_engine(best: Best) -> Iterator[str]:
         "" if other.here == best.reward else f" where it earned {number(other.here, 3)}"
     )
     yield f"but {there} in {other.engine}{here}"
+
+
+def _doubt_making(best: Best) -> Iterator[str]:
+    """Say why the tool of the best candidate can't be made, if so, and which candidate's can."""
+    making = best.making
+    if making is None or making.possible is not False:
+        return
+
+    problem = clean(making.problem, _LONGEST)
+    other = f"; {best.makeable} can" if best.makeable else ""
+    yield f"but it can't be built ({problem}{other})"
 
 
 def report_end(result: Result, folder: Path) -> None:

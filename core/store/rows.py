@@ -25,6 +25,7 @@ from core.interfaces import OF_DESIGNS, Purpose, Reply
 from core.support.inputs import check
 from core.trial import (
     Evaluation,
+    Making,
     Score,
     Status,
     Tally,
@@ -90,7 +91,8 @@ class Best:
 
     ``solved`` says whether all trials of the search were. ``margin`` is the least; ``reason`` says why it earns
     nothing; ``torque`` is that of the joint that used most of its own. ``measured`` are the means of its figures
-    (`core.trial.Figure`), as far as they are known.
+    (`core.trial.Figure`), as far as they are known. ``making`` says whether its tool can be made, and ``makeable`` is
+    the id of the best candidate whose tool can, where that is another.
     """
 
     reward: Reward
@@ -102,6 +104,8 @@ class Best:
     torque: TorqueShare | None = None
     elsewhere: ElsewhereFigures | None = None
     measured: dict[Id, Number] = field(default_factory=dict)
+    making: Making | None = None
+    makeable: Id | None = None
 
     @property
     def distance_m(self) -> float | None:

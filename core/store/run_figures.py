@@ -72,6 +72,8 @@ def best_figures(result: Result) -> Best | None:
         torque=best.hardest,
         elsewhere=elsewhere_figures(result),
         measured={name: value for name, value in means.items() if math.isfinite(value)},
+        making=result.making,
+        makeable=result.makeable.candidate.id if result.makeable else None,
     )
 
 

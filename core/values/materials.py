@@ -10,6 +10,9 @@ from core.geometry import Shape
 from core.values.harmless import Harmless
 from core.values.tools import Tool
 
+METAL_KG_M3 = 2000.0
+"""Metals are denser, plastics are not."""
+
 STEEL_PA = 200e9  # Young's modulus; hardly a material that tools are made of is stiffer
 
 
@@ -57,6 +60,11 @@ class Material:
                 raise UsageError(
                     f"material.{name} must be 0 or greater, and finite, got {value}"
                 )
+
+    @property
+    def is_metal(self) -> bool:
+        """Whether parts of it are milled, and not printed."""
+        return (self.density_kg_m3 or 0.0) >= METAL_KG_M3
 
     @property
     def filling(self) -> str:

@@ -50,5 +50,5 @@ def exports() -> Factories:
 
 
 @hookimpl
-def remarks() -> Factories:
-    return {"printable": "plugins.results.workshop.remark:say_printable"}
+def makers() -> Factories:
+    return {"workshop": "plugins.results.workshop.maker:judge_design"}

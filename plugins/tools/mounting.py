@@ -15,6 +15,7 @@ from core.robot.extents import fingers_of
 from core.support.templates import fill
 from core.support.text import short_number
 from core.values.materials import Material
+from core.values.printers import Printer
 from plugins.tools import joint_rules
 
 
@@ -50,7 +51,7 @@ def instruct(template: str, brief: Brief, material: Material, **given: Any) -> s
     weight = ""
 
     if material.density_kg_m3 is not None:
-        weight = describe_weight(material, robot)
+        weight = describe_weight(material, robot, brief.representation.printer)
 
     return _write(
         template,
@@ -64,14 +65,19 @@ def instruct(template: str, brief: Brief, material: Material, **given: Any) -> s
     )
 
 
-def describe_weight(material: Material, robot: Robot) -> str:
-    """Write the part of a prompt that says what tools of a real material weigh, and what they may; a list item."""
+def describe_weight(material: Material, robot: Robot, printer: Printer) -> str:
+    """Write the part of a prompt that says what tools of a real material weigh and may weigh, and what a printer makes.
+
+    These are list items.
+    """
     return _write(
         "weight",
         material=material,
         payload=statics.mass_limit(robot, material)[0],
         moment=statics.moment_limit(robot),
         gravity=statics.GRAVITY,
+        printer=printer,
+        plate=" x ".join(f"{side:g}" for side in printer.plate_mm),
     )
 
 

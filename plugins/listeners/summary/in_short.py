@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from core.goals import reaches
-from core.plugins import installed
 from core.support.text import clean, number
 from core.trial import NOTHING
 from plugins.listeners.summary.elsewhere import describe_elsewhere
@@ -16,14 +15,14 @@ if TYPE_CHECKING:
     from core.interfaces import Evaluation
 
 LONGEST = 60  # letters of a tool's name
-REMARK = 2000  # letters of what a plugin says, with the words to type at its end
+REMARK = 2000  # letters of whether it can be made
 
 
 def tell_in_short(run: Run, result: Result) -> Iterator[str]:
-    """Say which tool did what, what that earned here and in another engine, and what plugins remark.
+    """Say which tool did what, what that earned here and in another engine, and whether it can be made.
 
-    For example: "in short: J hook of 45 g solves the task, to bring cube to its place: reward 0.995; in mujoco it earns
-    0.977; printable in pla: yes".
+    For example: "in short: J hook of 273 g solves the task, to bring cube to its place: reward 0.995; in mujoco it
+    earns 0.977; printable: yes, in 3 pieces, about 13 hours, 273 g of pla".
 
     Args:
         run: whose task has goals.
@@ -41,10 +40,8 @@ def tell_in_short(run: Run, result: Result) -> Iterator[str]:
     if result.elsewhere is not None:
         parts.append(describe_elsewhere(result.elsewhere))
 
-    for remark in installed().factories("remark").values():
-        said = remark(run, best.candidate)
-        if said:
-            parts.append(clean(said, REMARK))
+    if result.making is not None:
+        parts.append(clean(result.making.words, REMARK))
 
     yield "; ".join(parts)
 

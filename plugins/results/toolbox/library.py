@@ -25,7 +25,7 @@ from core.support.files import writing
 from plugins.results.artifacts import save_design
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.toolbox.held_tools import Cell, HeldTool
-from plugins.results.workshop.remark import describe_printing
+from plugins.results.workshop.maker import judge_tool
 
 
 def keep_tool(run: FinishedRun, held: HeldTool, library: Path) -> Path:
@@ -36,8 +36,11 @@ def keep_tool(run: FinishedRun, held: HeldTool, library: Path) -> Path:
     """
     folder = library / held.name
     representation = held.representation
-    printable = describe_printing(
-        held.tool, representation.robot, representation.material
+    making = judge_tool(
+        held.tool,
+        representation.robot,
+        representation.material,
+        representation.printer,
     )
     # Of other candidates than the run's best it was not measured.
     is_best = held.candidate.id == run.best.candidate
@@ -45,7 +48,7 @@ def keep_tool(run: FinishedRun, held: HeldTool, library: Path) -> Path:
         tool=held.tool.name,
         earned={task: cell.reward for task, cell in held.earned.items()},
         unseen=run.figures.unseen.mean if run.figures.unseen and is_best else None,
-        printable=printable or "",
+        printable=making.words if making else "",
         run=str(run.folder),
         config={kind: held.config[kind] for kind in KEPT_SETTINGS},
     )

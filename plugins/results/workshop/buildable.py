@@ -16,7 +16,7 @@ from core.plugins import FITNESS
 from core.support.text import number
 from core.values.materials import PAPER
 from core.values.printers import MK4, Printer
-from plugins.results.workshop.examination import EXPORTED, Examination
+from plugins.results.workshop.examination import EXPORTED, MARGIN_M, Examination
 from plugins.results.workshop.texts import filled
 from plugins.results.workshop.verdicts import BENT, SAFETY, tolerance
 
@@ -51,7 +51,7 @@ class Buildable(Fitness):
         material: Material = PAPER,
         printer: Printer = MK4,
         safety: float = SAFETY,
-        margin_m: float = 0.005,
+        margin_m: float = MARGIN_M,
     ) -> None:
         (inner,) = read_parts(FITNESS, [of]).values()
         if inner.name == NAME:

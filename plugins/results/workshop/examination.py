@@ -27,7 +27,10 @@ from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.stage import Stage
 from plugins.results.workshop.strength import measured
 from plugins.results.workshop.tool import PrintedTool, make_tool
-from plugins.results.workshop.verdicts import carried, strong
+from plugins.results.workshop.verdicts import SAFETY, carried, strong
+
+MARGIN_M = 0.005
+"""The least distance of the arm from itself and from what is fixed."""
 
 PROBLEM = "not buildable: "
 """How it begins what speaks against a design."""
@@ -52,8 +55,8 @@ class Examination:
 
     material: Material
     printer: Printer
-    safety: float
-    margin_m: float
+    safety: float = SAFETY
+    margin_m: float = MARGIN_M
     plays: bool = True
 
     def refuse(self, condition: Condition, candidate: Candidate) -> str | None:

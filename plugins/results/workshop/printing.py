@@ -29,7 +29,6 @@ from plugins.results.workshop.solid import (
 )
 
 PLA_G_PER_CM3 = 1.24  # density of polylactide, data sheets of filaments
-METAL_KG_M3 = 2000.0  # metals are denser, plastics are not
 
 OVERLAP = "let components overlap by more than a wall"
 THICKEN = "thicken the thinnest component"
@@ -150,7 +149,7 @@ def print_part(
         *known,
         Check("walls", wall >= least, walls, THICKEN, name),
     ]
-    if not is_metal(material):
+    if not material.is_metal:
         checks += check_lying(lying, printer, name, too_large)
 
     metres = Mesh(np.asarray(lying.mesh.vertices) / 1000, np.asarray(lying.mesh.faces))
@@ -189,11 +188,6 @@ def check_lying(
         Check("fits the plate", lying.fits, found, too_large or LARGER, name),
         Check("lies", True if lying.firm else None, f"{stands}; {leans}", "", name),
     ]
-
-
-def is_metal(material: Material) -> bool:
-    """Say whether parts of a material are milled, and not printed."""
-    return (material.density_kg_m3 or 0.0) >= METAL_KG_M3
 
 
 def joined(

@@ -27,7 +27,7 @@ from plugins.results.pages.page import (
 from plugins.results.workshop.assembly import draw_apart, picture
 from plugins.results.workshop.clearance import payload
 from plugins.results.workshop.joints import Joint
-from plugins.results.workshop.printing import Check, PrintedPart, is_metal
+from plugins.results.workshop.printing import Check, PrintedPart
 from plugins.results.workshop.strength import Strength
 from plugins.results.workshop.tool import PrintedTool
 from plugins.results.workshop.verdicts import carried, strong
@@ -77,7 +77,7 @@ def figures(
         "least_safety": min(factors, default=None),
         "verdicts": [verdict._asdict() for verdict in verdicts],
         "ready": all(verdict.passed is not False for verdict in verdicts),
-        "how": HOW.format("" if is_metal(material) else "layers, "),
+        "how": HOW.format("" if material.is_metal else "layers, "),
     }
 
 

@@ -23,7 +23,6 @@ from plugins.results.workshop.printing import (
     PLA_G_PER_CM3,
     Check,
     PrintedPart,
-    is_metal,
 )
 from plugins.results.workshop.texts import filled
 
@@ -246,7 +245,7 @@ def ask_slicer(
         printer: whose plates and profile count.
         material: of the parts; metal is not sliced.
     """
-    if not parts or is_metal(material):
+    if not parts or material.is_metal:
         return {}, []
     if slicer is None:
         return {}, [Check("sliced", None, UNASKED)]

@@ -28,7 +28,6 @@ from plugins.results.workshop.printing import (
     Check,
     PrintedPart,
     grams,
-    is_metal,
     print_part,
     to_stl,
 )
@@ -119,7 +118,7 @@ def make_tool(
     Raises:
         UserError: the robot's flange can't be fitted.
     """
-    if is_metal(material):
+    if material.is_metal:
         fit = replace(fit, insert_mm=CORE_MM)
 
     links = links_of(tool)
@@ -156,7 +155,7 @@ def make_tool(
     if parts:
         printed = grams(parts) + sum(joint.mass_g for joint in joints)
         simulated = 1000 * mounted.mass
-        how = "milled" if is_metal(material) else "printed"
+        how = "milled" if material.is_metal else "printed"
         weighs = f"{how} it weighs {printed:.0f} g, in simulation {simulated:.0f} g"
         same = abs(printed - simulated) <= SAME_WEIGHT * printed
         mend = "thicken what is thin: there the walls weigh more than the rest"
@@ -192,7 +191,7 @@ def _print_all(
     cut = []
     for body in fitted:
         members = [components[name] for name in body.link.names]
-        if is_metal(material):
+        if material.is_metal:
             cut.append(Pieces((body.mount.solid,)))
         else:
             cut.append(
@@ -271,7 +270,7 @@ def write_tool(
     mend = "write them again; if it stays, thicken what is thinner than a nozzle"
     same = Check("files read back", most <= SAME_FILE, differ, mend)
 
-    if not is_metal(printed_tool.material):
+    if not printed_tool.material.is_metal:
         plates = arrange(printed_tool.parts, printer)
         write_bytes(folder / "tool.3mf", to_3mf(plates, printer))
         for number, plate in enumerate(plates, 1):

@@ -15,6 +15,7 @@ from core.geometry import Box, Pose
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.values.materials import PAPER, Material
+from core.values.printers import MK4
 from plugins.tools.mounting import describe_weight
 from plugins.trying.prompt import PromptConfig, compose
 from tests.core.designs.test_rules import box, rigid
@@ -110,7 +111,11 @@ def test_paper_knows_no_moment_and_a_material_no_limits_of_mass_and_density():
 
 def test_the_prompt_says_what_tools_weigh_and_may():
     text = " ".join(
-        describe_weight(replace(SOLID, infill=0.2, wall_mm=1.2), PANDA).split()
+        describe_weight(replace(SOLID, infill=0.2, wall_mm=1.2), PANDA, MK4).split()
     )
     assert "solid, 1240 kg/m^3, walls of 1.2 mm, filled to 20% inside" in text
     assert "The tool may weigh 3 kg, and turn the wrist with 12 N m" in text
+    assert "printed on a plate of 250 x 210 x 220 mm" in text
+    assert "thinner than 0.8 mm" in text
+    metal = describe_weight(replace(SOLID, density_kg_m3=2700.0), PANDA, MK4)
+    assert "plate" not in metal

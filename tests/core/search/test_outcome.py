@@ -10,7 +10,7 @@ from core.search.orchestration import run
 from core.search.outcome import print_best
 from core.simulation.play import play
 from core.store.rows import Best, ElsewhereFigures
-from core.trial import best_first
+from core.trial import Making, best_first
 from plugins.conformance.evaluations import tried_once
 from tests.core.test_design import ok
 
@@ -31,6 +31,30 @@ def test_the_first_line_has_a_second_engine_that_differs_by_more_than_a_tenth(
     other = ElsewhereFigures("sapien", there, here)
     print_best(Best(1.0, 0, "g0-a0-s0-p0", elsewhere=other), tmp_path)
     assert capsys.readouterr().out.startswith(first)
+
+
+@pytest.mark.parametrize(
+    ("making", "makeable", "said"),
+    [
+        (
+            Making(False, "printable: no (it is a loop)", "it is a loop"),
+            "g0-a1-s0-p0",
+            ", but it can't be built (it is a loop; g0-a1-s0-p0 can), ",
+        ),
+        (
+            Making(False, "printable: no (it is a loop)", "it is a loop"),
+            None,
+            ", but it can't be built (it is a loop), ",
+        ),
+        (Making(True, "printable: yes"), None, "1.000, candidate "),
+        (Making(None, "printable: not known"), None, "1.000, candidate "),
+    ],
+)
+def test_the_first_line_says_why_the_winner_can_not_be_made_and_which_can(
+    making, makeable, said, tmp_path, capsys
+):
+    print_best(Best(1.0, 0, "g0-a0-s0-p0", making=making, makeable=makeable), tmp_path)
+    assert said in capsys.readouterr().out.splitlines()[0]
 
 
 WORDS = (

@@ -145,7 +145,7 @@ def test_the_prompt_names_the_constraints():
     )
     for said in (
         "2 times in each of the engines",
-        "no wall thinner than 0.8 mm. It fits into 250 x 210 x 220 mm",
+        "no wall thinner than 0.8 mm. Its pieces fit into 250 x 210 x 220 mm",
         "at most 3 kg, and 12 N m about the mount",
         "pla bears 26 MPa",
         "the arm keeps 5 mm from itself and from all that is fixed",

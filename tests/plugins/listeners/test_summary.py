@@ -17,7 +17,7 @@ from core.plugins import event_hub, installed
 from core.scene import Margin
 from core.search.orchestration import run, run_and_print
 from core.support.text import hydra_word
-from core.trial import Evaluation, Tally, Trial, Where
+from core.trial import Evaluation, Making, Tally, Trial, Where
 from plugins.conformance.evaluations import tried_once
 from plugins.new.new_command import write_scene
 from plugins.trying import evaluate
@@ -29,7 +29,14 @@ TESTS = Path(__file__).parents[2]
 
 
 def summary(
-    capsys, *rewards, replies=(), name="hook", trials=({},), changes=(), **settings
+    capsys,
+    *rewards,
+    replies=(),
+    name="hook",
+    trials=({},),
+    changes=(),
+    making=None,
+    **settings,
 ):
     """What is printed of a run with these rewards by generation; ``trials`` are further fields of each trial.
 
@@ -85,7 +92,9 @@ def summary(
         None,
         None,
     )
-    events.hook.run_finished(run=run, result=Result(tuple(generations), 1.0))
+    events.hook.run_finished(
+        run=run, result=Result(tuple(generations), 1.0, making=making)
+    )
     return capsys.readouterr().err
 
 
@@ -358,11 +367,12 @@ def test_the_reward_above_is_that_of_the_command(kind, tmp_path, monkeypatch, ca
 
 
 def test_the_last_line_says_in_short_what_was_found(capsys):
-    short = summary(capsys, [0.995]).splitlines()[-1]
+    making = Making(True, "printable: yes, in 2 pieces, about 5 hours, 112 g of pla")
+    short = summary(capsys, [0.995], making=making).splitlines()[-1]
     assert short.startswith(
         "in short: hook of 10 g solves the task, to bring cube to its place"
     )
-    assert ": reward 0.995; printable in pla: yes" in short
+    assert short.endswith(f": reward 0.995; {making.words}")
 
     half = summary(capsys, [0.4]).splitlines()[-1]
     assert "hook of 10 g solves the task in part" in half

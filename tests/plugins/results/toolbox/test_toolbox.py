@@ -119,7 +119,7 @@ def test_a_library_keeps_tools_and_stands_in_the_place_of_runs(folders, tmp_path
         {"BringCube": 0.95},
         {"HighObject": 0.92},
     ]
-    assert kept[0]["printable"].startswith("printable in pla: ")
+    assert kept[0]["printable"].startswith("printable: ")
     hook_held, low_held = read_library(library)
     (from_run, _) = find_tools(find_runs([folders])[0], top=1)
     assert hook_held.tool.content == from_run.tool.content

@@ -1,0 +1,113 @@
+"""Say whether the tool of a design can be made and bears what it has to, in how many pieces and hours, or why not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from core.config.compose import load, node
+from core.design import DesignError, Tool
+from core.designs.stiffness import find_weakness
+from core.errors import UserError
+from core.events import Run
+from core.interfaces import Condition, Material, Printer, Robot
+from core.support.text import count_words
+from core.trial import Evaluation, Making
+from core.values.materials import PAPER
+from plugins.results.workshop.examination import (
+    PROBLEM,
+    Examination,
+    find_problem,
+    print_tool,
+)
+from plugins.results.workshop.life_size import to_life
+from plugins.results.workshop.printing import PLA_G_PER_CM3
+from plugins.results.workshop.tool import PrintedTool
+
+DEFAULT = "pla"
+"""What a tool is taken to be printed in if its run weighs tools as the paper does."""
+
+PRINT_MM3_S = 5.0
+"""What a printer lays down: sixteen tools took 4.4 to 5.4 by PrusaSlicer, with changes of layers and supports."""
+
+
+def judge_design(run: Run, condition: Condition, tried: Evaluation) -> Making | None:
+    """Say whether the tool of a design can be made; None: it has no parts.
+
+    Its motion is played once more, with forces: it must not break, nor bend by more than the task allows. Of a run with
+    the material ``paper`` it is PLA that is looked at, and only whether that is stiff.
+
+    Args:
+        run: whose material and printer count.
+        condition: where the design was tried.
+        tried: the design, with what came of it.
+    """
+    tool = tried.candidate.tool
+    representation = run.representation
+    if tool is None:
+        return None
+
+    making = judge_tool(
+        tool, run.task.robot, representation.material, representation.printer
+    )
+    if making is None or not making.possible or tried.shown is None:
+        return making
+
+    material = representation.material
+    if material.density_kg_m3 is None:
+        return making
+
+    examination = Examination(material, representation.printer)
+    try:
+        seen = examination.examine(condition, tried.candidate, tried.shown)
+    except UserError as error:  # the engine says nothing of forces
+        return replace(
+            making, words=f"{making.words}; its strength is not known: {error}"
+        )
+
+    for objection in seen.objections:
+        return _refuse(material, objection.removeprefix(PROBLEM))
+    return making
+
+
+def judge_tool(
+    tool: Tool, robot: Robot, material: Material, printer: Printer
+) -> Making | None:
+    """Say of a tool what `judge_design` says, but what its motion does to it."""
+    if not tool.components:
+        return None
+
+    if material.name == PAPER.name:
+        material = node(load("evaluate", [f"material={DEFAULT}"]).material, Material)
+
+    larger = robot.enlarged
+    tool = to_life(robot).tool(tool)
+    robot = robot.life_size
+    problem = find_problem(tool, robot, material, printer)
+    if problem is not None:
+        return _refuse(material, str(problem))
+    try:
+        weakness = find_weakness(tool, robot, material, larger)
+    except DesignError as error:
+        return _refuse(material, str(error))
+    if weakness is not None:
+        return _refuse(material, str(weakness))
+
+    return Making(True, _describe(print_tool(tool, robot, material, printer)))
+
+
+def _refuse(material: Material, why: str) -> Making:
+    how = "to be milled" if material.is_metal else "printable"
+    return Making(False, f"{how}: no ({why})", why)
+
+
+def _describe(printed: PrintedTool) -> str:
+    """Say in how many pieces a tool comes, how long printing takes, and how much it weighs."""
+    pieces = count_words(len(printed.parts), "piece")
+    weighs = f"{printed.mass_g:.0f} g of {printed.material.name}"
+    if printed.material.is_metal:
+        return f"to be milled: yes, in {pieces}, {weighs}"
+
+    grams_h = PRINT_MM3_S * 3.6 * PLA_G_PER_CM3
+    hours = math.ceil(printed.mass_g / grams_h)
+    return f"printable: yes, in {pieces}, about {count_words(hours, 'hour')}, {weighs}"
