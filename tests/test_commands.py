@@ -253,6 +253,8 @@ def test_the_result(tiny):
         "solved",
         "elsewhere",
         "torque",
+        "making",
+        "makeable",
     }
     assert 0 <= result["best"]["reward"] <= 1
     assert result["best"]["measured"]["distance_m"] >= 0

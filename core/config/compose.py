@@ -343,11 +343,13 @@ def tool_part(config: DictConfig) -> PluginPart[ToolRepresentation]:
     Raises:
         UserError: see `part`; or the material or the printer can't be used.
     """
+    material = _read_section(config, "material", Material)
+    printer = _read_section(config, "printer", Printer)
     return replace(
         part(TOOL, config.tool),
         robot=part(ROBOT, config.robot),
-        material=_read_section(config, "material", Material),
-        printer=_read_section(config, "printer", Printer),
+        material=material,
+        printer=printer,
     )
 
 

@@ -193,6 +193,8 @@ def test_result_and_generations(opened):
             "reason": "",
             "torque": None,
             "elsewhere": None,
+            "making": None,
+            "makeable": None,
             "measured": {"distance_m": 2.0},
         },
         "unseen": None,
