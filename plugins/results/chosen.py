@@ -7,13 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 from omegaconf import MISSING, DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 
-from core.config.compose import first_line, load
-from core.config.gate import take_stored
+from core.config.compose import load
 from core.config.schemas import PartConfig
 from core.designs.reading import load_designs, read_designs
 from core.errors import UsageError, UserError
@@ -25,17 +22,11 @@ from core.interfaces import (
     ToolRepresentation,
 )
 from core.plugins import SIMULATOR, installed
+from core.search.run_settings import stored_config, take_over, take_run
 from core.search.saved_designs import read_stored
 from core.store.reader import StoredRun
-from core.support.cli import key_of, read_path, say
+from core.support.cli import key_of, say
 from core.trial import TIE, Evaluation, best_first
-
-_SECTIONS = (
-    "rollout",
-    "material",
-    "printer",
-)  # settings that are taken over key by key
-_KINDS = ("task", "tool", "robot")
 
 
 @dataclass
@@ -135,7 +126,7 @@ def config_for(words: Sequence[str], name: str, schema: type, usage: str) -> Dic
     Raises:
         UserError: no designs are given, or the run's configuration can't be used here.
     """
-    run, left = _take_run(words)
+    run, left = take_run(words)
     cfg = load(name, left, schema)
     if OmegaConf.is_missing(cfg, "designs"):
         raise UsageError(f"no designs given; {usage}")
@@ -145,31 +136,9 @@ def config_for(words: Sequence[str], name: str, schema: type, usage: str) -> Dic
         cfg.sims = [name for name in cfg.sims if _is_usable(name)]
 
     if run is not None:
-        try:
-            _take_over(cfg, run, named)
-        except (KeyError, OmegaConfBaseException) as error:
-            raise UserError(
-                f"{cfg.designs}: its configuration can't be used here: {first_line(error)}"
-            ) from error
+        take_over(cfg, run, named)
 
     return cfg
-
-
-def _take_run(words: Sequence[str]) -> tuple[dict[str, Any] | None, list[str]]:
-    """Return the configuration of the run that words name as ``designs``, and the words that it does not hold.
-
-    Raises:
-        UserError: it has to be typed again (`core.config.gate`), or can't be read.
-    """
-    for word in words:
-        key, _, value = word.partition("=")
-        folder = read_path(value)
-        if key == "designs" and folder.is_dir():
-            chosen = set(map(key_of, words))
-            kinds = [kind for kind in _KINDS if kind not in chosen]
-            return take_stored(stored_config(folder), folder, words, kinds)
-
-    return None, list(words)
 
 
 def _is_usable(engine: str) -> bool:
@@ -181,34 +150,3 @@ def _is_usable(engine: str) -> bool:
         return False
 
     return True
-
-
-def _take_over(cfg: DictConfig, run: dict[str, Any], named: set[str]) -> None:
-    """Take over settings of a run into ``cfg``, but those that are ``named``, and what stands below such a one."""
-    if "seed" not in named:
-        cfg.seed = run["seed"]
-
-    for section in _SECTIONS:
-        for key, value in run.get(section, {}).items():
-            if not {section, f"{section}.{key}"} & named:
-                OmegaConf.update(cfg, f"{section}.{key}", value)
-
-    groups = {name.partition(".")[0] for name in named}
-    for kind in _KINDS:
-        if kind not in groups:
-            OmegaConf.update(cfg, kind, run[kind], merge=False, force_add=True)
-
-
-def stored_config(folder: Path) -> dict[str, Any]:
-    """Return the configuration of a run.
-
-    Raises:
-        UserError: the folder holds no run, or one that this version can't read.
-    """
-    config = StoredRun(folder).config()
-    if not config:
-        raise UserError(
-            f"{folder} holds a run that ended before it began; its store is empty"
-        )
-
-    return config

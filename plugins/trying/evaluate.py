@@ -1,5 +1,5 @@
 """``vlmgineer evaluate task=NAME designs=FILE [output=FILE.json]``: rewards of the designs in a file, without a
-model.
+model. With ``designs=RUN_FOLDER`` the best design of a run is tried as the run did.
 """
 
 from __future__ import annotations
@@ -19,20 +19,29 @@ from core.designs.reading import load_designs
 from core.errors import UsageError, UserError
 from core.interfaces import Task
 from core.plugins import installed
+from core.search.run_settings import KINDS, take_over, take_run
 from core.search.saved_designs import build_fitness, read_candidates, try_all
 from core.simulation.checking import find_problems
 from core.simulation.measuring import figures
-from core.support.cli import arguments, print_table, say, write_bytes
+from core.support.cli import (
+    arguments,
+    key_of,
+    print_table,
+    read_path,
+    say,
+    write_bytes,
+)
 from core.support.text import by_reason, clean, number
 from core.trial import Evaluation, mean_figure
 from plugins.trying.filming import film_best
 
 USAGE = (
-    "usage: vlmgineer evaluate task=NAME designs=FILE [sim=NAME] [seed=N] [output=FILE.json] [film=true] "
-    "[KEY=VALUE ...]"
+    "usage: vlmgineer evaluate task=NAME designs=FILE | designs=RUN_FOLDER [sim=NAME] [seed=N] [output=FILE.json] "
+    "[film=true] [KEY=VALUE ...]"
 )
 MISSES = ("ik_error_m", "ik_error_rad", "tracking_error_rad")
 MAX_REMARK = 2000  # characters
+_KINDS = (*KINDS, "sim", "fitness")
 
 
 def evaluate(cfg: DictConfig) -> list[Evaluation]:
@@ -119,15 +128,31 @@ def _known(number: float) -> float | None:
     return number if math.isfinite(number) else None
 
 
+def configured(words: Sequence[str]) -> DictConfig:
+    """Compose the configuration of this command; of a run's folder its settings count, and its best design.
+
+    Raises:
+        UserError: no designs are given, or the run's configuration can't be used here.
+    """
+    run, left = take_run(words, _KINDS)
+    cfg = load("evaluate", left)
+    if OmegaConf.is_missing(cfg, "designs"):
+        raise UsageError(f"no designs file given; {USAGE}")
+
+    if run is not None:
+        take_over(cfg, run, set(map(key_of, left)), _KINDS)
+        cfg.designs = str(read_path(cfg.designs) / "best" / "design.json")
+
+    return cfg
+
+
 def main(words: list[str]) -> None:
     """Try the designs that the command line names, and print what they earned; or with ``check`` what is wrong.
 
     Raises:
         UserError: no designs are given, all are rejected, or see `evaluate`.
     """
-    cfg = load("evaluate", arguments(USAGE, words))
-    if OmegaConf.is_missing(cfg, "designs"):
-        raise UsageError(f"no designs file given; {USAGE}")
+    cfg = configured(arguments(USAGE, words))
 
     for word in words:
         if word.startswith("action="):

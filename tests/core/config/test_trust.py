@@ -9,9 +9,9 @@ from omegaconf import OmegaConf
 from core.config.compose import load
 from core.config.trust import refuse_key_words, refuse_keys
 from core.errors import UsageError, UserError
+from core.search.run_settings import stored_config
 from core.store.database import Database, refuse_links
 from core.store.recorder import RunStore
-from plugins.results.chosen import stored_config
 from plugins.results.pages.runs import LeftOutRun, read_run
 from tests.commands import python_m
 

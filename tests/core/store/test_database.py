@@ -8,9 +8,9 @@ import pytest
 from core.errors import UserError
 from core.interfaces import Reply
 from core.plugins import installed
+from core.search.run_settings import stored_config
 from core.store.database import FILE, Database, reading
 from core.store.recorder import RunStore
-from plugins.results.chosen import stored_config
 from plugins.results.pages.runs import read_run
 from plugins.results.transfer import configured
 from tests.core.run_folders import write_run

@@ -3,9 +3,9 @@
 import pytest
 
 from core.errors import UserError
+from core.search.run_settings import stored_config
 from core.store.reader import StoredRun
 from core.values.messages import Bill
-from plugins.results.chosen import stored_config
 from tests.core.run_folders import edit, write_run
 
 

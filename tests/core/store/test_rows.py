@@ -7,8 +7,8 @@ from contextlib import closing
 import pytest
 
 from core.errors import UserError
+from core.search.run_settings import stored_config
 from core.store.recorder import RunStore
-from plugins.results.chosen import stored_config
 from plugins.results.pages.runs import read_run
 from tests.core.run_folders import edit, write_run
 

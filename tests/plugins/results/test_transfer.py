@@ -11,7 +11,8 @@ from core.config.compose import load
 from core.errors import UserError
 from core.plugins import Offer, installed
 from core.search.orchestration import run
-from plugins.results.chosen import stored_config, stored_evaluations
+from core.search.run_settings import stored_config
+from plugins.results.chosen import stored_evaluations
 from plugins.results.transfer import TransferConfig, configured, transfer
 from plugins.robots.arms import panda
 from tests import toys

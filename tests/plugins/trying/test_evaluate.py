@@ -7,8 +7,9 @@ import pytest
 from PIL import Image
 
 from core.errors import UsageError, UserError
-from plugins.trying.evaluate import main, show
+from plugins.trying.evaluate import configured, main, show
 from tests.commands import python_m
+from tests.core.run_folders import write_run
 
 SOLUTION = Path(__file__).parents[2] / "tasks" / "solutions" / "BringCube.json"
 ANCHORED = Path(__file__).parents[2] / "tasks" / "anchored"
@@ -208,3 +209,20 @@ def test_plans_are_checked_without_playing_them(tmp_path):
         "design 0 plan 1: 5 times, first layout 0: the arm misses the way to waypoint 1 by "
         in done.stdout
     )
+
+
+def test_a_run_s_folder_stands_for_its_best_design_and_its_settings(tmp_path):
+    folder = write_run(tmp_path / "run", "sim=mujoco", "seed=3", "rollout.speed=0.3")
+    cfg = configured([f"designs={folder}"])
+    assert (cfg.task.name, cfg.sim.name, cfg.seed) == ("BringCube", "mujoco", 3)
+    assert cfg.rollout.speed == 0.3
+    assert cfg.designs == str(folder / "best/design.json")
+
+    cfg = configured([f"designs={folder}", "sim=pybullet", "rollout.speed=0.2"])
+    assert (cfg.task.name, cfg.sim.name) == ("BringCube", "pybullet")
+    assert cfg.rollout.speed == 0.2
+
+    cfg = configured(["task=OneBook", f"designs={SOLUTION}"])
+    assert (cfg.task.name, cfg.designs) == ("OneBook", str(SOLUTION))
+    with pytest.raises(UserError, match="holds no run"):
+        configured([f"designs={tmp_path}"])
