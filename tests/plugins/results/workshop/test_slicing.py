@@ -7,14 +7,19 @@ import pytest
 import trimesh
 
 from core.config.compose import tool_part
-from core.errors import UserError
+from core.errors import UsageError, UserError
 from core.interfaces import Material
 from core.values.printers import Printer
 from docs import gallery
 from plugins.results.workshop.plates import arrange
 from plugins.results.workshop.printing import print_part
 from plugins.results.workshop.settings import Fit
-from plugins.results.workshop.slicing import ask_slicer, find_slicer, slice_plates
+from plugins.results.workshop.slicing import (
+    ask_slicer,
+    find_slicer,
+    slice_plates,
+    write_profile,
+)
 from plugins.results.workshop.solid import ToolLink, manifold
 from plugins.results.workshop.tool import make_tool
 
@@ -85,6 +90,34 @@ def test_without_a_slicer_a_dash_says_how_to_get_one(part):
     assert "apt-get install prusa-slicer" in check.found
     with pytest.raises(UserError, match="not on the PATH"):
         find_slicer("no_such_slicer_here")
+
+
+def test_the_profile_has_the_printer_s_plate_and_speeds():
+    slow = Printer((220.0, 210.0, 250.0), 0.8, "slow", "", 60.0, 500.0, 8.0)
+    lines = write_profile(slow, PLA).splitlines()
+    for line in (
+        "bed_shape = 0x0,220x0,220x210,0x210",
+        "max_print_height = 250",
+        "infill_speed = 60",
+        "perimeter_speed = 40",
+        "external_perimeter_speed = 27",
+        "default_acceleration = 500",
+        "machine_max_acceleration_extruding = 500,500",
+        "filament_max_volumetric_speed = 8",
+    ):
+        assert line in lines
+    with pytest.raises(UsageError, match="speed_mm_s"):
+        Printer(speed_mm_s=0.0)
+
+
+@pytest.mark.slicer
+def test_a_slow_printer_takes_longer(part):
+    slicer = find_slicer("prusa-slicer", os.environ.get("SLICER", ""))
+    hours = []
+    for speed, acceleration in ((60.0, 500.0), (180.0, 3000.0)):
+        printer = Printer(speed_mm_s=speed, acceleration_mm_s2=acceleration)
+        hours.append(ask_slicer(slicer, [part], printer, PLA)[0]["hours"])
+    assert hours[0] > 1.3 * hours[1]
 
 
 @pytest.mark.slicer
