@@ -68,8 +68,8 @@ def test_every_design_in_every_engine_with_every_change(tmp_path):
     ]
     done = python_m(tmp_path, "core", "transfer", *words, "output=out/transfer.json")
     assert done.returncode == 0, done.stderr
-    # What takes long is said while it takes.
-    assert all(line.endswith(" ...") for line in done.stderr.splitlines())
+    # What takes long is said while it takes; on a busy machine with how many seconds it took.
+    assert all(" ..." in line for line in done.stderr.splitlines())
     result = json.loads((tmp_path / "out" / "transfer.json").read_text())
     assert list(result) == [
         "task",
