@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass
@@ -26,11 +27,14 @@ from core.plugins import SIMULATOR
 from core.scene import Camera, Scene, floor
 from core.simulation.pictures import Film, filmed
 from core.simulation.play import play
-from core.support.text import number
+from core.support.text import count_words, number
 from core.values.printers import Printer
 from plugins.results.pages.drawing import as_held
 from plugins.results.pages.page import in_viewer, render
-from plugins.results.workshop.examination import find_problem
+from plugins.results.workshop.settings import Fit
+from plugins.results.workshop.slicing import ask_slicer, find_slicer
+from plugins.results.workshop.tool import make_tool
+from plugins.results.workshop.verdicts import carried
 
 DOCS = Path(__file__).parent
 DESIGNS = DOCS / "gallery"
@@ -52,6 +56,7 @@ ENGINES = {"mujoco": "MuJoCo", "pybullet": "PyBullet", "sapien": "SAPIEN"}
 DRAWS = "mujoco"
 MATERIAL = "paper"  # in which the designs were tried
 PRINTED = "pla"
+SLICER = "prusa-slicer"
 
 GOALS = {
     "BringCube": "Bring a cube of 1 kg, out of the gripper's reach, 0.4 m closer onto a mark.",
@@ -117,9 +122,9 @@ class Entry:
         form = tool_part(config).create()
         return read_designs(load_designs(self.file), form, task)[0]
 
-    def condition(self, engine: str) -> Condition:
+    def condition(self, engine: str, material: str = MATERIAL) -> Condition:
         """Return where it is tried: the task's layout 0, in an engine."""
-        config = self.config(f"sim={engine}")
+        config = self.config(f"sim={engine}", material=material)
         settings = node(config.rollout, RolloutSettings)
         engine_part = part(SIMULATOR, config.sim)
         return Condition(task_part(config), engine_part, config.seed, settings)
@@ -144,15 +149,48 @@ def measure(entry: Entry) -> dict[str, Any]:
         "says": candidate.design_description,
         "rewards": rewards,
     }
-    printed = entry.read(PRINTED)
-    if printed.tool is not None and printed.tool.components:
-        material = tool_part(entry.config(material=PRINTED)).create().material
-        robot = entry.condition(DRAWS).task.shared().robot
-        problem = find_problem(printed.tool, robot, material, Printer())
-        figures["mass_g"] = round(1000 * printed.tool.mass, 1)
-        figures["problem"] = str(problem or "")
+    if candidate.tool is not None and candidate.tool.components:
+        figures |= measure_printed(entry)
 
     return figures
+
+
+def measure_printed(entry: Entry) -> dict[str, Any]:
+    """Make a design's tool of PLA, ask a slicer what that takes, if there is one, and play it in each engine.
+
+    Returns:
+        its mass in simulation, what fails of it first, its pieces, what printing takes, and its rewards.
+    """
+    candidate = entry.read(PRINTED)
+    tool = candidate.tool
+    assert tool is not None
+    representation = tool_part(entry.config(material=PRINTED)).create()
+    material = representation.material
+    robot = entry.condition(DRAWS).task.shared().robot
+    made = make_tool(tool, robot, material, Printer(), Fit())
+    failing = [
+        check
+        for check in (*carried(made.printed, robot, material), *made.verdicts)
+        if check.passed is False and check.name != "weight"
+    ]
+    figures: dict[str, Any] = {
+        "mass_g": round(1000 * tool.mass, 1),
+        "problem": str(failing[0]) if failing else "",
+        "pieces": len(made.parts),
+    }
+    if shutil.which(SLICER) and all(part.lying.fits for part in made.parts):
+        slicer = find_slicer(SLICER)
+        sliced, _ = ask_slicer(slicer, made.parts, Printer(), material)
+        figures |= {name: sliced[name] for name in ("hours", "grams") if sliced}
+
+    rewards = {}
+    for engine in ENGINES:
+        (trial,) = play(entry.condition(engine, PRINTED), [candidate])
+        rewards[engine] = round(trial.reward, 4)
+        if trial.status == "rejected":
+            figures["rejected"] = trial.reason
+
+    return {**figures, "printed_rewards": rewards}
 
 
 def play_film(entry: Entry) -> Film:
@@ -279,7 +317,7 @@ def page_part(figures: dict[str, Any]) -> str:
     tasks = sorted(figures)
     sections = [_section(task, figures[task]) for task in tasks]
 
-    return "\n".join([_overview(figures), *sections])
+    return "\n".join([_overview(figures), _printed_table(figures), *sections])
 
 
 def _overview(figures: dict[str, Any]) -> str:
@@ -367,15 +405,53 @@ def _mass(figures: dict[str, Any]) -> str:
 
 
 def _prints(figures: dict[str, Any]) -> str:
-    """Say whether a printer makes a tool in one piece, or what the first check that fails found."""
+    """Say in how many pieces a printer makes a tool, or what the first check that fails found."""
     problem = figures.get("problem")
     if not problem:
-        return "prints in one piece"
+        return f"prints in {count_words(figures.get('pieces', 1), 'piece')}"
 
     _, _, found = _one_line(problem).partition(": ")
-    found = found.partition(";")[0].partition(", the plate")[0]
+    fails = "not printed" if "pieces" in figures else "not in one piece"
+    return f"{fails}: {found.partition(';')[0].partition(', the plate')[0]}"
 
-    return f"not in one piece: {found}"
+
+def _printed_table(figures: dict[str, Any]) -> str:
+    """Write a table of the tools made of PLA: pieces, hours and grams of filament, and what they earn then."""
+    heads = " | ".join(f"{title}: printing | it earns" for title in TITLES.values())
+    lines = [
+        "## Printed in PLA",
+        "",
+        "Pieces on a Prusa MK4, hours and grams of filament by PrusaSlicer, and the lowest and the highest reward in",
+        "three engines when the tool weighs and bends as PLA. A dash: not measured.",
+        "",
+        f"| task | {heads} |",
+        "|---" * (1 + 2 * len(TITLES)) + "|",
+    ]
+    for task in sorted(figures):
+        cells = []
+        for name in TITLES:
+            cells += _print_cells(figures[task].get(name, {}))
+
+        lines.append(f"| {task} | {' | '.join(cells)} |")
+
+    return "\n".join([*lines, ""])
+
+
+def _print_cells(figures: dict[str, Any]) -> list[str]:
+    """Say what printing a tool takes, and what it earns then; a dash where it was not measured."""
+    takes = _prints(figures) if "pieces" in figures else "–"
+    if "hours" in figures:
+        pieces = count_words(figures["pieces"], "piece")
+        takes = f"{pieces}, {figures['hours']:.1f} h, {figures['grams']:.0f} g"
+
+    rewards = figures.get("printed_rewards", {}).values()
+    if figures.get("rejected"):
+        return [
+            takes,
+            f"rejected: {_one_line(figures['rejected']).partition(': of')[0]}",
+        ]
+
+    return [takes, _span({"rewards": figures["printed_rewards"]}) if rewards else "–"]
 
 
 def split_page(text: str) -> tuple[str, str, str]:

@@ -135,9 +135,9 @@ def test_the_real_slicer_says_what_a_cube_takes(part):
 def test_tools_of_the_gallery_are_sliced(task, designer):
     """What it weighs besides supports is what is said, within a quarter."""
     entry = gallery.Entry(task, designer)
-    config = entry.config("material=pla")
+    config = entry.config(material="pla")
     material = tool_part(config).create().material
-    tool = entry.read("material=pla").tool
+    tool = entry.read("pla").tool
     robot = entry.condition("mujoco").task.shared().robot
     made = make_tool(tool, robot, material, Printer(), Fit())
     slicer = find_slicer("prusa-slicer", os.environ.get("SLICER", ""))
