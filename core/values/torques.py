@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+HIGH = 0.8
+"""Beyond this share of its limit a joint is said to be near it, as an export's checklist does."""
+
 
 @dataclass(frozen=True)
 class TorqueShare:
@@ -15,6 +18,10 @@ class TorqueShare:
 
     def __str__(self) -> str:
         return f"{self.joint} used {100 * self.share:.0f} % of its torque"
+
+    @property
+    def is_high(self) -> bool:
+        return self.share > HIGH
 
 
 def find_hardest(shares: Mapping[str, float]) -> TorqueShare | None:
