@@ -284,7 +284,7 @@ def test_the_result(tiny):
     assert result["rollouts_per_s"] == pytest.approx(
         result["rollouts"] / result["wall_time_s"], rel=0.01
     )
-    assert {"python", "vlmgineer", "pybullet", "numpy"} <= set(result["versions"])
+    assert {"python", "vlmgineer", sim, "numpy"} <= set(result["versions"])
 
 
 def test_the_run_folder(tiny):
