@@ -38,7 +38,7 @@ def exported(folder, *words, task="OneBook"):
         f"output={folder}",
         "sims=[mujoco]",
     ]
-    if not any(word.startswith("printer") for word in words):
+    if not any(word.startswith("printer=") for word in words):
         given.append("printer.plate_mm=[500,500,500]")
     (found,) = export(configured([*given, *words]))
     return found
