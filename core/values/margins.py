@@ -69,7 +69,7 @@ class Margin:
 
     @classmethod
     def missed(cls, name: str) -> Margin:
-        """Of a yes or no that must be yes, and is no; where it is yes, it has no room, and no margin."""
+        """Return the margin of a yes or no that is no and must be yes; a yes has no room, and no margin."""
         return cls(name, 0.0, 1.0, "", -1.0)
 
     @property

@@ -78,7 +78,7 @@ def play(tmp_path, monkeypatch):
 def test_a_given_tool_that_breaks_a_rule_ends_the_command(play, tmp_path, tool, reason):
     part = type("Mine", (Given,), {"tool": tool})
     with pytest.raises(UserError) as error:
-        play("tool", part)
+        play("tool", part, "material=paper")  # by which it weighs what it says
     line = str(error.value)
     assert line.startswith(
         "tool 'mine' of shoddy-parts (hook 'tool_representations'): "
