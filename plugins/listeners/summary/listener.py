@@ -392,11 +392,15 @@ def _settings(run: Run) -> list[str]:
     """
     from core.config.compose import load
 
-    config = {key: dict(run.config.get(key) or {}) for key in (*_CHOSEN, "rollout")}
+    fitness = dict(run.config.get("fitness") or {})
+    kinds = [*_CHOSEN, "printer"] if "printer" in fitness else [*_CHOSEN]
+    config = {key: dict(run.config.get(key) or {}) for key in (*kinds, "rollout")}
     for key in TASK.defaults:
         config["task"].pop(key, None)
+    for kind in ("material", "printer"):
+        config["fitness"].pop(kind, None)  # the run's own, which has words of its own
 
-    names = {kind: config[kind].get("name") for kind in _CHOSEN}
+    names = {kind: config[kind].get("name") for kind in kinds}
     words = [f"{kind}={name}" for kind, name in names.items() if name is not None]
 
     try:

@@ -67,6 +67,7 @@ def test_gymnasiums_checker_passes(name):
         control_mode=mode,
         render_mode="rgb_array",
         size=(64, 48),
+        words=["material=paper"],  # of which the designs are
     )
     check_env(env.unwrapped, skip_render_check=task != "BringCube")
     env.close()

@@ -297,6 +297,7 @@ def test_the_first_line_of_a_run_without_a_reward_names_the_cause(
     settings = [f"budget.{size}" for size in sizes.split()] + words.split()
     settings += ["sim=mujoco", "film=false", "prompt.picture=false", "vlm.poll_s=0.02"]
     settings += ["vlm=mailbox", f"vlm.folder={tmp_path / 'box'}", "listener=[summary]"]
+    settings += ["material=paper"]  # of which the designs are
     try:
         run_and_print(load("config", [f"task={task}", *settings]), tmp_path / "run")
         shown = capsys.readouterr()

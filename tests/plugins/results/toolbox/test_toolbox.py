@@ -36,7 +36,7 @@ def folders(tmp_path_factory):
         Box((0.02, 0.02, 0.42)),
     )
     low = Tool((post,), name="low")
-    same = ["sim=mujoco", "rollout.hold_s=0.2"]
+    same = ["sim=mujoco", "rollout.hold_s=0.2", "material=paper"]
     write_run(
         root / "a",
         "task=BringCube",
