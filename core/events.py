@@ -87,7 +87,7 @@ class Result:
     the best candidate in ``unseen_trials``, which the search never saw, if the fitness has any. ``winner`` was chosen
     of those that earn alike by more trials, in which finalists earned ``finals``, by their id and engine; ``held`` says
     in how many layouts more the winner held, and ``perturbed`` what came of it with tool and bodies perturbed.
-    ``effort`` is the best's in the unseen trials, and ``elsewhere`` its trial in a second engine, if there is one.
+    ``effort`` is the best's in the unseen trials, and ``second_engine`` its trial in a second engine, if there is one.
     ``making`` says whether the best's tool can be made; where it can't, ``makeable`` is the best whose tool can, as far
     as was looked.
     """
@@ -103,7 +103,7 @@ class Result:
     held: Held = field(default_factory=Held)
     perturbed: Tally = field(default_factory=Tally)
     effort: Effort | None = None
-    elsewhere: Trial | None = None
+    second_engine: Trial | None = None
     making: Making | None = None
     makeable: Evaluation | None = None
 

@@ -107,7 +107,7 @@ class Configs(Protocol):
 
     @hookspec
     def levels(self) -> Factories:
-        """Make a `core.task.Level` of ``prompt.told``, without settings."""
+        """Make a `core.task.Level` of ``prompt.context``, without settings."""
 
     @hookspec
     def prompt_values(self) -> Factories:

@@ -153,7 +153,7 @@ class Task(ABC):
         """
         return [m for m in goals_margins(self, start, end, trace) if m.has_room]
 
-    def find_doubts(self) -> Iterator[str]:
+    def find_warnings(self) -> Iterator[str]:
         """Yield a line for each thing in the scene that its robot can't do, or that is seldom meant.
 
         Commands say them before anything is tried.
@@ -196,7 +196,7 @@ class Task(ABC):
         return inspect.getsource(sys.modules[type(self).__module__])
 
 
-NOTHING_TOLD: dict[str, Any] = dict.fromkeys(
+NO_CONTEXT: dict[str, Any] = dict.fromkeys(
     (
         "several",
         "description",
@@ -212,7 +212,7 @@ NOTHING_TOLD: dict[str, Any] = dict.fromkeys(
 
 
 class Level(ABC):
-    """How much a model is told of a task's scene: ``prompt.told=NAME``.
+    """How much a model is told of a task's scene: ``prompt.context=NAME``.
 
     Attributes:
         numbers: whether texts have numbers of bodies; else pictures show them, and feedback has none either.
@@ -226,7 +226,7 @@ class Level(ABC):
 
     @abstractmethod
     def values(self, task: Task, seed: int) -> dict[str, Any]:
-        """Return what is said of a task and the layout of ``seed``: any of `NOTHING_TOLD`."""
+        """Return what is said of a task and the layout of ``seed``: any of `NO_CONTEXT`."""
 
     def sight(self, task: Task, seed: int) -> Sight:
         """Return what feedback may say of the bodies of the layout of ``seed``."""

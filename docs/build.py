@@ -34,7 +34,7 @@ from core.simulation.pictures import filmed, save_film
 from docs import gallery
 from docs.diagrams import DRAWINGS
 from plugins.fitness.layouts import UNSEEN
-from plugins.vlms.told.strip import SIZE, draw_strip
+from plugins.vlms.context.strip import SIZE, draw_strip
 from tests import solutions
 from tests.panda import on_panda
 from tests.plugins.actions.test_strike import Strike, swing

@@ -14,7 +14,7 @@ from core.designs.reading import load_tool
 from core.errors import UsageError
 from core.interfaces import Image
 from core.plugins import SIMULATOR
-from core.search.builder import warn_of_doubts
+from core.search.builder import warn_of_scene
 from core.simulation.pictures import png
 from core.support.cli import arguments, say, write_bytes
 
@@ -60,7 +60,7 @@ def render(cfg: DictConfig) -> tuple[Image, str]:
             raise UsageError(f"{name} must be between 1 and {MAX_PIXELS}, got {pixels}")
 
     task = task_part(cfg).create()
-    warn_of_doubts(task)
+    warn_of_scene(task)
     simulator = part(SIMULATOR, cfg.sim).create()
     tool = None
     if cfg.designs is not None:

@@ -52,7 +52,7 @@ SETTINGS: dict[str, Sequence[str]] = {
     "archive": ("evolution=map_elites", *LAYOUTS),
     "islands": ("evolution=islands", *LAYOUTS),
     "refined": ("evolution.refine=12",),
-    "several": ("task=several", "task.of=[BringCube,ElevatePlate]"),
+    "several": ("task=multitask", "task.of=[BringCube,ElevatePlate]"),
     "lean": (*LAYOUTS, "fitness=lean"),
     "guards": ("action=anchored", *PLAYED, *LAYOUTS),
     "soft": ("task=PullRope", *PLAYED),

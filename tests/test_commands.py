@@ -83,7 +83,7 @@ MISTAKES = [
     ("run", ["resume=nowhere"], "nowhere holds no run"),
     (
         "run",
-        ["resume=nowhere", "resume=elsewhere"],
+        ["resume=nowhere", "resume=second_engine"],
         "resume=RUN_DIR goes on with one run",
     ),
     (
@@ -251,7 +251,7 @@ def test_the_result(tiny):
         "candidate",
         "reason",
         "solved",
-        "elsewhere",
+        "second_engine",
         "torque",
         "making",
         "makeable",

@@ -30,10 +30,10 @@ from core.plugins.registry import hints_of
 from core.scene import Body, Bond, Box, Camera, Geom, Joint, Pose, Scene, State, Trace
 from docs import build, gallery, names
 from docs.diagrams import DRAWINGS
+from plugins.commands.prompt import PromptConfig
 from plugins.conformance.scenery import stick
 from plugins.conformance.suites import examine
 from plugins.new.new_command import write as write_package
-from plugins.trying.prompt import PromptConfig
 from tests.commands import python_m, warm_python
 from tests.core.run_folders import write_run
 from tests.outside_arm import write_arm
@@ -107,7 +107,7 @@ LONG = (  # several runs in one, or a minute of one
     "core.run -m task=BringCube,OneBook seed=0,1 evolution=vlmgineer,sampling",
     "core.run task=BringCube task.variation=wide action=anchored fitness=layouts",
     "vlmgineer study paper seeds=1 tasks=BringCube methods=gripper yes=true",
-    "vlmgineer prompt vlm=gemini task=PastGlasses prompt.told=pictures",
+    "vlmgineer prompt vlm=gemini task=PastGlasses prompt.context=pictures",
 )
 
 

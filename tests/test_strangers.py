@@ -26,8 +26,8 @@ from plugins.results.study.study_files import read_study
 from plugins.results.toolbox.toolbox_command import main as toolbox
 from plugins.results.transfer import configured
 from plugins.tasks.file.task import FileTask
-from plugins.vlms.told.examples import read_winner
-from plugins.vlms.told.lessons import read_lessons
+from plugins.vlms.context.examples import read_winner
+from plugins.vlms.context.lessons import read_lessons
 from tests.core.run_folders import hook, write_run
 
 pytestmark = pytest.mark.slow
@@ -262,7 +262,7 @@ def test_what_this_user_began_goes_on_without_a_word(tmp_path, monkeypatch):
     folder = tmp_path / "run"
     run(load("config", words), folder)
     with monkeypatch.context() as elsewhere:
-        elsewhere.setenv("XDG_STATE_HOME", str(tmp_path / "elsewhere"))
+        elsewhere.setenv("XDG_STATE_HOME", str(tmp_path / "second_engine"))
         with pytest.raises(UserError, match=r"type it again: 'vlm\.command=\[cat,"):
             resume(folder, ["budget.n_iteration=1"])
         again = [f"vlm.command=[cat,{answer}]"]

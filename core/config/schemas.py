@@ -38,7 +38,7 @@ class PromptSettings:
     Attributes:
         dir: a folder of templates that replace the project's own.
         file: a text file with a person's idea of the tool and its motion, for templates that quote it.
-        told: what is said of the scene: a level that a plugin offers (`core.hooks.Configs`), as ``source``.
+        context: what is said of the scene: a level that a plugin offers (`core.hooks.Configs`), as ``source``.
         picture: show a picture of the scene, from the task's camera.
         photographs: those of a scene file stand ``beside`` the drawn pictures of the scene, or ``alone``, or nowhere
             (``none``).
@@ -63,7 +63,7 @@ class PromptSettings:
     name: Harmless[str] = MISSING
     dir: Annotated[str | None, Names("folder")] = None
     file: Annotated[str | None, Names("file")] = None
-    told: Harmless[str] = "source"
+    context: Harmless[str] = "source"
     picture: bool = True
     photographs: Harmless[str] = "beside"
     feedback: Harmless[str] = "numbers"

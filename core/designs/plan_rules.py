@@ -131,7 +131,7 @@ def _check_length(poses: Array) -> None:
         )
 
 
-def doubt_turns(turns: Array) -> Iterator[str]:
+def find_turn_warnings(turns: Array) -> Iterator[str]:
     """Say where angles may have been meant in degrees: the first turn of more than half a turn to a waypoint.
 
     Args:

@@ -12,7 +12,7 @@ from core.design import Tool
 from core.designs.plan_rules import plan_limits
 from core.interfaces import Brief, RolloutSettings
 from core.plugins import installed
-from core.task import NOTHING_TOLD, Level
+from core.task import NO_CONTEXT, Level
 from core.trial import TIE
 
 
@@ -43,7 +43,9 @@ class RunFacts:
     @cached_property
     def level(self) -> Level:
         """How much is told of a scene."""
-        level: Level = installed().factory("level", self.settings.told, "prompt.told")()
+        level: Level = installed().factory(
+            "level", self.settings.context, "prompt.context"
+        )()
         return level
 
 
@@ -95,12 +97,12 @@ def _scene_values(facts: RunFacts, brief: Brief, mounted: Tool) -> dict[str, Any
     task = brief.task
     return {
         "task": task,
-        "told": facts.settings.told,
+        "context": facts.settings.context,
         "unseen": not facts.level.numbers,
         "robot": task.robot,
         "tool_friction": brief.representation.material.made(mounted).friction,
         "rollout": facts.rollout,
         "hold_s": max(facts.rollout.hold_s, task.hold_s),
-        **NOTHING_TOLD,
+        **NO_CONTEXT,
         **facts.level.values(task, brief.scene_seed),
     }

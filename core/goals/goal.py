@@ -218,7 +218,7 @@ class Goal(ABC):
         """Say why it can't be met with what a design adds to the scene; empty: it can."""
         return ""
 
-    def find_doubts(self, where: str, scene: Scene) -> Iterator[str]:
+    def find_warnings(self, where: str, scene: Scene) -> Iterator[str]:
         """Yield a line for what is possible, and seldom meant; ``where`` names the goal."""
         yield from ()
 

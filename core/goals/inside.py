@@ -111,7 +111,7 @@ class Inside(Reach):
         if self.inside in self.bodies:
             yield f"{self.inside} can't be inside itself; name another body"
 
-    def find_doubts(self, where: str, scene: Scene) -> Iterator[str]:
+    def find_warnings(self, where: str, scene: Scene) -> Iterator[str]:
         """Yield a line for each body of one round or square shape that does not get in, by its smallest side."""
         start = scene.state()
         widest = 2 * self.space.passage

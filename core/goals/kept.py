@@ -178,7 +178,7 @@ class Kept(Limit):
         rounds = [body.name for body in bodies if _is_round(body)]
         return replace(self, balls=tuple(balls), rounds=tuple(rounds))
 
-    def find_doubts(self, where: str, scene: Scene) -> Iterator[str]:
+    def find_warnings(self, where: str, scene: Scene) -> Iterator[str]:
         for name in self.keep:
             if scene[name].launched:
                 yield f"{name} is to be kept, and begins to move"
@@ -190,7 +190,7 @@ class Kept(Limit):
         start = scene.state()
         moving = [part for part in wanted.parts if part.moves]
         far = dict[str, float]()
-        for body in set(wanted.bodies) & set(self.keep):
+        for body in (body for body in wanted.bodies if body in self.keep):
             measures = chain(*(part.measures(body, start) for part in moving))
             way = max((float(measure.left(start)) for measure in measures), default=0)
             if way > self.kept_m:

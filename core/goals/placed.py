@@ -251,7 +251,7 @@ class Placed(Reach):
             "put the pose where they are, for example at the middle of their foot"
         )
 
-    def find_doubts(self, where: str, scene: Scene) -> Iterator[str]:
+    def find_warnings(self, where: str, scene: Scene) -> Iterator[str]:
         at = self.at
         if at is not None and at not in self.bodies:
             moves = not scene[at].fixed or scene[at].carrier is not None
@@ -262,9 +262,9 @@ class Placed(Reach):
                 )
 
         for body in self.bodies:
-            yield from self._doubt_guide(where, body, scene)
+            yield from self._warn_of_guide(where, body, scene)
 
-    def _doubt_guide(self, where: str, body: str, scene: Scene) -> Iterator[str]:
+    def _warn_of_guide(self, where: str, body: str, scene: Scene) -> Iterator[str]:
         """Yield a line where the joint that a body hangs from does not let it get to its place."""
         guides = [joint for joint in scene.ordered_joints if joint.joint.body == body]
         if not guides or not guides[0].joint.limited:

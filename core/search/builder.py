@@ -41,7 +41,7 @@ from core.search.assignment import DEFAULT_KINDS, Assignment, borne_kinds
 from core.search.designer import ModelDesigner
 from core.search.kept_tools import KeptTools
 from core.simulation.measuring import describe_order, figures
-from core.solids.standing import find_layout_doubts
+from core.solids.standing import find_layout_warnings
 from core.trial import TIE
 
 _log = logging.getLogger(__name__)
@@ -252,14 +252,14 @@ def check_starts(task: Task) -> None:
     for stage in task.parts:
         arm_of(task.robot).home_for(stage.home)
 
-    warn_of_doubts(task)
+    warn_of_scene(task)
 
 
-def warn_of_doubts(task: Task) -> None:
-    """Say what is doubtful in the scene of a task, before anything is drawn, asked or tried."""
+def warn_of_scene(task: Task) -> None:
+    """Say what is questionable in the scene of a task, before anything is drawn, asked or tried."""
     for stage in task.parts:
-        for doubt in (*stage.find_doubts(), *find_layout_doubts(stage)):
-            _log.warning("%s: %s", stage.name, doubt)
+        for warning in (*stage.find_warnings(), *find_layout_warnings(stage)):
+            _log.warning("%s: %s", stage.name, warning)
 
 
 def finish_designer(

@@ -134,7 +134,7 @@ class ModelDesigner:
         tried: what requests may show of earlier generations; as a listener the designer collects it itself.
 
     Raises:
-        UsageError: the model or the task is not one for the level ``prompt.told``.
+        UsageError: the model or the task is not one for the level ``prompt.context``.
     """
 
     assignment: Assignment
@@ -153,17 +153,17 @@ class ModelDesigner:
 
     def __post_init__(self) -> None:
         self._replies: list[Reply] = []  # of the generation that is being asked for
-        name = self.prompts.facts.settings.told
+        name = self.prompts.facts.settings.context
         level = self.prompts.facts.level
         task = self.assignment.task
         if level.in_words and not task.in_words:
             raise UsageError(
-                f"{task.name} has no text without numbers for prompt.told={name}: give it `in_words`"
+                f"{task.name} has no text without numbers for prompt.context={name}: give it `in_words`"
             )
 
         if not level.numbers and not self.vlm.sees:
             raise UsageError(
-                f"{self.vlm.model} reads the scene's numbers, not pictures: prompt.told={name} needs a model that sees"
+                f"{self.vlm.model} reads numbers, not pictures: prompt.context={name} needs a model that sees"
             )
 
     def design(

@@ -56,7 +56,7 @@ class KeptTools:
         if not facts.level.numbers:
             raise UsageError(
                 "plans for tools of a library come from the scene's numbers, and later prompts show them: "
-                f"prompt.told={facts.settings.told} holds these back; use words or source"
+                f"prompt.context={facts.settings.context} holds these back; use words or source"
             )
         self._planner = _make_planner()
 

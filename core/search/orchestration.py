@@ -17,12 +17,12 @@ from core.errors import RAISED, UserError, fault
 from core.events import INTERRUPTED, Result
 from core.plugins import SIMULATOR, installed
 from core.plugins.blame import describe_failure
-from core.search.elsewhere import check_engines, try_elsewhere
 from core.search.evolution import evolve
 from core.search.finalists import Race, choose_winner, rollouts_in
 from core.search.makers import Judge
 from core.search.outcome import Announcer, print_best, report_end, resume_hint
 from core.search.patience import run_patiently
+from core.search.second_engine import check_engines, try_second_engine
 from core.search.setup import Search, build_search
 from core.search.trials import Trials
 from core.store.database import FILE
@@ -155,8 +155,8 @@ def run_search(search: Search, store: RunStore) -> Result:
             result = choose_winner(result, race, run.budget.final_s)
 
     if result.best is not None and result.stopped != INTERRUPTED:
-        elsewhere = try_elsewhere(run, result, run.config["second"])
-        result = replace(result, elsewhere=elsewhere)
+        second_engine = try_second_engine(run, result, run.config["second"])
+        result = replace(result, second_engine=second_engine)
 
     result = replace(result, wall_time_s=store.seconds + result.wall_time_s)
     with writing(run.folder):

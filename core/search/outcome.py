@@ -40,8 +40,8 @@ def print_best(best: Best, folder: Path) -> None:
     figures = [f"best reward {number(best.reward, 3)}"]
     if best.reason:
         figures[0] += f" ({best.reason})"
-    figures += _doubt_engine(best)
-    figures += _doubt_making(best)
+    figures += _warn_of_engine(best)
+    figures += _warn_of_making(best)
     if best.distance_m is not None:  # of joined plans it is not known
         figures.append(f"distance {best.distance_m:.2f} m")
 
@@ -49,9 +49,9 @@ def print_best(best: Best, folder: Path) -> None:
     say(", ".join(figures), str(folder / "best"))
 
 
-def _doubt_engine(best: Best) -> Iterator[str]:
+def _warn_of_engine(best: Best) -> Iterator[str]:
     """Say what the best candidate earned in a second engine, where that differs much: one of the two may be wrong."""
-    other = best.elsewhere
+    other = best.second_engine
     if other is None or abs(other.reward - other.here) <= DIFFERENT:
         return
 
@@ -62,7 +62,7 @@ def _doubt_engine(best: Best) -> Iterator[str]:
     yield f"but {there} in {other.engine}{here}"
 
 
-def _doubt_making(best: Best) -> Iterator[str]:
+def _warn_of_making(best: Best) -> Iterator[str]:
     """Say why the tool of the best candidate can't be made, if so, and which candidate's can."""
     making = best.making
     if making is None or making.possible is not False:

@@ -22,7 +22,7 @@ class Primitive(Shape):
     """A shape whose fields are lengths, metres. Designs and scene files name it.
 
     Attributes:
-        told: how a model writes its lengths, and where it lies.
+        wording: how a model writes its lengths, and where it lies.
         means: what it is, in the format of scene files and on the page of the types of a scene.
         in_urdf: whether URDF has it, by the same names.
 
@@ -30,7 +30,7 @@ class Primitive(Shape):
         ValueError: a length is not positive.
     """
 
-    told: ClassVar[str]
+    wording: ClassVar[str]
     means: ClassVar[str]
     in_urdf: ClassVar[bool] = False
 
@@ -124,7 +124,7 @@ class Box(_Native):
     kind = "box"
     ending = "es"
     in_urdf = True
-    told = " with `size` [x, y, z], full side lengths along its own axes"
+    wording = " with `size` [x, y, z], full side lengths along its own axes"
     means = "Full side lengths along x, y and z, m"
 
     size: Triple
@@ -190,7 +190,7 @@ class Sphere(_Native):
 
     kind = "sphere"
     in_urdf = True
-    told = " with `radius`"
+    wording = " with `radius`"
     means = "Its radius, m"
     is_round = True
 
@@ -241,7 +241,7 @@ class Cylinder(_Native):
 
     kind = "cylinder"
     in_urdf = True
-    told = " with `radius` and `length`, along its own z"
+    wording = " with `radius` and `length`, along its own z"
     means = "A cylinder along its z"
     is_round = True
 
@@ -291,7 +291,9 @@ class Capsule(_Native):
     """A cylinder along z, centred on its frame, with half a sphere on each end; ``length`` is without these."""
 
     kind = "capsule"
-    told = ", the same with half a sphere added at each end, which `length` leaves out"
+    wording = (
+        ", the same with half a sphere added at each end, which `length` leaves out"
+    )
     means = "A cylinder along its z with half a sphere at each end"
     is_round = True
 

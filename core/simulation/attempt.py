@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
 
 from core.design import Candidate, DesignError, Tool
-from core.designs.plan_rules import check_motion, doubt_turns
+from core.designs.plan_rules import check_motion, find_turn_warnings
 from core.designs.planning import resolve
 from core.designs.start import SpawnRules
 from core.interfaces import (
@@ -275,7 +275,7 @@ def _prepare_job(stage: Stage, attempt: Attempt) -> None:
 
     check_support(stage.simulator, stage.task.name, attempt.scene, job)
     attempt.job = job
-    attempt.warnings += tuple(doubt_turns(candidate.plan.turns))
+    attempt.warnings += tuple(find_turn_warnings(candidate.plan.turns))
 
 
 @lru_cache(maxsize=64)  # the candidates of a chunk share their tool

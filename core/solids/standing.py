@@ -195,7 +195,7 @@ def _way(scene: Scene, nominal: Scene, name: str) -> float:
     return float(np.linalg.norm(way))
 
 
-def find_layout_doubts(task: Task) -> Iterator[str]:
+def find_layout_warnings(task: Task) -> Iterator[str]:
     """Yield a line for what is wrong with layouts that a task draws and right in its nominal one.
 
     `LAYOUTS` of them are looked at. What is wrong in several is said once.
@@ -222,7 +222,7 @@ def find_layout_doubts(task: Task) -> Iterator[str]:
         f"{text} (so in {count[bodies]} of {LAYOUTS} layouts)"
         for bodies, text in first.items()
     ]
-    yield from say_first(lines, "such doubts of layouts")
+    yield from say_first(lines, "such warnings of layouts")
 
 
 class Flight(NamedTuple):

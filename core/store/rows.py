@@ -76,7 +76,7 @@ def _with_usable_parts(config: RunConfig) -> RunConfig:
 
 
 @dataclass(frozen=True)
-class ElsewhereFigures:
+class SecondEngineFigures:
     """What the best candidate earned in a second engine, and ``here`` in the same layout in the run's own."""
 
     engine: Id
@@ -102,7 +102,7 @@ class Best:
     margin: Margin | None = None
     reason: str = ""
     torque: TorqueShare | None = None
-    elsewhere: ElsewhereFigures | None = None
+    second_engine: SecondEngineFigures | None = None
     measured: dict[Id, Number] = field(default_factory=dict)
     making: Making | None = None
     makeable: Id | None = None

@@ -17,11 +17,11 @@ from core.events import Generation, Result, Run
 from core.simulation.measuring import figures
 from core.store.rows import (
     Best,
-    ElsewhereFigures,
     FailedLayout,
     GenerationFigures,
     HeldFigures,
     RunFigures,
+    SecondEngineFigures,
     Unseen,
 )
 from core.trial import mean_figure
@@ -70,23 +70,23 @@ def best_figures(result: Result) -> Best | None:
         margin=best.least_margin,
         reason=best.why_nothing,
         torque=best.hardest,
-        elsewhere=elsewhere_figures(result),
+        second_engine=second_engine_figures(result),
         measured={name: value for name, value in means.items() if math.isfinite(value)},
         making=result.making,
         makeable=result.makeable.candidate.id if result.makeable else None,
     )
 
 
-def elsewhere_figures(result: Result) -> ElsewhereFigures | None:
+def second_engine_figures(result: Result) -> SecondEngineFigures | None:
     """Return what the best candidate earned in a second engine; None: it was not tried, or not to the end."""
-    trial = result.elsewhere
+    trial = result.second_engine
     best = result.best
     if best is None or trial is None or trial.status != "ok":
         return None
 
     alike = [tried.reward for tried in best.trials if tried.layout == trial.layout]
     here = alike[0] if alike else best.reward
-    return ElsewhereFigures(trial.engine, trial.reward, here, trial.solved)
+    return SecondEngineFigures(trial.engine, trial.reward, here, trial.solved)
 
 
 def held_figures(held: Held) -> HeldFigures | None:

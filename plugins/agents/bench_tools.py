@@ -32,7 +32,7 @@ from core.search.answers import read_candidates
 from core.search.builder import builder_for
 from core.search.designer import ModelDesigner
 from core.simulation.checking import find_problems
-from core.store.run_figures import elsewhere_figures
+from core.store.run_figures import second_engine_figures
 from core.support.templates import fill
 from core.support.text import by_reason
 from core.trial import best_first
@@ -412,7 +412,7 @@ class Tools:
             best=best,
             held=result.held,
             unseen=unseen,
-            elsewhere=elsewhere_figures(result),
+            second_engine=second_engine_figures(result),
             stopped=result.stopped,
             rollouts=result.rollouts,
             folder=self._run.folder.resolve(),

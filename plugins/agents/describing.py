@@ -1,4 +1,4 @@
-"""Say what became of candidates, at the level of ``prompt.told``: what prompts would say of elites, and no more."""
+"""Say what became of candidates, at the level of ``prompt.context``: what prompts would say of elites, and no more."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from plugins.agents.bench import Refused
 
 SCENE = "scene"
 _DRAWN_BY = "pictures"
-"""The level of ``prompt.told`` that has the named views; every level may show them."""
+"""The level of ``prompt.context`` that has the named views; every level may show them."""
 _KEPT = 2  # tools whose views are kept
 
 

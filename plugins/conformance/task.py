@@ -18,7 +18,7 @@ from core.goals import reaches
 from core.interfaces import Task
 from core.robot.kinematics import arm_of
 from core.scene import Scene, State, Trace
-from core.solids.standing import find_layout_doubts, find_overlaps
+from core.solids.standing import find_layout_warnings, find_overlaps
 from core.task import reward_of
 from plugins.conformance.shared import between, expect, expect_a, near
 
@@ -146,7 +146,7 @@ def check_variations_draw_layouts(task: Task) -> str:
             differ,
             f"variation {name!r}: two seeds give the same layout; use self.draw(seed)",
         )
-        for doubt in find_layout_doubts(varied):
-            raise AssertionError(doubt)
+        for warning in find_layout_warnings(varied):
+            raise AssertionError(warning)
 
     return ", ".join(task.variations) or "it has none"

@@ -120,7 +120,7 @@ class Layouts(Fitness):
             "layouts",
             layouts=len(self._seeds),
             sims=[*self._sims],
-            elsewhere=[] if self._unseen_sims is self._sims else [*self._unseen_sims],
+            other_sims=[] if self._unseen_sims is self._sims else [*self._unseen_sims],
             drawn=describe_ranges(self._condition.task.shared()),
             noise=self._condition.settings.perception,
             counts=self._counts,

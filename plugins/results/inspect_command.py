@@ -157,8 +157,8 @@ def _read_run(folder: Path) -> Inspected:
         f"{len(evaluations)} candidates; {short(state)}",
         _describe_money(store, config),
     ]
-    if best is not None and best.elsewhere is not None:
-        there = best.elsewhere
+    if best is not None and best.second_engine is not None:
+        there = best.second_engine
         says.append(
             f"it says that its winner earns {number(there.reward, 3)} in {there.engine}"
         )

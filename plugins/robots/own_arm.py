@@ -17,8 +17,8 @@ from core.support.text import clean
 from core.values.descriptions import Description
 from plugins.robots.arm_files import read_arm
 from plugins.robots.arm_settings import ArmSettings, BoltOptions
+from plugins.robots.arm_warnings import find_warnings
 from plugins.robots.choosing import choose_arm
-from plugins.robots.doubting import find_doubts
 from plugins.robots.enlarging import describe_factor, enlarge, find_factor
 from plugins.robots.foreign_names import choose_all_names
 from plugins.robots.normalise import normalise, read_meshes
@@ -124,7 +124,7 @@ def build_unmounted(
     assert whole is not None
     assert parts.home is not None
     whole = read_meshes(whole, notes)
-    notes += find_doubts(parts.description, arm, whole)
+    notes += find_warnings(parts.description, arm, whole)
 
     head, in_head = parts.description.rigid_parts(joint.child for joint in arm)[flange]
     links, joints = choose_all_names(whole, notes)

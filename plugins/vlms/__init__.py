@@ -31,16 +31,16 @@ def vlms() -> Mapping[str, str]:
 @hookimpl
 def prompt_values() -> Mapping[str, str]:
     return {
-        "arm": "plugins.vlms.told.arm_facts:arm_value",
-        "urdf": "plugins.vlms.told.outline:urdf_value",
-        "elites": "plugins.vlms.told.elites:elites_value",
-        "critiques": "plugins.vlms.told.elites:critiques_value",
-        "measured": "plugins.vlms.told.elites:measured_value",
-        "candidates": "plugins.vlms.told.feedback:candidates_value",
-        "ledger": "plugins.vlms.told.ledger:ledger_value",
-        "examples": "plugins.vlms.told.examples:examples_value",
-        "lessons": "plugins.vlms.told.lessons:lessons_value",
-        "hard_layouts": "plugins.vlms.told.hard_layouts:hard_layouts_value",
+        "arm": "plugins.vlms.context.arm_facts:arm_value",
+        "urdf": "plugins.vlms.context.outline:urdf_value",
+        "elites": "plugins.vlms.context.elites:elites_value",
+        "critiques": "plugins.vlms.context.elites:critiques_value",
+        "measured": "plugins.vlms.context.elites:measured_value",
+        "candidates": "plugins.vlms.context.feedback:candidates_value",
+        "ledger": "plugins.vlms.context.ledger:ledger_value",
+        "examples": "plugins.vlms.context.examples:examples_value",
+        "lessons": "plugins.vlms.context.lessons:lessons_value",
+        "hard_layouts": "plugins.vlms.context.hard_layouts:hard_layouts_value",
     }
 
 
@@ -67,4 +67,4 @@ def menders() -> Mapping[str, str]:
 @hookimpl
 def levels() -> Mapping[str, str]:
     names = {"source": "Source", "words": "Words", "pictures": "Pictures"}
-    return {name: f"plugins.vlms.told.levels:{cls}" for name, cls in names.items()}
+    return {name: f"plugins.vlms.context.levels:{cls}" for name, cls in names.items()}

@@ -17,8 +17,8 @@ from core.search.designer import Artist, ScenePictures
 from core.simulation.pictures import SIZE, filmed, png, report_missing
 from core.support.text import clean
 from core.trial import Evaluation, Score
+from plugins.vlms.context.causes import failing_trials
 from plugins.vlms.telling import last_generation, most_telling
-from plugins.vlms.told.causes import failing_trials
 
 _CAUSE = 100  # characters of a caption
 
@@ -177,7 +177,7 @@ class EngineArtist(Artist):
                 drawn = self._draw(task, simulator, tool, name)
             except NoPicture as error:
                 if not numbers:
-                    why = f"prompt.told={settings.told} shows pictures alone, and nothing here draws them: {error}"
+                    why = f"prompt.context={settings.context} shows only pictures, and nothing here draws them: {error}"
                     raise UserError(why) from error
 
                 report_missing("pictures", error)

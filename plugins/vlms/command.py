@@ -23,7 +23,7 @@ from core.support.secrets import holds_secret, is_secret_name, scrub
 from core.support.text import clean
 from core.values.messages import checked
 from plugins.vlms.calls import Arrivals, Calls
-from plugins.vlms.letters import write_letter
+from plugins.vlms.prompt_files import write_letter
 
 MAX_BYTES = 20_000_000  # of an answer
 _MAX_WORDS = 20_000  # bytes of what a program says on standard error

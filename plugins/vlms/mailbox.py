@@ -23,9 +23,9 @@ from core.search.answers import read_candidates
 from core.support.cli import say
 from core.support.files import FileMark, file_mark, read_text
 from core.support.text import number
-from plugins.vlms.letters import NOW, write_file, write_letter
+from plugins.vlms.context.feedback import describe
+from plugins.vlms.prompt_files import NOW, write_file, write_letter
 from plugins.vlms.second_look import list_faults
-from plugins.vlms.told.feedback import describe
 
 REPLIES = ("reply.json", "reply.md")
 RESULTS = "results.md"
@@ -107,7 +107,7 @@ class Mailbox(VLM):
         if settings["feedback"] == "paper":
             return
 
-        level = installed().factory("level", settings["told"])()
+        level = installed().factory("level", settings["context"])()
         sight = level.sight(self._run.task, self._run.seed)
         by_agent: dict[int, list[Evaluation]] = {}
         for evaluation in generation.evaluations:

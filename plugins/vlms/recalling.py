@@ -20,9 +20,9 @@ from core.search.model_requests import ask_model
 from core.support.cli import say
 from core.support.files import write_whole, writing
 from plugins.vlms.artist import shown_in
-from plugins.vlms.told.examples import EXAMPLE, recall_examples
-from plugins.vlms.told.feedback import WHOLE, generation_lines
-from plugins.vlms.told.lessons import (
+from plugins.vlms.context.examples import EXAMPLE, recall_examples
+from plugins.vlms.context.feedback import WHOLE, generation_lines
+from plugins.vlms.context.lessons import (
     FILE,
     MOST_WRITTEN,
     Lesson,
@@ -111,7 +111,7 @@ class ModelMemory:
 
         document = {
             "task": designer.assignment.task.name,
-            "told": designer.prompts.facts.settings.told,
+            "context": designer.prompts.facts.settings.context,
             "lessons": [lesson.written for lesson in lessons],
         }
         text = json.dumps(document, indent=2, ensure_ascii=False) + "\n"

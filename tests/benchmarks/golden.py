@@ -23,7 +23,7 @@ from core.interfaces import Executor
 from core.plugins import PluginPart, installed
 from core.support.cli import command
 from core.trial import Condition
-from plugins.trying.evaluate import record as entry
+from plugins.commands.evaluate import record as entry
 from tests.benchmarks import measuring
 from tests.playing import evaluate_all
 

@@ -25,8 +25,8 @@ from core.errors import UsageError, UserError, choices
 from core.interfaces import Executor
 from core.plugins import PluginPart, installed
 from core.trial import Condition
+from plugins.commands.prompt import PromptConfig, compose
 from plugins.conformance.shared import ready
-from plugins.trying.prompt import PromptConfig, compose
 from tests.playing import evaluate_all
 
 T = TypeVar("T")

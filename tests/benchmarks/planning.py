@@ -27,7 +27,7 @@ from core.simulation import attempt
 from core.simulation.play import play
 from core.support.cli import arguments, command
 from core.trial import Condition
-from plugins.trying.prompt import PromptConfig, compose
+from plugins.commands.prompt import PromptConfig, compose
 from tasks import tasks as twelve
 from tasks.hardtoolbench import tasks as hard
 from tests.benchmarks import measuring

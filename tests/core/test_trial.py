@@ -16,7 +16,7 @@ from core.values.margins import Margin
 from core.values.plans import Waypoints
 from plugins.conformance.evaluations import tried_once
 from plugins.fitness.robustness import Perturbation, PerturbationRange
-from plugins.several.joined_plans import TaskPlans
+from plugins.multitask.joined_plans import TaskPlans
 
 ROD = Tool((Component("rod", "tool_mount", Pose(), Box((0.1, 0.1, 0.1)), mass=0.25),))
 PLAN = Waypoints(np.zeros((1, 6)))

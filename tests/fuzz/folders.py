@@ -29,12 +29,12 @@ from core import run
 from core.errors import UserError
 from core.store import rows
 from core.store.database import FILE
+from plugins.commands import evaluate, prompt
 from plugins.executors.local import LocalExecutor
 from plugins.results import transfer, view
 from plugins.results.report import report_command as report
 from plugins.results.toolbox import toolbox_command as toolbox
 from plugins.results.workshop import export_command as export
-from plugins.trying import evaluate, prompt
 from tests.core.run_folders import write_run
 from tests.executors import Inline
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from core.goals import reaches
 from core.support.text import clean, number
 from core.trial import NOTHING
-from plugins.listeners.summary.elsewhere import describe_elsewhere
+from plugins.listeners.summary.second_engine import describe_second_engine
 
 if TYPE_CHECKING:
     from core.events import Result, Run
@@ -37,8 +37,8 @@ def tell_in_short(run: Run, result: Result) -> Iterator[str]:
     mass = f" of {1000 * tool.mass:.0f} g" if tool.components else ""
     does = _say_what_is_done(run, best)
     parts = [f"in short: {name}{mass} {does}: reward {number(best.reward, 3)}"]
-    if result.elsewhere is not None:
-        parts.append(describe_elsewhere(result.elsewhere))
+    if result.second_engine is not None:
+        parts.append(describe_second_engine(result.second_engine))
 
     if result.making is not None:
         parts.append(clean(result.making.words, REMARK))

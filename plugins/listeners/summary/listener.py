@@ -62,8 +62,8 @@ class SummaryListener:
     @hookimpl(trylast=True)
     def run_finished(self, run: Run, result: Result) -> None:
         """Print it after other listeners, whose files it names."""
-        from plugins.listeners.summary.elsewhere import explain_elsewhere
         from plugins.listeners.summary.in_short import tell_in_short
+        from plugins.listeners.summary.second_engine import explain_second_engine
 
         best = result.best
         lines = [_spent(self._replies)]
@@ -79,8 +79,8 @@ class SummaryListener:
                 *lines,
             ]
             lines += _remarks(run, result, best)
-            if result.elsewhere is not None:
-                lines.append(explain_elsewhere(result.elsewhere))
+            if result.second_engine is not None:
+                lines.append(explain_second_engine(result.second_engine))
 
         say(*lines, *_next_steps(run, result), file=sys.stderr)
         if best is not None:
@@ -97,7 +97,7 @@ def _causes(run: Run, best: Evaluation) -> Iterator[str]:
     if not known or best.solved:
         return
 
-    level = installed().factory("level", PromptSettings.told)()
+    level = installed().factory("level", PromptSettings.context)()
     observed = level.report(best, run.task).get("observed", best.reason)
     head = "why not more" if best.reward >= NOTHING else "why nothing was earned"
     yield f"{head}: {clean(observed, _LINE)}"

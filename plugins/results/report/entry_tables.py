@@ -57,7 +57,7 @@ def _row(listed: ListedEntry, engines: Sequence[str]) -> tuple[Cell, ...]:
     return (
         entry.track,
         entry.name,
-        entry.settings.get("prompt.told", "source"),
+        entry.settings.get("prompt.context", "source"),
         entry.score,
         low,
         high,

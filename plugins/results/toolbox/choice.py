@@ -112,12 +112,27 @@ def toolbox(
         raise UserError("there is no tool to try")
     if not tasks:
         raise UsageError("a library names no tasks to try; give tasks=[NAME,...]")
-    for kind in set(OF_RUN) - groups(words):
-        if any(tool.config[kind] != tools[0].config[kind] for tool in tools):
-            raise UsageError(
-                f"the runs differ in {kind}; set it for all of them, as in {kind}=..."
-            )
+    _check_agreement(tools, groups(words))
 
     earned = [attempt(tool, tasks, words, Path(cfg.output)) for tool in tools]
 
     return Toolbox(tools, tasks, earned, cfg.good)
+
+
+def _check_agreement(tools: Sequence[HeldTool], given: set[str]) -> None:
+    """Check that tools come from runs whose settings agree, but for those that are ``given`` for all of them.
+
+    Raises:
+        UsageError: they differ.
+    """
+    differing = []
+    for kind in OF_RUN:
+        settings = [tool.config[kind] for tool in tools]
+        if kind not in given and settings.count(settings[0]) < len(settings):
+            differing.append(kind)
+
+    if differing:
+        words = " ".join(f"{kind}=..." for kind in differing)
+        raise UsageError(
+            f"the runs differ in {', '.join(differing)}; set for all of them {words}"
+        )

@@ -119,7 +119,7 @@ def all_task_configs(runs: Iterable[FinishedRun], more: list[Any]) -> TaskConfig
         stored, _ = take_stored(run.config, run.folder, kinds=["task"])
         tasks.append(stored["task"])
     if more:
-        tasks.append({"name": "several", "of": more})
+        tasks.append({"name": "multitask", "of": more})
     found: dict[str, TaskConfig] = {}
     for task in tasks:
         for name, settings in task_configs(task).items():

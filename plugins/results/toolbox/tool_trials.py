@@ -122,7 +122,7 @@ def _search(config: DictConfig, tasks: Sequence[TaskConfig], folder: Path) -> No
     rigid = [{**task, "tool_kinds": ["rigid"]} for task in tasks]
     task = rigid[0]
     if len(rigid) > 1:
-        task = {"name": "several", "of": rigid, "combine": "mean", "tool_kinds": []}
+        task = {"name": "multitask", "of": rigid, "combine": "mean", "tool_kinds": []}
 
     OmegaConf.update(config, "task", task, merge=False)
     folder.mkdir(parents=True, exist_ok=True)
@@ -182,7 +182,9 @@ def configure(held: HeldTool, file: Path, words: Sequence[str]) -> DictConfig:
 
     run: Mapping[str, Any] = held.config
 
-    for kind in set(OF_RUN) - given:
+    for kind in OF_RUN:
+        if kind in given:
+            continue
         merge = kind in ("material", "printer", "rollout")
         OmegaConf.update(config, kind, run[kind], merge=merge)
 

@@ -72,7 +72,7 @@ def _join_plans(plans: Mapping[str, ActionPlan], *, gripper: bool) -> ActionPlan
     for task, plan in plans.items():
         entries.append({"task": task, "action": plan.action, "plan": plan.dump()})
 
-    return parse_plan(installed().create(ACTION, "several"), entries, gripper)
+    return parse_plan(installed().create(ACTION, "multitask"), entries, gripper)
 
 
 def show(found: Toolbox) -> None:

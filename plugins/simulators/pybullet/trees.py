@@ -323,7 +323,8 @@ def _find_rate(
     model = pin.Model()
     numbers: dict[str | None, int] = {}
 
-    for name in frames.keys() - {joint.body for joint in joints}:  # a free root
+    children = {joint.body for joint in joints}
+    for name in (name for name in frames if name not in children):  # a free root
         pose = pin.SE3(frames[name].matrix)
         numbers[name] = model.addJoint(
             0,

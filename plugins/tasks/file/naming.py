@@ -12,9 +12,9 @@ from core.scene import FIXTURE, Scene
 from core.solids.standing import find_gaps
 from plugins.tasks.file.body_building import build_mark
 from plugins.tasks.file.contacts import CONTACT_M
-from plugins.tasks.file.doubts import find_foot
 from plugins.tasks.file.goals import Entry, join_entries
 from plugins.tasks.file.hollows import FixtureHollow, find_hollow, space_of
+from plugins.tasks.file.scene_warnings import find_foot
 from plugins.tasks.file.spec import MarkSpec, SceneSpec
 from plugins.tasks.file.tree import Tree
 

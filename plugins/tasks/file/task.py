@@ -24,11 +24,11 @@ from plugins.tasks.file import (
     building,
     contacts,
     copies,
-    doubts,
     goals,
     naming,
     photos,
     places,
+    scene_warnings,
     tree,
 )
 from plugins.tasks.file import spec as schema
@@ -49,7 +49,7 @@ class FileTask(Task):
         variation: what differs between layouts: ``none``, or one of the file's ``variations``.
 
     Attributes:
-        doubts: a line for each thing that is possible, and seldom meant, whatever the robot is; they are said at once.
+        warnings: a line for each thing that is possible but seldom meant, whatever the robot is; they are said at once.
 
     Raises:
         UserError: the file can't be used; says what is wrong in it, where, and how to mend it.
@@ -94,16 +94,16 @@ class FileTask(Task):
         vars(self).update(goals=wanted)
         self._look_at(spec)
         self._check_variations()
-        self.doubts = (
-            *doubts.find_doubts(self._scene),
-            *doubts.find_idle_joints(self._scene),
-            *doubts.find_empty_place(self._scene, self.fixture),
-            *doubts.find_radians(_list_turns(spec)),
-            *doubts.find_idle_goals(self._scene, self.goals, self.every),
-            *doubts.find_unrewarded(self.description, self.goals),
+        self.warnings = (
+            *scene_warnings.find_warnings(self._scene),
+            *scene_warnings.find_idle_joints(self._scene),
+            *scene_warnings.find_empty_place(self._scene, self.fixture),
+            *scene_warnings.find_radians(_list_turns(spec)),
+            *scene_warnings.find_idle_goals(self._scene, self.goals, self.every),
+            *scene_warnings.find_unrewarded(self.description, self.goals),
         )
-        for doubt in self.doubts:
-            warn_once(f"{file}: {doubt}")
+        for warning in self.warnings:
+            warn_once(f"{file}: {warning}")
 
     def _read_variations(self, spec: schema.SceneSpec) -> dict[str, copies.Values]:
         """Read the variations: what each path stands for, and its range.
@@ -139,7 +139,7 @@ class FileTask(Task):
             body for goal in reaches(self.goals) for body in goal.subjects(state)
         )
         camera = spec.camera
-        unseen = doubts.find_unseen(camera, state, bodies)
+        unseen = scene_warnings.find_unseen(camera, state, bodies)
         if "camera" in spec.model_fields_set:
             for name in unseen:
                 line = f"body {name} of a goal is outside of the picture; move camera"
@@ -150,7 +150,7 @@ class FileTask(Task):
         while unseen and np.linalg.norm(camera.position) < FARTHEST_M:
             x, y, z = BACK * np.array(camera.position)
             camera = replace(camera, position=(float(x), float(y), float(z)))
-            unseen = doubts.find_unseen(camera, state, bodies)
+            unseen = scene_warnings.find_unseen(camera, state, bodies)
 
         vars(self).update(camera=camera)
 
@@ -159,8 +159,8 @@ class FileTask(Task):
         """Describe what a scene file may say as a JSON Schema."""
         return schema.json_schema()
 
-    def find_doubts(self) -> Iterator[str]:
-        """See `core.interfaces.Task.find_doubts`; what needs no robot is said where the file is read."""
+    def find_warnings(self) -> Iterator[str]:
+        """See `core.interfaces.Task.find_warnings`; what needs no robot is said where the file is read."""
         overlaps = [fault.text for fault in find_overlaps(self._scene)]
         yield from say_first(overlaps, "pairs of bodies overlap")
         arm = arm_of(self.robot)

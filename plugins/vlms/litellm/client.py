@@ -17,7 +17,7 @@ from core.interfaces import Reply, Request
 from core.support.text import clean, kind
 from core.values.messages import checked
 from plugins.vlms.litellm.call_settings import CallSettings, check_options
-from plugins.vlms.litellm.context import OllamaContext, doubt_count
+from plugins.vlms.litellm.context import OllamaContext, find_miscount
 from plugins.vlms.litellm.failures import explain, find_words, refuses
 from plugins.vlms.litellm.hearing import Hearing
 from plugins.vlms.litellm.loading import load
@@ -125,7 +125,7 @@ class Client:
         if self._provider.startswith("ollama"):
             self._context = OllamaContext(self._bare, api_base)
 
-        self._is_doubted = False
+        self._has_warned = False
 
     def _find_manner(self) -> Manner:
         """Find how to ask, by what LiteLLM knows of the model, and say what is left out."""
@@ -291,7 +291,7 @@ class Client:
             if request.needs_pictures and not manner.pictures:
                 raise LimitReached(
                     f"{self.model} takes no pictures, and nothing else tells where things are: "
-                    "ask a model that sees, or type prompt.told=source"
+                    "ask a model that sees, or type prompt.context=source"
                 )
 
             try:
@@ -474,10 +474,10 @@ class Client:
             else None,
             error=f"the model refuses: {refusal}" if refusal and not text else None,
         )
-        doubt = doubt_count(request, reply.prompt_tokens)
-        if doubt and not self._is_doubted:
-            self._is_doubted = True
-            _log.warning("%s: %s", self.model, doubt)
+        warning = find_miscount(request, reply.prompt_tokens)
+        if warning and not self._has_warned:
+            self._has_warned = True
+            _log.warning("%s: %s", self.model, warning)
 
         finish = str(getattr(choice, "finish_reason", None) or "none given")
         return checked(reply), clean(finish, 40)

@@ -106,7 +106,7 @@ def count_pictures(request: Request) -> int:
     return sum(isinstance(part, Picture) for part in parts)
 
 
-def doubt_count(request: Request, counted: int | None) -> str:
+def find_miscount(request: Request, counted: int | None) -> str:
     """Say that a server counted far fewer tokens than a prompt has; empty: its count may be right.
 
     Args:

@@ -16,12 +16,12 @@ from core.errors import LimitReached, UsageError, UserError, check_positive
 from core.hooks import Harmless, Names, hookimpl
 from core.interfaces import VLM, Estimate, Reply, Request, Spending
 from plugins.vlms.calls import Arrivals, Calls
-from plugins.vlms.letters import split_news
 from plugins.vlms.litellm.call_settings import check_call_settings
 from plugins.vlms.litellm.client import Client
 from plugins.vlms.litellm.failures import pause, unanswered
 from plugins.vlms.litellm.hearing import Hearing
 from plugins.vlms.litellm.prices import estimate
+from plugins.vlms.prompt_files import split_news
 
 _log = logging.getLogger(__name__)
 

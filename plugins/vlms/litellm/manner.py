@@ -102,7 +102,7 @@ _FIELDS: Mapping[str, _Refusable] = {
         r"\bimages?\b|image_url|\bvision\b|multi.?modal|mmproj|content\S*: input should be a valid string"
         r"|content must be a string",
         "no pictures: they are left out, and the prompt's text says so; a model that sees designs better, "
-        "and prompt.told=words prompt.picture=false is made for one that doesn't",
+        "and prompt.context=words prompt.picture=false is made for one that doesn't",
     ),
     "stream": _left_out(
         r"\bstream(ing|ed)?\b",

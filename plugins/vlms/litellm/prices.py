@@ -10,9 +10,9 @@ from types import ModuleType
 from typing import Any
 
 from core.interfaces import Estimate, Message, Picture, Request, Text
-from plugins.vlms.letters import split_news
 from plugins.vlms.litellm.loading import load
 from plugins.vlms.litellm.wire_messages import explain_schema, render
+from plugins.vlms.prompt_files import split_news
 
 PIXELS_PER_TOKEN = 750  # https://docs.claude.com/en/docs/vision
 

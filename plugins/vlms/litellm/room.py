@@ -25,7 +25,7 @@ _PATTERNS = tuple(
     )
 )
 _SHORTER = (
-    "give the server a larger context, or shorten the prompt: prompt.told=words, prompt.picture=false, "
+    "give the server a larger context, or shorten the prompt: prompt.context=words, prompt.picture=false, "
     "prompt.feedback=paper, a smaller budget.k_top"
 )
 

@@ -14,7 +14,7 @@ from PIL import Image as Pillow
 from PIL import ImageDraw
 
 from core.interfaces import Message, Picture, Request, Text
-from plugins.vlms.letters import begins_news
+from plugins.vlms.prompt_files import begins_news
 
 _MARK = {
     "type": "ephemeral"

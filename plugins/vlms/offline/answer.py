@@ -11,9 +11,9 @@ from core.design import Candidate, DesignError
 from core.interfaces import Brief, Evaluation
 from plugins.vlms.offline.faults import obeys
 from plugins.vlms.offline.making import Made, make, plan
+from plugins.vlms.offline.multitask import answer_several
 from plugins.vlms.offline.notes import read_recipe
 from plugins.vlms.offline.search import Search
-from plugins.vlms.offline.several import answer_several
 from plugins.vlms.offline.vary import (
     cross,
     mutate,

@@ -11,7 +11,7 @@ from core.design import Tool
 from core.geometry import Array, Pose
 from core.interfaces import Robot
 from core.robot.kinematics import arm_of, robot_model
-from plugins.vlms.told.reach import span_at
+from plugins.vlms.context.reach import span_at
 
 _SHOULDER = 2  # the number of the second joint in a model; 0 is the world
 _FOLDED_M = 0.06  # nearer to the least distance that an arm reaches, it is folded

@@ -33,7 +33,7 @@ HARMLESS = [
     ["vlm=ensemble", "vlm.members=[gemini,{name: openai, timeout_s: 5}]"],
     ["evolution=map_elites", "protocol=lean", "material=pla", "vlm=mailbox"],
     ["fitness=robust", "fitness.sims=[mujoco,{name: sapien}]", "task.variation=wide"],
-    ["task=several", "task.of=[BringCube,{name: OneBook, variation: wide}]"],
+    ["task=multitask", "task.of=[BringCube,{name: OneBook, variation: wide}]"],
     [
         "evolution=islands",
         "evolution.styles=[a tool of few parts]",
@@ -73,7 +73,7 @@ OUTSIDE = {
     ),
     "a scene file": (["task=file", "task.file=/etc/passwd"], ["task.file"]),
     "a scene file among tasks": (
-        ["task=several", "task.of=[BringCube,{name: file, file: /etc/passwd}]"],
+        ["task=multitask", "task.of=[BringCube,{name: file, file: /etc/passwd}]"],
         ["task.of"],
     ),
     "an arm's file": (

@@ -4,7 +4,7 @@ from omegaconf import OmegaConf
 from core.config.compose import load
 from core.config.schemas import EvaluateConfig, RunConfig
 from core.errors import UsageError
-from plugins.trying.prompt import PromptConfig
+from plugins.commands.prompt import PromptConfig
 
 COMMANDS = {"config": RunConfig, "evaluate": EvaluateConfig, "prompt": PromptConfig}
 

@@ -42,10 +42,10 @@ from core.trial import Evaluation, Score, Trial, Where
 from core.values.robots import ISO_9409_1_50
 from plugins.actions.waypoints import WaypointActions
 from plugins.conformance.evaluations import tried_once
+from plugins.vlms.context.excerpts import task_source
 from plugins.vlms.critic import CRITIC
 from plugins.vlms.recalling import TEMPLATE
 from plugins.vlms.second_look import REPAIR, SecondLook
-from plugins.vlms.told.excerpts import task_source
 from tests.panda import PANDA, on_panda
 from tests.rare import rare
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from core.design import DesignError
-from core.designs.plan_rules import doubt_turns
+from core.designs.plan_rules import find_turn_warnings
 from core.designs.planning import look, resolve
 from core.errors import UsageError
 from core.interfaces import ActionPlan, Perception, RolloutSettings, Tempo, Waypoints
@@ -138,7 +138,7 @@ def test_a_tempo_that_costs_too_much_is_refused_before_it_is_planned(given, prob
         ([0, 2.0, 4.0, 6.0], None),  # step by step
     ],
 )
-def test_a_turn_of_more_than_half_is_doubted_with_both_readings(yaws, said):
-    found = list(doubt_turns(np.array([[0.0, 0.0, yaw] for yaw in yaws])))
+def test_a_turn_of_more_than_half_has_warned_with_both_readings(yaws, said):
+    found = list(find_turn_warnings(np.array([[0.0, 0.0, yaw] for yaw in yaws])))
     assert len(found) == (said is not None)
     assert not found or said in found[0]

@@ -16,8 +16,8 @@ from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.values.materials import PAPER, Material
 from core.values.printers import MK4
+from plugins.commands.prompt import PromptConfig, compose
 from plugins.tools.mounting import describe_weight
-from plugins.trying.prompt import PromptConfig, compose
 from tests.core.designs.test_rules import box, rigid
 from tests.panda import PANDA
 from tests.rare import rare

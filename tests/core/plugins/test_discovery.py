@@ -201,10 +201,10 @@ def test_what_is_offered_beside_parts_is_found_by_its_hook(found):
         "one",
     )
     found.register(Offering(levels={"mute": Task, "deaf": Engine}), "second", "two")
-    assert found.factory("level", "mute", "prompt.told") is Engine
+    assert found.factory("level", "mute", "prompt.context") is Engine
     assert found.factories("prompt_value") == {"notes": json.dumps}
     with pytest.raises(
         UsageError,
-        match=r"no level 'loud' in prompt\.told; possible: deaf, mute; plugin 'second' f",
+        match=r"no level 'loud' in prompt\.context; possible: deaf, mute; plugin 'second' f",
     ):
-        found.factory("level", "loud", "prompt.told")
+        found.factory("level", "loud", "prompt.context")

@@ -9,7 +9,7 @@ from core.errors import UserError
 from core.search.orchestration import run
 from core.search.outcome import print_best
 from core.simulation.play import play
-from core.store.rows import Best, ElsewhereFigures
+from core.store.rows import Best, SecondEngineFigures
 from core.trial import Making, best_first
 from plugins.conformance.evaluations import tried_once
 from tests.core.test_design import ok
@@ -28,8 +28,8 @@ from tests.core.test_design import ok
 def test_the_first_line_has_a_second_engine_that_differs_by_more_than_a_tenth(
     there, here, first, tmp_path, capsys
 ):
-    other = ElsewhereFigures("sapien", there, here)
-    print_best(Best(1.0, 0, "g0-a0-s0-p0", elsewhere=other), tmp_path)
+    other = SecondEngineFigures("sapien", there, here)
+    print_best(Best(1.0, 0, "g0-a0-s0-p0", second_engine=other), tmp_path)
     assert capsys.readouterr().out.startswith(first)
 
 
@@ -78,21 +78,21 @@ def test_a_second_engine_has_its_word_before_the_winner_is_written(
         written.extend(path.name for path in tmp_path.glob("run/best/*"))
         return play(condition, candidates)
 
-    monkeypatch.setattr("core.search.elsewhere.play", watched)
+    monkeypatch.setattr("core.search.second_engine.play", watched)
     config = load("config", [*WORDS.split(), f"second={second}"])
     result = run(config, tmp_path / "run")
     assert written == []
     best = json.loads((tmp_path / "run" / "result.json").read_text())["best"]
     if not engine:
-        assert best["elsewhere"] is result.elsewhere is None
+        assert best["second_engine"] is result.second_engine is None
         return
 
-    assert result.elsewhere is not None
-    assert best["elsewhere"] == {
+    assert result.second_engine is not None
+    assert best["second_engine"] == {
         "engine": engine,
-        "reward": result.elsewhere.reward,
+        "reward": result.second_engine.reward,
         "here": best["reward"],
-        "solved": result.elsewhere.solved,
+        "solved": result.second_engine.solved,
     }
 
 

@@ -11,7 +11,7 @@ from core.geometry import Box, Pose
 from core.interfaces import Condition, Fitness, RolloutSettings, Score, Trial
 from core.search.trials import Trials, key_of
 from core.values.plans import Waypoints
-from plugins.several.joined_plans import TaskPlans
+from plugins.multitask.joined_plans import TaskPlans
 from tests.executors import Inline
 from tests.faults import Crowded, Faulty
 from tests.faults import candidate as rod

@@ -100,7 +100,7 @@ class Cone(Primitive):
     """A kind that gives its triangles, and no more."""
 
     kind = "cone"
-    told = " with `radius` and `height`"
+    wording = " with `radius` and `height`"
     means = "A cone along its z"
 
     radius: float

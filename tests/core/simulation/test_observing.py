@@ -17,7 +17,7 @@ from core.scene import Body, Box, Joint, Pose, Scene, State, table
 from core.store.columns import trial_row
 from core.store.rows import load_trial
 from plugins.conformance.evaluations import tried_once
-from plugins.vlms.told.feedback import describe, elite_feedback
+from plugins.vlms.context.feedback import describe, elite_feedback
 from tasks.bring_cube import BringCube
 from tests import solutions
 from tests.engines import simulator

@@ -18,7 +18,7 @@ from core.solids.standing import (
     find_falls,
     find_fast,
     find_flights,
-    find_layout_doubts,
+    find_layout_warnings,
     find_left_behind,
     find_overlaps,
     find_rate,
@@ -48,11 +48,11 @@ def cube(name, x, z, side=0.05, mass=0.1, shape=Box):
     return Body.of(name, form, (x, 0.0, z), mass=mass, color=GREY)
 
 
-def doubts(tmp_path, ranges):
+def warnings_of(tmp_path, ranges):
     file = tmp_path / "press.yaml"
     file.write_text(SCENE.replace("RANGES", ranges))
     task = installed().create("task", "file", file=str(file), variation="wide")
-    return list(find_layout_doubts(task))
+    return list(find_layout_warnings(task))
 
 
 @pytest.mark.parametrize(("sunk", "overlaps"), [(0.0009, 0), (0.0011, 1)])
@@ -88,7 +88,7 @@ def test_what_stays_while_its_bearer_moves_is_left_behind(way, left):
     ],
 )
 def test_layouts_are_looked_at_as_the_nominal_one_is(tmp_path, ranges, said):
-    found = doubts(tmp_path, ranges)
+    found = warnings_of(tmp_path, ranges)
     assert bool(found) == (said is not None), found
     assert said is None or said in found[0]
     assert said is None or "of variation wide" in found[0]
@@ -104,7 +104,7 @@ def test_layouts_are_looked_at_as_the_nominal_one_is(tmp_path, ranges, said):
 )
 def test_an_axis_belongs_to_its_key(tmp_path, path, right):
     with pytest.raises(UserError, match=right):
-        doubts(tmp_path, f"{path}: [0.1, 0.2]")
+        warnings_of(tmp_path, f"{path}: [0.1, 0.2]")
 
 
 def test_what_falls_or_is_thrown_has_a_speed_and_meets_the_thinnest_in_its_way():
@@ -122,11 +122,11 @@ def test_what_falls_or_is_thrown_has_a_speed_and_meets_the_thinnest_in_its_way()
     assert flight.speed == pytest.approx(np.sqrt(2 * 9.81 * 0.289), rel=1e-3)
 
 
-@pytest.mark.parametrize(("thick", "doubted"), [(0.0006, 0), (0.0003, 1)])
-def test_what_no_step_is_fine_enough_for_is_doubted(thick, doubted):
+@pytest.mark.parametrize(("thick", "warned"), [(0.0006, 0), (0.0003, 1)])
+def test_what_no_step_is_fine_enough_for_is_warned_of(thick, warned):
     foil = Body.of("foil", Box((0.2, 0.2, thick)), (0.6, 0, 0.2), mass=0.0, color=GREY)
     ball = cube("ball", 0.6, 0.5, side=0.02, shape=Sphere)
-    assert len(list(find_fast(Scene((foil, ball))))) == doubted
+    assert len(list(find_fast(Scene((foil, ball))))) == warned
 
 
 @pytest.mark.parametrize(

@@ -192,7 +192,7 @@ def test_result_and_generations(opened):
             "margin": None,
             "reason": "",
             "torque": None,
-            "elsewhere": None,
+            "second_engine": None,
             "making": None,
             "makeable": None,
             "measured": {"distance_m": 2.0},

@@ -25,6 +25,6 @@ def test_what_is_not_given_is_an_error():
 
 
 def test_macros_of_a_template_are_functions():
-    words = macros("plugins.vlms.told", "bodies")
+    words = macros("plugins.vlms.context", "bodies")
     assert words.place(1 / 3) == "33 %"
     assert words.weight(0.1) == "light"

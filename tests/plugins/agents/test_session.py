@@ -24,7 +24,7 @@ from tests.plugins.agents.clients import (
 
 pytestmark = [pytest.mark.slow, pytest.mark.thorough]
 
-PICTURES = (*SMALL, "prompt.told=pictures", "budget.n_rollouts=3", "folder=run")
+PICTURES = (*SMALL, "prompt.context=pictures", "budget.n_rollouts=3", "folder=run")
 # A number of a body: with a unit of length, or a decimal that is no reward, no time and no share.
 BODY_NUMBER = re.compile(r"\d+(\.\d+)? ?(mm|cm|m|kg)\b")
 
@@ -221,7 +221,7 @@ def test_a_free_answer_is_no_ruler_and_a_paid_one_is_counted(tmp_path):
         "budget.n_rollouts=1",
         "folder=run",
     )
-    converse(measure, tmp_path, *words, "prompt.told=pictures")
+    converse(measure, tmp_path, *words, "prompt.context=pictures")
     (free,) = said["free"]
     assert "nothing found" in free
     assert re.search(r"the arm misses the way to waypoint \d+ by \d+ mm", said["far"])
@@ -231,7 +231,7 @@ def test_a_free_answer_is_no_ruler_and_a_paid_one_is_counted(tmp_path):
 
     said.clear()
     (tmp_path / "told").mkdir()
-    converse(measure, tmp_path / "told", *words, "prompt.told=words")
+    converse(measure, tmp_path / "told", *words, "prompt.context=words")
     assert len(said["free"]) == 2
     assert said["try"].is_error
     assert "nothing is counted" in text(said["try"])

@@ -18,9 +18,9 @@ from core.geometry import Box, Pose
 from core.interfaces import Condition, Waypoints
 from core.plugins import PluginPart
 from core.values.materials import Material
+from plugins.commands.prompt import PromptConfig, compose
 from plugins.fitness.nominal import Nominal
-from plugins.trying.prompt import PromptConfig, compose
-from plugins.vlms.told.feedback import describe
+from plugins.vlms.context.feedback import describe
 from tests.plugins.fitness.judging import judged
 
 pytestmark = pytest.mark.slow

@@ -22,7 +22,7 @@ from core.simulation.play import play
 from plugins.fitness.layouts import UNSEEN, worst_quarter
 from plugins.fitness.nominal import Nominal
 from plugins.results.pages.runs import read_run
-from plugins.vlms.told.feedback import combined_figures
+from plugins.vlms.context.feedback import combined_figures
 from tests.plugins.fitness.judging import judged
 
 QUICK = RolloutSettings(segment_s=0.2, settle_s=0.05, hold_s=0.1)

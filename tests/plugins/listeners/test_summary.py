@@ -18,9 +18,9 @@ from core.scene import Margin
 from core.search.orchestration import run, run_and_print
 from core.support.text import hydra_word
 from core.trial import Evaluation, Making, Tally, Trial, Where
+from plugins.commands import evaluate
 from plugins.conformance.evaluations import tried_once
 from plugins.new.new_command import write_scene
-from plugins.trying import evaluate
 from tests.core.run_folders import hook
 from tests.outside_arm import write_arm
 from tests.rare import rare

@@ -9,8 +9,8 @@ from core.config.compose import load, part
 from core.errors import UserError
 from core.plugins import installed
 from plugins import render
+from plugins.commands import evaluate
 from plugins.conformance.suites import SUITES
-from plugins.trying import evaluate
 from tests.outside_arm import FLANGE, HOME, write_arm
 from tests.plugins.robots.test_own_arm import gripped
 from tests.rare import rare

@@ -15,6 +15,7 @@ from core.errors import UsageError
 from core.geometry import Box, Pose
 from core.plugins import installed
 from core.trial import Evaluation, Trial, Where
+from plugins.commands.evaluate import evaluate
 from plugins.conformance.evaluations import tried_once
 from plugins.fitness.several import score_by_worst_engine
 from plugins.strategies.map_elites.archive import (
@@ -26,7 +27,6 @@ from plugins.strategies.map_elites.archive import (
     read_measures,
     save_archive,
 )
-from plugins.trying.evaluate import evaluate
 from tests.core.run_folders import PLAN, hook
 
 EXTENT, DISTANCE = Measure("extent", 0.0, 1.0, 10), Measure("distance", 0.0, 2.0, 4)

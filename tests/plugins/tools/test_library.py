@@ -114,7 +114,7 @@ def test_mistakes_are_one_line(library, tmp_path):
         ([known, "tool.file=a.json"], "leave one of them away"),
         ([known, "tool.of=none"], "tool.of=none gives a tool"),
         ([], "tool=known needs tools"),
-        ([known, "task=several", "task.of=[BringCube,MoveBall]"], "on one task"),
+        ([known, "task=multitask", "task.of=[BringCube,MoveBall]"], "on one task"),
     ):
         with pytest.raises(UserError, match=said):
             search("tool=known", *words)
@@ -122,9 +122,9 @@ def test_mistakes_are_one_line(library, tmp_path):
 
 @pytest.mark.thorough
 def test_a_model_that_is_told_no_numbers_gets_none_by_a_plan(library):
-    words = ["tool=known", f"tool.library={library}", "prompt.told=pictures"]
+    words = ["tool=known", f"tool.library={library}", "prompt.context=pictures"]
     cfg = load("config", [*SMALL, *words, "vlm=mailbox"])
-    with pytest.raises(UsageError, match=r"prompt\.told=pictures holds these back"):
+    with pytest.raises(UsageError, match=r"prompt\.context=pictures holds these back"):
         build_designer(cfg, part(MODEL, cfg.vlm).create(), event_hub())
 
 

@@ -177,7 +177,7 @@ def test_a_context_that_is_too_small_is_named_with_both_numbers(words, asked, ro
     with serving(in_turn(refused(words))) as server:
         reply = ask(server, "openai")[0]
     assert f"too long: {asked} tokens, and the server holds {room};" in reply.error
-    assert "prompt.told=words" in reply.error
+    assert "prompt.context=words" in reply.error
     assert reply.unanswered
     assert len(server.calls) == 1
 

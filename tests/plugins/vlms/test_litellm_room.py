@@ -97,7 +97,7 @@ def test_a_blind_model_ends_what_pictures_alone_tell(words, status):
 
     with serving(script) as server:
         vlm = model_at(server, "openai")
-        with pytest.raises(LimitReached, match=r"prompt\.told=source"):
+        with pytest.raises(LimitReached, match=r"prompt\.context=source"):
             list(vlm.complete([showing(30, needs_pictures=True)]))
         assert len(server.calls) == 1
 
@@ -131,14 +131,14 @@ def test_no_other_server_is_told_of_a_context():
     assert "num_ctx" not in str(calls[0].body)
 
 
-@pytest.mark.parametrize(("characters", "doubted"), [(5_900, 0), (6_200, 1)])
-def test_a_count_of_tokens_far_below_the_prompt_is_doubted_once(
-    characters, doubted, caplog
+@pytest.mark.parametrize(("characters", "warned"), [(5_900, 0), (6_200, 1)])
+def test_a_count_of_tokens_far_below_the_prompt_has_warned_once(
+    characters, warned, caplog
 ):
     shown = showing(text="x" * characters)  # the server counts 1,000 tokens
     answers(lambda call: Say("{}"), shown, replace(shown, id="g0-a1"))
-    doubts = [record for record in caplog.records if "1,000 tokens" in record.message]
-    assert len(doubts) == doubted
+    warnings = [record for record in caplog.records if "1,000 tokens" in record.message]
+    assert len(warnings) == warned
 
 
 @pytest.mark.parametrize(

@@ -256,7 +256,7 @@ def test_a_run_asks_once_for_lessons_and_keeps_them_within_bounds(tmp_path):
     assert "g0-a0-s0-p0" in asked
     assert "response_json_schema" not in server.calls[1].body["generationConfig"]
     written = json.loads((folder / "lessons.json").read_text())
-    assert (written["task"], written["told"]) == ("BringCube", "source")
+    assert (written["task"], written["context"]) == ("BringCube", "source")
     assert len(written["lessons"]) == 12
     first = written["lessons"][0]
     assert sorted(first) == ["for", "says", "seen", "sure"]
@@ -277,7 +277,7 @@ def test_a_run_that_is_shown_what_others_taught_ends_and_writes_no_lessons(
     shown, tmp_path
 ):
     kept = {"says": "Pull from behind.", "for": "pulling", "sure": "seen", "seen": []}
-    lessons = {"task": "OneBook", "told": "source", "lessons": [kept]}
+    lessons = {"task": "OneBook", "context": "source", "lessons": [kept]}
     words = [
         *COMMON,
         "budget.n_agent=1",

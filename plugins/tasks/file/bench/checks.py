@@ -23,8 +23,8 @@ _FAR_M = 5.0  # ahead, where no arm gets
 
 def find_faults(task: FileTask) -> Iterator[str]:
     """Yield a line for each fault of a scene and its goals."""
-    yield from task.doubts
-    yield from task.find_doubts()
+    yield from task.warnings
+    yield from task.find_warnings()
     yield from _find_useless(task, task.scene(0))
 
 

@@ -156,7 +156,10 @@ def test_mistakes_are_one_line(folders, tmp_path):
     write_run(tmp_path / "c", "task=MoveBall", "seed=3", "sim=mujoco", rewards=[[0.4]])
     for words, said in (
         ([str(folders), "task=OneBook"], "task can't be set"),
-        ([str(folders), str(tmp_path)], "the runs differ in (rollout|seed)"),
+        (
+            [str(folders), str(tmp_path)],
+            "the runs differ in material, rollout, seed; set for all of them material=",
+        ),
         ([str(folders), "top=0"], "top must be at least 1"),
         (["good=0.5"], "no folder given"),
     ):

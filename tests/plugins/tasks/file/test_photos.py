@@ -8,9 +8,9 @@ from PIL import Image, PngImagePlugin
 from core.config.compose import load
 from core.errors import UserError
 from core.values.messages import Picture
+from plugins.commands.prompt import PromptConfig, compose
 from plugins.tasks.file import photos
 from plugins.tasks.file.task import FileTask
-from plugins.trying.prompt import PromptConfig, compose
 from tests.plugins.tasks.file.imports.conftest import called
 from tests.plugins.tasks.file.test_mistakes import GOOD
 

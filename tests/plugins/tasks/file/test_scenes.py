@@ -14,7 +14,7 @@ from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.scene import Camera
 from core.solids.penetration import findings
-from plugins.tasks.file.doubts import find_doubts, find_unseen
+from plugins.tasks.file.scene_warnings import find_unseen, find_warnings
 from plugins.tasks.file.task import FileTask
 from tests.engines import every_simulator, simulator
 from tests.panda import on_panda
@@ -97,8 +97,8 @@ def test_small_scenes_mean_what_they_say():
     for height, share in ((0.3, 1), (0.9, 1), (0.1625, 0.5)):
         end = replace(start, positions=np.array([[0.2, 0.1, height]]))
         assert above.progress(start, end) == pytest.approx(share)
-    (doubt,) = find_doubts(small("heavy").scene(0))
-    assert doubt == "body cube has 1.25e+06 kg/m^3; kilograms and metres are read"
+    (warning,) = find_warnings(small("heavy").scene(0))
+    assert warning == "body cube has 1.25e+06 kg/m^3; kilograms and metres are read"
     unseen = small("unseen")
     state = unseen.scene(0).state()
     assert find_unseen(unseen.camera, state, ["bar"]) == []

@@ -27,8 +27,8 @@ from plugins.new.new_command import write_scene
 from plugins.tasks.file.goals import describe_goals
 from plugins.tasks.file.task import FileTask
 from plugins.tasks.file.tree import Tree
-from plugins.vlms.told.bodies_table import bodies_table
-from plugins.vlms.told.excerpts import helpers, task_source
+from plugins.vlms.context.bodies_table import bodies_table
+from plugins.vlms.context.excerpts import helpers, task_source
 from tests.engines import every_simulator, simulator
 from tests.panda import on_panda
 from tests.plugins.tasks.file.test_mistakes import GOOD, HERE

@@ -11,7 +11,7 @@ from PIL import Image
 
 from core.errors import UserError
 from plugins.tasks.file.bench.scene_command import main
-from plugins.tasks.file.doubts import bound
+from plugins.tasks.file.scene_warnings import bound
 from plugins.tasks.file.task import FileTask
 from tests.rare import rare
 

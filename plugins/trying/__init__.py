@@ -1,1 +1,0 @@
-"""Commands that need no run: rewards of the designs in a file, and what a model would be asked."""
