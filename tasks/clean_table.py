@@ -67,7 +67,7 @@ class CleanTable(Task):
     )
     success_reward = 0.95  # the paper's goals have no tolerance
     goals = (
-        Placed(bodies=DUST, place=(0.0, 0.0, None), tolerance=RADIUS, at="circle"),
+        Placed(bodies=DUST, place=(0.0, 0.0, None), tolerance=INSIDE, at="circle"),
     )
     variations = {
         "near": around("circle", CIRCLE, 0.03),

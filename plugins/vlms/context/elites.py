@@ -19,7 +19,9 @@ from core.values.observations import Sight
 from plugins.vlms.context.feedback import WHOLE, combined_figures, elite_feedback
 from plugins.vlms.context.space import describe_space, describe_sweep
 
-_LONGEST = 240  # characters of an elite's description
+# Characters of a description: of the elites that are shown whole, and of the others.
+_WHOLE = 1_000
+_SHORT = 240
 _NUMBERS = re.compile(r'(\[)\n([^][{}"]*)\n *(\])')
 _INNERMOST = re.compile(r"(\{)\n([^{}]*)\n *(\})")
 
@@ -46,7 +48,8 @@ def elites_value(brief: Brief, mounted: Tool, facts: RunFacts) -> str:
     entries = []
     tools: set[str] = set()  # of which is said what room they take
     for place, elite in enumerate(brief.elites):
-        entry = describe_design(elite, brief.representation)
+        longest = _WHOLE if place < WHOLE else _SHORT
+        entry = describe_design(elite, brief.representation, longest)
         figures = combined_figures(elite, task, sight)
 
         if figures:
@@ -103,9 +106,16 @@ def _round_reward(evaluation: Evaluation) -> float:
 
 
 def describe_design(
-    elite: Evaluation, representation: ToolRepresentation
+    elite: Evaluation,
+    representation: ToolRepresentation,
+    longest: int = _SHORT,
 ) -> dict[str, Any]:
     """Write the id of an elite, what it earned, its names, and its tool in short.
+
+    Args:
+        elite: the evaluation of a candidate.
+        representation: how its tool is written.
+        longest: of a description, in characters.
 
     Raises:
         ValueError: it has no tool.
@@ -119,7 +129,7 @@ def describe_design(
     entry |= dump_names(candidate)
 
     for name in ("strategy_description", "tool_description"):
-        entry[name] = clean(entry[name], _LONGEST)
+        entry[name] = clean(entry[name], longest)
 
     if candidate.plan.action != Waypoints.action:
         entry["action"] = candidate.plan.action

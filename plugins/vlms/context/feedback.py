@@ -32,6 +32,7 @@ _TILT_DEG = 1.0
 # The most that is written of an elite.
 _CONTACTS = 8
 _BODIES = 4
+_GOAL_BODIES = 12
 _NEAR_M = 0.1  # what the robot stayed farther from is not worth its words
 _LAYOUTS = 3
 _OUTCOMES = 6
@@ -416,8 +417,12 @@ def _touches(seen: Observation, sight: Sight) -> list[str]:
     )[:_CONTACTS]
     chosen.sort(key=lambda contact: contact.first_s)
     lines = [phrase("observed", "touch", contact, sight.numbers) for contact in chosen]
-    left = len(seen.contacts) - len(chosen)
-    return [*lines, f"{left} more"] if left else lines
+    left = [contact for contact in seen.contacts if contact not in chosen]
+    if left:
+        bodies = dict.fromkeys(contact.other for contact in left)
+        lines.append(f"{len(left)} more, of {', '.join([*bodies][:_GOAL_BODIES])}")
+
+    return lines
 
 
 def _places(seen: Observation) -> dict[str, Any]:
@@ -451,14 +456,14 @@ def _path(points: Iterable[Sequence[float]]) -> str:
 
 
 def _moves(seen: Observation, sight: Sight) -> dict[str, str]:
-    """Describe how bodies moved: of several the crux, those of the goal that are not in place, then what moved most.
+    """Describe how bodies moved: the crux, those of the goal, not those in place first, then what moved most.
 
     Args:
         seen: what was observed of a trial.
         sight: what may be said of bodies.
 
     Returns:
-        By the name of the body; the last entry may count the others.
+        By the name of the body; the last entry may name others.
     """
     ways = {name: math.hypot(*moved.by) for name, moved in seen.moved.items()}
     stirred = [
@@ -467,19 +472,27 @@ def _moves(seen: Observation, sight: Sight) -> dict[str, str]:
         if ways[name] > _MOVED_M or moved.tilt_deg >= _TILT_DEG
     ]
 
-    crux = "" if seen.crux is None else seen.crux.body
-    stirred.sort(key=lambda name: (name != crux, name not in seen.left, -ways[name]))
+    def rank(name: str) -> tuple[bool, bool, bool, float]:
+        crux = seen.crux is not None and seen.crux.body == name
+        return (not crux, name not in seen.left, name not in seen.errors, -ways[name])
+
+    stirred.sort(key=rank)
+    wanted = sum(name in seen.errors for name in stirred)
+    most = max(_BODIES, min(wanted, _GOAL_BODIES))
 
     described = {}
-    for name in stirred[:_BODIES]:
+    for name in stirred[:most]:
         moved = seen.moved[name]
         off = seen.errors.get(name, _FREE) if seen.result != "solved" else _FREE
         # Where it ended follows from how far it is off.
         way = sight.way(moved, ends=off == _FREE)
-        described[name] = phrase("observed", "move", moved, way, off, sight.numbers)
+        placed = name in seen.errors and name not in seen.left
+        described[name] = phrase(
+            "observed", "move", moved, way, off, placed, sight.numbers
+        )
 
-    left = len(stirred) - _BODIES
-    if left > 0:
-        described["1 other" if left == 1 else f"{left} others"] = "moved too"
+    others = stirred[most:]
+    if others:
+        described[", ".join(others[:_GOAL_BODIES])] = "moved too"
 
     return described

@@ -9,7 +9,7 @@ from core.geometry import Array, Pose
 from core.interfaces import Waypoints
 from core.support.text import short_numbers
 
-_MOST = 24  # waypoints at which it is said
+_MOST = 24  # waypoints at which it is said; of more, as many spread evenly
 
 
 def describe_space(tool: Tool) -> dict[str, str]:
@@ -21,25 +21,31 @@ def describe_space(tool: Tool) -> dict[str, str]:
     }
 
 
-def describe_sweep(candidate: Candidate) -> list[str]:
-    """Say for each literal waypoint between which x, y and z the tool lies in the world, metres.
+def describe_sweep(candidate: Candidate) -> dict[int, str]:
+    """Say for literal waypoints between which x, y and z the tool lies in the world, metres.
 
     Returns:
-        None of a plan that looks at the layout first, or has too many waypoints, and of a tool on two fingers.
+        By the number of the waypoint, the first is 1. None of a plan that looks at the layout first, and of a tool on
+        two fingers.
     """
     tool = candidate.tool
     plan = candidate.plan
-    if not isinstance(plan, Waypoints) or len(plan) > _MOST:
-        return []
+    if not isinstance(plan, Waypoints):
+        return {}
     if tool is None or len(tool.mounts) > 1 or not tool.components:
-        return []
+        return {}
 
     placed = tool.placed()
     corners = np.concatenate(
         [placed[part.name][1].apply(part.shape.corners) for part in tool.components]
     )
-    poses = [Pose.xyz_rpy(pose[:3], pose[3:6]) for pose in plan.poses]
-    return [_span(pose.apply(corners)) for pose in poses]
+    count = min(len(plan), _MOST)
+    swept = {}
+    for place in np.linspace(0, len(plan) - 1, count).round().astype(int).tolist():
+        pose = plan.poses[place]
+        swept[place + 1] = _span(Pose.xyz_rpy(pose[:3], pose[3:6]).apply(corners))
+
+    return swept
 
 
 def _span(points: Array) -> str:

@@ -27,6 +27,7 @@ SEEN = Observation(
         "can": Moved((0.0, 0.0, 0.0), (1, 1, 0), 0.0),
     },
     errors={"cube": (0.1, 0.012, None)},
+    left=("cube",),
     contacts=(
         Contact("tool", "tip", "cube", 1.2, 3.4, 0.0012),
         Contact("tool", "stem", "cube", 1.5, 1.6, 0.0),
@@ -158,7 +159,8 @@ def test_the_contact_that_matters_is_never_cut():
         contacts=(*cards, vase),
     )
     contacts = elite_feedback(tried(seen=seen))["contacts"]
-    assert contacts[-2:] == ["stem touched vase at 4.20-4.30 s", "33 more"]
+    assert contacts[-2] == "stem touched vase at 4.20-4.30 s"
+    assert contacts[-1].startswith("33 more, of ")
     assert [line.split()[2] for line in contacts[:4]] == [f"card_{n}" for n in range(4)]
     (line,) = lines(tried(seen=seen))
     assert "stem touched vase at 4.20" in line
@@ -218,7 +220,22 @@ def test_of_several_bodies_those_that_are_not_in_place_come_first():
     assert "; dust_1 by" in line
     many = replace(SEEN, moved=moved, errors=errors, left=("dust_1", "dust_2"))
     found = elite_feedback(tried(seen=many))
-    assert [*found["moved"].items()][-1] == ("1 other", "moved too")
+    assert "place" not in found["moved"]["dust_2"]  # it is not
+    assert "off by (0.1, -, -) but in place" in found["moved"]["dust_5"]
+    assert len(found["moved"]) == 5
+
+
+def test_what_moved_and_is_no_ones_goal_is_named_at_least():
+    moved = {
+        f"chip_{i:02}": Moved((0.1 + 0.1 * i, 0.0, 0.0), (1.0, 0.0, 0.0), 0.0)
+        for i in range(20)
+    }
+    found = elite_feedback(tried(seen=replace(SEEN, moved=moved)))["moved"]
+    described = [way for way in found.values() if "by (" in way]
+    assert len(described) == 4
+    (others,) = [name for name, way in found.items() if way == "moved too"]
+    assert "chip_15" in others
+    assert "chip_00" not in others
 
 
 def test_rejected_failed_and_invalid_ones_say_why():
