@@ -12,12 +12,14 @@ from typing import Any, TypeVar, cast
 from hydra import compose, initialize_config_module
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
+from hydra.core.object_type import ObjectType
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import (
     HydraException,
     MissingConfigException,
     OverrideParseException,
 )
+from hydra.plugins.config_source import ConfigSource
 from omegaconf import MISSING, DictConfig, OmegaConf
 from omegaconf.errors import (
     ConfigAttributeError,
@@ -101,8 +103,21 @@ def list_groups() -> dict[str, list[str]]:
     register()
     with initialize_config_module("conf", version_base="1.3"):
         loader = GlobalHydra.instance().config_loader()
+        sources = loader.get_sources()
         groups = [name for name in loader.list_groups("") if name != "hydra"]
-        return {name: list(loader.get_group_options(name)) for name in groups}
+
+    # Hydra's `get_group_options` would build its cache anew for each group.
+    return {name: _list_options(sources, name) for name in groups}
+
+
+def _list_options(sources: Sequence[ConfigSource], group: str) -> list[str]:
+    """List the names that a group can have, whichever of the sources has them."""
+    options: set[str] = set()
+    for source in sources:
+        if source.is_group(group):
+            options.update(source.list(group, ObjectType.CONFIG))
+
+    return sorted(options)
 
 
 def check_keys(config: DictConfig) -> None:

@@ -29,8 +29,6 @@ from core.plugins.blame import call_part
 from core.scene import Scene
 from core.support.text import kind
 
-NO_PLAN = Waypoints(np.empty((0, 6)))  # of a candidate whose plan can't be read
-
 # Keep these random numbers apart from others of the same seed.
 _NOISE = 7
 _HEIGHT = 8

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from core.design import Candidate, DesignError, Tool
-from core.designs.planning import NO_PLAN, named_actions, parse_plan
+from core.designs.planning import named_actions, parse_plan
 from core.designs.replies import EXPECTED, Fields, parse_reply, reader
 from core.designs.rules import check_tool, given_tool
 from core.designs.start import SpawnRules
@@ -34,6 +34,7 @@ from core.plugins import installed
 from core.plugins.blame import call_part
 from core.support.files import read_text
 from core.support.text import kind
+from core.values.plans import NO_PLAN
 
 
 def read_designs(

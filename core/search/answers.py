@@ -9,10 +9,10 @@ from typing import Any, Protocol
 
 from core.design import Candidate, DesignError, Varied
 from core.designs.curves import read_curve, vary
-from core.designs.planning import NO_PLAN
 from core.designs.reading import dump_design, list_designs, read_designs
 from core.designs.start import SpawnRules
 from core.interfaces import Brief, Reply, Request
+from core.values.plans import NO_PLAN
 
 MAX_LOOKED_AT = 50
 """The most designs of an answer that are read to choose among them."""

@@ -11,7 +11,6 @@ from omegaconf import DictConfig
 
 from core.config.compose import check_seed, node, part, task_part, tool_part
 from core.design import Candidate
-from core.designs.planning import NO_PLAN
 from core.designs.reading import find_representations, read_designs
 from core.errors import UsageError
 from core.interfaces import Fitness, RolloutSettings, Task, ToolRepresentation
@@ -20,6 +19,7 @@ from core.search.builder import builder_for, check_starts
 from core.search.trials import Trials
 from core.store.rows import StoredDesign, StoredEvaluation
 from core.trial import Evaluation
+from core.values.plans import NO_PLAN
 
 
 def read_candidates(cfg: DictConfig, document: Any, **limits: Any) -> list[Candidate]:

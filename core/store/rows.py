@@ -20,7 +20,6 @@ from typing_extensions import TypedDict
 
 from core.config.schemas import RunConfig
 from core.design import Candidate
-from core.designs.planning import NO_PLAN
 from core.interfaces import OF_DESIGNS, Purpose, Reply
 from core.support.inputs import check
 from core.trial import (
@@ -35,6 +34,7 @@ from core.trial import (
 )
 from core.values.efforts import Effort
 from core.values.margins import Margin
+from core.values.plans import NO_PLAN
 from core.values.torques import TorqueShare
 
 MAX_BYTES = 100_000_000  # of a text

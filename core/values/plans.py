@@ -286,3 +286,7 @@ class PlannedMotion:
     report: Callable[[Look, tuple[Sighted, ...]], Looked]
     go_on: Callable[[Waypoints, Begin], Motion]
     check: Callable[[JointTrajectory, float], object]
+
+
+NO_PLAN = Waypoints(np.empty((0, 6)))
+"""The plan of a candidate whose plan can't be read."""

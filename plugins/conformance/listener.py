@@ -20,12 +20,12 @@ from omegaconf import OmegaConf
 
 from core.config.compose import load
 from core.design import Candidate
-from core.designs.planning import NO_PLAN
 from core.errors import RAISED
 from core.events import Generation, Result, Run
 from core.interfaces import Budget, Reply, Simulator, Waypoints
 from core.plugins import event_hub
 from core.trial import Evaluation, Score, Trial, Where
+from core.values.plans import NO_PLAN
 from plugins.conformance.evaluations import tried_once
 from plugins.conformance.shared import (
     LengthOnly,

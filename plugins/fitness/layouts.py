@@ -15,7 +15,8 @@ from core.interfaces import Condition, Fitness, Score, Simulator, Task, Trial
 from core.support.templates import fill
 from core.trial import Part
 from core.values.layouts import NONE
-from plugins.fitness.robustness import Perturbation, PerturbationRange
+from plugins.fitness.perturbation_range import PerturbationRange
+from plugins.fitness.robustness import Perturbation
 from plugins.fitness.several import Combine, mean, score_by_worst_engine, worst_quarter
 
 MARGIN_SHARE = 0.1  # of a reward, with ``combine=margin``

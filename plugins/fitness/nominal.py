@@ -8,7 +8,8 @@ from dataclasses import replace
 from core.design import Candidate
 from core.errors import UsageError
 from core.interfaces import Condition, Fitness, Score, Trial
-from plugins.fitness.robustness import Perturbation, PerturbationRange
+from plugins.fitness.perturbation_range import PerturbationRange
+from plugins.fitness.robustness import Perturbation
 
 
 class Nominal(Fitness):

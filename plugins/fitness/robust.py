@@ -11,7 +11,8 @@ from core.design import Candidate
 from core.hooks import PartsOf
 from core.interfaces import Condition, Fitness, Score, Trial
 from core.support.templates import fill
-from plugins.fitness.robustness import Perturbation, PerturbationRange, check_draws
+from plugins.fitness.perturbation_range import PerturbationRange
+from plugins.fitness.robustness import Perturbation, check_draws
 from plugins.fitness.several import score_by_worst_engine
 
 ENGINES: list[str | dict[str, Any]] = ["pybullet", "sapien"]

@@ -12,7 +12,6 @@ from omegaconf import OmegaConf
 
 from core.config.compose import part
 from core.design import Candidate, DesignError, Tool
-from core.designs.planning import NO_PLAN
 from core.designs.reading import dump_names, load_designs, read_designs
 from core.designs.tool_fields import dump_fixture, read_tool
 from core.errors import UsageError
@@ -20,6 +19,7 @@ from core.geometry import Array
 from core.interfaces import Brief, JsonObject, Numbers, Task, ToolRepresentation
 from core.plugins import TOOL
 from core.store.library import DESIGN, list_library, read_kept
+from core.values.plans import NO_PLAN
 
 Form = Mapping[str, Any]
 """A representation: its ``name`` and settings."""

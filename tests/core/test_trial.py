@@ -15,7 +15,8 @@ from core.trial import Where, best_first, best_tools, count_rollouts
 from core.values.margins import Margin
 from core.values.plans import Waypoints
 from plugins.conformance.evaluations import tried_once
-from plugins.fitness.robustness import Perturbation, PerturbationRange
+from plugins.fitness.perturbation_range import PerturbationRange
+from plugins.fitness.robustness import Perturbation
 from plugins.multitask.joined_plans import TaskPlans
 
 ROD = Tool((Component("rod", "tool_mount", Pose(), Box((0.1, 0.1, 0.1)), mass=0.25),))

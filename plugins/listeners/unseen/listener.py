@@ -9,7 +9,6 @@ from core.errors import RAISED
 from core.events import INTERRUPTED
 from core.hooks import hookimpl
 from core.plugins import SIMULATOR, installed
-from core.simulation.pictures import filmed, report_missing, save_film
 from core.store.run_figures import failed_layouts
 from core.support.progress_display import busy
 
@@ -38,6 +37,9 @@ class UnseenListener:
         if not run.config.get("film", True):
             return
 
+        # Imported here, since each command's start asks for this class's settings.
+        from core.simulation.pictures import report_missing
+
         for failed in list(failed_layouts(run, result))[: self.films]:
             try:
                 with busy(f"drawing the film of unseen layout {failed.layout}"):
@@ -52,6 +54,8 @@ def _film(run: Run, candidate: Candidate, failed: FailedLayout) -> None:
     Raises:
         UserError: the engine can't be made.
     """
+    from core.simulation.pictures import filmed, save_film
+
     (task,) = (task for task in run.task.parts if task.name == failed.task)
     file = run.folder / failed.film_file
     file.parent.mkdir(parents=True, exist_ok=True)

@@ -4,7 +4,7 @@ import pytest
 
 from core.config.schemas import PromptSettings
 from core.errors import UsageError
-from plugins.fitness.robustness import PerturbationRange
+from plugins.fitness.perturbation_range import PerturbationRange
 
 
 @pytest.mark.parametrize(

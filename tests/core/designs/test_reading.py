@@ -6,7 +6,6 @@ import pytest
 from hypothesis import strategies as st
 
 from core.design import Candidate, Component, DesignError, Tool
-from core.designs.planning import NO_PLAN
 from core.designs.reading import (
     dump_design,
     load_designs,
@@ -18,6 +17,7 @@ from core.geometry import Box, Pose
 from core.interfaces import ToolRepresentation
 from core.simulation.play import play
 from core.support.text import clean
+from core.values.plans import NO_PLAN
 from tests.core.designs.test_rules import CubeOnTable
 from tests.faults import Faulty
 from tests.panda import on_panda

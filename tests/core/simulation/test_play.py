@@ -13,7 +13,8 @@ from core.plugins.blame import PluginError
 from core.scene import State
 from core.simulation.attempt import prepare
 from core.simulation.play import play
-from plugins.fitness.robustness import Perturbation, PerturbationRange
+from plugins.fitness.perturbation_range import PerturbationRange
+from plugins.fitness.robustness import Perturbation
 from tasks.bring_cube import BringCube
 from tests.engines import simulator
 from tests.faults import Crowded, Faulty, Slide, candidate

@@ -9,7 +9,8 @@ from core.design import Candidate, Tool
 from core.errors import UsageError
 from core.interfaces import Condition, Score, Trial, Waypoints
 from plugins.fitness.nominal import Nominal
-from plugins.fitness.robustness import Perturbation, PerturbationRange
+from plugins.fitness.perturbation_range import PerturbationRange
+from plugins.fitness.robustness import Perturbation
 from tests.playing import Named
 
 

@@ -16,13 +16,9 @@ from core.interfaces import Condition, JointTrajectory, Rollout
 from core.plugins import PluginPart, installed
 from core.robot.solids import body_solids, signed_distance
 from core.scene import Body, Geom, Joint, Scene, table
-from plugins.fitness.robustness import (
-    CONTACT_M,
-    Perturbation,
-    PerturbationRange,
-    perturb,
-    together,
-)
+from plugins.fitness.perturbation_range import PerturbationRange
+from plugins.fitness.robustness import Perturbation
+from plugins.fitness.scattering import CONTACT_M, perturb, together
 from tests.panda import ARM, FINGER_OPEN
 
 pytestmark = pytest.mark.slow

@@ -14,7 +14,8 @@ from core.designs.reading import load_designs, read_designs
 from core.errors import UserError
 from core.plugins import installed
 from core.simulation.play import play
-from plugins.fitness.robustness import Perturbation, PerturbationRange
+from plugins.fitness.perturbation_range import PerturbationRange
+from plugins.fitness.robustness import Perturbation
 from tests.plugins.fitness.judging import judged
 from tests.plugins.fitness.test_robustness import COARSE, CONDITION, TASK
 

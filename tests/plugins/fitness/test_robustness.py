@@ -16,7 +16,8 @@ from core.simulation.play import play
 from core.trial import Evaluation, Where
 from core.values.margins import Margin
 from core.values.observations import Observation
-from plugins.fitness.robustness import Perturbation, PerturbationRange
+from plugins.fitness.perturbation_range import PerturbationRange
+from plugins.fitness.robustness import Perturbation
 from plugins.fitness.several import score_by_worst_engine
 
 COARSE = {"name": "pybullet", "time_step": 0.004}

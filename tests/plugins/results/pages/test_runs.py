@@ -108,7 +108,7 @@ import sys
 sys.path.insert(0, {root!r})
 from pathlib import Path
 from core.design import Candidate
-from core.designs.planning import NO_PLAN
+from core.values.plans import NO_PLAN
 from core.trial import Evaluation
 from tests.core.run_folders import write_run
 write_run(Path({folder!r}), rewards=[[0.3, 0.6]], finish=False)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from core.design import Candidate, Component, Tool
-from core.designs.planning import NO_PLAN
 from core.designs.reading import read_designs
 from core.geometry import Box, Pose
 from core.interfaces import PAPER, Evaluation, Request, Score, Waypoints
 from core.plugins import installed
+from core.values.plans import NO_PLAN
 from plugins.vlms.offline.answer import answer
 from plugins.vlms.offline.hand import build_fingers, hand_of
 from plugins.vlms.offline.heads import Head, box

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from core.design import Candidate
-from core.designs.planning import NO_PLAN
 from core.designs.reading import read_designs
 from core.interfaces import Brief, Task
 from core.plugins import installed
+from core.values.plans import NO_PLAN
 from plugins.actions.waypoints import WaypointActions
 from plugins.tasks.file.task import FileTask
 from plugins.vlms.offline.search import NothingSuits, Search
