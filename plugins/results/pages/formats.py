@@ -71,6 +71,18 @@ class Table:
                     f"table {self.name}: a row of {len(row)} cells under {len(self.columns)} columns"
                 )
 
+    @property
+    def filled(self) -> Table:
+        """The same without the columns that no row has anything in."""
+        kept = [
+            number
+            for number in range(len(self.columns))
+            if any(row[number] not in (None, "") for row in self.rows)
+        ]
+        rows = [tuple(row[number] for number in kept) for row in self.rows]
+        columns = tuple(self.columns[number] for number in kept)
+        return Table(self.name, columns, tuple(rows))
+
 
 def printed(cell: Cell, column: Column) -> str:
     """A cell for people; nothing is rounded up to 1."""

@@ -1,4 +1,4 @@
-"""The figures of a report: bars by task, and curves."""
+"""The figures of a report: rewards and gains with their intervals, and curves."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ import numpy as np
 
 from core.geometry import Array
 from plugins.results.pages.figure import COLORS, INK, FigurePage, new_figure, wrapped
+from plugins.results.pages.formats import Cell, Table
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.report.methods import Group
 from plugins.results.report.results import Results
-from plugins.results.report.statistics import deviation, interval
+from plugins.results.report.statistics import interval
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,22 +25,24 @@ if TYPE_CHECKING:
 POINTS = 25
 """Of a curve, at which its interval is drawn."""
 
-WIDTH = 0.9  # of a bar; those of a task stand 1 apart
-GAP = 0.8  # more, between two tasks
-FOOT = 0.015  # of a bar, below 0
+GAP = 0.8  # between the rows of two tasks; those of one task are 1 apart
+ROW = 0.22  # inches of a row
 ENTRY = 0.7  # inches of a legend's entry ...
 LETTER = 0.075  # ... and of each letter
 
 
-def figure_pages(results: Results) -> list[FigurePage]:
-    """All figures that have something to show."""
+def figure_pages(results: Results, listed: Sequence[Table]) -> list[FigurePage]:
+    """Make all figures that have something to show, some of them from tables that are listed."""
     if not results.groups:
         return []
 
+    tables = {table.name: table for table in listed}
     tasks, methods = comparable(results)
     pages = [
         rewards(results),
         on_some_tasks(results),
+        means(results, tables["methods"]) if "methods" in tables else None,
+        gains(results, tables["gains"]) if "gains" in tables else None,
         anytime(results, tasks, methods),
         by_generation(results, tasks, methods),
     ]
@@ -71,53 +74,177 @@ def _look(results: Results, method: str) -> dict[str, Any]:
 
 
 def _name_looks(figure: Figure, ax: Any) -> None:
-    """Say below a figure what its colours and marks are: bars first, in as few rows as its width allows."""
+    """Say below a figure what its colours and marks are, in as few rows as its width allows."""
     handles, names = ax.get_legend_handles_labels()
     looks = dict(zip(names, handles, strict=True))
-    names = sorted(looks, key=lambda name: not hasattr(looks[name], "patches"))
 
-    width = sum(ENTRY + LETTER * len(name) for name in names)
+    width = sum(ENTRY + LETTER * len(name) for name in looks)
     rows = math.ceil(width / figure.get_figwidth())
-    columns = math.ceil(len(names) / rows)
-    handles = [looks[name] for name in names]
-    figure.legend(handles, names, loc="outside lower center", ncols=columns)
+    columns = math.ceil(len(looks) / rows)
+    figure.legend(
+        [*looks.values()], [*looks], loc="outside lower center", ncols=columns
+    )
 
 
-def rewards(results: Results) -> FigurePage:
-    """Bars of the average with the best, the deviation and every run; below, the distances where rewards tie."""
+@dataclass(frozen=True)
+class _Estimate:
+    """A mean with its interval, as a row of a figure.
+
+    Attributes:
+        place: of its row, from the top.
+        mean: of what the figure shows.
+        span: low and high; None: unknown.
+        runs: what it is the mean of, where each is shown.
+        look: its label and colour.
+    """
+
+    place: float
+    mean: float
+    span: tuple[float, float] | None
+    look: dict[str, Any]
+    runs: Sequence[float] = ()
+
+    @property
+    def values(self) -> list[float]:
+        """All that is drawn of it."""
+        return [self.mean, *self.runs, *(self.span or ())]
+
+
+def rewards(results: Results) -> FigurePage | None:
+    """Draw each run's reward, and their average with its interval, by task and method; None: there is one run."""
+    if len(results.runs) < 2:
+        return None
+
     places = _places(results)
-    tied = tied_groups(results)
 
     def paint() -> Figure:
-        shares = [3, 1] if tied else [1]
-        width = max(6.4, 1.2 + 0.24 * max(places.values()))
-        figure = new_figure(width, 2.6 + len(shares))
-        rows = figure.subplots(
-            len(shares), sharex=True, squeeze=False, height_ratios=shares
-        )
-        first = rows[0, 0]
-        last = rows[-1, 0]
+        rows = []
         for g, place in places.items():
-            _draw_rewards(first, place, g, _look(results, g.method))
+            span = interval([g.rewards], "mean")
+            look = _look(results, g.method)
+            rows.append(_Estimate(place, fmean(g.rewards), span, look, g.rewards))
 
-        first.set(ylim=(0, 1.02), yticks=np.linspace(0, 1, 6), ylabel="reward (0 to 1)")
+        middles = []
+        for task in results.tasks:
+            own = [place for g, place in places.items() if g.task == task]
+            middles.append(fmean(own))
 
-        for g in tied:
-            color = _look(results, g.method)["color"]
-            last.bar(places[g], g.best.best.distance_m or 0.0, WIDTH, color=color)
-            last.set(ylabel="distance (m)")
-
-        first.tick_params(axis="x", length=0)
-        _name_tasks(last, results, places)
-        _name_looks(figure, first)
-
+        figure, ax = _draw_estimates(rows)
+        ax.set_yticks(middles, [wrapped(task, 30) for task in results.tasks])
+        start = _start_of([value for row in rows for value in row.values])
+        ax.set(xlim=(start, 1 + 0.02 * (1 - start)), xlabel=_name_axis(start))
+        _name_looks(figure, ax)
         return figure
 
     return FigurePage("rewards", "Reward by task and method", paint)
 
 
+def means(results: Results, listed: Table) -> FigurePage | None:
+    """Draw the mean of each method over its tasks, with its interval; None: there is one method.
+
+    Args:
+        results: of the report.
+        listed: the table of methods.
+    """
+    rows = _rows_of(results, listed, ("mean", "mean, low", "mean, high"))
+    if len(rows) < 2:
+        return None
+
+    def paint() -> Figure:
+        figure, ax = _draw_estimates(rows)
+        start = _start_of([value for row in rows for value in row.values])
+        ax.set(xlim=(start, 1 + 0.02 * (1 - start)), xlabel=_name_axis(start))
+        _name_rows(ax, rows)
+        return figure
+
+    return FigurePage("methods", "Methods over their tasks", paint)
+
+
+def gains(results: Results, listed: Table) -> FigurePage | None:
+    """Draw by how much methods earn more than the first one, with intervals; None: there is nothing to compare.
+
+    Args:
+        results: of the report.
+        listed: the table of gains.
+    """
+    rows = _rows_of(results, listed, ("gain", "low", "high"))
+    if not rows:
+        return None
+
+    def paint() -> Figure:
+        figure, ax = _draw_estimates(rows)
+        ax.axvline(0, color=INK, lw=1)
+        against = wrapped(results.methods[0], 48)
+        ax.set(xlabel=f"gain of reward over {against}")
+        _name_rows(ax, rows)
+        return figure
+
+    return FigurePage("gains", "Gains over the first method", paint)
+
+
+def _rows_of(
+    results: Results, listed: Table, columns: tuple[str, str, str]
+) -> list[_Estimate]:
+    """Make a row of each of a table's; ``columns`` have the mean, low and high."""
+    names = [column.name for column in listed.columns]
+    rows = []
+    for place, cells in enumerate(listed.rows):
+        row = dict(zip(names, cells, strict=True))
+        mean, *span = (_read_number(row[column]) for column in columns)
+        if mean is None:
+            continue
+
+        low, high = span
+        known = None if low is None or high is None else (low, high)
+        rows.append(_Estimate(place, mean, known, _look(results, str(row["method"]))))
+
+    return rows
+
+
+def _read_number(cell: Cell) -> float | None:
+    return float(cell) if isinstance(cell, int | float) else None
+
+
+def _draw_estimates(rows: Sequence[_Estimate]) -> tuple[Figure, Any]:
+    """Draw means as filled dots, their intervals as lines and what they are means of as small rings."""
+    last = max(row.place for row in rows)
+    figure = new_figure(6.4, 1.5 + ROW * (last + 1))
+    ax: Any = figure.subplots()
+    for row in rows:
+        color = row.look["color"]
+        level = [row.place] * len(row.runs)
+        ax.plot(row.runs, level, "o", ms=4, mfc="none", mec=color, mew=0.8)
+        if row.span is not None:
+            ax.plot(row.span, [row.place] * 2, color=color, lw=2.5)
+        ax.plot(row.mean, row.place, "o", ms=7, mec="white", **row.look)
+
+    ax.set_ylim(last + 0.75, -0.75)
+    ax.tick_params(axis="y", length=0)
+    ax.grid(axis="y", visible=False)
+    ax.grid(axis="x", visible=True)
+    return figure, ax
+
+
+def _name_rows(ax: Any, rows: Sequence[_Estimate]) -> None:
+    ax.set_yticks([row.place for row in rows], [row.look["label"] for row in rows])
+
+
+def _start_of(rewards: Sequence[float]) -> float:
+    """Return where an axis of rewards begins: at 0, or where all are high nearer to the least of them."""
+    least = min(rewards)
+    if least < 0.5:
+        return 0.0
+
+    step = 0.05 if least < 0.95 else 0.005
+    return max(0.0, math.floor(least / step - 0.5) * step)
+
+
+def _name_axis(start: float) -> str:
+    return f"reward (from {start:.3g} to 1)"
+
+
 def on_some_tasks(results: Results) -> FigurePage | None:
-    """The same bars for the tasks of the method that was run on the fewest; None: all were run on all."""
+    """Draw the same for the tasks of the method that was run on the fewest; None: all were run on all."""
     fewest = min(
         reversed(results.methods), key=lambda name: len(results.groups_of(name))
     )
@@ -126,57 +253,17 @@ def on_some_tasks(results: Results) -> FigurePage | None:
         return None
 
     there = tuple(run for run in results.runs if run.task in tasks)
-    title = f"The tasks of {fewest}"
-    return replace(
-        rewards(replace(results, runs=there)), name="on_some_tasks", title=title
-    )
+    page = rewards(replace(results, runs=there))
+    if page is None:
+        return None
+
+    return replace(page, name="on_some_tasks", title=f"The tasks of {fewest}")
 
 
 def _places(results: Results) -> dict[Group, float]:
-    """Return where each group's bar stands: those of a task side by side, and a gap between tasks."""
+    """Return in which row each group stands: those of a task together, and a gap between tasks."""
     tasks = results.tasks
     return {g: i + GAP * tasks.index(g.task) for i, g in enumerate(results.groups)}
-
-
-def tied_groups(results: Results) -> list[Group]:
-    """Return the groups whose best rewards are their task's highest, within what counts as equal, where several are."""
-    tied = []
-    for task in results.tasks:
-        groups = [g for g in results.groups if g.task == task]
-        least = max(g.best.best.reward - g.best.figures.tie for g in groups)
-        first = [g for g in groups if g.best.best.reward >= least]
-        if len(first) > 1:
-            tied += first
-
-    return tied
-
-
-def _draw_rewards(ax: Any, place: float, g: Group, look: dict[str, Any]) -> None:
-    """Draw the bar of a group; a foot of its colour tells the method at a reward of 0 too."""
-    mean = fmean(g.rewards)
-    ax.bar(place, mean, WIDTH, **look)
-    ax.bar(place, -FOOT, WIDTH, color=look["color"], clip_on=False)
-
-    spread = deviation(g.rewards) or 0.0
-    ends = np.clip([mean - spread, mean + spread], 0, 1)
-    ax.plot([place, place], ends, color=INK, lw=1, label="standard deviation")
-
-    dot: dict[str, Any] = {"mfc": "none", "mec": INK, "mew": 0.7, "clip_on": False}
-    ax.plot([place] * len(g.rewards), g.rewards, "o", ms=3, label="run", **dot)
-    dot["mfc"] = "white"
-    ax.plot(place, g.best.best.reward, "D", ms=4.5, label="best run", **dot)
-
-
-def _name_tasks(ax: Any, results: Results, places: dict[Group, float]) -> None:
-    """Write each task below the middle of its bars."""
-    middles = []
-    for task in results.tasks:
-        middles.append(fmean(place for g, place in places.items() if g.task == task))
-
-    names = [wrapped(task, 30) for task in results.tasks]
-    ax.set_xticks(middles, names, rotation=35, ha="right", rotation_mode="anchor")
-    ax.tick_params(axis="x", length=0)
-    ax.set_xlim(-0.75, max(places.values()) + 0.75)
 
 
 def _read_course(run: FinishedRun) -> Array:

@@ -29,7 +29,7 @@ FILMS_BYTES = 20_000_000  # of all on a page
 def contents(results: Results, folder: Path) -> dict[str, bytes]:
     """Return the files of a report that will lie in ``folder``; the page is ``index.html``."""
     listed = tables(results)
-    pictures = figure_pages(results)
+    pictures = figure_pages(results, listed)
     drawings = {
         picture.name: picture.render("svg", ground="none", titled=False)
         for picture in pictures
