@@ -44,7 +44,7 @@ class BoltOptions:
         circle_m: diameter of the ring of bolts.
         count: how many, equally spaced.
         thread: such as M6.
-        angle: of the first bolt, about the mount's z from its x.
+        angle: of the first bolt, about the mount's z, from the axis of the flange's frame that is nearest to its x.
         disc_m: diameter of the flange.
         centring_m: diameter of the recess in the middle; None: there is none.
 

@@ -25,6 +25,7 @@ from plugins.robots.own_arm import Unmounted
 from plugins.robots.turned_mount import (
     START,
     find_middles,
+    list_hands,
     turn_mount,
     wrist_height,
 )
@@ -126,7 +127,7 @@ def find_home(arm: Unmounted, chosen: ArmSettings, place: Array) -> Found:
 
     Prefer one far from the joints' limits and from singularities, with the links high above the base. The mount is
     square to the last joint. Where that can't look down, it is turned by other right angles, so that tools go on in the
-    last link's own direction.
+    last link's own direction. With a gripper the mount is square to the way in which the fingers open.
 
     Raises:
         UserError: none is found; says what came nearest.
@@ -137,6 +138,9 @@ def find_home(arm: Unmounted, chosen: ArmSettings, place: Array) -> Found:
     outward = _find_outward(arm.robot)
     onward = -square.apply((0.0, 0.0, 1.0)) @ outward > _ONWARD
     turns = [square[upright], square[onward & ~upright]]
+    if arm.robot.gripper is not None:
+        hands = list_hands(arm.robot, arm.axis)
+        turns = [Rotation.concatenate([frame.mount for _, frame in hands])]
     if chosen.mount_rpy is not None:
         turns = [Rotation.from_euler("xyz", [chosen.mount_rpy])]
 
@@ -201,7 +205,7 @@ def _mount(
     Raises:
         UserError: the flange does not look down there, or the arm meets itself.
     """
-    upright = turn_mount(robot, axis, rpy, face_m)
+    upright = turn_mount(robot, axis, rpy, face_m, [])
     still = JointTrajectory(np.zeros(1), np.array([upright.home]), np.zeros(1))
     met = find_self_collision(upright, Tool(), still)
     if met is not None:

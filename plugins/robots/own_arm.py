@@ -85,11 +85,13 @@ def read_robot(
         arm = build_unmounted(description, notes, chosen, name)
         if factor != 1:
             arm.notes.append(describe_factor(factor))
+
+        robot = turn_mount(
+            arm.robot, arm.axis, chosen.mount_rpy, chosen.face_m, arm.notes
+        )
         if parent_process() is None:  # workers stay silent
             for note in arm.notes:
                 _log.warning("%s: %s", chosen.path, note)
-
-        robot = turn_mount(arm.robot, arm.axis, chosen.mount_rpy, chosen.face_m)
     except UserError as error:
         raise type(error)(f"{chosen.path}: {error}") from error
 

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 import trimesh
 
-from core.design import GRIPPER_MOUNTS, Component, Tool
+from core.design import Component, Tool
 from core.geometry import Box, Color, Pose
+from core.robot.extents import fingers_of
 from core.robot.kinematics import open_mounts
 from core.values.robots import Robot
 
 ROBOT: Color = (0.62, 0.64, 0.68, 1.0)
-FINGER = Box((0.021, 0.012, 0.054))  # a finger, roughly
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,15 +32,13 @@ def painted(tool: Tool, robot: Robot) -> list[Painted]:
 
 
 def _fingers(robot: Robot) -> list[trimesh.Trimesh]:
-    """The two fingers of the open gripper, roughly: each ends at its mount, and lies outside of it."""
-    mounts = open_mounts(robot, True)
-    left, right = (mounts[name] for name in GRIPPER_MOUNTS)
-    apart = left.position - right.position
-    outward = apart / np.linalg.norm(apart) * FINGER.size[1] / 2
+    """Draw each finger of the open gripper as the box around it."""
     solids = []
-    for mount, side in ((left, 1), (right, -1)):
-        middle = mount.apply((0.0, 0.0, FINGER.size[2] / 2)) + side * outward
-        solids.append(FINGER.to_trimesh().apply_transform(Pose(middle).matrix))
+    for finger in fingers_of(robot):
+        lowest, highest = finger.extent
+        pose = finger.pose @ Pose((lowest + highest) / 2)
+        box = Box.of(*(highest - lowest))
+        solids.append(box.to_trimesh().apply_transform(pose.matrix))
 
     return solids
 

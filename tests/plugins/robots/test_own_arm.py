@@ -174,7 +174,7 @@ def test_a_gripper(changed):
     robot = changed(*gripped(), gripper=GripperOptions("hand_base", ("left", "right")))
     gripper = robot.gripper
     assert (gripper.links, gripper.travel_m, gripper.force_n) == (
-        ("finger_l", "finger_r"),
+        ("finger_r", "finger_l"),  # the first one is at -y, as Franka's is
         0.03,
         25.0,
     )

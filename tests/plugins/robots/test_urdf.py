@@ -71,7 +71,7 @@ def test_settings_of_a_gripper(words):
     )
     assert hash(chosen) == hash(again)  # it is made once per process
     robot = chosen.create()
-    assert (robot.gripper.force_n, robot.finger_joints) == (30.0, ("left", "right"))
+    assert (robot.gripper.force_n, robot.finger_joints) == (30.0, ("right", "left"))
 
 
 @pytest.mark.parametrize(
