@@ -5,6 +5,7 @@ Libraries for runs are imported inside functions: worker processes import this f
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from pathlib import Path
@@ -16,6 +17,8 @@ from core.support.cli import command, read_path, say
 if TYPE_CHECKING:
     from omegaconf import DictConfig
 
+_FOLDER = "hydra.sweep.dir="  # of a sweep
+_DIRECTION = "hydra.sweeper.direction"
 HELP_WORDS = {"--help", "-h"}
 HELP = """\
 usage: python -m core.run [GROUP=NAME | KEY=VALUE ...]      start a run; groups and keys are listed below
@@ -32,8 +35,13 @@ keys (KEY=VALUE), and their values:
 {keys}"""
 
 
-def _run_job(cfg: DictConfig) -> UserError | BrokenPipeError | None:
-    """Run one job of Hydra's; return why it failed: raised, it would be printed by Hydra with lines of its own."""
+def _run_job(cfg: DictConfig) -> float:
+    """Run one job of Hydra's, and return its best reward.
+
+    Raises:
+        UserError: it failed.
+        BrokenPipeError: who reads what is printed is gone.
+    """
     from hydra.core.hydra_config import HydraConfig
     from hydra.types import RunMode
     from omegaconf.errors import OmegaConfBaseException
@@ -46,13 +54,9 @@ def _run_job(cfg: DictConfig) -> UserError | BrokenPipeError | None:
     start = run_job if hydra.mode is RunMode.MULTIRUN else run_and_print
     try:
         check_keys(cfg)
-        start(add_search_words(cfg, list(hydra.overrides.task)), folder)
-    except (UserError, BrokenPipeError) as error:
-        return error
+        return start(add_search_words(cfg, list(hydra.overrides.task)), folder)
     except OmegaConfBaseException as error:  # an unknown key, or one without a value
-        return explain(error, "config")
-
-    return None
+        raise explain(error, "config") from error
 
 
 def main(words: list[str]) -> None:
@@ -96,35 +100,29 @@ def _hydra(given: list[str]) -> None:
     from omegaconf.errors import OmegaConfBaseException
 
     from core.config.compose import explain, register
-    from core.config.folders import new_folder, stamp
     from core.config.trust import KeyFound, refuse_key_words
     from core.config.words import quote_paths
 
     refuse_key_words(given)
     register()
     words = quote_paths(given)
-    flags = {word for word in words if word.startswith("-")}
-    named = any("hydra.sweep.dir=" in word for word in words)
-    if flags and flags <= {"-m", "--multirun"} and not named:
-        folder = new_folder(f"multirun/{stamp()}")  # one for all jobs, in any process
-        words.append(f"hydra.sweep.dir={folder}")
-
-    if any(word.startswith("hydra/launcher=submitit") for word in words):
-        say(
-            "each run is a job of its own; what it prints is in the sweep's folder, in .submitit/",
-            file=sys.stderr,
-        )
-
+    _add_sweep_words(words)
     failures: list[UserError | BrokenPipeError] = []
     here = os.getpid()
 
-    def job(cfg: DictConfig) -> None:
-        failure = _run_job(cfg)
-        if failure is None:
-            return
-        failures.append(failure)
-        if os.getpid() != here:  # a launcher's process, whose list nobody reads
-            say(f"error: {failure}", file=sys.stderr)
+    def job(cfg: DictConfig) -> float:
+        """Return the best reward, which a sweeper may optimise; nan of a job that failed.
+
+        What is raised would be printed by Hydra, with lines of its own.
+        """
+        try:
+            return _run_job(cfg)
+        except (UserError, BrokenPipeError) as failure:
+            failures.append(failure)
+            if os.getpid() != here:  # a launcher's process, whose list nobody reads
+                say(f"error: {failure}", file=sys.stderr)
+
+        return math.nan
 
     sys.argv[1:] = words  # where Hydra reads them
     # Hydra raises its errors then, and `explain` makes one line of them.
@@ -147,6 +145,27 @@ def _hydra(given: list[str]) -> None:
 
     if failures:
         raise failures[0]
+
+
+def _add_sweep_words(words: list[str]) -> None:
+    """Name a sweep's folder and what it optimises, unless ``words`` do, and say where the output of its jobs is."""
+    from core.config.folders import new_folder, stamp
+
+    flags = {word for word in words if word.startswith("-")}
+    folders = [word.removeprefix(_FOLDER) for word in words if _FOLDER in word]
+    if flags and flags <= {"-m", "--multirun"} and not folders:
+        folders = [str(new_folder(f"multirun/{stamp()}"))]  # one for all jobs
+        words.append(_FOLDER + folders[0])
+
+    if "hydra/sweeper=optuna" in words and not any(_DIRECTION in w for w in words):
+        words.append(f"{_DIRECTION}=maximize")  # the best reward
+
+    if any(word.startswith("hydra/launcher=submitit") for word in words):
+        folder = folders[-1] if folders else "the sweep's folder"
+        say(
+            f"each run is a job of its own; what it prints is in {folder}/.submitit/",
+            file=sys.stderr,
+        )
 
 
 if __name__ == "__main__":

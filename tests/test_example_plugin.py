@@ -7,6 +7,7 @@ from itertools import product
 from pathlib import Path
 
 import pytest
+import yaml
 
 from tests import commands
 from tests.packages import install
@@ -138,6 +139,28 @@ def test_runs_side_by_side(site, tmp_path):
     ]
     assert sorted(result["seed"] for result in results) == [0, 1]
     assert all(result["best"]["reward"] > 0 for result in results)
+
+
+@pytest.mark.thorough
+def test_a_sweeper_gets_the_best_reward_of_each_run(site, tmp_path):
+    """Optuna's, which tries three numbers of plans; none at all is refused."""
+    words = [
+        *("-m", "hydra/sweeper=optuna", "hydra.sweep.dir=sweep"),
+        *("hydra/sweeper/sampler=grid", "hydra.sweeper.max_failure_rate=0.5"),
+        *("hydra.sweeper.n_trials=3", "budget.n_action=choice(0,1,2)"),
+        *("sim=toy", "task=PushButton", "tool=numbers", "vlm=echo"),
+        *("executor.workers=1", "listener=[csv]", "budget.n_iteration=0"),
+    ]
+    fixed = [word for word in SMALL if not word.startswith("budget.n_action")]
+    done = python_m(site, tmp_path, "core.run", *fixed, *words)
+    results = [
+        json.loads(file.read_text())["best"]["reward"]
+        for file in sorted((tmp_path / "sweep").glob("*/result.json"))
+    ]
+    best = yaml.safe_load((tmp_path / "sweep/optimization_results.yaml").read_text())
+    assert len(results) == 2, done.stderr
+    assert best["best_value"] == max(results)
+    assert best["best_params"]["budget.n_action"] == 1 + results.index(max(results))
 
 
 @pytest.mark.parametrize("part", ["task=PushButton", "tool=numbers", "evolution=restarts", "fitness=thrifty",

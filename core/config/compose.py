@@ -30,7 +30,7 @@ from omegaconf.errors import (
 
 from core.config import schemas, sources
 from core.config.trust import refuse_key_words, refuse_keys
-from core.config.words import explain_word, quote_paths
+from core.config.words import explain_several, explain_word, quote_paths
 from core.errors import UsageError, UserError, choices
 from core.interfaces import Simulator, Task, ToolRepresentation
 from core.plugins import (
@@ -191,7 +191,8 @@ def _find_unread(name: str, words: Sequence[str]) -> UsageError | None:
     settings = [word for word in words if "=" in word and not word.startswith("-")]
     for word in OverridesParser.create().parse_overrides(settings):
         if word.is_sweep_override() and not is_sweep:
-            return explain_word(word.input_line or "")
+            line = word.input_line or ""
+            return explain_several(line) if name == "config" else explain_word(line)
 
         key, _, _ = word.key_or_group.partition(".")
         if key not in (*known, "hydra"):

@@ -33,8 +33,13 @@ from core.support.files import writing
 from core.support.interrupts import resumable
 
 
-def run_and_print(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> None:
+def run_and_print(
+    cfg: DictConfig, folder: Path, store: RunStore | None = None
+) -> float:
     """Do what `run` does, with patience (`core.search.patience`), and print the outcome.
+
+    Returns:
+        The best reward.
 
     Raises:
         UserError: see `run`; or no candidate could be tried.
@@ -47,24 +52,28 @@ def run_and_print(cfg: DictConfig, folder: Path, store: RunStore | None = None) 
         cfg.patience_s,
     )
     report_end(result, folder)
+    assert result.best is not None
+    return result.best.reward
 
 
-def run_job(cfg: DictConfig, folder: Path) -> None:
+def run_job(cfg: DictConfig, folder: Path) -> float:
     """Do what `run_and_print` does for a job of a sweep, and go on with it where it was begun before.
 
     So a sweep may be started again, by its user or by a cluster that ended a job early.
+
+    Returns:
+        The best reward, which a sweeper may optimise.
 
     Raises:
         UserError: see `run`; or the folder holds a run of other settings.
     """
     store = RunStore.open(folder)
     if store is None:
-        run_and_print(cfg, folder)
-        return
+        return run_and_print(cfg, folder)
 
     try:
         refuse_other_run(store.config, cfg, folder)
-        _go_on(store, folder, cfg)
+        return _go_on(store, folder, cfg)
     finally:
         store.run_ended()
 
@@ -202,8 +211,11 @@ def _has_ended(store: RunStore, cfg: DictConfig) -> bool:
     return ended and not more
 
 
-def _go_on(store: RunStore, folder: Path, cfg: DictConfig) -> None:
+def _go_on(store: RunStore, folder: Path, cfg: DictConfig) -> float:
     """Go on with a run whose store is open, or print again what it came to.
+
+    Returns:
+        The best reward.
 
     Raises:
         UserError: see `run_and_print`.
@@ -216,7 +228,7 @@ def _go_on(store: RunStore, folder: Path, cfg: DictConfig) -> None:
         if store.result.best is None:
             raise UserError("no candidate could be tried")
         print_best(store.result.best, folder)
-        return
+        return store.result.best.reward
 
     past = store.past
     there = f"{len(past.replies)} replies and {len(past.candidates)} evaluated candidates are there"
@@ -229,4 +241,4 @@ def _go_on(store: RunStore, folder: Path, cfg: DictConfig) -> None:
             "run after them",
             file=sys.stderr,
         )
-    run_and_print(cfg, folder, store)
+    return run_and_print(cfg, folder, store)
