@@ -22,6 +22,10 @@ MEMORY = 8_000_000_000  # bytes of addresses
 _REFUSED = 3  # the exit status where it is refused, and standard error says why
 
 
+class TooSlowError(UserError):
+    """Reading a file takes longer than is allowed."""
+
+
 def isolated(
     function: Callable[..., bytes],
     what: str,
@@ -35,7 +39,7 @@ def isolated(
     What is being done is said if it lasts: ``step``, or that ``what`` is being read.
 
     Raises:
-        UserError: the function raises one, takes too long, or ends otherwise; it begins with ``what``.
+        UserError: the function raises one, takes too long (`TooSlowError`), or ends otherwise; it begins with ``what``.
     """
     with (
         busy(step or f"reading {what}"),
@@ -61,7 +65,7 @@ def isolated(
             )
         except subprocess.TimeoutExpired as error:
             mend = "make it smaller, a mesh by fewer triangles or by cutting it into convex pieces yourself"
-            raise UserError(
+            raise TooSlowError(
                 f"{what} takes more than {limit_s or LIMIT_S:g} s to read; {mend}"
             ) from error
 

@@ -26,7 +26,11 @@ from core.values.descriptions import (
     RobotShape,
 )
 from plugins.tasks.file.imports.imported import Imported, find_left_out, joined_body
-from plugins.tasks.file.imports.solids import load_solid, read_inside
+from plugins.tasks.file.imports.solids import (
+    load_solid,
+    note_coarse,
+    read_inside,
+)
 
 _FRICTION = 0.5  # of shapes that say none
 _READ = ("link", "joint", "material")
@@ -342,6 +346,9 @@ class _Making:
 
         if drawn:
             return [Geom(mesh, pose, known or color) for mesh, known in found.drawn]
+
+        if found.coarse:
+            self._notes.append(note_coarse(solid))
 
         return [Geom(part, pose, color) for part in found.parts]
 

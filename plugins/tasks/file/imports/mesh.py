@@ -12,7 +12,7 @@ from core.geometry import Pose
 from core.scene import Body, Color, Geom
 from core.support.cli import expand
 from plugins.tasks.file.imports.imported import Imported
-from plugins.tasks.file.imports.solids import MeshSolid, load_solid
+from plugins.tasks.file.imports.solids import MeshSolid, load_solid, note_coarse
 
 _MORE = 0.02
 _GREY: Color = (0.7, 0.7, 0.7, 1.0)
@@ -46,7 +46,11 @@ def read_mesh(
     collisions = tuple(Geom(part, color=visuals[0].color) for part in solid.parts)
     try:
         body = Body("body", Pose(), float(solid.filled), visuals, collisions)
-        return Imported((body,), notes=tuple(_notes(solid, upright)))
+        notes = list(_notes(solid, upright))
+        if solid.coarse:
+            notes.append(note_coarse(file))
+
+        return Imported((body,), notes=tuple(notes))
     except ValueError as error:
         raise UserError(f"{file}: {error}") from error
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +16,10 @@ from core.imports.meshes import MAX_MB, check_size, kind_of, whole_content
 from core.robot.meshes import keep_file
 from core.scene import Color
 from core.support.files import read_untrusted
-from core.support.sandbox import isolated
-from plugins.tasks.file.imports.convex import read_bytes
+from core.support.sandbox import TooSlowError, isolated
+from plugins.tasks.file.imports.convex import DRAWN, read_bytes
 
+FINE_S = 120.0  # in which a mesh is cut finely; else it is cut coarsely
 _NO_TURN = frozen_array(np.eye(3))
 
 
@@ -26,12 +27,14 @@ _NO_TURN = frozen_array(np.eye(3))
 class MeshSolid:
     """What a mesh file holds, in metres: what is drawn, with a colour or None, and convex parts.
 
-    ``volume`` is that of the mesh, m^3, or nan if it is not closed.
+    ``volume`` is that of the mesh, m^3, or nan if it is not closed. ``coarse``: it was cut
+    coarsely, as finely takes long.
     """
 
     drawn: tuple[tuple[Mesh, Color | None], ...]
     parts: tuple[Mesh, ...]
     volume: float
+    coarse: bool = False
 
     @property
     def filled(self) -> float:
@@ -112,17 +115,35 @@ def load_solid(
         raise UserError(f"mesh {file} {error}") from error
 
     volume = float(found.get("volume", np.nan)) * abs(determinant)
-    return MeshSolid(tuple(drawn), tuple(parts), volume)
+    return MeshSolid(tuple(drawn), tuple(parts), volume, "coarse" in found)
+
+
+def note_coarse(file: Path) -> str:
+    """Say that a mesh was cut coarsely."""
+    return (
+        f"mesh {file.name} was cut into convex parts coarsely, as finely takes more than {FINE_S:g} s; give it cut "
+        "into convex pieces, or with fewer triangles"
+    )
 
 
 @lru_cache(maxsize=64)
 def _read(data: bytes, name: str, drawn_only: bool) -> dict[str, Array]:
     """Read a mesh in a process of its own, see `convex.read_mesh`; kept on disk by its content."""
-    wanted = "drawn" if drawn_only else "solid"
+    wanted = DRAWN if drawn_only else "fine"
     step = f"reading {name}, and cutting what is not convex, which is kept for the next time"
 
     def read() -> bytes:
-        return isolated(read_bytes, f"mesh {name}", data, name, wanted, step=step)
+        call = partial(isolated, read_bytes, f"mesh {name}", data, name)
+        try:
+            return call(wanted, limit_s=FINE_S, step=step)
+        except TooSlowError:
+            if drawn_only:
+                raise
+
+        return call(
+            "coarse",
+            step=f"cutting {name} coarsely, as finely takes more than {FINE_S:g} s",
+        )
 
     path = Path(name)
     content = f"{kind_of(path)} {wanted} ".encode() + whole_content(path, data)

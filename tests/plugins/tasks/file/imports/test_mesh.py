@@ -10,7 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.errors import UserError
+from core.support.sandbox import TooSlowError
 from plugins.tasks.file.imports import convex, read_mesh, solids
+from tests.plugins.tasks.file.imports.conftest import called
 
 
 def step():
@@ -150,7 +152,7 @@ def test_only_what_is_not_convex_cut_by(tmp_path, monkeypatch):
     """The handle is one piece that is not convex; the wall stays as it is."""
     cut = []
     monkeypatch.setattr(
-        convex, "cut", lambda vertices, faces, most: cut.append(faces) or [vertices]
+        convex, "cut", lambda vertices, faces, *_: cut.append(faces) or [vertices]
     )
     handle = step().apply_translation([0.05, 0, 0])
     (tmp_path / "mug.obj").write_bytes(as_obj([*wall(12), handle]))
@@ -187,6 +189,41 @@ def test_a_file_of_which_pieces_are_inside_out_is_read(tmp_path, every):
 
 
 @pytest.mark.slow
+def can(sections):
+    """A can without a lid, with thin walls."""
+    profile = [[0, 0], [33, 0], [33, 100], [32, 100], [32, 1], [0, 1]]
+    return trimesh.creation.revolve(np.array(profile) / 1000, sections=sections)
+
+
+def test_what_takes_long_to_cut_is_cut_coarsely_and_said(tmp_path, monkeypatch):
+    can(12).export(tmp_path / "can.stl")
+    asked = []
+
+    def slow(function, what, data, name, wanted, **limits):
+        asked.append((wanted, "limit_s" in limits))
+        if wanted == "fine":
+            raise TooSlowError("it takes long")
+        return called(function, what, data, name, wanted)
+
+    monkeypatch.setattr(solids, "isolated", slow)
+    made = read_mesh(tmp_path / "can.stl")
+    assert asked == [("fine", True), ("coarse", False)]
+    assert any("can.stl was cut into convex parts coarsely" in n for n in made.notes)
+    # It is kept, and still said.
+    solids._read.cache_clear()
+    assert read_mesh(tmp_path / "can.stl").notes == made.notes
+    assert len(asked) == 2
+
+
+@pytest.mark.thorough
+def test_a_can_of_950_triangles_is_cut_within_the_limit(tmp_path):
+    mesh = can(119)
+    mesh.export(tmp_path / "can.stl")
+    made = read_mesh(tmp_path / "can.stl")
+    assert not any("coarsely" in note for note in made.notes)
+    assert total(made.bodies[0]) == pytest.approx(mesh.volume, rel=0.25)
+
+
 @pytest.mark.parametrize("isolated", [True], indirect=True)
 def test_a_hollow_cut_by_into_convex_parts_once(tmp_path, monkeypatch, isolated):
     mesh = step()
@@ -211,7 +248,7 @@ def _inside(geom, point):
 
 
 def test_an_open_mesh_is_noted(tmp_path, monkeypatch):
-    monkeypatch.setattr(convex, "cut", lambda vertices, faces, most: [vertices])
+    monkeypatch.setattr(convex, "cut", lambda vertices, *_: [vertices])
     box = trimesh.creation.box((0.1, 0.1, 0.1))
     box.update_faces(np.arange(12) > 1)
     box.export(tmp_path / "open.stl")
@@ -306,6 +343,7 @@ def test_a_reader_that_hangs_or_crashes_is_an_error(
 ):
     step().export(tmp_path / "step.stl")
     monkeypatch.setattr(f"core.support.sandbox.{name}", value)
+    monkeypatch.setattr(solids, "FINE_S", 30.0 if name != "LIMIT_S" else value)
     with pytest.raises(UserError, match=message):
         read_mesh(tmp_path / "step.stl")
 
@@ -331,7 +369,7 @@ def test_wild_bytes_are_read_or_refused(data, kind, start):
     """In this process, where the reader that runs in its own can be tried often."""
     try:
         file = Path(__file__).with_name(f"a.{kind}")
-        found = convex.read_mesh(start + data, file, drawn_only=False)
+        found = convex.read_mesh(start + data, file, "fine")
     except UserError as error:
         assert "\n" not in str(error)  # noqa: PT017
     else:
