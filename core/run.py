@@ -100,12 +100,13 @@ def _hydra(given: list[str]) -> None:
     from omegaconf.errors import OmegaConfBaseException
 
     from core.config.compose import explain, register
+    from core.config.schemas import RunConfig
     from core.config.trust import KeyFound, refuse_key_words
-    from core.config.words import quote_paths
+    from core.config.words import place_settings, quote_paths
 
     refuse_key_words(given)
     register()
-    words = quote_paths(given)
+    words = quote_paths(place_settings(given, RunConfig))
     _add_sweep_words(words)
     failures: list[UserError | BrokenPipeError] = []
     here = os.getpid()

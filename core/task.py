@@ -6,6 +6,7 @@ import inspect
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -16,12 +17,26 @@ from core.geometry import Array, Pose
 from core.goals import Goal, goals_margins, reaches
 from core.scene import Camera, Region, Scene, State, Trace
 from core.values.harmless import Harmless
+from core.values.jobs import Perception
 from core.values.layouts import NONE, Draw, Ranges
 from core.values.margins import ROUNDING, Margin, least_first
 from core.values.messages import Picture
 from core.values.observations import Sight
 from core.values.robots import Robot
 from core.values.tools import Fixture
+
+
+@dataclass(frozen=True)
+class Proof:
+    """Designs that show what a scene takes, as a designs file has them; no model is shown these.
+
+    Attributes:
+        reference: it solves the scene.
+        simpler: it must not; else the scene takes no thought.
+    """
+
+    reference: Mapping[str, Any]
+    simpler: Mapping[str, Any]
 
 
 class Task(ABC):
@@ -36,6 +51,7 @@ class Task(ABC):
         goals: the same, for programs.
         every: whether all goals to reach count; else one is enough.
         hold_s: the least time after the plan, s; the rollout's own setting may be longer.
+        noise_m: how far off plans see places at least (standard deviation of x and y); the rollout's own may be more.
         home: the end-effector's pose in the world at the start.
         success_reward: of a solved task, see `is_solved`; less than 1 where the task has a rule of its own.
         variations: by name, what `draw` draws at random, and from which range.
@@ -46,6 +62,7 @@ class Task(ABC):
         builder: of its searches; None: `core.search.builder.SearchBuilder`.
         language: of the source that a model is shown.
         search_words: words of ``core.run`` with which it is searched, where nothing is said of its variation.
+        proof: that its scenes can be solved, and not by anything; None: nobody has shown it.
         robot: the arm that performs the task; the program makes a task for one.
 
     Raises:
@@ -58,6 +75,7 @@ class Task(ABC):
     goals: ClassVar[tuple[Goal, ...]]
     every: ClassVar[bool] = False
     hold_s: ClassVar[float] = 0.0
+    noise_m: ClassVar[float] = 0.0
     home: ClassVar[Pose] = Pose(np.array([0.5, 0.0, 0.5]))
     camera: ClassVar[Camera] = Camera()
     success_reward: ClassVar[float] = 1.0
@@ -70,6 +88,7 @@ class Task(ABC):
     builder: ClassVar[type | None] = None
     language: ClassVar[str] = "python"
     search_words: Sequence[str] = ()
+    proof: Proof | None = None
     robot: Robot
 
     def __init__(self, variation: Harmless[str] = NONE) -> None:
@@ -95,6 +114,13 @@ class Task(ABC):
     def draw(self, seed: int) -> Draw:
         """Return the numbers of the layout of ``seed``, for `scene`."""
         return Draw(self.ranges, seed)
+
+    def perceive(self, perception: Perception) -> Perception:
+        """Return how exactly plans see its scenes: as a rollout's settings say, or worse where it has ``noise_m``."""
+        if self.noise_m <= perception.position:
+            return perception
+
+        return replace(perception, position=self.noise_m)
 
     @abstractmethod
     def scene(self, seed: int) -> Scene:

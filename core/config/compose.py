@@ -30,7 +30,12 @@ from omegaconf.errors import (
 
 from core.config import schemas, sources
 from core.config.trust import refuse_key_words, refuse_keys
-from core.config.words import explain_several, explain_word, quote_paths
+from core.config.words import (
+    explain_several,
+    explain_word,
+    place_settings,
+    quote_paths,
+)
 from core.errors import UsageError, UserError, choices
 from core.interfaces import Simulator, Task, ToolRepresentation
 from core.plugins import (
@@ -88,7 +93,8 @@ def load(name: str, overrides: Sequence[str], schema: type | None = None) -> Dic
     if schema is not None:
         _register_schema(name, schema)
 
-    words = quote_paths(overrides)
+    keys = schema or SCHEMAS.get(name, schemas.RunConfig)
+    words = quote_paths(place_settings(overrides, keys))
     try:
         config = _compose(name, words)
         check_keys(config)

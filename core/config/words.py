@@ -1,15 +1,18 @@
-"""Read paths among the words of a command line as they are, where Hydra's grammar would read something else."""
+"""Read words of a command line as they are meant, where Hydra's grammar would read something else."""
 
 from __future__ import annotations
 
 import re
 import shlex
 from collections.abc import Sequence
+from dataclasses import fields
 
 from hydra.core.override_parser.types import Quote, QuotedString
 
 from core.errors import UsageError
-from core.support.cli import path_exists
+from core.plugins import TASK, installed
+from core.plugins.registry import settings_of
+from core.support.cli import key_of, path_exists
 
 _PLAIN = re.compile(r"[\w./+:%@-]*", re.ASCII)  # all of it is text or a number
 
@@ -36,6 +39,26 @@ def quote_paths(words: Sequence[str]) -> list[str]:
         else:
             quoted.append(word)
     return quoted
+
+
+def place_settings(words: Sequence[str], schema: type) -> list[str]:
+    """Read ``KEY=VALUE`` as ``task.KEY=VALUE`` where the named task has such a setting, and the command no such key.
+
+    Args:
+        words: of the command line; one of them is ``task=NAME``, or nothing is placed.
+        schema: the dataclass of the command's keys.
+    """
+    named = [word for word in words if word.startswith("task=")]
+    name = named[-1].removeprefix("task=") if named else ""
+    if (TASK.name, name) not in installed().offers:
+        return list(words)
+
+    possible = settings_of(installed().factory(TASK.name, name))
+    known = {field.name for field in fields(schema)}
+    return [
+        f"task.{word}" if key_of(word) in possible.keys() - known else word
+        for word in words
+    ]
 
 
 def _quote(key: str, value: str) -> str:

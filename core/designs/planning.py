@@ -74,6 +74,7 @@ def look(
     The noise is normal, of each coordinate in the plane of the table and of the yaw; it depends on ``seed`` alone.
     ``scene`` is the layout, if it is there already.
     """
+    perception = task.perceive(perception)
     scene = scene or task.scene(seed)
     poses = {body.name: body.pose for body in scene.bodies}
     seen = blur(poses, seed, perception)

@@ -63,7 +63,7 @@ class Lookout:
         self._scene = scene
         self._tool = tool
         self._seed = seed
-        self._perception = settings.perception
+        self._perception = task.perceive(settings.perception)
 
     def look(
         self,

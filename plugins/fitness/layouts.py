@@ -116,14 +116,15 @@ class Layouts(Fitness):
         ]
 
     def instructions(self) -> str:
+        task = self._condition.task.shared()
         return fill(
             "plugins.fitness",
             "layouts",
             layouts=len(self._seeds),
             sims=[*self._sims],
             other_sims=[] if self._unseen_sims is self._sims else [*self._unseen_sims],
-            drawn=describe_ranges(self._condition.task.shared()),
-            noise=self._condition.settings.perception,
+            drawn=describe_ranges(task),
+            noise=task.perceive(self._condition.settings.perception),
             counts=self._counts,
             unseen=len(self._unseen),
         )

@@ -528,6 +528,7 @@ class SceneSpec(_Spec):
     ]
     every: bool = False
     hold_s: Annotated[float, Field(ge=0, le=60)] = 0.0
+    noise_m: Annotated[float, Field(ge=0, le=1)] = 0.0
     success_reward: Annotated[float, Field(gt=0, le=1)] = 1.0
     home: HomeSpec = HomeSpec()
     camera: CameraSpec = Camera()

@@ -6,9 +6,11 @@ from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+import yaml
 
 from core.errors import UserError
 from core.geometry import Array, Pose, Vector
@@ -63,6 +65,24 @@ class FileTask(Task):
         path = expand(file)
         self._text, self._tree = tree.Tree.read(path)
         self._files = Files(path.absolute().parent)
+        self._build(variation)
+
+    @classmethod
+    def from_data(cls, data: Mapping[str, Any], variation: str = NONE) -> FileTask:
+        """Make a task of what a scene file would hold, as plain data; it names no files.
+
+        Raises:
+            UserError: see the class.
+        """
+        task = cls.__new__(cls)
+        task._text = yaml.safe_dump(dict(data), sort_keys=False, width=120)
+        task._tree = tree.Tree(Path(str(data.get("name", "scene"))), task._text)
+        task._files = Files(Path())
+        task._build(variation)
+        return task
+
+    def _build(self, variation: str) -> None:
+        """Build the scene and the goals, and check them."""
         spec = schema.read_spec(self._tree, self._tree.data)
         home = spec.home
         varied = self._read_variations(spec)
@@ -75,6 +95,7 @@ class FileTask(Task):
             success_reward=spec.success_reward,
             every=spec.every,
             hold_s=spec.hold_s,
+            noise_m=spec.noise_m,
             tool_kinds=spec.tool_kinds,
             fixture=building.build_region(spec),
             tool_in_place=spec.tool_in_place,
@@ -88,7 +109,7 @@ class FileTask(Task):
         }
         if SEEN in self.variations:
             vars(self).update(search_words=SEARCH_WORDS)
-        super().__init__(variation)
+        Task.__init__(self, variation)
         self._scene = building.build_scene(self._tree, spec, self._files)
         wanted = naming.build_goals(self._tree, spec, self._scene)
         vars(self).update(goals=wanted)
@@ -103,7 +124,7 @@ class FileTask(Task):
             *scene_warnings.find_unrewarded(self.description, self.goals),
         )
         for warning in self.warnings:
-            warn_once(f"{file}: {warning}")
+            warn_once(f"{self._tree.file}: {warning}")
 
     def _read_variations(self, spec: schema.SceneSpec) -> dict[str, copies.Values]:
         """Read the variations: what each path stands for, and its range.

@@ -167,7 +167,7 @@ ELSEWHERE = {
     "in_words", "success_reward",  # what is told, and what counts as solved
     "color", "colors", "camera", "target", "fov_deg", "height_m", "pictures",  # what is seen
     "also",  # test_goals: joined keys are the same
-    "variations",  # test_words, test_task
+    "variations", "noise_m",  # test_words, test_task
     "imports", "prefix", "without", "file", "scale",  # test_task, test_mjcf
     "tool_kinds", "tool_in_place",  # what designs may be: test_words, test_attacks
     "poisson",  # passed on to the engine: it has no figure that a scene would show

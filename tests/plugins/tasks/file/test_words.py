@@ -212,6 +212,7 @@ MISTAKES = [
         ("success_reward: 0.6", "success_reward", 0.6, 1.0),
         ("in_words: A cup  and grains.", "in_words", "A cup and grains.", ""),
         ("hold_s: 2.5", "hold_s", 2.5, 0.0),
+        ("noise_m: 0.01", "noise_m", 0.01, 0.0),
         ("every: true", "every", True, False),
     ],
 )

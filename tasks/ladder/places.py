@@ -1,0 +1,74 @@
+"""Places among neighbours: fetch a pawn from between glasses that must not be touched.
+
+The knob is the room between the glasses over what a funnel needs that takes in the pawn wherever it may be, and the
+noise. The width of the funnel follows from both; a fork without one misses the pawn.
+"""
+
+from __future__ import annotations
+
+import random
+
+from tasks.ladder.designs import SLOT_LENGTH_M, THICK_M, flare, funnel
+from tasks.ladder.pawns import STEM_M, pawn, rail, take
+from tasks.ladder.rung import SURE, Entry, Rung
+
+GLASS_M = 0.02  # radius
+GLASS_HEIGHT_M = 0.11
+GOAL = (0.45, -0.4)
+TOLERANCE_M = 0.02
+LIFT_M = 0.16
+
+
+def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
+    mouth = funnel(noise_m, STEM_M)
+    room = 1 + 0.5 / level
+    aside = (mouth + THICK_M + SURE * noise_m + 0.002) * room + GLASS_M
+    shoved = 2 * SURE * noise_m + SLOT_LENGTH_M + flare(mouth)
+    beyond = (shoved + 0.01) * room + GLASS_M
+    x = 0.5 + rng.uniform(-0.02, 0.02)
+    y = rng.uniform(0.02, 0.1)
+    near = rng.choice((-1, 1))  # the side on which a glass stands before the pawn
+    glasses = [
+        _glass("glass_1", x, y + aside),
+        _glass("glass_2", x, y - aside),
+        _glass("glass_3", x + beyond, y),
+        _glass("glass_4", x - 0.08, y + near * aside),
+    ]
+    scene = {
+        "description": (
+            "A red pawn stands on the table between four glasses, one of them behind it. Carry it over the rail to "
+            f"({GOAL[0]:g}, {GOAL[1]:g}), where it must stand upright within {1000 * TOLERANCE_M:.0f} mm and be let "
+            "go. The robot must touch no glass, and none may be moved."
+        ),
+        "bodies": [pawn("pawn", x, y, "red"), *glasses, rail("rail", -0.31, 0.4)],
+        "goals": [
+            {
+                "bodies": ["pawn"],
+                "place": [*GOAL, None],
+                "tolerance": TOLERANCE_M,
+                "released": True,
+                "rest": True,
+                "also": [{"axis": [0, 0, 1], "tolerance_deg": 10}],
+            },
+            {"untouched": ["glass_*"]},
+            {"keep": ["glass_*"]},
+        ],
+        "variations": {
+            "wide": {
+                "bodies.pawn.position.x": "+-0.005",
+                "bodies.glass_*.position.x": "+-0.005",
+            }
+        },
+    }
+    return Rung(scene, *take(noise_m, [("pawn", GOAL)], LIFT_M))
+
+
+def _glass(name: str, x: float, y: float) -> Entry:
+    return {
+        "name": name,
+        "cylinder": {"radius": GLASS_M, "length": GLASS_HEIGHT_M},
+        "position": [round(x, 4), round(y, 4), GLASS_HEIGHT_M / 2 + 0.0001],
+        "mass": 0.15,
+        "friction": 0.4,
+        "color": "lightblue",
+    }

@@ -1,0 +1,96 @@
+"""Crowded sorting: pawns in a row, red ones to the left and blue ones to the right, with one plan.
+
+The knob is the distance of two pawns over what a fork needs that takes in each wherever it may be; from level 3 on
+there are more of them. A fork with a funnel of that width does it, outer pawns first; one without a funnel misses.
+"""
+
+from __future__ import annotations
+
+import random
+
+from tasks.ladder.designs import THICK_M, funnel
+from tasks.ladder.pawns import BASE_M, STEM_M, pawn, rail, take
+from tasks.ladder.rung import SURE, Entry, Rung
+
+ZONE_X_M = 0.45
+ZONE_Y_M = 0.42
+PLACES_Y_M = (0.48, 0.37)  # of the first and the second pawn of a zone
+ROW_X_M = 0.54
+LIFT_M = 0.12
+
+
+def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
+    count = min(2 + (level - 1) // 2, 4)
+    mouth = funnel(noise_m, STEM_M)
+    needed = mouth + THICK_M + STEM_M + SURE * noise_m
+    apart = max(needed * (1 + 0.5 / level), 2 * BASE_M + 0.012)
+
+    colors = ["red", "blue"] * 2
+    colors = colors[:count]
+    rng.shuffle(colors)
+    x = ROW_X_M + rng.uniform(-0.02, 0.02)
+    bodies = []
+    for number, color in enumerate(colors):
+        y = (number - (count - 1) / 2) * apart
+        bodies.append(pawn(f"{color}_{number}", x, y, color))
+
+    scene = {
+        "description": (
+            f"{count} pawns, red and blue, stand in a row on the table, {1000 * apart:.0f} mm apart, "
+            "between two low rails. Carry each red "
+            "one into the red zone at the left, and each blue one into the blue zone at the right, with one plan. All "
+            "must stay upright and be let go."
+        ),
+        "bodies": [*bodies, rail("rail_1", 0.31, 0.4), rail("rail_2", -0.31, 0.4)],
+        "marks": [
+            _zone("red_zone", ZONE_Y_M, "salmon"),
+            _zone("blue_zone", -ZONE_Y_M, "skyblue"),
+        ],
+        "every": True,
+        "goals": [
+            _inside("red"),
+            _inside("blue"),
+            {
+                "bodies": ["red_*", "blue_*"],
+                "axis": [0, 0, 1],
+                "tolerance_deg": 30,
+                "throughout": True,
+            },
+        ],
+        "variations": {
+            "wide": {
+                "bodies.*.position.x": "+-0.006",
+                "bodies.*.position.y": "+-0.004",
+            }
+        },
+    }
+    outer_first = sorted(bodies, key=lambda body: -abs(body["position"][1]))
+    names = [body["name"] for body in outer_first]
+    return Rung(scene, *take(noise_m, _list_jobs(names), LIFT_M))
+
+
+def _list_jobs(names: list[str]) -> list[tuple[str, tuple[float, float]]]:
+    """Say where each pawn goes: the first of a color to the far side of its zone."""
+    jobs = []
+    taken = {"red": 0, "blue": 0}
+    for name in names:
+        color = name.partition("_")[0]
+        side = 1 if color == "red" else -1
+        jobs.append((name, (ZONE_X_M, side * PLACES_Y_M[taken[color]])))
+        taken[color] += 1
+
+    return jobs
+
+
+def _zone(name: str, y: float, color: str) -> Entry:
+    return {
+        "name": name,
+        "box": [0.3, 0.24, 0.12],
+        "position": [ZONE_X_M, y, 0.04],
+        "color": color,
+    }
+
+
+def _inside(color: str) -> Entry:
+    zone = f"{color}_zone"
+    return {"bodies": [f"{color}_*"], "inside": zone, "released": True, "rest": True}

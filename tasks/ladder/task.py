@@ -1,0 +1,64 @@
+"""``task=ladder family=NAME level=N seed=N``: a scene that a family draws, as if a scene file said it."""
+
+from __future__ import annotations
+
+import random
+from typing import Any, Literal
+
+from core.errors import UsageError
+from core.interfaces import Task
+from core.plugins import installed
+from core.task import Proof
+from core.values.harmless import Harmless
+from tasks.ladder import places, sort, tunnel
+from tasks.ladder.rung import Family, Rung, noise_at
+
+FAMILIES: dict[str, Family] = {
+    "places": places.draw,
+    "sort": sort.draw,
+    "tunnel": tunnel.draw,
+}
+Name = Literal["places", "sort", "tunnel"]
+MOST_NOISE_M = {"tunnel": tunnel.MOST_NOISE_M}
+
+
+def draw_rung(family: str, level: int, seed: int) -> tuple[Rung, dict[str, Any]]:
+    """Draw the rung of a level and a seed, and return it with its scene whole: the same ones each time.
+
+    Raises:
+        UsageError: there is no such level or seed.
+    """
+    if level < 1:
+        raise UsageError(f"task.level must be at least 1, got {level}")
+    if seed < 0:
+        raise UsageError(f"task.seed must be at least 0, got {seed}")
+
+    noise_m = min(noise_at(level), MOST_NOISE_M.get(family, 1.0))
+    rng = random.Random(f"{family} {level} {seed}")  # noqa: S311 - no secret
+    rung = FAMILIES[family](level, noise_m, rng)
+    name = f"{family.title()}{level}Seed{seed}"
+    return rung, {"name": name, "noise_m": noise_m, **rung.scene}
+
+
+def make_task(
+    family: Name = "sort",
+    level: int = 1,
+    seed: int = 0,
+    variation: Harmless[str] = "wide",
+) -> Task:
+    """Make the task of a rung.
+
+    Args:
+        family: of scenes, which differ in what makes them hard.
+        level: from 1 on, without end; each is harder than the one before.
+        seed: of the draw; three of them make a score.
+        variation: what differs between its layouts: ``wide``, or ``none``.
+
+    Raises:
+        UserError: there is no such rung.
+    """
+    rung, scene = draw_rung(family, level, seed)
+    files: Any = installed().factory("task", "file")
+    task: Task = files.from_data(scene, variation)
+    task.proof = Proof(rung.reference, rung.simpler)
+    return task
