@@ -19,6 +19,8 @@ from core.values.states import State
 from core.values.tools import Fixture
 
 EMPTY = Space()
+SINKS_M = 2e-4
+"""What rests on something sinks into it by micrometres, and is still inside a space that ends at its surface."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,9 +73,12 @@ class Inside(Reach):
         def room(state: State) -> Array:
             if body in state.soft:
                 rooms = space.room(state.nodes(body, self.inside))
-                return np.asarray(rooms.min(axis=-1))
+                left = np.asarray(rooms.min(axis=-1))
+            else:
+                left = space.room(state.relative(body, self.inside))
 
-            return space.room(state.relative(body, self.inside))
+            is_sunk = (left < 0) & (left >= -SINKS_M)
+            return np.where(is_sunk, 0.0, left)
 
         name = f"{body} inside {self.inside}, from its wall"
         yield Measure(name, room, 0.0, SLIP_M, "m", at_least=True, whole=True)
