@@ -16,8 +16,8 @@ when it is first used, which keeps discovery quick::
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 import pluggy
@@ -28,6 +28,7 @@ from core.values.harmless import PartsOf as PartsOf
 
 if TYPE_CHECKING:
     from core.events import Generation, Result, Run
+    from core.geometry import Pose
     from core.interfaces import Reply, Request
     from core.trial import Evaluation
 
@@ -52,6 +53,21 @@ class Command:
 
     help: str
     main: Callable[[list[str]], int | None] | str
+
+
+@dataclass(frozen=True)
+class Taken:
+    """A file that others made, as `importers` take it.
+
+    Attributes:
+        lines: what it is, what was assumed, and how to use it, for people.
+        words: a configuration in which it stands, as ``task=file``; without any there is nothing to draw.
+        frames: poses in the world, of which a picture shows the axes, by their names.
+    """
+
+    lines: Sequence[str]
+    words: Sequence[str] = ()
+    frames: Mapping[str, Pose] = field(default_factory=dict)
 
 
 class Parts(Protocol):
@@ -153,6 +169,11 @@ class Configs(Protocol):
     def makers(self) -> Factories:
         """Judge whether a tool can be made: called with a `Run`, a `Condition` and an `Evaluation` of a design tried in
         it. Returns a `core.trial.Making`, or None where there is nothing to make."""
+
+    @hookspec
+    def importers(self) -> Factories:
+        """Take a file that others made, by what it is (`core.imports.kinds`): called with its path and the settings of
+        ``vlmgineer import``. Returns a `Taken`."""
 
     @hookspec
     def config_path(self) -> str:

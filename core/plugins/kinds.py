@@ -141,6 +141,7 @@ HOOKS = {
     "exports": "export",
     "goals": "goal",
     "makers": "maker",
+    "importers": "importer",
 }
 """What each hook of `core.hooks` offers."""
 

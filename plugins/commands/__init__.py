@@ -20,9 +20,9 @@ def commands() -> dict[str, Command]:
             "say where an arm reaches, how fast and how exact it is",
             "plugins.vlms.context.facts:main",
         ),
-        "home": Command(
-            "find joints at which the flange of your own arm looks down",
-            "plugins.robots.home:main",
+        "import": Command(
+            "say what an arm's or a thing's file is, and write what uses it",
+            "plugins.commands.import_file:main",
         ),
         "new": Command(
             "write a plugin package to start from", "plugins.new.new_command:main"
@@ -32,6 +32,7 @@ def commands() -> dict[str, Command]:
             "plugins.commands.prompt:main",
         ),
         "render": Command(
-            "draw a task's scene, with a tool if one is given", "plugins.render:main"
+            "draw a task's scene, with a tool if one is given",
+            "plugins.commands.render:main",
         ),
     }

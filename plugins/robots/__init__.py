@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from core.hooks import hookimpl
+from core.hooks import Factories, hookimpl
 
 
 @hookimpl
@@ -16,4 +16,12 @@ def robots() -> Mapping[str, str]:
         "urdf": "plugins.robots.urdf:urdf",
         "xarm7": "plugins.robots.arms:xarm7",
         "z1": "plugins.robots.arms:z1",
+    }
+
+
+@hookimpl
+def importers() -> Factories:
+    return {
+        "arm": "plugins.robots.import_arm:take_arm",
+        "gripper": "plugins.robots.import_arm:take_gripper",
     }

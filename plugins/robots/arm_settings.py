@@ -80,7 +80,7 @@ class ArmSettings:
 
     Attributes:
         path: a URDF or MJCF file.
-        home: joints (J,) from the base on, radians; there the flange looks down. ``vlmgineer home`` finds some.
+        home: joints (J,) from the base on, radians; there the flange looks down. ``vlmgineer import`` finds some.
         flange: the link that bears tools; None: the only one that bears no other link.
         title: as people call it; empty: the name in the description.
         mount_rpy: how the mount is turned in the flange's frame, radians; None: by right angles, so that its axes at

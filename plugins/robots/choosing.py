@@ -14,7 +14,12 @@ from core.interfaces import Gripper
 from core.values.descriptions import DIGITS, Description, Limits, Origin, RobotJoint
 from plugins.robots.arm_settings import ArmSettings, GripperOptions
 from plugins.robots.completing import complete
-from plugins.robots.foreign_names import names_jaw, write_word
+from plugins.robots.foreign_names import (
+    names_jaw,
+    names_sensor,
+    names_tool_frame,
+    write_word,
+)
 
 # Where limits that a file lacks are given.
 _TURNING = {
@@ -179,14 +184,23 @@ def choose_flange(
         after.setdefault(sum(turns), []).append(link)
 
     most = max((count for count in after if count <= _MOST_JOINTS), default=0)
-    ends = [
-        f"after {count}: {', '.join(after[count][:_NAMED])}"
-        for count in (most, most - 1)
-        if count > 0
-    ]
+    ends = []
+    for count in (most, most - 1):
+        if count > 0:
+            named = sorted(after[count], key=_rate_flange)
+            ends.append(f"after {count}: {', '.join(named[:_NAMED])}")
+
     raise UsageError(
         f"which link bears tools? Choose it with robot.flange=LINK; by the joints that turn, {'; '.join(ends)}"
     )
+
+
+def _rate_flange(link: str) -> int:
+    """Rate how likely a link bears tools by its name, the lowest first: tools' frames, others, sensors."""
+    if names_tool_frame(link):
+        return 0
+
+    return 2 if names_sensor(link) else 1
 
 
 def _refuse_jaw(description: Description, leaf: str) -> None:
@@ -327,7 +341,7 @@ def check_home(
     """Return the home, a value within its limits for each of the arm's joints."""
     if home is None:
         raise UsageError(
-            "robot.home is needed, at which the flange looks down; `vlmgineer home` with these words finds it"
+            "robot.home is needed, at which the flange looks down; vlmgineer import FILE with the other words finds it"
         )
 
     if len(home) != len(arm):

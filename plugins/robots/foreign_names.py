@@ -23,6 +23,7 @@ RESERVED = (
 _ODD = re.compile(r"[^A-Za-z0-9_.-]+")
 _LONGEST = 64
 _TOOL_FRAME = re.compile(r"attach|flange|tool|tcp|eef|end.?effector", re.IGNORECASE)
+_SENSOR = re.compile(r"camera|optical|depth|imu|lidar|laser|sensor", re.IGNORECASE)
 _JAW = re.compile(
     r"grip|jaw|finger|claw|thumb|pinch|clamp|knuckle|grasp", re.IGNORECASE
 )
@@ -37,6 +38,11 @@ def write_word(setting: str, value: object) -> str:
 def names_tool_frame(name: str) -> bool:
     """Tell whether a frame is for tools, by its name."""
     return bool(_TOOL_FRAME.search(name))
+
+
+def names_sensor(name: str) -> bool:
+    """Tell whether a frame is that of a camera or another sensor, by its name."""
+    return bool(_SENSOR.search(name))
 
 
 def names_jaw(*names: str) -> bool:

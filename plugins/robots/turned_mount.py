@@ -30,7 +30,7 @@ _UNDER_M = 0.005
 _ALONG = 0.5  # cosine: the last joint turns about something like the vertical
 _EXACT = 1e-3  # metres and radians
 _TURNS_HAND = 0.94  # cosine: a joint whose axis is so near to the vertical turns a hand that looks down
-_MEND = "choose a home where the flange looks down (vlmgineer home)"
+_MEND = "choose a home where the flange looks down (vlmgineer import FILE)"
 
 
 def turn_mount(

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from core.hooks import Command, hookimpl
+from core.hooks import Command, Factories, hookimpl
 
 
 @hookimpl
@@ -18,3 +18,8 @@ def commands() -> dict[str, Command]:
             "plugins.tasks.file.bench.scene_command:main",
         )
     }
+
+
+@hookimpl
+def importers() -> Factories:
+    return {"scene": "plugins.tasks.file.import_scene:take_scene"}

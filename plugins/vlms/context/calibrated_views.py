@@ -17,9 +17,9 @@ from core.geometry import Array, Pose
 from core.interfaces import Image, Picture, Task
 from core.scene import Body, Camera
 from core.simulation.pictures import describe_camera, png
+from core.simulation.projection import project
 from plugins.vlms.context.bodies_table import bounds, bounds_in_world
 from plugins.vlms.context.nearness import nearness
-from plugins.vlms.context.projection import project
 
 WIDTH = 1000  # pixels
 HEIGHT = 750

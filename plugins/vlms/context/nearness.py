@@ -9,7 +9,7 @@ import numpy as np
 
 from core.geometry import Array, Pose
 from core.scene import Body, Camera
-from plugins.vlms.context.projection import project
+from core.simulation.projection import project
 
 if TYPE_CHECKING:
     import trimesh

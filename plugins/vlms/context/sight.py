@@ -9,9 +9,9 @@ import numpy as np
 
 from core.interfaces import Task
 from core.scene import Camera
+from core.simulation.projection import project
 from core.values.observations import Moved, Sight
 from plugins.vlms.context.phrases import phrase
-from plugins.vlms.context.projection import project
 
 _WIDTH = 640  # pixels, of which ways are shares
 _HEIGHT = 480

@@ -16,9 +16,9 @@ from core.geometry import Pose
 from core.robot.kinematics import arm_of, link_frames
 from core.robot.solids import robot_solids
 from core.robot.writing import write
-from plugins.robots import home
 from plugins.robots.own_arm import read_robot
 from tests.outside_arm import FLANGE, HOME
+from tests.plugins.robots.conftest import take
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 
@@ -40,8 +40,8 @@ def change(urdf, *changes):
 
 
 def said(capsys, *words):
-    """What ``vlmgineer home`` says of an arm."""
-    home.main(["robot=urdf", *words])
+    """What ``vlmgineer import`` says of an arm."""
+    take(["robot=urdf", *words])
     return capsys.readouterr().out
 
 
@@ -280,7 +280,7 @@ def test_one_joint_is_no_arm(tmp_path):
         '<geom type="capsule" size="0.03" fromto="0 0 0 0.3 0 0" mass="1"/></body></worldbody></mujoco>'
     )
     with pytest.raises(UserError, match=r"1 joint moves between base .*; an arm has 2"):
-        home.main(["robot=urdf", f"robot.path={file}", "robot.effort=40"])
+        take(["robot=urdf", f"robot.path={file}", "robot.effort=40"])
 
 
 def test_an_arm_of_mjcf_without_motors_asks_for_efforts(six):
@@ -357,7 +357,7 @@ def test_a_jaw_is_no_flange(package, capsys, change_of, reason):
     change(package, *change_of)
     link = change_of[0][1].split('"')[1]
     with pytest.raises(UserError, match=reason) as caught:
-        home.main(["robot=urdf", f"robot.path={package}"])
+        take(["robot=urdf", f"robot.path={package}"])
     answers = str(caught.value)
     assert f"robot.flange=hand robot.without=[{link}]" in answers
     assert f"robot.flange={link}" in answers
@@ -380,7 +380,7 @@ def test_a_joint_without_limits_is_no_jaw(package):
         package, ('<limit lower="-2.9" upper="2.9" effort="30" velocity="4.0"/>', "")
     )
     with pytest.raises(UserError, match=r"joint 'joint_6' can't move: .*give <limit"):
-        home.main(["robot=urdf", f"robot.path={package}"])
+        take(["robot=urdf", f"robot.path={package}"])
 
 
 def test_a_wrist_is_a_flange_and_is_said(file, capsys):
@@ -618,13 +618,13 @@ def test_remedies_are_for_what_is_missed(tmp_path):
     with pytest.raises(
         UserError, match=r"0\.\d+ m and .*nearer to the arm, or place the arm elsewhere"
     ):
-        home.main(["robot=urdf", f"robot.path={urdf}", "at=[0.5,0,0.5]"])
+        take(["robot=urdf", f"robot.path={urdf}", "at=[0.5,0,0.5]"])
     # The last joint hardly moves: what it bears looks down only where the arm can't be.
     small(urdf, (1, 0, 0), last=0.3)
     words = ["robot=urdf", f"robot.path={urdf}", "robot.flange=hand", "at=[0.2,0,0.1]"]
     remedy = r"the place is reached, the direction is not; .*robot\.mount_rpy="
     with pytest.raises(UserError, match=remedy):
-        home.main(words)
+        take(words)
 
 
 def test_a_small_arm_is_enlarged_for_tasks(tmp_path, capsys, caplog):

@@ -8,12 +8,12 @@ import pytest
 from core.errors import UserError
 from core.robot.extents import fingers_of
 from core.robot.kinematics import arm_of
-from plugins.robots import home
 from plugins.robots.arm_settings import GripperOptions
 from plugins.robots.arms import panda
 from plugins.robots.example_robots import robots_folder
 from plugins.robots.own_arm import read_robot
 from tests.outside_arm import FLANGE, HOME
+from tests.plugins.robots.conftest import take
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 HAND = GripperOptions("palm", ("slide_a", "slide_b"))
@@ -137,7 +137,7 @@ def test_a_hand_that_no_joint_can_turn_square_is_refused(file):
 def test_home_brings_the_hand_square(file, capsys, caplog, turn):
     written = write_hand(file, turn)
     words = "robot.gripper={link:palm,joints:[slide_a,slide_b]}"
-    home.main(["robot=urdf", f"robot.path={written}", f"robot.flange={FLANGE}", words])
+    take(["robot=urdf", f"robot.path={written}", f"robot.flange={FLANGE}", words])
     lines = capsys.readouterr().out.splitlines()
     (line,) = [line for line in lines if line.startswith("robot.home=")]
     joints = [float(angle) for angle in line[len("robot.home=[") : -1].split(",")]

@@ -8,8 +8,7 @@ import pytest
 from core.config.compose import load, part
 from core.errors import UserError
 from core.plugins import installed
-from plugins import render
-from plugins.commands import evaluate
+from plugins.commands import evaluate, render
 from plugins.conformance.suites import SUITES
 from tests.outside_arm import FLANGE, HOME, write_arm
 from tests.plugins.robots.test_own_arm import gripped

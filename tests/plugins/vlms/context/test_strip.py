@@ -7,8 +7,8 @@ import pytest
 
 from core.interfaces import Contact, Observation, Recording
 from core.scene import Camera, State
+from core.simulation.projection import project
 from plugins.vlms.context.levels import Pictures
-from plugins.vlms.context.projection import project
 from plugins.vlms.context.strip import APART_S, FRAMES, SIZE, draw_strip, moments
 
 

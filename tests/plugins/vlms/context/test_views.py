@@ -12,6 +12,7 @@ from core.design import Tool
 from core.geometry import Box, Pose, Sphere
 from core.plugins import installed
 from core.scene import Body, Camera, Geom
+from core.simulation.projection import project
 from plugins.vlms.context.bodies_table import bounds
 from plugins.vlms.context.calibrated_views import (
     SIZE,
@@ -19,7 +20,6 @@ from plugins.vlms.context.calibrated_views import (
     parallel_camera,
 )
 from plugins.vlms.context.nearness import nearness
-from plugins.vlms.context.projection import project
 from tests.engines import simulator
 
 pytestmark = pytest.mark.slow

@@ -12,7 +12,7 @@ import yaml
 from core.config.compose import load, task_part
 from core.interfaces import Picture
 from core.scene import Camera
-from plugins.render import RenderConfig
+from plugins.commands.render import RenderConfig
 from plugins.tasks.file.bench.board import find_by_board
 from plugins.tasks.file.bench.drafts import Draft
 from plugins.tasks.file.bench.photographs import Photograph, read_photographs

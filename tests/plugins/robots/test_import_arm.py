@@ -1,14 +1,14 @@
-"""``vlmgineer home``: joints at which the flange of one's own arm looks down, or all that is wrong."""
+"""``vlmgineer import``: joints at which the flange of one's own arm looks down, or all that is wrong."""
 
 import numpy as np
 import pytest
 
 from core.errors import UsageError, UserError
 from core.robot.kinematics import arm_of
-from plugins.robots import home
 from plugins.robots.example_robots import robots_folder
 from plugins.robots.own_arm import read_robot
 from tests.outside_arm import FLANGE, HOME
+from tests.plugins.robots.conftest import take
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 
@@ -31,7 +31,7 @@ def found(capsys):
     [((0, 0, 0, 0), (0.5, 0.0, 0.5)), ((0.1, -0.2, 0.1, 1.0), (0.4, 0.2, 0.45))],
 )
 def test_joints_are_found_and_the_arm_takes_them(file, capsys, base, at):
-    home.main(
+    take(
         [
             "robot=urdf",
             f"robot.path={file}",
@@ -62,7 +62,7 @@ def test_all_that_is_wrong_is_said_at_once(file):
         text.replace('<mass value="0.172"/>', '<mass value="0"/>')
     )
     with pytest.raises(UserError) as caught:
-        home.main(["robot=urdf", f"robot.path={file.parent / 'wrong.urdf'}"])
+        take(["robot=urdf", f"robot.path={file.parent / 'wrong.urdf'}"])
     lines = str(caught.value).splitlines()
     for joint in (1, 2, 3):
         assert (
@@ -86,7 +86,7 @@ def test_out_of_reach(file):
         UserError,
         match=r"no joints bring the flange to \(2, 0, 0.5\).* misses it by 1\.\d+ m",
     ):
-        home.main(["robot=urdf", f"robot.path={file}", "at=[2,0,0.5]"])
+        take(["robot=urdf", f"robot.path={file}", "at=[2,0,0.5]"])
 
 
 def test_a_joint_that_blocks_is_named(file):
@@ -99,22 +99,20 @@ def test_a_joint_that_blocks_is_named(file):
         UserError,
         match=r"misses it by 0\.\d+ m and \d+ degrees, with .*'joint_3'.* at the limit; choose",
     ):
-        home.main(
+        take(
             ["robot=urdf", f"robot.path={file.parent / 'tight.urdf'}", "at=[0.3,0,0.4]"]
         )
 
 
 def test_a_frame_inside_the_last_link(file, capsys):
     """The arm looks down whatever the last link's frame is, and is told where its face is."""
-    home.main(["robot=urdf", f"robot.path={file}", "robot.flange=hand"])
+    take(["robot=urdf", f"robot.path={file}", "robot.flange=hand"])
     printed = capsys.readouterr().out
     assert "its shape reaches 50 mm beyond" in printed
     assert "robot.face_m=0.0500" in printed
-    home.main(["robot=urdf", f"robot.path={file}", f"robot.flange={FLANGE}"])
+    take(["robot=urdf", f"robot.path={file}", f"robot.flange={FLANGE}"])
     assert "beyond" not in capsys.readouterr().out
-    home.main(
-        ["robot=urdf", f"robot.path={file}", "robot.flange=hand", "robot.face_m=0.05"]
-    )
+    take(["robot=urdf", f"robot.path={file}", "robot.flange=hand", "robot.face_m=0.05"])
     assert "beyond" not in capsys.readouterr().out
     face = arm_of(read_robot(file, HOME, "hand", face_m=0.05))
     frame = arm_of(read_robot(file, HOME, FLANGE))
@@ -132,7 +130,7 @@ def test_what_hangs_where_tools_go_is_named(file, capsys):
     (file.parent / "lamp.urdf").write_text(
         file.read_text().replace("</robot>", f"{hung}</robot>")
     )
-    home.main(
+    take(
         [
             "robot=urdf",
             f"robot.path={file.parent / 'lamp.urdf'}",
@@ -166,11 +164,11 @@ def test_an_arm_of_a_robot_with_more_joints(name, capsys, monkeypatch):
     chosen = ["robot=urdf", f"robot.path={robots_folder() / name}"]
     for more, error in zip(([], words.split()[:1]), errors, strict=True):
         with pytest.raises(UserError, match=error):
-            home.main([*chosen, *more])
-    home.main([*chosen, *words.split()])
+            take([*chosen, *more])
+    take([*chosen, *words.split()])
     assert len(found(capsys)) == 7
 
 
 def test_other_arms_have_a_home():
-    with pytest.raises(UsageError, match="robot=panda has a home; give your own arm"):
-        home.main([])
+    with pytest.raises(UsageError, match="robot=panda is built in"):
+        take([])

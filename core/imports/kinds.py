@@ -1,0 +1,181 @@
+"""Tell what a file is that others made: an arm, a gripper, things for a scene, or a part of an MJCF model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+from core.errors import UserError
+from core.imports.documents import MAX_BYTES, read_root, read_xml
+from core.imports.meshes import KINDS
+from core.imports.urdf import read_tree
+from core.support.files import read_untrusted
+from core.values.descriptions import MOVING, Description
+
+ARM = "arm"
+GRIPPER = "gripper"
+SCENE = "scene"
+_ARM_JOINTS = 3  # one after the other: a cabinet's door bears a handle, and no more
+_OPPOSITE = -0.9  # cosine between the ways in which two fingers open
+_MOST_INCLUDED = 20
+_HINGES = (None, "hinge")
+_IN_WORLD = {"body", "geom", "site", "light", "camera"}
+
+
+def tell_kind(file: Path) -> str:
+    """Tell what a file is: `ARM`, `GRIPPER` or `SCENE`.
+
+    An arm has three driven joints or more, one after the other. A gripper has two fingers that slide apart, and no arm.
+
+    Raises:
+        UserError: it is of no kind that is read; says what it is, and the command that makes of it what is read.
+    """
+    if file.suffix.lower() in KINDS:
+        return SCENE
+
+    root = read_root(read_untrusted(file, MAX_BYTES), file)
+    if root.tag == "mujoco":
+        chains = _list_chains(root, file)
+        return ARM if max(chains, default=0) >= _ARM_JOINTS else SCENE
+
+    try:
+        description = read_tree(root)
+    except UserError as error:
+        raise UserError(f"{file}: {error}") from error
+
+    if _measure_chain(description) >= _ARM_JOINTS:
+        return ARM
+
+    return GRIPPER if find_fingers(description) else SCENE
+
+
+def _measure_chain(description: Description) -> int:
+    """Count the joints of the longest chain in which one at least is driven."""
+    longest = 0
+    for link in description.links:
+        above = description.above(link)[:-1]
+        joints = [description.joints[name] for name in above]
+        moving = [joint for joint in joints if joint.kind in MOVING]
+        driven = [j for j in moving if j.limits.effort or j.limits.velocity]
+        if driven:
+            longest = max(longest, len(moving))
+
+    return longest
+
+
+def find_fingers(
+    description: Description, beyond: str | None = None
+) -> tuple[str, str] | None:
+    """Find the two joints of a parallel gripper: driven slides of one part that open in opposite ways, from 0.
+
+    Args:
+        description: of a file.
+        beyond: the link that has to bear them; None: any.
+    """
+    slides = [
+        joint
+        for joint in description.joints.values()
+        if joint.kind == "prismatic"
+        and joint.range[0] == 0
+        and (joint.limits.effort or joint.mimic)
+        and (beyond is None or beyond in description.above(joint.parent))
+    ]
+    parts = description.rigid_parts(joint.child for joint in slides)
+    for number, first in enumerate(slides):
+        for second in slides[number + 1 :]:
+            heads = [parts[joint.parent][0] for joint in (first, second)]
+            ways = [
+                (parts[joint.parent][1] @ joint.origin.pose).rotation.apply(
+                    joint.direction
+                )
+                for joint in (first, second)
+            ]
+            if heads[0] == heads[1] and ways[0] @ ways[1] < _OPPOSITE:
+                return first.name, second.name
+
+    return None
+
+
+def _list_chains(root: Element, file: Path) -> Iterator[int]:
+    """Yield for each body of an MJCF file how many joints move it against the world."""
+    waiting = [
+        (element, 0)
+        for top in _include(root, file)
+        for element in top.iter("worldbody")
+    ]
+    while waiting:
+        element, above = waiting.pop()
+        joints = [
+            joint
+            for joint in element.findall("joint")
+            if joint.get("type") not in ("free", "ball")
+        ]
+        count = above + len(joints)
+        yield count
+        waiting += [
+            (child, count) for child in element if child.tag in ("body", "frame")
+        ]
+
+
+def _include(root: Element, file: Path) -> list[Element]:
+    """List the roots of an MJCF file and of those that it includes."""
+    found = [root]
+    names = {file.resolve()}
+    for element in found:
+        for include in element.iter("include"):
+            other = (file.parent / include.get("file", "")).resolve()
+            if other not in names and len(names) < _MOST_INCLUDED and other.is_file():
+                names.add(other)
+                found.append(read_xml(read_untrusted(other, MAX_BYTES), other))
+
+    return found
+
+
+def find_radians(root: Element) -> bool:
+    """Tell whether an MJCF file's ranges are hardly meant in degrees, as they count unless its compiler says radian."""
+    if any(compiler.get("angle") for compiler in root.iter("compiler")):
+        return False
+
+    ends = []
+    for joint in root.iter("joint"):
+        if joint.get("type") in _HINGES:
+            ends += [abs(float(end)) for end in joint.get("range", "").split()]
+
+    return 0 < max(ends, default=0) <= 2 * math.pi
+
+
+def wrap_fragment(file: Path) -> tuple[Path, list[str]]:
+    """Make a whole model of a part of an MJCF model, in a file beside it; of another file, return it.
+
+    Returns:
+        the file to read; and what was done, a line each.
+
+    Raises:
+        UserError: the file can't be read, or the model not be written.
+    """
+    data = read_untrusted(file, MAX_BYTES)
+    if b"<mujocoinclude" not in data[:4096]:
+        return file, []
+
+    root = read_xml(data, file)
+    radians = find_radians(root)
+    angle = '<compiler angle="radian"/>' if radians else ""
+    include = f'<include file="{file.name}"/>'
+    if {child.tag for child in root} & _IN_WORLD:
+        include = f"<worldbody>{include}</worldbody>"
+
+    whole = file.with_name(f"{file.stem}_whole.xml")
+    try:
+        whole.write_text(f"<mujoco>{angle}{include}</mujoco>\n")
+    except OSError as error:
+        raise UserError(f"{whole} can't be written: {error.strerror}") from error
+
+    notes = [f"{file} is a part of an MJCF model; {whole} includes it"]
+    if radians:
+        notes.append(
+            "its ranges look like radians, so that the model says so: angle=radian"
+        )
+
+    return whole, notes
