@@ -51,7 +51,7 @@ _ACCEPT_HELP = (
 
 _ANSWER = (
     f"Write the answer to the file `{REPLIES[0]}` beside this one. `schema.json` has its JSON schema, and `problem.md` "
-    "will say what is wrong with it.\n"
+    "appears if anything is wrong with it.\n"
 )
 _CRITIQUE = f"Write the answer to the file `{REPLIES[1]}` beside this one.\n"
 _KNOWN = (
