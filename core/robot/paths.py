@@ -11,12 +11,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import (
     BSpline,
+    CubicHermiteSpline,
     CubicSpline,
     PchipInterpolator,
     make_interp_spline,
 )
 from scipy.linalg.lapack import dgbtrf, dgbtrs
-from scipy.spatial.transform import Rotation, RotationSpline
+from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, running_sums, step_lengths
 from core.robot.kinematics import Arm
@@ -49,7 +50,7 @@ def place_knots(positions: Array, rotations: Rotation, stops: Sequence[int]) -> 
     """Place knots along a way through poses.
 
     From pose to pose the position moves on a straight line, and the orientation by SLERP. Where the mount passes poses
-    without a stop, both move on a smooth curve through these poses.
+    without a stop, both move on a smooth curve through these poses, which overshoots none.
 
     Args:
         positions: (N + 1, 3) metres.
@@ -94,7 +95,10 @@ def place_knots(positions: Array, rotations: Rotation, stops: Sequence[int]) -> 
 def _place_on_curve(
     positions: Array, rotations: Rotation, counts: Sequence[int]
 ) -> tuple[Array, Array]:
-    """Place knots on a spline through poses.
+    """Place knots on a smooth curve through poses that overshoots none of them.
+
+    It is a cubic spline in each coordinate, whose slopes at the poses are limited so that it rises or falls between two
+    poses as they do: what is level at both stays level. Turns likewise, about the axes of the mount.
 
     Args:
         positions: (N + 1, 3) metres.
@@ -105,8 +109,8 @@ def _place_on_curve(
         Positions (K, 3) and rotations (K, 3, 3) of the knots after the first pose.
     """
     ways = step_lengths(positions)
-    angles = np.asarray((rotations[:-1].inv() * rotations[1:]).magnitude())
-    lengths = np.maximum(ways + _LEVER_M * angles, APART_M)
+    turns = (rotations[:-1].inv() * rotations[1:]).as_rotvec()
+    lengths = np.maximum(ways + _LEVER_M * np.linalg.norm(turns, axis=1), APART_M)
     along = running_sums(lengths)
 
     places = [
@@ -114,9 +118,30 @@ def _place_on_curve(
         for (begin, end), count in zip(pairwise(along), counts, strict=True)
     ]
     place = np.concatenate(places)
+    number = np.repeat(np.arange(len(counts)), counts)
 
-    rotation = RotationSpline(along, rotations)(place)
-    return CubicSpline(along, positions)(place), rotation.as_matrix()
+    turned = np.vstack([np.zeros(3), np.cumsum(turns, axis=0)])
+    since = _interpolate_monotonely(along, turned)(place) - turned[number]
+    rotation = rotations[number] * Rotation.from_rotvec(since)
+    return _interpolate_monotonely(along, positions)(place), rotation.as_matrix()
+
+
+def _interpolate_monotonely(along: Array, values: Array) -> CubicHermiteSpline:
+    """Interpolate values (N + 1, C) by cubics that are monotone between them.
+
+    The slopes are a cubic spline's, within 0 and three times those of the chords on both sides. This
+    suffices by F. N. Fritsch and R. E. Carlson, "Monotone piecewise cubic interpolation", 1980. To take a spline's is a
+    proposal of J. M. Hyman, 1983.
+    """
+    chords = np.diff(values, axis=0) / np.diff(along)[:, None]
+    before = np.vstack([chords[:1], chords])
+    after = np.vstack([chords, chords[-1:]])
+    most = np.where(before * after > 0, np.minimum(abs(before), abs(after)), 0)
+    rising = np.sign(before)
+
+    slopes = CubicSpline(along, values).derivative()(along)
+    limited = rising * np.clip(rising * slopes, 0, 3 * most)
+    return CubicHermiteSpline(along, values, limited)
 
 
 def join_knots(knots: Array, arm: Arm) -> JointPath:

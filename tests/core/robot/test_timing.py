@@ -157,3 +157,22 @@ def test_any_tempo_keeps_the_limits(seconds, speed, through):
     assert np.isfinite(motion.trajectory.arm).all()
     assert (np.diff(motion.arrivals) > 0).all()
     assert (motion.slowed >= 1).all()
+
+
+def test_what_is_level_stays_level_before_a_waypoint_that_dips():
+    """A long stroke, passed through into a short dip: a blade must not leave the board on its way."""
+    stroke = np.array(
+        [
+            [0.65, 0.0, 0.4, 0, 0, 0.0],
+            [0.35, 0.0, 0.4, 0, 0, 0.0],
+            [0.34, 0.0, 0.386, 0, 0, 0.3],
+        ]
+    )
+    motion = motion_of(stroke, through=[False, True, False])
+    times = motion.trajectory.times
+    stroking = (times > motion.arrivals[0]) & (times < motion.arrivals[1])
+    joints = motion.trajectory.arm[stroking]
+    assert len(joints) > 10
+    np.testing.assert_allclose(ARM.positions(joints)[:, 2], 0.4, atol=0.0005)
+    turns = [ARM.forward(row).matrix[1, 0] for row in joints]
+    np.testing.assert_allclose(turns, 0, atol=0.003)
