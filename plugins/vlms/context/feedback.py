@@ -34,6 +34,7 @@ _CONTACTS = 8
 _BODIES = 4
 _GOAL_BODIES = 12
 _NEAR_M = 0.1  # what the robot stayed farther from is not worth its words
+_AMPLE = 0.9  # limits with more room than this say nothing of a miss
 _LAYOUTS = 3
 _OUTCOMES = 6
 
@@ -389,7 +390,9 @@ def _margins(trial: Trial, seen: Observation, sight: Sight) -> list[str]:
     """
     lines = []
     for margin in trial.margins[:_BODIES]:
-        if margin.unit:  # the reward itself has none, and is said already
+        if not margin.unit:  # the reward itself has none, and is said already
+            continue
+        if trial.solved or margin.margin < _AMPLE:  # else it says nothing of the miss
             nearest = seen.nearest.get(margin.body)
             lines.append(phrase("observed", "margin", margin, nearest, sight.numbers))
 
@@ -436,7 +439,13 @@ def _places(seen: Observation) -> dict[str, Any]:
     """
     near = [item for item in seen.clearances.items() if item[1] < _NEAR_M]
     near.sort(key=itemgetter(1))
-    places: dict[str, Any] = {"clearance_m": dict(near[:_BODIES])}
+    clearances = {}
+    for name, gap in near[:_BODIES]:
+        part, at_s = seen.nearest.get(name, ("", 0.0))
+        by = f" by {part} at {at_s:.2f} s" if part else ""
+        clearances[name] = f"{gap:.4g}{by}"
+
+    places: dict[str, Any] = {"clearance_m": clearances}
 
     told = seen.paths
     if seen.result == "solved":  # then it is room that is left to gain

@@ -34,6 +34,7 @@ SEEN = Observation(
         Contact("arm", "panda_link7", "shelf", 2.0, 2.2, -0.0004, 12.0),
     ),
     clearances={"table": 0.0123, "floor": 0.6},
+    nearest={"table": ("stem", 1.2)},
     miss=(3, 0.012, 0.02),
     lag_rad=0.03,
     lag_s=2.1,
@@ -353,7 +354,7 @@ def test_what_is_said_of_an_elite():
             "stem touched cube at 1.50-1.60 s",
             "panda_link7 touched shelf at 2.00-2.20 s, 12.0 N",
         ],
-        "clearance_m": {"table": 0.0123},
+        "clearance_m": {"table": "0.0123 by stem at 1.20 s"},
         "missed": "way to waypoint 3 missed by 12 mm, 0.02 rad",
         "lag": "lag 0.03 rad at 2.10 s (to waypoint 3)",
     }
@@ -386,3 +387,11 @@ def test_a_first_prompt_has_no_heading_for_a_last_round():
     assert "last round" not in "".join(
         part.text for m in prompts.compose(make_brief()) for part in m.parts
     )
+
+
+def test_ample_room_is_not_told_of_what_missed():
+    wide = Margin.at_most("force on board", 0.1, 15.0, "N")
+    tight = Margin.at_most("force on lid", 2.0, 15.0, "N")
+    missed = trial(reward=0.0, observation=SEEN, margins=(tight, wide))
+    (line,) = elite_feedback(tried_in(missed))["margins"]
+    assert line.startswith("force on lid")
