@@ -46,8 +46,20 @@ TOOLS = DESIGNS / "tools.html"
 BEGIN = "<!-- gallery: python docs/build.py gallery -->\n"
 END = "<!-- end of gallery -->\n"
 
-DESIGNERS = {"model": "urdf", "embedded": "urdf", "gripper": "none"}
-"""Who designed, by folder, and in which form tools are written there."""
+DESIGNERS = {
+    "model": "urdf",
+    "round_2": "urdf",
+    "round_3": "urdf",
+    "embedded": "urdf",
+    "gripper": "none",
+}
+"""Who designed, by folder, and in which form tools are written there; ``round_2``: the model after it saw feedback."""
+
+COMPARED = ("model", "embedded", "gripper")
+"""Who designed for all tasks."""
+
+ROUNDS = {"model": "round 1", "round_2": "round 2", "round_3": "round 3"}
+"""What the rounds are called of tasks for which the model saw feedback."""
 
 TITLES = {"model": "the model", "embedded": "the embedded designer"}
 """What those who made tools are called."""
@@ -140,16 +152,19 @@ def measure(entry: Entry) -> dict[str, Any]:
     """Play a design in each engine, and weigh and check its tool as a printer would make it."""
     candidate = entry.read()
     rewards = {}
+    rooms = {}
     for engine in ENGINES:
         (trial,) = play(entry.condition(engine), [candidate])
         rewards[engine] = round(trial.reward, 4)
+        rooms[engine] = min((margin.margin for margin in trial.margins), default=0.0)
 
     figures: dict[str, Any] = {
         "tool": candidate.tool.name if candidate.tool else "",
         "says": candidate.design_description,
         "rewards": rewards,
+        "room": round(rooms[DRAWS], 3),
     }
-    if candidate.tool is not None and candidate.tool.components:
+    if entry.designer in COMPARED and candidate.tool and candidate.tool.components:
         figures |= measure_printed(entry)
 
     return figures
@@ -246,7 +261,7 @@ def _show_floor(seed: int) -> Scene:
 
 
 def draw(entry: Entry) -> None:
-    """Draw a design's tool, and of the model's the film; of the bare gripper nothing."""
+    """Draw a design's tool, and of the model's first and last the film; of the bare gripper nothing."""
     if entry.designer == "gripper":
         return
 
@@ -256,6 +271,8 @@ def draw(entry: Entry) -> None:
     save_webp([(draw_tool(film), 0)], PICTURES / f"{name}.webp", 80)
     if entry.designer == "model":
         save_webp([*film.frames()], PICTURES / f"{entry.task}.webp", 45)
+    if entry.designer == [*ROUNDS][-1]:
+        save_webp([*film.frames()], PICTURES / f"{name}_film.webp", 45)
 
 
 def save_strip() -> None:
@@ -317,7 +334,9 @@ def page_part(figures: dict[str, Any]) -> str:
     tasks = sorted(figures)
     sections = [_section(task, figures[task]) for task in tasks]
 
-    return "\n".join([_overview(figures), _printed_table(figures), *sections])
+    return "\n".join(
+        [_overview(figures), _rounds(figures), _printed_table(figures), *sections]
+    )
 
 
 def _overview(figures: dict[str, Any]) -> str:
@@ -328,10 +347,59 @@ def _overview(figures: dict[str, Any]) -> str:
     ]
     for task in sorted(figures):
         done = "works" if _is_done(figures[task]["model"]) else "**fails**"
-        rewards = " | ".join(_span(figures[task].get(name)) for name in DESIGNERS)
+        rewards = " | ".join(_span(figures[task].get(name)) for name in COMPARED)
         lines.append(f"| [{task}](#{task.lower()}) | {done} | {rewards} |")
 
     return "\n".join([*lines, ""])
+
+
+def _rounds(figures: dict[str, Any]) -> str:
+    """Write what the model made of feedback: the best design of each round, for the tasks that have several."""
+    lines = [
+        "## After feedback",
+        "",
+        "Evolution is what this program is for. The two tools that failed went back to the model with what the program",
+        "had observed, and nothing else. Each round was answered by a model that had seen no other round. It wrote",
+        "three designs, of which you see the run's best. Room is the least margin to a limit, in MuJoCo: at 100 % all",
+        "limits are far, below 0 % one is exceeded. As above, tools here are those of `material=paper`, which does not",
+        "bend.",
+        "",
+    ]
+    for task in sorted(figures):
+        if [*ROUNDS][-1] in figures[task]:
+            lines += _evolution(task, figures[task])
+
+    return "\n".join(lines)
+
+
+def _evolution(task: str, figures: dict[str, Any]) -> list[str]:
+    """Write a task's rounds side by side, and what the model says of each of its designs."""
+    found = [figures[name] for name in ROUNDS]
+    heads = " | ".join(ROUNDS.values())
+    pictures = " | ".join(
+        f"![the tool of {title}](images/gallery/{task}_{name}.webp)"
+        for name, title in ROUNDS.items()
+    )
+    earned = " | ".join(f"{_span(round_)}" for round_ in found)
+    rooms = " | ".join(f"{100 * round_['room']:.0f} %" for round_ in found)
+    said = []
+    for title, round_ in zip(ROUNDS.values(), found, strict=True):
+        said += [f"> **{title}**: {_one_line(round_['says'])}", ">"]
+
+    return [
+        f"### {task}",
+        "",
+        f"| | {heads} |",
+        "|---" * (1 + len(ROUNDS)) + "|",
+        f"| tool | {pictures} |",
+        f"| earns in three engines | {earned} |",
+        f"| room | {rooms} |",
+        "",
+        *said[:-1],
+        "",
+        f"![{task} after two rounds of feedback](images/gallery/{task}_{[*ROUNDS][-1]}_film.webp)",
+        "",
+    ]
 
 
 def _is_done(figures: dict[str, Any]) -> bool:
