@@ -48,6 +48,11 @@ class RobotModel:
                 pose = Pose.from_matrix(frame.placement.homogeneous)
                 self.links[frame.name] = frame.parentJoint, pose
 
+        self._slides_m = sum(
+            max(map(abs, robot.description.named[name].range))
+            for name, slides in zip(robot.arm_joints, robot.slides, strict=True)
+            if slides
+        )
         loose = [joint_name(bearer.name) for bearer in tool.bearers]
         known = [*robot.arm_joints, *robot.finger_joints, *loose]
         self._columns = [known.index(name) for name in self.model.names[1:]]
@@ -59,6 +64,7 @@ class RobotModel:
         """How far a link's frame can be from the axis of any joint before it, at most, metres."""
         placements = list(self.model.jointPlacements)[2:]
         chain = sum(float(np.linalg.norm(place.translation)) for place in placements)
+        chain += self._slides_m
         links = [np.linalg.norm(pose.position) for _, pose in self.links.values()]
 
         return chain + float(max(links))
@@ -279,9 +285,9 @@ class Arm:
     """The kinematics of a robot's arm of J joints.
 
     Limits are ``lower``, ``upper`` (J,) in radians, ``velocity_limits`` (J,) in rad/s, ``effort_limits`` (J,) in N m
-    and ``acceleration_limits`` (J,) in rad/s^2. ``jump_rad`` is the most that a joint may turn between two knots of a
-    path, so that an arm without a spare joint keeps its elbow and wrist as they are: infinity with a spare one, which
-    leads around singularities.
+    and ``acceleration_limits`` (J,) in rad/s^2; where a joint slides, in metres and newtons. ``jump_rad`` is the most
+    that a joint may turn between two knots of a path, so that an arm without a spare joint keeps its elbow and wrist as
+    they are: infinity with a spare one, which leads around singularities.
     """
 
     def __init__(self, robot: Robot) -> None:

@@ -96,7 +96,9 @@ def findings(
     unpressed = replace(recording, forces={})
     samples = coarse_samples(recording)
     coarse = subset(unpressed, samples)
-    tracks = follow(scene, robot, tool, coarse, detours(recording, samples))
+    tracks = follow(
+        scene, robot, tool, coarse, detours(recording, samples, robot.slides)
+    )
     flung = _find_flung(scene, coarse, tracks)
     cuts = [*find_cuts(scene, tracks, coarse.states)]
     passed = [*find_soft_passages(scene, tracks, coarse.states)]

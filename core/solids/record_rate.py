@@ -7,6 +7,7 @@ times a second (`coarse_samples`), and more often only where thin solids are nea
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import chain
 
@@ -245,8 +246,11 @@ def _average(times: Array, values: Array, samples: Indices) -> Array:
     return means
 
 
-def detours(recording: Recording, samples: Indices) -> Detour:
-    """How far the robot and each free body get from the straight way between two of the `coarse_samples`, at most."""
+def detours(recording: Recording, samples: Indices, slides: Sequence[bool]) -> Detour:
+    """How far the robot and each free body get from the straight way between two of the `coarse_samples`, at most.
+
+    ``slides`` (J,): whether each of the arm's joints does.
+    """
     states = recording.states
     count = len(recording.times)
     places = states.positions.reshape(count, -1)
@@ -260,9 +264,11 @@ def detours(recording: Recording, samples: Indices) -> Detour:
     looks = len(samples)
     moved = lengths(places.reshape(looks, -1, 3))
     turned = 2 * lengths(turns.reshape(looks, -1, 4))
+    sliding = np.array(slides, dtype=bool)
+    slid = fingers.max(axis=1, initial=0.0) + arm[:, sliding].sum(axis=1)
     return Detour(
-        moved=np.column_stack([fingers.max(axis=1, initial=0.0), moved]).T,
-        turned=np.column_stack([arm.sum(axis=1), turned]).T,
+        moved=np.column_stack([slid, moved]).T,
+        turned=np.column_stack([arm[:, ~sliding].sum(axis=1), turned]).T,
     )
 
 

@@ -214,7 +214,7 @@ def find_self_collision(
     fingers = finger_values(robot, tool, trajectory.fingers)
     joints = robot_model(robot, tool).order(trajectory.arm, fingers)
     numbers = np.arange(len(joints))
-    rows = _choose_rows(trajectory)
+    rows = _choose_rows(robot, trajectory)
     looks = np.column_stack([np.interp(rows, numbers, values) for values in joints.T])
     first = pairs.find_first(looks)
 
@@ -239,16 +239,18 @@ def find_self_collision(
     return SelfCollision(time, part, second, float(deepest), with_tool)
 
 
-def _choose_rows(trajectory: JointTrajectory) -> Array:
+def _choose_rows(robot: Robot, trajectory: JointTrajectory) -> Array:
     """Choose when to look: each time that the joints moved by `STEP`.
 
     Args:
+        robot: the arm.
         trajectory: of T targets.
 
     Returns:
         Numbers of targets, with fractions.
     """
-    turned = np.abs(np.diff(trajectory.arm, axis=0)).sum(axis=1)
+    weights = np.where(robot.slides, _PER_METRE, 1.0)
+    turned = (np.abs(np.diff(trajectory.arm, axis=0)) * weights).sum(axis=1)
     turned += _PER_METRE * np.abs(np.diff(trajectory.fingers))
     travel = running_sums(turned)
     chosen = np.linspace(0.0, travel[-1], int(travel[-1] / STEP) + 2)

@@ -20,8 +20,9 @@ _NAMED = 3  # waypoints that are named
 class JointTrajectory:
     """The joint targets over time that every engine plays.
 
-    ``times`` (T,) rises from 0, in seconds; ``arm`` (T, J) is in radians; ``fingers`` (T,) is each finger's distance
-    from the middle, in metres (0 closed, 0.04 open). Targets are linear between instants, and constant after the last.
+    ``times`` (T,) rises from 0, in seconds; ``arm`` (T, J) is in radians, or metres where a joint slides;
+    ``fingers`` (T,) is each finger's distance from the middle, in metres (0 closed, 0.04 open). Targets are linear
+    between instants, and constant after the last.
     """
 
     times: Array

@@ -89,9 +89,10 @@ class Robot:
         title: as people call it, with its maker.
         description: its links and joints, with absolute paths of meshes. Collision meshes count as their convex hulls.
         arm_joints: the names of its J joints, from the base to the flange.
-        home: joints (J,) from which inverse kinematics starts, in radians: it chooses elbow and wrist, and they stay.
-        acceleration_limits: of each joint (J,), rad/s^2.
-        motor_inertia: of each joint (J,), reflected through its gear, kg m^2; a URDF has none of it.
+        home: joints (J,) from which inverse kinematics starts, in radians, or metres where a joint slides: it chooses
+            elbow and wrist, and they stay.
+        acceleration_limits: of each joint (J,), rad/s^2 or m/s^2.
+        motor_inertia: of each joint (J,), reflected through its gear, kg m^2 or kg; a URDF has none of it.
         mount_link: the link whose frame ``mount`` is given in.
         mount: the pose of the tool mount. At home its z points up, away from the tool, which extends toward -z.
         near_mount: the links that a rigid tool may overlap at the flange.
@@ -162,6 +163,12 @@ class Robot:
 
         base = Pose(self.base.position / self.enlarged, self.base.quaternion)
         return replace(self.original, base=base)
+
+    @cached_property
+    def slides(self) -> tuple[bool, ...]:
+        """Whether each of the arm's joints slides (J,); the others turn."""
+        joints = self.description.named
+        return tuple(joints[name].kind == "prismatic" for name in self.arm_joints)
 
     @property
     def finger_joints(self) -> tuple[str, ...]:

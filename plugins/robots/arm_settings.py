@@ -80,7 +80,8 @@ class ArmSettings:
 
     Attributes:
         path: a URDF or MJCF file.
-        home: joints (J,) from the base on, radians; there the flange looks down. ``vlmgineer import`` finds some.
+        home: joints (J,) from the base on, radians, or metres where one slides; there the flange looks down.
+            ``vlmgineer import`` finds some.
         flange: the link that bears tools; None: the only one that bears no other link.
         title: as people call it; empty: the name in the description.
         mount_rpy: how the mount is turned in the flange's frame, radians; None: by right angles, so that its axes at
@@ -89,12 +90,13 @@ class ArmSettings:
         payload_kg: what it carries at most.
         mass_kg: of the whole arm: what the file's masses lack is spread over the hulls of links that have none.
         collision: ``visual``: links without collision shapes collide as they are drawn; ``file``: they don't.
-        velocity: limits, rad/s, of all joints or each (J,); None: the file's.
-        effort: the same, N m.
+        velocity: limits, rad/s or m/s, of all joints or each (J,); None: the file's.
+        effort: the same, N m or N.
         reach: how far the arm reaches, metres: for tasks, which are for 0.8 m, it is simulated as much larger, see
             `plugins.robots.enlarging`; None: as large as it is.
         acceleration: limits (J,), rad/s^2; None: each joint reaches its speed limit in half a second.
-        motor_inertia: (J,), reflected through the gears, kg m^2; None: the file's, or 0.1, less below 28 N m.
+        motor_inertia: (J,), reflected through the gears, kg m^2, of a slide kg; None: the file's, or 0.1, less below
+            28 N m, and 0 of a slide.
         gripper: the parallel gripper, if there is one.
         bolts: of the flange; None: those of ISO 9409-1-50-4-M6.
         fixed: joints that are held at 0, or each at its value, radians or metres.

@@ -22,6 +22,9 @@ def find_warnings(
     ``whole`` has the links as they are simulated: joined where one is fixed to another, with hulls for meshes.
     """
     for joint in arm:
+        if joint.kind == "prismatic":
+            continue
+
         lower, upper = joint.range
         where = f"joint {joint.name!r}"
         yield from find_warning(where, "range", upper - lower)
@@ -47,8 +50,8 @@ def find_warnings(
 
 def _warn_of_wrist(arm: Sequence[RobotJoint]) -> Iterator[str]:
     """Yield a line where the last joint is as strong as a shoulder: files without real limits have one for all."""
-    efforts = [joint.limits.effort or 0.0 for joint in arm]
-    wrist = efforts[-1]
+    efforts = [j.limits.effort or 0.0 for j in arm if j.kind != "prismatic"]
+    wrist = efforts[-1] if arm[-1].kind != "prismatic" else 0.0
     if wrist > STRONG_WRIST and 2 * wrist >= max(efforts):
         yield (
             f"joint {arm[-1].name!r}, a wrist, bears up to {wrist:.3g} N m, as a shoulder does; take the limits from "

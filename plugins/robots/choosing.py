@@ -10,8 +10,16 @@ import numpy as np
 
 from core.errors import Problems, UsageError, UserError, choices
 from core.geometry import Array, Pose
+from core.imports.kinds import find_fingers
 from core.interfaces import Gripper
-from core.values.descriptions import DIGITS, Description, Limits, Origin, RobotJoint
+from core.values.descriptions import (
+    DIGITS,
+    MOVING,
+    Description,
+    Limits,
+    Origin,
+    RobotJoint,
+)
 from plugins.robots.arm_settings import ArmSettings, GripperOptions
 from plugins.robots.completing import complete
 from plugins.robots.foreign_names import (
@@ -27,6 +35,10 @@ _TURNING = {
     "velocity": "rad/s: robot.velocity=[...], a number for each joint or one for all",
 }
 _SLIDING = {
+    "effort": "N: robot.effort=[...], a number for each joint",
+    "velocity": "m/s: robot.velocity=[...], a number for each joint",
+}
+_FINGER = {
     "effort": "N: robot.gripper with force_n",
     "velocity": 'm/s: its <limit velocity="...">',
 }
@@ -77,7 +89,7 @@ def choose_arm(
     driven = find_arm(description, flange)
     driven = set_limits(driven, "velocity", chosen.velocity)
     driven = set_limits(driven, "effort", chosen.effort)
-    arm = [wrong.attempt(limit_turning, joint) or joint for joint in driven]
+    arm = [wrong.attempt(limit_joint, joint) or joint for joint in driven]
     middle = tuple(sum(joint.range) / 2 for joint in arm)
     home = wrong.attempt(check_home, middle if anywhere else chosen.home, arm)
 
@@ -178,10 +190,15 @@ def choose_flange(
         notes.append(note)
         return leaves[0]
 
-    after: dict[int, list[str]] = {}  # links by the number of joints that turn them
+    fingers = find_fingers(description) or ()
+    # Links by the number of joints that turn them, or of slides where none does.
+    after: dict[int, list[str]] = {}
     for link in description.links:
-        turns = [joint.kind in TURNING for joint in joints_before(description, link)]
-        after.setdefault(sum(turns), []).append(link)
+        before = joints_before(description, link)
+        moving = [joint for joint in before if joint.kind in MOVING]
+        turning = [joint for joint in moving if joint.kind in TURNING]
+        if not any(joint.name in fingers for joint in moving):
+            after.setdefault(len(turning or moving), []).append(link)
 
     most = max((count for count in after if count <= _MOST_JOINTS), default=0)
     ends = []
@@ -281,14 +298,13 @@ def _list_names(arm: Sequence[RobotJoint]) -> str:
     return ", ".join(joint.name for joint in arm)
 
 
-def limit_turning(joint: RobotJoint) -> RobotJoint:
+def limit_joint(joint: RobotJoint) -> RobotJoint:
     """Check a joint of the arm, and give it finite limits."""
     where = f"joint {joint.name!r} between base and flange"
 
-    if joint.kind not in TURNING:
+    if joint.kind not in MOVING:
         raise UserError(
-            f"{where} is {joint.kind}; an arm's joints turn; hold it at a value with "
-            f"{write_word('fixed', {joint.name: joint.range[0]})}"
+            f"{where} is {joint.kind}; an arm's joints turn or slide; hold it with {write_word('fixed', [joint.name])}"
         )
 
     if joint.mimic:
@@ -298,7 +314,7 @@ def limit_turning(joint: RobotJoint) -> RobotJoint:
 
     wrong = Problems()
     ends: tuple[float, float] | None = (-_TURN, _TURN)
-    if joint.kind == "revolute":
+    if joint.kind != "continuous":
         ends = wrong.attempt(read_span, joint)
 
     effort = wrong.attempt(read_limit, joint, "effort")
@@ -306,7 +322,8 @@ def limit_turning(joint: RobotJoint) -> RobotJoint:
     wrong.report()
     assert ends is not None
 
-    return replace(joint, kind="revolute", limits=Limits(*ends, effort, velocity))
+    kind = "prismatic" if joint.kind == "prismatic" else "revolute"
+    return replace(joint, kind=kind, limits=Limits(*ends, effort, velocity))
 
 
 def read_span(joint: RobotJoint) -> tuple[float, float]:
@@ -322,12 +339,13 @@ def read_span(joint: RobotJoint) -> tuple[float, float]:
     return lower, upper
 
 
-def read_limit(joint: RobotJoint, name: str) -> float:
-    """Return the limit of effort or velocity of a joint that is driven."""
+def read_limit(joint: RobotJoint, name: str, *, finger: bool = False) -> float:
+    """Return the limit of effort or velocity of a joint that is driven, of the arm or a finger."""
     value: float | None = getattr(joint.limits, name)
     if value is None or value <= 0:
         found = "has no" if value is None else f"has {value:g} as"
-        mend = (_TURNING if joint.kind in TURNING else _SLIDING)[name]
+        mends = _TURNING if joint.kind in TURNING else _SLIDING
+        mend = (_FINGER if finger else mends)[name]
         raise UserError(
             f"joint {joint.name!r} {found} {name} limit; take it from the arm's data sheet, {mend}"
         )
@@ -434,13 +452,13 @@ def _finger_limits(fingers: Sequence[RobotJoint], options: GripperOptions) -> Li
     driving = [joint for joint in fingers if not joint.mimic] or [left]
     force = options.force_n
     if force is None:
-        force = min(read_limit(joint, "effort") for joint in driving)
+        force = min(read_limit(joint, "effort", finger=True) for joint in driving)
     if not 0 < force < math.inf or not 0 <= options.friction < math.inf:
         raise UsageError(
             f"gripper: force_n must be positive and friction 0 or more, got {force}, {options.friction}"
         )
 
-    speed = min(read_limit(joint, "velocity") for joint in driving)
+    speed = min(read_limit(joint, "velocity", finger=True) for joint in driving)
     return Limits(0.0, min(upper for _, upper in opening), force, speed)
 
 

@@ -6,7 +6,7 @@ by k^(1/2), speeds of joints by k^(-1/2), masses and forces by k^3, torques by k
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -85,14 +85,23 @@ def enlarge(robot: Robot, k: float) -> Robot:
         robot,
         title=f"{robot.title}, {k:.3g} times as large",
         description=read_tree(root),
-        acceleration_limits=tuple(most / k for most in robot.acceleration_limits),
-        motor_inertia=tuple(inertia * k**5 for inertia in robot.motor_inertia),
+        home=_enlarge_joints(robot, robot.home, 1, 0, k),
+        acceleration_limits=_enlarge_joints(robot, robot.acceleration_limits, 0, -1, k),
+        motor_inertia=_enlarge_joints(robot, robot.motor_inertia, 3, 5, k),
         mount=_enlarge_pose(robot.mount, k),
         payload_kg=robot.payload_kg * k**3,
         gripper=gripper,
         enlarged=k,
         original=robot,
     )
+
+
+def _enlarge_joints(
+    robot: Robot, values: Sequence[float], slides: float, turns: float, k: float
+) -> tuple[float, ...]:
+    """Multiply values (J,) of the joints by powers of ``k``: those that slide and those that turn have one each."""
+    powers = [slides if sliding else turns for sliding in robot.slides]
+    return tuple(value * k**power for value, power in zip(values, powers, strict=True))
 
 
 def _enlarge_pose(pose: Pose, k: float) -> Pose:

@@ -14,7 +14,7 @@ from core.geometry import Array, Pose
 from core.interfaces import Gripper, Robot
 from core.support.cli import expand
 from core.support.text import clean
-from core.values.descriptions import Description
+from core.values.descriptions import Description, RobotJoint
 from plugins.robots.arm_files import read_arm
 from plugins.robots.arm_settings import ArmSettings, BoltOptions
 from plugins.robots.arm_warnings import find_warnings
@@ -135,9 +135,7 @@ def build_unmounted(
 
     speeds = [joint.limits.velocity or 0.0 for joint in arm]
     accelerations = chosen.acceleration or [speed / REACHES_SPEED_S for speed in speeds]
-    motors = [
-        joint.armature or _guess_motor(joint.limits.effort or 0.0) for joint in arm
-    ]
+    motors = [joint.armature or _guess_motor(joint) for joint in arm]
     title = chosen.title or clean(description.name, 60)
     robot = Robot(
         name=name or title,
@@ -159,9 +157,12 @@ def build_unmounted(
     return Unmounted(robot, axis, description, flange, names, notes)
 
 
-def _guess_motor(effort: float) -> float:
-    """Guess the inertia of a motor by its torque, N m: weak ones are small."""
-    return MOTOR_INERTIA * min(1.0, effort / STRONG)
+def _guess_motor(joint: RobotJoint) -> float:
+    """Guess the inertia of a motor by its torque: weak ones are small, and a slide gets none."""
+    if joint.kind == "prismatic":
+        return 0.0
+
+    return MOTOR_INERTIA * min(1.0, (joint.limits.effort or 0.0) / STRONG)
 
 
 def _rename_gripper(

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from core.design import Tool
+from core.errors import UserError
 from core.robot.description import assembled
 from core.robot.writing import write
 from core.values.robots import Robot
@@ -47,11 +48,22 @@ def driven_links(robot: Robot) -> dict[str, Inertia]:
     """Map each link that a motor turns to its inertia with the motor's, which is about the joint's axis alone.
 
     Bullet has no inertia of a joint. As a link's own, the joints before it carry it too where their axes are parallel.
+
+    Raises:
+        UserError: a motor that slides has inertia: as a link's own mass it would weigh.
     """
     arm = assembled(robot, fused=True)
     inertias = {}
     for name, motor in zip(robot.arm_joints, robot.motor_inertia, strict=True):
         joint = arm.named[name]
+        if joint.kind == "prismatic":
+            if motor:
+                raise UserError(
+                    f"sim=pybullet has no inertia of a motor that slides, such as {name!r}: give it 0 in "
+                    "robot.motor_inertia=[...], or take sim=mujoco"
+                )
+            continue
+
         mass, center, tensor = arm.links[joint.child].inertial.placed()
         driven = tensor + motor * np.outer(joint.axis, joint.axis)
         inertias[joint.child] = principal(mass, center, driven)

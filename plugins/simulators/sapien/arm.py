@@ -88,6 +88,8 @@ class ArticulatedArm(Arm):
             active[number].child_link.index for number in self._numbers[: self._arm]
         ]
         self._inertia = np.array(robot.motor_inertia)
+        # Of what a joint passes on, the force along its axis comes first, the torque about it fourth.
+        self._along = np.where(robot.slides, 0, 3)
         self._setters = [active[number].set_drive_target for number in self._numbers]
         self._arm_setters = self._setters[: self._arm]
         self._orders = [math.nan] * len(self._numbers)
@@ -172,13 +174,11 @@ class ArticulatedArm(Arm):
         return articulation.link_incoming_joint_forces, articulation.qacc
 
     def read_torques(self, notes: Sequence[TorqueNote]) -> Array:
-        """Compute what the arm's motors applied in S steps (S, J), N m.
-
-        Of what a joint passes on, the torque about its axis comes fourth. The motor turns its own inertia as well.
-        """
+        """Compute what the arm's motors applied in S steps (S, J), N m or N. They move their own inertia as well."""
         forces, accelerations = zip(*notes, strict=True)
         count = len(notes)  # np.array(forces) would take ten times as long
-        passed = np.concatenate(forces).reshape(count, -1, 6)[:, self._links, 3]
+        received = np.concatenate(forces).reshape(count, -1, 6)
+        passed = received[:, self._links, self._along]
         turned = np.concatenate(accelerations).reshape(count, -1)
         driven = turned[:, self._numbers[: self._arm]]
         torques: Array = passed.astype(np.float64) + self._inertia * driven

@@ -43,7 +43,7 @@ WRONG = {
             )
         ),
         {
-            "limits are there": "joint 'wrist_3_joint' is continuous; it must be revolute, with limits"
+            "limits are there": "joint 'wrist_3_joint' is continuous; it must be revolute or prismatic, with limits"
         },
     ),
     "no torque": (
