@@ -10,9 +10,6 @@ from core.plugins import installed
 from core.plugins.blame import judge_design
 from core.trial import Condition, Evaluation, Making
 
-MOST = 6
-"""How many tools are looked at in a search for one that can be made."""
-
 _KIND = "maker"
 
 
@@ -60,17 +57,21 @@ class Judge:
         return None
 
     def find_first(self, evaluations: Iterable[Evaluation]) -> Evaluation | None:
-        """Find the first whose tool can be made; None: none of the first tools can."""
-        tools: list[Tool | None] = []
-        for evaluation in evaluations:
-            tool = evaluation.candidate.tool
-            if tool not in tools:
-                tools.append(tool)
-            if len(tools) > MOST:
-                break
+        """Find the first whose tool can be made; None: none of those that are looked at can.
 
-            making = self.judge(evaluation)
+        Of many tools the first three are looked at, the fifth, the ninth and so on: the neighbours of a tool that can't
+        be made are often like it.
+        """
+        by_tool: dict[Tool | None, Evaluation] = {}
+        for evaluation in evaluations:
+            by_tool.setdefault(evaluation.candidate.tool, evaluation)
+
+        firsts = list(by_tool.values())
+        number = 0
+        while number < len(firsts):
+            making = self.judge(firsts[number])
             if making is not None and making.possible:
-                return evaluation
+                return firsts[number]
+            number = max(number + 1, 2 * number)
 
         return None

@@ -70,7 +70,7 @@ def _warn_of_making(best: Best) -> Iterator[str]:
 
     problem = clean(making.problem, _LONGEST)
     other = f"; {best.makeable} can" if best.makeable else ""
-    yield f"but it can't be built ({problem}{other})"
+    yield f"but it can't be built and run ({problem}{other})"
 
 
 def report_end(result: Result, folder: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +44,7 @@ def take_run(
 
 def take_over(
     cfg: DictConfig,
-    run: dict[str, Any],
+    run: Mapping[str, Any],
     named: Collection[str],
     kinds: Sequence[str] = KINDS,
 ) -> None:

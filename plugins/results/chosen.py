@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 from omegaconf import MISSING, DictConfig, OmegaConf
 
@@ -133,7 +134,8 @@ def config_for(words: Sequence[str], name: str, schema: type, usage: str) -> Dic
 
     named = set(map(key_of, left))
     if "sims" in cfg and "sims" not in named:
-        cfg.sims = [name for name in cfg.sims if _is_usable(name)]
+        for fault in _leave_out_unusable(cfg):
+            say(f"left out: {fault}", file=sys.stderr)
 
     if run is not None:
         take_over(cfg, run, named)
@@ -141,12 +143,33 @@ def config_for(words: Sequence[str], name: str, schema: type, usage: str) -> Dic
     return cfg
 
 
-def _is_usable(engine: str) -> bool:
-    """Report whether an engine's package is installed; a line says what is missing."""
-    try:
-        installed().factory(SIMULATOR.name, engine)
-    except UserError as error:
-        say(f"left out: {error}", file=sys.stderr)
-        return False
+def config_for_run(run: Mapping[str, Any], name: str, schema: type) -> DictConfig:
+    """Compose the primary config ``name`` of a command as `config_for` does for a run's folder.
 
-    return True
+    Args:
+        run: the configuration of the run.
+        name: of the command.
+        schema: of its settings.
+
+    Raises:
+        UserError: the run's configuration can't be used here.
+    """
+    cfg = load(name, [], schema)
+    _leave_out_unusable(cfg)
+    take_over(cfg, run, ())
+    return cfg
+
+
+def _leave_out_unusable(cfg: DictConfig) -> list[UserError]:
+    """Leave the engines out of ``sims`` whose packages are missing, and return what is missing."""
+    usable = []
+    faults = []
+    for name in cfg.sims:
+        try:
+            installed().factory(SIMULATOR.name, name)
+            usable.append(name)
+        except UserError as error:
+            faults.append(error)
+
+    cfg.sims = usable
+    return faults

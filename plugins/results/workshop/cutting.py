@@ -23,6 +23,7 @@ from plugins.results.workshop.joints import (
     straight_profile,
 )
 from plugins.results.workshop.lying import SUPPORT, Lying, lay, stand_on, turn_to_fit
+from plugins.results.workshop.printing import thinnest
 from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.solid import ToolLink, to_mesh, union
 
@@ -31,6 +32,7 @@ LEAST_MM = 2 * REACH_MM[0]  # of a component along which it is cut
 STEP_MM = 20.0  # between cuts that are tried
 TRIED = 6  # cuts that have room, of which the best is taken
 UNFIRM_MM = 30.0  # of excess: what a piece that stands on little counts as
+SLIVER = 0.95  # of the thinnest wall that is asked for or was there: a cut leaves nothing thinner
 WASTE = 0.3  # of a piece: where supports take more, it is cut into two that lie flat, if a cut does it
 
 
@@ -139,7 +141,7 @@ class _Cutter:
         self._profiles: dict[tuple[int, int, int], Profile | None] = {}
 
     def cut(self, solid: Any, lying: Lying) -> tuple[Joint, Any, Any] | None:
-        """Cut a piece where that is best; None: no cut has room, or none makes it better.
+        """Cut a piece where that is best; None: no cut has room, none makes it better, or each leaves a sliver.
 
         Args:
             solid: the piece, a Manifold in millimetres.
@@ -156,14 +158,14 @@ class _Cutter:
             if len(found) == TRIED:
                 break
 
-        if not found:
-            return None
+        thin = min(self._printer.min_wall_mm, thinnest(lying.mesh))
+        for rank, joint, below, above in sorted(found, key=lambda halves: halves[0]):
+            if lying.fits and rank[0] > 0:
+                break
+            if all(thinnest(to_mesh(half)) > SLIVER * thin for half in (below, above)):
+                return joint, below, above
 
-        rank, joint, below, above = min(found, key=lambda halves: halves[0])
-        if lying.fits and rank[0] > 0:
-            return None
-
-        return joint, below, above
+        return None
 
     def _list_cuts(self, solid: Any) -> Iterator[Cut]:
         """Yield cuts that part a piece, as they seem."""

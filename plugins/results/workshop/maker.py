@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from core.config.compose import load, node
+from core.config.compose import load, node, task_parts
 from core.design import DesignError, Tool
 from core.designs.stiffness import find_weakness
 from core.errors import UserError
@@ -14,18 +14,25 @@ from core.interfaces import Condition, Material, Printer, Robot
 from core.support.text import count_words
 from core.trial import Evaluation, Making
 from core.values.materials import PAPER
+from plugins.results.chosen import config_for_run
 from plugins.results.workshop.examination import (
     PROBLEM,
     Examination,
     find_problem,
     print_tool,
 )
+from plugins.results.workshop.export_command import ExportConfig
 from plugins.results.workshop.life_size import to_life
-from plugins.results.workshop.printing import PLA_G_PER_CM3
+from plugins.results.workshop.playback import make_export
+from plugins.results.workshop.printing import PLA_G_PER_CM3, Check
 from plugins.results.workshop.tool import PrintedTool
+from plugins.results.workshop.verdicts import list_verdicts
 
 DEFAULT = "pla"
 """What a tool is taken to be printed in if its run weighs tools as the paper does."""
+
+ANY_MARGIN_M = -math.inf
+"""How near the arm may come to itself and to what is fixed: an export says it, and fails for nothing."""
 
 PRINT_MM3_S = 5.0
 """What a printer lays down: sixteen tools took 4.4 to 5.4 by PrusaSlicer, with changes of layers and supports."""
@@ -34,8 +41,9 @@ PRINT_MM3_S = 5.0
 def judge_design(run: Run, condition: Condition, tried: Evaluation) -> Making | None:
     """Say whether the tool of a design can be made; None: it has no parts.
 
-    Its motion is played once more, with forces: it must not break, nor bend by more than the task allows. Of a run with
-    the material ``paper`` it is PLA that is looked at, and only whether that is stiff.
+    It can where ``vlmgineer export`` finds nothing that fails: its motion is played once more in each engine, with
+    forces. Where it fails in the run's engine alone, no other is asked. Of a run with the material ``paper`` it is PLA
+    that is looked at, and only whether that is stiff.
 
     Args:
         run: whose material and printer count.
@@ -57,17 +65,42 @@ def judge_design(run: Run, condition: Condition, tried: Evaluation) -> Making | 
     if material.density_kg_m3 is None:
         return making
 
-    examination = Examination(material, representation.printer)
+    examination = Examination(material, representation.printer, margin_m=ANY_MARGIN_M)
     try:
         seen = examination.examine(condition, tried.candidate, tried.shown)
-    except UserError as error:  # the engine says nothing of forces
+        for objection in seen.objections:
+            return _refuse(material, objection.removeprefix(PROBLEM))
+
+        failing = _find_failing(run, tried, tool)
+    except UserError as error:  # an engine says nothing of forces, or can't play it
         return replace(
             making, words=f"{making.words}; its strength is not known: {error}"
         )
 
-    for objection in seen.objections:
-        return _refuse(material, objection.removeprefix(PROBLEM))
-    return making
+    if failing is None:
+        return making
+    return Making(False, f"{making.words}; exported it fails ({failing})", str(failing))
+
+
+def _find_failing(run: Run, tried: Evaluation, tool: Tool) -> Check | None:
+    """Find the first check that an export of a design fails; None: none does."""
+    cfg = config_for_run(run.config, "export", ExportConfig)
+    representation = run.representation
+    robot = run.task.robot
+    printed = print_tool(
+        to_life(robot).tool(tool),
+        robot.life_size,
+        representation.material,
+        representation.printer,
+    )
+    for part in task_parts(cfg):
+        export = make_export(cfg, part, tried, printed)
+        checked = printed.with_checks(*export.checks)
+        for verdict in list_verdicts(checked, export.strengths, export.task):
+            if verdict.passed is False:
+                return verdict
+
+    return None
 
 
 def judge_tool(

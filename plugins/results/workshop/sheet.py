@@ -30,7 +30,7 @@ from plugins.results.workshop.joints import Joint
 from plugins.results.workshop.printing import Check, PrintedPart
 from plugins.results.workshop.strength import Strength
 from plugins.results.workshop.tool import PrintedTool
-from plugins.results.workshop.verdicts import carried, strong
+from plugins.results.workshop.verdicts import list_verdicts
 
 HOW = "Strength: forces of the rollout where they act, on beams; without notches, {}axial forces and fatigue."
 
@@ -50,11 +50,7 @@ def figures(
     tool = printed_tool.tool
     material = printed_tool.material
     robot = task.robot.life_size
-    verdicts = [
-        *carried(printed_tool.printed, robot, material),
-        *printed_tool.verdicts,
-        *strong(material, strengths, task),
-    ]
+    verdicts = list_verdicts(printed_tool, strengths, task)
     factors = [row.safety for row in strengths if row.safety is not None]
     load = payload(robot, printed_tool.printed)
 

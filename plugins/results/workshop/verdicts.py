@@ -14,11 +14,30 @@ from core.values.robots import Robot
 from plugins.results.workshop.life_size import to_life
 from plugins.results.workshop.printing import Check
 from plugins.results.workshop.strength import Strength
+from plugins.results.workshop.tool import PrintedTool
 
 SAFETY = 2.0  # the strength over the stress, at least
 SOFT_M = 0.01  # what bends by more is noted: engines took it to be rigid
 BENT = 0.5  # of the least tolerance of the task's goals: what bends by more fails
 TOLERANCE_M = 0.04  # of a goal that names none
+
+
+def list_verdicts(
+    printed_tool: PrintedTool, strengths: Sequence[Strength], task: Task
+) -> list[Check]:
+    """List what was checked of a tool with its motion: that an arm carries it, that it can be made, what it bears.
+
+    Args:
+        printed_tool: the tool as parts, with the checks of its motion.
+        strengths: the worst of each component.
+        task: what it was made for.
+    """
+    material = printed_tool.material
+    return [
+        *carried(printed_tool.printed, task.robot.life_size, material),
+        *printed_tool.verdicts,
+        *strong(material, strengths, task),
+    ]
 
 
 def carried(tool: Tool, robot: Robot, material: Material) -> list[Check]:

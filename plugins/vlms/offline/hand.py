@@ -19,9 +19,10 @@ from plugins.vlms.offline.heads import Head, Piece
 from plugins.vlms.offline.layout import Layout
 from plugins.vlms.offline.shafts import HEAD_COLOR, Builder
 
-_SLEEVE_M = (0.02, 0.018, 0.024)  # it covers a fingertip,
+_SLEEVE_M = (0.024, 0.022, 0.028)  # it covers a fingertip,
 _OVERLAP_M = 0.006  # by so much
 _ROOM_M = 0.003  # between a body and each open finger
+_PRESSED = 0.4  # of its force loads a finger: what it closes on gives no full blow
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +33,14 @@ class Hand:
         tips: the middle between the fingertips; y goes from one to the other.
         palm: how far the palm is above them, metres.
         widest: how wide a body can be that bare fingers come down beside, metres.
+        press: the load on each finger that closes on a body, newtons.
         solids: its own, and those of what bears it.
     """
 
     tips: Pose
     palm: float
     widest: float
+    press: float
     solids: Sequence[Solid]
 
 
@@ -51,7 +54,9 @@ def hand_of(robot: Robot) -> Hand:
 
     root = fingers[0].place(-fingers[0].tip)
     widest = 2 * (robot.opening_m - _ROOM_M)
-    return Hand(tips, float((root - left)[2]), widest, _list_solids(robot))
+    assert robot.gripper is not None
+    press = _PRESSED * robot.gripper.force_n
+    return Hand(tips, float((root - left)[2]), widest, press, _list_solids(robot))
 
 
 def _find_tip(finger: Finger) -> Array:
@@ -86,6 +91,7 @@ def build_fingers(
         name: of the way of using it.
     """
     robot = layout.robot
+    load = max(load, hand_of(robot).press)
     builder = Builder(open_mounts(robot, True), load, layout.material)
     for finger in fingers_of(robot):
         opens = finger.pose.rotation.apply(finger.opens)

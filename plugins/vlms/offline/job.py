@@ -31,6 +31,7 @@ _LOOK_M = 0.03  # between two looks along a way
 _TOOL_M = 0.55  # by which a tool makes an arm longer, at most
 _LEAST_LOAD_N = 2.5  # that a tool bears, whatever it moves
 _SLIDING = 0.5  # of its weight, it takes to move what slides
+_HEAD_SAG = 0.5  # of what a tool may sag, a part of its head may
 _HALVINGS = 6  # of a distance, to find how far something is away
 
 
@@ -72,7 +73,12 @@ class Job:
         return max(_LEAST_LOAD_N, share * weight)
 
     def find_thickness(
-        self, length: float, least: float, most: float, wide: float | None = None
+        self,
+        length: float,
+        least: float,
+        most: float,
+        wide: float | None = None,
+        load: float = 0.0,
     ) -> float:
         """Find how thick a part of a head must be that is so long, and bears the load at its end; metres.
 
@@ -81,11 +87,18 @@ class Job:
             least: the thickness.
             most: the thickness, also where that is not stiff enough.
             wide: the part's other side; None: its section is a square.
+            load: that it bears if that is more than the job's, newtons.
         """
-        leverage = length**3 / 3
+        leverage = length**3 / 3 / _HEAD_SAG
         material = self.layout.material
         return find_thickness(
-            self.load, leverage, material, least=least, most=most, wide=wide
+            max(load, self.load),
+            length,
+            leverage,
+            material,
+            least=least,
+            most=most,
+            wide=wide,
         )
 
     @cached_property

@@ -19,6 +19,7 @@ _MOST_BAR_M = 0.04  # and at most, to find room
 _SOCKET_M = (0.05, 0.05, 0.012)  # it covers a flange
 _BRIDGE_M = 0.06  # a bridge goes up by so much, over the mount or the head
 _BEND_SHARE = 0.35  # of the way out, a bridge goes before it goes up
+_BESIDE_ARM_M = 0.11  # so far out at least, where the arm's last links are not
 _UPRIGHT = 0.02  # the slope of a bar that counts as upright
 
 _STEEL: Color = (0.30, 0.33, 0.38, 1.0)
@@ -81,10 +82,11 @@ def _list_bars(
     """
     half = thick / 2
     high = start[2] - half
-    points: Sequence[Array] = [start, end]
     level = np.array([0.0, 0.0, half])
+    far = np.hypot(*(end - start)[:2])
+    points: Sequence[Array]
 
-    if np.hypot(*(end - start)[:2]) < thick:
+    if far < thick:
         points = [start, end]
     elif shaft == "gantry":
         points = [np.array([*start[:2], high]), np.array([*end[:2], high]), end]
@@ -95,7 +97,7 @@ def _list_bars(
         points = [start - level, end]
     else:
         top = max(high, end[2]) + _BRIDGE_M
-        bend = start + _BEND_SHARE * (end - start)
+        bend = start + min(1.0, max(_BEND_SHARE, _BESIDE_ARM_M / far)) * (end - start)
         points = [
             np.array([*start[:2], high]),
             np.array([*bend[:2], high]),
@@ -167,10 +169,11 @@ class Builder:
             end: where it ends, (3,).
             tip: where the load acts, (3,).
         """
-        leverage = measure_leverage(_list_bars(shaft, start, end, _LEAST_BAR_M), tip)
+        bars = _list_bars(shaft, start, end, _LEAST_BAR_M)
         thick = find_thickness(
             self._load,
-            leverage,
+            max(float(np.linalg.norm(bar_start - tip)) for bar_start, _ in bars),
+            measure_leverage(bars, tip),
             self._material,
             least=_LEAST_BAR_M,
             most=_MOST_BAR_M,

@@ -11,7 +11,7 @@ from core.geometry import Box, Pose
 from core.interfaces import Condition, Fitness, Material, Waypoints
 from core.search import makers
 from core.search.finalists import Race, note_making
-from core.search.makers import MOST, Judge
+from core.search.makers import Judge
 from core.search.trials import Trials
 from core.trial import TIE, Making, Trial, Where
 from core.values.materials import PAPER
@@ -110,10 +110,19 @@ def test_by_the_papers_convention_it_is_said_and_does_not_decide(monkeypatch):
 
 
 def test_few_tools_are_looked_at_each_once(monkeypatch):
-    designs = [design(number, 100 + number) for number in range(3 * MOST)]
+    designs = [design(number, 100 + number) for number in range(18)]
     result, looked = choose(monkeypatch, designs, ())
     assert result.winner.candidate.agent == 0
-    assert looked == [100 + number for number in range(MOST + 1)]
+    assert looked[:5] == [100, 101, 102, 104, 108]
+    assert len(looked) == len(set(looked)) < len(designs)
+
+
+def test_far_heavier_tools_are_looked_at_where_the_lightest_can_not_be_made(
+    monkeypatch,
+):
+    designs = [design(number, 100 + number) for number in range(40)]
+    result, _ = choose(monkeypatch, designs, range(120, 200))
+    assert round(1000 * result.winner.candidate.tool.mass) == 132
 
 
 def test_a_plugin_that_raises_is_named_and_costs_no_run(monkeypatch):

@@ -39,12 +39,12 @@ def test_the_first_line_has_a_second_engine_that_differs_by_more_than_a_tenth(
         (
             Making(False, "printable: no (it is a loop)", "it is a loop"),
             "g0-a1-s0-p0",
-            ", but it can't be built (it is a loop; g0-a1-s0-p0 can), ",
+            ", but it can't be built and run (it is a loop; g0-a1-s0-p0 can), ",
         ),
         (
             Making(False, "printable: no (it is a loop)", "it is a loop"),
             None,
-            ", but it can't be built (it is a loop), ",
+            ", but it can't be built and run (it is a loop), ",
         ),
         (Making(True, "printable: yes"), None, "1.000, candidate "),
         (Making(None, "printable: not known"), None, "1.000, candidate "),

@@ -18,6 +18,7 @@ from plugins.vlms.offline.ways.way import (
     wall_height,
 )
 
+_MOST_THICK_M = 0.02  # a wall
 _WALLS_M = 0.012  # of room beside bodies, for walls
 
 
@@ -51,7 +52,6 @@ class Cage(Way):
         return 1.0
 
     def head(self, job: Job, values: Values) -> Head:
-        thick = values["thick"]
         height = wall_height(job, values)
         inside = job.size[1] + 2 * values["room"]
         closed = values["front"] > 0.5
@@ -59,6 +59,9 @@ class Cage(Way):
         if closed:
             depth = job.size[0] + 2 * values["room"]
 
+        # The body strikes the wall before it in its middle, and each of the others at its end.
+        length = depth + (inside / 2 if closed else 0.0)
+        thick = job.find_thickness(length, values["thick"], _MOST_THICK_M, height)
         pieces = build_walls(thick, inside, depth, height)
         if closed:
             across = pieces[0].size

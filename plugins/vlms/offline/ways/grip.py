@@ -22,6 +22,7 @@ _ENTRY_M = 0.05  # of room above a body, to come down on it
 _PAD_SHARE = 0.3  # of a body's length, that there is room for pads
 _LEAST_PAD_M = 0.01  # long: shorter pads let a body turn
 _PAD_HEIGHT_M = (0.015, 0.1)  # at least, to hold it upright, and at most, to be stiff
+_MOST_PAD_M = 0.015  # thick
 _BELOW_TIPS_M = 0.03  # pads begin at least, for the bars that bear them
 _PALM_M = 0.005  # above what stands around the body, the palm stays
 _SET_DOWN_M = 0.002  # above the ground a body is let go, and pads stay
@@ -67,9 +68,12 @@ class Grip(Way):
         return 1.0 if job.rises or job.want.held else 0.5
 
     def head(self, job: Job, values: Values) -> Head:
-        thick = values["thick"]
         long = max(_LEAST_PAD_M, values["length"] * job.size[0])
         height = float(np.clip(values["height"] * job.size[2], *_PAD_HEIGHT_M))
+        hand = hand_of(job.layout.robot)
+        thick = job.find_thickness(
+            long / 2, values["thick"], _MOST_PAD_M, height, hand.press
+        )
         y = job.size[1] / 2 + values["room"] + thick / 2
         pads = [
             box("left_pad", 0.0, -y, height / 2, (long, thick, height)),
@@ -77,7 +81,6 @@ class Grip(Way):
         ]
 
         # The palm stays above what stands around.
-        hand = hand_of(job.layout.robot)
         palm = job.clear + _PALM_M - values["into"] * hand.palm
         below = max(height + _BELOW_TIPS_M, palm)
 

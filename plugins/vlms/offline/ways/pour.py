@@ -18,6 +18,7 @@ _PLATE_M = 0.01  # thick: the plate at the flange, and the crossbar before it
 _PLATE_WIDTH_M = 0.06  # covers a flange
 _PLATE_MARGIN_M = 0.035  # goes on above the flange's middle, and below the channels'
 _CROSSBAR_HEIGHT_M = 0.03  # stiff enough for a full vessel
+_MOST_LIP_M = 0.012  # thick, web and edges at most
 _FREE_SHARE = 0.3  # of a handle, beside the vessel, that the channel leaves free
 _PASSES_M = 0.01  # the vessel passes everything near by so much, at least
 _TURN_STEPS = 5  # of half a second each, at least: nothing is flung out
@@ -73,7 +74,7 @@ class Pour(Way):
         drop = values["drop"]
         fit = _fit_channels(job, values)
         plate = (_PLATE_M, _PLATE_WIDTH_M, drop + 2 * _PLATE_MARGIN_M)
-        crossbar = (_PLATE_M, 2 * (fit.outer + values["lip"]), _CROSSBAR_HEIGHT_M)
+        crossbar = (_PLATE_M, 2 * (fit.outer + fit.lip), _CROSSBAR_HEIGHT_M)
         pieces = [
             box("plate", _PLATE_M / 2, 0.0, -drop / 2, plate),
             box("crossbar", 1.5 * _PLATE_M, 0.0, -drop, crossbar),
@@ -126,6 +127,7 @@ class _Fit(NamedTuple):
         outer: from there to its web.
         half: from a channel's middle up and down to those of its edges.
         length: of a channel.
+        lip: the thickness of its web and edges, of which each bears the vessel at times.
         back: from the vessel's middle to the flange.
     """
 
@@ -135,6 +137,7 @@ class _Fit(NamedTuple):
     outer: float
     half: float
     length: float
+    lip: float
     back: float
 
 
@@ -146,22 +149,26 @@ def _fit_channels(job: Job, values: Values) -> _Fit:
     assert handles is not None
 
     to_crossbar = vessel.size[0] / 2 + values["gap"]
-    deep = handles.outer - handles.inner
+    inner = handles.inner + _FREE_SHARE * (handles.outer - handles.inner)
+    outer = handles.outer + values["room"]
     high = handles.high - handles.low
+    length = float(handles.front + to_crossbar + values["longer"])
+    lip = vessel.find_thickness(length, values["lip"], _MOST_LIP_M, outer - inner)
     return _Fit(
         vessel=vessel,
         height=(handles.low + handles.high) / 2,
-        inner=handles.inner + _FREE_SHARE * deep,
-        outer=handles.outer + values["room"],
-        half=high / 2 + values["room"] + values["lip"] / 2,
-        length=float(handles.front + to_crossbar + values["longer"]),
+        inner=inner,
+        outer=outer,
+        half=high / 2 + values["room"] + lip / 2,
+        length=length,
+        lip=lip,
         back=to_crossbar + 2 * _PLATE_M,
     )
 
 
 def _build_channel(name: str, side: float, fit: _Fit, values: Values) -> list[Piece]:
     """Build a channel before the crossbar, on the left for a side of 1, on the right for -1."""
-    lip = values["lip"]
+    lip = fit.lip
     middle = -values["drop"]
     x = 2 * _PLATE_M + fit.length / 2
     y = side * (fit.outer + fit.inner) / 2

@@ -18,6 +18,7 @@ from plugins.vlms.offline.ways.way import (
     wall_height,
 )
 
+_MOST_THICK_M = 0.02  # a wall
 _PLAY_M = 0.004  # a wall is narrower than the room for it
 
 
@@ -51,11 +52,12 @@ class Push(Way):
         return 0.5
 
     def head(self, job: Job, values: Values) -> Head:
-        thick = values["thick"]
         room = min(job.room(y=1.0), job.room(y=-1.0))
         widest = job.size[1] + 2 * room - _PLAY_M
         width = min(values["width"] * job.size[1], widest)
         height = wall_height(job, values)
+        far = float(np.hypot(width / 2, height))
+        thick = job.find_thickness(far, values["thick"], _MOST_THICK_M, height)
         wall = box("wall", -thick / 2, 0.0, height / 2, (thick, width, height))
         return Head([wall], np.array([-thick / 2, 0.0, height]), "a wall")
 

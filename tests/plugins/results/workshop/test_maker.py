@@ -1,15 +1,22 @@
 """What is said of the best tool at the end of a run: whether it can be made, and bears what it has to."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
+from omegaconf import OmegaConf
 
-from core.config.compose import load, node
+from core.config.compose import load, node, task_part, tool_part
 from core.design import Component, Tool
 from core.geometry import Box, Pose
+from core.interfaces import Condition, RolloutSettings
+from core.plugins import PluginPart
+from core.simulation.play import play
 from core.values.materials import PAPER, Material
 from core.values.printers import MK4
-from plugins.results.workshop.maker import judge_tool
+from plugins.results.chosen import chosen_evaluations
+from plugins.results.workshop.export_command import configured, export
+from plugins.results.workshop.maker import judge_design, judge_tool
 from tests.panda import PANDA
 
 PLA = node(load("evaluate", []).material, Material)
@@ -53,3 +60,33 @@ def test_the_printer_of_the_run_counts():
 def test_metal_is_milled():
     steel = node(load("evaluate", ["material=steel"]).material, Material)
     assert judge(0.01, steel).words.startswith("to be milled: yes, in 1 piece, ")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("task", "side_mm", "possible"),
+    [("OneBook", 500, True), ("MoveBall", 500, True), ("OneBook", 60, False)],
+)
+def test_the_verdict_of_a_run_is_that_of_its_export(task, side_mm, possible, tmp_path):
+    words = [f"task={task}", "tool=boxes", f"printer.plate_mm={[side_mm] * 3}"]
+    designs = f"designs=tests/tasks/anchored/{task}.json"
+    cfg = configured([designs, *words, f"output={tmp_path / 'out'}"])
+    part = task_part(cfg)
+    representation = tool_part(cfg).create()
+    (best, *_) = chosen_evaluations(cfg, representation, part.shared())
+    settings = node(cfg.rollout, RolloutSettings)
+    condition = Condition(part, PluginPart("sim", "mujoco"), 0, settings)
+    (trial,) = play(condition, [best.candidate])
+    tried = replace(best, trials=(trial,))
+    run = SimpleNamespace(
+        config=OmegaConf.to_container(
+            load("config", [*words, "sim=mujoco"]), resolve=True
+        ),
+        representation=representation,
+        task=part.shared(),
+    )
+    making = judge_design(run, condition, tried)
+    (exported,) = export(cfg)
+    failing = [str(check) for check in exported.verdicts if check.passed is False]
+    assert making.possible == (not failing) == possible
+    assert possible or making.problem in failing
