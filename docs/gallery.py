@@ -358,11 +358,9 @@ def _rounds(figures: dict[str, Any]) -> str:
     lines = [
         "## After feedback",
         "",
-        "Evolution is what this program is for. The two tools that failed went back to the model with what the program",
-        "had observed, and nothing else. Each round was answered by a model that had seen no other round. It wrote",
-        "three designs, of which you see the run's best. Room is the least margin to a limit, in MuJoCo: at 100 % all",
-        "limits are far, below 0 % one is exceeded. As above, tools here are those of `material=paper`, which does not",
-        "bend.",
+        "The two tools that failed went back to the model with what the program had observed, and nothing else.",
+        "A model that had seen no other round answered each round with three designs; you see the best.",
+        "Room is the least margin to a limit, in MuJoCo: at 100 % all are far, below 0 % one is exceeded.",
         "",
     ]
     for task in sorted(figures):
@@ -384,7 +382,8 @@ def _evolution(task: str, figures: dict[str, Any]) -> list[str]:
     rooms = " | ".join(f"{100 * round_['room']:.0f} %" for round_ in found)
     said = []
     for title, round_ in zip(ROUNDS.values(), found, strict=True):
-        said += [f"> **{title}**: {_one_line(round_['says'])}", ">"]
+        words = _first_sentences(round_["says"], 2)
+        said += [f"> **{title}**: {words}", ">"]
 
     return [
         f"### {task}",
@@ -420,13 +419,8 @@ def _span(figures: dict[str, Any] | None) -> str:
 
 
 def _verdict(figures: dict[str, Any]) -> str:
-    """Say whether the model's tool does the task, and what the best other does where it doesn't."""
-    model = figures["model"]
-    if _is_done(model):
-        return f"**Works**: {_span(model)} in three engines."
-
-    others = f"the embedded designer's tool earns {_span(figures.get('embedded'))}"
-    return f"**Fails**: {_span(model)} in three engines; {others}."
+    """Say whether the model's tool does the task."""
+    return "**Works.**" if _is_done(figures["model"]) else "**Fails.**"
 
 
 def _section(task: str, figures: dict[str, Any]) -> str:
@@ -435,20 +429,18 @@ def _section(task: str, figures: dict[str, Any]) -> str:
     shown = [name for name in TITLES if name in figures and _is_drawn(task, name)]
     heads = [f"{TITLES[name]}: {_mass(figures[name])}" for name in shown]
     pictures = [_picture(task, name) for name in shown]
-    prints = [_prints(figures[name]) for name in shown]
     lines = [
         f"## {task}",
         "",
         f"{GOALS[task]} {_verdict(figures)}",
         "",
-        f"> {_one_line(model['says'])}",
+        f"> {_first_sentences(model['says'], 2)}",
         "",
         f"![{task} with the model's tool](images/gallery/{task}.webp)",
         "",
         f"| {' | '.join(heads)} |",
         "|---" * len(shown) + "|",
         f"| {' | '.join(pictures)} |",
-        f"| {' | '.join(prints)} |",
     ]
 
     return "\n".join([*lines, ""])
@@ -468,19 +460,13 @@ def _one_line(text: str) -> str:
     return re.sub(r"\s+", " ", text).replace("|", "/").replace("*", "")
 
 
+def _first_sentences(text: str, count: int) -> str:
+    """Return a text's first sentences in one line."""
+    return " ".join(re.split(r"(?<=\.) (?=[A-Z])", _one_line(text))[:count])
+
+
 def _mass(figures: dict[str, Any]) -> str:
     return f"{figures['mass_g']:.0f} g" if "mass_g" in figures else "–"
-
-
-def _prints(figures: dict[str, Any]) -> str:
-    """Say in how many pieces a printer makes a tool, or what the first check that fails found."""
-    problem = figures.get("problem")
-    if not problem:
-        return f"prints in {count_words(figures.get('pieces', 1), 'piece')}"
-
-    _, _, found = _one_line(problem).partition(": ")
-    fails = "not printed" if "pieces" in figures else "not in one piece"
-    return f"{fails}: {found.partition(';')[0].partition(', the plate')[0]}"
 
 
 def _printed_table(figures: dict[str, Any]) -> str:
@@ -489,8 +475,9 @@ def _printed_table(figures: dict[str, Any]) -> str:
     lines = [
         "## Printed in PLA",
         "",
-        "Pieces on a Prusa MK4, hours and grams of filament by PrusaSlicer, and the lowest and the highest reward in",
-        "three engines when the tool weighs and bends as PLA. A dash: not measured.",
+        "Pieces, hours and grams of filament on a Prusa MK4 by PrusaSlicer, and the reward when the tool weighs and",
+        "bends as PLA. A tool that bends too far or breaks is refused. One that is too large has no pieces that fit",
+        "the plate.",
         "",
         f"| task | {heads} |",
         "|---" * (1 + 2 * len(TITLES)) + "|",
@@ -507,19 +494,18 @@ def _printed_table(figures: dict[str, Any]) -> str:
 
 def _print_cells(figures: dict[str, Any]) -> list[str]:
     """Say what printing a tool takes, and what it earns then; a dash where it was not measured."""
-    takes = _prints(figures) if "pieces" in figures else "–"
+    takes = "–"
     if "hours" in figures:
         pieces = count_words(figures["pieces"], "piece")
         takes = f"{pieces}, {figures['hours']:.1f} h, {figures['grams']:.0f} g"
+    elif figures.get("problem", "").startswith("fits the plate"):
+        takes = "too large"
 
-    rewards = figures.get("printed_rewards", {}).values()
-    if figures.get("rejected"):
-        return [
-            takes,
-            f"rejected: {_one_line(figures['rejected']).partition(': of')[0]}",
-        ]
+    if rejected := figures.get("rejected"):
+        return [takes, "breaks" if "would break" in rejected else "bends too far"]
 
-    return [takes, _span({"rewards": figures["printed_rewards"]}) if rewards else "–"]
+    rewards = figures.get("printed_rewards")
+    return [takes, _span({"rewards": rewards}) if rewards else "–"]
 
 
 def split_page(text: str) -> tuple[str, str, str]:
