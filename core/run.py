@@ -5,7 +5,6 @@ Libraries for runs are imported inside functions: worker processes import this f
 
 from __future__ import annotations
 
-import math
 import os
 import sys
 from pathlib import Path
@@ -17,8 +16,13 @@ from core.support.cli import command, read_path, say
 if TYPE_CHECKING:
     from omegaconf import DictConfig
 
+_SWEEP = {"-m", "--multirun"}
 _FOLDER = "hydra.sweep.dir="  # of a sweep
-_DIRECTION = "hydra.sweeper.direction"
+# The best reward is what it looks for, and a run that fails does not end it.
+_OPTUNA = {
+    "hydra.sweeper.direction": "maximize",
+    "hydra.sweeper.max_failure_rate": "1.0",
+}
 HELP_WORDS = {"--help", "-h"}
 HELP = """\
 usage: python -m core.run [GROUP=NAME | KEY=VALUE ...]      start a run; groups and keys are listed below
@@ -107,12 +111,13 @@ def _hydra(given: list[str]) -> None:
     refuse_key_words(given)
     register()
     words = quote_paths(place_settings(given, RunConfig))
+    words.sort(key=lambda word: word not in _SWEEP)  # Hydra takes no word before it
     _add_sweep_words(words)
     failures: list[UserError | BrokenPipeError] = []
     here = os.getpid()
 
-    def job(cfg: DictConfig) -> float:
-        """Return the best reward, which a sweeper may optimise; nan of a job that failed.
+    def job(cfg: DictConfig) -> float | None:
+        """Return the best reward, which a sweeper may optimise; None of a job that failed.
 
         What is raised would be printed by Hydra, with lines of its own.
         """
@@ -123,7 +128,7 @@ def _hydra(given: list[str]) -> None:
             if os.getpid() != here:  # a launcher's process, whose list nobody reads
                 say(f"error: {failure}", file=sys.stderr)
 
-        return math.nan
+        return None
 
     sys.argv[1:] = words  # where Hydra reads them
     # Hydra raises its errors then, and `explain` makes one line of them.
@@ -154,12 +159,15 @@ def _add_sweep_words(words: list[str]) -> None:
 
     flags = {word for word in words if word.startswith("-")}
     folders = [word.removeprefix(_FOLDER) for word in words if _FOLDER in word]
-    if flags and flags <= {"-m", "--multirun"} and not folders:
+    if flags and flags <= _SWEEP and not folders:
         folders = [str(new_folder(f"multirun/{stamp()}"))]  # one for all jobs
         words.append(_FOLDER + folders[0])
 
-    if "hydra/sweeper=optuna" in words and not any(_DIRECTION in w for w in words):
-        words.append(f"{_DIRECTION}=maximize")  # the best reward
+    if "hydra/sweeper=optuna" in words:
+        named = {word.partition("=")[0] for word in words}
+        words += [
+            f"{key}={value}" for key, value in _OPTUNA.items() if key not in named
+        ]
 
     if any(word.startswith("hydra/launcher=submitit") for word in words):
         folder = folders[-1] if folders else "the sweep's folder"

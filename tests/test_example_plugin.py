@@ -143,24 +143,25 @@ def test_runs_side_by_side(site, tmp_path):
 
 @pytest.mark.thorough
 def test_a_sweeper_gets_the_best_reward_of_each_run(site, tmp_path):
-    """Optuna's, which tries three numbers of plans; none at all is refused."""
+    """Optuna's, which tries numbers of plans; none at all is refused."""
     words = [
         *("-m", "hydra/sweeper=optuna", "hydra.sweep.dir=sweep"),
-        *("hydra/sweeper/sampler=grid", "hydra.sweeper.max_failure_rate=0.5"),
-        *("hydra.sweeper.n_trials=3", "budget.n_action=choice(0,1,2)"),
+        *("hydra.sweeper.sampler.seed=1", "hydra.sweeper.n_trials=4"),
+        "budget.n_action=choice(0,1,2)",
         *("sim=toy", "task=PushButton", "tool=numbers", "vlm=echo"),
         *("executor.workers=1", "listener=[csv]", "budget.n_iteration=0"),
     ]
     fixed = [word for word in SMALL if not word.startswith("budget.n_action")]
     done = python_m(site, tmp_path, "core.run", *fixed, *words)
-    results = [
-        json.loads(file.read_text())["best"]["reward"]
-        for file in sorted((tmp_path / "sweep").glob("*/result.json"))
+    assert "error: budget.n_action must be at least 1, got 0" in done.stderr
+    runs = [
+        json.loads(file.read_text())
+        for file in (tmp_path / "sweep").glob("*/result.json")
     ]
+    assert 1 <= len(runs) < 4
     best = yaml.safe_load((tmp_path / "sweep/optimization_results.yaml").read_text())
-    assert len(results) == 2, done.stderr
-    assert best["best_value"] == max(results)
-    assert best["best_params"]["budget.n_action"] == 1 + results.index(max(results))
+    assert best["best_value"] == max(run["best"]["reward"] for run in runs)
+    assert best["best_params"]["budget.n_action"] == 2  # its second plan is better
 
 
 @pytest.mark.parametrize("part", ["task=PushButton", "tool=numbers", "evolution=restarts", "fitness=thrifty",
