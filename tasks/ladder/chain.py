@@ -1,0 +1,238 @@
+"""Chains of jobs: a chest with a sliding lid and a bolt, from which a pawn is taken, and which is shut again.
+
+The knob is the number of jobs, which share a space: each must leave room for the next. From level 6 on, what may be off
+at the end shrinks. One fork fits knobs, bolt and pawn; each job's own motion is joined to the next one's.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Sequence
+
+from tasks.ladder.designs import (
+    DROP_M,
+    NECK_M,
+    SLOT_LENGTH_M,
+    SLOT_M,
+    SLOW_M_S,
+    design,
+    flare,
+    fork,
+    post,
+    waypoint,
+)
+from tasks.ladder.pawns import fetch, pawn, push
+from tasks.ladder.rung import SURE, Entry, Rung
+
+MOST_NOISE_M = 0.004  # a wider funnel does not fit into the chest
+LEVELS = (
+    ("lid", "out"),
+    ("lid", "out", "shut"),
+    ("bolt", "lid", "out"),
+    ("bolt", "lid", "out", "shut"),
+    ("bolt", "lid", "out", "shut", "lock"),
+)
+"""The jobs of the first levels; later ones have those of the last."""
+
+SAY = {
+    "bolt": "slide the red bolt away from the robot",
+    "lid": "slide the lid open by its knob",
+    "out": "take the gold pawn out and stand it at the given place",
+    "shut": "shut the lid",
+    "lock": "slide the bolt back",
+}
+HALF_M = (0.16, 0.08)  # of the chest, along x and y
+WALL_M = 0.01
+HEIGHT_M = 0.1
+TAB_M = 0.176  # of the lid's tab and the bolt, along x
+PLATE_M = 0.0725  # half the lid's width, along y
+OPEN_M = 0.18
+UNBOLTED_M = 0.062
+KNOB_M = 0.006  # half the side of a knob
+KNOB_ABOVE_M = 0.03  # of where a fork takes it
+GOAL = (0.45, -0.36)
+LIFT_M = 0.17
+
+
+def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
+    jobs = LEVELS[min(level, len(LEVELS)) - 1]
+    room = 1 + 1.0 / level
+    off = 2 * SURE * noise_m + 0.008 * room  # of a joint at the end
+    place = 0.01 + 0.01 * room  # of the pawn at the end
+    x = 0.46 + rng.uniform(-0.01, 0.01)
+    y = rng.uniform(-0.01, 0.02)
+    chest = [round(x, 4), round(y, 4), 0]
+    listed = ", ".join(SAY[job] for job in jobs)
+    goals: list[Entry] = [
+        {
+            "name": "out",
+            "bodies": ["gold"],
+            "place": [*GOAL, None],
+            "tolerance": round(place, 4),
+            "rest": True,
+            "released": True,
+        }
+    ]
+    for job, joint, before in (("shut", "slide", "out"), ("lock", "latch", "shut")):
+        if job in jobs:
+            end = {"joint": joint, "to": f"< {off:.4f}", "after": before}
+            goals.append({"name": job, **end})
+
+    bolted = "bolt" in jobs
+    scene = {
+        "description": (
+            f"A chest with a sliding lid holds a golden pawn. In {len(jobs)} jobs, in this order: {listed}. The pawn "
+            f"must stand at ({GOAL[0]:g}, {GOAL[1]:g}), within {1000 * place:.0f} mm. What is slid back must end "
+            f"within {1000 * off:.0f} mm of where it was."
+        ),
+        "bodies": _bodies(chest, bolted, off),
+        "joints": _joints(bolted),
+        "every": True,
+        "goals": goals,
+        "variations": {
+            "wide": {
+                "bodies.chest.position.x": "+-0.01",
+                "bodies.chest.position.y": "+-0.015",
+            }
+        },
+    }
+    mouth = 2 * SURE * noise_m + KNOB_M + 0.002
+    plan = [step for job in jobs for step in _steps(job, noise_m, mouth, off)]
+    return Rung(
+        scene,
+        design("fork", fork(mouth), plan),
+        design("straight rod", [post()], push("gold", GOAL)),
+    )
+
+
+def _bodies(chest: list[float], bolted: bool, off: float) -> list[Entry]:
+    """Write what stands there. A lid that is open by no more than ``off`` leaves the bolt its way."""
+    bolt_y = PLATE_M + off + 0.013
+    long, wide = HALF_M
+    wall = WALL_M / 2
+    middle = HEIGHT_M / 2
+    short = 2 * (wide - WALL_M)
+    parts = []
+    for end in (1, -1):
+        across = (0, end * (wide - wall), middle)
+        along = (end * (long - wall), 0, middle)
+        parts.append(_box((2 * long, WALL_M, HEIGHT_M), across))
+        parts.append(_box((WALL_M, short, HEIGHT_M), along))
+
+    if bolted:
+        deep = bolt_y + 0.015 - wide
+        size = (0.12, deep, HEIGHT_M)
+        parts.append(_box(size, (TAB_M + 0.025, wide + deep / 2, middle)))
+
+    lid = [
+        _box((2 * long - 0.03, 2 * PLATE_M, 0.006), (0, 0, 0.004)),
+        _box((0.012, 0.012, 0.05), (0, 0, 0.032)),
+    ]
+    bodies = [
+        {
+            "name": "chest",
+            "fixed": True,
+            "position": chest,
+            "color": "burlywood",
+            "parts": parts,
+        },
+        {
+            "name": "lid",
+            "at": "chest",
+            "position": [0, 0, HEIGHT_M + 0.0015],
+            "mass": 0.3,
+            "color": "peru",
+            "friction": 0.3,
+            "parts": lid,
+        },
+        {**pawn("gold", 0.04, 0.0, "gold"), "at": "chest"},
+    ]
+    if not bolted:
+        return bodies
+
+    lid.append(_box((0.032, 0.02, 0.006), (TAB_M, 0.0625, 0.004)))
+    bolt = [
+        _box((0.03, 0.02, 0.008), (0, 0, 0.005)),
+        _box((0.012, 0.012, 0.045), (0, 0, 0.0315)),
+    ]
+    bodies.append(
+        {
+            "name": "bolt",
+            "at": "chest",
+            "position": [TAB_M, round(bolt_y, 4), HEIGHT_M + 0.0015],
+            "mass": 0.1,
+            "color": "firebrick",
+            "parts": bolt,
+        }
+    )
+    return bodies
+
+
+def _box(size: Sequence[float], place: Sequence[float]) -> Entry:
+    return {
+        "box": [round(side, 4) for side in size],
+        "position": [round(number, 4) for number in place],
+    }
+
+
+def _joints(bolted: bool) -> list[Entry]:
+    joints = [_slider("slide", "lid", [0, 1, 0], 0.22)]
+    if bolted:
+        joints.append(_slider("latch", "bolt", [1, 0, 0], 0.08))
+
+    return joints
+
+
+def _slider(name: str, body: str, axis: list[float], upper: float) -> Entry:
+    return {
+        "name": name,
+        "kind": "slider",
+        "body": body,
+        "parent": "chest",
+        "axis": axis,
+        "lower": 0,
+        "upper": upper,
+        "friction": 1.0,
+        "damping": 2.0,
+    }
+
+
+def _steps(job: str, noise_m: float, mouth: float, off: float) -> list[Entry]:
+    """Write the motion of a job. A fork that is meant to push a knob to one side comes from that side."""
+    aside = SURE * noise_m
+    if job == "bolt":
+        return _slide("bolt", mouth, -math.pi / 2, aside, UNBOLTED_M)
+    if job == "lid":
+        return _slide("lid", mouth, 0.0, aside, OPEN_M)
+    if job == "out":
+        return fetch("gold", GOAL, noise_m, mouth, LIFT_M)
+    if job == "shut":
+        return _slide("lid", mouth, 0.0, OPEN_M, off / 2 - SLOT_M + KNOB_M)
+
+    return _slide("bolt", mouth, -math.pi / 2, UNBOLTED_M, off / 2 - SLOT_M + KNOB_M)
+
+
+def _slide(
+    name: str, mouth: float, yaw: float, begin: float, end: float
+) -> list[Entry]:
+    """Write how a fork takes a knob, and pushes it from one place to another along the fork's left."""
+    tip = NECK_M + SLOT_LENGTH_M + flare(mouth)
+    inside = -(NECK_M + SLOT_LENGTH_M / 2)
+    outside = -(tip + KNOB_M + 0.025)
+    low = DROP_M + KNOB_ABOVE_M
+    high = low + 0.13
+
+    def at(ahead: float, aside: float, height: float, **pace: float) -> Entry:
+        x = ahead * math.cos(yaw) - aside * math.sin(yaw)
+        y = ahead * math.sin(yaw) + aside * math.cos(yaw)
+        return waypoint(name, (x, y, height), round(yaw, 4), **pace)
+
+    return [
+        at(outside, begin, high),
+        at(outside, begin, low),
+        at(inside, begin, low, speed=SLOW_M_S),
+        at(inside, end, low, speed=0.12),
+        at(outside, end, low, speed=SLOW_M_S),
+        at(outside, end, high),
+    ]
