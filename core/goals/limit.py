@@ -40,6 +40,10 @@ class Limit(Goal):
         """Yield what one world did against it, for observations."""
         return iter(())
 
+    def allows_n(self, body: str) -> float | None:
+        """Return the most force with which the robot may press a body, N; None: it says nothing of that."""
+        return None
+
     def find_conflict(self, wanted: Reach, scene: Scene) -> str:
         """Say why it does not let a goal be reached; empty: it does."""
         return ""

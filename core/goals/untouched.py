@@ -172,6 +172,11 @@ class Untouched(Limit):
                         "where it must end"
                     )
 
+    def allows_n(self, body: str) -> float | None:
+        """See `Limit.allows_n`; what must not be touched may still be moved by something else."""
+        limits_force = self.max_force_n > 0 and not self.by and body in self.untouched
+        return self.max_force_n if limits_force else None
+
     def find_conflict(self, wanted: Reach, scene: Scene) -> str:
         alone = {*wanted.bodies} & {*self.untouched}
         if not wanted.held or self.by or self.max_force_n:

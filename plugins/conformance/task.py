@@ -18,8 +18,10 @@ from core.goals import reaches
 from core.interfaces import Task
 from core.robot.kinematics import arm_of
 from core.scene import Scene, State, Trace
+from core.solids.hindrances import find_hindrances
 from core.solids.standing import find_layout_warnings, find_overlaps
 from core.task import reward_of
+from core.values.layouts import NONE
 from plugins.conformance.shared import between, expect, expect_a, near
 
 SEEDS = (0, 1, 2)  # layouts that are looked at
@@ -134,6 +136,16 @@ def check_nothing_overlaps_at_spawn(task: Task) -> None:
     for seed in SEEDS:
         for fault in find_overlaps(task.scene(seed)):
             raise AssertionError(f"with seed {seed} {fault.text}")
+
+
+def check_nothing_in_the_scene_prevents_its_goals(task: Task) -> None:
+    """No body is shut in by a joint that can't open, and none has to be moved with less force than that takes."""
+    for seed in SEEDS:
+        for line in find_hindrances(task.goals, task.scene(seed)):
+            raise AssertionError(f"with seed {seed} {line}")
+
+        if task.variation == NONE:
+            break
 
 
 def check_variations_draw_layouts(task: Task) -> str:

@@ -19,6 +19,7 @@ from core.hooks import Harmless, Names
 from core.interfaces import Picture, Task
 from core.robot.kinematics import arm_of
 from core.scene import Margin, Scene, State, Trace
+from core.solids.hindrances import find_hindrances
 from core.solids.standing import find_overlaps, say_first
 from core.support.cli import expand
 from core.values.layouts import NONE, Draw, Ranges, Sets
@@ -189,6 +190,8 @@ class FileTask(Task):
             yield from places.find_far(goal, arm, self._scene)
             yield from contacts.find_buried(goal, self._scene)
             yield from contacts.find_blocked(goal, self._scene)
+
+        yield from find_hindrances(self.goals, self._scene)
 
     def photographs(self) -> list[Picture]:
         """See `core.interfaces.Task.photographs`."""

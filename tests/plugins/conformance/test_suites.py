@@ -491,7 +491,7 @@ def test_listeners_are_checked_by_name(monkeypatch, capsys):
 
 def test_the_command_counts_what_failed(offered, monkeypatch, capsys):
     offered("task", Idle)
-    with pytest.raises(UserError, match=r"^\d of 13 checks failed$"):
+    with pytest.raises(UserError, match=r"^\d of 14 checks failed$"):
         conformance.main(["tool=none", "task=wrong"])
     out = capsys.readouterr().out
     assert "tool none\n" in out

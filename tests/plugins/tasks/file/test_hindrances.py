@@ -1,0 +1,91 @@
+"""What a scene itself prevents is said: a lid that a bolt blocks wherever it stands, a force that moves nothing."""
+
+import pytest
+
+from core.solids.hindrances import find_hindrances
+from plugins.conformance.suites import examine
+from plugins.tasks.file.task import FileTask
+from tests.panda import on_panda
+
+SLIDE = "  - {name: slide, kind: slider, body: lid, parent: chest, axis: [0, 1, 0], lower: 0, upper: 0.25}\n"
+CHEST = """
+name: Chest
+description: A chest with a sliding lid, which a bolt holds shut, has a ball in it; bring that onto the table.
+bodies:
+  - name: chest
+    fixed: true
+    position: [0.5, 0, 0]
+    parts:
+      - {box: [0.2, 0.01, 0.1], position: [0, 0.095, 0.05]}
+      - {box: [0.2, 0.01, 0.1], position: [0, -0.095, 0.05]}
+      - {box: [0.01, 0.2, 0.1], position: [0.095, 0, 0.05]}
+      - {box: [0.01, 0.2, 0.1], position: [-0.095, 0, 0.05]}
+  - {name: lid, at: chest, position: [0, 0, 0.106], box: [0.2, 0.2, 0.01], mass: 0.3}
+  - {name: bolt, at: chest, position: [0.05, 0.125, 0.106], box: [0.03, 0.03, 0.008], mass: 0.1}
+  - {name: ball, at: chest, position: [0, 0, 0.03], sphere: 0.03, mass: 0.1}
+joints:
+SLIDE_HERE  - {name: latch, kind: slider, body: bolt, parent: chest, axis: [1, 0, 0], lower: 0, upper: 0.06}
+goals:
+  - {bodies: [ball], place: [0.5, -0.3, null], tolerance: 0.05}
+""".replace("SLIDE_HERE", SLIDE)
+PUSH = """
+name: Push
+description: A block of 1 kg stands on the table; push it to the left, and press it no harder than is allowed.
+bodies:
+  - {name: block, box: [0.1, 0.1, 0.1], position: [0.5, 0, 0.05], mass: 1.0, friction: 0.5}
+goals:
+  - {bodies: [block], place: [0.5, 0.2, null], tolerance: 0.02}
+  - {untouched: [block], max_force_n: 4.0}
+"""
+
+
+@pytest.fixture
+def hindrances(tmp_path):
+    def find(text):
+        file = tmp_path / "scene.yaml"
+        file.write_text(text)
+        task = on_panda(FileTask(str(file)))
+        return task, list(find_hindrances(task.goals, task.scene(0)))
+
+    return find
+
+
+@pytest.mark.slow
+def test_a_lid_that_a_bolt_blocks_wherever_it_stands_is_named(hindrances):
+    task, (line,) = hindrances(CHEST)
+    for word in ("ball", "slide", "lid meets bolt", "wherever"):
+        assert word in line
+
+    verdicts = {v.check: v.problem for v in examine("task", task)}
+    assert line in str(verdicts["nothing in the scene prevents its goals"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("upper: 0.06", "upper: 0.2"),  # the bolt leaves the lid's way
+        ("[0.05, 0.125, 0.106]", "[0.05, 0.125, 0.12]"),  # it is above
+        ("axis: [0, 1, 0], lower: 0", "axis: [0, 1, 0], lower: -0.25"),  # other side
+        (SLIDE, ""),  # the lid lies loose
+        ("place: [0.5, -0.3, null]", "place: [0.5, 0.0, null]"),  # it may stay
+    ],
+)
+def test_a_way_out_is_a_way_out(hindrances, before, after):
+    assert before in CHEST
+    assert hindrances(CHEST.replace(before, after))[1] == []
+
+
+@pytest.mark.parametrize(("allowed", "count"), [(4.7, 1), (5.0, 0)])
+def test_a_force_that_moves_nothing_is_named(hindrances, allowed, count):
+    _, lines = hindrances(PUSH.replace("4.0", str(allowed)))
+    assert len(lines) == count
+    for line in lines:
+        assert "block weighs 9.81 N" in line
+        assert "4.7 N" in line
+
+
+def test_a_limit_on_another_body_is_none_on_this_one(hindrances):
+    text = PUSH.replace("max_force_n: 4.0", "max_force_n: 4.0, by: [block]")
+    _, lines = hindrances(text.replace("untouched: [block]", "untouched: [table]"))
+    assert lines == []
