@@ -61,7 +61,7 @@ class Runner:
         bar = Progress(console=console, disable=not console.is_terminal)
         shown = bar.add_task("runs", total=sum(map(_seconds, self.needs.values())))
         with bar, ThreadPoolExecutor(self.jobs) as pool:
-            futures = {pool.submit(self._finish, run): run for run in self.needs}
+            futures = {pool.submit(self.finish, run): run for run in self.needs}
             try:
                 for count, future in enumerate(as_completed(futures), 1):
                     check_interrupt()
@@ -82,12 +82,12 @@ class Runner:
                     advance = _seconds(self.needs[run])
                     bar.update(shown, advance=advance, description=counts)
             except KeyboardInterrupt:
-                self._interrupt()
+                self.interrupt()
                 raise
 
         return failures
 
-    def _finish(self, run: StudyRun) -> str | None:
+    def finish(self, run: StudyRun) -> str | None:
         """Bring a run to its end; return why it failed, empty: it did not. None: it was not begun."""
         while not self._stopping.is_set():
             state = read_state(run)
@@ -132,7 +132,7 @@ class Runner:
             finally:
                 self._processes.discard(process)
 
-    def _interrupt(self) -> None:
+    def interrupt(self) -> None:
         """Let no run begin, and stop those under way."""
         self._stopping.set()
         for process in list(self._processes):

@@ -27,6 +27,7 @@ from plugins.results.study.estimate import (
     look_ahead,
     reads_words,
 )
+from plugins.results.study.ladder import climbing
 from plugins.results.study.running import Runner
 from plugins.results.study.study_files import (
     RECORD,
@@ -40,8 +41,9 @@ from plugins.results.study.study_files import (
 
 T = TypeVar("T")
 
+LADDER = "ladder"  # the study that has no file, since its tasks have no end
 USAGE = (
-    "usage: vlmgineer study NAME|FILE [budget=NAME] [tasks=NAME,NAME] [methods=NAME,NAME] [seeds=N] [jobs=N] "
+    "usage: vlmgineer study NAME|FILE|ladder [budget=NAME] [tasks=NAME,NAME] [methods=NAME,NAME] [seeds=N] [jobs=N] "
     "[launch=WORDS] [folder=DIR] [yes=true] [KEY=VALUE ...]; other keys are those of core.run, such as vlm=gemini"
 )
 SIDE_BY_SIDE = 4  # runs that wait for a model
@@ -82,6 +84,10 @@ def main(words: list[str]) -> None:
         UserError: the study or a setting can't be used, a run failed, or nobody is there to be asked.
         KeyboardInterrupt: says how to go on.
     """
+    if words[:1] == [LADDER]:
+        climbing.main(words[1:])
+        return
+
     again = shlex.join(["vlmgineer", "study", *words])
     name, cfg, others = _read_words(words)
     selection = _select(cfg, find_study(name), others)
