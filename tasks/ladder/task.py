@@ -10,16 +10,17 @@ from core.interfaces import Task
 from core.plugins import installed
 from core.task import Proof
 from core.values.harmless import Harmless
-from tasks.ladder import chain, places, sort, tunnel
+from tasks.ladder import chain, places, sort, swing, tunnel
 from tasks.ladder.rung import Family, Rung, noise_at
 
 FAMILIES: dict[str, Family] = {
     "chain": chain.draw,
     "places": places.draw,
     "sort": sort.draw,
+    "swing": swing.draw,
     "tunnel": tunnel.draw,
 }
-Name = Literal["chain", "places", "sort", "tunnel"]
+Name = Literal["chain", "places", "sort", "swing", "tunnel"]
 MOST_NOISE_M = {"chain": chain.MOST_NOISE_M, "tunnel": tunnel.MOST_NOISE_M}
 
 
