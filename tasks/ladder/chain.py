@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Sequence
 
+from tasks.ladder.bodies import part, slider
 from tasks.ladder.designs import (
     DROP_M,
     NECK_M,
@@ -19,6 +19,7 @@ from tasks.ladder.designs import (
     design,
     flare,
     fork,
+    join,
     post,
     waypoint,
 )
@@ -98,7 +99,7 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
         },
     }
     mouth = 2 * SURE * noise_m + KNOB_M + 0.002
-    plan = [step for job in jobs for step in _steps(job, noise_m, mouth, off)]
+    plan = join(_steps(job, noise_m, mouth, off) for job in jobs)
     return Rung(
         scene,
         design("fork", fork(mouth), plan),
@@ -117,17 +118,17 @@ def _bodies(chest: list[float], bolted: bool, off: float) -> list[Entry]:
     for end in (1, -1):
         across = (0, end * (wide - wall), middle)
         along = (end * (long - wall), 0, middle)
-        parts.append(_box((2 * long, WALL_M, HEIGHT_M), across))
-        parts.append(_box((WALL_M, short, HEIGHT_M), along))
+        parts.append(part((2 * long, WALL_M, HEIGHT_M), across))
+        parts.append(part((WALL_M, short, HEIGHT_M), along))
 
     if bolted:
         deep = bolt_y + 0.015 - wide
         size = (0.12, deep, HEIGHT_M)
-        parts.append(_box(size, (TAB_M + 0.025, wide + deep / 2, middle)))
+        parts.append(part(size, (TAB_M + 0.025, wide + deep / 2, middle)))
 
     lid = [
-        _box((2 * long - 0.03, 2 * PLATE_M, 0.006), (0, 0, 0.004)),
-        _box((0.012, 0.012, 0.05), (0, 0, 0.032)),
+        part((2 * long - 0.03, 2 * PLATE_M, 0.006), (0, 0, 0.004)),
+        part((0.012, 0.012, 0.05), (0, 0, 0.032)),
     ]
     bodies = [
         {
@@ -151,10 +152,10 @@ def _bodies(chest: list[float], bolted: bool, off: float) -> list[Entry]:
     if not bolted:
         return bodies
 
-    lid.append(_box((0.032, 0.02, 0.006), (TAB_M, 0.0625, 0.004)))
+    lid.append(part((0.032, 0.02, 0.006), (TAB_M, 0.0625, 0.004)))
     bolt = [
-        _box((0.03, 0.02, 0.008), (0, 0, 0.005)),
-        _box((0.012, 0.012, 0.045), (0, 0, 0.0315)),
+        part((0.03, 0.02, 0.008), (0, 0, 0.005)),
+        part((0.012, 0.012, 0.045), (0, 0, 0.0315)),
     ]
     bodies.append(
         {
@@ -169,33 +170,13 @@ def _bodies(chest: list[float], bolted: bool, off: float) -> list[Entry]:
     return bodies
 
 
-def _box(size: Sequence[float], place: Sequence[float]) -> Entry:
-    return {
-        "box": [round(side, 4) for side in size],
-        "position": [round(number, 4) for number in place],
-    }
-
-
 def _joints(bolted: bool) -> list[Entry]:
-    joints = [_slider("slide", "lid", [0, 1, 0], 0.22)]
+    stiff = {"friction": 1.0, "damping": 2.0}
+    joints = [slider("slide", "lid", "chest", [0, 1, 0], 0.22, **stiff)]
     if bolted:
-        joints.append(_slider("latch", "bolt", [1, 0, 0], 0.08))
+        joints.append(slider("latch", "bolt", "chest", [1, 0, 0], 0.08, **stiff))
 
     return joints
-
-
-def _slider(name: str, body: str, axis: list[float], upper: float) -> Entry:
-    return {
-        "name": name,
-        "kind": "slider",
-        "body": body,
-        "parent": "chest",
-        "axis": axis,
-        "lower": 0,
-        "upper": upper,
-        "friction": 1.0,
-        "damping": 2.0,
-    }
 
 
 def _steps(job: str, noise_m: float, mouth: float, off: float) -> list[Entry]:

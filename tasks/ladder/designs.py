@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import chain
 
 from tasks.ladder.rung import SURE, Entry
 
@@ -93,6 +94,11 @@ def waypoint(
     """Write a waypoint of the flange, from where ``anchor`` is seen, along the world's axes."""
     offset = [round(number, 4) for number in place]
     return {"anchor": anchor, "offset": offset, "rpy": [0.0, 0.0, yaw], **pace}
+
+
+def join(jobs: Iterable[list[Entry]]) -> list[Entry]:
+    """Join the waypoints of jobs to one plan."""
+    return list(chain.from_iterable(jobs))
 
 
 def design(name: str, parts: Sequence[Entry], plan: Sequence[Entry]) -> Entry:

@@ -16,6 +16,7 @@ from tasks.ladder.designs import (
     flare,
     fork,
     funnel,
+    join,
     post,
     waypoint,
 )
@@ -79,13 +80,13 @@ def take(
         lift: how high it is carried, m.
     """
     mouth = funnel(noise_m, STEM_M)
-    plan = [step for job in jobs for step in fetch(*job, noise_m, mouth, lift)]
+    plan = join(fetch(*job, noise_m, mouth, lift) for job in jobs)
     reference = design("funnel", fork(mouth), plan)
     if noise_m <= RIGHT_M:
-        pushes = [step for job in jobs for step in push(*job)]
+        pushes = join(push(*job) for job in jobs)
         return reference, design("straight rod", [post()], pushes)
 
-    narrow = [step for job in jobs for step in fetch(*job, noise_m, NARROW_M, lift)]
+    narrow = join(fetch(*job, noise_m, NARROW_M, lift) for job in jobs)
     return reference, design("narrow fork", fork(NARROW_M, NARROW_M), narrow)
 
 

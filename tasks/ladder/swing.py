@@ -6,9 +6,9 @@ swing and noise ask, presses the button wherever it is. A rod meets it now and t
 
 from __future__ import annotations
 
-import math
 import random
 
+from tasks.ladder.bodies import button, part, run
 from tasks.ladder.designs import (
     DROP_M,
     POST_M,
@@ -26,7 +26,6 @@ DEEP_M = 0.015  # how far the button must be in at the end
 SPARE_M = 0.004
 BUTTON_M = 0.015  # half its side
 FACE_M = POST_M / 2 + THICK_M - 0.001  # of the rail, before the post's axis
-SAMPLES = 16  # of a swing
 
 
 def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
@@ -35,7 +34,6 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
     travel = DEEP_M + 2 * (SURE * noise_m + SPARE_M)
     x = 0.62 + rng.uniform(-0.02, 0.02)
     button_x = -(0.02 + travel + 0.008)
-    turns = [math.tau * number / SAMPLES for number in range(SAMPLES + 1)]
     scene = {
         "description": (
             f"A cart runs to and fro on a track along y, {1000 * swing:.0f} mm to each side of its middle, once in "
@@ -48,12 +46,7 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
                 "fixed": True,
                 "position": [round(x, 4), 0, 0],
                 "color": "gray",
-                "parts": [
-                    {
-                        "box": [0.02, round(2 * swing + 0.06, 4), 0.04],
-                        "position": [0, 0, 0.02],
-                    }
-                ],
+                "parts": [part((0.02, 2 * swing + 0.06, 0.04), (0, 0, 0.02))],
             },
             {
                 "name": "cart",
@@ -73,32 +66,8 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
             },
         ],
         "joints": [
-            {
-                "name": "run",
-                "kind": "slider",
-                "body": "cart",
-                "parent": "track",
-                "axis": [0, 1, 0],
-                "lower": round(-swing - 0.01, 4),
-                "upper": round(swing + 0.01, 4),
-                "drive": {
-                    "times": [round(period * turn / math.tau, 4) for turn in turns],
-                    "positions": [round(swing * math.sin(turn), 4) for turn in turns],
-                    "force": 60,
-                    "repeats": True,
-                },
-            },
-            {
-                "name": "press",
-                "kind": "slider",
-                "body": "button",
-                "parent": "cart",
-                "axis": [1, 0, 0],
-                "lower": 0,
-                "upper": round(travel, 4),
-                "stiffness": 60,
-                "damping": 1.0,
-            },
+            run("run", "cart", "track", swing, period),
+            button("press", "button", "cart", [1, 0, 0], travel),
         ],
         "goals": [{"joint": "press", "to": f"> {DEEP_M}"}],
         "variations": {

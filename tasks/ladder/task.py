@@ -10,18 +10,24 @@ from core.interfaces import Task
 from core.plugins import installed
 from core.task import Proof
 from core.values.harmless import Harmless
-from tasks.ladder import chain, places, sort, swing, tunnel
+from tasks.ladder import chain, jobs, places, sort, swing, tunnel
 from tasks.ladder.rung import Family, Rung, noise_at
 
 FAMILIES: dict[str, Family] = {
     "chain": chain.draw,
+    "jobs": jobs.draw,
     "places": places.draw,
     "sort": sort.draw,
     "swing": swing.draw,
     "tunnel": tunnel.draw,
 }
-Name = Literal["chain", "places", "sort", "swing", "tunnel"]
-MOST_NOISE_M = {"chain": chain.MOST_NOISE_M, "tunnel": tunnel.MOST_NOISE_M}
+CAMERA = {"position": [1.05, -0.7, 0.75], "target": [0.5, 0.0, 0.05]}
+Name = Literal["chain", "jobs", "places", "sort", "swing", "tunnel"]
+MOST_NOISE_M = {
+    "chain": chain.MOST_NOISE_M,
+    "jobs": jobs.MOST_NOISE_M,
+    "tunnel": tunnel.MOST_NOISE_M,
+}
 
 
 def draw_rung(family: str, level: int, seed: int) -> tuple[Rung, dict[str, Any]]:
@@ -39,7 +45,8 @@ def draw_rung(family: str, level: int, seed: int) -> tuple[Rung, dict[str, Any]]
     rng = random.Random(f"{family} {level} {seed}")  # noqa: S311 - no secret
     rung = FAMILIES[family](level, noise_m, rng)
     name = f"{family.title()}{level}Seed{seed}"
-    return rung, {"name": name, "noise_m": noise_m, **rung.scene}
+    whole = {"name": name, "noise_m": noise_m, "camera": CAMERA, **rung.scene}
+    return rung, whole
 
 
 def make_task(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import random
 
+from tasks.ladder.bodies import button
 from tasks.ladder.designs import THICK_M, bar, box, design, post, waypoint
 from tasks.ladder.rung import SURE, Entry, Rung
 
@@ -54,20 +55,7 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
                 "parts": [{"box": [round(0.7 * gap, 4), 0.01, round(0.7 * gap, 4)]}],
             },
         ],
-        "joints": [
-            {
-                "name": "press",
-                "kind": "slider",
-                "body": "button",
-                "parent": "tunnel",
-                "axis": [0, 1, 0],
-                "lower": 0,
-                "upper": round(travel, 4),
-                "stiffness": 60,
-                "damping": 2.0,
-                "friction": 0.2,
-            }
-        ],
+        "joints": [button("press", "button", "tunnel", [0, 1, 0], travel)],
         "goals": [{"joint": "press", "to": f"> {DEEP_M}"}],
         "variations": {
             "wide": {

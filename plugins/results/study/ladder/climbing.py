@@ -185,10 +185,11 @@ def tabulate(steps: Sequence[Step]) -> Table:
     """Make the table: a row for each family, and one for their mean."""
     head = "family|levels|mean:2|low:2|high:2|requests:0|tokens:0|rollouts:0|hours:2"
     levels = score(steps)
-    rows = [
-        _row(family, {family: found}, [s for s in steps if s.family == family])
-        for family, found in levels.items()
-    ]
+    rows = []
+    for family, found in levels.items():
+        own = [step for step in steps if step.family == family]
+        rows.append(_row(family, {family: found}, own))
+
     rows.append(_row(MEAN, levels, steps))
     return Table.of("ladder", head, rows)
 
@@ -219,10 +220,7 @@ def _report(folder: Path, method: str, steps: Sequence[Step]) -> None:
     table = tabulate(steps)
     names = [column.name for column in table.columns]
     digits = [column.digits for column in table.columns]
-    printed = [
-        [_format(cell, count) for cell, count in zip(row, digits, strict=True)]
-        for row in table.rows
-    ]
+    printed = [list(map(_format, row, digits)) for row in table.rows]
     print_table(names, printed, names[2:])
 
     figure = draw(method, score(steps))

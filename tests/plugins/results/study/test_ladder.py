@@ -1,6 +1,7 @@
 """``vlmgineer study ladder``: which rungs count, when a climb ends, and what is said of it."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 
@@ -131,6 +132,42 @@ def test_a_rung_counts_by_what_is_tried_and_is_tried_once(tmp_path, monkeypatch)
     other = [w.replace("level=1", "level=2") for w in words]
     with pytest.raises(AssertionError, match="again"):
         admit(other, file)
+
+
+def tried(shares, status="ok"):
+    """What came of a design that holds in such shares of 20 layouts, by engine."""
+    trials = []
+    for engine, share in shares.items():
+        for number in range(20):
+            reward = 1.0 if number < round(20 * share) else 0.0
+            trials.append(SimpleNamespace(engine=engine, reward=reward))
+
+    return SimpleNamespace(trials=trials, status=status, reason="it is too long")
+
+
+BOTH = {"mujoco": 1.0, "sapien": 1.0}
+NONE = {"mujoco": 0.0, "sapien": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("reference", "simpler", "waiting", "refused"),
+    [
+        (BOTH, NONE, NONE, ""),
+        ({"mujoco": 0.95, "sapien": 1.0}, NONE, NONE, ""),
+        ({"mujoco": 0.9, "sapien": 1.0}, NONE, NONE, "the reference holds in 90 %"),
+        (BOTH, {"mujoco": 0.9, "sapien": 1.0}, NONE, ""),
+        (BOTH, {"mujoco": 0.95, "sapien": 1.0}, NONE, "the simpler design holds"),
+        (BOTH, {}, NONE, ""),
+        ({}, NONE, NONE, "the reference was rejected: it is too long"),
+        (BOTH, NONE, {"mujoco": 0.05, "sapien": 0.0}, "waiting earns 1"),
+    ],
+)
+def test_a_rung_counts_if_it_can_be_solved_and_takes_thought(
+    reference, simpler, waiting, refused
+):
+    found = admission._judge("sum", list(map(tried, (reference, simpler, waiting))))
+    assert found.refused.startswith(refused)
+    assert bool(found.refused) == bool(refused)
 
 
 def test_words_that_differ_are_refused_for_runs_that_are_there(tmp_path, monkeypatch):
