@@ -18,6 +18,12 @@ def part(size: Sequence[float], place: Sequence[float]) -> Entry:
     }
 
 
+def mark(place: Sequence[float]) -> Entry:
+    """Write a mark on the table where something is to stand, which nothing touches."""
+    position = [*place, 0.001]
+    return {"name": "place", "radius": 0.03, "position": position, "color": "green"}
+
+
 def slider(
     name: str, body: str, parent: str, axis: list[float], upper: float, **more: float
 ) -> Entry:

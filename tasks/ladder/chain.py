@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import random
 
-from tasks.ladder.bodies import part, slider
+from tasks.ladder.bodies import mark, part, slider
 from tasks.ladder.designs import (
     DROP_M,
     NECK_M,
@@ -39,7 +39,7 @@ LEVELS = (
 SAY = {
     "bolt": "slide the red bolt away from the robot",
     "lid": "slide the lid open by its knob",
-    "out": "take the gold pawn out and stand it at the given place",
+    "out": "take the gold pawn out and stand it on the green mark",
     "shut": "shut the lid",
     "lock": "slide the bolt back",
 }
@@ -87,6 +87,11 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
             f"must stand at ({GOAL[0]:g}, {GOAL[1]:g}), within {1000 * place:.0f} mm. What is slid back must end "
             f"within {1000 * off:.0f} mm of where it was."
         ),
+        "in_words": (
+            f"A chest with a sliding lid holds a golden pawn. In this order: {listed}. The pawn must stand upright on "
+            "the middle of the green mark. What is slid back must end where it was."
+        ),
+        "marks": [mark(GOAL)],
         "bodies": _bodies(chest, bolted, off),
         "joints": _joints(bolted),
         "every": True,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import random
 
-from tasks.ladder.bodies import button, part, run
+from tasks.ladder.bodies import button, mark, part, run
 from tasks.ladder.designs import (
     POST_M,
     THICK_M,
@@ -55,7 +55,7 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
             "also": [{"axis": [0, 0, 1], "tolerance_deg": 10}],
         }
     ]
-    said = [f"carry the red pawn to ({GOAL[0]:g}, {GOAL[1]:g}) and let it stand there"]
+    said = ["carry the red pawn to the middle of the green mark and let it stand there"]
     parts = fork(mouth)
     plan = fetch("pawn", GOAL, noise_m, mouth, LIFT_M)
     joints: list[Entry] = []
@@ -64,9 +64,7 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
         bodies += _slot(gap, travel)
         joints.append(button("push", "deep", "slot", [0, 1, 0], travel))
         goals.append({"joint": "push", "to": f"> {DEEP_M}", "ever": True})
-        said.append(
-            f"press the green button deep in the slot by {1000 * DEEP_M:.0f} mm, once"
-        )
+        said.append("press the green button deep in the slot once")
         parts.append(bar("rod", (0, 0), (0, ROD_M), "post", drop=ROD_DROP_M))
         plan += _push(travel, noise_m)
 
@@ -78,15 +76,19 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
     ]
     goals.append({"joint": "press", "to": f"> {DEEP_M}"})
     said.append(
-        f"press the blue button on the cart that runs to and fro by {1000 * DEEP_M:.0f} mm, and keep it pressed to the "
-        "end"
+        "press the blue button on the cart that runs to and fro, and keep it pressed to the end"
     )
     half = SWING_M + SURE * noise_m + 0.025
     behind = -FACE_M + THICK_M / 2
     parts.append(bar("rail", (-half, behind), (half, behind), "post", drop=RAIL_DROP_M))
     plan += _keep(travel, noise_m)
     scene = {
-        "description": f"{len(said)} jobs for one tool: {'; '.join(said)}.",
+        "description": (
+            f"{len(said)} jobs for one tool: {'; '.join(said)}. The mark is at ({GOAL[0]:g}, {GOAL[1]:g}), the pawn "
+            f"must stand within {1000 * TOLERANCE_M:.0f} mm of it, and a button counts from {1000 * DEEP_M:.0f} mm on."
+        ),
+        "in_words": f"Jobs for one tool: {'; '.join(said)}.",
+        "marks": [mark(GOAL)],
         "bodies": bodies,
         "joints": joints,
         "every": True,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import random
 
+from tasks.ladder.bodies import mark
 from tasks.ladder.designs import SLOT_LENGTH_M, THICK_M, flare, funnel
 from tasks.ladder.pawns import STEM_M, pawn, rail, take
 from tasks.ladder.rung import SURE, Entry, Rung
@@ -37,9 +38,15 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
     scene = {
         "description": (
             "A red pawn stands on the table between four glasses, one of them behind it. Carry it over the rail to "
-            f"({GOAL[0]:g}, {GOAL[1]:g}), where it must stand upright within {1000 * TOLERANCE_M:.0f} mm and be let "
-            "go. The robot must touch no glass, and none may be moved."
+            f"the green mark at ({GOAL[0]:g}, {GOAL[1]:g}), where it must stand upright, within "
+            f"{1000 * TOLERANCE_M:.0f} mm, and be let go. The robot must touch no glass, and none may be moved."
         ),
+        "in_words": (
+            "A red pawn stands on the table between four glasses, one of them behind it. Carry it over the rail to the "
+            "middle of the green mark, where it must stand upright and be let go. The robot must touch no glass, and "
+            "none may be moved."
+        ),
+        "marks": [mark(GOAL)],
         "bodies": [pawn("pawn", x, y, "red"), *glasses, rail("rail", -0.31, 0.4)],
         "goals": [
             {

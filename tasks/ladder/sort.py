@@ -41,6 +41,11 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
             "one into the red zone at the left, and each blue one into the blue zone at the right, with one plan. All "
             "must stay upright and be let go."
         ),
+        "in_words": (
+            "Pawns, red and blue, stand in a row on the table, between two low rails. Carry each red one into the red "
+            "zone at the left, and each blue one into the blue zone at the right, with one plan. All must stay upright "
+            "and be let go."
+        ),
         "bodies": [*bodies, rail("rail_1", 0.31, 0.4), rail("rail_2", -0.31, 0.4)],
         "marks": [
             _zone("red_zone", ZONE_Y_M, "salmon"),

@@ -40,6 +40,10 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
             f"{period:.1f} s. On its side toward the robot is a sprung button. At the end the button must be pressed "
             f"by at least {1000 * DEEP_M:.0f} mm, while the cart runs on."
         ),
+        "in_words": (
+            "A cart runs to and fro on a track. On its side toward the robot is a sprung button. At the end the button "
+            "must be pressed, while the cart runs on."
+        ),
         "bodies": [
             {
                 "name": "track",

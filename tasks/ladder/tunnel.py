@@ -37,6 +37,10 @@ def draw(level: int, noise_m: float, rng: random.Random) -> Rung:
             f"{math.degrees(angle):.0f} degrees, {1000 * gap:.0f} mm wide and high, closed at its far end, where a "
             f"button is. Press the button by {1000 * DEEP_M:.0f} mm."
         ),
+        "in_words": (
+            "A tunnel lies on the table, bent into a part of a circle, closed at its far end, where a button is. Press "
+            "the button."
+        ),
         "bodies": [
             {
                 "name": "tunnel",

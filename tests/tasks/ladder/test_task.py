@@ -1,6 +1,7 @@
 """Each rung of the ladder is drawn the same each time, is a scene that files can say, and gets harder."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -54,6 +55,13 @@ def test_no_model_is_shown_the_design_that_solves_it(family):
         assert word not in task.source()
         assert word not in task.description
     assert "tool_components" in reference
+
+
+@every_family
+def test_words_for_pictures_have_no_numbers(family):
+    told = make(family, 5).in_words
+    assert len(told.split()) > 15
+    assert not re.search(r"\d", told)
 
 
 def test_places_are_seen_worse_from_level_to_level_and_no_better_than_a_run_asks():
