@@ -126,9 +126,9 @@ def _check_length(poses: Array) -> None:
 
     if knots.sum() > MAX_KNOTS:
         raise DesignError(
-            f"the way through the waypoints is {metres.sum():.0f} m and {radians.sum():.0f} rad long, in "
-            f"{knots.sum():.0f} steps; at most {MAX_KNOTS} steps are allowed, each of {KNOT_M:g} m or {KNOT_RAD:g} "
-            "rad, and at least one to each waypoint that is elsewhere"
+            f"the way through the waypoints is {metres.sum():.0f} m and {radians.sum():.0f} rad long; at most "
+            f"{MAX_KNOTS} steps are allowed, each of {KNOT_M:g} m or {KNOT_RAD:g} rad and at least one to each "
+            f"waypoint, and it takes {knots.sum():.0f}"
         )
 
 

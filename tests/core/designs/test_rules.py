@@ -262,7 +262,7 @@ def test_plans_become_arrays():
         ([WAYPOINT] * 201, "has 201 waypoints"),
         (
             [[2.9 * (-1) ** i, 0, 0.5, 0, 0, 0] for i in range(200)],
-            "is 1154 m and 0 rad long, in 57[0-9]{3} steps; at most 2000 steps",
+            "is 1154 m and 0 rad long; at most 2000 steps .* and it takes 57[0-9]{3}$",
         ),
         (
             [[*WAYPOINT[:3], 0, 0, 3.0 * (i % 2)] for i in range(199)],
