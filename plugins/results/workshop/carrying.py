@@ -163,7 +163,9 @@ class LifeSizeMove(Move):
 
     def has_fired(self, time: float, joints: Array, force: Array) -> bool:
         large = self.to_life.inverse
-        return self.planned.has_fired(large.time * time, joints, large.force * force)
+        return self.planned.has_fired(
+            large.time * time, large.joints(joints), large.force * force
+        )
 
 
 class Perceived:
@@ -284,7 +286,10 @@ def carry_out(
             stopped = driver.move_until(move)
             _say_move(move, stopped)
             if stopped is not None:
-                stopped = stopped._replace(time=stopped.time / life.time)
+                stopped = stopped._replace(
+                    time=stopped.time / life.time,
+                    joints=life.inverse.joints(stopped.joints),
+                )
             step = policy.moved(stopped)
             continue
 

@@ -86,7 +86,7 @@ def write_export(
         _write_plan(export, representation, folder / "plan")
 
     for name, move in export.moves.items():
-        table = to_csv(move, robot.arm_joints)
+        table = to_csv(move, robot)
         write_bytes(folder / "motion" / f"{name}.csv", table.encode())
 
     text = json.dumps(export.figures(), indent=2)

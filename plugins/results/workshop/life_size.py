@@ -34,13 +34,22 @@ class Ratio:
 
     Attributes:
         length: by which lengths are multiplied.
+        slides: whether each of the arm's joints slides (J,); empty: all turn.
     """
 
     length: float
+    slides: tuple[bool, ...] = ()
 
     @property
     def inverse(self) -> Ratio:
-        return Ratio(1 / self.length)
+        return Ratio(1 / self.length, self.slides)
+
+    def joints(self, values: Array) -> Array:
+        """Convert positions (..., J) of the arm's joints: those that slide grow."""
+        if not any(self.slides):
+            return values
+
+        return values * np.where(self.slides, self.length, 1.0)
 
     @property
     def time(self) -> float:
@@ -165,7 +174,7 @@ class Ratio:
 
         return Recording(
             times=self.time * recording.times,
-            arm=recording.arm,
+            arm=self.joints(recording.arm),
             fingers=recording.fingers * np.array([self.length] * fingers + ways),
             states=self._states(recording.states),
             forces={k: self.force * v for k, v in recording.forces.items()},
@@ -186,7 +195,7 @@ class Ratio:
     def trajectory(self, trajectory: JointTrajectory) -> JointTrajectory:
         return JointTrajectory(
             self.time * trajectory.times,
-            trajectory.arm,
+            self.joints(trajectory.arm),
             self.length * trajectory.fingers,
         )
 
@@ -208,8 +217,9 @@ class Ratio:
         return replace(
             samples,
             times=self.time * samples.times,
-            velocities=samples.velocities / self.time,
-            accelerations=samples.accelerations / self.length,
+            positions=self.joints(samples.positions),
+            velocities=self.joints(samples.velocities) / self.time,
+            accelerations=self.joints(samples.accelerations) / self.length,
             fingers=self.length * samples.fingers,
         )
 
@@ -219,4 +229,4 @@ LIFE_SIZE = Ratio(1.0)
 
 def to_life(robot: Robot) -> Ratio:
     """Return what leads from the size in which a robot is simulated to that of the arm that stands in the lab."""
-    return Ratio(1 / robot.enlarged)
+    return Ratio(1 / robot.enlarged, robot.slides)

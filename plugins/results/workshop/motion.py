@@ -19,6 +19,7 @@ from core.errors import UsageError
 from core.geometry import Array
 from core.interfaces import JointTrajectory
 from core.robot.kinematics import Arm
+from core.values.robots import Robot
 
 SHARE = 0.97
 """Of the velocity and acceleration limits, at most."""
@@ -36,7 +37,8 @@ class Sampled:
 
     Attributes:
         times: (T,) seconds, from 0.
-        positions: (T, J) of the arm's joints, radians; with ``velocities`` and ``accelerations``.
+        positions: (T, J) of the arm's joints, radians, or metres where one slides; with ``velocities`` and
+            ``accelerations``.
         fingers: (T,) each finger's distance from the middle, metres.
         slower: how many times longer it takes than the motion that was simulated.
     """
@@ -139,7 +141,7 @@ def approach(
             f"{lowest:.2f} to {highest:.2f}" for lowest, highest in pairs
         )
         raise UsageError(
-            f"from must be {len(end)} joint angles in radians within {limits}; got {start.tolist()}"
+            f"from must be {len(end)} joint positions, radians or metres, within {limits}; got {start.tolist()}"
         )
 
     way = end - start
@@ -193,11 +195,13 @@ def cut(
     return None
 
 
-def to_csv(motion: Sampled, joints: tuple[str, ...]) -> str:
+def to_csv(motion: Sampled, robot: Robot) -> str:
     """Write a row for each sample: time, then positions, velocities and accelerations, and the fingers."""
+    units = ["m" if slides else "rad" for slides in robot.slides]
     names = ["time_s"]
-    for kind in ("rad", "rad_s", "rad_s2"):
-        names += [f"{joint}_{kind}" for joint in joints]
+    for rate in ("", "_s", "_s2"):
+        for joint, unit in zip(robot.arm_joints, units, strict=True):
+            names.append(f"{joint}_{unit}{rate}")
 
     names.append("finger_m")
 

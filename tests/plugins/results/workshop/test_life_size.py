@@ -14,7 +14,7 @@ from core.design import Component, Tool
 from core.designs.planning import resolve
 from core.errors import UserError
 from core.geometry import Box, Pose
-from core.interfaces import RolloutSettings
+from core.interfaces import JointTrajectory, RolloutSettings
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.robot.trajectory import plan_task_motion
@@ -25,8 +25,11 @@ from plugins.results.workshop.clearance import clearance
 from plugins.results.workshop.examination import Examination
 from plugins.results.workshop.export_command import configured, export
 from plugins.results.workshop.life_size import Ratio, to_life
+from plugins.results.workshop.motion import sample, to_csv
 from plugins.results.workshop.replay import play_motion
 from plugins.robots.enlarging import enlarge
+from plugins.robots.own_arm import read_robot
+from tests import scara
 from tests.outside_arm import FLANGE, HOME, write_arm
 from tests.panda import PANDA
 from tests.playing import condition
@@ -48,6 +51,35 @@ LARGER = Ratio(K)
 
 def box(size, mass, joint=None, name="part", parent="tool_mount", at=(0.0, 0.0, -0.1)):
     return Component(name, parent, Pose(np.array(at)), Box(size), mass, joint=joint)
+
+
+def test_a_joint_that_slides_is_as_much_shorter(tmp_path):
+    """So the arm in the lab reaches the same place, as much nearer."""
+    file = scara.write(tmp_path / "scara.urdf")
+    large = read_robot(file, scara.HOME, "tool0", reach=0.8 / K)
+    life = to_life(large)
+    turned = np.add(large.home, [0.2, 0.1, 0.3, -0.4])
+    far = arm_of(large).forward(turned)
+    near = arm_of(large.life_size).forward(life.joints(turned))
+    np.testing.assert_allclose(near.position, far.position / K, atol=1e-5)
+
+    played = sample(
+        JointTrajectory(
+            np.array([0.0, 2.0]), np.array([large.home, turned]), np.zeros(2)
+        ),
+        arm_of(large),
+        100,
+    )
+    small = life.samples(played)
+    np.testing.assert_allclose(
+        small.positions, life.joints(played.positions), atol=1e-12
+    )
+    # The speeds are those of the positions.
+    rates = np.gradient(small.positions, small.times, axis=0)
+    np.testing.assert_allclose(rates[5:-5], small.velocities[5:-5], atol=5e-3)
+    header = to_csv(small, large.life_size).splitlines()[0].split(",")
+    assert [header[3], header[7], header[11]] == ["j3_m", "j3_m_s", "j3_m_s2"]
+    assert life.inverse.joints(life.joints(turned)) == pytest.approx(turned)
 
 
 # --- numbers ----------------------------------------------------------------------------------------------------------

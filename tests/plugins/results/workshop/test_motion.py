@@ -86,7 +86,7 @@ def test_a_motion_cut_by_where_the_arm_rests():
 
 def test_files_have_every_sample():
     made = sample(planned("OneBook").trajectory, ARM, 100)
-    lines = to_csv(made, PANDA.arm_joints).splitlines()
+    lines = to_csv(made, PANDA).splitlines()
     assert len(lines) == len(made.times) + 1
     assert lines[0].split(",")[:2] == ["time_s", "panda_joint1_rad"]
     assert len(lines[1].split(",")) == 1 + 3 * 7 + 1
