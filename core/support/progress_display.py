@@ -53,6 +53,11 @@ def note(name: str, text: str) -> None:
         _notes.pop(name, None)
 
 
+def find_step() -> str:
+    """Return what is being done, the last that began, for another thread to say; empty: nothing that takes long."""
+    return next((step.what for step in reversed(_steps.copy())), "")
+
+
 def show_progress(say: Callable[[str], None]) -> None:
     """Say from now on what takes long; ``say`` prints a line on standard error."""
     threading.Thread(target=_watch, args=(say,), daemon=True).start()

@@ -69,11 +69,6 @@ class Agent(VLM):
         self._say(f"{self._count} candidates tried, last {evaluation.candidate.id}")
 
     @hookimpl
-    def finalist_tried(self, evaluation: Evaluation) -> None:
-        count = evaluation.finals.count
-        self._say(f"{evaluation.candidate.id} was tried in {count} further layouts")
-
-    @hookimpl
     def run_finished(self, result: Result) -> None:
         self.result = result
         if self.bench is not None:

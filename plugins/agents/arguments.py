@@ -1,15 +1,17 @@
-"""Define the arguments of each tool, which are checked as they arrive."""
+"""Define the arguments of each tool, which are read as generously as a model's replies, and checked as they arrive."""
 
 from __future__ import annotations
 
+import difflib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, BeforeValidator, Field, WithJsonSchema
 
 from core.designs.curves import MOST, Axis
+from core.errors import choices
 from core.support.inputs import FIELDS, check
 from core.support.text import clean
 from plugins.agents.bench import Refused
@@ -22,14 +24,56 @@ DOCUMENTS = {
 }
 """What an agent may read beside its tools' answers."""
 
+WAIT = "wait"
+FINISH = "finish"
+JOBS = ("try_design", "try_curve", FINISH)
+"""The tools whose calls may take long: they go on after a first answer, and `WAIT` gives the last one."""
+
 MOST_DESIGNS = 2_000_000
 """Characters of a designs document, some ten times the longest answer of a model."""
 
-Kind = Literal["rigid", "gripper"]
+_ALIKE = 0.75  # of a name's letters: then it is the other one with a mistake
+_OF_DESIGNS = (
+    "strategies",
+    "action_sets",
+)  # keys of a designs document, or of a design
+
+
+def _read_json(given: object) -> object:
+    """Read a value that is written as JSON's text; any other text stays as it is."""
+    if not isinstance(given, str):
+        return given
+    try:
+        return json.loads(given)
+    except (ValueError, RecursionError):
+        return given
+
+
+def _read_name(given: object) -> object:
+    """Read a name as people write it, such as ``Scene view``."""
+    if not isinstance(given, str):
+        return given
+    return given.strip().lower().removesuffix("view").strip()
+
+
+def _check_document(given: object) -> object:
+    if isinstance(given, dict | list | str):
+        return given
+    raise ValueError(
+        'must be a designs document, {"strategies": [{...}]}, or its JSON text'
+    )
+
+
+Kind = Annotated[Literal["rigid", "gripper"], BeforeValidator(_read_name)]
 Coordinate = Annotated[float, Field(ge=-10, le=10, allow_inf_nan=False)]
-Point = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
+Point = Annotated[
+    list[Coordinate], BeforeValidator(_read_json), Field(min_length=3, max_length=3)
+]
+Document = dict[str, Any] | list[Any] | str
 Designs = Annotated[
-    dict[str, Any] | str,
+    Any,
+    BeforeValidator(_check_document),
+    WithJsonSchema({"type": ["object", "array", "string"]}),
     Field(
         description='A designs document, {"strategies": [{...}]}, as describe_task says it; or its JSON text.'
     ),
@@ -57,7 +101,7 @@ class DescribeTask(Arguments):
 
 
 class Look(Arguments):
-    view: str | None = Field(
+    view: Annotated[str, BeforeValidator(_read_name)] | None = Field(
         None,
         max_length=50,
         description="scene (the task's camera), close, robot, front, side or top; the last three with grids, m.",
@@ -86,7 +130,9 @@ class TryDesign(Arguments):
 
 class TryCurve(Arguments):
     candidate: CandidateId
-    axes: Annotated[list[Axis], Field(min_length=1, max_length=MOST)] = Field(
+    axes: Annotated[
+        list[Axis], BeforeValidator(_read_json), Field(min_length=1, max_length=MOST)
+    ] = Field(
         description=(
             "One or two numbers of the design, each with the range of what is added to it (m or rad): `add_to` is a "
             "coordinate of `waypoints` (from 1; none: all), or with `component` one of its pose on its parent, or a "
@@ -104,6 +150,10 @@ class Watch(Arguments):
 
 class BestDesigns(Arguments):
     count: int = Field(3, ge=1, le=10, description="How many designs are shown whole.")
+
+
+class Wait(Arguments):
+    pass
 
 
 class Finish(Arguments):
@@ -153,6 +203,10 @@ KINDS: dict[str, ToolKind] = {
         "the rollouts of budget.curves candidates. Each of them counts like any other design.",
         reads_only=False,
     ),
+    WAIT: ToolKind(
+        Wait,
+        "Wait for what goes on, such as finish: its answer, or after some seconds how far it is. Free.",
+    ),
     "watch": ToolKind(
         Watch,
         "See a film strip of a trial: six instants at which something happens. Free.",
@@ -161,28 +215,47 @@ KINDS: dict[str, ToolKind] = {
         BestDesigns,
         "List what was tried, the best first, with the designs of the best. Free.",
     ),
-    "finish": ToolKind(
+    FINISH: ToolKind(
         Finish,
         "End the search: the best are tried in more layouts, the winner is chosen and written. Nothing can be tried "
-        "afterwards.",
+        "afterwards. It goes on while you wait for it.",
         reads_only=False,
     ),
 }
 """The tools, by name."""
 
 
-def read_arguments(name: str, given: Mapping[str, Any]) -> Arguments:
+def read_arguments(name: str, given: Mapping[str, Any]) -> tuple[Arguments, list[str]]:
     """Check the arguments of a call.
+
+    Returns:
+        The arguments, and what was assumed of them, a line each.
 
     Raises:
         Refused: there is no such tool, or they are not its arguments; says which.
     """
     if name not in KINDS:
         raise Refused(f"no tool {clean(name, 60)!r}; there are: {', '.join(KINDS)}")
-    return check(KINDS[name].arguments, dict(given), name, Refused)
+
+    model = KINDS[name].arguments
+    known = {key: value for key, value in given.items() if key in model.model_fields}
+    others = {key: value for key, value in given.items() if key not in known}
+    assumed = []
+    if "designs" in model.model_fields and any(key in others for key in _OF_DESIGNS):
+        known.setdefault("designs", others)
+        others = {}
+        assumed.append("what stood beside the arguments was read as `designs`")
+
+    for key in others:
+        shown = clean(str(key), 60)
+        if difflib.get_close_matches(key, model.model_fields, 1, _ALIKE):
+            raise Refused(f"{name}: {choices('argument', shown, model.model_fields)}")
+        assumed.append(f"{shown!r} is no argument of {name}, and was left out")
+
+    return check(model, known, name, Refused), assumed
 
 
-def read_text(designs: dict[str, Any] | str) -> str:
+def read_text(designs: Document) -> str:
     """Return a designs document as the text of a reply.
 
     Raises:

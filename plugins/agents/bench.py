@@ -16,6 +16,7 @@ from typing import Any, Protocol
 
 from core.errors import RAISED, UserError, in_line
 from core.interfaces import Picture, Text
+from core.support.progress_display import find_step
 
 MOST_WAITING = 16
 """The most calls that wait in line; more are refused at once."""
@@ -73,23 +74,27 @@ class Call:
 class Bench:
     """The line of an agent's calls, and the one whose answer the run is making.
 
-    **Threads.** `submit`, `leave` and `doing` are called by the protocol's thread, the others by the run's.
+    **Threads.** `submit`, `describe` and `leave` are called by the protocol's thread, the others by the run's.
 
     Attributes:
+        interrupt: interrupts the run's thread.
         desk: does what calls ask for; None: the run is not made yet.
         folder: of the run; None: it has not begun.
         has_ended: the run has come to its end.
         agent: the name of the program that calls, as it says itself.
-        doing: what the run is at, in words, for who waits.
+        doing: what the run is at, in words.
         designs: the document that is to be tried.
+        is_trying: designs that a call brought are being tried.
     """
 
+    interrupt: Callable[[], None] = lambda: None
     desk: Desk | None = None
     folder: Path | None = None
     has_ended: bool = False
     agent: str = ""
     doing: str = "the run is being made ready"
     designs: str | None = None
+    is_trying: bool = False
     _line: queue.Queue[Call | None] = field(default_factory=queue.Queue)
     _open: Call | None = None
     _ended: str | None = None
@@ -113,9 +118,16 @@ class Bench:
         self._line.put(call)
         return call.future
 
+    def describe(self) -> str:
+        """Say what the run is at."""
+        step = find_step()
+        return f"{self.doing}: {step}" if step and not self.is_trying else self.doing
+
     def leave(self) -> None:
-        """Say that no further call will come."""
+        """Say that no further call will come. What is being tried is interrupted; finals go on to their end."""
         self._line.put(None)
+        if self.is_trying:
+            self.interrupt()
 
     # --- the run's thread ---------------------------------------------------------------------------------------
 
@@ -128,7 +140,7 @@ class Bench:
         desk = self.desk
         assert desk is not None
         while True:
-            self.doing = "it is this call's turn"
+            self.is_trying = False
             call = self._line.get()
             if call is None:
                 raise KeyboardInterrupt
@@ -136,17 +148,15 @@ class Bench:
             if not call.future.set_running_or_notify_cancel():
                 continue
 
+            self.doing = f"doing {call.name}"
             try:
                 call.future.set_result(desk.do(call.name, call.arguments))
             except Later as later:
                 self._open = call
                 self.designs = later.designs
-                self.doing = (
-                    "trying the best in more layouts, and writing what was found"
-                )
-                if later.designs is not None:
-                    self.doing = "trying"
-                return later.designs is not None
+                self.is_trying = later.designs is not None
+                self.doing = "trying" if self.is_trying else "finals"
+                return self.is_trying
             except Refused as refused:
                 call.future.set_exception(refused)
             except RAISED as error:
@@ -177,17 +187,18 @@ class Bench:
             _log.warning("%s failed", call.name, exc_info=error)
             call.future.set_exception(Refused(f"{call.name}: {in_line(error)}"))
 
-    def end(self, why: str) -> None:
-        """Refuse the calls that wait, and those that still come."""
+    def end(self, why: str) -> bool:
+        """Refuse the calls that wait, and those that still come; return whether any waited."""
         self._ended = why
         waiting = [self._open]
         self._open = None
         while not self._line.empty():
             waiting.append(self._line.get())
 
-        for call in waiting:
-            if call is not None and not call.future.done():
-                call.future.set_exception(Refused(why))
+        left = [call for call in waiting if call and not call.future.done()]
+        for call in left:
+            call.future.set_exception(Refused(why))
+        return bool(left)
 
 
 class _Ended:
@@ -203,10 +214,10 @@ class _Ended:
 _bench: list[Bench] = []
 
 
-def open_bench() -> Bench:
+def open_bench(interrupt: Callable[[], None]) -> Bench:
     """Open this process's bench: as its input and output, there is one."""
     assert not _bench, "a process has one bench"
-    _bench.append(Bench())
+    _bench.append(Bench(interrupt))
     return _bench[0]
 
 

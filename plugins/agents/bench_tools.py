@@ -34,7 +34,7 @@ from core.search.designer import ModelDesigner
 from core.simulation.checking import find_problems
 from core.store.run_figures import second_engine_figures
 from core.support.templates import fill
-from core.support.text import by_reason
+from core.support.text import by_reason, clean
 from core.trial import best_first
 from core.values.plans import Anchor
 from plugins.agents.agent import Agent
@@ -111,7 +111,7 @@ class Driven(Protocol):
 
 
 class Tools:
-    """The eight tools, and the documents, of a run's search.
+    """The tools, and the documents, of a run's search.
 
     Args:
         search: what they work on.
@@ -119,12 +119,14 @@ class Tools:
 
     def __init__(self, search: Driven) -> None:
         self._search = search
+        self._assumed: Sequence[str] = ()
         self._does: dict[str, Callable[[Any], Answer]] = {
             "describe_task": self._describe_task,
             "look": self._look,
             "check_design": self._check_design,
             "try_design": self._try_design,
             "try_curve": self._try_curve,
+            "wait": self._wait,
             "watch": self._watch,
             "best_designs": self._best_designs,
             "finish": self._finish,
@@ -137,8 +139,12 @@ class Tools:
         if name in documents:
             return [Text(documents[name]())]
 
-        asked = read_arguments(name, arguments)
-        return self._does[name](asked)
+        asked, self._assumed = read_arguments(name, arguments)
+        return [*self._say_assumed(), *self._does[name](asked)]
+
+    def _say_assumed(self) -> Answer:
+        """Say what was assumed of the arguments of the call that is being answered."""
+        return [Text(line) for line in self._assumed]
 
     # --- what is known of the run ---------------------------------------------------------------------------------
 
@@ -378,6 +384,11 @@ class Tools:
     def _unplayed(self) -> list[Evaluation]:
         return [e for e in self._search.tried if e.status != "ok"]
 
+    def _wait(self, asked: Arguments) -> Answer:
+        if self._result is not None:
+            return self.describe_result()
+        return [Text(f"Nothing goes on. {self._state()}")]
+
     def _finish(self, asked: Arguments) -> Answer:
         if self._result is not None:
             return self.describe_result()
@@ -394,7 +405,7 @@ class Tools:
         entries = [_dump(self._told.describe(evaluation)) for evaluation in others]
         if curve:
             entries.append(self._told.describe_curve(curve))
-        return [Text("\n\n".join([*entries, self._state()]))]
+        return [*self._say_assumed(), Text("\n\n".join([*entries, self._state()]))]
 
     def describe_result(self) -> Answer:
         """Say what the run came to."""
@@ -458,12 +469,15 @@ class Tools:
         Raises:
             Refused: none of this id was tried.
         """
-        for evaluation in self._search.tried:
-            if evaluation.candidate.id == name:
-                return evaluation
-        raise Refused(
-            f"no candidate {name!r} was tried; best_designs lists those that were"
-        )
+        tried = self._search.tried
+        found = [e for e in tried if e.candidate.id == name]
+        if not found:  # its end names it, where no other ends so
+            found = [e for e in tried if e.candidate.id.endswith(f"-{name}")]
+        if len(found) != 1:
+            raise Refused(
+                f"no candidate {clean(name, 60)!r} was tried; best_designs lists those that were"
+            )
+        return found[0]
 
 
 def _name(candidate: Candidate) -> str:

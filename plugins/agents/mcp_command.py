@@ -6,23 +6,18 @@ import logging
 import os
 import secrets
 import shlex
+import signal
 import socket
 import sys
 import threading
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO
 
-from omegaconf import OmegaConf
-
-from core.config.compose import load
-from core.config.gate import choose_again
 from core.errors import UsageError, UserError
-from core.run import main as run_main
-from core.store.reader import StoredRun
 from core.support.cli import answer_help, read_path, say
-from core.support.text import clean, hydra_word
+from core.support.text import clean
 from plugins.agents.bench import Bench, open_bench
 
 USAGE = """usage: vlmgineer mcp [folder=FOLDER] [port=N] [GROUP=NAME | KEY=VALUE ...]
@@ -33,13 +28,6 @@ The words are those of python -m core.run. With folder=FOLDER the run lies there
 Without port=N the server speaks over standard input and output; with it, over HTTP at 127.0.0.1, with a token."""
 
 TOKEN = "VLMGINEER_MCP_TOKEN"  # noqa: S105  # the name of a variable
-CHOSEN = {"vlm": "agent", "evolution": "agent"}
-"""What drives the run."""
-
-USUAL = {"budget.elite_s": "0", "budget.curves": "20"}
-"""What differs from other runs unless the words set it: an agent decides by itself what is worth more trials."""
-
-_MAY_DIFFER = ("executor", "listener", "film", "name", "second", "patience_s")
 _FLUSH_S = 2.0  # for the last answers
 
 
@@ -53,12 +41,15 @@ def main(words: list[str]) -> int | None:
     words = answer_help(USAGE, words)
     folder, port, words = _take_words(words)
     streams = None if port is not None else _take_streams()
-    run_words = _choose_run(folder, words)
-    bench = open_bench()
+    bench = open_bench(_interrupt)
     server = _start_server(bench, port, streams)
 
     try:
-        run_main(run_words)
+        # They take seconds to import, and a client waits for its first answer.
+        from core.run import main as run_main
+        from plugins.agents.choosing import choose_run
+
+        run_main(choose_run(folder, words))
         bench.serve()
     except KeyboardInterrupt:
         hints = _hints(bench)
@@ -66,11 +57,16 @@ def main(words: list[str]) -> int | None:
             raise KeyboardInterrupt(*hints) from None
         say("; ".join(["the agent has left", *hints]), file=sys.stderr)
     except BaseException as error:
-        bench.end(clean(str(error), 1000) or "the run has ended")
-        server.join(_FLUSH_S)
+        if bench.end(clean(str(error), 1000) or "the run has ended"):
+            server.join(_FLUSH_S)
         raise
 
     return 0
+
+
+def _interrupt() -> None:
+    """Interrupt the main thread, as a person would."""
+    os.kill(os.getpid(), signal.SIGINT)
 
 
 def _hints(bench: Bench) -> list[str]:
@@ -110,51 +106,6 @@ def _read_port(value: str) -> int:
     return int(value)
 
 
-def _choose_run(folder: Path | None, words: Sequence[str]) -> list[str]:
-    """Return the words with which the run begins, or goes on where there is one in its folder.
-
-    Raises:
-        UsageError: words of another model or strategy, or the folder holds another run.
-    """
-    resumed = [word for word in words if word.startswith("resume=")]
-    if resumed:
-        if folder is not None:
-            raise UsageError(f"{resumed[0]}: leave folder={folder} away")
-        return list(words)
-
-    chosen = list(words)
-    for key, value in CHOSEN.items():
-        given = [word for word in words if word.startswith(f"{key}=")]
-        if any(word != f"{key}={value}" for word in given):
-            raise UsageError(f"{given[0]}: an agent drives this run; leave {key} away")
-        if not given:
-            chosen.append(f"{key}={value}")
-
-    for key, value in USUAL.items():
-        if not any(word.startswith(f"{key}=") for word in words):
-            chosen.append(f"{key}={value}")
-
-    if folder is None:
-        return chosen
-    if StoredRun(folder).exists and StoredRun(folder).config():
-        _refuse_other_run(folder, chosen)
-        return [f"resume={folder}", *choose_again(StoredRun(folder).config(), chosen)]
-    return [*chosen, f"hydra.run.dir={hydra_word(str(folder))}"]
-
-
-def _refuse_other_run(folder: Path, words: Sequence[str]) -> None:
-    """Check that a folder's run is the one that the words name."""
-    composed = OmegaConf.to_container(load("config", words), resolve=True)
-    asked = cast(dict[str, Any], composed)
-    stored = StoredRun(folder).config()
-    for key in asked:
-        if key not in _MAY_DIFFER and asked[key] != stored.get(key):
-            raise UsageError(
-                f"{folder} holds a run with another {key} than these words say; choose another folder, or give the "
-                f"words with which it began. To go on with it: vlmgineer mcp resume={folder}"
-            )
-
-
 # --- the server ---------------------------------------------------------------------------------------------------
 
 
@@ -181,22 +132,23 @@ def _start_server(
     Raises:
         UserError: the package of the protocol is missing, or the port is taken.
     """
+    target: Callable[[], None]
     try:
-        from plugins.agents import server
+        if streams is None:
+            from plugins.agents.web import build_app
+
+            assert port is not None
+            target = _prepare_http(build_app, bench, port)
+        else:
+            from plugins.agents.server import serve_streams
+
+            target = partial(serve_streams, bench, *streams)
     except ImportError as error:
         raise UserError(
             f"vlmgineer mcp needs the package mcp: pip install 'mcp>=2.3,<3' ({error})"
         ) from error
 
     logging.getLogger("mcp").setLevel(logging.ERROR)  # a flood of nonsense is no news
-    target: Callable[[], None]
-    if streams is not None:
-        serve = partial(server.serve_streams, bench, *streams)
-        target = partial(server.run_until_end, serve)
-    else:
-        assert port is not None
-        target = _prepare_http(server.build_app, bench, port)
-
     thread = threading.Thread(target=target, name="protocol", daemon=True)
     thread.start()
     return thread

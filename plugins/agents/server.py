@@ -8,42 +8,32 @@ from __future__ import annotations
 
 import asyncio
 import base64
-import io
-import secrets
+import importlib.metadata
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
-from contextlib import suppress
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, BinaryIO
 
 import anyio
-import anyio.to_thread
 import mcp_types as types
 from mcp.server import Server, ServerRequestContext
-from mcp.server.stdio import stdio_server
 from mcp.shared.exceptions import MCPError
-from mcp_types.version import HANDSHAKE_PROTOCOL_VERSIONS
-from starlette.applications import Starlette
-from starlette.responses import JSONResponse, Response
-from starlette.types import ASGIApp, Receive, Scope, Send
 
-from core.interfaces import Picture
+from core.interfaces import Picture, Text
 from core.support.text import clean
-from plugins.agents.arguments import DOCUMENTS, KINDS
+from plugins.agents.arguments import DOCUMENTS, FINISH, JOBS, KINDS, WAIT
 from plugins.agents.bench import Answer, Bench, Refused
+from plugins.agents.streams import serve_lines
 
 NAME = "vlmgineer"
-PATH = "/mcp"
 INVENT = "invent"
 """The prompt that starts an agent."""
 
 LOOK_S = 1.0
 """Between two looks whether there is progress to report."""
 
-LONGEST_LINE = 8_000_000
-"""Bytes of a message; longer ones are no message."""
-
-SILENT_S = 120.0
-"""So long a client may be silent over HTTP before another one may take its place."""
+PATIENCE_S = 40.0
+"""So long a call waits for its answer: many clients give up after 60 s."""
 
 _INSTRUCTIONS = (
     "A bench on which you invent a tool for a robot arm: call describe_task first, then look, check_design and "
@@ -63,6 +53,7 @@ def build_server(bench: Bench) -> Server[Any]:
     handlers = _Handlers(bench)
     return Server(
         NAME,
+        version=importlib.metadata.version(NAME),
         instructions=_INSTRUCTIONS,
         on_list_tools=handlers.list_tools,
         on_call_tool=handlers.call_tool,
@@ -71,6 +62,14 @@ def build_server(bench: Bench) -> Server[Any]:
         on_list_prompts=handlers.list_prompts,
         on_get_prompt=handlers.get_prompt,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Job:
+    """A call that was answered before it was done, and its answer."""
+
+    name: str
+    answer: asyncio.Future[Answer]
 
 
 class _Handlers:
@@ -82,10 +81,12 @@ class _Handlers:
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
+        self._job: _Job | None = None
 
     async def list_tools(
         self, context: Context, page: types.PaginatedRequestParams | None
     ) -> types.ListToolsResult:
+        self._note_client(context)
         tools = []
         for name, kind in KINDS.items():
             hints = types.ToolAnnotations(
@@ -117,20 +118,62 @@ class _Handlers:
     async def _ask(
         self, context: Context, name: str, arguments: Mapping[str, Any]
     ) -> Answer:
-        """Put a call in line, and wait for its answer; report meanwhile what the run is at.
+        """Put a call in line, and wait for its answer.
 
-        A call that is cancelled before its turn is not done at all.
+        One that takes long becomes a job, whose answer `wait` gives. A call that is cancelled before its turn is not
+        done at all.
+
+        Raises:
+            Refused: it can't be done, or something else is being done.
         """
         self._note_client(context)
+        job = self._job
+        if job is not None and (name == WAIT or name == job.name == FINISH):
+            return await self._follow(context, job, PATIENCE_S if name == WAIT else 0)
+        if job is not None and not job.answer.done():
+            raise Refused(self._say_how_far(job.name))
+
         answer = asyncio.wrap_future(self._bench.submit(name, arguments))
+        patience_s = LOOK_S if name == FINISH else PATIENCE_S
+        try:
+            await self._watch(context, answer, patience_s)
+            if not answer.done() and name in JOBS:
+                self._job = _Job(name, answer)
+        finally:
+            if self._job is None or self._job.answer is not answer:
+                answer.cancel()  # of one that has its answer it changes nothing
+
+        if self._job is not None and self._job.answer is answer:
+            return [Text(self._say_how_far(name))]
+        if answer.cancelled():
+            raise Refused(f"the bench is busy: {self._bench.describe()}; call again")
+        return answer.result()
+
+    async def _follow(self, context: Context, job: _Job, patience_s: float) -> Answer:
+        """Give the answer of a job, if it comes soon, or say how far it is."""
+        await self._watch(context, job.answer, patience_s)
+        if not job.answer.done():
+            return [Text(self._say_how_far(job.name))]
+        self._job = None
+        return job.answer.result()
+
+    async def _watch(
+        self, context: Context, answer: asyncio.Future[Answer], patience_s: float
+    ) -> None:
+        """Wait for an answer, and report meanwhile what the run is at."""
         began = time.monotonic()
-        while True:
+        seconds = 0.0
+        while seconds < patience_s:
             done, _ = await asyncio.wait([answer], timeout=LOOK_S)
             if done:
-                return answer.result()
+                return
             seconds = time.monotonic() - began
-            doing = f"{self._bench.doing}; {seconds:.0f} s"
+            doing = f"{self._bench.describe()}; {seconds:.0f} s"
             await context.session.report_progress(seconds, None, doing)
+
+    def _say_how_far(self, name: str) -> str:
+        """Say how far a job is."""
+        return f"{name} goes on ({self._bench.describe()}); call {WAIT} for what comes of it"
 
     def _note_client(self, context: Context) -> None:
         """Note the name of the program that calls, for the record."""
@@ -197,111 +240,9 @@ def _content(part: Any) -> types.TextContent | types.ImageContent:
     return types.TextContent(text=part.text)
 
 
-# --- standard input and output --------------------------------------------------------------------------------------
-
-
-class Lines:
-    """The lines of a client, as the protocol's package reads them; one that is too long is no message.
-
-    Args:
-        stream: that the client writes to.
-    """
-
-    def __init__(self, stream: BinaryIO) -> None:
-        self._stream = stream
-
-    def __aiter__(self) -> AsyncIterator[str]:
-        return self._read()
-
-    async def _read(self) -> AsyncIterator[str]:
-        while True:
-            line = await anyio.to_thread.run_sync(
-                self._stream.readline, LONGEST_LINE, abandon_on_cancel=True
-            )
-            if not line:
-                return
-            if len(line) == LONGEST_LINE and not line.endswith(b"\n"):
-                await anyio.to_thread.run_sync(self._skip, abandon_on_cancel=True)
-                line = b"too long"
-            yield line.decode("utf-8", "replace")
-
-    def _skip(self) -> None:
-        """Read on to the end of a line."""
-        rest = self._stream.readline(LONGEST_LINE)
-        while rest and not rest.endswith(b"\n"):
-            rest = self._stream.readline(LONGEST_LINE)
-
-
-async def serve_streams(bench: Bench, incoming: BinaryIO, outgoing: BinaryIO) -> None:
-    """Serve the one client at the other end of two streams, until it leaves."""
-    server = build_server(bench)
-    writer = anyio.wrap_file(io.TextIOWrapper(outgoing, encoding="utf-8"))
-    lines: Any = Lines(incoming)  # of a file, the package only iterates over lines
+def serve_streams(bench: Bench, incoming: BinaryIO, outgoing: BinaryIO) -> None:
+    """Serve the client at the other end of two streams, until it leaves, and say then that it has left."""
     try:
-        async with stdio_server(lines, writer) as (read, write):
-            options = server.create_initialization_options()
-            await server.run(read, write, options)
+        anyio.run(serve_lines, build_server(bench), incoming, outgoing)
     finally:
         bench.leave()
-
-
-# --- HTTP -------------------------------------------------------------------------------------------------------------
-
-
-def build_app(bench: Bench, token: str) -> Starlette:
-    """Make the HTTP application of a bench, for one client at a time, who knows the token."""
-    app = build_server(bench).streamable_http_app(
-        streamable_http_path=PATH,
-        max_sessions=1,
-        session_idle_timeout=SILENT_S,
-        max_request_body_size=LONGEST_LINE,
-    )
-    app.add_middleware(_Door, token=token)
-    return app
-
-
-class _Door:
-    """Lets in who knows the token, and speaks a version of the protocol with sessions: they tell clients apart.
-
-    Args:
-        app: behind the door.
-        token: which a request has in its header ``Authorization``.
-    """
-
-    def __init__(self, app: ASGIApp, token: str) -> None:
-        self._app = app
-        self._token = f"Bearer {token}".encode()
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] == "http":
-            refused = self._refuse(dict(scope["headers"]))
-            if refused is not None:
-                await refused(scope, receive, send)
-                return
-        await self._app(scope, receive, send)
-
-    def _refuse(self, headers: Mapping[bytes, bytes]) -> Response | None:
-        given = headers.get(b"authorization", b"")
-        if not secrets.compare_digest(given, self._token):
-            return JSONResponse(
-                {"error": "give the server's token: Authorization: Bearer TOKEN"},
-                401,
-                {"WWW-Authenticate": "Bearer"},
-            )
-
-        version = headers.get(b"mcp-protocol-version", b"").decode("latin-1")
-        if version and version not in HANDSHAKE_PROTOCOL_VERSIONS:
-            supported = list(HANDSHAKE_PROTOCOL_VERSIONS)
-            error = {
-                "code": types.UNSUPPORTED_PROTOCOL_VERSION,
-                "message": "this server keeps one session with one client",
-                "data": {"supported": supported, "requested": clean(version, 40)},
-            }
-            return JSONResponse({"jsonrpc": "2.0", "id": None, "error": error}, 400)
-        return None
-
-
-def run_until_end(serve: Callable[[], Awaitable[None]]) -> None:
-    """Run a server in this thread; a client that goes away while it is answered ends it quietly."""
-    with suppress(BrokenPipeError, anyio.BrokenResourceError):
-        anyio.run(serve)

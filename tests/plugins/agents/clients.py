@@ -58,6 +58,14 @@ def converse(
     return asyncio.run(meet())
 
 
+async def finish(client):
+    """Finish, and wait until that has come to its end."""
+    answer = await client.call_tool("finish")
+    while "finish goes on" in text(answer):
+        answer = await client.call_tool("wait")
+    return answer
+
+
 def text(result):
     return "\n".join(part.text for part in result.content if part.type == "text")
 

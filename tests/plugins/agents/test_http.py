@@ -12,6 +12,18 @@ from tests.plugins.agents.clients import SMALL, start
 
 pytestmark = pytest.mark.slow
 
+HELLO = {
+    "jsonrpc": "2.0",
+    "id": 1,
+    "method": "initialize",
+    "params": {
+        "protocolVersion": "2025-06-18",
+        "capabilities": {},
+        "clientInfo": {"name": "second", "version": "1"},
+    },
+}
+ACCEPT = {"Accept": "application/json, text/event-stream"}
+
 
 def test_one_client_with_the_token_is_let_in(tmp_path):
     server = start(tmp_path, *SMALL, "folder=run", "port=0")
@@ -38,6 +50,11 @@ def test_one_client_with_the_token_is_let_in(tmp_path):
                         streamable_http_client(address, http_client=second)
                     ):
                         pass
+                refused = await second.post(address, json=HELLO, headers=ACCEPT)
+                assert refused.status_code == 503
+                words = refused.json()["error"]["message"]
+                assert "mcp 0.1.0 has held the one session" in words
+                assert "silent for 120 s" in words
                 assert not (await a.call_tool("best_designs")).is_error
             # The place is free again.
             async with Client(streamable_http_client(address, http_client=second)) as b:

@@ -15,6 +15,7 @@ from tests.plugins.agents.clients import (
     ROOT,
     SMALL,
     converse,
+    finish,
     pictures,
     short,
     solution,
@@ -79,7 +80,7 @@ def session(tmp_path_factory):
         best = solution()
         best["strategies"][0]["parents"] = ["g0-a0-s0-p0"]
         said["second"] = await client.call_tool("try_design", {"designs": best})
-        said["finish"] = await client.call_tool("finish")
+        said["finish"] = await finish(client)
         said["after"] = await client.call_tool("try_design", {"designs": best})
         said["finished"] = await client.call_tool("finish")
         said["seen"] = await client.call_tool("watch", {"candidate": "g1-a0-s0-p0"})
@@ -91,7 +92,7 @@ def session(tmp_path_factory):
 def test_the_tools_are_those_of_the_page(session):
     page = (ROOT / "docs" / "agents.md").read_text()
     _, said = session
-    assert len(said["tools"]) == 8
+    assert len(said["tools"]) >= 9
     assert all(f"`{name}`" in page for name in said["tools"])
 
 
