@@ -243,11 +243,13 @@ class Level(ABC):
     Attributes:
         numbers: whether texts have numbers of bodies; else pictures show them, and feedback has none either.
         in_words: whether a task needs `Task.in_words`.
+        views: names of the pictures that it draws, in their order.
         frame_size: the width and height of pictures of which film strips are made, pixels.
     """
 
     numbers: ClassVar[bool] = True
     in_words: ClassVar[bool] = True
+    views: ClassVar[tuple[str, ...]] = ()
     frame_size: ClassVar[tuple[int, int]] = (320, 240)
 
     @abstractmethod
@@ -267,9 +269,11 @@ class Level(ABC):
         return {}
 
     def draw(
-        self, task: Task, seed: int, render: Callable[..., Any]
+        self, task: Task, seed: int, render: Callable[..., Any], only: str = ""
     ) -> tuple[Picture, ...]:
-        """Draw the layout, where texts have no numbers: ``render`` takes ``camera``, ``width`` and ``height``.
+        """Draw the layout, where texts have no numbers: all `views`, or ``only`` one of them.
+
+        ``render`` takes ``camera``, ``width`` and ``height``.
 
         Raises:
             NoPicture: nothing here can draw.

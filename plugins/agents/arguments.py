@@ -26,8 +26,6 @@ DOCUMENTS = {
 
 WAIT = "wait"
 FINISH = "finish"
-JOBS = ("try_design", "try_curve", FINISH)
-"""The tools whose calls may take long: they go on after a first answer, and `WAIT` gives the last one."""
 
 MOST_DESIGNS = 2_000_000
 """Characters of a designs document, some ten times the longest answer of a model."""

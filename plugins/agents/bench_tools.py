@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol, cast
@@ -17,6 +18,7 @@ from core.designs.curves import CURVE, vary
 from core.designs.reading import dump_design, list_designs
 from core.designs.replies import parse_reply
 from core.designs.schema import answer_schema
+from core.errors import RAISED
 from core.events import Result, Run
 from core.interfaces import (
     Brief,
@@ -120,6 +122,7 @@ class Tools:
     def __init__(self, search: Driven) -> None:
         self._search = search
         self._assumed: Sequence[str] = ()
+        self._described: dict[bool | None, Answer] = {}
         self._does: dict[str, Callable[[Any], Answer]] = {
             "describe_task": self._describe_task,
             "look": self._look,
@@ -243,9 +246,20 @@ class Tools:
         if asked.kind is not None and asked.kind not in kinds:
             raise Refused(f"describe_task: this task takes {' or '.join(kinds)} tools")
 
-        messages = self._search.compose(self._search.brief(gripper=gripper))
-        parts = [part for message in messages for part in message.parts]
-        return [Text(self.guide()), *parts, Text(self._state())]
+        return [Text(self.guide()), *self._describe(gripper), Text(self._state())]
+
+    def _describe(self, gripper: bool | None) -> Answer:
+        """Return what a prompt would say and show, which is measured once."""
+        if gripper not in self._described:
+            messages = self._search.compose(self._search.brief(gripper=gripper))
+            parts = [part for message in messages for part in message.parts]
+            self._described[gripper] = parts
+        return self._described[gripper]
+
+    def prepare(self) -> None:
+        """Measure what `describe_task` says, before anybody asks; what fails is said when it is asked for."""
+        with suppress(*RAISED):
+            self._describe(None)
 
     def _look(self, asked: Look) -> Answer:
         tool: Tool | None = None

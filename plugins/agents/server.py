@@ -21,7 +21,7 @@ from mcp.shared.exceptions import MCPError
 
 from core.interfaces import Picture, Text
 from core.support.text import clean
-from plugins.agents.arguments import DOCUMENTS, FINISH, JOBS, KINDS, WAIT
+from plugins.agents.arguments import DOCUMENTS, FINISH, KINDS, WAIT
 from plugins.agents.bench import Answer, Bench, Refused
 from plugins.agents.streams import serve_lines
 
@@ -120,8 +120,8 @@ class _Handlers:
     ) -> Answer:
         """Put a call in line, and wait for its answer.
 
-        One that takes long becomes a job, whose answer `wait` gives. A call that is cancelled before its turn is not
-        done at all.
+        One that takes long becomes a job, which goes on after a first answer; `wait` gives the last one. A call that is
+        cancelled before its turn is not done.
 
         Raises:
             Refused: it can't be done, or something else is being done.
@@ -137,7 +137,7 @@ class _Handlers:
         patience_s = LOOK_S if name == FINISH else PATIENCE_S
         try:
             await self._watch(context, answer, patience_s)
-            if not answer.done() and name in JOBS:
+            if not answer.done():
                 self._job = _Job(name, answer)
         finally:
             if self._job is None or self._job.answer is not answer:
@@ -145,8 +145,6 @@ class _Handlers:
 
         if self._job is not None and self._job.answer is answer:
             return [Text(self._say_how_far(name))]
-        if answer.cancelled():
-            raise Refused(f"the bench is busy: {self._bench.describe()}; call again")
         return answer.result()
 
     async def _follow(self, context: Context, job: _Job, patience_s: float) -> Answer:

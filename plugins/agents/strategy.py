@@ -93,7 +93,10 @@ class AgentSearch(EvolutionStrategy):
         if f"g{generation}-a0" in self.asked.stored:
             return True
         bench = self.agent.bench
-        return bench is not None and bench.wait()
+        if bench is None:
+            return False
+        self._tools.prepare()
+        return bench.wait()
 
     def ask(self) -> Iterator[Candidate]:
         for answer in self.asked.ask([self._compose()]):

@@ -20,7 +20,7 @@ from plugins.agents.bench import Refused
 SCENE = "scene"
 _DRAWN_BY = "pictures"
 """The level of ``prompt.context`` that has the named views; every level may show them."""
-_KEPT = 2  # tools whose views are kept
+_KEPT = 12  # views that are kept
 
 
 class Viewer:
@@ -34,7 +34,7 @@ class Viewer:
     def __init__(self, run: Run, drawn: Sequence[Picture] = ()) -> None:
         self._run = run
         self._drawn = drawn
-        self._views: dict[str, Sequence[Picture]] = {}
+        self._views: dict[tuple[str, str], Picture] = {}
 
     def look(self, asked: Look, tool: Tool | None) -> Picture:
         """Draw what is asked for, with a caption that says where the camera stands.
@@ -77,25 +77,24 @@ class Viewer:
         return Picture(png(image), "look", describe_camera(camera, SIZE))
 
     def _draw_view(self, name: str, tool: Tool | None) -> Picture:
-        views = {picture.name: picture for picture in self._draw_views(tool)}
-        if name not in views:
-            raise Refused(str(choices("view", name, views)))
-        return views[name]
+        """Draw a named view, or return it where it was drawn before."""
+        if tool is None:
+            for picture in self._drawn:
+                if picture.name == name:
+                    return picture
 
-    def _draw_views(self, tool: Tool | None) -> Sequence[Picture]:
-        """Draw all named views, or return them where they were drawn before."""
-        if tool is None and self._drawn:
-            return self._drawn
+        level = installed().factory("level", _DRAWN_BY)()
+        if name not in level.views:
+            raise Refused(str(choices("view", name, level.views)))
 
-        key = "" if tool is None else tool.content
+        key = ("" if tool is None else tool.content, name)
         if key not in self._views:
             run = self._run
             assert run.simulator is not None
-            level = installed().factory("level", _DRAWN_BY)()
             render = partial(run.simulator.render, run.task, seed=run.seed, tool=tool)
             while len(self._views) >= _KEPT:
                 self._views.pop(next(iter(self._views)))
-            self._views[key] = level.draw(run.task, run.seed, render)
+            (self._views[key],) = level.draw(run.task, run.seed, render, name)
 
         return self._views[key]
 

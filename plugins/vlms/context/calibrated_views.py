@@ -37,6 +37,7 @@ _DARK = 100  # of 255: a brightness; on what is darker, edges are pale
 _EDGE_M = 0.002  # a bend or a step that is drawn as an edge
 _FONT = 12  # pixels
 _HIGH = 16  # pixels of a name
+_SEARCHED = 150  # pixels around a point where its name is looked for first
 _AROUND = 14.0  # pixels that count as around
 _DEEP_M = 0.008  # so much deeper than what is around it is as dark as it gets
 _SHADE = 0.6  # of the light that is lost there
@@ -63,17 +64,19 @@ class _View:
     up: int
 
 
-_VIEWS = {
+_PARALLEL = {
     "front": _View((-1.0, 0.0, 0.0), 1, 2),
     "side": _View((0.0, -1.0, 0.0), 0, 2),
     "top": _View((0.0, 0.0, 1.0), 0, 1),
 }
 
 
+VIEWS = ("scene", "close", "robot", *_PARALLEL)
+"""The pictures, in the order in which a prompt shows them."""
+
+
 def calibrated_pictures(
-    task: Task,
-    seed: int,
-    render: Callable[..., Image],
+    task: Task, seed: int, render: Callable[..., Image], only: str = ""
 ) -> tuple[Picture, ...]:
     """Draw the scene at the start: from the task's camera, closer, from the robot's side, and in parallel views.
 
@@ -83,9 +86,10 @@ def calibrated_pictures(
         task: whose scene and camera it is about.
         seed: of the layout.
         render: draws the scene from a camera, without what is written on it.
+        only: the one that is wanted; empty: all.
 
     Returns:
-        In the order in which a prompt shows them, each with its caption.
+        In the order of `VIEWS`, each with its caption.
 
     Raises:
         NoPicture: nothing here can draw.
@@ -98,17 +102,19 @@ def calibrated_pictures(
         "scene": task.camera,
         "close": move_closer(task.camera, low, high),
         "robot": move_closer(_look_from_robot(task.camera), low, high),
-        **{name: parallel_camera(name, bodies) for name in _VIEWS},
+        **{name: parallel_camera(name, bodies) for name in _PARALLEL},
     }
 
     pictures = []
     for name, camera in cameras.items():
+        if only not in ("", name):
+            continue
         picture = Pillow.fromarray(render(camera=camera, width=WIDTH, height=HEIGHT))
         covered = [_cover(body, camera) for body in small]
-        if name in _VIEWS:
+        if name in _PARALLEL:
             picture = _light(picture, nearness(small, camera, WIDTH, HEIGHT))
             _draw_edges(picture, camera, small, covered)
-            caption = _draw_grid(picture, camera, _VIEWS[name])
+            caption = _draw_grid(picture, camera, _PARALLEL[name])
         else:
             caption = describe_camera(camera, SIZE)
 
@@ -138,7 +144,7 @@ def parallel_camera(name: str, bodies: Sequence[Body]) -> Camera:
         name: ``front``, ``side`` or ``top``.
         bodies: of the layout.
     """
-    view = _VIEWS[name]
+    view = _PARALLEL[name]
     low, high = bounds_in_world(_find_small(bodies) or bodies)
     backward = np.array(view.backward)
 
@@ -406,12 +412,41 @@ class _Labels:
             y: of the point, pixels.
             width: of the name, pixels.
         """
-        size = (_HIGH + 4, width + 4)
-        taken = maximum_filter(self._taken, size, mode="constant", cval=True)
-        rows, columns = np.indices(taken.shape)
-        away = np.hypot(columns - x, rows - y) + np.hypot(WIDTH, HEIGHT) * taken
-        row, column = np.unravel_index(away.argmin(), away.shape)
-        return int(column) - width // 2, int(row) - _HIGH // 2
+        around = np.pad(self._taken, _SEARCHED, constant_values=True)
+        top = int(y)
+        left = int(x)
+        near = around[top : top + 2 * _SEARCHED + 1, left : left + 2 * _SEARCHED + 1]
+        row, column, away = _find_free(
+            near, x - left + _SEARCHED, y - top + _SEARCHED, width
+        )
+        row += top - _SEARCHED
+        column += left - _SEARCHED
+
+        if away > _SEARCHED - width:
+            row, column, _ = _find_free(self._taken, x, y, width)
+        return column - width // 2, row - _HIGH // 2
+
+
+def _find_free(
+    taken: npt.NDArray[np.bool_], x: float, y: float, width: int
+) -> tuple[int, int, float]:
+    """Find the place nearest to a point where a name covers nothing.
+
+    Args:
+        taken: pixels (H, W) that it should not cover; beyond them it covers something.
+        x: of the point, pixels.
+        y: of the point, pixels.
+        width: of the name, pixels.
+
+    Returns:
+        Its middle, row and column, and how far it is from the point, pixels; more than any where all is covered.
+    """
+    size = (_HIGH + 4, width + 4)
+    covered = maximum_filter(taken, size, mode="constant", cval=True)
+    rows, columns = np.indices(covered.shape)
+    away = np.hypot(columns - x, rows - y) + np.hypot(WIDTH, HEIGHT) * covered
+    row, column = np.unravel_index(away.argmin(), away.shape)
+    return int(row), int(column), float(away[row, column])
 
 
 def _strip_number(body: Body) -> str:

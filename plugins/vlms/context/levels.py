@@ -12,7 +12,7 @@ from core.scene import Body
 from core.task import NO_CONTEXT, Level
 from core.values.observations import Sight
 from plugins.vlms.context.bodies_table import bodies_table
-from plugins.vlms.context.calibrated_views import calibrated_pictures
+from plugins.vlms.context.calibrated_views import VIEWS, calibrated_pictures
 from plugins.vlms.context.excerpts import class_source, helpers, task_source
 from plugins.vlms.context.feedback import report
 from plugins.vlms.context.layout_table import layout_table
@@ -83,6 +83,7 @@ class Pictures(Told):
     """The description, the bodies' names and conventions, and calibrated pictures; no number of a body."""
 
     numbers = False
+    views = VIEWS
 
     def values_of_part(self, task: Task, seed: int) -> dict[str, Any]:
         return {"description": task.in_words, "layout": bodies_table(task, seed)}
@@ -106,5 +107,6 @@ class Pictures(Told):
         task: Task,
         seed: int,
         render: Callable[..., Image],
+        only: str = "",
     ) -> tuple[Picture, ...]:
-        return calibrated_pictures(task, seed, render)
+        return calibrated_pictures(task, seed, render, only)

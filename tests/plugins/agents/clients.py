@@ -58,10 +58,10 @@ def converse(
     return asyncio.run(meet())
 
 
-async def finish(client):
-    """Finish, and wait until that has come to its end."""
-    answer = await client.call_tool("finish")
-    while "finish goes on" in text(answer):
+async def ask(client, name, arguments=None, **others):
+    """Call a tool, and wait for its answer, on a machine that may be busy."""
+    answer = await client.call_tool(name, arguments or {}, **others)
+    while " goes on (" in text(answer):
         answer = await client.call_tool("wait")
     return answer
 

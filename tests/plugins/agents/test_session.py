@@ -14,8 +14,8 @@ from core.store.reader import StoredRun
 from tests.plugins.agents.clients import (
     ROOT,
     SMALL,
+    ask,
     converse,
-    finish,
     pictures,
     short,
     solution,
@@ -43,20 +43,20 @@ def session(tmp_path_factory):
         said["designs"] = await client.read_resource("vlmgineer://designs")
         with pytest.raises(MCPError, match="no resource 'file:///etc/passwd'"):
             await client.read_resource("file:///etc/passwd")
-        said["task"] = await client.call_tool("describe_task")
-        said["look"] = await client.call_tool("look", {"designs": solution()})
-        said["from"] = await client.call_tool(
-            "look", {"position": [1.2, 0.8, 0.9], "target": [0.5, 0, 0.1]}
+        said["task"] = await ask(client, "describe_task")
+        said["look"] = await ask(client, "look", {"designs": solution()})
+        said["from"] = await ask(
+            client, "look", {"position": [1.2, 0.8, 0.9], "target": [0.5, 0, 0.1]}
         )
-        said["check"] = await client.call_tool("check_design", {"designs": short()})
-        said["early"] = await client.call_tool("finish")
+        said["check"] = await ask(client, "check_design", {"designs": short()})
+        said["early"] = await ask(client, "finish")
         progress = []
 
         async def note(done, total, message):
             progress.append((done, message))
 
-        said["try"] = await client.call_tool(
-            "try_design", {"designs": short()}, progress_callback=note
+        said["try"] = await ask(
+            client, "try_design", {"designs": short()}, progress_callback=note
         )
         said["progress"] = progress
         os.kill(int((folder / "pid").read_text()), signal.SIGKILL)
@@ -69,21 +69,21 @@ def session(tmp_path_factory):
     )
 
     async def go_on(client):
-        said["again"] = await client.call_tool("best_designs")
-        said["watch"] = await client.call_tool("watch", {"candidate": "g0-a0-s0-p0"})
+        said["again"] = await ask(client, "best_designs")
+        said["watch"] = await ask(client, "watch", {"candidate": "g0-a0-s0-p0"})
         two = solution()
         two["strategies"] = two["strategies"] * 3
-        said["beyond"] = await client.call_tool("try_design", {"designs": two})
+        said["beyond"] = await ask(client, "try_design", {"designs": two})
         faulty = solution()
         faulty["strategies"][0]["tool_urdf"] = "<link name='a'/>"
-        said["faulty"] = await client.call_tool("try_design", {"designs": faulty})
+        said["faulty"] = await ask(client, "try_design", {"designs": faulty})
         best = solution()
         best["strategies"][0]["parents"] = ["g0-a0-s0-p0"]
-        said["second"] = await client.call_tool("try_design", {"designs": best})
-        said["finish"] = await finish(client)
-        said["after"] = await client.call_tool("try_design", {"designs": best})
-        said["finished"] = await client.call_tool("finish")
-        said["seen"] = await client.call_tool("watch", {"candidate": "g1-a0-s0-p0"})
+        said["second"] = await ask(client, "try_design", {"designs": best})
+        said["finish"] = await ask(client, "finish")
+        said["after"] = await ask(client, "try_design", {"designs": best})
+        said["finished"] = await ask(client, "finish")
+        said["seen"] = await ask(client, "watch", {"candidate": "g1-a0-s0-p0"})
 
     converse(go_on, folder, *PICTURES)
     return folder / "run", said
@@ -206,14 +206,14 @@ def test_a_free_answer_is_no_ruler_and_a_paid_one_is_counted(tmp_path):
 
     async def measure(client):
         for level_words, reach in (("free", 0.05), ("free", 0.55)):
-            answer = await client.call_tool("check_design", {"designs": stem(reach)})
+            answer = await ask(client, "check_design", {"designs": stem(reach)})
             said.setdefault(level_words, set()).add(text(answer))
 
         far = stem(0.05)  # an answer about the arm alone
         far["strategies"][0]["action_sets"][0][-1][0] = 1.5
-        said["far"] = text(await client.call_tool("check_design", {"designs": far}))
-        said["try"] = await client.call_tool("try_design", {"designs": stem(0.55)})
-        said["second"] = await client.call_tool("try_design", {"designs": stem(0.55)})
+        said["far"] = text(await ask(client, "check_design", {"designs": far}))
+        said["try"] = await ask(client, "try_design", {"designs": stem(0.55)})
+        said["second"] = await ask(client, "try_design", {"designs": stem(0.55)})
 
     words = (
         *SMALL,
@@ -243,13 +243,13 @@ def test_a_curve_is_tried_as_designs_of_the_budget(tmp_path):
     yaw = {"add_to": "yaw", "low": -0.3, "high": 0.3}
 
     async def vary(client):
-        said["try"] = await client.call_tool("try_design", {"designs": solution()})
+        said["try"] = await ask(client, "try_design", {"designs": solution()})
         tried = {"candidate": "g0-a0-s0-p0", "axes": [yaw]}
-        said["curve"] = await client.call_tool("try_curve", tried)
-        said["best"] = await client.call_tool("best_designs", {"count": 1})
-        said["beyond"] = await client.call_tool("try_curve", tried)
+        said["curve"] = await ask(client, "try_curve", tried)
+        said["best"] = await ask(client, "best_designs", {"count": 1})
+        said["beyond"] = await ask(client, "try_curve", tried)
         unknown = {**tried, "axes": [{**yaw, "component": "fin"}]}
-        said["unknown"] = await client.call_tool("try_curve", unknown)
+        said["unknown"] = await ask(client, "try_curve", unknown)
 
     words = (*SMALL, "budget.curves=3", "budget.n_rollouts=5", "folder=run")
     converse(vary, tmp_path, *words)
@@ -280,10 +280,10 @@ def test_nonsense_and_floods_are_answered_and_the_run_lives(
     wrong += [("nonsense", {}), ("look", {"view": "behind"}), ("watch", {})]
 
     async def flood(client):
-        await client.call_tool("best_designs")
+        await ask(client, "best_designs")
         for number in range(wrong_calls):
             name, given = wrong[number % len(wrong)]
-            answer = await client.call_tool(name, given)
+            answer = await ask(client, name, given)
             assert answer.is_error, (name, given)
             if name == "nonsense":
                 assert "no tool 'nonsense'; there are" in text(answer)
@@ -294,7 +294,7 @@ def test_nonsense_and_floods_are_answered_and_the_run_lives(
         refused = [text(answer) for answer in answers if answer.is_error]
         assert len(refused) < flood_calls
         assert all("wait" in words for words in refused)
-        return await client.call_tool("best_designs")
+        return await ask(client, "best_designs")
 
     answer = converse(flood, tmp_path, *SMALL, "folder=run")
     assert "0 candidates tried, 0 rollouts taken" in text(answer)
