@@ -4,35 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-
-from core.design import Candidate
-from core.interfaces import Recording
-from core.robot.kinematics import finger_values
-from core.scene import State
-from core.simulation.attempt import Attempt, Stage, plan_attempt, stage_of
-from core.solids.contacts import find_contacts
+from core.design import Candidate, DesignError
+from core.simulation.rehearsing import Rehearsal, rehearse
 from core.trial import Condition
 from core.values.observations import MISSED_M, MISSED_RAD
-from core.values.traces import TRACE_HZ
 
 
 def find_problems(condition: Condition, candidate: Candidate) -> list[str]:
     """Say what is wrong with a candidate in a condition, without playing it.
 
-    That is why it would be rejected, or else which waypoints the arm misses or is late at, how far it stays from all
-    that can move, and where it meets itself.
+    That is why it would be rejected, or else which waypoints the arm misses or is late at, what fixed or forbidden
+    thing the robot meets on its way, how far it stays from all that can move, and where it meets itself.
 
     Args:
         condition: where it would be played.
         candidate: the tool and its plan.
     """
-    stage = stage_of(condition)
-    planned = plan_attempt(stage, candidate)
-    if planned.trial is not None:
-        return [planned.trial.reason]
+    try:
+        rehearsal = rehearse(condition, candidate)
+    except DesignError as error:
+        return [str(error)]
 
-    motion = planned.motion
+    motion = rehearsal.motion
     problems = []
 
     for waypoint, (metres, radians) in enumerate(motion.misses.tolist(), start=1):
@@ -40,36 +33,30 @@ def find_problems(condition: Condition, candidate: Candidate) -> list[str]:
             miss = f"{1000 * metres:.0f} mm, {radians:.2f} rad"
             problems.append(f"the arm misses the way to waypoint {waypoint} by {miss}")
 
-    problems += _find_untouched(stage, planned)
-    return [*problems, *motion.slowdowns(), *planned.warnings]
+    problems += _find_met(rehearsal)
+    problems += _find_untouched(rehearsal)
+    return [*problems, *motion.slowdowns(), *rehearsal.planned.warnings]
 
 
-def _find_untouched(stage: Stage, planned: Attempt) -> Iterator[str]:
+def _find_met(rehearsal: Rehearsal) -> Iterator[str]:
+    """Say what fixed or forbidden thing the robot meets as planned, on the way to which waypoint."""
+    for meeting in rehearsal.find_meetings():
+        waypoint = rehearsal.find_waypoint(meeting.time_s)
+        when = f"{meeting.time_s:.2f} s, on the way to waypoint {waypoint}"
+        yield f"as planned, {meeting.text} at {when}"
+
+
+def _find_untouched(rehearsal: Rehearsal) -> Iterator[str]:
     """Say how near the robot would come to what can move, if as planned it touches none of it.
 
     Where bodies move by themselves, or guards and looks change the motion, that is not known before it is played.
-
-    Args:
-        stage: the condition.
-        planned: a candidate whose motion is planned.
     """
-    job = planned.job
-    scene = planned.scene
-    movable = {body.name for body in scene.bodies if not body.fixed}
-    driven = any(joint.drive for joint in scene.joints)
-    if driven or job.reactions or any(body.launched for body in scene.bodies):
+    if not rehearsal.is_certain:
         return
 
-    duration = job.trajectory.duration
-    times = np.linspace(0.0, duration, 2 + int(duration * TRACE_HZ))
-    arm, opening = job.trajectory.sample(times)
-    robot = stage.task.robot
-    fingers = finger_values(robot, job.tool, opening)
-    still = State.stack([scene.state()] * len(times))
-    contacts = find_contacts(
-        scene, robot, job.tool, Recording(times, arm, fingers, still)
-    )
-
+    scene = rehearsal.planned.scene
+    movable = {body.name for body in scene.bodies if not body.fixed}
+    contacts = rehearsal.contacts
     touched = {other for kind, _, other in contacts.touching if kind != "body"}
     gaps = {name: near.gap_m for name, near in contacts.approaches.items()}
     missed = movable & gaps.keys()
