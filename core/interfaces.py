@@ -29,6 +29,7 @@ from core.trial import (
     Score as Score,
     Rewards,
     Trial as Trial,
+    Where,
     rewards_by_engine,
 )
 from core.values.jobs import (
@@ -410,6 +411,19 @@ class Designer(Protocol):
         """
 
 
+class TriesBeside(Protocol):
+    """Tries candidates in conditions beside a search's own, stores the trials, and plays none twice."""
+
+    @property
+    def known(self) -> Mapping[tuple[str, Where], Trial]:
+        """The trials of the run so far, by the design's content and where it was tried."""
+
+    def try_in(
+        self, conditions: Sequence[Condition], candidates: Iterable[Candidate]
+    ) -> Iterator[tuple[Candidate, tuple[Trial, ...]]]:
+        """Yield each candidate with its trials in all conditions, as they end; no trials where it breaks a rule."""
+
+
 class EvolutionStrategy(ABC):
     """The search: `ask` gives the candidates of a generation, `tell` takes what they earned.
 
@@ -423,6 +437,7 @@ class EvolutionStrategy(ABC):
     # Rewards this close to the best count as equal (`core.trial.best_first`). The program sets it: a run chooses its
     # winner by it, and a strategy may choose its elites by it.
     tie: float = TIE
+    trials: TriesBeside | None = None  # of the run; the program sets it
 
     def __init__(self, designer: Designer, budget: Budget) -> None:
         self.designer = designer

@@ -269,11 +269,16 @@ class Level(ABC):
         return {}
 
     def draw(
-        self, task: Task, seed: int, render: Callable[..., Any], only: str = ""
+        self,
+        task: Task,
+        seed: int,
+        render: Callable[..., Any],
+        only: str | Camera = "",
+        cut: float | None = None,
     ) -> tuple[Picture, ...]:
-        """Draw the layout, where texts have no numbers: all `views`, or ``only`` one of them.
+        """Draw the layout, where texts have no numbers: all `views`, or ``only`` one of them, or from a camera.
 
-        ``render`` takes ``camera``, ``width`` and ``height``.
+        ``render`` takes ``camera``, ``width`` and ``height``. A parallel view is ``cut`` there, metres along its axis.
 
         Raises:
             NoPicture: nothing here can draw.

@@ -142,6 +142,7 @@ def run_search(search: Search, store: RunStore) -> Result:
 
     with search.executor:
         trials = Trials(search.executor, store.keep_trial, store.past.trials)
+        search.strategy.trials = trials
         race = Race(
             iter(search.fitness.finals()),
             search.fitness,

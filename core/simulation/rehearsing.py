@@ -20,7 +20,13 @@ from core.goals.limit import limits
 from core.interfaces import Motion, Recording
 from core.robot.kinematics import arm_of, finger_values, link_frames
 from core.scene import State
-from core.simulation.attempt import Attempt, Stage, plan_attempt, stage_of
+from core.simulation.attempt import (
+    Attempt,
+    Stage,
+    plan_attempt,
+    prepare,
+    stage_of,
+)
 from core.solids.contacts import Contacts, find_contacts, make_trace, nearest
 from core.solids.rollout_solids import ROBOT
 from core.solids.tracks import follow
@@ -44,7 +50,7 @@ class Rehearsal:
     Attributes:
         stage: the condition.
         planned: the candidate with its motion.
-        recording: the motion at T samples, `TRACE_HZ` apart; the bodies stay where they begin.
+        recording: the motion at T samples, at its waypoints and `TRACE_HZ` apart; the bodies stay where they begin.
     """
 
     stage: Stage
@@ -54,7 +60,8 @@ class Rehearsal:
     def __post_init__(self) -> None:
         trajectory = self.planned.job.trajectory
         duration = trajectory.duration
-        times = np.linspace(0.0, duration, 2 + int(duration * TRACE_HZ))
+        even = np.linspace(0.0, duration, 2 + int(duration * TRACE_HZ))
+        times = np.union1d(even, np.clip(self.motion.arrivals, 0.0, duration))
         arm, opening = trajectory.sample(times)
         robot = self.stage.task.robot
         fingers = finger_values(robot, self.planned.job.tool, opening)
@@ -168,14 +175,28 @@ class Rehearsal:
             yield Meeting(f"{part} goes {deep}", float(contacts.taken.times[first]))
 
 
-def rehearse(condition: Condition, candidate: Candidate) -> Rehearsal:
+def rehearse(
+    condition: Condition, candidate: Candidate, *, checks: bool = True
+) -> Rehearsal:
     """Plan a candidate's motion in a condition.
+
+    Args:
+        condition: where it would be played.
+        candidate: the tool and its plan.
+        checks: refuse what would be rejected there; else only what can't be planned.
 
     Raises:
         DesignError: it would be rejected; says why.
     """
     stage = stage_of(condition)
-    planned = plan_attempt(stage, candidate)
-    if planned.trial is not None:
-        raise DesignError(planned.trial.reason)
+    if checks:
+        planned = plan_attempt(stage, candidate)
+        if planned.trial is not None:
+            raise DesignError(planned.trial.reason)
+        return Rehearsal(stage, planned)
+
+    planned = Attempt(condition.perturb(candidate))
+    planned.motion, planned.job = prepare(
+        stage.task, candidate, condition.layout, stage.settings, scene=stage.scene
+    )
     return Rehearsal(stage, planned)

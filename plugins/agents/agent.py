@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 from core.errors import UserError
 from core.events import INTERRUPTED, Result, Run
@@ -51,6 +52,17 @@ class Agent(VLM):
         self.bench.designs = None
         name = self.bench.agent
         yield Reply(request.id, designs, f"agent ({name})" if name else "agent")
+
+    @contextmanager
+    def playing(self) -> Iterator[None]:
+        """Let the bench know that something is played, which is interrupted when the agent leaves."""
+        bench = self.bench
+        assert bench is not None
+        bench.is_trying = True
+        try:
+            yield
+        finally:
+            bench.is_trying = False
 
     @hookimpl
     def run_started(self, run: Run) -> None:

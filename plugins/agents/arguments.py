@@ -98,7 +98,25 @@ class DescribeTask(Arguments):
     )
 
 
-class Look(Arguments):
+class OfDesigns(Arguments):
+    """Names designs: a document, or one that was tried with what changes."""
+
+    designs: Designs | None = None
+    candidate: CandidateId | None = Field(
+        None,
+        max_length=100,
+        description="In place of designs: a candidate that was tried, by its id.",
+    )
+    change: Annotated[dict[str, Any], BeforeValidator(_read_json)] = Field(
+        default={},
+        description=(
+            "What differs from that candidate: values by their places in its design, as best_designs shows it, such "
+            'as {"action_sets.0.2.0": 0.55, "tool_components.blade.size.1": 0.2}.'
+        ),
+    )
+
+
+class Look(OfDesigns):
     view: Annotated[str, BeforeValidator(_read_name)] | None = Field(
         None,
         max_length=50,
@@ -113,17 +131,46 @@ class Look(Arguments):
     fov_deg: float | None = Field(
         None, ge=2, le=120, description="That camera's vertical angle, degrees."
     )
-    designs: Designs | None = Field(
-        None, description="A designs document, whose first tool is shown on the arm."
+    cut: float | None = Field(
+        None,
+        ge=-10,
+        le=10,
+        allow_inf_nan=False,
+        description="Where front, side or top cuts the scene open: x, y or z in metres; what is nearer is left out.",
     )
 
 
-class CheckDesign(Arguments):
-    designs: Designs
+class Rehearse(Look):
+    layout: int | None = Field(
+        None, ge=0, description="One of the search; else that of the pictures."
+    )
+    waypoint: int | None = Field(
+        None, ge=1, description="Up to which one, from 1; else to the end."
+    )
+    time_s: float | None = Field(
+        None,
+        ge=0,
+        allow_inf_nan=False,
+        description="Or up to which instant, seconds of the motion.",
+    )
 
 
-class TryDesign(Arguments):
-    designs: Designs
+class CheckDesign(OfDesigns):
+    pass
+
+
+class TryDesign(OfDesigns):
+    layouts: Annotated[list[int], BeforeValidator(_read_json)] | None = Field(
+        None,
+        min_length=1,
+        max_length=100,
+        description="Only in these layouts of the search: less is played, and it is no candidate of the search.",
+    )
+    engine: Annotated[str, BeforeValidator(_read_name)] | None = Field(
+        None,
+        max_length=50,
+        description="In another engine, such as pybullet, as a second opinion; by default in one layout.",
+    )
 
 
 class TryCurve(Arguments):
@@ -183,6 +230,11 @@ KINDS: dict[str, ToolKind] = {
         Look,
         "See the scene before the motion, from a named view or from a camera of your own. Free.",
     ),
+    "rehearse": ToolKind(
+        Rehearse,
+        "Play a plan by kinematics alone, up to a waypoint or an instant: a picture, where the tool is, and what its "
+        "way meets; bodies stay where they begin. Free.",
+    ),
     "check_design": ToolKind(
         CheckDesign,
         "Say what is wrong with designs without playing them: rules, reach, collisions of the arm, and whether the "
@@ -190,7 +242,8 @@ KINDS: dict[str, ToolKind] = {
     ),
     "try_design": ToolKind(
         TryDesign,
-        "Play designs in the layouts of the search: reward, reason, what was observed. Costs rollouts of the budget. "
+        "Play designs in the layouts of the search, in some of them, or in another engine: reward, reason, what was "
+        "observed. Costs rollouts of the budget. "
         "A design that breaks a rule is not played, and costs nothing; where nobody measured the scene, one that does "
         "not start clear of it counts.",
         reads_only=False,

@@ -18,7 +18,7 @@ from core.designs.curves import CURVE, vary
 from core.designs.reading import dump_design, list_designs
 from core.designs.replies import parse_reply
 from core.designs.schema import answer_schema
-from core.errors import RAISED
+from core.errors import RAISED, UserError, choices
 from core.events import Result, Run
 from core.interfaces import (
     Brief,
@@ -26,14 +26,18 @@ from core.interfaces import (
     Evaluation,
     Message,
     Picture,
+    Score,
     Text,
     Trial,
+    TriesBeside,
 )
-from core.scene import Scene
+from core.plugins import SIMULATOR, PluginPart, installed
+from core.scene import Scene, View
 from core.search.answers import read_candidates
 from core.search.builder import builder_for
 from core.search.designer import ModelDesigner
 from core.simulation.checking import find_problems
+from core.simulation.rehearsing import rehearse
 from core.store.run_figures import second_engine_figures
 from core.support.templates import fill
 from core.support.text import by_reason, clean
@@ -49,6 +53,8 @@ from plugins.agents.arguments import (
     CheckDesign,
     DescribeTask,
     Look,
+    OfDesigns,
+    Rehearse,
     TryCurve,
     TryDesign,
     Watch,
@@ -56,7 +62,8 @@ from plugins.agents.arguments import (
     read_text,
 )
 from plugins.agents.bench import Answer, Later, Refused
-from plugins.agents.describing import Told
+from plugins.agents.describing import Told, describe_rehearsal
+from plugins.agents.editing import change_design
 from plugins.agents.viewing import Viewer, draw_trial
 
 _LISTED = 40  # candidates that have a line
@@ -88,16 +95,22 @@ class Driven(Protocol):
         agent: has the run, and its result.
         tried: the evaluations so far.
         tie: the difference between rewards that counts as none.
+        trials: tries candidates beside the search.
     """
 
     asked: ModelDesigner
     agent: Agent
     tried: list[Evaluation]
     tie: float
+    trials: TriesBeside | None
 
     @property
     def rollouts(self) -> int:
-        """The rollouts that the search took so far."""
+        """The rollouts that were played so far."""
+
+    @property
+    def seconds(self) -> float:
+        """How long the motions of these took."""
 
     def count_left(self, each: int) -> int:
         """Count the candidates that may still be tried, of which one takes ``each`` rollouts."""
@@ -122,10 +135,12 @@ class Tools:
     def __init__(self, search: Driven) -> None:
         self._search = search
         self._assumed: Sequence[str] = ()
+        self._beside: list[Evaluation] = []
         self._described: dict[bool | None, Answer] = {}
         self._does: dict[str, Callable[[Any], Answer]] = {
             "describe_task": self._describe_task,
             "look": self._look,
+            "rehearse": self._rehearse,
             "check_design": self._check_design,
             "try_design": self._try_design,
             "try_curve": self._try_curve,
@@ -229,6 +244,7 @@ class Tools:
             "state",
             tried=len(search.tried),
             rollouts=search.rollouts,
+            seconds=search.seconds,
             each=each,
             left=search.count_left(each),
             best=next(iter(self._ranking()), None),
@@ -263,17 +279,86 @@ class Tools:
 
     def _look(self, asked: Look) -> Answer:
         tool: Tool | None = None
-        if asked.designs is not None:
-            first = self._read(read_text(asked.designs))[0]
+        if asked.designs is not None or asked.candidate is not None:
+            first = self._read(self._write_document(asked))[0]
             if first.tool is None:
                 raise Refused(f"look: {self._told.clean(first.problem or '')}")
             tool = first.tool
         picture = self._viewer.look(asked, tool)
         return [Text(picture.caption), picture]
 
+    def _rehearse(self, asked: Rehearse) -> Answer:
+        first = self._read(self._write_document(asked), starts=not self._unseen)[0]
+        if first.problem is not None:
+            raise Refused(f"rehearse: {self._told.clean(first.problem)}")
+
+        condition = self._choose_condition(asked.layout)
+        try:
+            played = rehearse(condition, first, checks=not self._unseen)
+            sample = played.find_sample(asked.waypoint, asked.time_s)
+        except DesignError as error:
+            raise Refused(f"rehearse: {self._told.clean(str(error))}") from error
+
+        taken = played.recording
+        shown = View(
+            tool=first.tool,
+            seed=condition.layout,
+            arm=taken.arm[sample],
+            fingers=taken.fingers[sample],
+        )
+        picture = self._viewer.draw(asked, shown)
+        problems = "" if self._unseen else self._find_problems(first)
+        lines = describe_rehearsal(played, sample, problems, numbers=not self._unseen)
+        return [Text("\n".join(lines)), Text(picture.caption), picture]
+
+    def _choose_condition(self, layout: int | None) -> Condition:
+        """Return the condition of the search with this layout; without one that of the pictures, or else the first."""
+        layouts = sorted({condition.layout for condition in self._conditions})
+        wanted = self._run.seed if layout is None else layout
+        for condition in self._conditions:
+            if condition.layout == wanted and condition.change is None:
+                return condition
+        if layout is None:
+            return self._conditions[0]
+        listed = ", ".join(map(str, layouts))
+        raise Refused(f"no layout {layout} in the search; there are: {listed}")
+
+    def _write_document(self, asked: OfDesigns) -> str:
+        """Return the text of the designs document that a call names.
+
+        Raises:
+            Refused: it names none, or two, or changes what is not there.
+        """
+        if (asked.designs is None) == (asked.candidate is None):
+            raise Refused("designs: give a document, or else candidate and change")
+        if asked.designs is not None:
+            if asked.change:
+                raise Refused("change goes with candidate, not with designs")
+            return read_text(asked.designs)
+
+        assert asked.candidate is not None
+        design = self._dump(self._find(asked.candidate).candidate)
+        changed = change_design(design, asked.change)
+        return read_text({"strategies": [changed]})
+
+    def _dump(self, candidate: Candidate) -> dict[str, Any]:
+        """Write a candidate that was tried as a design, of which it is a parent.
+
+        Raises:
+            Refused: it has no tool.
+        """
+        if candidate.tool is None:
+            raise Refused(f"{candidate.id} has no tool that could be read")
+        representation = self._search.brief_reading().representation
+        design = dump_design(candidate, representation)
+        design["parents"] = [candidate.id]
+        return design
+
     def _check_design(self, asked: CheckDesign) -> Answer:
         lines = []
-        for candidate in self._read(read_text(asked.designs), starts=not self._unseen):
+        for candidate in self._read(
+            self._write_document(asked), starts=not self._unseen
+        ):
             found = self._find_problems(candidate) or "nothing found"
             lines.append(f"- {_name(candidate)}: {found}")
         if self._unseen:
@@ -305,7 +390,7 @@ class Tools:
                 "try_design: the run has come to its end; nothing is tried any more"
             )
 
-        text = read_text(asked.designs)
+        text = self._write_document(asked)
         candidates = self._read(text, starts=not self._unseen)
         faults = [
             f"- {_name(candidate)}: {self._told.clean(candidate.problem)}"
@@ -316,9 +401,56 @@ class Tools:
             listed = "\n".join(faults)
             raise Refused(f"Nothing was tried, and nothing is counted:\n{listed}")
 
+        if asked.layouts is not None or asked.engine is not None:
+            return self._try_beside(asked, candidates)
+
         designs = list_designs(parse_reply(text))
         curves = sum(bool(design.get(CURVE)) for design in designs)
         raise self._pay(text, len(candidates) + curves * self._curve)
+
+    def _try_beside(self, asked: TryDesign, candidates: Sequence[Candidate]) -> Answer:
+        """Play candidates in some layouts of the search, or in another engine: they are none of the search."""
+        conditions = self._choose_conditions(asked)
+        self._check_budget(len(candidates), len(conditions))
+        search = self._search
+        assert search.trials is not None
+        number = len(self._beside) + 1
+        named = [replace(each, agent=number) for each in candidates]
+
+        evaluations = []
+        with self._search.agent.playing():
+            for candidate, trials in search.trials.try_in(conditions, named):
+                mean = sum(trial.reward for trial in trials) / len(trials)
+                evaluations.append(Evaluation(candidate, trials, Score(mean)))
+
+        self._beside += evaluations
+        answer = [_dump(self._told.describe(each)) for each in evaluations]
+        for evaluation in evaluations:
+            answer += self._told.compare_engines(evaluation, search.trials.known)
+        return [Text("\n\n".join([*answer, self._state()]))]
+
+    def _choose_conditions(self, asked: TryDesign) -> list[Condition]:
+        """Return the conditions in which a call tries designs beside the search.
+
+        Raises:
+            Refused: no such layout of the search, or no such engine.
+        """
+        if asked.layouts is None:
+            conditions = [self._choose_condition(None)]
+        else:
+            conditions = [self._choose_condition(each) for each in asked.layouts]
+        if asked.engine is None:
+            return list(dict.fromkeys(conditions))
+
+        names = installed().names(SIMULATOR.name)
+        if asked.engine not in names:
+            raise Refused(str(choices("engine", clean(asked.engine, 60), names)))
+        sim = PluginPart(SIMULATOR.name, asked.engine)
+        try:
+            sim.shared()
+        except UserError as error:  # its package is missing
+            raise Refused(f"try_design: {error}") from error
+        return [replace(each, sim=sim, engine="") for each in dict.fromkeys(conditions)]
 
     def _try_curve(self, asked: TryCurve) -> Answer:
         if self._result is not None or not self._curve:
@@ -327,17 +459,13 @@ class Tools:
             )
 
         candidate = self._find(asked.candidate).candidate
-        if candidate.tool is None:
-            raise Refused(f"try_curve: {candidate.id} has no tool that could be read")
-        representation = self._search.brief_reading().representation
-        design = dump_design(candidate, representation)
+        design = self._dump(candidate)
         design[CURVE] = [asdict(axis) for axis in asked.axes]
         try:
             list(vary(candidate, asked.axes, self._curve))
         except DesignError as error:
             raise Refused(f"try_curve: {error}") from error
 
-        design["parents"] = [candidate.id]
         text = json.dumps({"strategies": [design]}, ensure_ascii=False)
         raise self._pay(text, 1 + self._curve)
 
@@ -352,12 +480,21 @@ class Tools:
         Raises:
             Refused: the budget does not hold so many.
         """
-        left = self._search.count_left(len(self._conditions))
-        if count > left:
+        self._check_budget(count, len(self._conditions))
+        return Later(text)
+
+    def _check_budget(self, count: int, each: int) -> None:
+        """Check that so many candidates may be tried, of which one takes ``each`` rollouts.
+
+        Raises:
+            Refused: the budget does not hold them.
+        """
+        whole = len(self._conditions)
+        left = self._search.count_left(whole)
+        if count * each > left * whole:
             raise Refused(
                 f"Nothing was tried: these are {count} candidates, and the budget holds {left} more. {self._state()}"
             )
-        return Later(text)
 
     def _watch(self, asked: Watch) -> Answer:
         evaluation = self._find(asked.candidate)
@@ -483,7 +620,7 @@ class Tools:
         Raises:
             Refused: none of this id was tried.
         """
-        tried = self._search.tried
+        tried = [*self._search.tried, *self._beside]
         found = [e for e in tried if e.candidate.id == name]
         if not found:  # its end names it, where no other ends so
             found = [e for e in tried if e.candidate.id.endswith(f"-{name}")]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -10,11 +12,14 @@ from core.errors import UsageError, UserError
 from core.interfaces import Brief, Budget, EvolutionStrategy, Message, Request, Text
 from core.search.assignment import Team
 from core.search.designer import ModelDesigner
-from core.trial import Evaluation, count_rollouts
+from core.trial import Evaluation, Trial, count_rollouts
 from plugins.agents.agent import ABSENT, Agent
 from plugins.agents.bench_tools import Tools
 
 _ALONE = Team([0])
+_SEARCHED = re.compile(r"g\d+-a0-")
+"""The ids of candidates of the search; those that are tried beside it have other agents' numbers."""
+
 _LATER = (
     "The agent had what stands in the first request, and what its calls told it. This is its call of try_design "
     "number {}.\n"
@@ -69,13 +74,29 @@ class AgentSearch(EvolutionStrategy):
         return self.budget.population * (self.budget.n_iteration + 1)
 
     @property
+    def beside(self) -> list[Trial]:
+        """What was tried beside the search, in some of its layouts or in another engine."""
+        known = () if self.trials is None else self.trials.known.values()
+        return [trial for trial in known if not _SEARCHED.match(trial.candidate)]
+
+    @property
     def rollouts(self) -> int:
-        """The rollouts that the search took so far."""
-        return sum(count_rollouts(e.candidate.id, e.trials) for e in self.tried)
+        """The rollouts that were played so far."""
+        searched = sum(count_rollouts(e.candidate.id, e.trials) for e in self.tried)
+        return searched + len(self.beside)
+
+    @property
+    def seconds(self) -> float:
+        """How long the motions of these took."""
+        played = [
+            t for e in self.tried for t in e.trials if t.candidate == e.candidate.id
+        ]
+        lasted = [trial.figure("motion_s") for trial in [*played, *self.beside]]
+        return math.fsum(motion_s for motion_s in lasted if math.isfinite(motion_s))
 
     def count_left(self, each: int) -> int:
         """Count the candidates that may still be tried, of which one takes ``each`` rollouts."""
-        left = self.most - len(self.tried)
+        left = self.most - len(self.tried) - math.ceil(len(self.beside) / each)
         if self.budget.n_rollouts is not None:
             # One that was refused in the scene says where things are, as one that was played does.
             refused = sum(evaluation.status == "rejected" for evaluation in self.tried)

@@ -11,20 +11,20 @@ from core.errors import choices
 from core.events import Run
 from core.interfaces import Evaluation, Picture, Score, Trial
 from core.plugins import installed
-from core.scene import Camera
+from core.scene import Camera, View
 from core.search.designer import Artist
-from core.simulation.pictures import SIZE, describe_camera, png
 from plugins.agents.arguments import Look
 from plugins.agents.bench import Refused
 
 SCENE = "scene"
 _DRAWN_BY = "pictures"
 """The level of ``prompt.context`` that has the named views; every level may show them."""
+_CUT = ("front", "side", "top")
 _KEPT = 12  # views that are kept
 
 
 class Viewer:
-    """Draws the scene of a run in the layout of its seed.
+    """Draws the scene of a run, with its bodies where they begin.
 
     Args:
         run: has the task, and an engine that is idle while an agent's call is answered.
@@ -37,66 +37,77 @@ class Viewer:
         self._views: dict[tuple[str, str], Picture] = {}
 
     def look(self, asked: Look, tool: Tool | None) -> Picture:
-        """Draw what is asked for, with a caption that says where the camera stands.
+        """Draw the layout of the run's seed before the motion; see `draw`.
 
         Raises:
             NoPicture: nothing here can draw.
             Refused: no such view, or a camera that can't stand there.
         """
+        if asked.position is not None or asked.cut is not None:
+            return self.draw(asked, {"tool": tool})
+
+        name = asked.view or SCENE
+        if tool is None:
+            for picture in self._drawn:
+                if picture.name == name:
+                    return picture
+
+        key = ("" if tool is None else tool.content, name)
+        if key not in self._views:
+            drawn = self.draw(asked, {"tool": tool})
+            while len(self._views) >= _KEPT:
+                self._views.pop(next(iter(self._views)))
+            self._views[key] = drawn
+
+        return self._views[key]
+
+    def draw(self, asked: Look, shown: View) -> Picture:
+        """Draw what is asked for, with names and scales, and a caption that says where the camera stands.
+
+        Args:
+            asked: a named view, or a camera.
+            shown: the tool, the layout, and how the arm stands.
+
+        Raises:
+            NoPicture: nothing here can draw.
+            Refused: no such view, or a camera that can't stand there.
+        """
+        run = self._run
+        assert run.simulator is not None
+        level = installed().factory("level", _DRAWN_BY)()
+        wanted = self._choose_camera(asked, level.views)
+        seed = shown.get("seed", run.seed)
+        given = View(**{**shown, "seed": seed})
+        render = partial(run.simulator.render, run.task, **given)
+        picture: Picture
+        (picture,) = level.draw(run.task, seed, render, wanted, asked.cut)
+        return picture
+
+    def _choose_camera(self, asked: Look, views: Sequence[str]) -> str | Camera:
+        """Return the name of the view that is asked for, or the camera."""
         if asked.position is None:
+            name = asked.view or SCENE
             if asked.target is not None or asked.fov_deg is not None:
                 raise Refused("look: target and fov_deg go with position")
-            return self._draw_view(asked.view or SCENE, tool)
-        if asked.view is not None:
-            raise Refused("look: give view or position, not both")
-        return self._draw(self._place_camera(asked), tool)
+            if name not in views:
+                raise Refused(str(choices("view", name, views)))
+            if asked.cut is not None and name not in _CUT:
+                raise Refused(f"look: cut goes with the views {', '.join(_CUT)}")
+            return name
 
-    def _place_camera(self, asked: Look) -> Camera:
+        if asked.view is not None or asked.cut is not None:
+            raise Refused("look: give position, or else view and cut")
+        return self._place_camera(asked.position, asked)
+
+    def _place_camera(self, position: Sequence[float], asked: Look) -> Camera:
         usual = self._run.task.camera
-        assert asked.position is not None
-        x, y, z = asked.position
+        x, y, z = position
         target = tuple(asked.target or usual.target)
         if sum((a - b) ** 2 for a, b in zip((x, y, z), target, strict=True)) < 1e-6:
             raise Refused("look: position and target are the same place")
 
         camera = replace(usual, position=(x, y, z), target=target)
         return replace(camera, fov_deg=asked.fov_deg or usual.fov_deg)
-
-    def _draw(self, camera: Camera, tool: Tool | None) -> Picture:
-        run = self._run
-        assert run.simulator is not None
-        width, height = SIZE
-        image = run.simulator.render(
-            run.task,
-            camera=camera,
-            seed=run.seed,
-            tool=tool,
-            width=width,
-            height=height,
-        )
-        return Picture(png(image), "look", describe_camera(camera, SIZE))
-
-    def _draw_view(self, name: str, tool: Tool | None) -> Picture:
-        """Draw a named view, or return it where it was drawn before."""
-        if tool is None:
-            for picture in self._drawn:
-                if picture.name == name:
-                    return picture
-
-        level = installed().factory("level", _DRAWN_BY)()
-        if name not in level.views:
-            raise Refused(str(choices("view", name, level.views)))
-
-        key = ("" if tool is None else tool.content, name)
-        if key not in self._views:
-            run = self._run
-            assert run.simulator is not None
-            render = partial(run.simulator.render, run.task, seed=run.seed, tool=tool)
-            while len(self._views) >= _KEPT:
-                self._views.pop(next(iter(self._views)))
-            (self._views[key],) = level.draw(run.task, run.seed, render, name)
-
-        return self._views[key]
 
 
 def draw_trial(artist: Artist, evaluation: Evaluation, trial: Trial) -> Picture:

@@ -76,7 +76,11 @@ VIEWS = ("scene", "close", "robot", *_PARALLEL)
 
 
 def calibrated_pictures(
-    task: Task, seed: int, render: Callable[..., Image], only: str = ""
+    task: Task,
+    seed: int,
+    render: Callable[..., Image],
+    only: str | Camera = "",
+    cut: float | None = None,
 ) -> tuple[Picture, ...]:
     """Draw the scene at the start: from the task's camera, closer, from the robot's side, and in parallel views.
 
@@ -86,7 +90,8 @@ def calibrated_pictures(
         task: whose scene and camera it is about.
         seed: of the layout.
         render: draws the scene from a camera, without what is written on it.
-        only: the one that is wanted; empty: all.
+        only: the one that is wanted, or another camera, whose picture is named ``look``; empty: all.
+        cut: where the parallel views cut the scene, metres along their axis; None: before all of it.
 
     Returns:
         In the order of `VIEWS`, each with its caption.
@@ -102,13 +107,15 @@ def calibrated_pictures(
         "scene": task.camera,
         "close": move_closer(task.camera, low, high),
         "robot": move_closer(_look_from_robot(task.camera), low, high),
-        **{name: parallel_camera(name, bodies) for name in _PARALLEL},
+        **{name: parallel_camera(name, bodies, cut) for name in _PARALLEL},
     }
+    if isinstance(only, Camera):
+        cameras = {"look": only}
+    elif only:
+        cameras = {only: cameras[only]}
 
     pictures = []
     for name, camera in cameras.items():
-        if only not in ("", name):
-            continue
         picture = Pillow.fromarray(render(camera=camera, width=WIDTH, height=HEIGHT))
         covered = [_cover(body, camera) for body in small]
         if name in _PARALLEL:
@@ -137,12 +144,15 @@ def _find_small(bodies: Sequence[Body]) -> list[Body]:
     ]
 
 
-def parallel_camera(name: str, bodies: Sequence[Body]) -> Camera:
+def parallel_camera(
+    name: str, bodies: Sequence[Body], cut: float | None = None
+) -> Camera:
     """Make the camera of a parallel view, which shows all bodies but what is as large as a table.
 
     Args:
         name: ``front``, ``side`` or ``top``.
         bodies: of the layout.
+        cut: where the camera stands along its axis, metres: it does not show what is behind it. None: before all.
     """
     view = _PARALLEL[name]
     low, high = bounds_in_world(_find_small(bodies) or bodies)
@@ -154,7 +164,12 @@ def parallel_camera(name: str, bodies: Sequence[Body]) -> Camera:
 
     middle = (low + high) / 2
     away = float(np.abs(backward @ (high - low))) / 2 + _ROOM_M / 2
-    place = tuple((middle + away * backward).tolist())
+    stand = middle + away * backward
+    if cut is not None:
+        axis = int(np.abs(backward).argmax())
+        stand[axis] = cut
+        middle[axis] = cut - _ROUND_M * backward[axis]
+    place = tuple(stand.tolist())
 
     return Camera(place, tuple(middle.tolist()), 2.0, float(max(tall, wide)))
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from core.interfaces import Evaluation, Image, Observation, Picture, Recording, Task
-from core.scene import Body
+from core.scene import Body, Camera
 from core.task import NO_CONTEXT, Level
 from core.values.observations import Sight
 from plugins.vlms.context.bodies_table import bodies_table
@@ -107,6 +107,7 @@ class Pictures(Told):
         task: Task,
         seed: int,
         render: Callable[..., Image],
-        only: str = "",
+        only: str | Camera = "",
+        cut: float | None = None,
     ) -> tuple[Picture, ...]:
-        return calibrated_pictures(task, seed, render, only)
+        return calibrated_pictures(task, seed, render, only, cut)

@@ -28,9 +28,7 @@ class Walled(Slide):
 
     def scene(self, seed):
         size = (0.02, 0.4, self.tall)
-        wall = Body.of(
-            "wall", Box(size), (0.61, 0, self.tall / 2), mass=0, color=GRAY
-        )
+        wall = Body.of("wall", Box(size), (0.61, 0, self.tall / 2), mass=0, color=GRAY)
         return Scene((*super().scene(seed).bodies, wall))
 
 

@@ -12,7 +12,7 @@ from plugins.agents.bench import Refused
     ("name", "given", "reason"),
     [
         ("try", {}, "no tool 'try'; there are: describe_task, look"),
-        ("try_design", {}, "try_design: designs: is missing"),
+        ("watch", {}, "watch: candidate: is missing"),
         ("try_design", {"designs": 3}, "try_design: designs"),
         ("watch", {"candidate": "a", "layot": 1}, "did you mean 'layout'"),
         ("look", {"position": [1, 2]}, "look: position"),

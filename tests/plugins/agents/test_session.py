@@ -49,6 +49,9 @@ def session(tmp_path_factory):
             client, "look", {"position": [1.2, 0.8, 0.9], "target": [0.5, 0, 0.1]}
         )
         said["check"] = await ask(client, "check_design", {"designs": short()})
+        said["rehearsed"] = await ask(
+            client, "rehearse", {"designs": solution(), "waypoint": 2, "view": "top"}
+        )
         said["early"] = await ask(client, "finish")
         progress = []
 
@@ -110,7 +113,7 @@ def test_the_task_is_described_as_a_prompt_would(session):
 
 def test_what_is_seen_is_a_picture(session):
     _, said = session
-    for name in ("look", "from", "watch", "seen"):
+    for name in ("look", "from", "rehearsed", "watch", "seen"):
         (picture,) = pictures(said[name])
         assert picture.width >= 640
         assert len(picture.getcolors(1_000_000)) > 100
@@ -127,6 +130,75 @@ def test_at_pictures_no_tool_says_a_number_of_a_body(session):
             assert not BODY_NUMBER.search(without_design), line
     assert "nothing found" in text(said["check"])
     assert "cube" not in text(said["check"])
+
+
+def test_a_rehearsal_at_pictures_says_no_gap(session):
+    _, said = session
+    words = text(said["rehearsed"])
+    assert "layout 0, on the way to waypoint 2 of 3" in words
+    assert "gaps" not in words
+
+
+def test_a_plan_is_rehearsed_and_changed_by_difference(tmp_path):
+    said = {}
+
+    async def vary(client):
+        given = {"designs": solution(), "waypoint": 1}
+        said["played"] = await ask(client, "rehearse", given)
+        said["beyond"] = await ask(client, "rehearse", {**given, "waypoint": 9})
+        said["layout"] = await ask(client, "rehearse", {**given, "layout": 7})
+        said["both"] = await ask(client, "rehearse", {**given, "candidate": "s0-p0"})
+        await ask(client, "try_design", {"designs": solution()})
+        lower = {"candidate": "s0-p0", "change": {"action_sets.0.0.2": 0.05}}
+        said["lower"] = await ask(client, "check_design", lower)
+        said["again"] = await ask(client, "try_design", {"candidate": "s0-p0"})
+
+    converse(vary, tmp_path, *SMALL, "folder=run")
+    (picture,) = pictures(said["played"])
+    assert picture.width >= 640
+    words = text(said["played"])
+    assert "on the way to waypoint 1 of 3" in words
+    assert re.search(r"gaps now, mm: cube \d+", words)
+    assert "nothing found" in words
+    assert "no waypoint 9; the plan has 3" in text(said["beyond"])
+    assert "no layout 7 in the search; there are: 0" in text(said["layout"])
+    assert "give a document, or else candidate" in text(said["both"])
+    assert "mm into the fixed table" in text(said["lower"])
+    stored = StoredRun(tmp_path / "run").designs()
+    assert stored[1, 0, 0].parents == ("g0-a0-s0-p0",)
+
+
+def test_a_try_for_less_costs_what_it_plays(tmp_path):
+    said = {}
+
+    async def ask_for_less(client):
+        given = {"designs": solution()}
+        said["one"] = await ask(client, "try_design", {**given, "layouts": [2]})
+        said["other"] = await ask(client, "try_design", {**given, "engine": "pybullet"})
+        said["none"] = await ask(client, "try_design", {**given, "engine": "bullet"})
+        said["best"] = await ask(client, "best_designs")
+        said["seen"] = await ask(client, "watch", {"candidate": "g0-a1-s0-p0"})
+
+    async def go_on(client):
+        said["again"] = await ask(client, "best_designs")
+        said["whole"] = await ask(client, "try_design", {"designs": solution()})
+        said["more"] = await ask(
+            client, "try_design", {"designs": short(), "layouts": "[1]"}
+        )
+
+    layouts = ("fitness=layouts", "fitness.layouts=3", "budget.n_rollouts=4")
+    words = (*SMALL, *layouts, "second=[]", "folder=run")
+    converse(ask_for_less, tmp_path, *words)
+    converse(go_on, tmp_path, *words)
+    assert '"id": "g0-a1-s0-p0"' in text(said["one"])
+    assert "one rollout taken" in text(said["one"])
+    assert "pybullet" in text(said["other"])
+    assert "no engine 'bullet'" in text(said["none"])
+    for name in ("best", "again"):
+        assert "0 candidates tried, 2 rollouts taken" in text(said[name])
+    assert len(pictures(said["seen"])) == 1
+    assert "one candidate tried, 4 rollouts taken" in text(said["whole"])
+    assert "Nothing was tried" in text(said["more"])
 
 
 def test_progress_is_reported_and_grows(session):

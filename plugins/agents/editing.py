@@ -1,0 +1,74 @@
+"""Change a design that was tried before: an agent names it, and the paths that change."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from core.errors import choices
+from core.support.text import clean
+from plugins.agents.bench import Refused
+
+
+def change_design(
+    design: Mapping[str, Any], changes: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return a design with other values in some places.
+
+    A place is named by keys with dots between them: ``action_sets.0.2.offset.1`` is the second coordinate in the third
+    step of the first plan, and ``tool_components.blade.size.0`` the first side of the component ``blade``. A place that
+    does not exist yet is one more key of an object.
+
+    Raises:
+        Refused: there is no such place; names those that there are.
+    """
+    changed = copy.deepcopy(dict(design))
+    for place, value in changes.items():
+        *way, last = place.split(".")
+        holder: Any = changed
+        for key in way:
+            holder = _go(holder, key, place)
+        if isinstance(holder, dict):
+            holder[last] = value
+        else:
+            holder[_find_index(holder, last, place)] = value
+
+    return changed
+
+
+def _go(holder: Any, key: str, place: str) -> Any:
+    """Return what stands under a key."""
+    if isinstance(holder, dict):
+        if key not in holder:
+            raise Refused(
+                f"change: {clean(place, 100)}: {choices('key', clean(key, 60), holder)}"
+            )
+        return holder[key]
+    return holder[_find_index(holder, key, place)]
+
+
+def _find_index(holder: Any, key: str, place: str) -> int:
+    """Return the number of an item of a list, from 0, by that number or by the name that it has."""
+    shown = clean(place, 100)
+    if not isinstance(holder, list):
+        raise Refused(
+            f"change: {shown}: there is nothing below {clean(str(holder), 60)}"
+        )
+
+    names = _list_names(holder)
+    if key in names:
+        return names.index(key)
+    if key.isdecimal() and int(key) < len(holder):
+        return int(key)
+    known = [name for name in names if name]
+    named = f" or {', '.join(known)}" if known else ""
+    raise Refused(
+        f"change: {shown}: {clean(key, 60)!r} is none of 0 to {len(holder) - 1}{named}"
+    )
+
+
+def _list_names(holder: Sequence[Any]) -> list[str]:
+    return [
+        str(item.get("name", "")) if isinstance(item, dict) else "" for item in holder
+    ]
